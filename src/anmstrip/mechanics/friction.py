@@ -1,0 +1,81 @@
+"""Regularised friction: tangential reaction from normal reaction and slip velocity.
+
+Slip velocities are arrays with the components on the first axis; the laws run
+on floats and on series.  |v|_reg = √(v·v + ω² V_c²).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+def regular_norm(v: Any, floor: float) -> Any:
+    """√(v·v + floor²), components of ``v`` on the first axis."""
+    return np.sqrt(np.einsum("i...,i...->...", v, v) + floor**2)
+
+
+@dataclass(frozen=True)
+class NortonHoff:
+    """R_T = −f R_N |v|_reg^(q−1) v / V_c^q: equations (2) and (5d).
+
+    Invertible, and not bounded by f: at |v| = 10 V_c and q = 0.1 the ratio
+    |R_T|/R_N is 1.26 f.
+
+    Attributes
+    ----------
+    coefficient : float
+        f.
+    exponent : float
+        q in (0, 1]; 0 would be Coulomb's law.
+    omega : float
+        ω, width of the smoothed corner in units of V_c.
+    speed : float
+        V_c (m/s).
+    """
+
+    coefficient: float
+    exponent: float
+    omega: float
+    speed: float
+
+    def __call__(self, normal: Any, slip: Any) -> Any:
+        """Tangential reaction, components on the first axis."""
+        magnitude = regular_norm(slip * (1.0 / self.speed), self.omega)
+        strength = normal * magnitude ** (self.exponent - 1.0)
+        return slip * strength * (-self.coefficient / self.speed)
+
+    def effective(self, slip: float) -> float:
+        """Ratio |R_T|/R_N in steady slip at the given speed."""
+        s = abs(slip) / self.speed
+        return self.coefficient * s * (s * s + self.omega**2) ** ((self.exponent - 1.0) / 2.0)
+
+
+@dataclass(frozen=True)
+class Tanh:
+    """R_T = −f R_N tanh(|v|_reg / V_c) v / |v|_reg: bounded by f.
+
+    Attributes as in :class:`NortonHoff`, without exponent; ω only keeps the
+    direction of slip smooth at rest.
+    """
+
+    coefficient: float
+    omega: float
+    speed: float
+
+    def __call__(self, normal: Any, slip: Any) -> Any:
+        """Tangential reaction, components on the first axis."""
+        magnitude = regular_norm(slip * (1.0 / self.speed), self.omega)
+        strength = normal * np.tanh(magnitude) / magnitude
+        return slip * strength * (-self.coefficient / self.speed)
+
+    def effective(self, slip: float) -> float:
+        """Ratio |R_T|/R_N in steady slip at the given speed."""
+        s = abs(slip) / self.speed
+        m = float(np.hypot(s, self.omega))
+        return float(self.coefficient * np.tanh(m) * s / m)
+
+
+FrictionLaw = NortonHoff | Tanh

@@ -1,0 +1,145 @@
+"""A mass on springs against a moving obstacle: the three cases of the 2010 paper.
+
+Every case is a residual R(u, v, t) of the displacement u and the velocity v of
+the mass, a plain function of arrays that also runs on series.  Source: Béchet,
+Lejeune & Potier-Ferry, *Taylor series to solve friction problems*, C. R.
+Mécanique (2010), §3.1 to §3.3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar
+
+import numpy as np
+
+from .friction import NortonHoff
+from .signorini import Signorini
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """The paper's symbols, with the values used here.
+
+    ω, q, V, V_c, k and (for the first case) R_N are printed in the paper; f, δ,
+    F, r and Ω are inferred from its figures; K, η, ζ, R_C and the time spans are
+    chosen here.
+    """
+
+    k: float = 1.0  # N/m, spring
+    F: float = 1.0  # N/s, rate of the load (inferred)
+    delta: float = 1.0  # m, initial gap (inferred)
+    r: float = 0.5  # m, radius of the obstacle (inferred)
+    Omega: float = 1.0  # rad/s, its angular speed (inferred)
+    V: float = 1.0  # m/s, speed of the plane
+    f: float = 0.3  # friction coefficient (inferred)
+    q: float = 0.05  # exponent of the friction law
+    omega: float = 0.1  # width of its smoothed corner
+    V_c: float = 1.0  # m/s, its characteristic speed
+    R_N: float = 1.0  # N, prescribed normal force of the first case
+    zeta: float = 0.1  # floor of the normal force in the friction law (chosen)
+    R_C: float = 1.0  # N, its characteristic force (chosen)
+    K: float = 1.0e3  # N/m, stiffness of the obstacle (chosen)
+    eta: float = 1.0e-2  # N, regularisation of contact (chosen)
+    t_end: float = 3.0  # s (chosen)
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """Symbols that can be set."""
+        return tuple(field.name for field in fields(cls))
+
+    @property
+    def friction(self) -> NortonHoff:
+        """Equation (2)."""
+        return NortonHoff(self.f, self.q, self.omega, self.V_c)
+
+    @property
+    def contact(self) -> Signorini:
+        """Equation (5c)."""
+        return Signorini(self.K, self.eta, self.delta)
+
+    def regular_normal(self, reaction: Any) -> Any:
+        """|R_N|_reg = √(R_N² + ζ² R_C²), equation (5d)."""
+        return np.sqrt(reaction * reaction + (self.zeta * self.R_C) ** 2)
+
+
+@dataclass(frozen=True)
+class PressedPlane:
+    """§3.1: a mass pressed with a given force on a plane that moves; one unknown, u_x."""
+
+    parameters: Parameters
+    size: ClassVar[int] = 1
+
+    def reactions(self, u: Any, v: Any, t: Any) -> tuple[Any, Any]:
+        """Normal (a constant) and tangential reaction."""
+        p = self.parameters
+        return p.R_N, p.friction(p.R_N + 0.0 * u[0], v - p.V)
+
+    def residual(self, u: Any, v: Any, t: Any) -> Any:
+        """Equation (3): −k u + R_T."""
+        return self.reactions(u, v, t)[1] - u * self.parameters.k
+
+
+@dataclass(frozen=True)
+class MovingPlane:
+    """§3.2: a mass lowered by a growing force onto a moving plane; u = (u_x, u_y)."""
+
+    parameters: Parameters
+    size: ClassVar[int] = 2
+
+    def reactions(self, u: Any, v: Any, t: Any) -> tuple[Any, Any]:
+        """Normal and tangential reaction, (5c) and (5d)."""
+        p = self.parameters
+        normal = p.contact(u[1] + p.delta)
+        slip = np.stack([v[0] - p.V])
+        return normal, p.friction(p.regular_normal(normal), slip)[0]
+
+    def residual(self, u: Any, v: Any, t: Any) -> Any:
+        """Equations (5a) and (5b)."""
+        p = self.parameters
+        normal, tangential = self.reactions(u, v, t)
+        return np.stack([tangential - u[0] * p.k, normal - u[1] * p.k - t * p.F])
+
+
+@dataclass(frozen=True)
+class RotatingCircle:
+    """§3.3: the same mass on a circle that turns; u = (u_x, u_y), centre at the origin."""
+
+    parameters: Parameters
+    size: ClassVar[int] = 2
+
+    def frame(self, u: Any) -> tuple[Any, Any]:
+        """Distance from the centre, and unit normal."""
+        p = self.parameters
+        position = np.stack([u[0], u[1] + (p.r + p.delta)])
+        distance = np.sqrt(np.einsum("i...,i...->...", position, position))
+        return distance, position / distance
+
+    def reactions(self, u: Any, v: Any, t: Any) -> tuple[Any, Any]:
+        """Normal and tangential reaction; the tangent is the sense of turning."""
+        return self._reactions(*self.frame(u), v)
+
+    def _reactions(self, distance: Any, n: Any, v: Any) -> tuple[Any, Any]:
+        p = self.parameters
+        normal = p.contact(distance - p.r)
+        slip = np.stack([v[0] * n[1] - v[1] * n[0] - p.Omega * p.r])
+        return normal, p.friction(p.regular_normal(normal), slip)[0]
+
+    def residual(self, u: Any, v: Any, t: Any) -> Any:
+        """Equilibrium in the fixed frame."""
+        p = self.parameters
+        distance, n = self.frame(u)
+        normal, tangential = self._reactions(distance, n, v)
+        x = normal * n[0] + tangential * n[1] - u[0] * p.k
+        y = normal * n[1] - tangential * n[0] - u[1] * p.k - t * p.F
+        return np.stack([x, y])
+
+
+CASES = {
+    "pressed-plane": PressedPlane,
+    "moving-plane": MovingPlane,
+    "rotating-circle": RotatingCircle,
+}
+
+MassSpring = PressedPlane | MovingPlane | RotatingCircle
+"""Any of the three."""

@@ -1,0 +1,85 @@
+"""Regularised unilateral contact: reaction as a function of the gap.
+
+Both laws are closed roots of a quadratic and run on floats and on series.  The
+stiffness K and the constant η are forces per length and forces for a single
+node, or pressures per length and pressures for a surface.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+def root_reaction(gap: Any, product: Any, stiffness: float) -> Any:
+    """Positive root R of R (R/K + h) = p, without cancellation for either sign of h.
+
+    Parameters
+    ----------
+    gap : array or Series
+        h, negative for penetration.
+    product : array or Series
+        p, same shape.
+    stiffness : float
+        K.
+    """
+    root = np.sqrt(gap * gap + product * (4.0 / stiffness))
+    pressed = (root - gap) * (0.5 * stiffness)
+    free = gap > 0.0
+    if not np.any(free):
+        return pressed
+    apart = product * 2.0 / (root + np.where(free, gap, -gap))
+    return np.where(free, apart, pressed)
+
+
+@dataclass(frozen=True)
+class Signorini:
+    """R (R/K + h) = η (δ − h): the paper's law (5c).
+
+    Repulsive for h < δ only; beyond it tends to the small attraction −η.
+
+    Attributes
+    ----------
+    stiffness : float
+        K (N/m, or Pa/m).
+    eta : float
+        η (N, or Pa).
+    delta : float
+        δ (m), the gap at which the reaction vanishes; η < K δ.
+    """
+
+    stiffness: float
+    eta: float
+    delta: float
+
+    def __call__(self, gap: Any) -> Any:
+        """Reaction at a gap."""
+        return root_reaction(gap, (self.delta - gap) * self.eta, self.stiffness)
+
+    def gap(self, reaction: Any) -> Any:
+        """Inverse law: h = (η δ − R²/K) / (R + η)."""
+        return (self.eta * self.delta - reaction**2 / self.stiffness) / (reaction + self.eta)
+
+
+@dataclass(frozen=True)
+class RepulsiveSignorini:
+    """R (R/K + h) = η δ: everywhere repulsive, for surfaces with distant nodes.
+
+    It agrees with (5c) where |h| ≪ δ and decays like η δ/h, so that a strip
+    feels no attraction from a roller that it does not touch.  Attributes as in
+    :class:`Signorini`.
+    """
+
+    stiffness: float
+    eta: float
+    delta: float
+
+    def __call__(self, gap: Any) -> Any:
+        """Reaction at a gap."""
+        return root_reaction(gap, gap * 0.0 + self.eta * self.delta, self.stiffness)
+
+    def gap(self, reaction: Any) -> Any:
+        """Inverse law: h = η δ/R − R/K."""
+        return self.eta * self.delta / reaction - reaction / self.stiffness

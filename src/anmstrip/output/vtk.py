@@ -1,0 +1,215 @@
+"""States as `.vtu` files and their table of contents, a `.pvd`, without importing VTK.
+
+Cubic surfaces are written as Lagrange quadrilaterals (cell type 70), which ParaView draws
+smoothly; four-node quadrilaterals are written as they are.  An element's sixteen nodes are given
+as a tensor grid: node `i + 4*j` stands at `(i/3, j/3)` of the unit square.
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import meshio
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from anmstrip.output.files import replaced
+
+Points = NDArray[np.float64]
+Cells = NDArray[np.int64]
+Fields = dict[str, NDArray[np.float64]]
+
+LAGRANGE_ORDER = np.array([0, 3, 15, 12, 1, 2, 7, 11, 13, 14, 4, 8, 5, 6, 9, 10])
+"""Tensor-grid index of each node of a cell of type 70: corners, edges, interior."""
+
+_CUBIC, _PLAIN = "VTK_LAGRANGE_QUADRILATERAL", "quad"
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A surface read back.
+
+    Attributes
+    ----------
+    points : (n, 3) array
+        In metres.
+    cells : (m, 16) or (m, 4) array of int
+        Tensor grids, or corners in turn.
+    fields : dict
+        Values at the points.
+    """
+
+    points: Points
+    cells: Cells
+    fields: Fields
+
+
+def write_surface(
+    path: str | os.PathLike[str],
+    points: ArrayLike,
+    cells: ArrayLike,
+    fields: Mapping[str, ArrayLike],
+) -> None:
+    """Write a surface and its fields, all at once.
+
+    Parameters
+    ----------
+    path : path
+        The `.vtu` file.
+    points : (n, 3) array
+        Positions, in metres.
+    cells : (m, 16) or (m, 4) array of int
+        Cubic quadrilaterals as tensor grids, or plain ones as corners in turn.
+    fields : mapping of str to (n,) or (n, k) array
+        Values at the points: scalars, vectors (x, y, z), symmetric tensors (xx, yy, xy).
+
+    Raises
+    ------
+    ValueError
+        A shape does not fit.
+    OSError
+        The file cannot be written.
+    """
+    positions, indices = np.asarray(points, dtype=float), np.asarray(cells, dtype=np.int64)
+    data = {name: np.asarray(values, dtype=float) for name, values in fields.items()}
+    _check(positions, indices, data)
+    cubic = indices.shape[1] == 16
+    block = (_CUBIC, indices[:, LAGRANGE_ORDER]) if cubic else (_PLAIN, indices)
+    mesh = meshio.Mesh(positions, [block], point_data=data)
+    with replaced(path) as temporary:
+        mesh.write(temporary, file_format="vtu")
+
+
+def _check(points: Points, cells: Cells, fields: Fields) -> None:
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ValueError(f"points have shape {points.shape}, expected (n, 3)")
+    if cells.ndim != 2 or cells.shape[1] not in (4, 16):
+        raise ValueError(f"cells have shape {cells.shape}, expected (m, 4) or (m, 16)")
+    for name, values in fields.items():
+        if values.ndim not in (1, 2) or len(values) != len(points):
+            raise ValueError(f"{name} has shape {values.shape} for {len(points)} points")
+
+
+def read_surface(path: str | os.PathLike[str]) -> Surface:
+    """Read what `write_surface` wrote.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    ValueError
+        It holds no quadrilaterals of these kinds, or it is damaged.
+    """
+    try:
+        mesh = meshio.vtu.read(path)
+        block = mesh.cells[0]
+        cells = np.asarray(block.data, dtype=np.int64)
+    except OSError:
+        raise
+    except Exception as error:  # damage shows as exceptions of any kind
+        raise ValueError(f"{path} is damaged: {error}") from error
+    if block.type == _CUBIC and cells.shape[1] == 16:
+        cells = cells[:, np.argsort(LAGRANGE_ORDER)]
+    elif block.type != _PLAIN:
+        raise ValueError(f"{path} holds cells of another kind: {block.type}")
+    return Surface(np.asarray(mesh.points), cells, dict(mesh.point_data))
+
+
+def subdivided(cells: ArrayLike) -> Cells:
+    """Cut every cubic quadrilateral into nine plain ones through its nodes.
+
+    Parameters
+    ----------
+    cells : (m, 16) array of int
+        Tensor grids.
+
+    Returns
+    -------
+    (9 m, 4) array of int
+        Corners in turn, cell by cell, on the same points.
+    """
+    grid = np.asarray(cells, dtype=np.int64).reshape(-1, 4, 4)
+    corners = grid[:, :-1, :-1], grid[:, :-1, 1:], grid[:, 1:, 1:], grid[:, 1:, :-1]
+    return np.stack(corners, axis=-1).reshape(-1, 4)
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A roller as it is drawn.
+
+    Attributes
+    ----------
+    centre : sequence of 3 floats
+        Middle of the axis, in metres.
+    axis : sequence of 3 floats
+        Direction of the axis, of any length.
+    radius, length : float
+        In metres.
+    angle : float
+        How far the roller has turned about its axis, right-handed, in radians.
+    """
+
+    centre: Sequence[float]
+    axis: Sequence[float]
+    radius: float
+    length: float
+    angle: float = 0.0
+
+
+def roller_length(width: float) -> float:
+    """Choose how long to draw a roller, in metres: a little more than the strip's width."""
+    return 1.2 * width
+
+
+def cylinder_surface(cylinder: Cylinder, *, sectors: int = 96) -> Surface:
+    """Make a closed cylinder out of plain quadrilaterals.
+
+    Its field `surface_angle` (rad, 0 to 2 pi) is painted on the material and turns with it.
+
+    Parameters
+    ----------
+    cylinder : Cylinder
+        What to draw.
+    sectors : int
+        Number of facets around.
+
+    Returns
+    -------
+    Surface
+        4 (sectors + 1) points, 3 sectors quadrilaterals: one end, the mantle, the other end.
+    """
+    along, first, second = _frame(np.asarray(cylinder.axis, dtype=float))
+    painted = np.linspace(0.0, 2.0 * np.pi, sectors + 1)
+    turned = painted[:, None, None] + cylinder.angle
+    height = 0.5 * cylinder.length * np.array([-1.0, -1.0, 1.0, 1.0])[:, None]
+    radius = cylinder.radius * np.array([0.0, 1.0, 1.0, 0.0])[:, None]
+    radial = np.cos(turned) * first + np.sin(turned) * second
+    points = np.asarray(cylinder.centre, dtype=float) + height * along + radius * radial
+    start = 4 * np.arange(sectors)[:, None] + np.arange(3)
+    cells = np.stack([start, start + 4, start + 5, start + 1], axis=-1).reshape(-1, 4)
+    return Surface(points.reshape(-1, 3), cells, {"surface_angle": np.repeat(painted, 4)})
+
+
+def _frame(axis: Points) -> tuple[Points, Points, Points]:
+    """Right-handed (axis, top, axis x top), the top being as near to z as it can."""
+    along = axis / np.linalg.norm(axis)
+    upwards = np.eye(3)[2] if abs(along[2]) < 0.9 else np.eye(3)[0]
+    top = upwards - (upwards @ along) * along
+    top /= np.linalg.norm(top)
+    return along, top, np.cross(along, top)
+
+
+def write_rollers(path: str | os.PathLike[str], cylinders: Sequence[Cylinder]) -> None:
+    """Write all rollers of a state in one `.vtu`, with `surface_angle` and `roller` (0, 1, …)."""
+    surfaces = [cylinder_surface(cylinder) for cylinder in cylinders]
+    sizes = [len(surface.points) for surface in surfaces]
+    starts = np.cumsum([0, *sizes[:-1]])
+    write_surface(
+        path,
+        np.concatenate([surface.points for surface in surfaces]),
+        np.concatenate([s.cells + start for s, start in zip(surfaces, starts, strict=True)]),
+        {
+            "surface_angle": np.concatenate([s.fields["surface_angle"] for s in surfaces]),
+            "roller": np.repeat(np.arange(len(sizes), dtype=float), sizes),
+        },
+    )

@@ -1,0 +1,233 @@
+"""What must hold between the fields of a scene.
+
+A rule is a function of tables that are right in themselves and yields what is wrong
+between them; its mistakes carry no file yet, and keys relative to what it was given.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from anmstrip.scene.errors import Mistake
+from anmstrip.scene.wording import missing, nearest
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from anmstrip.scene.stage_tables import EdgeControl, OutputSpec, StageSpec
+    from anmstrip.scene.tables import (
+        ContactSpec,
+        EdgeSpec,
+        FrictionSpec,
+        MaterialSpec,
+        RollerSpec,
+        StripSpec,
+    )
+
+EDGE_NAMES = ("entry", "exit", "left", "right")
+"""The edges of a rectangular strip, at −x, +x, +y and −y."""
+
+
+def strip(table: StripSpec) -> Iterator[Mistake]:
+    """Yield what is wrong with a strip: neither or both of rectangle and mesh file."""
+    if table.kinematics != "shell":
+        expected = f'"shell"; "{table.kinematics}" is not available yet in this version'
+        yield Mistake("", "kinematics", table.kinematics, expected, 'kinematics = "shell"')
+    if table.mesh is None:
+        needed = ("length", "width", "cells")
+        yield from (missing(type(table), key) for key in needed if getattr(table, key) is None)
+        return
+    for key in ("length", "width", "cells", "refined"):
+        if (value := getattr(table, key)) is not None:
+            expected = "nothing, since the mesh file says it"
+            yield Mistake("", key, value, expected, f"either {key} or mesh; take one out")
+    if not _is_file(table.mesh):
+        hint = "the path of a file, relative to the scene's own file"
+        yield Mistake("", "mesh", str(table.mesh), "a file that exists", hint)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name too long, a directory that may not be read
+        return False
+
+
+def contact(table: ContactSpec) -> Iterator[Mistake]:
+    """Yield what is wrong with the contact: the law (5c) needs η < K δ."""
+    bound = table.stiffness * table.delta
+    if not table.eta < bound:
+        expected = f"eta below stiffness × delta = {bound:g} (Pa)"
+        yield Mistake("", "eta", table.eta, expected, f"eta = {bound / 1e6:g}")
+
+
+def roller(table: RollerSpec) -> Iterator[Mistake]:
+    """Yield what is wrong with a roller: an axis without direction."""
+    if not any(table.axis):
+        expected = "a direction: three numbers, not all 0 (1)"
+        yield Mistake("", "axis", table.axis, expected, "axis = [0.0, 1.0, 0.0]")
+
+
+def edge(table: EdgeSpec) -> Iterator[Mistake]:
+    """Yield what is wrong with an edge: a component held twice."""
+    if len(set(table.fixed)) < len(table.fixed):
+        once = ", ".join(f'"{component}"' for component in dict.fromkeys(table.fixed))
+        yield Mistake("", "fixed", table.fixed, "each component once", f"fixed = [{once}]")
+
+
+def edge_control(table: EdgeControl) -> Iterator[Mistake]:
+    """Yield what is wrong with an edge's control: both a displacement and a velocity."""
+    if table.move is not None and table.velocity is not None:
+        expected = "either move (m) or velocity (m/s), not both"
+        yield Mistake("", "velocity", table.velocity, expected, "one of them; take one out")
+
+
+def output(table: OutputSpec) -> Iterator[Mistake]:
+    """Yield what is wrong with the output: two choices of states, or times in disorder."""
+    if table.times is None:
+        return
+    if "every" in table.model_fields_set:
+        expected = "either every or times, not both"
+        yield Mistake("", "every", table.every, expected, "one of them; take one out")
+    ordered = sorted(set(table.times))
+    if list(table.times) != ordered or not ordered:
+        hint = f"times = {ordered or [0.5, 1.0]}"
+        yield Mistake("", "times", table.times, "increasing times, at least one (s)", hint)
+
+
+def _unique_rollers(rollers: tuple[RollerSpec, ...]) -> Iterator[Mistake]:
+    yield from _duplicates("rollers", [roller.name for roller in rollers])
+
+
+def _unique_stages(stages: tuple[StageSpec, ...]) -> Iterator[Mistake]:
+    yield from _duplicates("stages", [stage.name for stage in stages])
+
+
+def _duplicates(key: str, names: list[str]) -> Iterator[Mistake]:
+    for name, count in Counter(names).items():
+        if count > 1:
+            free = next(f"{name}_{i}" for i in range(2, 999) if f"{name}_{i}" not in names)
+            expected = f"a name of its own; {count} {key} have this one"
+            yield Mistake("", f"{key}.{name}.name", name, expected, f'name = "{free}"')
+
+
+def _known_edges(
+    strip: StripSpec, edges: Mapping[str, EdgeSpec], stages: tuple[StageSpec, ...]
+) -> Iterator[Mistake]:
+    if strip.mesh is not None:  # its own names; checked when it is read
+        return
+    for name in edges:
+        if name not in EDGE_NAMES:
+            hint = nearest(name, EDGE_NAMES)
+            yield Mistake("", f"edges.{name}", name, "the name of an edge", hint)
+    for stage in stages:
+        for name in stage.edges:
+            if name not in EDGE_NAMES:
+                key, own = f"stages.{stage.name}.{name}", type(stage).model_fields
+                hint = nearest(name, [*EDGE_NAMES, *(field for field in own if field != "edges")])
+                yield Mistake("", key, name, "a known key or the name of an edge", hint)
+
+
+def _known_rollers(
+    rollers: tuple[RollerSpec, ...], stages: tuple[StageSpec, ...]
+) -> Iterator[Mistake]:
+    known = [roller.name for roller in rollers]
+    for stage in stages:
+        for name in stage.rollers:
+            if name not in known:
+                key = f"stages.{stage.name}.rollers.{name}"
+                yield Mistake("", key, name, "the name of a roller", nearest(name, known))
+
+
+def _held_components(
+    edges: Mapping[str, EdgeSpec], stages: tuple[StageSpec, ...]
+) -> Iterator[Mistake]:
+    """Motion belongs to held components and force to free ones; a release frees them all."""
+    held = {name: tuple(table.fixed) for name, table in edges.items()}
+    released: set[str] = set()
+    for stage in stages:
+        for name, control in stage.edges.items():
+            if control.release:
+                released.add(name)
+            fixed = () if name in released else held.get(name, ())
+            for mistake in _misplaced(name, control, fixed, name in released):
+                yield replace(mistake, key=f"stages.{stage.name}.{name}.{mistake.key}")
+
+
+def _misplaced(
+    name: str, control: EdgeControl, fixed: tuple[str, ...], released: bool
+) -> Iterator[Mistake]:
+    for key in ("move", "velocity"):
+        value = getattr(control, key)
+        if free := [c for c in _nonzero(value) if c not in fixed]:
+            expected = f"0 in {', '.join(free)}: not held on this edge, so it cannot be moved"
+            wanted = ", ".join(f'"{c}"' for c in "xyz" if c in (*fixed, *free))
+            hint = f"[edges.{name}]\nfixed = [{wanted}]"
+            hint = f"{name}.force = […], for it was released" if released else hint
+            yield Mistake("", key, value, expected, hint)
+    if both := [c for c in _nonzero(control.force) if c in fixed]:
+        expected = f"0 in {', '.join(both)}: the component is held; its reaction follows"
+        hint = f"0.0 there, or {name}.release = true in this stage or an earlier one"
+        yield Mistake("", "force", control.force, expected, hint)
+
+
+def _nonzero(vector: tuple[float, float, float] | None) -> list[str]:
+    return [name for name, value in zip("xyz", vector or (), strict=False) if value != 0]
+
+
+def _gravity_has_density(
+    material: MaterialSpec, stages: tuple[StageSpec, ...]
+) -> Iterator[Mistake]:
+    weighing = [stage.name for stage in stages if stage.gravity is not None]
+    if weighing and material.density is None:
+        mistake = replace(missing(type(material), "density"), key="material.density")
+        expected = f"{mistake.expected}, since stage {weighing[0]} has gravity"
+        yield replace(mistake, expected=expected)
+
+
+def _friction_has_contact(
+    friction: FrictionSpec | None, contact: ContactSpec | None
+) -> Iterator[Mistake]:
+    if friction is not None and contact is None:
+        hint = "[contact]\nstiffness = 1.0e10\neta = 10.0\ndelta = 1.0e-3"
+        yield Mistake("", "contact", None, "a table, since there is [friction]", hint)
+
+
+def _stages_have_friction(
+    friction: FrictionSpec | None, stages: tuple[StageSpec, ...]
+) -> Iterator[Mistake]:
+    for stage in stages:
+        if friction is None and stage.friction and "friction" in stage.model_fields_set:
+            key = f"stages.{stage.name}.friction"
+            expected = "false, since the scene has no [friction]"
+            hint = "friction = false, or a table [friction] with coefficient and speed"
+            yield Mistake("", key, True, expected, hint)
+
+
+RULES: tuple[tuple[Callable[..., Iterable[Mistake]], tuple[str, ...]], ...] = (
+    (_unique_rollers, ("rollers",)),
+    (_unique_stages, ("stages",)),
+    (_known_edges, ("strip", "edges", "stages")),
+    (_known_rollers, ("rollers", "stages")),
+    (_held_components, ("edges", "stages")),
+    (_gravity_has_density, ("material", "stages")),
+    (_friction_has_contact, ("friction", "contact")),
+    (_stages_have_friction, ("friction", "stages")),
+)
+"""Rules between the tables of a scene, each with the tables that it needs."""
+
+
+def scene(tables: Mapping[str, Any]) -> Iterator[Mistake]:
+    """Yield what is wrong between those tables of a scene that are right in themselves.
+
+    Parameters
+    ----------
+    tables : mapping
+        Tables by name; a rule whose tables are not all there is left out.
+    """
+    for rule, names in RULES:
+        if all(name in tables for name in names):
+            yield from rule(*(tables[name] for name in names))

@@ -1,0 +1,176 @@
+"""The tables of a scene: what a user may write about strip, rollers and their contact.
+
+Every description says what the field is, what is allowed and in which unit; every example
+is TOML that can be typed as it stands. Mistakes quote both. What a single field cannot
+know about is in :mod:`anmstrip.scene.rules`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    StrictBool,
+    model_validator,
+)
+
+from anmstrip.scene import rules
+from anmstrip.scene.errors import InputError, Mistake
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
+Count = Annotated[int, Field(strict=True, ge=1, le=100_000)]
+Vector = tuple[Number, Number, Number]
+Component = Literal["x", "y", "z"]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=64)]
+
+
+class Table(BaseModel):
+    """A table of the scene: immutable, and unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    def _check(self, mistakes: Iterable[Mistake]) -> None:
+        if found := tuple(mistakes):
+            raise InputError(found)
+
+
+class StripSpec(Table):
+    """The strip: a rectangle centred at the origin, or a mesh file."""
+
+    length: Positive | None = Field(
+        None, description="length along x, a number above 0 (m)", examples=["4.0"]
+    )
+    width: Positive | None = Field(
+        None, description="width along y, a number above 0 (m)", examples=["1.0"]
+    )
+    thickness: Positive = Field(description="thickness, a number above 0 (m)", examples=["1.0e-3"])
+    cells: tuple[Count, Count] | None = Field(
+        None,
+        description="elements along and across, two integers from 1 to 100000 (1)",
+        examples=["[16, 2]"],
+    )
+    refined: Positive | None = Field(
+        None,
+        description="element length over the rollers, a number above 0 (m)",
+        examples=["0.025"],
+    )
+    mesh: Path | None = Field(
+        None,
+        description="mesh file, relative to the scene's own file (text)",
+        examples=['"../meshes/strip_refined.msh"'],
+    )
+    kinematics: Literal["shell", "section", "plate"] = Field(
+        "shell", description="kinematics of the strip (text)", examples=['"shell"']
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> StripSpec:
+        self._check(rules.strip(self))
+        return self
+
+
+class MaterialSpec(Table):
+    """Isotropic elastic material."""
+
+    young: Positive = Field(
+        description="Young's modulus, a number above 0 (Pa)", examples=["2.0e11"]
+    )
+    poisson: Annotated[Number, Field(gt=-1, lt=0.5)] = Field(
+        description="Poisson's ratio, a number above -1 and below 0.5 (1)", examples=["0.3"]
+    )
+    density: Positive | None = Field(
+        None, description="density, a number above 0 (kg/m³)", examples=["7850.0"]
+    )
+    yield_stress: Positive | None = Field(
+        None,
+        description="yield stress, only to warn, a number above 0 (Pa)",
+        examples=["3.0e8"],
+    )
+
+
+class ContactSpec(Table):
+    """Regularised unilateral contact, per unit of the strip's area."""
+
+    stiffness: Positive = Field(
+        description="contact stiffness K, a number above 0 (Pa/m)", examples=["1.0e10"]
+    )
+    eta: Positive = Field(
+        description="regularisation η, a number above 0 and below stiffness × delta (Pa)",
+        examples=["10.0"],
+    )
+    delta: Positive = Field(
+        description="distance δ at which contact begins, a number above 0 (m)",
+        examples=["1.0e-3"],
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> ContactSpec:
+        self._check(rules.contact(self))
+        return self
+
+
+class FrictionSpec(Table):
+    """Regularised friction."""
+
+    law: Literal["norton-hoff", "tanh"] = Field(
+        "norton-hoff",
+        description='friction law, "norton-hoff" or "tanh" (text)',
+        examples=['"norton-hoff"'],
+    )
+    coefficient: Annotated[Number, Field(ge=0)] = Field(
+        description="friction coefficient f, a number of at least 0 (1)", examples=["0.3"]
+    )
+    exponent: Annotated[Number, Field(gt=0, le=1)] = Field(
+        0.05, description="exponent q, a number above 0 and at most 1 (1)", examples=["0.05"]
+    )
+    omega: Positive = Field(
+        0.1, description="regularisation ω, a number above 0 (1)", examples=["0.1"]
+    )
+    speed: Positive = Field(
+        description="characteristic slip speed V_c, a number above 0 (m/s)", examples=["1.0"]
+    )
+
+
+class RollerSpec(Table):
+    """A rigid cylinder."""
+
+    name: Name = Field(description="name, of letters, digits, - and _ (text)", examples=['"r1"'])
+    radius: Positive = Field(description="radius, a number above 0 (m)", examples=["0.5"])
+    centre: Vector = Field(
+        description="a point of the axis, three numbers (m)", examples=["[0.0, 0.0, -0.501]"]
+    )
+    axis: Vector = Field(
+        description="direction of the axis, three numbers, not all 0 (1)",
+        examples=["[0.0, 1.0, 0.0]"],
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> RollerSpec:
+        self._check(rules.roller(self))
+        return self
+
+
+class EdgeSpec(Table):
+    """How an edge of the strip is held."""
+
+    fixed: tuple[Component, ...] = Field(
+        (),
+        description='components held, each of "x", "y", "z" at most once (list of text)',
+        examples=['["x", "z"]'],
+    )
+    centred: StrictBool = Field(
+        False,
+        description="whether the middle of the edge stays at its y (true or false)",
+        examples=["true"],
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> EdgeSpec:
+        self._check(rules.edge(self))
+        return self

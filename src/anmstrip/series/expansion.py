@@ -1,0 +1,254 @@
+"""One tangent, N orders: a point of a solution path becomes a branch of it.
+
+Solved are R(u, λ) = 0 for n unknowns u and one control λ, with both written as
+series of a path parameter a.  Order k of R is K u_k + R_λ λ_k + F_k, where the
+tangent K and the control derivative R_λ belong to the starting point and F_k
+holds what the lower orders make.  One linear equation more fixes a::
+
+    ⟨t_u, u_k⟩ + t_λ λ_k = s δ_k1
+
+(t_u, t_λ) = (0, 1) follows the control; the unit tangent of the path gives
+pseudo-arclength, for which folds in λ are ordinary points.  s sets the length
+that a = 1 stands for, so that no coefficient over- or underflows.
+
+A start that is not in equilibrium is carried along: the branch satisfies
+R(a) = (1 − a / carried_over) R_0, so the imbalance has gone at a = carried_over.
+
+Source: Cochelin, Damil & Potier-Ferry, *Méthode asymptotique numérique* (2007),
+ch. 2; the carried imbalance is this project's.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .linear_solvers import LinearSolver
+from .path import Branch
+
+Array = NDArray[np.float64]
+
+
+class Recurrence(Protocol):
+    """The orders of R at one point, found one after the other."""
+
+    residual: Array
+    """Order 0, shape (n,)."""
+
+    def tangent(self) -> object:
+        """∂R/∂u, in the form that the linear solver takes."""
+
+    def control_derivative(self) -> Array:
+        """∂R/∂λ, shape (n,)."""
+
+    def advance(self, k: int) -> Array:
+        """Order k of R, k ≥ 2, as if u_k = 0 and λ_k = 0."""
+
+    def correct(self, k: int, u: Array, control: float) -> None:
+        """Fix order k of the unknowns."""
+
+
+class Equations(Protocol):
+    """R(u, λ) = 0 and the scales in which its user measures errors."""
+
+    def recurrence(self, u: Array, control: float, order: int) -> Recurrence:
+        """Start the series at a point."""
+
+    def residual(self, u: Array, control: float) -> Array:
+        """R(u, λ) in plain numbers."""
+
+    def inner(self, u: Array, w: Array) -> float:
+        """Dimensionless inner product of two changes of state."""
+
+    def imbalance(self, residual: Array) -> float:
+        """Size of a residual in units of the problem's own forces."""
+
+
+@dataclass
+class Cost:
+    """Honest counters: what was done, and the seconds it took."""
+
+    expansions: int = 0
+    factorisations: int = 0
+    solves: int = 0
+    residuals: int = 0
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def timed(self, phase: str) -> Iterator[None]:
+        """Add the seconds spent inside to ``phase``."""
+        begin = time.perf_counter()
+        try:
+            yield
+        finally:
+            spent = time.perf_counter() - begin
+            self.seconds[phase] = self.seconds.get(phase, 0.0) + spent
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """What the path parameter measures, and how far a = 1 is meant to reach.
+
+    Attributes
+    ----------
+    scale : float
+        Change of the control (or arclength) at a = 1.
+    reach : float
+        Largest a that is of interest; the orders stop where the next would not
+        be seen at this distance.
+    arclength : bool
+        Follow pseudo-arclength instead of the control.
+    forward : tuple or None
+        Direction (u, λ) of travel so far, to keep the sense along an arc.
+    """
+
+    scale: float
+    reach: float = np.inf
+    arclength: bool = False
+    forward: tuple[Array, float] | None = None
+
+
+def expand(
+    equations: Equations,
+    u: Array,
+    control: float,
+    *,
+    order: int,
+    solver: LinearSolver,
+    parameter: Parameter,
+    tolerance: float = 0.0,
+    cost: Cost | None = None,
+) -> Branch:
+    """Series of the path through (u, control), with one factorisation.
+
+    Parameters
+    ----------
+    equations : Equations
+    u : ndarray, shape (n,)
+    control : float
+        λ at the start.
+    order : int
+        N, the highest order.
+    solver : LinearSolver
+        Factorises the tangent once and solves for every order.
+    parameter : Parameter
+        Meaning and scale of the path parameter.
+    tolerance : float
+        Error that is wanted.  Two successive terms far below it at
+        ``parameter.reach`` end the series; an initial imbalance above it is taken
+        away over the whole reach, a smaller one up to a = 1.
+    cost : Cost, optional
+        Counters to add to.
+
+    Returns
+    -------
+    Branch
+        Its length is the guess of :func:`term_range`, not yet verified.
+
+    Raises
+    ------
+    SingularTangentError
+        From the solver, if the tangent cannot be factorised.
+    """
+    cost = Cost() if cost is None else cost
+    with cost.timed("series"):
+        recurrence = equations.recurrence(u, control, order)
+    with cost.timed("tangent"):
+        matrix = recurrence.tangent()
+    with cost.timed("factorisation"):
+        factors = solver.factorise(matrix)
+    cost.expansions += 1
+    cost.factorisations += 1
+
+    def solve(right: Array) -> Array:
+        cost.solves += 1
+        with cost.timed("back-substitution"):
+            return factors.solve(right)
+
+    per_control = -solve(recurrence.control_derivative())
+    away = equations.imbalance(recurrence.residual) > tolerance and np.isfinite(parameter.reach)
+    carried_over = parameter.reach if away else 1.0
+    border = _Border(equations, per_control, parameter)
+    u_orders, control_orders = [u], [control]
+    for k in range(1, order + 1):
+        if k == 1:
+            right = recurrence.residual / carried_over
+        else:
+            with cost.timed("series"):
+                right = recurrence.advance(k)
+        free = -solve(right) if right.any() else np.zeros_like(u)
+        control_k = border.control(k, free)
+        u_k = free + control_k * per_control
+        with cost.timed("series"):
+            recurrence.correct(k, u_k, control_k)
+        u_orders.append(u_k)
+        control_orders.append(control_k)
+        if _ended(equations, u_orders, parameter.reach, 0.01 * tolerance):
+            break
+    return Branch(
+        u=np.array(u_orders),
+        control=np.array(control_orders),
+        length=np.inf,
+        residual=recurrence.residual,
+        carried_over=carried_over,
+    )
+
+
+class _Border:
+    """The scalar equation that fixes the path parameter."""
+
+    def __init__(self, equations: Equations, per_control: Array, parameter: Parameter) -> None:
+        self.equations = equations
+        self.per_control = per_control
+        self.scale = parameter.scale
+        self.arclength = parameter.arclength
+        if not self.arclength:
+            return
+        norm = np.sqrt(equations.inner(per_control, per_control) + 1.0)
+        if parameter.forward is not None:
+            forward_u, forward_control = parameter.forward
+            if equations.inner(forward_u, per_control) + forward_control < 0.0:
+                norm = -norm
+        self.t_u, self.t_control = per_control / norm, 1.0 / norm
+        self.along = equations.inner(self.t_u, per_control) + self.t_control
+
+    def control(self, k: int, free: Array) -> float:
+        """λ_k, when u_k = free + λ_k û."""
+        imposed = self.scale if k == 1 else 0.0
+        if not self.arclength:
+            return imposed
+        return (imposed - self.equations.inner(self.t_u, free)) / self.along
+
+
+def _ended(equations: Equations, u: list[Array], reach: float, negligible: float) -> bool:
+    """Whether the last two terms cannot be seen within reach."""
+    k = len(u) - 1
+    if k < 3 or negligible <= 0.0 or not np.isfinite(reach):
+        return False
+    return all(size(equations, u[j]) * reach**j <= negligible for j in (k - 1, k))
+
+
+def size(equations: Equations, u: Array) -> float:
+    """Length of a change of state in the equations' own scales."""
+    return float(np.sqrt(max(equations.inner(u, u), 0.0)))
+
+
+def term_range(equations: Equations, branch: Branch, tolerance: float) -> float:
+    """Distance at which the last two terms reach the tolerance: a guess of the range.
+
+    Both are looked at because every other coefficient may vanish; a series that
+    ends has an infinite range, for the caller to cap.
+    """
+    order = len(branch.u) - 1
+    guesses = [
+        (tolerance / last) ** (1.0 / k)
+        for k in (order - 1, order)
+        if k > 0 and (last := size(equations, branch.u[k])) > 0.0
+    ]
+    return min(guesses, default=np.inf)

@@ -1,0 +1,295 @@
+"""Implicit time integration by branches: R(u, v, t) = 0 with u' = v.
+
+A backward difference formula at t_n + h says v = (α/h) u + w₀.  The step is a
+path in λ ∈ [0, 1] from the known state to the formula's::
+
+    v(λ) = (α/h)(u(λ) − u_n) + (1 − λ) v_n + λ w,    w = (α/h) u_n + w₀
+    t(λ) = t_n + λ h
+
+so that one tangent ∂R/∂u + (α/h) ∂R/∂v serves all orders of the step.  Where
+the series does not hold up to λ = 1 the path goes on from where it holds; an
+imbalance at the start (a jump of the loads) is carried along and gone at λ = 1.
+
+The formulas are those of order 1 and 2 with variable steps, from the polynomial
+through the last states, which also predicts; the difference between predicted
+and found state estimates the error.  Local errors may add up to the tolerance
+over the whole time (error per unit of time).
+
+Source for the formulas: Hairer, Nørsett & Wanner, *Solving ODEs I* (1993), §III.5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .continuation import Outcome, PathStopped, Settings, follow
+from .expansion import Cost, Equations
+from .linear_solvers import LinearSolver
+
+Array = NDArray[np.float64]
+
+GROWTH = 2.0
+"""Largest ratio of successive steps; the second-order formula is stable up to 1 + √2."""
+
+
+@dataclass(frozen=True)
+class AffineVelocity:
+    """v(u, λ) = rate u + base + λ slope."""
+
+    rate: float
+    base: Array
+    slope: Array
+
+    def __call__(self, u: Array, control: float) -> Array:
+        """Velocity, shape (n,)."""
+        return self.rate * u + self.base + control * self.slope
+
+
+class RateEquations(Protocol):
+    """A problem whose residual depends on velocities."""
+
+    def during(self, t: float, h: float, velocity: AffineVelocity) -> Equations:
+        """The equations of the step from t to t + h, with λ ∈ [0, 1] as control."""
+
+    def error(self, u: Array, change: Array) -> float:
+        """Size of an error ``change`` of the state u in the problem's own scales."""
+
+
+@dataclass(frozen=True)
+class TimeStep:
+    """One accepted step.
+
+    Attributes
+    ----------
+    start, end : float
+        Times.
+    u, v : ndarray, shape (n,)
+        State and velocity at ``end``.
+    order : int
+        Of the formula.
+    error : float
+        Estimated local error.
+    imbalance : float
+    branches : int
+        Tangents that the step took.
+    memory : Memory
+        What a later call needs to go on as if never interrupted.
+    """
+
+    start: float
+    end: float
+    u: Array
+    v: Array
+    order: int
+    error: float
+    imbalance: float
+    branches: int
+    memory: Memory
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Past of an integration: times and states, the latest first; next step to try."""
+
+    times: tuple[float, ...]
+    states: tuple[Array, ...]
+    v: Array
+    step: float
+
+    @property
+    def available(self) -> int:
+        """Order of the formula that the past allows."""
+        return len(self.times)
+
+
+def start(t: float, u: Array, v: Array, step: float) -> Memory:
+    """Memory of an integration that begins."""
+    return Memory((t,), (u,), v, step)
+
+
+def formula(times: tuple[float, ...], new: float, order: int) -> tuple[Array, float]:
+    """Weights of a backward difference formula with variable steps.
+
+    Parameters
+    ----------
+    times : tuple of float
+        Past instants, the latest first; at least ``order`` of them.
+    new : float
+    order : int
+
+    Returns
+    -------
+    past : ndarray, shape (order,)
+        v = rate u + Σ past_j u(times_j) is the derivative at ``new`` of the
+        polynomial through the new and ``order`` past states.
+    rate : float
+    """
+    nodes = np.array(times[:order])
+    distance = new - nodes
+    rate = float((1.0 / distance).sum())
+    past = np.empty(order)
+    for j in range(order):
+        others = np.delete(np.arange(order), j)
+        past[j] = -np.prod(distance[others] / (nodes[j] - nodes[others])) / distance[j]
+    return past, rate
+
+
+def predicted(times: tuple[float, ...], states: tuple[Array, ...], new: float) -> Array:
+    """Value at ``new`` of the polynomial through all given past states."""
+    nodes = np.array(times)
+    total = np.zeros_like(states[0])
+    for j, state in enumerate(states):
+        others = np.delete(nodes, j)
+        total += np.prod((new - others) / (nodes[j] - others)) * state
+    return total
+
+
+def integrate(
+    equations: RateEquations,
+    memory: Memory,
+    end: float,
+    *,
+    solver: LinearSolver,
+    settings: Settings,
+    whole: float,
+    time_order: int = 2,
+    cost: Cost | None = None,
+) -> Iterator[TimeStep]:
+    """Accepted time steps up to ``end``.
+
+    Parameters
+    ----------
+    equations : RateEquations
+    memory : Memory
+        From :func:`start`, or of the last step of an interrupted run.
+    end : float
+    settings : Settings
+        Order and tolerance of the branches; the tolerance is also the error in
+        time that all steps up to ``whole`` together may make.
+    whole : float
+        Duration over which the errors may add up to the tolerance.
+    time_order : int
+        Highest order of the formula, 1 or 2.
+
+    Raises
+    ------
+    PathStopped
+    """
+    cost = Cost() if cost is None else cost
+    integrator = _Integrator(equations, solver, settings, whole, time_order, cost)
+    for _ in range(settings.max_steps):
+        step = integrator.step(memory, end)
+        yield step
+        memory = step.memory
+        if memory.times[0] >= end:
+            return
+    raise PathStopped(Outcome.TOO_MANY_STEPS, memory.times[0])
+
+
+@dataclass(frozen=True)
+class _Trial:
+    u: Array
+    v: Array
+    imbalance: float
+    branches: int
+
+
+class _Integrator:
+    def __init__(
+        self,
+        equations: RateEquations,
+        solver: LinearSolver,
+        settings: Settings,
+        whole: float,
+        time_order: int,
+        cost: Cost,
+    ) -> None:
+        self.equations, self.solver, self.settings = equations, solver, settings
+        self.whole, self.time_order, self.cost = whole, time_order, cost
+        self.path_settings = Settings(
+            order=settings.order,
+            tolerance=settings.tolerance,
+            max_steps=200,
+            shortest=1e-6,
+            give_way=False,
+        )
+
+    def step(self, memory: Memory, end: float) -> TimeStep:
+        """Try, estimate, and shorten until the error is allowed."""
+        t = memory.times[0]
+        h, barred = min(memory.step, end - t), False
+        order = min(self.time_order, memory.available)
+        reason = ""
+        while h > 1e-13 * self.whole:
+            new = end if h >= (end - t) * (1.0 - 1e-10) else t + h
+            try:
+                trial = self._trial(memory, new, order)
+            except PathStopped as stopped:
+                reason, h, barred = str(stopped), 0.25 * (new - t), True
+                continue
+            error = self._error(memory, trial.u, new, order)
+            allowed = self.settings.tolerance * (new - t) / self.whole
+            ratio = self._ratio(error, allowed, order)
+            if error <= allowed:
+                growth = min(ratio, 1.0 if barred else GROWTH)
+                return self._accepted(memory, trial, new, (order, error, growth))
+            h, barred = max(0.1, min(ratio, 0.9)) * (new - t), True
+            reason = f"error in time {error:.2g}"
+        raise PathStopped(Outcome.STALLED, t, reason)
+
+    def _trial(self, memory: Memory, new: float, order: int) -> _Trial:
+        t, u = memory.times[0], memory.states[0]
+        past, rate = formula(memory.times, new, order)
+        history = sum(w * s for w, s in zip(past, memory.states, strict=False))
+        w = rate * u + history
+        velocity = AffineVelocity(rate, memory.v - rate * u, w - memory.v)
+        path = self.equations.during(t, new - t, velocity)
+        branches = 0
+        for step in follow(
+            path, u, solver=self.solver, settings=self.path_settings, cost=self.cost
+        ):
+            branches += 1
+        u = step.branch.end[0]
+        return _Trial(u, velocity(u, 1.0), step.imbalance, branches)
+
+    def _error(self, memory: Memory, u: Array, new: float, order: int) -> float:
+        """Local error from the predictor through order + 1 past states.
+
+        The predictor's error is Π(new − t_j) u^(k+1)/(k+1)!, the formula's is
+        that times 1/(rate (new − t_k)), so their ratio is known.
+        """
+        used = min(memory.available, order + 1)
+        times, states = memory.times[:used], memory.states[:used]
+        if used > order:
+            guess = predicted(times, states, new)
+            factor = 1.0 / (formula(memory.times, new, order)[1] * (new - times[-1]) + 1.0)
+        else:
+            guess = memory.states[0] + (new - times[0]) * memory.v
+            factor = 0.5
+        return self.equations.error(u, factor * (u - guess))
+
+    def _ratio(self, error: float, allowed: float, order: int) -> float:
+        if error == 0.0:
+            return GROWTH
+        return float((0.5 * allowed / error) ** (1.0 / order))
+
+    def _accepted(
+        self, memory: Memory, trial: _Trial, new: float, judged: tuple[int, float, float]
+    ) -> TimeStep:
+        order, error, growth = judged
+        keep = self.time_order
+        following = Memory(
+            (new, *memory.times[:keep]),
+            (trial.u, *memory.states[:keep]),
+            trial.v,
+            (new - memory.times[0]) * growth,
+        )
+        return TimeStep(
+            memory.times[0], new, trial.u, trial.v, order, error, trial.imbalance,
+            trial.branches, following,
+        )  # fmt: skip

@@ -1,0 +1,161 @@
+"""Branches and paths: solutions that can be called anywhere inside.
+
+A :class:`Branch` is one series with the range on which it holds; a
+:class:`Path` is a sequence of branches.  Both are immutable.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .power_series import derivative_coefficients, horner
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Branch:
+    """One truncated series of a path parameter a, valid on [0, length].
+
+    Attributes
+    ----------
+    u : ndarray, shape (order + 1, n)
+        Coefficients of the unknowns.
+    control : ndarray, shape (order + 1,)
+        Coefficients of the control (load factor, or time).
+    length : float
+        Range of validity in a.
+    residual : ndarray, shape (n,)
+        Initial imbalance R_0; the branch satisfies R(a) = R_0 (1 − a / carried_over).
+    carried_over : float
+    """
+
+    u: Array
+    control: Array
+    length: float
+    residual: Array
+    carried_over: float = 1.0
+
+    @property
+    def order(self) -> int:
+        """Highest order present."""
+        return len(self.u) - 1
+
+    def __call__(self, a: float) -> tuple[Array, float]:
+        """State and control at parameter ``a``."""
+        return horner(self.u, a), float(horner(self.control, a))
+
+    @property
+    def end(self) -> tuple[Array, float]:
+        """State and control at the end of the range."""
+        return self(self.length)
+
+    def direction(self, a: float) -> tuple[Array, float]:
+        """Derivatives of state and control with respect to a."""
+        return horner(derivative_coefficients(self.u), a), float(
+            horner(derivative_coefficients(self.control), a)
+        )
+
+    def cut(self, length: float) -> Branch:
+        """The same series on another range."""
+        return replace(self, length=length)
+
+    def reaches(self, control: float) -> float | None:
+        """Smallest a in (0, length] at which the control has the given value."""
+        shifted = self.control.copy()
+        shifted[0] -= control
+        return _first_root(shifted, self.length)
+
+    def fold(self) -> float | None:
+        """Smallest a in (0, length] at which the control turns back."""
+        return _first_root(derivative_coefficients(self.control), self.length)
+
+
+def _first_root(coefficients: Array, length: float) -> float | None:
+    """Smallest simple root of a polynomial in (0, length], refined by Newton."""
+    scaled = coefficients * length ** np.arange(len(coefficients))
+    largest = np.abs(scaled).max()
+    if largest == 0.0:
+        return None
+    scaled = np.trim_zeros(np.where(np.abs(scaled) < 1e-17 * largest, 0.0, scaled), "b")
+    roots = np.polynomial.polynomial.polyroots(scaled)
+    real = roots.real[(np.abs(roots.imag) < 1e-8) & (roots.real > 1e-12)]
+    inside = real[real <= 1.0 + 1e-12]
+    return float(min(inside.min(), 1.0)) * length if inside.size else None
+
+
+@dataclass(frozen=True)
+class Path:
+    """Branches end to end.
+
+    Calling a path with a control value gives the state at the first point where
+    the control has it; :meth:`at` takes the running parameter instead.
+    """
+
+    branches: tuple[Branch, ...]
+
+    @property
+    def knots(self) -> Array:
+        """Running parameter at the ends of the branches, starting with 0."""
+        return np.concatenate([[0.0], np.cumsum([b.length for b in self.branches])])
+
+    def at(self, s: float) -> tuple[Array, float]:
+        """State and control at running parameter ``s``."""
+        knots = self.knots
+        i = min(max(bisect_right(knots, s) - 1, 0), len(self.branches) - 1)
+        return self.branches[i](s - knots[i])
+
+    def __call__(self, control: float) -> Array:
+        """State where the control first takes the given value.
+
+        Raises
+        ------
+        ValueError
+            If the path does not reach it.
+        """
+        if self.branches and control == self.branches[0].control[0]:
+            return self.branches[0].u[0]
+        for branch in self.branches:
+            a = branch.reaches(control)
+            if a is not None:
+                return branch(a)[0]
+        raise ValueError(f"the path does not reach the control {control!r}")
+
+
+class HermitePath:
+    """States and velocities at instants, joined by cubic Hermite polynomials.
+
+    Parameters
+    ----------
+    times : sequence of float, increasing, length m ≥ 2
+    states, velocities : sequences of ndarray, each shape (n,)
+        A jump of the velocity at an instant is allowed: give the instant's
+        velocities before and after as a pair.
+    """
+
+    def __init__(self, times: Sequence[float], states: Sequence[Array], velocities: Any) -> None:
+        if len(times) < 2 or any(b <= a for a, b in pairwise(times)):
+            raise ValueError("at least two increasing times are needed")
+        self.times = np.asarray(times, dtype=float)
+        self.states = np.asarray(states, dtype=float)
+        self.velocities = np.asarray(velocities, dtype=float)
+
+    def __call__(self, t: float) -> tuple[Array, Array]:
+        """State and velocity at time ``t``."""
+        i = int(np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2))
+        h = self.times[i + 1] - self.times[i]
+        s = (t - self.times[i]) / h
+        u0, u1 = self.states[i], self.states[i + 1]
+        v0, v1 = self.velocities[i], self.velocities[i + 1]
+        slope = u1 - u0
+        c2, c3 = 3.0 * slope - h * (2.0 * v0 + v1), h * (v0 + v1) - 2.0 * slope
+        u = u0 + s * (h * v0 + s * (c2 + s * c3))
+        v = v0 + s * (2.0 * c2 + 3.0 * s * c3) / h
+        return u, v

@@ -1,0 +1,306 @@
+"""Truncated power series on which plain numpy expressions run.
+
+A law written for floats, ``law(x)``, is called once on :class:`Series` made by
+a :class:`Tape`.  The call computes order 0 and records the operations; the tape
+then finds order after order, each from the ones below, by the classical
+recurrences (see :mod:`anmstrip.series.recurrences`).  All orders up to N cost
+O(N²) multiplications, and nothing is traced again.
+
+Every recurrence splits an order into what is known from the orders below, and
+a part that is linear in the same order of the operands.  The split gives three
+things from one recording:
+
+* the order-k coefficient as if the input's were zero (:meth:`Tape.advance`),
+  which is a right-hand side of the asymptotic numerical method,
+* the completion by the input's coefficient once it is solved for
+  (:meth:`Tape.correct`),
+* the derivative of the law (:meth:`Tape.derivative`), from which the tangent
+  is assembled: the same linear part, seeded with unit vectors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import recurrences as rec
+
+Array = NDArray[np.float64]
+
+_COMPARISONS = {np.greater, np.greater_equal, np.less, np.less_equal, np.isfinite}
+
+
+class Series(np.lib.mixins.NDArrayOperatorsMixin):
+    """An array whose entries are truncated power series of one parameter.
+
+    Attributes
+    ----------
+    coefficients : ndarray, shape (order + 1, *shape)
+        Taylor coefficients; ``coefficients[0]`` is the value.
+    operation : Operation or None
+        How the series is computed; ``None`` for an input.
+    shape, ndim
+        Of one coefficient.
+    """
+
+    __slots__ = ("coefficients", "known", "ndim", "operation", "shape", "tape")
+    __array_priority__ = 1000
+    __hash__ = object.__hash__
+
+    def __init__(self, tape: Tape, value: Array, operation: rec.Operation | None = None) -> None:
+        self.tape = tape
+        self.coefficients: Array = np.zeros((tape.order + 1, *value.shape))
+        self.coefficients[0] = value
+        self.operation = operation
+        self.shape, self.ndim = value.shape, value.ndim
+        self.known: Array | None = None
+
+    @property
+    def value(self) -> Array:
+        """Order 0."""
+        return self.coefficients[0]
+
+    def __repr__(self) -> str:
+        return f"Series(shape={self.shape}, order={self.tape.order})"
+
+    def __getitem__(self, index: Any) -> Series:
+        return self.tape.record(rec.Index(self, index))
+
+    def sum(self, axis: int = 0) -> Series:
+        """Sum along one axis."""
+        return self.tape.record(rec.Sum(self, axis))
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        if method != "__call__" or options:
+            return NotImplemented
+        if ufunc in _COMPARISONS:
+            return ufunc(*(x.value if isinstance(x, Series) else x for x in inputs))
+        build = _UFUNCS.get(ufunc)
+        return NotImplemented if build is None else build(self.tape, *inputs)
+
+    def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> Any:
+        build = _FUNCTIONS.get(function)
+        return NotImplemented if build is None else build(self.tape, *args, **kwargs)
+
+
+class Tape:
+    """Record of the operations of a law, advanced order by order.
+
+    Parameters
+    ----------
+    order : int
+        Highest order N.
+
+    Examples
+    --------
+    The series of sqrt(1 + a):
+
+    >>> tape = Tape(order=3)
+    >>> x = tape.variable(1.0)
+    >>> y = np.sqrt(x)
+    >>> x.coefficients[1] = 1.0
+    >>> for k in (1, 2, 3):
+    ...     tape.advance(k)
+    >>> [float(c) for c in y.coefficients]
+    [1.0, 0.5, -0.125, 0.0625]
+    """
+
+    def __init__(self, order: int) -> None:
+        self.order = order
+        self.inputs: list[Series] = []
+        self.computed: list[Series] = []
+
+    def variable(self, value: ArrayLike) -> Series:
+        """New input; its higher coefficients are the caller's to set."""
+        series = Series(self, np.array(value, dtype=float))
+        self.inputs.append(series)
+        return series
+
+    def record(self, operation: rec.Operation) -> Series:
+        """Compute order 0 of an operation and remember it."""
+        series = Series(self, operation.start(), operation)
+        operation.result = series
+        self.computed.append(series)
+        return series
+
+    def advance(self, k: int) -> None:
+        """Compute order k of all recorded series from the inputs' order k as it stands."""
+        for series in self.inputs:
+            coefficient = series.coefficients[k]
+            series.known = coefficient if coefficient.any() else None
+        for series in self.computed:
+            operation = _operation(series)
+            known = operation.remainder(k)
+            linear = operation.linear([x.known for x in operation.operands])
+            if known is None:
+                known = linear
+            elif linear is not None:
+                known = known + linear
+            series.coefficients[k] = 0.0 if known is None else known
+            series.known = known
+
+    def correct(self, k: int, changes: Mapping[Series, Array]) -> None:
+        """Add ``changes`` to order k of inputs and carry them through, order k only."""
+        for series, change in self._propagated(changes).items():
+            if change is not None:
+                series.coefficients[k] += change
+
+    def derivative(self, output: Series, seeds: Mapping[Series, Array]) -> Array:
+        """Directional derivatives of ``output`` at order 0.
+
+        Parameters
+        ----------
+        output : Series
+            Recorded series.
+        seeds : mapping
+            Input → directions, shape (*input.shape) or (batch, *input.shape).
+
+        Returns
+        -------
+        ndarray, shape (*output.shape) or (batch, *output.shape)
+        """
+        change = self._propagated(seeds)[output]
+        if change is not None:
+            return change
+        batch = next((s.shape[: s.ndim - x.ndim] for x, s in seeds.items()), ())
+        return np.zeros((*batch, *output.shape))
+
+    def _propagated(self, changes: Mapping[Series, Array]) -> dict[Series, Array | None]:
+        found: dict[Series, Array | None] = dict.fromkeys(self.inputs)
+        found.update(changes)
+        for series in self.computed:
+            operation = _operation(series)
+            found[series] = operation.linear([found[x] for x in operation.operands])
+        return found
+
+
+def taylor(law: Callable[..., Series], *inputs: ArrayLike) -> Array:
+    """Taylor coefficients of ``law`` along inputs given by theirs.
+
+    Parameters
+    ----------
+    law : callable
+        Function of as many arrays as there are inputs, written in numpy.
+    *inputs : array_like, shape (order + 1, ...)
+        Coefficients of each argument.
+
+    Returns
+    -------
+    ndarray, shape (order + 1, ...)
+
+    Examples
+    --------
+    >>> taylor(np.exp, [0.0, 1.0, 0.0])
+    array([1. , 1. , 0.5])
+    """
+    given = [np.asarray(c, dtype=float) for c in inputs]
+    tape = Tape(len(given[0]) - 1)
+    arguments = [tape.variable(c[0]) for c in given]
+    output = law(*arguments)
+    for argument, coefficients in zip(arguments, given, strict=True):
+        argument.coefficients[:] = coefficients
+    for k in range(1, tape.order + 1):
+        tape.advance(k)
+    return output.coefficients
+
+
+def horner(coefficients: Array, a: float) -> Array:
+    """Value of a series at parameter ``a``; ``coefficients`` has the orders first."""
+    value = coefficients[-1].copy() if coefficients.ndim > 1 else coefficients[-1]
+    for c in coefficients[-2::-1]:
+        value = value * a + c
+    return value
+
+
+def derivative_coefficients(coefficients: Array) -> Array:
+    """Coefficients of the derivative of a series, one order less."""
+    orders = np.arange(1, len(coefficients))
+    return coefficients[1:] * orders.reshape((-1,) + (1,) * (coefficients.ndim - 1))
+
+
+def _operation(series: Series) -> rec.Operation:
+    assert series.operation is not None
+    return series.operation
+
+
+def _add(tape: Tape, a: Any, b: Any) -> Series:
+    return tape.record(rec.Add(a, b))
+
+
+def _subtract(tape: Tape, a: Any, b: Any) -> Series:
+    return tape.record(rec.Add(a, b, sign=-1.0))
+
+
+def _multiply(tape: Tape, a: Any, b: Any) -> Series:
+    if isinstance(a, Series) and isinstance(b, Series):
+        return tape.record(rec.Square(a) if a is b else rec.Multiply(a, b))
+    series, constant = (a, b) if isinstance(a, Series) else (b, a)
+    return tape.record(rec.Scale(series, constant))
+
+
+def _divide(tape: Tape, a: Any, b: Any) -> Series:
+    if isinstance(b, Series):
+        return tape.record(rec.Divide(a, b))
+    return tape.record(rec.Scale(a, 1.0 / np.asarray(b, dtype=float)))
+
+
+def _power(tape: Tape, a: Any, exponent: Any) -> Any:
+    if isinstance(exponent, Series):
+        return tape.record(rec.Exp(exponent * np.log(a)))
+    if exponent == int(exponent) and 0 < exponent <= 4:
+        half = a if exponent < 4 else a * a
+        return {1: lambda: a, 2: lambda: a * a, 3: lambda: a * a * a, 4: lambda: half * half}[
+            int(exponent)
+        ]()
+    return tape.record(rec.Power(a, float(exponent)))
+
+
+def _matmul(tape: Tape, a: Any, b: Any) -> Series:
+    if isinstance(a, Series) or np.ndim(a) != 2:
+        return NotImplemented
+    return tape.record(rec.Einsum("ij,j...->i...", a, b))
+
+
+def _where(tape: Tape, condition: Any, a: Any, b: Any) -> Series:
+    chosen = np.asarray(condition, dtype=float)
+    return a * chosen + b * (1.0 - chosen)
+
+
+def _unary(kind: type[rec.Operation]) -> Callable[[Tape, Series], Series]:
+    return lambda tape, a: tape.record(kind(a))
+
+
+_UFUNCS: dict[Any, Callable[..., Any]] = {
+    np.add: _add,
+    np.subtract: _subtract,
+    np.multiply: _multiply,
+    np.divide: _divide,
+    np.power: _power,
+    np.matmul: _matmul,
+    np.negative: lambda tape, a: tape.record(rec.Scale(a, -1.0)),
+    np.square: _unary(rec.Square),
+    np.sqrt: _unary(rec.SquareRoot),
+    np.exp: _unary(rec.Exp),
+    np.log: _unary(rec.Log),
+    np.tanh: _unary(rec.Tanh),
+    np.sin: _unary(rec.Sine),
+    np.cos: _unary(rec.Cosine),
+}
+
+_FUNCTIONS: dict[Any, Callable[..., Any]] = {
+    np.einsum: lambda tape, subscripts, a, b: tape.record(rec.Einsum(subscripts, a, b)),
+    np.where: _where,
+    np.sum: lambda tape, a, axis=0: a.sum(axis),
+    np.stack: lambda tape, arrays, axis=0: tape.record(rec.Stack(arrays, axis)),
+}
+
+
+def linear_map(operator: Callable[[Array], Array], x: Series) -> Series:
+    """Image of a series under a linear function of arrays (constant, no offset).
+
+    ``operator`` is called on one coefficient at a time.
+    """
+    return x.tape.record(rec.LinearMap(operator, x))

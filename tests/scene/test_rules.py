@@ -1,0 +1,185 @@
+"""What a scene refuses: every case is the good scene with one thing broken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from anmstrip.scene import InputError, Scene
+
+GOOD = Path(__file__).with_name("capstan.toml").read_text(encoding="utf-8")
+MESHED = GOOD.replace("length = 4.0\nwidth = 1.0\n", "").replace(
+    "cells = [16, 2]\nrefined = 0.025\n", 'mesh = "strip.msh"\n'
+)
+RELEASED = "= 0.6\nentry.release = true\n"
+
+WRONG = [  # what is replaced, by what, key that is named, words that must be there
+    # a single value
+    ("thickness = 1.0e-3", "thickness = -1.0e-3", "strip.thickness", "above 0 (m)"),
+    ("thickness = 1.0e-3", "thickness = 0", "strip.thickness", "thickness = 1.0e-3"),
+    ("thickness = 1.0e-3", 'thickness = "1 mm"', "strip.thickness", "above 0 (m)"),
+    ("thickness = 1.0e-3", "thickness = true", "strip.thickness", "above 0 (m)"),
+    ("thickness = 1.0e-3", "thickness = nan", "strip.thickness", "above 0 (m)"),
+    ("thickness = 1.0e-3", "thickness = inf", "strip.thickness", "above 0 (m)"),
+    ("thickness = 1.0e-3", "thickness = 1979-05-27", "strip.thickness", "above 0 (m)"),
+    ("thickness = 1.0e-3\n", "", "strip.thickness", "nothing"),
+    ("length = 4.0\n", "", "strip.length", "length = 4.0"),
+    ("cells = [16, 2]", "cells = [16.0, 2]", "strip.cells", "integers"),
+    ("cells = [16, 2]", "cells = [16, 0]", "strip.cells", "cells = [16, 2]"),
+    ("cells = [16, 2]", "cells = 16", "strip.cells", "two integers"),
+    ("refined = 0.025", "refined = 0.0", "strip.refined", "above 0 (m)"),
+    ("refined = 0.025", 'kinematics = "section"', "strip.kinematics", "not available yet"),
+    ("refined = 0.025", 'kinematics = "plate"', "strip.kinematics", "not available yet"),
+    ("refined = 0.025", 'kinematics = "solid"', "strip.kinematics", '"shell"'),
+    ("refined = 0.025", 'mesh = "strip.msh"', "strip.mesh", "a file that exists"),
+    ("refined = 0.025", 'mesh = "strip.msh"', "strip.length", "take one out"),
+    ("poisson = 0.3", "poisson = 0.5", "material.poisson", "below 0.5"),
+    ("poisson = 0.3", "poisson = -1", "material.poisson", "above -1"),
+    ("coefficient = 0.3", "coefficient = -0.1", "friction.coefficient", "at least 0"),
+    ("coefficient = 0.3", "coefficient = nan", "friction.coefficient", "nan"),
+    ("exponent = 0.05", "exponent = 0.0", "friction.exponent", "at most 1"),
+    ("exponent = 0.05", "exponent = 1.1", "friction.exponent", "at most 1"),
+    ("omega = 0.1", "omega = 0", "friction.omega", "above 0"),
+    ("speed = 1.0\n", "", "friction.speed", "nothing"),
+    ('law = "norton-hoff"', 'law = "coulomb"', "friction.law", '"tanh"'),
+    ("radius = 0.5", f"radius = 0x{'f' * 5000}", "rollers.r1.radius", "digits"),
+    ("radius = 0.5", f"radius = [0x{'f' * 5000}]", "rollers.r1.radius", "digits"),
+    ("cells = [16, 2]", f"cells = [0x{'f' * 5000}, 2]", "strip.cells", "digits"),
+    ("radius = 0.5", "radius = -0.5", "rollers.r1.radius", "above 0 (m)"),
+    ("centre = [0.0, 0.0, -0.501]", "centre = [0.0, 0.0]", "rollers.r1.centre", "three"),
+    ("centre = [0.0, 0.0, -0.501]", 'centre = [0.0, 0.0, "b"]', "rollers.r1.centre", '"b"'),
+    ("axis = [0.0, 1.0, 0.0]", "axis = [0.0, 0.0, 0.0]", "rollers.r1.axis", "not all 0"),
+    ('name = "r1"', 'name = "roller 1"', "rollers.roller 1.name", "letters"),
+    ('fixed = ["x", "z"]', 'fixed = ["x", "w"]', "edges.entry.fixed", '"w"'),
+    ('fixed = ["x", "z"]', 'fixed = ["x", "x"]', "edges.entry.fixed", 'fixed = ["x"]'),
+    ("centred = true", "centred = 1", "edges.entry.centred", "true or false"),
+    ("duration = 0.6", "duration = 0.0", "stages.turn.duration", "above 0 (s)"),
+    ("order = 20", "order = 61", "solver.order", "from 2 to 60"),
+    ("order = 20", "order = 20.0", "solver.order", "integer"),
+    ("order = 20", "time_order = 3", "solver.time_order", "1 or 2"),
+    ("order = 20", "max_steps = 0", "solver.max_steps", "above 0"),
+    ("tolerance = 1.0e-6", "tolerance = 0.5", "solver.tolerance", "1e-12 to 0.1"),
+    ("every = 1", "every = 0", "output.every", "above 0"),
+    ("every = 1", "times = [1.0, 0.5]", "output.times", "[0.5, 1.0]"),
+    ("every = 1", "times = [-1.0, 0.5]", "output.times", "increasing"),
+    ("every = 1", "times = []", "output.times", "at least one"),
+    ("every = 1", "every = 1\ntimes = [0.5]", "output.every", "not both"),
+    ("[edges.entry]", "[[edges.entry]]", "edges.entry", "a table for each"),
+    ("[[rollers]]", "[rollers]", "rollers", "[[rollers]]"),
+    # unknown keys
+    ("thickness = 1.0e-3", "thicknes = 1.0e-3", "strip.thicknes", "thickness (the nearest"),
+    ("[material]", "[materials]", "materials", "material (the nearest"),
+    ("duration = 0.6", "duraton = 0.6", "stages.turn.duraton", "duration (the nearest"),
+    ("rollers.r1.surface", "rolers.r1.surface", "stages.turn.rolers", "rollers (the nearest"),
+    ("r1.surface_speed", "r1.speed", "stages.turn.rollers.r1.speed", "surface_speed"),
+    ("entry.move", "entry.mov", "stages.wrap.entry.mov", "move (the nearest"),
+    ("entry.move", "entri.move", "stages.wrap.entri", "entry (the nearest"),
+    ("[edges.entry]", "[edges.entree]", "edges.entree", "entry (the nearest"),
+    # between fields
+    ("eta = 10.0", "eta = 1.0e7", "contact.eta", "below stiffness × delta = 1e+07 (Pa)"),
+    ("[contact]", "[[nothing]]", "contact", "[friction]"),
+    ("rollers.r1.surface_speed", "rollers.r2.surface_speed", "stages.turn.rollers.r2", "r1"),
+    ('name = "turn"', 'name = "wrap"', "stages.wrap.name", 'name = "wrap_2"'),
+    ("duration = 0.6", "duration = 0.6\ngravity = [0, 0, -9]", "material.density", "turn"),
+    ("[0.0, 0.0, -0.45]", "[0.0, 0.1, -0.45]", "stages.wrap.entry.move", '["x", "y", "z"]'),
+    ("entry.move", "exit.velocity", "stages.wrap.exit.velocity", "[edges.exit]"),
+    ("-0.45]", "0]\nentry.velocity = [1, 0, 0]", "stages.wrap.entry.velocity", "not both"),
+    ("= 0.6", "= 0.6\nentry.force = [1, 0, 0]", "stages.turn.entry.force", "held"),
+    ("= 0.6", f"{RELEASED}entry.move = [0, 0, 1]", "stages.turn.entry.move", "released"),
+]  # fmt: skip
+
+
+def mistakes_of(directory: Path, text: str) -> dict[str, str]:
+    """Return the mistakes found in a scene, as they are told, by key."""
+    path = directory / "scene.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        Scene.load(path)
+    assert all(mistake.file == str(path) for mistake in caught.value.mistakes)
+    return {mistake.key: str(mistake) for mistake in caught.value.mistakes}
+
+
+@pytest.mark.parametrize(("old", "new", "key", "words"), WRONG)
+def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, key: str, words: str) -> None:
+    assert old in GOOD
+    mistakes = mistakes_of(tmp_path, GOOD.replace(old, new, 1))
+    assert words in mistakes[key]
+
+
+def test_a_single_mistake_is_reported_alone(tmp_path: Path) -> None:
+    assert list(mistakes_of(tmp_path, GOOD.replace("radius = 0.5", "radius = 0"))) == [
+        "rollers.r1.radius"
+    ]
+
+
+def test_all_mistakes_are_named_at_once(tmp_path: Path) -> None:
+    text = GOOD.replace("thickness = 1.0e-3", "thickness = -1")
+    text = text.replace("eta = 10.0", "eta = 1e9").replace("poisson", "poison")
+    text = text.replace("rollers.r1.surface_speed", "rollers.r2.surface_speed")
+    assert set(mistakes_of(tmp_path, text)) == {
+        "strip.thickness",
+        "contact.eta",
+        "material.poisson",
+        "material.poison",
+        "stages.turn.rollers.r2",
+    }
+
+
+def test_duplicate_rollers_are_named(tmp_path: Path) -> None:
+    second = '[[rollers]]\nname = "r1"\nradius = 1.0\ncentre = [1, 0, 1]\naxis = [0, 1, 0]\n'
+    assert "rollers.r1.name" in mistakes_of(tmp_path, GOOD + second)
+
+
+def test_friction_asked_for_without_a_law(tmp_path: Path) -> None:
+    begin, end = GOOD.index("[friction]"), GOOD.index("[[rollers]]")
+    text = GOOD[:begin] + GOOD[end:].replace("duration = 0.6", "duration = 0.6\nfriction = true")
+    assert set(mistakes_of(tmp_path, text)) == {"stages.turn.friction"}
+
+
+def test_no_stages(tmp_path: Path) -> None:
+    text = GOOD[: GOOD.index("[[stages]]")]
+    assert "[[stages]]" in mistakes_of(tmp_path, text)["stages"]
+    text = "stages = []\n" + text
+    assert "[[stages]]" in mistakes_of(tmp_path, text)["stages"]
+
+
+def test_mesh_brings_its_own_edges(tmp_path: Path) -> None:
+    (tmp_path / "strip.msh").write_text("", encoding="utf-8")
+    path = tmp_path / "scene.toml"
+    path.write_text(MESHED.replace("entry", "mouth"), encoding="utf-8")
+    scene = Scene.load(path)
+    assert scene.strip.mesh == tmp_path / "strip.msh"
+    assert set(scene.edges) == {"mouth"}
+
+
+@pytest.mark.parametrize("name", ["none.msh", "", "..", "a" * 300, "a\\u0000b"])
+def test_mesh_that_is_no_file(tmp_path: Path, name: str) -> None:
+    assert set(mistakes_of(tmp_path, MESHED.replace("strip.msh", name))) == {"strip.mesh"}
+
+
+@pytest.mark.parametrize(
+    "released",
+    [
+        "duration = 0.6\nentry.force = [1, 0, 0]\nentry.release = true",
+        '[[stages]]\nname = "go"\nentry.release = true\nduration = 1',
+    ],
+)
+def test_released_edge_takes_a_force(tmp_path: Path, released: str) -> None:
+    later = '\n[[stages]]\nname = "free"\nduration = 1.0\nentry.force = [1, 0, 0]\n'
+    end = GOOD.index("[solver]")
+    stages = GOOD[:end].replace("duration = 0.6", "duration = 0.6\n", 1)
+    if released.startswith("duration"):
+        stages = stages.replace("duration = 0.6", released)
+    else:
+        stages += released
+    path = tmp_path / "scene.toml"
+    path.write_text(stages + later, encoding="utf-8")
+    assert Scene.load(path).stages[-1].edges["entry"].force == (1.0, 0.0, 0.0)
+
+
+def test_zeros_are_no_motion_and_no_force(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    zeros = "duration = 0.6\nentry.force = [0, 1, 0]\nexit.move = [0, 0, 0]"
+    path.write_text(GOOD.replace("duration = 0.6", zeros), encoding="utf-8")
+    assert Scene.load(path).stages[-1].edges["exit"].move == (0.0, 0.0, 0.0)

@@ -1,0 +1,261 @@
+"""The command line: exit statuses, sentences, and what it asks of the rest."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from anmstrip import progress
+from anmstrip.command_line import main
+from anmstrip.scene import InputError
+from anmstrip.scene.errors import Mistake
+
+CAPSTAN = str(Path(__file__).parent / "scene" / "capstan.toml")
+MISTAKE = InputError([Mistake("strip.msh", "edges.entry", None, "a named edge", "one of: exit")])
+
+
+@dataclass
+class FakeRun:
+    """Stands in for a run: three steps, then an end as asked for."""
+
+    scene: Any
+    directory: Path
+    resume: bool = False
+    end: BaseException | None = None
+    done: bool = True
+    message: str = "Reached the end."
+    saved: list[bool] = field(default_factory=list)
+
+    @property
+    def outcome(self) -> SimpleNamespace:
+        return SimpleNamespace(done=self.done)
+
+    def interrupted(self) -> None:
+        self.saved.append(True)
+
+    def __iter__(self) -> Iterator[SimpleNamespace]:
+        for step in (1, 2, 3):
+            yield step_at(step)
+        if self.end is not None:
+            raise self.end
+
+
+def step_at(step: int, ratio: float | None = 1.25) -> SimpleNamespace:
+    return SimpleNamespace(
+        stage="turn",
+        time=step / 5,
+        end_time=0.6,
+        fraction=step / 3,
+        step=step,
+        tangents=2 * step,
+        tension_ratio=ratio,
+    )
+
+
+class Fakes:
+    """Puts functions where the commands look for them, and keeps what was called."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.monkeypatch = monkeypatch
+        self.calls: list[Any] = []
+
+    def put(self, module: str, name: str, result: Any) -> None:
+        fake = ModuleType(module)
+        setattr(fake, name, lambda *given, **named: self._called(result, given, named))
+        self.monkeypatch.setitem(sys.modules, module, fake)
+
+    def put_run(self, **ending: Any) -> None:
+        def made(scene: Any, directory: Path, resume: bool) -> FakeRun:
+            return FakeRun(scene, directory, resume, **ending)
+
+        self.put("anmstrip.scene.run", "Run", made)
+
+    def _called(self, result: Any, given: tuple[Any, ...], named: dict[str, Any]) -> Any:
+        if isinstance(result, Exception):
+            raise result
+        made = result(*given, **named) if callable(result) else result
+        self.calls.append((given, named, made))
+        return made
+
+
+@pytest.fixture
+def fakes(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Fakes:
+    monkeypatch.chdir(tmp_path)
+    return Fakes(monkeypatch)
+
+
+def typed(*arguments: str) -> Result:
+    result = CliRunner().invoke(main, arguments)
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    assert "Traceback" not in result.output
+    return result
+
+
+def test_run_that_is_done(fakes: Fakes) -> None:
+    fakes.put_run()
+    result = typed("run", CAPSTAN)
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert result.stdout.splitlines() == [
+        "Reached the end.",
+        "Results in results/capstan. Next: anmstrip render results/capstan",
+    ]
+
+
+def test_run_is_given_what_was_typed(fakes: Fakes) -> None:
+    fakes.put_run()
+    result = typed("run", CAPSTAN, "-o", "there", "--set", "rollers.r1.radius=0.3", "--resume")
+    ((_, _, run),) = fakes.calls
+    assert result.exit_code == 0
+    assert (run.directory, run.resume) == (Path("there"), True)
+    assert run.scene.rollers[0].radius == 0.3
+
+
+def test_run_that_stops_early(fakes: Fakes) -> None:
+    fakes.put_run(done=False, message="The path turned back at t = 0.4 s.")
+    result = typed("run", CAPSTAN, "--quiet")
+    assert result.exit_code == 1
+    assert "turned back" in result.stdout
+    assert "results/capstan" in result.stdout
+
+
+def test_run_that_is_interrupted(fakes: Fakes) -> None:
+    fakes.put_run(end=KeyboardInterrupt())
+    result = typed("run", CAPSTAN)
+    ((_, _, run),) = fakes.calls
+    assert (result.exit_code, run.saved) == (1, [True])
+    assert "Interrupted" in result.stdout
+    assert "--resume" in result.stdout
+
+
+def test_run_on_a_full_disk(fakes: Fakes) -> None:
+    fakes.put_run(end=OSError(28, "No space left on device", "strip_3.vtu"))
+    result = typed("run", CAPSTAN)
+    assert result.exit_code == 1
+    assert "strip_3.vtu: No space left on device" in result.stderr
+
+
+def test_run_refused_by_its_mesh(fakes: Fakes) -> None:
+    fakes.put("anmstrip.scene.run", "Run", MISTAKE)
+    result = typed("run", CAPSTAN)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr == f"{MISTAKE}\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", "none.toml"], "none.toml"),
+        (["run", CAPSTAN, "--set", "strip.widht=1"], "width (the nearest known one)"),
+        (["run", CAPSTAN, "--set", "strip.width=-1", "--set", "x"], "above 0 (m)"),
+        (["run", CAPSTAN, "--set", "strip.width=-1", "--set", "x"], "KEY=VALUE"),
+        (["run", CAPSTAN, "-o", "a_file"], "a_file"),
+        (["run", CAPSTAN, "--fast"], "--fast"),
+        (["run"], "SCENE.toml"),
+        (["explain", "none.toml"], "none.toml"),
+        (["case", "pressed-plane", "--set", "f=a", "--set", "q"], "--set f=a"),
+        (["case", "pressed-plane", "--set", "f=a", "--set", "q"], "--set q"),
+        (["case", "pressed-plane", "--set", "f=nan"], "a finite number"),
+        (["case", "pressed-plane", "--order", "1"], "--order"),
+        (["case", "pressed-plane", "--scheme", "euler"], "taylor"),
+        (["draw"], "draw"),
+    ],
+)
+def test_wrong_input_is_told_and_nothing_is_written(
+    fakes: Fakes, tmp_path: Path, arguments: list[str], words: str
+) -> None:
+    (tmp_path / "a_file").touch()
+    fakes.put_run()
+    fakes.put("anmstrip.scene.explain", "explain", "")
+    fakes.put("anmstrip.studies.cases", "run_case", "")
+    result = typed(*arguments)
+    assert (result.exit_code, result.stdout, fakes.calls) == (2, "", [])
+    assert words in result.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["a_file"]
+
+
+def test_explain(fakes: Fakes) -> None:
+    fakes.put(
+        "anmstrip.scene.explain", "explain", lambda scene: f"a strip of {scene.strip.width} m"
+    )
+    result = typed("explain", CAPSTAN)
+    assert (result.exit_code, result.stdout) == (0, "a strip of 1.0 m\n")
+
+
+def test_case(fakes: Fakes) -> None:
+    fakes.put("anmstrip.studies.cases", "run_case", "a table")
+    result = typed("case", "moving-plane", "--order", "15", "--set", "f=0.4", "--set", "V_c=2")
+    assert (result.exit_code, result.stdout) == (0, "a table\n")
+    ((given, named, _),) = fakes.calls
+    assert given == ("moving-plane",)
+    assert named == {
+        "order": 15,
+        "tolerance": 1e-4,
+        "settings": {"f": 0.4, "V_c": 2.0},
+        "scheme": "taylor",
+        "directory": Path("results/moving-plane"),
+    }
+
+
+def test_unknown_case(fakes: Fakes) -> None:
+    fakes.put("anmstrip.studies.cases", "run_case", MISTAKE)
+    assert typed("case", "moving-plain").exit_code == 2
+
+
+def test_render(fakes: Fakes) -> None:
+    fakes.put("anmstrip.output.pictures", "render", [Path("a/one.png"), Path("a/two.png")])
+    result = typed("render", "a", "--field", "gap", "--movie")
+    assert (result.exit_code, result.stdout) == (0, "a/one.png\na/two.png\n")
+    ((given, named, _),) = fakes.calls
+    assert (given, named) == ((Path("a"),), {"field": "gap", "movie": True})
+
+
+def test_unknown_field(fakes: Fakes) -> None:
+    fakes.put("anmstrip.output.pictures", "render", MISTAKE)
+    assert typed("render", "a").exit_code == 2
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_progress_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "200")
+    stream = Terminal()
+    steps = [step_at(1), step_at(3)]
+    assert list(progress.watched(steps, stream)) == steps
+    assert "turn, t = 0.6 of 0.6 s, 6 tangents, tension ratio 1.2500" in stream.getvalue()
+
+
+def test_progress_elsewhere_is_a_line_now_and_then() -> None:
+    stream = io.StringIO()
+    steps = [step_at(1), step_at(2, ratio=None), step_at(3)]
+    assert list(progress.watched(steps, stream, interval=0.0)) == steps
+    first, second, _ = stream.getvalue().splitlines()
+    assert first.startswith("turn, t = 0.2 of 0.6 s, 2 tangents, tension ratio 1.2500, ")
+    assert "ratio" not in second
+    stream = io.StringIO()
+    assert list(progress.watched(steps, stream, interval=1e9)) == steps
+    assert not stream.getvalue()
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = (
+        "import sys, anmstrip.command_line as c\n"
+        "try: c.main(['--help'])\n"
+        "except SystemExit as end: assert end.code == 0\n"
+        "print('heavy:', sorted({'numpy', 'scipy', 'skfem', 'pyvista'} & set(sys.modules)))"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "case" in ended.stdout
+    assert ended.stdout.endswith("heavy: []\n")
