@@ -140,9 +140,10 @@ def expand(
     parameter : Parameter
         Meaning and scale of the path parameter.
     tolerance : float
-        Error that is wanted.  Two successive terms far below it at
-        ``parameter.reach`` end the series; an initial imbalance above it is taken
-        away over the whole reach, a smaller one up to a = 1.
+        Largest imbalance that is wanted.  Where two successive orders would leave
+        less than a tenth of it at ``parameter.reach``, the series ends.  An initial
+        imbalance above it is taken away over the whole reach, a smaller one up to
+        a = 1.
     cost : Cost, optional
         Counters to add to.
 
@@ -175,7 +176,7 @@ def expand(
     away = equations.imbalance(recurrence.residual) > tolerance and np.isfinite(parameter.reach)
     carried_over = parameter.reach if away else 1.0
     border = _Border(equations, per_control, parameter)
-    u_orders, control_orders = [u], [control]
+    u_orders, control_orders, unseen = [u], [control], 0
     for k in range(1, order + 1):
         if k == 1:
             right = recurrence.residual / carried_over
@@ -189,7 +190,9 @@ def expand(
             recurrence.correct(k, u_k, control_k)
         u_orders.append(u_k)
         control_orders.append(control_k)
-        if _ended(equations, u_orders, parameter.reach, 0.01 * tolerance):
+        left_out = equations.imbalance(right) * parameter.reach**k if k > 1 else np.inf
+        unseen = unseen + 1 if left_out <= 0.1 * tolerance else 0
+        if unseen == 2:
             break
     return Branch(
         u=np.array(u_orders),
@@ -224,14 +227,6 @@ class _Border:
         if not self.arclength:
             return imposed
         return (imposed - self.equations.inner(self.t_u, free)) / self.along
-
-
-def _ended(equations: Equations, u: list[Array], reach: float, negligible: float) -> bool:
-    """Whether the last two terms cannot be seen within reach."""
-    k = len(u) - 1
-    if k < 3 or negligible <= 0.0 or not np.isfinite(reach):
-        return False
-    return all(size(equations, u[j]) * reach**j <= negligible for j in (k - 1, k))
 
 
 def size(equations: Equations, u: Array) -> float:

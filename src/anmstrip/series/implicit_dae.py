@@ -21,7 +21,7 @@ Source for the formulas: Hairer, Nørsett & Wanner, *Solving ODEs I* (1993), §I
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -35,6 +35,10 @@ Array = NDArray[np.float64]
 
 GROWTH = 2.0
 """Largest ratio of successive steps; the second-order formula is stable up to 1 + √2."""
+
+
+SETTLING = 0.01
+"""First instant after a start, as a fraction of the first step."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +61,10 @@ class RateEquations(Protocol):
         """The equations of the step from t to t + h, with λ ∈ [0, 1] as control."""
 
     def error(self, u: Array, change: Array) -> float:
-        """Size of an error ``change`` of the state u in the problem's own scales."""
+        """Size of an error ``change`` of the state u that lasts, in the problem's scales."""
+
+    def fading_error(self, u: Array, change: Array) -> float:
+        """Size of those consequences of ``change`` that the motion forgets, likewise."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +80,7 @@ class TimeStep:
     order : int
         Of the formula.
     error : float
-        Estimated local error.
+        Estimated local error, over what is allowed.
     imbalance : float
     branches : int
         Tangents that the step took.
@@ -182,6 +189,8 @@ def integrate(
     """
     cost = Cost() if cost is None else cost
     integrator = _Integrator(equations, solver, settings, whole, time_order, cost)
+    if memory.available == 1:
+        memory = integrator.settled(memory)
     for _ in range(settings.max_steps):
         step = integrator.step(memory, end)
         yield step
@@ -233,14 +242,26 @@ class _Integrator:
                 reason, h, barred = str(stopped), 0.25 * (new - t), True
                 continue
             error = self._error(memory, trial.u, new, order)
-            allowed = self.settings.tolerance * (new - t) / self.whole
-            ratio = self._ratio(error, allowed, order)
-            if error <= allowed:
+            ratio = self._ratio(error, order)
+            if error <= 1.0:
                 growth = min(ratio, 1.0 if barred else GROWTH)
                 return self._accepted(memory, trial, new, (order, error, growth))
             h, barred = max(0.1, min(ratio, 0.9)) * (new - t), True
-            reason = f"error in time {error:.2g}"
+            reason = f"the error in time is {error:.2g} times what is allowed"
         raise PathStopped(Outcome.STALLED, t, reason)
+
+    def settled(self, memory: Memory) -> Memory:
+        """The same start with the velocity that is there after the first instant.
+
+        Stick and elasticity settle within (friction slope)/(stiffness), about a
+        microsecond for steel: the velocity jumps there, the state does not.
+        """
+        t = memory.times[0]
+        try:
+            trial = self._trial(memory, t + SETTLING * memory.step, 1)
+        except PathStopped:
+            return memory
+        return replace(memory, v=trial.v)
 
     def _trial(self, memory: Memory, new: float, order: int) -> _Trial:
         t, u = memory.times[0], memory.states[0]
@@ -258,7 +279,10 @@ class _Integrator:
         return _Trial(u, velocity(u, 1.0), step.imbalance, branches)
 
     def _error(self, memory: Memory, u: Array, new: float, order: int) -> float:
-        """Local error from the predictor through order + 1 past states.
+        """Local error over what is allowed, from the predictor through order + 1 past states.
+
+        What lasts may add up to the tolerance over the whole time; what fades may
+        be as large as the tolerance in every step.
 
         The predictor's error is Π(new − t_j) u^(k+1)/(k+1)!, the formula's is
         that times 1/(rate (new − t_k)), so their ratio is known.
@@ -271,12 +295,13 @@ class _Integrator:
         else:
             guess = memory.states[0] + (new - times[0]) * memory.v
             factor = 0.5
-        return self.equations.error(u, factor * (u - guess))
+        local = factor * (u - guess)
+        share = (new - memory.times[0]) / self.whole
+        lasting = self.equations.error(u, local) / share
+        return max(lasting, self.equations.fading_error(u, local)) / self.settings.tolerance
 
-    def _ratio(self, error: float, allowed: float, order: int) -> float:
-        if error == 0.0:
-            return GROWTH
-        return float((0.5 * allowed / error) ** (1.0 / order))
+    def _ratio(self, error: float, order: int) -> float:
+        return GROWTH if error == 0.0 else float((0.5 / error) ** (1.0 / order))
 
     def _accepted(
         self, memory: Memory, trial: _Trial, new: float, judged: tuple[int, float, float]

@@ -3,7 +3,7 @@
 A law written for floats, ``law(x)``, is called once on :class:`Series` made by
 a :class:`Tape`.  The call computes order 0 and records the operations; the tape
 then finds order after order, each from the ones below, by the classical
-recurrences (see :mod:`anmstrip.series.recurrences`).  All orders up to N cost
+recurrences (see :mod:`anmstrip.series.recurrences` and its neighbours).  All orders up to N cost
 O(N²) multiplications, and nothing is traced again.
 
 Every recurrence splits an order into what is known from the orders below, and
@@ -20,21 +20,24 @@ things from one recording:
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import recurrences as rec
+from .arrangements import Index, LinearMap, Sum
+from .dispatch import COMPARISONS, FUNCTIONS, UFUNCS
+from .recurrences import Operation
 
 Array = NDArray[np.float64]
-
-_COMPARISONS = {np.greater, np.greater_equal, np.less, np.less_equal, np.isfinite}
 
 
 class Series(np.lib.mixins.NDArrayOperatorsMixin):
     """An array whose entries are truncated power series of one parameter.
+
+    A series lives as long as its tape is kept.
 
     Attributes
     ----------
@@ -46,17 +49,25 @@ class Series(np.lib.mixins.NDArrayOperatorsMixin):
         Of one coefficient.
     """
 
-    __slots__ = ("coefficients", "known", "ndim", "operation", "shape", "tape")
+    __slots__ = ("_tape", "coefficients", "known", "ndim", "operation", "shape")
     __array_priority__ = 1000
     __hash__ = object.__hash__
 
-    def __init__(self, tape: Tape, value: Array, operation: rec.Operation | None = None) -> None:
-        self.tape = tape
+    def __init__(self, tape: Tape, value: Array, operation: Operation | None = None) -> None:
+        self._tape = weakref.ref(tape)  # no cycle: memory is free as soon as the tape is
         self.coefficients: Array = np.zeros((tape.order + 1, *value.shape))
         self.coefficients[0] = value
         self.operation = operation
         self.shape, self.ndim = value.shape, value.ndim
         self.known: Array | None = None
+
+    @property
+    def tape(self) -> Tape:
+        """Where the operations on this series are recorded."""
+        tape = self._tape()
+        if tape is None:
+            raise ReferenceError("the tape of this series has gone; keep it while using the series")
+        return tape
 
     @property
     def value(self) -> Array:
@@ -67,22 +78,22 @@ class Series(np.lib.mixins.NDArrayOperatorsMixin):
         return f"Series(shape={self.shape}, order={self.tape.order})"
 
     def __getitem__(self, index: Any) -> Series:
-        return self.tape.record(rec.Index(self, index))
+        return self.tape.record(Index(self, index))
 
-    def sum(self, axis: int = 0) -> Series:
-        """Sum along one axis."""
-        return self.tape.record(rec.Sum(self, axis))
+    def sum(self, axis: int | None = None) -> Series:
+        """Sum along one axis, or over all of them."""
+        return self.tape.record(Sum(self, axis))
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         if method != "__call__" or options:
             return NotImplemented
-        if ufunc in _COMPARISONS:
+        if ufunc in COMPARISONS:
             return ufunc(*(x.value if isinstance(x, Series) else x for x in inputs))
-        build = _UFUNCS.get(ufunc)
+        build = UFUNCS.get(ufunc)
         return NotImplemented if build is None else build(self.tape, *inputs)
 
     def __array_function__(self, function: Any, types: Any, args: Any, kwargs: Any) -> Any:
-        build = _FUNCTIONS.get(function)
+        build = FUNCTIONS.get(function)
         return NotImplemented if build is None else build(self.tape, *args, **kwargs)
 
 
@@ -111,7 +122,7 @@ class Tape:
     def __init__(self, order: int) -> None:
         self.order = order
         self.inputs: list[Series] = []
-        self.computed: list[Series] = []
+        self.computed: list[tuple[Series, Operation]] = []
 
     def variable(self, value: ArrayLike) -> Series:
         """New input; its higher coefficients are the caller's to set."""
@@ -119,11 +130,11 @@ class Tape:
         self.inputs.append(series)
         return series
 
-    def record(self, operation: rec.Operation) -> Series:
+    def record(self, operation: Operation) -> Series:
         """Compute order 0 of an operation and remember it."""
         series = Series(self, operation.start(), operation)
-        operation.result = series
-        self.computed.append(series)
+        operation.result = series.coefficients
+        self.computed.append((series, operation))
         return series
 
     def advance(self, k: int) -> None:
@@ -131,14 +142,8 @@ class Tape:
         for series in self.inputs:
             coefficient = series.coefficients[k]
             series.known = coefficient if coefficient.any() else None
-        for series in self.computed:
-            operation = _operation(series)
-            known = operation.remainder(k)
-            linear = operation.linear([x.known for x in operation.operands])
-            if known is None:
-                known = linear
-            elif linear is not None:
-                known = known + linear
+        for series, operation in self.computed:
+            known = operation.at(k, [x.known for x in operation.operands])
             series.coefficients[k] = 0.0 if known is None else known
             series.known = known
 
@@ -170,9 +175,8 @@ class Tape:
 
     def _propagated(self, changes: Mapping[Series, Array]) -> dict[Series, Array | None]:
         found: dict[Series, Array | None] = dict.fromkeys(self.inputs)
-        found.update(changes)
-        for series in self.computed:
-            operation = _operation(series)
+        found.update((x, np.asarray(change)) for x, change in changes.items())
+        for series, operation in self.computed:
             found[series] = operation.linear([found[x] for x in operation.operands])
         return found
 
@@ -221,86 +225,9 @@ def derivative_coefficients(coefficients: Array) -> Array:
     return coefficients[1:] * orders.reshape((-1,) + (1,) * (coefficients.ndim - 1))
 
 
-def _operation(series: Series) -> rec.Operation:
-    assert series.operation is not None
-    return series.operation
-
-
-def _add(tape: Tape, a: Any, b: Any) -> Series:
-    return tape.record(rec.Add(a, b))
-
-
-def _subtract(tape: Tape, a: Any, b: Any) -> Series:
-    return tape.record(rec.Add(a, b, sign=-1.0))
-
-
-def _multiply(tape: Tape, a: Any, b: Any) -> Series:
-    if isinstance(a, Series) and isinstance(b, Series):
-        return tape.record(rec.Square(a) if a is b else rec.Multiply(a, b))
-    series, constant = (a, b) if isinstance(a, Series) else (b, a)
-    return tape.record(rec.Scale(series, constant))
-
-
-def _divide(tape: Tape, a: Any, b: Any) -> Series:
-    if isinstance(b, Series):
-        return tape.record(rec.Divide(a, b))
-    return tape.record(rec.Scale(a, 1.0 / np.asarray(b, dtype=float)))
-
-
-def _power(tape: Tape, a: Any, exponent: Any) -> Any:
-    if isinstance(exponent, Series):
-        return tape.record(rec.Exp(exponent * np.log(a)))
-    if exponent == int(exponent) and 0 < exponent <= 4:
-        half = a if exponent < 4 else a * a
-        return {1: lambda: a, 2: lambda: a * a, 3: lambda: a * a * a, 4: lambda: half * half}[
-            int(exponent)
-        ]()
-    return tape.record(rec.Power(a, float(exponent)))
-
-
-def _matmul(tape: Tape, a: Any, b: Any) -> Series:
-    if isinstance(a, Series) or np.ndim(a) != 2:
-        return NotImplemented
-    return tape.record(rec.Einsum("ij,j...->i...", a, b))
-
-
-def _where(tape: Tape, condition: Any, a: Any, b: Any) -> Series:
-    chosen = np.asarray(condition, dtype=float)
-    return a * chosen + b * (1.0 - chosen)
-
-
-def _unary(kind: type[rec.Operation]) -> Callable[[Tape, Series], Series]:
-    return lambda tape, a: tape.record(kind(a))
-
-
-_UFUNCS: dict[Any, Callable[..., Any]] = {
-    np.add: _add,
-    np.subtract: _subtract,
-    np.multiply: _multiply,
-    np.divide: _divide,
-    np.power: _power,
-    np.matmul: _matmul,
-    np.negative: lambda tape, a: tape.record(rec.Scale(a, -1.0)),
-    np.square: _unary(rec.Square),
-    np.sqrt: _unary(rec.SquareRoot),
-    np.exp: _unary(rec.Exp),
-    np.log: _unary(rec.Log),
-    np.tanh: _unary(rec.Tanh),
-    np.sin: _unary(rec.Sine),
-    np.cos: _unary(rec.Cosine),
-}
-
-_FUNCTIONS: dict[Any, Callable[..., Any]] = {
-    np.einsum: lambda tape, subscripts, a, b: tape.record(rec.Einsum(subscripts, a, b)),
-    np.where: _where,
-    np.sum: lambda tape, a, axis=0: a.sum(axis),
-    np.stack: lambda tape, arrays, axis=0: tape.record(rec.Stack(arrays, axis)),
-}
-
-
 def linear_map(operator: Callable[[Array], Array], x: Series) -> Series:
     """Image of a series under a linear function of arrays (constant, no offset).
 
     ``operator`` is called on one coefficient at a time.
     """
-    return x.tape.record(rec.LinearMap(operator, x))
+    return x.tape.record(LinearMap(operator, x))

@@ -1,0 +1,441 @@
+"""Effects joined to equations: residual series and one sparse tangent.
+
+A :class:`Model` is a strip with a list of effects.  With supports and controls
+it makes :class:`Equilibrium`, the equations R(u, λ) = 0 of one stage or one time
+step, in the free unknowns; :class:`Motion` is a stage in which the effects also
+look at velocities.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+
+from .mechanics.cells import Pattern, Restriction
+from .mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
+from .mechanics.membrane import Membrane
+from .mechanics.strip import Strip
+from .series.implicit_dae import AffineVelocity
+from .series.power_series import Series, Tape
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Scales:
+    """What errors are measured against.
+
+    Attributes
+    ----------
+    length : float
+        m, for positions.
+    force : float
+        N, for imbalances.
+    tension : float
+        N/m, for membrane forces.
+    """
+
+    length: float
+    force: float
+    tension: float
+
+
+@dataclass(frozen=True)
+class Controls:
+    """Given quantities, linear in λ: value(λ) = start + λ slope."""
+
+    start: Mapping[str, Array]
+    slope: Mapping[str, Array] = field(default_factory=dict)
+
+    def at(self, control: Any) -> dict[str, Any]:
+        """Values at λ, a number or a series; what does not change stays an array."""
+        return {
+            name: value + control * self.slope[name] if name in self.slope else value
+            for name, value in self.start.items()
+        }
+
+    def rate(self, name: str) -> Array | float:
+        """Derivative of one control with respect to λ."""
+        return self.slope.get(name, 0.0)
+
+
+@dataclass(frozen=True)
+class Supports:
+    """Which unknowns are free, and the motion of the others: u = start + λ slope.
+
+    Attributes
+    ----------
+    free : ndarray of int
+        Numbers of the free unknowns.
+    start, slope : ndarray, shape (unknowns,)
+        Zero at the free unknowns.
+    """
+
+    free: Index
+    start: Array
+    slope: Array
+
+    def full(self, u: Array, control: float) -> Array:
+        """All unknowns from the free ones, shape (unknowns,)."""
+        whole = self.start + control * self.slope
+        whole[self.free] = u
+        return whole
+
+    def change(self, u: Array, control: float) -> Array:
+        """Change of all unknowns with a change of the free ones and of λ."""
+        whole = control * self.slope
+        whole[self.free] = u
+        return whole
+
+
+class Model:
+    """A strip and the effects that act on it.
+
+    Parameters
+    ----------
+    strip : Strip
+    pattern : Pattern
+    effects : sequence of Effect
+    scales : Scales
+
+    Attributes
+    ----------
+    seconds : dict
+        Time spent in every effect so far.
+    """
+
+    def __init__(
+        self, strip: Strip, pattern: Pattern, effects: Sequence[Effect], scales: Scales
+    ) -> None:
+        self.strip, self.pattern, self.scales = strip, pattern, scales
+        self.effects = tuple(effects)
+        self.seconds = {effect.name: 0.0 for effect in effects}
+        self.value_unknowns = (3 * strip.node_values[:, None] + np.arange(3)).ravel()
+        self.units = np.repeat(strip.dof_lengths, 3)
+        self._restrictions: dict[bytes, Restriction] = {}
+
+    @property
+    def rate_dependent(self) -> bool:
+        """Whether any effect looks at the velocity."""
+        return any(getattr(effect, "rate_dependent", False) for effect in self.effects)
+
+    def restriction(self, free: Index) -> Restriction:
+        """Assembler over the free unknowns, remembered."""
+        return self._restrictions.setdefault(free.tobytes(), self.pattern.restricted(free))
+
+    def force(self, full: Array, velocity: Array | None, controls: Mapping[str, Any]) -> Array:
+        """Residual of all unknowns in plain numbers: internal minus external forces."""
+        total = np.zeros_like(full)
+        for effect in self.effects:
+            begin = time.perf_counter()
+            total += _force(effect, full, velocity, controls)
+            self.seconds[effect.name] += time.perf_counter() - begin
+        return total
+
+    def tension_error(self, full: Array, change: Array) -> float:
+        """Root mean square of the membrane forces of a change, over the tension scale."""
+        for effect in self.effects:
+            if isinstance(effect, Membrane):
+                forces = effect.change(full, change)
+                weights = effect.operator.weights
+                mean = np.einsum("abp,abp,p->", forces, forces, weights) / weights.sum()
+                return float(np.sqrt(mean)) / self.scales.tension
+        return 0.0
+
+
+def _force(
+    effect: Effect, full: Array, velocity: Array | None, controls: Mapping[str, Any]
+) -> Array:
+    if isinstance(effect, LinearEffect):
+        return effect.force(full)
+    if isinstance(effect, LoadEffect):
+        return effect.force(controls[effect.control])
+    operator = effect.operator
+    v = operator.apply(velocity) if effect.rate_dependent and velocity is not None else None
+    return operator.gather(effect.law(operator.apply(full), v, controls))
+
+
+class Equilibrium:
+    """R(u, λ) = 0 of the free unknowns; implements the series wing's ``Equations``.
+
+    Parameters
+    ----------
+    model : Model
+    supports : Supports
+    controls : Controls
+    velocity : AffineVelocity, optional
+        v of the free unknowns as a function of u and λ; needed with friction.
+    duration : float
+        Time that λ = 1 stands for, for the velocity of what is moved.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        supports: Supports,
+        controls: Controls,
+        velocity: AffineVelocity | None = None,
+        duration: float = 1.0,
+    ) -> None:
+        self.model, self.supports, self.controls = model, supports, controls
+        self.velocity, self.duration = velocity, duration
+        size = model.scales
+        self.free_units = 1.0 / model.units[supports.free]
+        self.is_value = np.isin(supports.free, model.value_unknowns)
+        self.metric = self.is_value / (size.length**2 * len(model.strip.node_values))
+
+    def full_velocity(self, u: Array, control: float) -> Array | None:
+        """Velocity of all unknowns, or ``None`` where nothing depends on it."""
+        if self.velocity is None:
+            return None
+        whole = self.supports.slope / self.duration
+        whole[self.supports.free] = self.velocity(u, control)
+        return whole
+
+    def recurrence(self, u: Array, control: float, order: int) -> EquilibriumSeries:
+        """Start the series at a point."""
+        return EquilibriumSeries(self, u, control, order)
+
+    def residual(self, u: Array, control: float) -> Array:
+        """Imbalance of the free unknowns, shape (free,)."""
+        full = self.supports.full(u, control)
+        forces = self.model.force(
+            full, self.full_velocity(u, control), self.controls.at(control)
+        )
+        return forces[self.supports.free]
+
+    def inner(self, u: Array, w: Array) -> float:
+        """Mean over the nodes of the product of positions, over the length scale squared."""
+        return float((u * self.metric) @ w)
+
+    def imbalance(self, residual: Array) -> float:
+        """Norm of nodal forces (moments over element size) over the force scale."""
+        return float(np.linalg.norm(residual / self.free_units)) / self.model.scales.force
+
+
+class EquilibriumSeries:
+    """Orders of R at one point; implements the series wing's ``Recurrence``."""
+
+    def __init__(self, equations: Equilibrium, u: Array, control: float, order: int) -> None:
+        self.equations, self.model = equations, equations.model
+        self.free = equations.supports.free
+        full = equations.supports.full(u, control)
+        velocity = equations.full_velocity(u, control)
+        self.parts = [
+            _evolution(effect, order, full, velocity, control, equations.controls)
+            for effect in self.model.effects
+        ]
+        self.residual = self._summed(lambda part: part.residual())
+
+    def _summed(self, contribution: Any) -> Array:
+        total = np.zeros(self.model.strip.unknowns)
+        for part in self.parts:
+            begin = time.perf_counter()
+            found = contribution(part)
+            if found is not None:
+                total += found
+            self.model.seconds[part.effect.name] += time.perf_counter() - begin
+        return total[self.free]
+
+    def tangent(self) -> csc_matrix:
+        """∂R/∂u + rate ∂R/∂v over the free unknowns."""
+        blocks = self.model.pattern.zeros()
+        velocity = self.equations.velocity
+        for part in self.parts:
+            begin = time.perf_counter()
+            part.add_tangent(self.model.pattern, blocks, 0.0 if velocity is None else velocity.rate)
+            self.model.seconds[part.effect.name] += time.perf_counter() - begin
+        return self.model.restriction(self.free).matrix(blocks)
+
+    def _changes(self, u: Array, control: float) -> tuple[Array, Array | None]:
+        change = self.equations.supports.change(u, control)
+        velocity = self.equations.velocity
+        if velocity is None:
+            return change, None
+        rate = np.zeros_like(change)
+        rate[self.free] = velocity.rate * u + control * velocity.slope
+        return change, rate
+
+    def control_derivative(self) -> Array:
+        """∂R/∂λ over the free unknowns."""
+        u, v = self._changes(np.zeros(len(self.free)), 1.0)
+        return self._summed(lambda part: part.derivative(u, v, 1.0))
+
+    def advance(self, k: int) -> Array:
+        """Order k of R for u_k = 0 and λ_k = 0."""
+        return self._summed(lambda part: part.advance(k))
+
+    def correct(self, k: int, u: Array, control: float) -> None:
+        """Fix order k of the unknowns in all effects."""
+        change, rate = self._changes(u, control)
+        for part in self.parts:
+            begin = time.perf_counter()
+            part.correct(k, change, rate, control)
+            self.model.seconds[part.effect.name] += time.perf_counter() - begin
+
+
+class _LawSeries:
+    """A pointwise effect on a tape."""
+
+    def __init__(
+        self,
+        effect: LawEffect,
+        order: int,
+        full: Array,
+        velocity: Array | None,
+        control: float,
+        controls: Controls,
+    ) -> None:
+        self.effect, self.operator = effect, effect.operator
+        self.tape = Tape(order)
+        self.x = self.tape.variable(self.operator.apply(full))
+        self.v: Series | None = None
+        if effect.rate_dependent and velocity is not None:
+            self.v = self.tape.variable(self.operator.apply(velocity))
+        self.control = self.tape.variable(control)
+        self.stress = effect.law(self.x, self.v, controls.at(self.control))
+
+    def _seeds(self, u: Array, v: Array | None, control: float) -> dict[Series, Array]:
+        seeds = {self.x: self.operator.apply(u), self.control: np.array(control)}
+        if self.v is not None and v is not None:
+            seeds[self.v] = self.operator.apply(v)
+        return seeds
+
+    def residual(self) -> Array:
+        return self.operator.gather(self.stress.value)
+
+    def derivative(self, u: Array, v: Array | None, control: float) -> Array:
+        return self.operator.gather(
+            self.tape.derivative(self.stress, self._seeds(u, v, control))
+        )
+
+    def advance(self, k: int) -> Array:
+        self.tape.advance(k)
+        return self.operator.gather(self.stress.coefficients[k])
+
+    def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
+        self.tape.correct(k, self._seeds(u, v, control))
+
+    def add_tangent(self, pattern: Pattern, blocks: Array, rate: float) -> None:
+        shape = self.x.shape
+        count = int(np.prod(shape[:-1]))
+        unit = np.eye(count).reshape((count, *shape[:-1], 1))
+        unit = np.broadcast_to(unit, (count, *shape)).copy()
+        seeds = {self.x: unit}
+        if self.v is not None:
+            seeds[self.v] = rate * unit
+        derivative = self.tape.derivative(self.stress, seeds)
+        self.operator.add_tangent(
+            derivative.reshape(shape[:-1] + derivative.shape[1:]), pattern, blocks
+        )
+
+
+class _LinearSeries:
+    """A constant matrix: order k is K u_k."""
+
+    def __init__(self, effect: LinearEffect, full: Array) -> None:
+        self.effect, self.start = effect, full
+
+    def residual(self) -> Array:
+        return self.effect.force(self.start)
+
+    def derivative(self, u: Array, v: Array | None, control: float) -> Array:
+        return self.effect.force(u)
+
+    def advance(self, k: int) -> None:
+        return None
+
+    def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
+        """Nothing to remember."""
+
+    def add_tangent(self, pattern: Pattern, blocks: Array, rate: float) -> None:
+        self.effect.add_tangent(blocks)
+
+
+class _LoadSeries:
+    """A dead load: of order 0 and 1 in λ."""
+
+    def __init__(self, effect: LoadEffect, control: float, controls: Controls) -> None:
+        self.effect = effect
+        self.value = controls.at(control)[effect.control]
+        self.slope = controls.rate(effect.control)
+
+    def residual(self) -> Array:
+        return self.effect.force(self.value)
+
+    def derivative(self, u: Array, v: Array | None, control: float) -> Array | None:
+        return self.effect.force(control * self.slope) if np.any(self.slope) else None
+
+    def advance(self, k: int) -> None:
+        return None
+
+    def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
+        """Nothing to remember."""
+
+    def add_tangent(self, pattern: Pattern, blocks: Array, rate: float) -> None:
+        """Dead loads do not follow."""
+
+
+def _evolution(
+    effect: Effect,
+    order: int,
+    full: Array,
+    velocity: Array | None,
+    control: float,
+    controls: Controls,
+) -> _LawSeries | _LinearSeries | _LoadSeries:
+    if isinstance(effect, LinearEffect):
+        return _LinearSeries(effect, full)
+    if isinstance(effect, LoadEffect):
+        return _LoadSeries(effect, control, controls)
+    return _LawSeries(effect, order, full, velocity, control, controls)
+
+
+class Motion:
+    """A stage in time; implements the series wing's ``RateEquations``.
+
+    Parameters
+    ----------
+    model : Model
+    supports, controls
+        Of the whole stage, λ = 0 at its start and 1 at its end.
+    start, duration : float
+        Times (s).
+    """
+
+    def __init__(
+        self, model: Model, supports: Supports, controls: Controls, start: float, duration: float
+    ) -> None:
+        self.model, self.supports, self.controls = model, supports, controls
+        self.start, self.duration = start, duration
+
+    def during(self, t: float, h: float, velocity: AffineVelocity) -> Equilibrium:
+        """Equations of one time step."""
+        begin, share = (t - self.start) / self.duration, h / self.duration
+        supports = Supports(
+            self.supports.free,
+            self.supports.start + begin * self.supports.slope,
+            share * self.supports.slope,
+        )
+        slope = {name: share * rate for name, rate in self.controls.slope.items()}
+        controls = Controls(self.controls.at(begin), slope)
+        return Equilibrium(self.model, supports, controls, velocity, h)
+
+    def error(self, u: Array, change: Array) -> float:
+        """Largest error in position over the length scale: it is carried along."""
+        moved = np.zeros(self.model.strip.unknowns)
+        moved[self.supports.free] = change
+        return float(np.abs(moved[self.model.value_unknowns]).max()) / self.model.scales.length
+
+    def fading_error(self, u: Array, change: Array) -> float:
+        """Error in membrane force over the tension scale: slip lets it relax."""
+        full, moved = self.supports.start.copy(), np.zeros(self.model.strip.unknowns)
+        full[self.supports.free], moved[self.supports.free] = u, change
+        return self.model.tension_error(full, moved)

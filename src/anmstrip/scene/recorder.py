@@ -1,0 +1,175 @@
+"""The observer of a run: writes what happens, so that it can be read at any moment."""
+
+from __future__ import annotations
+
+import platform
+import time
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anmstrip.output import checkpoint, summary
+from anmstrip.output.collection import Collection
+from anmstrip.output.history import History
+from anmstrip.output.vtk import (
+    Cylinder,
+    roller_length,
+    subdivided,
+    write_rollers,
+    write_surface,
+)
+from anmstrip.scene.build import Assembly
+from anmstrip.scene.fields import Surface
+from anmstrip.scene.measures import State
+
+Array = NDArray[np.float64]
+
+CHECKPOINT_SECONDS = 2.0
+"""Least time between two checkpoints inside a stage."""
+
+STEP_COLUMNS = ("stage", "time", "step", "tangents", "order", "range", "residual")
+
+
+class Recorder:
+    """Writes history, states, checkpoint and summary of a run into a directory.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    directory : Path
+    resumed : tuple (rows, states, time) or None
+        Where an earlier run was when its checkpoint was written.
+    """
+
+    def __init__(
+        self, assembly: Assembly, directory: Path, resumed: tuple[int, int, float] | None = None
+    ) -> None:
+        self.assembly, self.directory = assembly, directory
+        directory.mkdir(parents=True, exist_ok=True)
+        columns = (*STEP_COLUMNS, "entry_tension", "exit_tension", *self._roller_columns())
+        history = directory / "history.csv"
+        if resumed is None:
+            self.rows, self.states, self.due = 0, 0, 0
+            self.history = History(history, columns)
+            for stale in directory.glob("*.pvd"):
+                stale.unlink()
+            self.strip = Collection(directory / "strip.pvd")
+            self.rollers = Collection(directory / "rollers.pvd")
+        else:
+            self.rows, self.states, reached = resumed
+            self.history = History.reopened(history, columns, self.rows)
+            self.strip = Collection.reopened(directory / "strip.pvd", reached)
+            self.rollers = Collection.reopened(directory / "rollers.pvd", reached)
+            times = assembly.scene.output.times or ()
+            self.due = sum(t <= reached for t in times)
+        self.surface = Surface(assembly.strip, assembly.membrane)
+        self.turned = dict.fromkeys((r.name for r in assembly.rollers), 0.0)
+        self.last_checkpoint = 0.0
+
+    def _roller_columns(self) -> list[str]:
+        names = ("normal_force", "drag", "wrap", "max_slip")
+        return [f"{r.name}_{name}" for r in self.assembly.rollers for name in names]
+
+    def row(self, state: State, facts: Mapping[str, Any]) -> None:
+        """Add one accepted step to the history."""
+        values = dict(facts)
+        for edge in ("entry", "exit"):
+            values[f"{edge}_tension"] = state.tension(edge)
+        for name, reading in state.rollers.items():
+            for column in ("normal_force", "drag", "wrap", "max_slip"):
+                values[f"{name}_{column}"] = getattr(reading, column)
+        self.history.append(values)
+        self.rows += 1
+
+    def wanted(self, step: int) -> bool:
+        """Whether the state after an accepted step is to be written, by ``every``."""
+        output = self.assembly.scene.output
+        return output.times is None and step % output.every == 0
+
+    def write_state(self, state: State, at: float | None = None) -> None:
+        """Write the surface and the rollers, and list them."""
+        number = f"{self.states:05d}"
+        instant = state.time if at is None else at
+        fields = self.surface.fields(state)
+        points = self.surface.reference.T + fields["displacement"]
+        smooth = self.assembly.scene.output.smooth
+        cells = self.surface.cells if smooth else subdivided(self.surface.cells)
+        write_surface(self.directory / f"strip_{number}.vtu", points, cells, fields)
+        self.strip.add(instant, f"strip_{number}.vtu")
+        if self.assembly.rollers:
+            write_rollers(self.directory / f"rollers_{number}.vtu", self._cylinders(state))
+            self.rollers.add(instant, f"rollers_{number}.vtu")
+        self.states += 1
+
+    def _cylinders(self, state: State) -> list[Cylinder]:
+        length = roller_length(self.assembly.strip.width)
+        return [
+            Cylinder(
+                tuple(state.controls[f"rollers.{r.name}.centre"]),
+                tuple(r.unit_axis),
+                r.radius,
+                length,
+                self.turned[r.name] / r.radius,
+            )
+            for r in self.assembly.rollers
+        ]
+
+    def turn(self, state: State, before: float) -> None:
+        """Add the surface's travel since the time ``before``, for the rollers' pictures."""
+        h = state.time - before
+        for name in self.turned:
+            speed = float(state.controls[f"rollers.{name}.surface_speed"])
+            slope = float(state.plan.controls.rate(f"rollers.{name}.surface_speed"))
+            self.turned[name] += h * (speed - 0.5 * slope * h / state.plan.duration)
+
+    def checkpoint(
+        self, arrays: Mapping[str, Array], facts: Mapping[str, Any], force: bool = False
+    ) -> None:
+        """Save what is needed to go on, at most every few seconds unless forced."""
+        now = time.monotonic()
+        if not force and now - self.last_checkpoint < CHECKPOINT_SECONDS:
+            return
+        self.last_checkpoint = now
+        counters = {"rows": self.rows, "states": self.states, "turned": self.turned}
+        checkpoint.save(self.directory / "checkpoint.npz", arrays, {**facts, **counters})
+
+    def summary(self, facts: Mapping[str, Any], state: State | None) -> None:
+        """Write ``summary.json``."""
+        edges, rollers = {}, {}
+        if state is not None:
+            strip = self.assembly.strip
+            edges = {
+                name: {"tension": state.tension(name), "force": state.edge_force(name)}
+                for name in strip.edges
+                if name in ("entry", "exit")
+            }
+            rollers = {
+                name: {
+                    key: getattr(reading, key)
+                    for key in (
+                        "normal_force", "drag", "wrap", "tension_in", "tension_out",
+                        "tension_ratio", "max_slip", "creep_speed", "cone_violation",
+                    )
+                }
+                for name, reading in state.rollers.items()
+            }  # fmt: skip
+        summary.write(
+            self.directory / "summary.json",
+            {
+                **facts,
+                "rollers": rollers,
+                "edges": edges,
+                "input": self.assembly.scene.to_dict(),
+                "versions": versions(),
+            },
+        )
+
+
+def versions() -> dict[str, str]:
+    """Versions of this program and of what it stands on."""
+    packages = ("anmstrip", "numpy", "scipy", "scikit-fem", "meshio", "pyvista")
+    return {"python": platform.python_version(), **{name: version(name) for name in packages}}

@@ -1,0 +1,363 @@
+"""The run of a scene: stage after stage, step after step."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anmstrip.model import Equilibrium, Motion
+from anmstrip.output import checkpoint
+from anmstrip.scene.build import Assembly
+from anmstrip.scene.measures import State
+from anmstrip.scene.recorder import Recorder
+from anmstrip.scene.schema import Scene, StageSpec
+from anmstrip.scene.stages import Course, Plan, stretched
+from anmstrip.series import implicit_dae
+from anmstrip.series.continuation import Outcome, PathStopped, Settings, follow
+from anmstrip.series.expansion import Cost
+from anmstrip.series.linear_solvers import SparseSolver
+
+Array = NDArray[np.float64]
+
+FIRST_STEP = 0.01
+"""First time step of a stage as a fraction of its duration; the error control corrects it."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One accepted step of a run.
+
+    Attributes
+    ----------
+    stage : str
+    time, end_time : float
+        s.
+    fraction : float
+        Of the whole run.
+    step, tangents : int
+        Counted over the whole run.
+    tension_ratio : float or None
+        Tension before the first roller over that after it; at the edges without roller.
+    state : State
+    """
+
+    stage: str
+    time: float
+    end_time: float
+    fraction: float
+    step: int
+    tangents: int
+    tension_ratio: float | None
+    state: State
+
+
+class Run:
+    """Iterator over the accepted steps of a scene; writes results as it goes.
+
+    Parameters
+    ----------
+    scene : Scene
+    directory : path, optional
+        Where the results go; nothing is written without.
+    resume : bool
+        Go on from the checkpoint in the directory.
+
+    Attributes
+    ----------
+    outcome : Outcome
+        How the run ended; ``DONE`` only after the last step.
+    message : str
+        The same in a sentence.
+
+    Raises
+    ------
+    InputError
+        The scene's mesh or rollers cannot be used, or there is no checkpoint to resume.
+    """
+
+    def __init__(
+        self, scene: Scene, directory: str | Path | None = None, resume: bool = False
+    ) -> None:
+        self.scene = scene
+        self.directory = None if directory is None else Path(directory)
+        self.assembly = Assembly(scene)
+        self.course = Course(self.assembly)
+        self.full = np.zeros(self.assembly.strip.unknowns)
+        self.velocity = np.zeros_like(self.full)
+        self.cost, self.steps, self.first_stage = Cost(), 0, 0
+        self.effects: dict[str, dict[str, Any]] = {}
+        self.stages: dict[str, dict[str, Any]] = {}
+        self.memory: implicit_dae.Memory | None = None
+        self.state: State | None = None
+        self.outcome, self.message = Outcome.TOO_MANY_STEPS, "The run has not ended."
+        self.begun, self.spent = time.perf_counter(), 0.0
+        self.solver = SparseSolver()
+        self.settings = Settings(
+            order=scene.solver.order,
+            tolerance=scene.solver.tolerance,
+            max_steps=scene.solver.max_steps,
+        )
+        resumed = self._restored() if resume else None
+        self.recorder = (
+            None if self.directory is None else Recorder(self.assembly, self.directory, resumed)
+        )
+
+    @property
+    def end_time(self) -> float:
+        """Sum of the stages' durations (s)."""
+        return sum(stage.duration for stage in self.scene.stages)
+
+    def __iter__(self) -> Iterator[Step]:
+        try:
+            for number, stage in enumerate(self.scene.stages):
+                if number >= self.first_stage:
+                    yield from self._stage(number, stage)
+            self.outcome, self.message = Outcome.DONE, self._done()
+        except PathStopped as stopped:
+            self.outcome = stopped.outcome
+            self.message = self._stopped(stopped)
+        self._finish()
+
+    def interrupted(self) -> None:
+        """Write checkpoint and summary after an interruption."""
+        self.message = "Interrupted."
+        self._checkpoint(force=True)
+        self._finish()
+
+    # stages ------------------------------------------------------------------
+
+    def _stage(self, number: int, stage: StageSpec) -> Iterator[Step]:
+        plan = self._planned(number, stage)
+        begin, before = time.perf_counter(), (self.steps, self.cost.expansions)
+        advance = self._in_time if plan.in_time else self._rate_free
+        try:
+            yield from advance(plan)
+        finally:
+            self._count(plan, begin, before)
+        self.course.finish(stage)
+        self.first_stage, self.memory = number + 1, None
+        if not plan.in_time:
+            self.velocity = np.zeros_like(self.full)
+        self._checkpoint(force=True)
+
+    def _planned(self, number: int, stage: StageSpec) -> Plan:
+        reactions = {}
+        if self.state is not None:
+            for name, control in stage.edges.items():
+                if control.release and name not in self.course.released:
+                    edge = self.assembly.strip.edges[name]
+                    held = self.state.edge_force(name) / edge.length
+                    reactions[name] = held - self.course.values.get(f"{name}.force", np.zeros(3))
+        return self.course.plan(stage, reactions)
+
+    def _rate_free(self, plan: Plan) -> Iterator[Step]:
+        free = plan.supports.free
+        equations = Equilibrium(plan.model, plan.supports, plan.controls)
+        u = self.full[free]
+        if tension := self._slack(plan):
+            u = stretched(self.assembly, tension)[free]
+            equations = _held_at_end(plan)
+        for step in follow(
+            equations, u, solver=self.solver, settings=self.settings, cost=self.cost
+        ):
+            u, control = step.branch.end
+            self.full = plan.supports.full(u, control)
+            facts = (step.branch.order, abs(control - float(step.branch.control[0])))
+            yield self._accepted(plan, control, None, (*facts, step.imbalance))
+
+    def _slack(self, plan: Plan) -> float:
+        """Tension at the end of a stage that first pulls a flat slack strip, else 0.
+
+        A slack flat strip has no transverse stiffness; its uniformly stretched
+        state is known, so that the path starts there.
+        """
+        force = plan.controls.at(1.0).get("exit.force")
+        if force is None or np.any(self.full) or np.any(plan.supports.slope):
+            return 0.0
+        return max(float(force[0]), 0.0)
+
+    def _in_time(self, plan: Plan) -> Iterator[Step]:
+        free, motion = plan.supports.free, Motion(
+            plan.model, plan.supports, plan.controls, plan.start, plan.duration
+        )  # fmt: skip
+        memory = self.memory or implicit_dae.start(
+            plan.start, self.full[free], self.velocity[free], FIRST_STEP * plan.duration
+        )
+        whole = sum(s.duration for s in self.scene.stages if self.assembly.frictional(s))
+        for step in implicit_dae.integrate(
+            motion,
+            memory,
+            plan.start + plan.duration,
+            solver=self.solver,
+            settings=self.settings,
+            whole=whole,
+            time_order=self.scene.solver.time_order,
+            cost=self.cost,
+        ):
+            self.memory = step.memory
+            control = (step.end - plan.start) / plan.duration
+            self.full = plan.supports.full(step.u, control)
+            velocity = plan.supports.slope / plan.duration
+            velocity[free] = step.v
+            self.velocity = velocity
+            facts = (self.settings.order, step.end - step.start, step.imbalance)
+            yield self._accepted(plan, control, velocity, facts)
+
+    # what is written -----------------------------------------------------------
+
+    def _accepted(
+        self, plan: Plan, control: float, velocity: Array | None, facts: tuple[int, float, float]
+    ) -> Step:
+        instant = plan.start + control * plan.duration
+        before = plan.start if self.state is None else self.state.time
+        state = State(plan, instant, control, self.full, velocity)
+        self.state = state
+        self.steps += 1
+        self._record(state, before, facts)
+        return Step(
+            plan.name,
+            instant,
+            self.end_time,
+            instant / self.end_time,
+            self.steps,
+            self.cost.expansions,
+            _ratio(state),
+            state,
+        )
+
+    def _record(self, state: State, before: float, facts: tuple[int, float, float]) -> None:
+        if self.recorder is None:
+            return
+        self.recorder.turn(state, before)
+        names = ("order", "range", "residual")
+        self.recorder.row(
+            state,
+            {
+                "stage": state.plan.name,
+                "time": state.time,
+                "step": self.steps,
+                "tangents": self.cost.expansions,
+                **dict(zip(names, facts, strict=True)),
+            },
+        )
+        if self.recorder.wanted(self.steps):
+            self.recorder.write_state(state)
+        self._checkpoint()
+
+    def _count(self, plan: Plan, begin: float, before: tuple[int, int]) -> None:
+        for effect in plan.model.effects:
+            points = getattr(effect, "points", None)
+            if points is None:
+                points = getattr(getattr(effect, "operator", None), "points", 0)
+            entry = self.effects.setdefault(effect.name, {"points": points, "seconds": 0.0})
+            entry["seconds"] += plan.model.seconds[effect.name]
+        entry = self.stages.setdefault(plan.name, {"steps": 0, "tangents": 0, "seconds": 0.0})
+        entry["steps"] += self.steps - before[0]
+        entry["tangents"] += self.cost.expansions - before[1]
+        entry["seconds"] += time.perf_counter() - begin
+
+    def _finish(self) -> None:
+        if self.recorder is None:
+            return
+        if self.state is not None and self.recorder.states == 0:
+            self.recorder.write_state(self.state)
+        self.recorder.summary(self.facts(), self.state)
+
+    def facts(self) -> dict[str, Any]:
+        """Counters of the run, as in ``summary.json``."""
+        return {
+            "status": "done" if self.outcome.done else self.outcome.name.lower(),
+            "message": self.message,
+            "unknowns": self.assembly.strip.unknowns,
+            "steps": self.steps,
+            "tangents": self.cost.expansions,
+            "factorisations": self.cost.factorisations,
+            "wall_seconds": self.spent + time.perf_counter() - self.begun,
+            "seconds": self.cost.seconds,
+            "linear_solver": self.solver.name,
+            "effects": self.effects,
+            "stages": self.stages,
+        }
+
+    def _done(self) -> str:
+        return (
+            f"Done: {self.end_time:g} s in {self.steps} steps, {self.cost.expansions} tangents, "
+            f"{self.spent + time.perf_counter() - self.begun:.1f} s."
+        )
+
+    def _stopped(self, stopped: PathStopped) -> str:
+        reached = 0.0 if self.state is None else self.state.time
+        stage = self.scene.stages[min(self.first_stage, len(self.scene.stages) - 1)].name
+        return f"Stopped in stage {stage} at t = {reached:.6g} s: {stopped}."
+
+    # checkpoint ------------------------------------------------------------------
+
+    def _checkpoint(self, force: bool = False) -> None:
+        if self.recorder is None:
+            return
+        arrays = {"full": self.full, "velocity": self.velocity}
+        facts: dict[str, Any] = {
+            "stage": self.first_stage,
+            "steps": self.steps,
+            "expansions": self.cost.expansions,
+            "factorisations": self.cost.factorisations,
+            "seconds": self.spent + time.perf_counter() - self.begun,
+            "control": 0.0 if self.state is None else self.state.control,
+            "time": 0.0 if self.state is None else self.state.time,
+            "course_time": self.course.time,
+            "released": sorted(self.course.released),
+            "stages": self.stages,
+            "effects": self.effects,
+        }
+        arrays |= {f"moved.{name}": value for name, value in self.course.moved.items()}
+        arrays |= {f"value.{name}": value for name, value in self.course.values.items()}
+        if self.memory is not None:
+            facts["times"], facts["next_step"] = list(self.memory.times), self.memory.step
+            arrays["states"], arrays["v"] = np.array(self.memory.states), self.memory.v
+        self.recorder.checkpoint(arrays, facts, force)
+
+    def _restored(self) -> tuple[int, int, float]:
+        assert self.directory is not None
+        arrays, facts = checkpoint.load(self.directory / "checkpoint.npz")
+        self.full, self.velocity = arrays["full"], arrays["velocity"]
+        self.first_stage, self.steps = facts["stage"], facts["steps"]
+        self.cost.expansions, self.cost.factorisations = (
+            facts["expansions"], facts["factorisations"],
+        )  # fmt: skip
+        self.spent, self.stages, self.effects = facts["seconds"], facts["stages"], facts["effects"]
+        self.course.time, self.course.released = facts["course_time"], set(facts["released"])
+        for name, value in arrays.items():
+            kind, _, key = name.partition(".")
+            if kind == "moved":
+                self.course.moved[key] = value
+            elif kind == "value":
+                self.course.values[key] = value
+        if "times" in facts:
+            self.memory = implicit_dae.Memory(
+                tuple(facts["times"]), tuple(arrays["states"]), arrays["v"], facts["next_step"]
+            )
+        return facts["rows"], facts["states"], facts["time"]
+
+
+def _held_at_end(plan: Plan) -> Equilibrium:
+    """Equations of a stage with all controls at their final values."""
+    from anmstrip.model import Controls, Supports  # noqa: PLC0415
+
+    supports = Supports(
+        plan.supports.free,
+        plan.supports.start + plan.supports.slope,
+        np.zeros_like(plan.supports.slope),
+    )
+    return Equilibrium(plan.model, supports, Controls(plan.controls.at(1.0)))
+
+
+def _ratio(state: State) -> float | None:
+    for reading in state.rollers.values():
+        return reading.tension_ratio
+    return None

@@ -1,0 +1,121 @@
+"""From the errors of single steps to the error of a whole integration.
+
+A step's error lives on in the later ones: neighbouring solutions of
+R(u, v, t) = 0, u' = v come together or drift apart like exp ∫ μ dt, with the
+logarithmic norm μ of the linearised equation.  Where friction gives way to
+elasticity (a snap) they drift apart by orders of magnitude, and no control of
+single steps can know it beforehand.  So the growth is measured along a computed
+solution, and the integration repeated with a smaller tolerance if need be.
+
+Source: Hairer, Nørsett & Wanner, *Solving ODEs I* (1993), §I.10 for the growth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .continuation import Outcome, PathStopped
+from .taylor_dae import Point, Residual
+
+Array = NDArray[np.float64]
+
+NODES = np.array([0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15)])
+WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
+
+
+class TimePath(Protocol):
+    """A computed solution."""
+
+    knots: Array
+    """Ends of its steps, shape (m + 1,)."""
+
+    errors: Array
+    """What each step adds to the error of u, shape (m,)."""
+
+    def __call__(self, t: float) -> tuple[Array, Array]:
+        """State and velocity at time ``t``."""
+
+
+T = TypeVar("T", bound=TimePath)
+
+
+@dataclass(frozen=True)
+class Controlled(Generic[T]):
+    """A solution with its estimated error.
+
+    Attributes
+    ----------
+    path : TimePath
+    error : float
+        Estimate of the largest error of u at any time.
+    passes : int
+        Integrations that it took.
+    """
+
+    path: T
+    error: float
+    passes: int
+
+
+def growth_rate(residual: Residual, u: Array, v: Array, t: float) -> float:
+    """Rate at which neighbouring solutions drift apart (negative: come together).
+
+    Of the error, the driven part obeys c' = −κ c, where the algebraic part has
+    been eliminated; the rate is the largest eigenvalue of the symmetric part of
+    −κ.  The turning of the directions during a step is neglected.
+    """
+    point = Point.at(residual, u, v, t)
+    rows, P = point.driven
+    if not len(rows):
+        return -np.inf
+    whole = np.stack([p + point.algebraic_part(point.stiffness @ p) for p in P.T], axis=1)
+    kappa = np.linalg.solve(rows @ point.damping @ P, rows @ point.stiffness @ whole)
+    return float(np.linalg.eigvalsh(-0.5 * (kappa + kappa.T))[-1])
+
+
+def estimated(residual: Residual, path: TimePath) -> Array:
+    """Estimated error of u at the knots of a path, shape (m + 1,)."""
+    total, errors = 0.0, [0.0]
+    for start, end, error in zip(path.knots[:-1], path.knots[1:], path.errors, strict=True):
+        times = start + (end - start) * NODES
+        rates = np.array([growth_rate(residual, *path(t), t) for t in times])
+        grown = np.exp(min((end - start) * float(WEIGHTS @ rates), 700.0))
+        total = total * grown + error
+        errors.append(total)
+    return np.array(errors)
+
+
+def controlled(
+    run: Callable[[float], T], residual: Residual, tolerance: float, *, max_passes: int = 6
+) -> Controlled[T]:
+    """Integrate until the estimated error of u is below the tolerance at all times.
+
+    Parameters
+    ----------
+    run : callable
+        ``run(tolerance)`` integrates; the errors of its steps may add up to its
+        argument.
+    residual : callable
+        R(u, v, t), for the growth of errors.
+    tolerance : float
+    max_passes : int
+
+    Raises
+    ------
+    PathStopped
+        If the passes did not suffice, or from ``run``.
+    """
+    allowed = tolerance
+    for passes in range(1, max_passes + 1):
+        path = run(allowed)
+        error = float(estimated(residual, path).max())
+        if error <= tolerance:
+            return Controlled(path, error, passes)
+        allowed *= 0.5 * tolerance / error
+    detail = f"errors grow too much for the tolerance {tolerance:g}"
+    raise PathStopped(Outcome.STALLED, float(path.knots[-1]), detail)
