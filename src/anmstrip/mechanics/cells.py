@@ -1,7 +1,7 @@
 """Linear operators from degrees of freedom to points, and back.
 
 Effects see the strip through these: a cell operator gives derivatives at
-quadrature points, a node operator gives values at mesh nodes.  Each can apply
+quadrature points, a contact operator gives values at surface points.  Each can apply
 itself, gather point forces into generalised forces (its transpose with
 weights), and add Lᵀ w J L to a tangent.
 """
@@ -42,10 +42,6 @@ class Pattern:
     def zeros(self) -> Array:
         """Empty blocks."""
         return np.zeros((3, 3, self.couplings))
-
-    def diagonal(self, scalars: Index) -> Index:
-        """Couplings of the given scalars with themselves."""
-        return np.searchsorted(self.column * self.scalars + self.row, scalars * (self.scalars + 1))
 
     def restricted(self, free: Index) -> Restriction:
         """Maker of sparse matrices over the free unknowns."""
@@ -141,30 +137,92 @@ class CellOperator:
         block += np.bincount(pattern.places, local.ravel(), pattern.couplings)
 
 
-class NodeOperator:
-    """Values at mesh nodes, with areas as weights."""
+SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
 
-    def __init__(self, strip: Strip, pattern: Pattern) -> None:
-        self.values = strip.node_values
-        self.unknowns = strip.unknowns
-        self.weights = strip.tributary_areas
-        self.diagonal = pattern.diagonal(self.values)
+
+class ContactOperator:
+    """Values at the points where contact is looked at, with areas as weights.
+
+    The points are nodes, middles of sides and centres of the elements, the weights
+    Simpson's.  Nodes alone would leave a cubic element free to bow into the roller
+    between them: on two elements across, the pressure of a wrapped strip was off
+    by half of its value.
+
+    Attributes
+    ----------
+    cells : ndarray of int, shape (elements, 9)
+        Points of each element, number i + 3 j of its grid.
+    reference : ndarray, shape (3, points)
+        Reference positions.
+    weights : ndarray, shape (points,)
+        Area that belongs to each point (m²).
+    """
+
+    def __init__(self, strip: Strip) -> None:
+        basis = strip.basis
+        local = unit_grid(3)
+        self.cells, points = joined(basis.mapping.F(local), strip)
+        self.reference = np.vstack([points, np.zeros(points.shape[1])])
+        functions = [basis.elem.gbasis(basis.mapping, local, i)[0] for i in range(basis.Nbfun)]
+        self.table: Array = np.stack([f.value for f in functions], axis=-1)
+        self.dofs = np.ascontiguousarray(basis.element_dofs.T)
+        self.shares = np.prod(strip.cell_sizes, axis=0)[:, None] * np.outer(SIMPSON, SIMPSON).ravel()
+        self.weights: Array = np.bincount(self.cells.ravel(), self.shares.ravel())
+        first = np.unique(self.cells, return_index=True)[1]
+        rows = self.table.reshape(-1, self.table.shape[-1])[first]
+        columns = np.repeat(self.dofs, 9, axis=0)[first]
+        index = (np.repeat(np.arange(len(first)), rows.shape[1]), columns.ravel())
+        self.matrix = csr_matrix((rows.ravel(), index), shape=(len(first), strip.scalars))
+        self.matrix.eliminate_zeros()
+        self.transposed = self.matrix.T.tocsr()
 
     @property
     def points(self) -> int:
-        """Number of nodes."""
-        return len(self.values)
+        """Number of points."""
+        return len(self.weights)
 
     def apply(self, full: Array) -> Array:
-        """Values of the three components, shape (3, nodes)."""
-        return np.ascontiguousarray(full.reshape(-1, 3)[self.values].T)
+        """Values of the three components, shape (3, points)."""
+        return np.ascontiguousarray((self.matrix @ full.reshape(-1, 3)).T)
 
     def gather(self, forces: Array) -> Array:
-        """Generalised forces of forces per area, shape (3, nodes) → (unknowns,)."""
-        total = np.zeros((self.unknowns // 3, 3))
-        total[self.values] = (forces * self.weights).T
-        return total.ravel()
+        """Generalised forces of forces per area, shape (3, points) → (unknowns,)."""
+        return (self.transposed @ (forces * self.weights).T).ravel()
 
     def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Array) -> None:
-        """Add Lᵀ w J L, J[j, i] of shape (3, 3, nodes)."""
-        blocks[:, :, self.diagonal] += (derivative * self.weights).swapaxes(0, 1)
+        """Add Lᵀ w J L, J[j, i] of shape (3, 3, points), where J is not negligible."""
+        size = np.abs(derivative).max(axis=(0, 1))[self.cells].max(axis=1)
+        near = np.flatnonzero(size > 1e-16 * size.max())
+        table, places = self.table[near], pattern.places.reshape(len(self.cells), -1)[near].ravel()
+        transposed = np.ascontiguousarray(table.swapaxes(1, 2))
+        weighted = derivative[:, :, self.cells[near]] * self.shares[near]
+        for i in range(3):
+            for j in range(3):
+                local = transposed @ (weighted[j, i][:, :, None] * table)
+                blocks[i, j] += np.bincount(places, local.ravel(), pattern.couplings)
+
+
+def unit_grid(n: int) -> Array:
+    """n × n grid of the unit square, number i + n j, shape (2, n²)."""
+    steps = np.linspace(0.0, 1.0, n)
+    return np.stack([x.ravel() for x in np.meshgrid(steps, steps)])
+
+
+def joined(grid: Array, strip: Strip) -> tuple[Index, Array]:
+    """Number the points of element grids so that neighbours share them.
+
+    Parameters
+    ----------
+    grid : ndarray, shape (2, elements, points of one)
+    strip : Strip
+
+    Returns
+    -------
+    cells : ndarray of int, shape (elements, points of one)
+    points : ndarray, shape (2, points)
+    """
+    unit = 1e-6 * strip.cell_sizes.min()
+    flat = grid.reshape(2, -1)
+    keys = np.round((flat - flat.min(axis=1)[:, None]) / unit).astype(np.int64)
+    _, first, inverse = np.unique(keys, axis=1, return_index=True, return_inverse=True)
+    return inverse.reshape(grid.shape[1:]), flat[:, first]

@@ -1,4 +1,4 @@
-"""Contact of the strip's nodes with one roller, with or without friction."""
+"""Contact of the strip with one roller, with or without friction."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .cells import NodeOperator
+from .cells import ContactOperator
 from .friction import FrictionLaw
 from .roller import Roller
 from .signorini import RepulsiveSignorini
@@ -19,15 +19,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ContactState:
-    """What a roller does to the nodes.
+    """What a roller does to the points of the strip.
 
     Attributes
     ----------
-    gap : shape (nodes,), m
-    normal : shape (3, nodes)
-    pressure : shape (nodes,), Pa
-    slip : shape (3, nodes), m/s, or None without friction
-    traction : shape (3, nodes), Pa, or None without friction
+    gap : shape (points,), m
+    normal : shape (3, points)
+    pressure : shape (points,), Pa
+    slip : shape (3, points), m/s, or None without friction
+    traction : shape (3, points), Pa, or None without friction
     """
 
     gap: Any
@@ -38,7 +38,7 @@ class ContactState:
 
 
 class Contact:
-    """Node-to-roller contact: tractions R n + R_T per tributary area.
+    """Tractions R n + R_T of a roller at points of the strip.
 
     Controls: ``rollers.NAME.centre`` (m), and with friction also
     ``rollers.NAME.surface_speed`` (m/s) and ``rollers.NAME.velocity`` (m/s, of the
@@ -50,9 +50,7 @@ class Contact:
     signorini : RepulsiveSignorini
         In pressures.
     friction : NortonHoff or Tanh or None
-    operator : NodeOperator
-    nodes : ndarray, shape (3, nodes)
-        Reference positions.
+    operator : ContactOperator
     """
 
     def __init__(
@@ -60,11 +58,10 @@ class Contact:
         roller: Roller,
         signorini: RepulsiveSignorini,
         friction: FrictionLaw | None,
-        operator: NodeOperator,
-        nodes: Array,
+        operator: ContactOperator,
     ) -> None:
         self.roller, self.signorini, self.friction = roller, signorini, friction
-        self.operator, self.nodes = operator, nodes
+        self.operator = operator
 
     @property
     def name(self) -> str:
@@ -78,9 +75,9 @@ class Contact:
         return self.friction is not None
 
     def state(self, u: Any, v: Any, controls: Mapping[str, Any]) -> ContactState:
-        """Gap, pressure and friction of displaced nodes, on arrays or series."""
+        """Gap, pressure and friction of displaced points, on arrays or series."""
         key = f"rollers.{self.roller.name}"
-        gap, normal = self.roller.gap(u + self.nodes, controls[f"{key}.centre"])
+        gap, normal = self.roller.gap(u + self.operator.reference, controls[f"{key}.centre"])
         pressure = self.signorini(gap)
         if self.friction is None:
             return ContactState(gap, normal, pressure)
@@ -92,7 +89,7 @@ class Contact:
         return ContactState(gap, normal, pressure, slip, self.friction(pressure, slip))
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
-        """Residual per area: minus the traction that the roller exerts, (3, nodes)."""
+        """Residual per area: minus the traction that the roller exerts, (3, points)."""
         state = self.state(x, v, controls)
         pushed = state.normal * state.pressure
         return -pushed if state.traction is None else -(pushed + state.traction)

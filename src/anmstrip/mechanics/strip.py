@@ -132,12 +132,6 @@ class Strip:
         return np.ptp(self.mesh.p[:, self.mesh.t], axis=1)
 
     @cached_property
-    def tributary_areas(self) -> Array:
-        """Area that belongs to every node, a quarter of each of its elements (m²)."""
-        areas = np.prod(self.cell_sizes, axis=0) / 4.0
-        return np.bincount(self.mesh.t.ravel(), np.tile(areas, 4), self.mesh.p.shape[1])
-
-    @cached_property
     def dof_lengths(self) -> Array:
         """Unit of every scalar degree of freedom in lengths: 1, 1/h_x, 1/h_y, 1/(h_x h_y).
 

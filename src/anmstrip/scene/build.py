@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from skfem import MeshQuad
 
 from anmstrip.mechanics.bending import isometric_bending
-from anmstrip.mechanics.cells import NodeOperator, Pattern
+from anmstrip.mechanics.cells import ContactOperator, Pattern
 from anmstrip.mechanics.contact import Contact
 from anmstrip.mechanics.effects import Effect, LinearEffect
 from anmstrip.mechanics.friction import FrictionLaw, NortonHoff, Tanh
@@ -83,9 +83,9 @@ class Assembly:
         return isometric_bending(self.strip, self.pattern)
 
     @cached_property
-    def node_operator(self) -> NodeOperator:
-        """Values at the nodes."""
-        return NodeOperator(self.strip, self.pattern)
+    def contact_operator(self) -> ContactOperator:
+        """Where contact is looked at."""
+        return ContactOperator(self.strip)
 
     @cached_property
     def friction(self) -> FrictionLaw | None:
@@ -104,10 +104,7 @@ class Assembly:
             return []
         law = RepulsiveSignorini(c.stiffness, c.eta, c.delta)
         given = self.friction if friction else None
-        return [
-            Contact(roller, law, given, self.node_operator, self.strip.nodes)
-            for roller in self.rollers
-        ]
+        return [Contact(roller, law, given, self.contact_operator) for roller in self.rollers]
 
     def effects(self, stage: StageSpec, forces: set[str], gravity: bool) -> list[Effect]:
         """What acts in a stage.

@@ -6,13 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.mechanics import bending
+from anmstrip.mechanics.cells import ContactOperator, joined, unit_grid
 from anmstrip.mechanics.membrane import FLAT, Membrane
 from anmstrip.mechanics.strip import Strip
 from anmstrip.scene.measures import State
 
 Array = NDArray[np.float64]
 
-THIRDS = np.linspace(0.0, 1.0, 4)
+_HATS = np.array([[np.interp(x, [0.0, 0.5, 1.0], row) for row in np.eye(3)] for x in unit_grid(4)[0, :4]])
+THIRDS_OF_HALVES = np.kron(_HATS, _HATS)
+"""Piecewise bilinear interpolation from the 3 × 3 to the 4 × 4 grid of an element."""
 
 
 class Surface:
@@ -29,27 +32,17 @@ class Surface:
         Reference positions.
     """
 
-    def __init__(self, strip: Strip, membrane: Membrane) -> None:
-        self.strip, self.membrane = strip, membrane
+    def __init__(self, strip: Strip, membrane: Membrane, contact: ContactOperator | None) -> None:
+        self.strip, self.membrane, self.contact = strip, membrane, contact
         basis = strip.basis
-        local = np.stack([x.ravel() for x in np.meshgrid(THIRDS, THIRDS)])
-        self._join(basis.mapping.F(local))
-        functions = [basis.elem.gbasis(basis.mapping, local, i)[0] for i in range(16)]
+        local = unit_grid(4)
+        self.cells, points = joined(basis.mapping.F(local), strip)
+        self.reference = np.vstack([points, np.zeros(points.shape[1])])
+        self.shared = np.bincount(self.cells.ravel())
+        functions = [basis.elem.gbasis(basis.mapping, local, i)[0] for i in range(basis.Nbfun)]
         self.value = np.stack([f.value for f in functions])
         self.grad = np.stack([f.grad for f in functions])
         self.hess = np.stack([f.hess for f in functions])
-        self.corners = (1.0 - local[0]) * (1.0 - local[1]), local[0] * (1.0 - local[1])
-        self.corners += local[0] * local[1], (1.0 - local[0]) * local[1]
-
-    def _join(self, grid: Array) -> None:
-        """Number points so that neighbours share them."""
-        unit = 1e-6 * self.strip.cell_sizes.min()
-        keys = np.round(grid.reshape(2, -1) / unit).astype(np.int64)
-        _, first, inverse = np.unique(keys, axis=1, return_index=True, return_inverse=True)
-        self.cells = inverse.reshape(-1, 16)
-        points = grid.reshape(2, -1)[:, first]
-        self.reference = np.vstack([points, np.zeros(points.shape[1])])
-        self.shared = np.bincount(self.cells.ravel())
 
     def _averaged(self, values: Array) -> Array:
         """Mean over the elements that share a point, (..., elements, 16) → (points, ...)."""
@@ -61,12 +54,10 @@ class Surface:
         dofs = full.reshape(-1, 3)[self.strip.basis.element_dofs]
         return self._averaged(np.einsum("nep,nec->cep", self.value, dofs))
 
-    def _nodal(self, values: Array) -> Array:
-        """Bilinear interpolation of what is known at mesh nodes, (..., nodes) → (points, ...)."""
-        at_corners = values[..., self.strip.mesh.t]
-        return self._averaged(
-            sum(at_corners[..., k, :, None] * self.corners[k] for k in range(4))
-        )
+    def _from_contact(self, values: Array) -> Array:
+        """Linear interpolation of what is known at contact points, (..., points)."""
+        assert self.contact is not None
+        return self._averaged(values[..., self.contact.cells] @ THIRDS_OF_HALVES.T)
 
     def fields(self, state: State) -> dict[str, Array]:
         """All fields of a state, by name, points first."""
@@ -79,22 +70,26 @@ class Surface:
         }
 
     def _contact_fields(self, state: State) -> dict[str, Array]:
-        nodes = self.strip.mesh.p.shape[1]
-        pressure, gap = np.zeros(nodes), np.full(nodes, np.inf)
-        traction, slip = np.zeros((3, nodes)), np.zeros((3, nodes))
-        for _, found in state.contacts.values():
-            nearest = found.gap < gap
-            gap = np.minimum(gap, found.gap)
-            pressure += found.pressure
-            if found.traction is not None:
-                traction += found.traction
-                slip = np.where(nearest, found.slip, slip)
-        found_gap = gap if np.isfinite(gap).all() else np.zeros(nodes)
+        """Sums over the rollers of what they do; gap and slip of the nearest one."""
+        if not state.contacts:
+            nothing, vector = np.zeros(len(self.shared)), np.zeros((len(self.shared), 3))
+            return {
+                "normal_pressure": nothing,
+                "friction_traction": vector,
+                "slip_velocity": vector,
+                "gap": nothing,
+            }
+        found = [contact_state for _, contact_state in state.contacts.values()]
+        nearest = np.argmin([f.gap for f in found], axis=0)
+        zero = np.zeros_like(found[0].normal)
+        traction = sum((zero if f.traction is None else f.traction) for f in found)
+        slips = np.stack([zero if f.slip is None else f.slip for f in found])
+        points = np.arange(len(nearest))
         return {
-            "normal_pressure": self._nodal(pressure),
-            "friction_traction": self._nodal(traction),
-            "slip_velocity": self._nodal(slip),
-            "gap": self._nodal(found_gap),
+            "normal_pressure": self._from_contact(sum(f.pressure for f in found)),
+            "friction_traction": self._from_contact(traction),
+            "slip_velocity": self._from_contact(slips[nearest, :, points].T),
+            "gap": self._from_contact(np.min([f.gap for f in found], axis=0)),
         }
 
     def _stress_fields(self, state: State) -> dict[str, Array]:

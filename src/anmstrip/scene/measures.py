@@ -14,7 +14,7 @@ from anmstrip.scene.stages import Plan
 Array = NDArray[np.float64]
 
 TOUCHING = 0.1
-"""Share of a roller's mean pressure above which a node counts as in contact."""
+"""Share of a roller's mean pressure above which a point counts as in contact."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class State:
 
     @cached_property
     def contacts(self) -> dict[str, tuple[Contact, ContactState]]:
-        """Roller → contact and what it does to the nodes."""
+        """Roller → contact and what it does to the points."""
         found = {}
         for effect in self.plan.model.effects:
             if isinstance(effect, Contact):
@@ -95,11 +95,11 @@ class RollerReading:
     Attributes
     ----------
     normal_force : float
-        Sum of the normal forces of the nodes (N).
+        Sum of the normal forces (N).
     drag : float
         Sum of the friction forces in the sense of turning (N).
     wrap : float
-        Angle from the first to the last node in contact (rad).
+        Angle from the first to the last point in contact (rad).
     tension_in, tension_out : float
         Force in the strip before and after the roller, over its width (N/m), by
         equilibrium from the entry; zero if no edge is named entry.
@@ -130,7 +130,7 @@ class RollerReading:
 
 
 def in_contact(pressure: Array, area: Array) -> NDArray[np.bool_]:
-    """Nodes whose pressure is a tenth of the mean pressure, itself weighted by force."""
+    """Points whose pressure is a tenth of the mean pressure, itself weighted by force."""
     force = pressure * area
     total = float(force.sum())
     return pressure > TOUCHING * float((force * pressure).sum()) / total if total else force > 0.0
@@ -141,7 +141,7 @@ def _reading(
 ) -> RollerReading:
     area = contact.operator.weights
     touching = in_contact(state.pressure, area)
-    width = np.ptp(contact.nodes[1])
+    width = np.ptp(contact.operator.reference[1])
     sense = contact.roller.turning @ state.normal
     traction = np.zeros_like(state.normal) if state.traction is None else state.traction
     slip = np.zeros_like(state.normal) if state.slip is None else state.slip

@@ -34,6 +34,11 @@ from .path import Branch
 
 Array = NDArray[np.float64]
 
+LARGEST = 1e100
+"""Size of a coefficient after which a series ends, so that no later one overflows."""
+
+TINY = float(np.finfo(float).tiny)
+
 
 class Recurrence(Protocol):
     """The orders of R at one point, found one after the other."""
@@ -190,9 +195,9 @@ def expand(
             recurrence.correct(k, u_k, control_k)
         u_orders.append(u_k)
         control_orders.append(control_k)
-        left_out = equations.imbalance(right) * parameter.reach**k if k > 1 else np.inf
-        unseen = unseen + 1 if left_out <= 0.1 * tolerance else 0
-        if unseen == 2:
+        visible = k == 1 or _visible(equations.imbalance(right), k, parameter.reach, tolerance)
+        unseen = 0 if visible else unseen + 1
+        if unseen == 2 or size(equations, u_k) > LARGEST:
             break
     return Branch(
         u=np.array(u_orders),
@@ -227,6 +232,13 @@ class _Border:
         if not self.arclength:
             return imposed
         return (imposed - self.equations.inner(self.t_u, free)) / self.along
+
+
+def _visible(left_out: float, k: int, reach: float, tolerance: float) -> bool:
+    """Whether leaving out order k would leave more than a tenth of the tolerance at reach."""
+    if not left_out > 0.0:
+        return bool(left_out != 0.0)
+    return bool(np.log(left_out) + k * np.log(reach) > np.log(max(0.1 * tolerance, TINY)))
 
 
 def size(equations: Equations, u: Array) -> float:

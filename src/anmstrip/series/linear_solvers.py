@@ -1,7 +1,9 @@
 """Factorise once, solve many.
 
 Three solvers behind one small protocol.  A strip numbered along its length has
-a narrow band, for which LAPACK's band LU is the fastest; a sparse LU takes over
+a narrow band, for which LAPACK's band factorisations are the fastest: Cholesky's
+where the tangent is symmetric and positive definite (no friction, a stable
+state), LU elsewhere, three times as dear in all; a sparse LU takes over
 where the band would be wide; small full systems use a full LU.  The rows and
 columns are scaled before, since values and derivatives have different units.
 """
@@ -23,8 +25,18 @@ WIDEST_BAND = 600
 """Half bandwidth above which the sparse LU is faster than the band LU (measured)."""
 
 
+SCALED = 20.0
+"""Largest entry of a column, or its reciprocal, that counts as of order one."""
+
+MOST_SCALINGS = 10
+
+
 class SingularTangentError(ArithmeticError):
     """The tangent has no usable factorisation: a singular point of the path."""
+
+
+class NonFiniteTangentError(SingularTangentError):
+    """The tangent has entries that are not finite."""
 
 
 class Factors(Protocol):
@@ -45,21 +57,26 @@ class DenseSolver:
     """Full LU with partial pivoting, for a handful of unknowns."""
 
     def factorise(self, matrix: Array) -> Factors:
-        scale = np.abs(matrix).max(axis=1)
-        if not np.isfinite(matrix).all() or (scale == 0.0).any():
-            raise SingularTangentError("the tangent has an empty or non-finite row")
-        lu, pivots, info = lapack.dgetrf(matrix / scale[:, None])
+        if not np.isfinite(matrix).all():
+            raise NonFiniteTangentError("the tangent has entries that are not finite")
+        columns = np.abs(matrix).max(axis=0)
+        if (columns == 0.0).any():
+            raise SingularTangentError("the tangent has an empty column")
+        rows = np.abs(matrix / columns).max(axis=1)
+        if (rows == 0.0).any():
+            raise SingularTangentError("the tangent has an empty row")
+        lu, pivots, info = lapack.dgetrf(matrix / columns / rows[:, None])
         if info > 0:
             raise SingularTangentError(f"pivot {info} of the tangent is zero")
-        return _DenseFactors(lu, pivots, scale)
+        return _DenseFactors(lu, pivots, rows, columns)
 
 
 class _DenseFactors:
-    def __init__(self, lu: Array, pivots: Array, scale: Array) -> None:
-        self.lu, self.pivots, self.scale = lu, pivots, scale
+    def __init__(self, lu: Array, pivots: Array, rows: Array, columns: Array) -> None:
+        self.lu, self.pivots, self.rows, self.columns = lu, pivots, rows, columns
 
     def solve(self, right: Array) -> Array:
-        return lapack.dgetrs(self.lu, self.pivots, right / self.scale)[0]
+        return lapack.dgetrs(self.lu, self.pivots, right / self.rows)[0] / self.columns
 
 
 class SparseSolver:
@@ -70,7 +87,7 @@ class SparseSolver:
 
     def factorise(self, matrix: csc_matrix) -> Factors:
         if not np.isfinite(matrix.data).all():
-            raise SingularTangentError("the tangent has entries that are not finite")
+            raise NonFiniteTangentError("the tangent has entries that are not finite")
         if self.plan is None or not self.plan.fits(matrix):
             band = _BandPlan(matrix)
             self.plan = band if band.width <= WIDEST_BAND else _SuperLUPlan(matrix)
@@ -83,18 +100,33 @@ class SparseSolver:
 
 
 def equilibrated(matrix: csc_matrix) -> Array:
-    """Factors d such that d_i |K_ij| d_j is of order one: 1/√(largest entry of the column)."""
-    columns = np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
-    largest = np.zeros(matrix.shape[1])
+    """Factors d such that the largest d_i |K_ij| d_j of every column is of order one.
+
+    The diagonal gives them at once where it is not small beside the rest; where it
+    is (multipliers), the iteration of Ruiz (2001) goes on from there.
+    """
     magnitude = np.abs(matrix.data)
-    np.maximum.at(largest, columns, magnitude)
-    np.maximum.at(largest, matrix.indices, magnitude)
+    largest = _column_maxima(magnitude, matrix.indptr)
     if (largest == 0.0).any():
         raise SingularTangentError(
             f"unknown {int(np.argmin(largest))} has no stiffness: something is not held"
         )
     diagonal = np.abs(matrix.diagonal())
-    return 1.0 / np.sqrt(np.maximum(diagonal, 1e-8 * largest))
+    d = 1.0 / np.sqrt(np.where(diagonal > 1e-8 * largest, diagonal, largest))
+    for _ in range(MOST_SCALINGS):
+        size = d * _column_maxima(magnitude * d[matrix.indices], matrix.indptr)
+        if size.max() < SCALED and size.min() > 1.0 / SCALED:
+            break
+        d /= np.sqrt(size)
+    return d
+
+
+def _column_maxima(magnitude: Array, indptr: NDArray[np.int_]) -> Array:
+    """Largest entry of every column, 0 where it has none."""
+    filled = np.flatnonzero(np.diff(indptr))
+    maxima = np.zeros(len(indptr) - 1)
+    maxima[filled] = np.maximum.reduceat(magnitude, indptr[filled])
+    return maxima
 
 
 class _Plan:
@@ -104,7 +136,14 @@ class _Plan:
 
     def __init__(self, matrix: csc_matrix) -> None:
         self.indptr, self.indices = matrix.indptr, matrix.indices
-        self.columns = np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
+        self.counts = np.diff(matrix.indptr)
+
+    def scaled(self, matrix: csc_matrix, d: Array) -> Array:
+        """Entries d_i K_ij d_j, in the order of the matrix."""
+        data = d[self.indices]
+        data *= np.repeat(d, self.counts)
+        data *= matrix.data
+        return data
 
     def fits(self, matrix: csc_matrix) -> bool:
         """Whether the matrix has the pattern that was planned for."""
@@ -116,32 +155,72 @@ class _Plan:
 
 
 class _BandPlan(_Plan):
-    """Band LU (LAPACK gbtrf) in the given or in the reverse Cuthill–McKee order."""
+    """LAPACK band factorisations in the given or in the reverse Cuthill–McKee order."""
 
     name = "band LU"
 
     def __init__(self, matrix: csc_matrix) -> None:
         super().__init__(matrix)
         n = matrix.shape[0]
+        columns = np.repeat(np.arange(n), self.counts)
         orders = [np.arange(n), reverse_cuthill_mckee(matrix.tocsr(), symmetric_mode=True)]
         places = []
         for order in orders:
             place = np.empty(n, dtype=np.int64)
             place[order] = np.arange(n)
-            places.append((int(np.abs(place[self.indices] - place[self.columns]).max()), place))
+            places.append((int(np.abs(place[self.indices] - place[columns]).max()), place))
         self.width, self.place = min(places, key=lambda p: p[0])
-        row, column = self.place[self.indices], self.place[self.columns]
+        row, column = self.place[self.indices], self.place[columns]
         self.shape = (3 * self.width + 1, n)
         self.flat = (2 * self.width + row - column) + column * self.shape[0]
+        self.mirror = _mirror(matrix)
+        self.lower = np.flatnonzero(row >= column)
+        self.lower_flat = (row + column * self.width)[self.lower]
 
     def factorise(self, matrix: csc_matrix) -> Factors:
         d = equilibrated(matrix)
+        data = self.scaled(matrix, d)
+        factors = self._cholesky(data, d) if self._symmetric(data) else None
+        self.name = "band LU" if factors is None else "band Cholesky"
+        return self._lu(data, d) if factors is None else factors
+
+    def _symmetric(self, data: Array) -> bool:
+        """Whether entries of order one equal their mirror images to round-off."""
+        return self.mirror is not None and bool(np.abs(data - data[self.mirror]).max() <= 1e-14)
+
+    def _cholesky(self, data: Array, d: Array) -> Factors | None:
+        """Factors, ``None`` if the matrix is not positive definite (LAPACK pbtrf)."""
+        band = np.zeros((self.width + 1, self.shape[1]), order="F")
+        band.ravel(order="K")[self.lower_flat] = data[self.lower]
+        factor, info = lapack.dpbtrf(band, lower=1, overwrite_ab=1)
+        return None if info > 0 else _CholeskyFactors(factor, self.place, d)
+
+    def _lu(self, data: Array, d: Array) -> Factors:
         band = np.zeros(self.shape, order="F")
-        band.ravel(order="K")[self.flat] = matrix.data * d[self.indices] * d[self.columns]
+        band.ravel(order="K")[self.flat] = data
         lu, pivots, info = lapack.dgbtrf(band, self.width, self.width, overwrite_ab=1)
         if info > 0:
             raise SingularTangentError(f"pivot {info} of the tangent is zero")
         return _BandFactors(lu, pivots, self.width, self.place, d)
+
+
+def _mirror(matrix: csc_matrix) -> NDArray[np.int_] | None:
+    """Where the entry (j, i) is stored, for every stored (i, j); ``None`` if some is not."""
+    numbered = csc_matrix((np.arange(matrix.nnz), matrix.indices, matrix.indptr), matrix.shape)
+    turned = numbered.T.tocsc()
+    same = np.array_equal(turned.indptr, matrix.indptr)
+    return turned.data if same and np.array_equal(turned.indices, matrix.indices) else None
+
+
+class _CholeskyFactors:
+    def __init__(self, factor: Array, place: NDArray[np.int_], scale: Array) -> None:
+        self.factor, self.place, self.scale = factor, place, scale
+
+    def solve(self, right: Array) -> Array:
+        ordered = np.empty_like(right)
+        ordered[self.place] = right * self.scale
+        x, _ = lapack.dpbtrs(self.factor, ordered, lower=1, overwrite_b=1)
+        return x[self.place] * self.scale
 
 
 class _BandFactors:
@@ -162,7 +241,7 @@ class _SuperLUPlan(_Plan):
 
     def factorise(self, matrix: csc_matrix) -> Factors:
         d = equilibrated(matrix)
-        data = matrix.data * d[self.indices] * d[self.columns]
+        data = self.scaled(matrix, d)
         scaled = csc_matrix((data, self.indices, self.indptr), shape=matrix.shape)
         try:
             lu = splu(

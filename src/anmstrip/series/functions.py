@@ -1,0 +1,214 @@
+"""From plain residual functions to the equations that the path followers take.
+
+For a handful of unknowns: the residual is traced once per expansion, the
+Jacobian is dense and comes from the same recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .implicit_dae import AffineVelocity, TimeStep
+from .path import HermitePath
+from .power_series import Series, Tape
+
+Array = NDArray[np.float64]
+
+
+class TracedRecurrence:
+    """Orders of a residual that was traced on series of u and of the control.
+
+    Attributes
+    ----------
+    residual : ndarray, shape (n,)
+        Order 0.
+    """
+
+    def __init__(self, residual: Callable[[Any, Any], Any], u: Array, control: float, order: int):
+        self.tape = Tape(order)
+        self.u, self.control = self.tape.variable(u), self.tape.variable(control)
+        self.output: Series = residual(self.u, self.control)
+        self.residual = self.output.value
+
+    def tangent(self) -> Array:
+        """∂R/∂u, shape (n, n)."""
+        return self.tape.derivative(self.output, {self.u: np.eye(len(self.u.value))}).T
+
+    def control_derivative(self) -> Array:
+        """∂R/∂λ, shape (n,)."""
+        return self.tape.derivative(self.output, {self.control: np.array(1.0)})
+
+    def advance(self, k: int) -> Array:
+        """Order k of R as if u_k = 0 and λ_k = 0."""
+        self.tape.advance(k)
+        return self.output.coefficients[k].copy()
+
+    def correct(self, k: int, u: Array, control: float) -> None:
+        """Fix order k of the unknowns."""
+        if k == 1:
+            self.tape.advance(1)
+        self.tape.correct(k, {self.u: u, self.control: np.array(control)})
+
+
+@dataclass(frozen=True)
+class FunctionEquations:
+    """R(u, λ) = 0 for :func:`anmstrip.series.continuation.follow`.
+
+    Attributes
+    ----------
+    function : callable
+        ``function(u, control)`` of arrays (n,), () → (n,), written in numpy.
+    scale : float
+        Change of u that counts as 1.
+    force : float
+        Residual that counts as 1.
+
+    Examples
+    --------
+    >>> from anmstrip.series.continuation import Settings, follow
+    >>> from anmstrip.series.linear_solvers import DenseSolver
+    >>> cubic = FunctionEquations(lambda u, load: u + u * u * u - load)
+    >>> *_, last = follow(
+    ...     cubic, np.zeros(1), solver=DenseSolver(), settings=Settings(tolerance=1e-10), target=2.0
+    ... )
+    >>> float(last.branch.end[0][0].round(9))
+    1.0
+    """
+
+    function: Callable[[Any, Any], Any]
+    scale: float = 1.0
+    force: float = 1.0
+
+    def recurrence(self, u: Array, control: float, order: int) -> TracedRecurrence:
+        """Start the series at a point."""
+        return TracedRecurrence(self.function, u, control, order)
+
+    def residual(self, u: Array, control: float) -> Array:
+        """R(u, λ)."""
+        return np.asarray(self.function(u, np.float64(control)))
+
+    def inner(self, u: Array, w: Array) -> float:
+        """Product of two changes of state, in units of ``scale``."""
+        return float(u @ w) / self.scale**2
+
+    def imbalance(self, residual: Array) -> float:
+        """Largest entry of a residual, in units of ``force``."""
+        return float(np.abs(residual).max()) / self.force
+
+
+class FunctionRateEquations:
+    """R(u, v, t) = 0 with u' = v for :func:`anmstrip.series.implicit_dae.integrate`.
+
+    Errors are changes of u in its own unit; a residual is measured by the change
+    of u that takes it away, and counts against the share h/T of a step, as the
+    error in time does.  In fast motion an error along the way is a shift in
+    time: e at the velocity v counts as e/√(1 + |v|²/V²), the distance of the
+    solutions as curves in (V t, u).
+
+    Parameters
+    ----------
+    function : callable
+        ``function(u, v, t)`` of arrays (n,), (n,), () → (n,), written in numpy.
+    whole : float
+        T, duration over which all errors may add up to the tolerance.
+    speed : float
+        V, from which on motion counts as fast; infinite for errors at equal times.
+    """
+
+    def __init__(
+        self, function: Callable[[Any, Any, Any], Any], whole: float, speed: float = np.inf
+    ) -> None:
+        self.function, self.whole, self.speed = function, whole, speed
+        self.latest: AffineVelocity | None = None
+
+    def during(self, t: float, h: float, velocity: AffineVelocity) -> StepEquations:
+        """The equations of the step from t to t + h, with λ ∈ [0, 1] as control."""
+        self.latest = velocity
+        return StepEquations(self, t, h, velocity)
+
+    def error(self, u: Array, change: Array) -> float:
+        """Largest change of the state, as a distance of curves."""
+        assert self.latest is not None
+        v = self.latest(u, 1.0)
+        return float(np.abs(change).max()) / stretch(v, self.speed)
+
+    def fading_error(self, u: Array, change: Array) -> float:
+        """Nothing: every change counts as lasting."""
+        return 0.0
+
+
+def stretch(v: Array, speed: float) -> float:
+    """√(1 + |v|²/V²): error at equal times over the distance of the curves."""
+    return float(np.hypot(1.0, np.abs(v).max() / speed))
+
+
+class StepEquations:
+    """One step of a formula, as equations for u with λ as control."""
+
+    def __init__(
+        self, problem: FunctionRateEquations, t: float, h: float, velocity: AffineVelocity
+    ) -> None:
+        self.problem, self.t, self.h, self.velocity = problem, t, h, velocity
+        self.softness = np.zeros((0, 0))
+        self.unit = h / problem.whole
+
+    def _function(self, u: Any, control: Any) -> Any:
+        velocity = u * self.velocity.rate + self.velocity.base + control * self.velocity.slope
+        return self.problem.function(u, velocity, control * self.h + self.t)
+
+    def recurrence(self, u: Array, control: float, order: int) -> TracedRecurrence:
+        """Start the series at a point; its tangent turns residuals into changes of u."""
+        recurrence = TracedRecurrence(self._function, u, control, order)
+        self.softness = np.abs(np.linalg.pinv(recurrence.tangent()))
+        v = self.velocity(u, control)
+        self.unit = self.h / self.problem.whole * stretch(v, self.problem.speed)
+        return recurrence
+
+    def residual(self, u: Array, control: float) -> Array:
+        """R at a point of the step."""
+        return np.asarray(self._function(u, np.float64(control)))
+
+    def inner(self, u: Array, w: Array) -> float:
+        """Product of two changes of state, in units of what the step may err."""
+        return float(u @ w) / self.unit**2
+
+    def imbalance(self, residual: Array) -> float:
+        """Change of u that takes a residual away, in units of what the step may err."""
+        return float((self.softness @ np.abs(residual)).max()) / self.unit
+
+
+class ImplicitSolution(HermitePath):
+    """Steps of the implicit scheme joined by cubics.
+
+    Parameters
+    ----------
+    u, v : ndarray, shape (n,)
+        Start.
+    steps : sequence of TimeStep
+    tolerance : float
+        In units of which their errors are given.
+    speed : float
+        V of the equations.
+
+    Attributes
+    ----------
+    knots : ndarray, shape (m + 1,)
+    errors : ndarray, shape (m,)
+        What each step adds to the error of u at equal times.
+    """
+
+    def __init__(
+        self, u: Array, v: Array, steps: Sequence[TimeStep], tolerance: float, speed: float
+    ) -> None:
+        times = [steps[0].start, *(s.end for s in steps)]
+        super().__init__(times, [u, *(s.u for s in steps)], [v, *(s.v for s in steps)])
+        self.knots = self.times
+        share = np.diff(self.times) / (times[-1] - times[0])
+        stretched = np.array([stretch(s.v, speed) for s in steps])
+        found = np.array([s.error * tolerance + s.imbalance for s in steps])
+        self.errors = share * stretched * found

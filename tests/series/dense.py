@@ -1,0 +1,79 @@
+"""Small equations R(u, λ) = 0 written as plain functions, with full matrices."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from anmstrip.series.continuation import Settings, follow
+from anmstrip.series.expansion import Cost
+from anmstrip.series.linear_solvers import DenseSolver
+from anmstrip.series.power_series import Tape
+
+
+@dataclass
+class DenseEquations:
+    """The law in units: u in ``length``, R in ``force``."""
+
+    law: Callable
+    length: float = 1.0
+    force: float = 1.0
+
+    def recurrence(self, u, control, order):
+        return DenseRecurrence(self, u, control, order)
+
+    def residual(self, u, control):
+        return self.force * self.law(u / self.length, control)
+
+    def inner(self, u, w):
+        return float(u @ w) / self.length**2
+
+    def imbalance(self, residual):
+        return float(np.abs(residual).max()) / self.force
+
+
+class DenseRecurrence:
+    def __init__(self, equations, u, control, order):
+        self.tape = Tape(order)
+        self.u, self.control = self.tape.variable(u), self.tape.variable(control)
+        self.out = equations.residual(self.u, self.control)
+        self.residual = self.out.value.copy()
+
+    def tangent(self):
+        return self.tape.derivative(self.out, {self.u: np.eye(*self.u.shape * 2)}).T
+
+    def control_derivative(self):
+        return self.tape.derivative(self.out, {self.control: 1.0})
+
+    def advance(self, k):
+        self.tape.advance(k)
+        return self.out.coefficients[k].copy()
+
+    def correct(self, k, u, control):
+        self.tape.correct(k, {self.u: u, self.control: control})
+
+
+def followed(equations, u, *, start=0.0, target=1.0, cost=None, **choices):
+    """All steps of a path."""
+    return list(
+        follow(
+            equations,
+            np.asarray(u, dtype=float),
+            solver=DenseSolver(),
+            settings=Settings(**choices),
+            start=start,
+            target=target,
+            cost=Cost() if cost is None else cost,
+        )
+    )
+
+
+def one(law):
+    """A scalar law as a law of one unknown."""
+    return DenseEquations(lambda u, control: np.stack([law(u[0], control)]))
+
+
+def coupled(u, control):
+    """Two unknowns, both entering nonlinearly; solved by (0, 0) at λ = 0."""
+    x, y = u[0], u[1]
+    return np.stack([x + 0.3 * np.sin(y) - control, y * np.exp(0.2 * x) - x * x - 0.5 * control])

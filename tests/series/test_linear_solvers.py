@@ -1,0 +1,212 @@
+"""Solvers against numpy on matrices whose rows and columns have very different scales."""
+
+import numpy as np
+import pytest
+from scipy.sparse import csc_matrix, diags
+
+from anmstrip.series import linear_solvers
+from anmstrip.series.linear_solvers import (
+    DenseSolver,
+    NonFiniteTangentError,
+    SingularTangentError,
+    SparseSolver,
+    equilibrated,
+)
+
+
+def banded(n, width, rng, kind):
+    """Full matrix with a given half band width and rows and columns of mixed units."""
+    distance = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    a = np.where(distance <= width, rng.standard_normal((n, n)), 0.0)
+    if kind == "symmetric definite":
+        a = a @ a.T + 0.1 * np.eye(n)
+        a[distance > width] = 0.0
+        a += np.diag(np.abs(a).sum(axis=1))
+    elif kind == "symmetric indefinite":
+        a = a + a.T
+        a[np.diag_indices(n)] += 3.0 * width * np.sign(rng.standard_normal(n))
+    elif kind == "multipliers":
+        a = a + a.T + 6.0 * width * np.eye(n)
+        a[1::4, 1::4] = 0.0
+    else:
+        a[np.diag_indices(n)] += 3.0 * width
+    units = 10.0 ** rng.uniform(-3.0, 5.0, n)
+    return units[:, None] * a * units
+
+
+KINDS = ["symmetric definite", "symmetric indefinite", "unsymmetric", "multipliers"]
+
+
+class Band:
+    def factorise(self, matrix):
+        return linear_solvers._BandPlan(matrix).factorise(matrix)
+
+
+class SuperLU:
+    def factorise(self, matrix):
+        return linear_solvers._SuperLUPlan(matrix).factorise(matrix)
+
+
+def backward_error(a, x, b):
+    """Componentwise: independent of the units."""
+    return np.max(np.abs(a @ x - b) / (np.abs(a) @ np.abs(x) + np.abs(b)))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("solver", [DenseSolver(), Band(), SuperLU()], ids=type)
+def test_solution_is_that_of_numpy(kind, seed, solver):
+    rng = np.random.default_rng(seed)
+    n = 60
+    a = banded(n, 5, rng, kind)
+    x = rng.standard_normal(n) / np.abs(a).max(axis=0)
+    b = a @ x
+    if kind == "multipliers" and isinstance(solver, SuperLU):
+        assert backward_error(a, solver.factorise(csc_matrix(a)).solve(b), b) < 1e-8
+        return
+    before = b.copy()
+    factors = solver.factorise(a if isinstance(solver, DenseSolver) else csc_matrix(a))
+    found = factors.solve(b)
+    np.testing.assert_array_equal(b, before)
+    assert backward_error(a, found, b) < 1e-11
+    scale = np.sqrt(np.abs(np.diagonal(a))) + np.sqrt(np.abs(a).max(axis=0))
+    error = np.abs(scale * (found - x)).max() / np.abs(scale * x).max()
+    reference = np.abs(scale * (np.linalg.solve(a, b) - x)).max() / np.abs(scale * x).max()
+    assert error < 1e-9 + reference
+    np.testing.assert_array_equal(factors.solve(b), found)
+    assert backward_error(a, factors.solve(2.0 * b), 2.0 * b) < 1e-11
+
+
+@pytest.mark.parametrize("solver", [DenseSolver(), SparseSolver(), SuperLU()], ids=type)
+def test_singular_matrix_is_named(solver):
+    a = np.diag([1.0, 2.0, 3.0, 4.0])
+    a[2] = 0.0
+    a[:, 2] = 0.0
+    dependent = np.array([[1.0, 2.0, 0.0], [2.0, 4.0, 0.0], [0.0, 0.0, 1.0]])
+    for matrix in (a, dependent):
+        with pytest.raises(SingularTangentError):
+            solver.factorise(matrix if isinstance(solver, DenseSolver) else csc_matrix(matrix))
+
+
+@pytest.mark.parametrize("solver", [DenseSolver(), SparseSolver()], ids=type)
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_matrix_that_is_not_finite_is_named(solver, value):
+    a = np.eye(3)
+    a[1, 2] = value
+    with pytest.raises(NonFiniteTangentError, match="not finite"):
+        solver.factorise(a if isinstance(solver, DenseSolver) else csc_matrix(a))
+
+
+def test_unknown_that_nothing_holds_is_named():
+    a = csc_matrix(np.diag([1.0, 2.0, 3.0]))
+    a.data[1] = 0.0
+    with pytest.raises(SingularTangentError, match="unknown 1 has no stiffness"):
+        SparseSolver().factorise(a)
+
+
+def chain(n, seed=0):
+    """Tridiagonal matrix."""
+    rng = np.random.default_rng(seed)
+    off = rng.uniform(0.5, 1.0, n - 1)
+    return csc_matrix(diags([off, np.full(n, 3.0), -off], [-1, 0, 1]))
+
+
+def test_plan_is_kept_while_the_pattern_stays():
+    solver = SparseSolver()
+    assert solver.name == "none yet"
+    b = np.arange(1.0, 31.0)
+    first = solver.factorise(chain(30))
+    plan = solver.plan
+    assert solver.name == "band LU"
+    second = solver.factorise(chain(30, seed=1))
+    assert solver.plan is plan
+    for seed, factors in enumerate((first, second)):
+        expected = np.linalg.solve(chain(30, seed).toarray(), b)
+        np.testing.assert_allclose(factors.solve(b), expected, rtol=1e-12)
+
+
+def test_plan_is_made_anew_when_the_pattern_changes():
+    solver = SparseSolver()
+    solver.factorise(chain(30))
+    plan = solver.plan
+    moved = chain(30).tolil()
+    moved[0, 5] = moved[5, 0] = 0.3
+    for matrix in (csc_matrix(moved), chain(20)):
+        b = np.ones(matrix.shape[0])
+        expected = np.linalg.solve(matrix.toarray(), b)
+        np.testing.assert_allclose(solver.factorise(matrix).solve(b), expected, rtol=1e-12)
+        assert solver.plan is not plan
+
+
+def test_cholesky_where_the_matrix_allows_it():
+    """The choice follows the entries from matrix to matrix, on one plan."""
+    solver = SparseSolver()
+    a = chain(30).toarray()
+    definite = a @ a.T
+    saddle = definite - 11.0 * np.eye(30)
+    skewed = definite + 1e-8 * np.triu(definite, 1)
+    assert np.linalg.eigvalsh(saddle)[0] < 0.0
+    b, plans = np.arange(1.0, 31.0), set()
+    for matrix, name in [
+        (definite, "band Cholesky"),
+        (saddle, "band LU"),
+        (skewed, "band LU"),
+        (definite, "band Cholesky"),
+    ]:
+        factors = solver.factorise(csc_matrix(matrix))
+        plans.add(id(solver.plan))
+        assert solver.name == name
+        np.testing.assert_allclose(factors.solve(b), np.linalg.solve(matrix, b), rtol=1e-11)
+    assert len(plans) == 1
+
+
+@pytest.mark.parametrize("kind", ["symmetric definite", "unsymmetric"])
+def test_shuffled_band_is_found_again(kind):
+    n, width = 300, 4
+    rng = np.random.default_rng(3)
+    a = banded(n, width, rng, kind)
+    p = rng.permutation(n)
+    shuffled = a[np.ix_(p, p)]
+    solver = SparseSolver()
+    factors = solver.factorise(csc_matrix(shuffled))
+    assert solver.plan.width <= 2 * width
+    b = shuffled @ np.ones(n)
+    assert backward_error(shuffled, factors.solve(b), b) < 1e-12
+
+
+def test_good_numbering_is_left_alone():
+    a = banded(100, 3, np.random.default_rng(4), "unsymmetric")
+    plan = linear_solvers._BandPlan(csc_matrix(a))
+    assert plan.width == 3
+
+
+def test_wide_band_goes_to_the_sparse_solver(monkeypatch):
+    a = csc_matrix(banded(80, 6, np.random.default_rng(5), "symmetric definite"))
+    monkeypatch.setattr(linear_solvers, "WIDEST_BAND", 5)
+    solver = SparseSolver()
+    factors = solver.factorise(a)
+    assert solver.name == "sparse LU"
+    b = a @ np.ones(80)
+    assert backward_error(a.toarray(), factors.solve(b), b) < 1e-12
+
+
+def test_entries_in_any_order_within_a_column():
+    a = chain(20)
+    unsorted = csc_matrix((a.data.copy(), a.indices.copy(), a.indptr), shape=a.shape)
+    for j in range(20):
+        s = slice(a.indptr[j], a.indptr[j + 1])
+        unsorted.data[s] = a.data[s][::-1]
+        unsorted.indices[s] = a.indices[s][::-1]
+    unsorted.has_sorted_indices = False
+    b = np.ones(20)
+    expected = np.linalg.solve(a.toarray(), b)
+    np.testing.assert_allclose(SparseSolver().factorise(unsorted).solve(b), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_scaled_entries_are_of_order_one(kind):
+    a = banded(60, 5, np.random.default_rng(6), kind)
+    d = equilibrated(csc_matrix(a))
+    scaled = np.abs(d[:, None] * a * d)
+    assert scaled.max(axis=0).min() > 0.03
+    assert scaled.max() < 30.0
