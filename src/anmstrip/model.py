@@ -128,7 +128,10 @@ class Model:
 
     def restriction(self, free: Index) -> Restriction:
         """Assembler over the free unknowns, remembered."""
-        return self._restrictions.setdefault(free.tobytes(), self.pattern.restricted(free))
+        key = free.tobytes()
+        if key not in self._restrictions:
+            self._restrictions[key] = self.pattern.restricted(free)
+        return self._restrictions[key]
 
     def force(self, full: Array, velocity: Array | None, controls: Mapping[str, Any]) -> Array:
         """Residual of all unknowns in plain numbers: internal minus external forces."""
@@ -157,6 +160,7 @@ def _force(
         return effect.force(full)
     if isinstance(effect, LoadEffect):
         return effect.force(controls[effect.control])
+    effect = effect.near(full, controls)
     operator = effect.operator
     v = operator.apply(velocity) if effect.rate_dependent and velocity is not None else None
     return operator.gather(effect.law(operator.apply(full), v, controls))
@@ -172,8 +176,8 @@ class Equilibrium:
     controls : Controls
     velocity : AffineVelocity, optional
         v of the free unknowns as a function of u and λ; needed with friction.
-    duration : float
-        Time that λ = 1 stands for, for the velocity of what is moved.
+    moving : ndarray, shape (unknowns,), optional
+        Velocity of what is held and moved, zero elsewhere.
     """
 
     def __init__(
@@ -182,10 +186,11 @@ class Equilibrium:
         supports: Supports,
         controls: Controls,
         velocity: AffineVelocity | None = None,
-        duration: float = 1.0,
+        moving: Array | None = None,
     ) -> None:
         self.model, self.supports, self.controls = model, supports, controls
-        self.velocity, self.duration = velocity, duration
+        self.velocity = velocity
+        self.moving = np.zeros(model.strip.unknowns) if moving is None else moving
         size = model.scales
         self.free_units = 1.0 / model.units[supports.free]
         self.is_value = np.isin(supports.free, model.value_unknowns)
@@ -195,7 +200,7 @@ class Equilibrium:
         """Velocity of all unknowns, or ``None`` where nothing depends on it."""
         if self.velocity is None:
             return None
-        whole = self.supports.slope / self.duration
+        whole = self.moving.copy()
         whole[self.supports.free] = self.velocity(u, control)
         return whole
 
@@ -395,7 +400,8 @@ def _evolution(
         return _LinearSeries(effect, full)
     if isinstance(effect, LoadEffect):
         return _LoadSeries(effect, control, controls)
-    return _LawSeries(effect, order, full, velocity, control, controls)
+    near = effect.near(full, controls.at(control))
+    return _LawSeries(near, order, full, velocity, control, controls)
 
 
 class Motion:
@@ -426,7 +432,8 @@ class Motion:
         )
         slope = {name: share * rate for name, rate in self.controls.slope.items()}
         controls = Controls(self.controls.at(begin), slope)
-        return Equilibrium(self.model, supports, controls, velocity, h)
+        moving = self.supports.slope / self.duration
+        return Equilibrium(self.model, supports, controls, velocity, moving)
 
     def error(self, u: Array, change: Array) -> float:
         """Largest error in position over the length scale: it is carried along."""

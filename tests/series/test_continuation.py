@@ -10,6 +10,7 @@ from anmstrip.series.continuation import Settings, follow
 from anmstrip.series.expansion import Cost, Parameter, expand
 from anmstrip.series.linear_solvers import DenseSolver
 from anmstrip.series.outcome import Outcome, PathStopped
+from anmstrip.series.path import Branch
 from anmstrip.series.range_of_validity import validated
 
 
@@ -262,6 +263,36 @@ def test_validated_range_is_neither_wasted_nor_exceeded():
     assert imbalance <= 1e-6
     further = equations.imbalance(equations.residual(*branch(1.3 * cut.length)))
     assert further > 1e-6
+
+
+def made_branch(initial):
+    """The path u = 0, λ = a, on which the imbalance is known in closed form."""
+    return Branch(
+        u=np.zeros((5, 1)), control=np.array([0.0, 1.0, 0.0, 0.0, 0.0]), length=np.inf,
+        residual=np.array([initial]),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("share", [0.3, 0.9])
+def test_old_and_new_imbalance_together_meet_the_tolerance(share):
+    tolerance = 1e-4
+    equations = one(
+        lambda u, control: tolerance * (share * (1.0 - control) + 0.9 * (2.0 * control) ** 5) + u
+    )
+    branch = made_branch(share * tolerance)
+    cut, imbalance = validated(equations, branch, tolerance, 0.5, Cost())
+    assert 0.2 < cut.length < 0.5
+    assert imbalance == equations.imbalance(equations.residual(*cut.end))
+    assert imbalance <= tolerance
+
+
+@pytest.mark.parametrize("share", [0.5, 1.0, 30.0])
+def test_imbalance_is_not_taken_away_twice(share):
+    tolerance = 1e-4
+    equations = one(lambda u, control: tolerance * share * (1.0 - control) + u)
+    cut, imbalance = validated(equations, made_branch(share * tolerance), tolerance, 50.0, Cost())
+    assert 1.0 <= cut.length <= 2.0
+    assert imbalance <= tolerance
 
 
 def test_more_steps_than_allowed():

@@ -8,6 +8,8 @@ weights), and add Lᵀ w J L to a tangent.
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
@@ -156,25 +158,39 @@ class ContactOperator:
         Reference positions.
     weights : ndarray, shape (points,)
         Area that belongs to each point (m²).
+    chosen : ndarray of int, shape (points,)
+        Their numbers in the whole strip.
     """
 
     def __init__(self, strip: Strip) -> None:
         basis = strip.basis
         local = unit_grid(3)
         self.cells, points = joined(basis.mapping.F(local), strip)
+        self.chosen = np.arange(points.shape[1])
         self.reference = np.vstack([points, np.zeros(points.shape[1])])
         functions = [basis.elem.gbasis(basis.mapping, local, i)[0] for i in range(basis.Nbfun)]
         self.table: Array = np.stack([f.value for f in functions], axis=-1)
-        self.dofs = np.ascontiguousarray(basis.element_dofs.T)
-        self.shares = np.prod(strip.cell_sizes, axis=0)[:, None] * np.outer(SIMPSON, SIMPSON).ravel()
+        shares = np.outer(SIMPSON, SIMPSON).ravel()
+        self.shares = np.prod(strip.cell_sizes, axis=0)[:, None] * shares
         self.weights: Array = np.bincount(self.cells.ravel(), self.shares.ravel())
         first = np.unique(self.cells, return_index=True)[1]
-        rows = self.table.reshape(-1, self.table.shape[-1])[first]
-        columns = np.repeat(self.dofs, 9, axis=0)[first]
-        index = (np.repeat(np.arange(len(first)), rows.shape[1]), columns.ravel())
+        rows = self.table.reshape(-1, basis.Nbfun)[first]
+        columns = np.repeat(basis.element_dofs.T, len(shares), axis=0)[first]
+        index = (np.repeat(self.chosen, basis.Nbfun), columns.ravel())
         self.matrix = csr_matrix((rows.ravel(), index), shape=(len(first), strip.scalars))
         self.matrix.eliminate_zeros()
         self.transposed = self.matrix.T.tocsr()
+
+    def restricted(self, points: Index) -> ContactOperator:
+        """The same on some of the points; it keeps the cells of all."""
+        if len(points) == len(self.chosen):
+            return self
+        part = copy(self)
+        part.chosen = self.chosen[points]
+        part.reference, part.weights = self.reference[:, points], self.weights[points]
+        part.matrix = self.matrix[points]
+        part.transposed = part.matrix.T.tocsr()
+        return part
 
     @property
     def points(self) -> int:
@@ -190,12 +206,13 @@ class ContactOperator:
         return (self.transposed @ (forces * self.weights).T).ravel()
 
     def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Array) -> None:
-        """Add Lᵀ w J L, J[j, i] of shape (3, 3, points), where J is not negligible."""
-        size = np.abs(derivative).max(axis=(0, 1))[self.cells].max(axis=1)
-        near = np.flatnonzero(size > 1e-16 * size.max())
+        """Add Lᵀ w J L, J[j, i] of shape (3, 3, points), over the cells of these points."""
+        every = np.zeros((3, 3, self.cells.max() + 1))
+        every[:, :, self.chosen] = derivative
+        near = np.flatnonzero(every.any(axis=(0, 1))[self.cells].any(axis=1))
         table, places = self.table[near], pattern.places.reshape(len(self.cells), -1)[near].ravel()
         transposed = np.ascontiguousarray(table.swapaxes(1, 2))
-        weighted = derivative[:, :, self.cells[near]] * self.shares[near]
+        weighted = every[:, :, self.cells[near]] * self.shares[near]
         for i in range(3):
             for j in range(3):
                 local = transposed @ (weighted[j, i][:, :, None] * table)

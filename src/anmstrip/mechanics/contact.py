@@ -1,9 +1,15 @@
-"""Contact of the strip with one roller, with or without friction."""
+"""Contact of the strip with one roller: normal pressure, and friction.
+
+Both are looked at near the roller only.  Beyond a gap where the regularised
+pressure is negligible a point is left out, and with it the singularities of its
+series, which would shorten every step for a force that nobody sees.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,78 +24,107 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class ContactState:
-    """What a roller does to the points of the strip.
+class Contact:
+    """Normal tractions R n of a roller at points of the strip.
+
+    Control: ``rollers.NAME.centre`` (m).
 
     Attributes
-    ----------
-    gap : shape (points,), m
-    normal : shape (3, points)
-    pressure : shape (points,), Pa
-    slip : shape (3, points), m/s, or None without friction
-    traction : shape (3, points), Pa, or None without friction
-    """
-
-    gap: Any
-    normal: Any
-    pressure: Any
-    slip: Any = None
-    traction: Any = None
-
-
-class Contact:
-    """Tractions R n + R_T of a roller at points of the strip.
-
-    Controls: ``rollers.NAME.centre`` (m), and with friction also
-    ``rollers.NAME.surface_speed`` (m/s) and ``rollers.NAME.velocity`` (m/s, of the
-    centre).
-
-    Parameters
     ----------
     roller : Roller
     signorini : RepulsiveSignorini
         In pressures.
-    friction : NortonHoff or Tanh or None
     operator : ContactOperator
+    reach : float
+        Gap (m) beyond which a point is left out.
     """
 
-    def __init__(
-        self,
-        roller: Roller,
-        signorini: RepulsiveSignorini,
-        friction: FrictionLaw | None,
-        operator: ContactOperator,
-    ) -> None:
-        self.roller, self.signorini, self.friction = roller, signorini, friction
-        self.operator = operator
+    roller: Roller
+    signorini: RepulsiveSignorini
+    operator: ContactOperator
+    reach: float = np.inf
+
+    rate_dependent = False
 
     @property
     def name(self) -> str:
         """For reports."""
-        kind = "contact" if self.friction is None else "contact with friction"
-        return f"{kind} on {self.roller.name}"
+        return f"contact on {self.roller.name}"
 
-    @property
-    def rate_dependent(self) -> bool:
-        """Friction looks at the velocity."""
-        return self.friction is not None
+    @cached_property
+    def least(self) -> Array:
+        """Pressure at the reach, taken off everywhere so that contact begins without a jump."""
+        return self.signorini(np.array(self.reach))
 
-    def state(self, u: Any, v: Any, controls: Mapping[str, Any]) -> ContactState:
-        """Gap, pressure and friction of displaced points, on arrays or series."""
-        key = f"rollers.{self.roller.name}"
-        gap, normal = self.roller.gap(u + self.operator.reference, controls[f"{key}.centre"])
-        pressure = self.signorini(gap)
-        if self.friction is None:
-            return ContactState(gap, normal, pressure)
-        surface = self.roller.surface_velocity(
-            normal, controls[f"{key}.surface_speed"], controls[f"{key}.velocity"]
-        )
-        relative = v - surface
-        slip = relative - normal * np.einsum("i...,i...->...", relative, normal)
-        return ContactState(gap, normal, pressure, slip, self.friction(pressure, slip))
+    def near(self, full: Array, controls: Mapping[str, Any]) -> Contact:
+        """The same effect on the points within reach."""
+        x = self.operator.apply(full) + self.operator.reference
+        gap, _ = self.roller.gap(x, controls[f"rollers.{self.roller.name}.centre"])
+        return replace(self, operator=self.operator.restricted(np.flatnonzero(gap < self.reach)))
+
+    def pressure(self, x: Any, controls: Mapping[str, Any]) -> tuple[Any, Any, Any]:
+        """Gap (m), normal and pressure (Pa) of displaced points, on arrays or series."""
+        position = x + self.operator.reference
+        gap, normal = self.roller.gap(position, controls[f"rollers.{self.roller.name}.centre"])
+        return gap, normal, self.signorini(gap) - self.least
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
-        """Residual per area: minus the traction that the roller exerts, (3, points)."""
-        state = self.state(x, v, controls)
-        pushed = state.normal * state.pressure
-        return -pushed if state.traction is None else -(pushed + state.traction)
+        """Residual per area: minus the traction of the roller, (3, points)."""
+        _, normal, pressure = self.pressure(x, controls)
+        return -(normal * pressure)
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Tangential tractions R_T of a roller at points of the strip.
+
+    Controls: ``rollers.NAME.centre`` (m), ``rollers.NAME.surface_speed`` (m/s) and
+    ``rollers.NAME.velocity`` (m/s, of the centre).
+
+    Attributes
+    ----------
+    contact : Contact
+        Gives gap and pressure; its reach is that of friction.
+    law_of_slip : NortonHoff or Tanh
+    """
+
+    contact: Contact
+    law_of_slip: FrictionLaw
+
+    rate_dependent = True
+
+    @property
+    def roller(self) -> Roller:
+        """Of the contact."""
+        return self.contact.roller
+
+    @property
+    def name(self) -> str:
+        """For reports."""
+        return f"friction on {self.roller.name}"
+
+    @property
+    def operator(self) -> ContactOperator:
+        """Of the contact."""
+        return self.contact.operator
+
+    def near(self, full: Array, controls: Mapping[str, Any]) -> Friction:
+        """The same effect on the points within reach."""
+        return replace(self, contact=self.contact.near(full, controls))
+
+    def slip(self, normal: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+        """Tangential velocity relative to the surface (m/s), (3, points)."""
+        key = f"rollers.{self.roller.name}"
+        relative = v - self.roller.surface_velocity(
+            normal, controls[f"{key}.surface_speed"], controls[f"{key}.velocity"]
+        )
+        return relative - normal * np.einsum("i...,i...->...", relative, normal)
+
+    def traction(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+        """R_T (Pa), shape (3, points)."""
+        _, normal, pressure = self.contact.pressure(x, controls)
+        return self.law_of_slip(pressure, self.slip(normal, v, controls))
+
+    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+        """Residual per area: minus the traction of the roller, (3, points)."""
+        return -self.traction(x, v, controls)

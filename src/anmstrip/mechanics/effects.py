@@ -49,6 +49,9 @@ class LawEffect(Protocol):
     def rate_dependent(self) -> bool:
         """Whether the law looks at the velocity."""
 
+    def near(self, full: Array, controls: Mapping[str, Any]) -> LawEffect:
+        """The same effect on those points where it is not negligible at this state."""
+
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Generalised stress at the points, same shape as ``x``."""
 

@@ -37,7 +37,7 @@ class Parameters:
     omega: float = 0.1  # width of its smoothed corner
     V_c: float = 1.0  # m/s, its characteristic speed
     R_N: float = 1.0  # N, prescribed normal force of the first case
-    zeta: float = 0.1  # floor of the normal force in the friction law (chosen)
+    zeta: float = 0.12  # floor of the normal force in the friction law (chosen)
     R_C: float = 1.0  # N, its characteristic force (chosen)
     K: float = 1.0e3  # N/m, stiffness of the obstacle (chosen)
     eta: float = 1.0e-2  # N, regularisation of contact (chosen)
@@ -67,7 +67,7 @@ class Parameters:
 class PressedPlane:
     """§3.1: a mass pressed with a given force on a plane that moves; one unknown, u_x."""
 
-    parameters: Parameters
+    parameters: Parameters = Parameters(t_end=4.0)
     size: ClassVar[int] = 1
 
     def reactions(self, u: Any, v: Any, t: Any) -> tuple[Any, Any]:
@@ -84,7 +84,7 @@ class PressedPlane:
 class MovingPlane:
     """§3.2: a mass lowered by a growing force onto a moving plane; u = (u_x, u_y)."""
 
-    parameters: Parameters
+    parameters: Parameters = Parameters(t_end=3.0)
     size: ClassVar[int] = 2
 
     def reactions(self, u: Any, v: Any, t: Any) -> tuple[Any, Any]:
@@ -105,21 +105,21 @@ class MovingPlane:
 class RotatingCircle:
     """§3.3: the same mass on a circle that turns; u = (u_x, u_y), centre at the origin."""
 
-    parameters: Parameters
+    parameters: Parameters = Parameters(t_end=2.5)
     size: ClassVar[int] = 2
-
-    def frame(self, u: Any) -> tuple[Any, Any]:
-        """Distance from the centre, and unit normal."""
-        p = self.parameters
-        position = np.stack([u[0], u[1] + (p.r + p.delta)])
-        distance = np.sqrt(np.einsum("i...,i...->...", position, position))
-        return distance, position / distance
 
     def reactions(self, u: Any, v: Any, t: Any) -> tuple[Any, Any]:
         """Normal and tangential reaction; the tangent is the sense of turning."""
         return self._reactions(*self.frame(u), v)
 
-    def _reactions(self, distance: Any, n: Any, v: Any) -> tuple[Any, Any]:
+    def frame(self, u: Any) -> tuple[Any, tuple[Any, Any]]:
+        """Distance from the centre, and unit normal."""
+        p = self.parameters
+        x, y = u[0], u[1] + (p.r + p.delta)
+        distance = np.sqrt(x * x + y * y)
+        return distance, (x / distance, y / distance)
+
+    def _reactions(self, distance: Any, n: tuple[Any, Any], v: Any) -> tuple[Any, Any]:
         p = self.parameters
         normal = p.contact(distance - p.r)
         slip = np.stack([v[0] * n[1] - v[1] * n[0] - p.Omega * p.r])
@@ -130,16 +130,16 @@ class RotatingCircle:
         p = self.parameters
         distance, n = self.frame(u)
         normal, tangential = self._reactions(distance, n, v)
-        x = normal * n[0] + tangential * n[1] - u[0] * p.k
-        y = normal * n[1] - tangential * n[0] - u[1] * p.k - t * p.F
-        return np.stack([x, y])
+        x = normal * n[0] + tangential * n[1]
+        y = normal * n[1] - tangential * n[0] - t * p.F
+        return np.stack([x, y]) - u * p.k
 
 
-CASES = {
+MassSpring = PressedPlane | MovingPlane | RotatingCircle
+"""Any of the three."""
+
+CASES: dict[str, type[MassSpring]] = {
     "pressed-plane": PressedPlane,
     "moving-plane": MovingPlane,
     "rotating-circle": RotatingCircle,
 }
-
-MassSpring = PressedPlane | MovingPlane | RotatingCircle
-"""Any of the three."""

@@ -1,28 +1,30 @@
-"""What the mass-spring cases must give: Coulomb's closed forms, and reduced equations.
+"""What the mass-spring cases must give: one scalar equation each, solved by scipy.
 
-Coulomb friction on a rigid obstacle is solved by hand; the regularised laws
-leave one scalar equation once the normal reaction is known from a quadratic,
-and scipy integrates it by an implicit Runge-Kutta method that shares nothing
-with the series.
+Once the normal reaction is known from a quadratic and the friction law is
+inverted, a case is one ordinary differential equation; an implicit Runge-Kutta
+method integrates it that shares nothing with the series.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
+from scipy.optimize import minimize_scalar
 
 from .friction import NortonHoff
-from .mass_spring import MassSpring, MovingPlane, Parameters, PressedPlane, RotatingCircle
+from .mass_spring import MassSpring, MovingPlane, Parameters, PressedPlane
 
 Array = NDArray[np.float64]
 
 ACCURACY = 1e-10
 """Relative tolerance of the reduced equations."""
+
+TINY = 1e-300
 
 
 def slip_at(law: NortonHoff, ratio: ArrayLike) -> Array:
@@ -31,7 +33,8 @@ def slip_at(law: NortonHoff, ratio: ArrayLike) -> Array:
     Solves s (s² + ω²)^((q−1)/2) = y = |ratio|/f for s = |slip|/V_c.  As a
     function of log s the logarithm of the left-hand side is concave and
     increasing, with slopes in [q, 1]; so Newton's method from the left of the
-    root, where y ω^(1−q) is, converges from one side and cannot fail.
+    root converges from one side and cannot fail.  Both asymptotes of the law,
+    s = y ω^(1−q) and s = y^(1/q), lie there.
 
     Parameters
     ----------
@@ -52,11 +55,11 @@ def slip_at(law: NortonHoff, ratio: ArrayLike) -> Array:
     """
     q, w = law.exponent, law.omega
     y = np.abs(np.asarray(ratio, dtype=float)) / law.coefficient
-    s = y * w ** (1.0 - q)
-    target = np.maximum(y, np.finfo(float).tiny)
+    s = np.maximum(y * w ** (1.0 - q), y ** (1.0 / q))
+    target = np.log(np.maximum(y, TINY))
     for _ in range(60):
         m2 = s * s + w * w
-        excess = np.log(np.maximum(s, 1e-300) / target) + 0.5 * (q - 1.0) * np.log(m2)
+        excess = np.log(np.maximum(s, TINY)) + 0.5 * (q - 1.0) * np.log(m2) - target
         step = -excess / (1.0 + (q - 1.0) * s * s / m2)
         s = s * np.exp(np.maximum(step, 0.0))
         if np.all(step <= 1e-15):
@@ -143,114 +146,63 @@ def _normal_reaction(p: Parameters, gap: Array, load: Array) -> Array:
         return np.where(b > 0.0, 2.0 * c / (b + root), (root - b) / (2.0 * compliance))
 
 
-def solved(case: MassSpring, times: Array) -> Array:
-    """Displacement of the regularised case by Radau's method.
+@dataclass(frozen=True)
+class Reference:
+    """Displacement of a regularised case, to about nine digits.
 
-    Parameters
+    Attributes
     ----------
-    case : MassSpring
-    times : ndarray, shape (m,)
-        Increasing, from 0 on.
-
-    Returns
-    -------
-    ndarray, shape (m, n)
+    equation : Reduced
+    angle : callable
+        Dense output: times → z.
+    nodes : ndarray
+        Times of the integrator's own steps, dense where the mass is fast.
     """
+
+    equation: Reduced
+    angle: Callable[[Array], Array]
+    nodes: Array
+
+    def __call__(self, times: ArrayLike) -> Array:
+        """Displacement, shape (m, n), at times (m,)."""
+        t = np.asarray(times, dtype=float)
+        return self.equation.displacement(t, self.angle(t)[0]).T
+
+    def distance(self, t: float, u: Array, speed: float) -> float:
+        """Distance of (t, u) from the solution as a curve in (V t, u).
+
+        Where the mass snaps, positions at equal times differ by the length of the
+        snap as soon as times differ in the last digits.
+        """
+        gaps = np.maximum(np.abs(self.at_nodes - u).max(axis=1), speed * np.abs(self.nodes - t))
+        i = int(gaps.argmin())
+        a, b = self.nodes[max(i - 1, 0)], self.nodes[min(i + 1, len(self.nodes) - 1)]
+
+        def gap(share: float) -> float:
+            s = a + share * (b - a)
+            return max(float(np.abs(self([s])[0] - u).max()), speed * abs(s - t))
+
+        found = minimize_scalar(gap, bounds=(0.0, 1.0), method="bounded", options={"xatol": 1e-6})
+        return float(min(found.fun, gaps[i], np.abs(self([t])[0] - u).max()))
+
+    @cached_property
+    def at_nodes(self) -> Array:
+        """Displacement at the nodes."""
+        return self(self.nodes)
+
+
+def solved(case: MassSpring) -> Reference:
+    """Solution of the reduced equation by Radau's method, from rest to ``t_end``."""
     equation = reduced(case)
     solution = solve_ivp(
         equation.rate,
-        (0.0, times[-1]),
+        (0.0, case.parameters.t_end),
         [0.0],
         method="Radau",
-        t_eval=times,
+        dense_output=True,
         rtol=ACCURACY,
         atol=1e-3 * ACCURACY,
     )
     if not solution.success:
         raise ArithmeticError(f"the reference could not be computed: {solution.message}")
-    return equation.displacement(times, solution.y[0]).T
-
-
-@dataclass(frozen=True)
-class Coulomb:
-    """The rigid obstacle with Coulomb's law.
-
-    Attributes
-    ----------
-    displacement : callable
-        ``displacement(times)``, shape (m,) → (m, n).
-    until : float
-        Time from which no quasi-static solution exists (s).
-    """
-
-    displacement: Callable[[Array], Array]
-    until: float = np.inf
-
-
-def coulomb(case: MassSpring) -> Coulomb:
-    """Closed-form solution of a case without regularisation."""
-    p = case.parameters
-    if isinstance(case, PressedPlane):
-        limit = p.f * p.R_N / p.k
-        return Coulomb(lambda t: np.clip(p.V * t, -limit, limit)[:, None])
-    return _coulomb_on_plane(p) if isinstance(case, MovingPlane) else _coulomb_on_circle(p)
-
-
-def _coulomb_on_plane(p: Parameters) -> Coulomb:
-    """Slides at once, or sticks for ever where the plane is slower than the cone grows."""
-    speed = float(np.clip(p.V, -p.f * p.F / p.k, p.f * p.F / p.k))
-
-    def displacement(t: Array) -> Array:
-        pressed = np.maximum(t - p.k * p.delta / p.F, 0.0)
-        return np.stack([speed * pressed, -np.minimum(p.F * t / p.k, p.delta)], axis=1)
-
-    return Coulomb(displacement)
-
-
-def _coulomb_on_circle(p: Parameters) -> Coulomb:
-    """Free, sliding with sin φ + f cos φ = f k r/A, then sticking until the cone is left."""
-    contact, cone = p.k * p.delta / p.F, np.arctan(p.f)
-    sense, Omega = np.sign(p.Omega), abs(p.Omega)
-
-    def A(t: Array) -> Array:
-        return p.k * (p.r + p.delta) - p.F * t
-
-    def sliding(t: Array) -> Array:
-        return np.arcsin(np.minimum(np.sin(cone) * p.k * p.r / A(t), 1.0)) - cone
-
-    def excess(t: float) -> float:
-        """Rate of sliding over that of the circle; negative while it slides."""
-        return float(np.tan(sliding(t) + cone) * p.F / A(t) - Omega)
-
-    last = (p.k * (p.r + p.delta) - p.k * p.r * np.sin(cone)) / p.F
-    slides = excess(contact) < 0.0
-    stuck = brentq(excess, contact, last * (1.0 - 1e-9)) if slides else contact
-
-    def angle(t: Array) -> Array:
-        later = sliding(stuck) + Omega * (t - stuck)
-        return np.where(t < contact, 0.0, np.where(t < stuck, sliding(np.minimum(t, stuck)), later))
-
-    until = _cone_left(p, A, angle, stuck)
-
-    def displacement(t: Array) -> Array:
-        phi = np.where(t <= until, sense * angle(t), np.nan)
-        rho = np.where(t < contact, A(t) / p.k, p.r)
-        return np.stack([rho * np.sin(phi), rho * np.cos(phi) - p.r - p.delta], axis=1)
-
-    return Coulomb(displacement, until)
-
-
-def _cone_left(
-    p: Parameters, A: Callable[[Array], Array], angle: Callable[[Array], Array], stuck: float
-) -> float:
-    """First time at which |A| (sin φ − f cos φ) = f k r, with A < 0."""
-
-    def beyond(t: Array) -> Array:
-        return -A(t) * (np.sin(angle(t)) - p.f * np.cos(angle(t))) - p.f * p.k * p.r
-
-    times = np.linspace(stuck, max(p.t_end, stuck), 2001)
-    outside = np.flatnonzero(beyond(times) > 0.0)
-    if not outside.size or outside[0] == 0:
-        return np.inf
-    i = int(outside[0])
-    return float(brentq(beyond, times[i - 1], times[i]))
+    return Reference(equation, solution.sol, solution.t)

@@ -12,7 +12,7 @@ from skfem import MeshQuad
 
 from anmstrip.mechanics.bending import isometric_bending
 from anmstrip.mechanics.cells import ContactOperator, Pattern
-from anmstrip.mechanics.contact import Contact
+from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.effects import Effect, LinearEffect
 from anmstrip.mechanics.friction import FrictionLaw, NortonHoff, Tanh
 from anmstrip.mechanics.loads import edge_force, weight
@@ -29,6 +29,14 @@ Array = NDArray[np.float64]
 
 QUARTER = 0.25
 """Share of the boundary layer √(D/T) that an element over a roller may cover."""
+
+
+FAINT = 1e-4
+"""Share of the pressure T/r of a wrapped strip below which there is no friction.
+
+The regularised pressure never ends, but points without weight would shorten every
+step: their friction is as singular as that of the others.
+"""
 
 
 @dataclass(frozen=True)
@@ -97,14 +105,27 @@ class Assembly:
             return Tanh(f.coefficient, f.omega, f.speed)
         return NortonHoff(f.coefficient, f.exponent, f.omega, f.speed)
 
-    def contacts(self, friction: bool) -> list[Contact]:
-        """One contact per roller, if the scene has contact."""
+    @cached_property
+    def contacts(self) -> list[Contact]:
+        """One normal contact per roller, if the scene has contact."""
+        tolerance = min(self.scene.solver.tolerance, FAINT)
+        return [] if self.scene.contact is None else self._contacts(tolerance)
+
+    def frictions(self) -> list[Friction]:
+        """Friction of each contact."""
+        law = self.friction
+        return [] if law is None else [Friction(contact, law) for contact in self._contacts(FAINT)]
+
+    def _contacts(self, faint: float) -> list[Contact]:
+        """Contacts that begin at a fraction of the pressure T/r of a wrapped strip."""
         c = self.scene.contact
-        if c is None:
-            return []
+        assert c is not None
         law = RepulsiveSignorini(c.stiffness, c.eta, c.delta)
-        given = self.friction if friction else None
-        return [Contact(roller, law, given, self.contact_operator) for roller in self.rollers]
+        tension = self.scales.tension
+        return [
+            Contact(r, law, self.contact_operator, float(law.gap(faint * tension / r.radius)))
+            for r in self.rollers
+        ]
 
     def effects(self, stage: StageSpec, forces: set[str], gravity: bool) -> list[Effect]:
         """What acts in a stage.
@@ -118,7 +139,8 @@ class Assembly:
             Whether there is weight, now or before.
         """
         effects: list[Effect] = [self.membrane, self.bending]
-        effects += self.contacts(self.frictional(stage))
+        effects += self.contacts
+        effects += self.frictions() if self.frictional(stage) else []
         effects += [edge_force(self.strip.edges[name]) for name in sorted(forces)]
         return [*effects, weight(self.strip)] if gravity else effects
 

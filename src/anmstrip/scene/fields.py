@@ -79,16 +79,13 @@ class Surface:
                 "slip_velocity": vector,
                 "gap": nothing,
             }
-        found = [contact_state for _, contact_state in state.contacts.values()]
+        found = list(state.contacts.values())
         nearest = np.argmin([f.gap for f in found], axis=0)
-        zero = np.zeros_like(found[0].normal)
-        traction = sum((zero if f.traction is None else f.traction) for f in found)
-        slips = np.stack([zero if f.slip is None else f.slip for f in found])
-        points = np.arange(len(nearest))
+        slips = np.stack([f.slip for f in found])[nearest, :, np.arange(len(nearest))].T
         return {
             "normal_pressure": self._from_contact(sum(f.pressure for f in found)),
-            "friction_traction": self._from_contact(traction),
-            "slip_velocity": self._from_contact(slips[nearest, :, points].T),
+            "friction_traction": self._from_contact(sum(f.traction for f in found)),
+            "slip_velocity": self._from_contact(slips),
             "gap": self._from_contact(np.min([f.gap for f in found], axis=0)),
         }
 

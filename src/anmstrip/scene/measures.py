@@ -8,7 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.mechanics.contact import Contact, ContactState
+from anmstrip.mechanics.cells import ContactOperator
+from anmstrip.mechanics.contact import Contact, Friction
+from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.stages import Plan
 
 Array = NDArray[np.float64]
@@ -66,26 +68,71 @@ class State:
         return float(self.edge_force(name) @ outward) / edge.length
 
     @cached_property
-    def contacts(self) -> dict[str, tuple[Contact, ContactState]]:
-        """Roller → contact and what it does to the points."""
-        found = {}
-        for effect in self.plan.model.effects:
-            if isinstance(effect, Contact):
-                u = effect.operator.apply(self.full)
-                v = None if self.velocity is None else effect.operator.apply(self.velocity)
-                found[effect.roller.name] = (effect, effect.state(u, v, self.controls))
-        return found
+    def contacts(self) -> dict[str, ContactState]:
+        """Roller → what it does to the strip."""
+        frictions = {e.roller.name: e for e in self.plan.model.effects if isinstance(e, Friction)}
+        return {
+            effect.roller.name: self._contact(effect, frictions.get(effect.roller.name))
+            for effect in self.plan.model.effects
+            if isinstance(effect, Contact)
+        }
+
+    def _contact(self, contact: Contact, friction: Friction | None) -> ContactState:
+        operator = contact.operator
+        gap, normal, pressure = contact.pressure(operator.apply(self.full), self.controls)
+        slip, traction = np.zeros_like(normal), np.zeros_like(normal)
+        if friction is not None and self.velocity is not None:
+            slip = friction.slip(normal, operator.apply(self.velocity), self.controls)
+            near = friction.near(self.full, self.controls)
+            x, v = near.operator.apply(self.full), near.operator.apply(self.velocity)
+            traction[:, near.operator.chosen] = near.traction(x, v, self.controls)
+        coefficient = None if friction is None else friction.law_of_slip.coefficient
+        return ContactState(
+            contact.roller, operator, gap, normal, pressure, slip, traction, coefficient
+        )
 
     @cached_property
     def rollers(self) -> dict[str, RollerReading]:
         """Roller → what is read off, in the order of the scene."""
         readings = {}
         incoming = self.edge_force("entry") if "entry" in self.plan.model.strip.edges else None
-        for name, (contact, state) in self.contacts.items():
-            reading = _reading(contact, state, self.controls, incoming)
+        for name, state in self.contacts.items():
+            reading = _reading(state, incoming)
             incoming = None if incoming is None else incoming + reading.resultant
             readings[name] = reading
         return readings
+
+
+@dataclass(frozen=True)
+class ContactState:
+    """What a roller does to the points of the strip.
+
+    Attributes
+    ----------
+    roller : Roller
+    operator : ContactOperator
+        Where the points are and what area belongs to each.
+    gap, pressure : ndarray, shape (points,)
+        m, Pa.
+    normal, slip, traction : ndarray, shape (3, points)
+        1, m/s, Pa; slip and traction are zero without friction.
+    coefficient : float or None
+        f, with friction.
+    """
+
+    roller: Roller
+    operator: ContactOperator
+    gap: Array
+    normal: Array
+    pressure: Array
+    slip: Array
+    traction: Array
+    coefficient: float | None
+
+    @cached_property
+    def touching(self) -> NDArray[np.bool_]:
+        """Points in contact."""
+        return in_contact(self.pressure, self.operator.weights)
 
 
 @dataclass(frozen=True)
@@ -136,48 +183,42 @@ def in_contact(pressure: Array, area: Array) -> NDArray[np.bool_]:
     return pressure > TOUCHING * float((force * pressure).sum()) / total if total else force > 0.0
 
 
-def _reading(
-    contact: Contact, state: ContactState, controls: dict[str, Array], incoming: Array | None
-) -> RollerReading:
-    area = contact.operator.weights
-    touching = in_contact(state.pressure, area)
-    width = np.ptp(contact.operator.reference[1])
-    sense = contact.roller.turning @ state.normal
-    traction = np.zeros_like(state.normal) if state.traction is None else state.traction
-    slip = np.zeros_like(state.normal) if state.slip is None else state.slip
-    resultant = ((state.pressure * state.normal + traction) * area).sum(axis=1)
+def _reading(state: ContactState, incoming: Array | None) -> RollerReading:
+    area, touching = state.operator.weights, state.touching
+    width = np.ptp(state.operator.reference[1])
+    sense = state.roller.turning @ state.normal
+    resultant = ((state.pressure * state.normal + state.traction) * area).sum(axis=1)
     force = state.pressure * area * touching
-    along = np.einsum("ip,ip->p", slip, sense)
+    along = np.einsum("ip,ip->p", state.slip, sense)
     before = np.zeros(3) if incoming is None else incoming
     after = np.zeros(3) if incoming is None else incoming + resultant
     return RollerReading(
         normal_force=float((state.pressure * area).sum()),
-        drag=float((traction * sense * area).sum()),
-        wrap=_wrap(contact, state.normal, touching),
+        drag=float((state.traction * sense * area).sum()),
+        wrap=_wrap(state),
         tension_in=float(np.linalg.norm(before) / width),
         tension_out=float(np.linalg.norm(after) / width),
-        max_slip=float(np.linalg.norm(slip, axis=0)[touching].max(initial=0.0)),
+        max_slip=float(np.linalg.norm(state.slip, axis=0)[touching].max(initial=0.0)),
         creep_speed=-float((along * force).sum() / force.sum()) if force.any() else 0.0,
-        cone_violation=_cone_violation(contact, state, traction, touching),
+        cone_violation=_cone_violation(state),
         resultant=resultant,
     )
 
 
-def _cone_violation(
-    contact: Contact, state: ContactState, traction: Array, touching: NDArray[np.bool_]
-) -> float:
-    if contact.friction is None or not contact.friction.coefficient or not touching.any():
+def _cone_violation(state: ContactState) -> float:
+    if not state.coefficient or not state.touching.any():
         return 0.0
-    limit = contact.friction.coefficient * state.pressure[touching]
-    return max(0.0, float((np.linalg.norm(traction[:, touching], axis=0) / limit).max()) - 1.0)
+    limit = state.coefficient * state.pressure[state.touching]
+    ratio = np.linalg.norm(state.traction[:, state.touching], axis=0) / limit
+    return max(0.0, float(ratio.max()) - 1.0)
 
 
-def _wrap(contact: Contact, normal: Array, touching: NDArray[np.bool_]) -> float:
+def _wrap(state: ContactState) -> float:
     """Angle between the extreme normals in contact, in the plane across the axis."""
-    if not touching.any():
+    if not state.touching.any():
         return 0.0
-    n = normal[:, touching]
+    n = state.normal[:, state.touching]
     middle = n.sum(axis=1)
     middle /= np.linalg.norm(middle)
-    angle = np.arctan2((contact.roller.turning @ middle) @ n, middle @ n)
+    angle = np.arctan2((state.roller.turning @ middle) @ n, middle @ n)
     return float(np.ptp(angle))

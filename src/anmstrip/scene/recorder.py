@@ -66,7 +66,7 @@ class Recorder:
             self.rollers = Collection.reopened(directory / "rollers.pvd", reached)
             times = assembly.scene.output.times or ()
             self.due = sum(t <= reached for t in times)
-        touching = assembly.contact_operator if assembly.contacts(False) else None
+        touching = assembly.contact_operator if assembly.contacts else None
         self.surface = Surface(assembly.strip, assembly.membrane, touching)
         self.turned = dict.fromkeys((r.name for r in assembly.rollers), 0.0)
         self.last_checkpoint = 0.0

@@ -1,8 +1,9 @@
 """Following a path: branches, each accepted on the residual at its end.
 
 Three things apart: :func:`anmstrip.series.expansion.expand` makes a branch,
-:func:`~anmstrip.series.range_of_validity.validated` decides how far it holds, :func:`follow` strings branches
-together until the target.  Whoever iterates over :func:`follow` is the observer.
+:func:`anmstrip.series.range_of_validity.validated` decides how far it holds,
+:func:`follow` strings branches together until the target.  Whoever iterates over
+:func:`follow` is the observer.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .implicit_dae import AffineVelocity, TimeStep
+from .index_one import stretch
 from .path import HermitePath
 from .power_series import Series, Tape
 
@@ -142,11 +143,6 @@ class FunctionRateEquations:
         return 0.0
 
 
-def stretch(v: Array, speed: float) -> float:
-    """√(1 + |v|²/V²): error at equal times over the distance of the curves."""
-    return float(np.hypot(1.0, np.abs(v).max() / speed))
-
-
 class StepEquations:
     """One step of a formula, as equations for u with λ as control."""
 
@@ -198,8 +194,8 @@ class ImplicitSolution(HermitePath):
     Attributes
     ----------
     knots : ndarray, shape (m + 1,)
-    errors : ndarray, shape (m,)
-        What each step adds to the error of u at equal times.
+    errors, passing : ndarray, shape (m,)
+        What each step adds to the error of u at equal times; nothing is passing.
     """
 
     def __init__(
@@ -212,3 +208,4 @@ class ImplicitSolution(HermitePath):
         stretched = np.array([stretch(s.v, speed) for s in steps])
         found = np.array([s.error * tolerance + s.imbalance for s in steps])
         self.errors = share * stretched * found
+        self.passing = np.zeros(len(steps))

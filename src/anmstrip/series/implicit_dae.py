@@ -27,7 +27,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from .continuation import Outcome, PathStopped, Settings, follow
+from .continuation import Outcome, PathStopped, Settings, Step, follow
 from .expansion import Cost, Equations
 from .linear_solvers import LinearSolver
 
@@ -36,6 +36,9 @@ Array = NDArray[np.float64]
 GROWTH = 2.0
 """Largest ratio of successive steps; the second-order formula is stable up to 1 + √2."""
 
+
+RESIDUAL_SHARE = 0.01
+"""Tolerance of the residual over that of the error in time, in which it must not be seen."""
 
 SETTLING = 0.01
 """First instant after a start, as a fraction of the first step."""
@@ -58,7 +61,10 @@ class RateEquations(Protocol):
     """A problem whose residual depends on velocities."""
 
     def during(self, t: float, h: float, velocity: AffineVelocity) -> Equations:
-        """The equations of the step from t to t + h, with λ ∈ [0, 1] as control."""
+        """The equations of the step from t to t + h, with λ ∈ [0, 1] as control.
+
+        For h = 0 nothing given moves, and λ only takes an imbalance away.
+        """
 
     def error(self, u: Array, change: Array) -> float:
         """Size of an error ``change`` of the state u that lasts, in the problem's scales."""
@@ -222,7 +228,7 @@ class _Integrator:
         self.whole, self.time_order, self.cost = whole, time_order, cost
         self.path_settings = Settings(
             order=settings.order,
-            tolerance=settings.tolerance,
+            tolerance=RESIDUAL_SHARE * settings.tolerance,
             max_steps=200,
             shortest=1e-6,
             give_way=False,
@@ -251,17 +257,33 @@ class _Integrator:
         raise PathStopped(Outcome.STALLED, t, reason)
 
     def settled(self, memory: Memory) -> Memory:
-        """The same start with the velocity that is there after the first instant.
+        """The same start, in equilibrium, with the velocity after the first instant.
 
-        Stick and elasticity settle within (friction slope)/(stiffness), about a
-        microsecond for steel: the velocity jumps there, the state does not.
+        What imbalance the start has is taken away while nothing moves, so that it
+        is not mistaken for motion.  Then stick and elasticity settle, within
+        (friction slope)/(stiffness), about a microsecond for steel: the velocity
+        jumps there, the state does not.
         """
-        t = memory.times[0]
         try:
-            trial = self._trial(memory, t + SETTLING * memory.step, 1)
+            still = self._at_rest(memory)
+            trial = self._trial(still, still.times[0] + SETTLING * memory.step, 1)
         except PathStopped:
             return memory
-        return replace(memory, v=trial.v)
+        return replace(still, v=trial.v)
+
+    def _at_rest(self, memory: Memory) -> Memory:
+        t, u = memory.times[0], memory.states[0]
+        zero = np.zeros_like(u)
+        velocity = AffineVelocity(1.0 / self.whole, memory.v - u / self.whole, zero)
+        found = self._followed(self.equations.during(t, 0.0, velocity), u)
+        return replace(memory, states=(found.branch.end[0],))
+
+    def _followed(self, path: Equations, u: Array) -> Step:
+        """Last step of the path from λ = 0 to 1."""
+        *_, last = follow(
+            path, u, solver=self.solver, settings=self.path_settings, cost=self.cost
+        )
+        return last
 
     def _trial(self, memory: Memory, new: float, order: int) -> _Trial:
         t, u = memory.times[0], memory.states[0]
@@ -269,14 +291,10 @@ class _Integrator:
         history = sum(w * s for w, s in zip(past, memory.states, strict=False))
         w = rate * u + history
         velocity = AffineVelocity(rate, memory.v - rate * u, w - memory.v)
-        path = self.equations.during(t, new - t, velocity)
-        branches = 0
-        for step in follow(
-            path, u, solver=self.solver, settings=self.path_settings, cost=self.cost
-        ):
-            branches += 1
-        u = step.branch.end[0]
-        return _Trial(u, velocity(u, 1.0), step.imbalance, branches)
+        before = self.cost.expansions
+        last = self._followed(self.equations.during(t, new - t, velocity), u)
+        u = last.branch.end[0]
+        return _Trial(u, velocity(u, 1.0), last.imbalance, self.cost.expansions - before)
 
     def _error(self, memory: Memory, u: Array, new: float, order: int) -> float:
         """Local error over what is allowed, from the predictor through order + 1 past states.

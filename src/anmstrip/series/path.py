@@ -79,7 +79,7 @@ class Branch:
 
 
 def _first_root(coefficients: Array, length: float) -> float | None:
-    """Smallest simple root of a polynomial in (0, length], refined by Newton."""
+    """Smallest simple root of a polynomial in (0, length]."""
     scaled = coefficients * length ** np.arange(len(coefficients))
     largest = np.abs(scaled).max()
     if largest == 0.0:
@@ -88,17 +88,7 @@ def _first_root(coefficients: Array, length: float) -> float | None:
     roots = np.polynomial.polynomial.polyroots(scaled)
     real = roots.real[(np.abs(roots.imag) < 1e-8) & (roots.real > 1e-12)]
     inside = real[real <= 1.0 + 1e-12]
-    return min(_polished(scaled, float(inside.min())), 1.0) * length if inside.size else None
-
-
-def _polished(coefficients: Array, root: float) -> float:
-    """A simple root after two steps of Newton's method."""
-    slopes = derivative_coefficients(coefficients)
-    for _ in range(2):
-        slope = float(horner(slopes, root))
-        step = float(horner(coefficients, root)) / slope if slope != 0.0 else 0.0
-        root -= step if abs(step) < 1e-6 * root else 0.0
-    return root
+    return float(min(inside.min(), 1.0)) * length if inside.size else None
 
 
 @dataclass(frozen=True)
