@@ -93,7 +93,7 @@ class Surface:
         """Membrane forces, moments, von Mises stress of the top surface, mean curvature."""
         dofs = state.full.reshape(-1, 3)[self.strip.basis.element_dofs]
         tangents = np.einsum("naep,nec->caep", self.grad, dofs) + FLAT[..., None]
-        forces = self.membrane.forces(tangents)
+        forces = self.membrane.forces(tangents.reshape(3, 2, -1)).reshape(2, 2, *tangents.shape[2:])
         curvature = self._curvature(tangents, np.einsum("nabep,nec->cabep", self.hess, dofs))
         moments = np.einsum("xy,yep->xep", self._moduli(), curvature)
         membrane = np.stack([forces[0, 0], forces[1, 1], forces[0, 1]])

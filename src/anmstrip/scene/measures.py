@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.mechanics.cells import ContactOperator
 from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.stages import Plan
@@ -80,16 +79,15 @@ class State:
     def _contact(self, contact: Contact, friction: Friction | None) -> ContactState:
         operator = contact.operator
         gap, normal, pressure = contact.pressure(operator.apply(self.full), self.controls)
+        pressure = np.maximum(pressure, 0.0)
         slip, traction = np.zeros_like(normal), np.zeros_like(normal)
         if friction is not None and self.velocity is not None:
-            slip = friction.slip(normal, operator.apply(self.velocity), self.controls)
             near = friction.near(self.full, self.controls)
-            x, v = near.operator.apply(self.full), near.operator.apply(self.velocity)
-            traction[:, near.operator.chosen] = near.traction(x, v, self.controls)
+            chosen, v = near.operator.chosen, near.operator.apply(self.velocity)
+            slip[:, chosen] = near.slip(normal[:, chosen], v, self.controls)
+            traction[:, chosen] = near.traction(near.operator.apply(self.full), v, self.controls)
         coefficient = None if friction is None else friction.law_of_slip.coefficient
-        return ContactState(
-            contact.roller, operator, gap, normal, pressure, slip, traction, coefficient
-        )
+        return ContactState(contact, gap, normal, pressure, slip, traction, coefficient)
 
     @cached_property
     def rollers(self) -> dict[str, RollerReading]:
@@ -109,19 +107,16 @@ class ContactState:
 
     Attributes
     ----------
-    roller : Roller
-    operator : ContactOperator
-        Where the points are and what area belongs to each.
+    contact : Contact
     gap, pressure : ndarray, shape (points,)
         m, Pa.
     normal, slip, traction : ndarray, shape (3, points)
-        1, m/s, Pa; slip and traction are zero without friction.
+        1, m/s, Pa; slip and traction are zero where there is no friction.
     coefficient : float or None
         f, with friction.
     """
 
-    roller: Roller
-    operator: ContactOperator
+    contact: Contact
     gap: Array
     normal: Array
     pressure: Array
@@ -131,8 +126,23 @@ class ContactState:
 
     @cached_property
     def touching(self) -> NDArray[np.bool_]:
-        """Points in contact."""
-        return in_contact(self.pressure, self.operator.weights)
+        """Points in contact: pressed by more than η, and a tenth of the mean pressure.
+
+        The mean is weighted by force.
+        """
+        force = self.pressure * self.area
+        mean = float((force * self.pressure).sum()) / max(float(force.sum()), 1e-300)
+        return self.pressure > max(TOUCHING * mean, self.contact.signorini.eta)
+
+    @property
+    def area(self) -> Array:
+        """Area that belongs to each point (m²)."""
+        return self.contact.operator.weights
+
+    @property
+    def roller(self) -> Roller:
+        """Of the contact."""
+        return self.contact.roller
 
 
 @dataclass(frozen=True)
@@ -176,16 +186,9 @@ class RollerReading:
         return self.tension_in / self.tension_out if self.tension_out > 0.0 else None
 
 
-def in_contact(pressure: Array, area: Array) -> NDArray[np.bool_]:
-    """Points whose pressure is a tenth of the mean pressure, itself weighted by force."""
-    force = pressure * area
-    total = float(force.sum())
-    return pressure > TOUCHING * float((force * pressure).sum()) / total if total else force > 0.0
-
-
 def _reading(state: ContactState, incoming: Array | None) -> RollerReading:
-    area, touching = state.operator.weights, state.touching
-    width = np.ptp(state.operator.reference[1])
+    area, touching = state.area, state.touching
+    width = np.ptp(state.contact.operator.reference[1])
     sense = state.roller.turning @ state.normal
     resultant = ((state.pressure * state.normal + state.traction) * area).sum(axis=1)
     force = state.pressure * area * touching

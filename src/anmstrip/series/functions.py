@@ -151,7 +151,8 @@ class StepEquations:
     ) -> None:
         self.problem, self.t, self.h, self.velocity = problem, t, h, velocity
         self.softness = np.zeros((0, 0))
-        self.unit = h / problem.whole
+        self.share = h / problem.whole if h > 0.0 else 1.0
+        self.unit = self.share
 
     def _function(self, u: Any, control: Any) -> Any:
         velocity = u * self.velocity.rate + self.velocity.base + control * self.velocity.slope
@@ -162,7 +163,7 @@ class StepEquations:
         recurrence = TracedRecurrence(self._function, u, control, order)
         self.softness = np.abs(np.linalg.pinv(recurrence.tangent()))
         v = self.velocity(u, control)
-        self.unit = self.h / self.problem.whole * stretch(v, self.problem.speed)
+        self.unit = self.share * stretch(v, self.problem.speed)
         return recurrence
 
     def residual(self, u: Array, control: float) -> Array:

@@ -182,8 +182,8 @@ def run_case(
     found = solved(case, scheme, order=order, tolerance=tolerance)
     seconds = time.perf_counter() - begin
     rows = _rows(case, found, np.linspace(0.0, found.path.knots[-1], ROWS))
-    errors = _errors(case, rows[:, 0], rows[:, 1 : 1 + case.size], tolerance)
-    report = CaseReport(name, scheme, order, tolerance, case, found, rows, *errors, seconds)
+    error, equal = _errors(case, rows[:, 0], rows[:, 1 : 1 + case.size], tolerance)
+    report = CaseReport(name, scheme, order, tolerance, case, found, rows, error, equal, seconds)
     return replace(report, files=_written(report, Path(directory or f"results/case-{name}")))
 
 

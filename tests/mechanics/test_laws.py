@@ -1,0 +1,126 @@
+"""Contact and friction laws against their defining equations."""
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from anmstrip.mechanics.friction import NortonHoff, Tanh
+from anmstrip.mechanics.signorini import RepulsiveSignorini, Signorini
+from anmstrip.series.power_series import taylor
+
+STIFFNESSES = 10.0 ** np.arange(3, 13)
+LAWS = [Signorini, RepulsiveSignorini]
+mpmath.mp.dps = 40
+
+
+def hoff(q=0.05, omega=0.1):
+    return NortonHoff(coefficient=0.3, exponent=q, omega=omega, speed=2.0)
+
+
+@pytest.mark.parametrize("kind", LAWS)
+@pytest.mark.parametrize("stiffness", STIFFNESSES)
+def test_the_inverse_contact_law_gives_the_reaction_back(kind, stiffness):
+    law = kind(stiffness, eta=0.01, delta=1.0)
+    reaction = np.geomspace(1e-3, 1e2, 60)
+    assert law(law.gap(reaction)) == pytest.approx(reaction, rel=1e-10)
+
+
+@given(gap=st.floats(-1e-3, 0.999), exponent=st.floats(3.0, 12.0))
+def test_the_contact_law_is_the_root_of_its_quadratic(gap, exponent):
+    K, eta, delta = 10.0**exponent, 0.01, 1.0
+    R = Signorini(K, eta, delta)(gap)
+    assert R * (R / K + gap) == pytest.approx(eta * (delta - gap), rel=1e-6 if gap < 0 else 1e-12)
+    assert R > 0.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "load"), [(Signorini, lambda h: 1.0 - h), (RepulsiveSignorini, 1)]
+)
+@pytest.mark.parametrize("gap", [1e-6, 0.5, 0.999, 30.0, 1e6])
+def test_far_gaps_do_not_cancel(kind, load, gap):
+    K, eta = mpmath.mpf(1e12), mpmath.mpf(0.01)
+    p = eta * (load(mpmath.mpf(gap)) if callable(load) else load)
+    exact = K / 2 * (-gap + mpmath.sqrt(mpmath.mpf(gap) ** 2 + 4 * p / K))
+    assert kind(1e12, 0.01, 1.0)(gap) == pytest.approx(float(exact), rel=1e-12)
+
+
+def test_the_papers_law_vanishes_at_delta_and_tends_to_minus_eta():
+    law = Signorini(1e3, eta=0.01, delta=1.0)
+    assert law(1.0) == 0.0
+    assert law(1e6) == pytest.approx(-0.01, rel=1e-5)
+
+
+def test_the_repulsive_law_is_positive_and_decays():
+    law = RepulsiveSignorini(1e3, eta=0.01, delta=1.0)
+    assert law(np.array([1.0, 10.0])) == pytest.approx([0.01, 0.001], rel=2e-5)
+
+
+def derivatives(function, order):
+    """Derivatives over factorials of a function of one variable at 0."""
+    return [float(c) for c in mpmath.taylor(function, 0, order)]
+
+
+@pytest.mark.parametrize("gap", [-0.02, 0.3])
+def test_orders_of_the_contact_law(gap):
+    K, eta, delta = 50, mpmath.mpf("0.25"), 1
+
+    def exact(a):
+        h = gap + a
+        return mpmath.mpf(K) / 2 * (-h + mpmath.sqrt(h * h + 4 * eta * (delta - h) / K))
+
+    path = np.zeros(13)
+    path[:2] = gap, 1.0
+    found = taylor(Signorini(50.0, 0.25, 1.0), path)
+    assert found == pytest.approx(derivatives(exact, 12), rel=1e-9)
+
+
+@pytest.mark.parametrize("slip", [0.0, 0.07, -1.5])
+def test_orders_of_the_friction_law(slip):
+    law = hoff()
+    f, q, w, V = (mpmath.mpf(repr(x)) for x in (0.3, 0.05, 0.1, 2.0))
+
+    def exact(a):
+        v, R = slip + a, 1 + 2 * a
+        return -f * R * (v * v + w * w * V * V) ** ((q - 1) / 2) * v / V**q
+
+    path, normal = np.zeros((13, 1)), np.zeros(13)
+    path[:2, 0], normal[:2] = (slip, 1.0), (1.0, 2.0)
+    found = taylor(law, normal, path)[:, 0]
+    wanted = np.array(derivatives(exact, 12))
+    assert found == pytest.approx(wanted, rel=1e-9, abs=1e-12 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("law", [hoff(), Tanh(0.3, 0.1, 2.0)])
+@pytest.mark.parametrize("slip", [0.0, 1e-12, 1.0, 1e8])
+def test_without_normal_force_there_is_no_friction_at_all(law, slip):
+    assert (law(np.zeros(1), np.array([[slip], [-slip]])) == 0.0).all()
+
+
+@given(slip=st.floats(-1e3, 1e3), across=st.floats(-1e3, 1e3))
+def test_tanh_is_bounded_by_the_cone_and_opposes_slip(slip, across):
+    v = np.array([slip, across])
+    force = Tanh(0.3, 0.1, 2.0)(np.float64(5.0), v)
+    assert np.hypot(*force) <= 0.3 * 5.0 * (1.0 + 1e-14)
+    assert force @ v <= 0.0
+
+
+def test_norton_hoff_leaves_the_cone_at_high_speed():
+    law = NortonHoff(coefficient=0.3, exponent=0.1, omega=0.1, speed=2.0)
+    assert law.effective(20.0) / 0.3 == pytest.approx(10.0**0.1, rel=1e-4)
+    force = law(np.float64(1.0), np.array([20.0]))[0]
+    assert force == pytest.approx(-1.2589 * 0.3, rel=1e-4)
+
+
+def test_norton_hoff_tends_to_coulomb():
+    law = hoff(q=1e-4, omega=1e-8)
+    assert law(np.float64(1.0), np.array([1e-3]))[0] == pytest.approx(-0.3, rel=1e-3)
+
+
+@pytest.mark.parametrize("law", [hoff(), Tanh(0.3, 0.1, 2.0)])
+def test_the_effective_coefficient_is_that_of_the_law(law):
+    for slip in (1e-3, 0.1, 7.0):
+        assert -law(np.float64(2.0), np.array([slip]))[0] == pytest.approx(
+            2.0 * law.effective(slip)
+        )

@@ -1,0 +1,231 @@
+"""The paper's three cases end to end: what it reports, the references, the files."""
+
+import json
+import runpy
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anmstrip.mechanics.coulomb import coulomb
+from anmstrip.mechanics.mass_spring import CASES, Parameters, RotatingCircle
+from anmstrip.mechanics.references import solved as reference_of
+from anmstrip.scene.errors import InputError
+from anmstrip.studies.case_runs import solved
+from anmstrip.studies.cases import COLUMNS, PAPER_STEPS, run_case
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+PICTURES = {
+    "pressed-plane": ["displacement", "friction-law-omega", "friction-law-q"],
+    "moving-plane": ["displacement"],
+    "rotating-circle": ["displacement", "reactions", "trajectory"],
+}
+
+
+@cache
+def reference(name):
+    return reference_of(CASES[name]())
+
+
+@pytest.fixture(scope="module")
+def reports(tmp_path_factory):
+    """What the examples return, each run once."""
+
+    @cache
+    def report(name):
+        main = runpy.run_path(str(EXAMPLES / f"{name.replace('-', '_')}.py"))["main"]
+        with pytest.MonkeyPatch.context() as patch:
+            patch.chdir(tmp_path_factory.mktemp(name))
+            found = main()
+            return replace(found, files=tuple(file.resolve() for file in found.files))
+
+    return report
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_steps_are_close_to_the_papers(reports, name):
+    report = reports(name)
+    assert report.steps == pytest.approx(PAPER_STEPS[name], rel=0.15)
+    assert report.tangents == report.steps
+    assert report.message == "reached the end"
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_error_is_below_the_tolerance(reports, name):
+    report = reports(name)
+    assert report.error <= 1e-4
+    assert report.error_at_equal_times <= (1e-4 if name != "rotating-circle" else 1e-2)
+    assert report.solved.error / 10 < report.error < 10 * report.solved.error
+
+
+def largest_distance(name, found, case):
+    exact = reference(name)
+    times = np.union1d(np.linspace(0.0, case.parameters.t_end, 201), found.path.knots[::10])
+    return max(exact.distance(t, found.path(t)[0], 1.0) for t in times)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_eight_digits(name):
+    case = CASES[name]()
+    found = solved(case, "taylor", order=19, tolerance=1e-8)
+    assert found.stopped is None
+    # in the snap, at 5e7 m/s, the last digit of the time is worth 1e-8 m
+    assert largest_distance(name, found, case) <= 1.5e-8
+    assert found.error <= 1e-8
+    assert len(found.path.errors) <= 160
+
+
+IMPLICIT = [("pressed-plane", 400), ("moving-plane", 700)]
+IMPLICIT_SNAP = pytest.param("rotating-circle", 8000, marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize(("name", "steps"), [*IMPLICIT, IMPLICIT_SNAP])
+def test_the_implicit_scheme_keeps_the_tolerance_too(name, steps):
+    case = CASES[name]()
+    found = solved(case, "implicit", order=19, tolerance=1e-4)
+    assert found.stopped is None
+    assert largest_distance(name, found, case) <= 1e-4
+    assert found.error <= 1e-4
+    assert len(found.path.errors) <= steps
+    assert found.cost.factorisations <= 1.1 * len(found.path.errors) + 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [8, 12, 25])
+@pytest.mark.parametrize("name", CASES)
+def test_the_tolerance_is_kept_at_other_orders(name, order):
+    case = CASES[name]()
+    found = solved(case, "taylor", order=order, tolerance=1e-5)
+    assert largest_distance(name, found, case) <= 1e-5
+
+
+def test_pressed_plane_ends_where_friction_balances_the_spring(reports):
+    report = reports("pressed-plane")
+    p = report.case.parameters
+    balance = p.f * (p.V**2 + (p.omega * p.V_c) ** 2) ** ((p.q - 1) / 2) * p.V * p.R_N
+    assert balance / (p.k * p.V_c**p.q) == pytest.approx(0.298585, abs=5e-7)
+    assert report.end == pytest.approx([0.298585, 0.0], abs=1e-5)
+    assert report.rows[-1, 3] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_pressed_plane_leaves_coulomb_between_0_1_and_0_3_s(reports):
+    report = reports("pressed-plane")
+    t = report.rows[:, 0]
+    gap = np.abs(report.rows[:, 1] - coulomb(report.case).displacement(t)[:, 0])
+    assert 0.1 < t[np.argmax(gap)] <= 0.31
+    assert gap.max() == pytest.approx(0.026, abs=2e-3)
+
+
+def test_moving_plane_touches_at_1_s_and_slides_with_slope_0_29(reports):
+    report = reports("moving-plane")
+    t, ux, uy = report.rows[:, 0], report.rows[:, 1], report.rows[:, 2]
+    sliding = t > 2.0
+    assert np.polyfit(t[sliding], ux[sliding], 1)[0] == pytest.approx(0.29, abs=0.005)
+    assert (np.diff(ux[t > 1.0]) > 0.0).all()
+    assert np.interp(0.9, t, uy) == pytest.approx(-0.9, abs=0.08)
+    assert uy[sliding] == pytest.approx(-np.ones(sliding.sum()), abs=0.02)
+
+
+def test_rotating_circle_leaves_the_cone_snaps_and_comes_back(reports):
+    report = reports("rotating-circle")
+    t, ux, uy, normal, tangential = report.rows[:, [0, 1, 2, 5, 6]].T
+    outside = t[(t > 1.5) & (np.abs(tangential) > 0.3 * normal)]
+    assert outside[0] == pytest.approx(1.805, abs=0.02)
+    phi = np.arctan2(ux, uy + 1.5)
+    assert np.interp([1.80, 1.85], t, phi) == pytest.approx([0.76, 3.02], abs=0.1)
+    assert abs(report.end[0]) < 0.3 * 0.12 + 1e-3  # the floor f ζ R_C of friction over k
+    assert report.end[1] < -2.0
+
+
+@pytest.mark.parametrize("name", ["moving-plane", "rotating-circle"])
+def test_before_the_cone_is_left_the_answer_is_coulombs(reports, name):
+    report = reports(name)
+    exact = coulomb(report.case)
+    t = report.rows[:, 0]
+    before = t < min(exact.until - 0.01, 10.0)
+    gap = report.rows[before, 1:3] - exact.displacement(t[before])
+    assert np.abs(gap).max() < 0.12  # √(η δ) = 0.1 m softens the first touch
+    assert np.abs(gap[t[before] > 1.5]).max() < 0.03
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_equilibrium_holds_in_every_row(reports, name):
+    report = reports(name)
+    size = report.case.size
+    slow = np.abs(report.rows[:, 3:5]).max(axis=1) < 5.0
+    for row in report.rows[slow]:
+        residual = report.case.residual(row[1 : 1 + size], row[3 : 3 + size], row[0])
+        assert residual == pytest.approx(np.zeros(size), abs=2e-3)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_files(reports, name):
+    report = reports(name)
+    directory = report.files[0].parent
+    assert directory.parts[-2:] == ("results", f"case-{name}")
+    table = np.genfromtxt(directory / "case.csv", delimiter=",", names=True)
+    assert table.dtype.names == COLUMNS
+    assert len(table) >= 200
+    assert np.diff(table["time"]) == pytest.approx(np.full(len(table) - 1, table["time"][1]))
+    assert (table["time"][0], table["time"][-1]) == (0.0, report.case.parameters.t_end)
+    assert table["ux"] == pytest.approx(report.rows[:, 1], rel=1e-10, abs=1e-12)
+    assert (table["uy"] == 0.0).all() == (name == "pressed-plane")
+    summary = json.loads((directory / "case.json").read_text())
+    assert {"steps", "tangents", "parameters", "scheme"} <= set(summary)
+    assert set(summary["parameters"]) == set(Parameters.names())
+    assert sorted(file.stem for file in directory.glob("*.png")) == PICTURES[name]
+    assert all(file.stat().st_size > 5000 for file in directory.glob("*.png"))
+    assert sorted(directory.iterdir()) == sorted(report.files)
+    assert f"(paper: {PAPER_STEPS[name]})" in str(report)
+
+
+def test_settings_are_used(tmp_path):
+    settings = {"f": 0.2, "t_end": 1.0}
+    report = run_case("pressed-plane", settings=settings, directory=tmp_path, tolerance=1e-6)
+    assert report.rows[-1, 0] == 1.0
+    assert report.end[0] == pytest.approx(0.2 / 0.3 * 0.298585, abs=1e-5)
+
+
+def test_the_sense_of_turning_mirrors_the_path():
+    ends = [
+        solved(
+            RotatingCircle(Parameters(t_end=1.2, Omega=sense)), "taylor", order=9, tolerance=1e-3
+        )
+        for sense in (1.0, -1.0)
+    ]
+    (right, _), (left, _) = (end.path(1.2)[0] for end in ends)
+    assert right == pytest.approx(-left, rel=1e-9)
+    assert right > 0.05
+
+
+def test_what_cannot_be_continued_is_told_and_kept(tmp_path):
+    settings = {"q": 0.01, "omega": 0.1, "zeta": 0.3}
+    report = run_case(
+        "rotating-circle", settings=settings, directory=tmp_path, order=9, tolerance=1e-2
+    )
+    assert report.message.startswith("stopped: ")
+    assert report.rows[-1, 0] == pytest.approx(1.805, abs=0.02)
+    assert (tmp_path / "case.csv").exists()
+    assert json.loads((tmp_path / "case.json").read_text())["message"] == report.message
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"name": "moving-plain"}, ["moving-plane"]),
+        ({"scheme": "tailor"}, ["taylor"]),
+        ({"settings": {"omga": 0.1, "q": 2.0}}, ["omega", "at most 1"]),
+        ({"settings": {"K": -1.0}}, ["above 0"]),
+        ({"settings": {"F": float("nan")}}, ["finite"]),
+        ({"settings": {"eta": 10.0, "K": 5.0}}, ["below K delta"]),
+        ({"order": 1}, ["order"]),
+        ({"tolerance": 0.0}, ["above 0"]),
+    ],
+)
+def test_wrong_input_is_told_and_nothing_is_written(tmp_path, given, words):
+    with pytest.raises(InputError) as caught:
+        run_case(**{"name": "moving-plane", "directory": tmp_path / "out", **given})
+    assert all(word in str(caught.value) for word in words)
+    assert not list(tmp_path.iterdir())
