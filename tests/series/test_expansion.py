@@ -80,7 +80,7 @@ def test_range_of_an_odd_function_looks_at_two_orders(order):
     last = branch.u[order - 1 + order % 2]
     assert last[0] != 0.0
     np.testing.assert_array_equal(branch.u[2::2], 0.0)
-    reach = term_range(equations, branch, 1e-8)
+    reach = term_range(branch, 1e-8)
     assert 0.0 < reach < 0.4
     assert equations.imbalance(equations.residual(*branch(reach))) < 1e-7
 
@@ -89,7 +89,7 @@ def test_series_that_ends_has_no_finite_range():
     equations = DenseEquations(lambda u, control: 2.0 * u - control)
     branch = branch_of(equations, [0.0], order=20, parameter=Parameter(1.0, 1.0), tolerance=1e-6)
     assert branch.order < 6
-    assert term_range(equations, branch, 1e-6) == np.inf
+    assert term_range(branch, 1e-6) == np.inf
     assert branch(1.0)[0][0] == 0.5
 
 

@@ -181,7 +181,7 @@ def expand(
     away = equations.imbalance(recurrence.residual) > tolerance and np.isfinite(parameter.reach)
     carried_over = parameter.reach if away else 1.0
     border = _Border(equations, per_control, parameter)
-    u_orders, control_orders, unseen = [u], [control], 0
+    u_orders, control_orders, forces, unseen = [u], [control], [0.0], 0
     for k in range(1, order + 1):
         if k == 1:
             right = recurrence.residual / carried_over
@@ -195,7 +195,8 @@ def expand(
             recurrence.correct(k, u_k, control_k)
         u_orders.append(u_k)
         control_orders.append(control_k)
-        visible = k == 1 or _visible(equations.imbalance(right), k, parameter.reach, tolerance)
+        forces.append(equations.imbalance(right) if k > 1 else 0.0)
+        visible = k == 1 or _visible(forces[k], k, parameter.reach, tolerance)
         unseen = 0 if visible else unseen + 1
         if unseen == 2 or size(equations, u_k) > LARGEST:
             break
@@ -205,6 +206,7 @@ def expand(
         length=np.inf,
         residual=recurrence.residual,
         carried_over=carried_over,
+        forces=(forces[-2], forces[-1]),
     )
 
 
@@ -246,16 +248,17 @@ def size(equations: Equations, u: Array) -> float:
     return float(np.sqrt(max(equations.inner(u, u), 0.0)))
 
 
-def term_range(equations: Equations, branch: Branch, tolerance: float) -> float:
+def term_range(branch: Branch, tolerance: float) -> float:
     """Distance at which the last two terms reach the tolerance: a guess of the range.
 
-    Both are looked at because every other coefficient may vanish; a series that
-    ends has an infinite range, for the caller to cap.
+    A term is measured by the imbalance that would be left without it.  Both are
+    looked at because every other coefficient may vanish; a series that ends has
+    an infinite range, for the caller to cap.
     """
-    order = len(branch.u) - 1
+    orders = (branch.order - 1, branch.order)
     guesses = [
-        (tolerance / last) ** (1.0 / k)
-        for k in (order - 1, order)
-        if k > 0 and (last := size(equations, branch.u[k])) > 0.0
+        (tolerance / force) ** (1.0 / k)
+        for k, force in zip(orders, branch.forces, strict=True)
+        if k > 0 and force > 0.0
     ]
     return min(guesses, default=np.inf)

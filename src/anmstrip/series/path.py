@@ -35,6 +35,9 @@ class Branch:
     residual : ndarray, shape (n,)
         Initial imbalance R_0; the branch satisfies R(a) = R_0 (1 − a / carried_over).
     carried_over : float
+    forces : tuple of float
+        Imbalance that would be left without the last term but one, and without the
+        last, at a = 1.
     """
 
     u: Array
@@ -42,6 +45,7 @@ class Branch:
     length: float
     residual: Array
     carried_over: float = 1.0
+    forces: tuple[float, float] = (0.0, 0.0)
 
     @property
     def order(self) -> int:

@@ -33,7 +33,7 @@ def validated(
     """
     order = branch.order
     reach = min(reach, _without_overshoot(equations, branch, tolerance))
-    guess = min(term_range(equations, branch, tolerance), reach)
+    guess = min(term_range(branch, tolerance), reach)
     if not np.isfinite(guess):
         guess = 1.0
     error, imbalance = errors(equations, branch, guess, cost, tolerance)
