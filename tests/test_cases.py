@@ -49,6 +49,7 @@ def test_steps_are_close_to_the_papers(reports, name):
     report = reports(name)
     assert report.steps == pytest.approx(PAPER_STEPS[name], rel=0.15)
     assert report.tangents == report.steps
+    assert report.done
     assert report.message == "reached the end"
 
 
@@ -205,6 +206,7 @@ def test_what_cannot_be_continued_is_told_and_kept(tmp_path):
     report = run_case(
         "rotating-circle", settings=settings, directory=tmp_path, order=9, tolerance=1e-2
     )
+    assert not report.done
     assert report.message.startswith("stopped: ")
     assert report.rows[-1, 0] == pytest.approx(1.805, abs=0.02)
     assert (tmp_path / "case.csv").exists()

@@ -82,6 +82,12 @@ class Supports:
     start: Array
     slope: Array
 
+    @classmethod
+    def at_rest(cls, unknowns: int, held: Index) -> Supports:
+        """Some of the unknowns held at zero, the others free."""
+        zero = np.zeros(unknowns)
+        return cls(np.setdiff1d(np.arange(unknowns), held), zero, zero)
+
     def full(self, u: Array, control: float) -> Array:
         """All unknowns from the free ones, shape (unknowns,)."""
         whole = self.start + control * self.slope

@@ -86,6 +86,13 @@ def test_the_error_is_below_the_tolerance(time_order, tolerance):
     assert len(steps) < 800
 
 
+def test_a_first_step_that_is_too_long_is_cut():
+    steps = run(smooth, [0.0], [1.0], 3.0, first=1.5, tolerance=1e-3)
+    assert steps[0].end < 0.15
+    assert all(step.error <= 1.0 for step in steps)
+    assert max(abs(step.u[0] - np.sin(step.end)) for step in steps) <= 1e-3
+
+
 def test_second_order_needs_far_fewer_steps():
     first, second = (
         len(run(smooth, [0.0], [1.0], 1.0, tolerance=1e-3, time_order=k)) for k in (1, 2)

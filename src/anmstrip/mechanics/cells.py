@@ -169,7 +169,7 @@ class ContactOperator:
         self.chosen = np.arange(points.shape[1])
         self.reference = np.vstack([points, np.zeros(points.shape[1])])
         functions = [basis.elem.gbasis(basis.mapping, local, i)[0] for i in range(basis.Nbfun)]
-        self.table: Array = np.stack([f.value for f in functions], axis=-1)
+        self.table: Array = np.stack([np.asarray(f) for f in functions], axis=-1)
         shares = np.outer(SIMPSON, SIMPSON).ravel()
         self.shares = np.prod(strip.cell_sizes, axis=0)[:, None] * shares
         self.weights: Array = np.bincount(self.cells.ravel(), self.shares.ravel())

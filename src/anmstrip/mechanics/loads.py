@@ -19,5 +19,5 @@ def weight(strip: Strip) -> LoadEffect:
     density = strip.material.density * strip.thickness
     load = np.zeros(strip.scalars)
     for dofs, field in zip(basis.element_dofs, basis.basis, strict=True):
-        np.add.at(load, dofs, density * (field[0].value * basis.dx).sum(axis=1))
+        np.add.at(load, dofs, density * (np.asarray(field[0]) * basis.dx).sum(axis=1))
     return LoadEffect("weight", "gravity", load)

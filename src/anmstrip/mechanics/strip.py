@@ -154,6 +154,15 @@ class Strip:
         """All named edges."""
         return {name: self._edge(name) for name in (self.mesh.boundaries or {})}
 
+    def clamp(self, name: str) -> Index:
+        """Unknowns that a rigid clamp holds on an edge: positions and tangent plane.
+
+        With the values and slopes of the nodes, the cubic traces of r and of its
+        derivative across the edge are held all along it.
+        """
+        scalars = self.basis.nodal_dofs[:, self.edges[name].nodes].ravel()
+        return np.sort((3 * scalars[:, None] + np.arange(3)).ravel())
+
     def _edge(self, name: str) -> Edge:
         facets = np.asarray(self.mesh.boundaries[name])
         nodes = np.unique(self.mesh.facets[:, facets])

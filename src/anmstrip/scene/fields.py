@@ -40,7 +40,7 @@ class Surface:
         self.reference = np.vstack([points, np.zeros(points.shape[1])])
         self.shared = np.bincount(self.cells.ravel())
         functions = [basis.elem.gbasis(basis.mapping, local, i)[0] for i in range(basis.Nbfun)]
-        self.value = np.stack([f.value for f in functions])
+        self.value = np.stack([np.asarray(f) for f in functions])
         self.grad = np.stack([f.grad for f in functions])
         self.hess = np.stack([f.hess for f in functions])
 

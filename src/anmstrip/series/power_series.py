@@ -124,6 +124,12 @@ class Tape:
         self.inputs: list[Series] = []
         self.computed: list[tuple[Series, Operation]] = []
 
+    @property
+    def nbytes(self) -> int:
+        """Memory of all recorded coefficients (bytes)."""
+        recorded = [*self.inputs, *(series for series, _ in self.computed)]
+        return sum(series.coefficients.nbytes for series in recorded)
+
     def variable(self, value: ArrayLike) -> Series:
         """New input; its higher coefficients are the caller's to set."""
         series = Series(self, np.array(value, dtype=float))

@@ -87,6 +87,11 @@ class CaseReport:
         return self.rows[-1, 1:3]
 
     @property
+    def done(self) -> bool:
+        """Whether the end of the time span was reached within the tolerance."""
+        return self.solved.stopped is None and self.solved.error <= self.tolerance
+
+    @property
     def message(self) -> str:
         """How it ended, as a sentence."""
         if self.solved.stopped is not None:
