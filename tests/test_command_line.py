@@ -23,6 +23,18 @@ CAPSTAN = str(Path(__file__).parent / "scene" / "capstan.toml")
 MISTAKE = InputError([Mistake("strip.msh", "edges.entry", None, "a named edge", "one of: exit")])
 
 
+class FakeReport(str):
+    """Stands in for the report of a case that ended as asked for."""
+
+    done = True
+
+
+class StoppedReport(FakeReport):
+    """One that stopped early."""
+
+    done = False
+
+
 @dataclass
 class FakeRun:
     """Stands in for a run: three steps, then an end as asked for."""
@@ -191,7 +203,7 @@ def test_explain(fakes: Fakes) -> None:
 
 
 def test_case(fakes: Fakes) -> None:
-    fakes.put("anmstrip.studies.cases", "run_case", "a table")
+    fakes.put("anmstrip.studies.cases", "run_case", FakeReport("a table"))
     result = typed("case", "moving-plane", "--order", "15", "--set", "f=0.4", "--set", "V_c=2")
     assert (result.exit_code, result.stdout) == (0, "a table\n")
     ((given, named, _),) = fakes.calls
@@ -203,6 +215,12 @@ def test_case(fakes: Fakes) -> None:
         "scheme": "taylor",
         "directory": Path("results/moving-plane"),
     }
+
+
+def test_case_that_stops_early(fakes: Fakes) -> None:
+    fakes.put("anmstrip.studies.cases", "run_case", StoppedReport("half a table"))
+    result = typed("case", "moving-plane")
+    assert (result.exit_code, result.stdout) == (1, "half a table\n")
 
 
 def test_unknown_case(fakes: Fakes) -> None:

@@ -152,17 +152,24 @@ def case(
     Keys of --set are the paper's symbols: k, F, delta, r, Omega, V, f, q, omega, V_c, R_N,
     zeta, R_C, K, eta, t_end.
     """
+    from anmstrip.series.outcome import PathStopped
     from anmstrip.studies.cases import run_case
 
-    report = run_case(
-        name,
-        order=order,
-        tolerance=tolerance,
-        settings=_numbers(settings),
-        scheme=scheme,
-        directory=directory or Path("results", name),
-    )
+    try:
+        report = run_case(
+            name,
+            order=order,
+            tolerance=tolerance,
+            settings=_numbers(settings),
+            scheme=scheme,
+            directory=directory or Path("results", name),
+        )
+    except PathStopped as stopped:
+        click.echo(f"Stopped: {stopped}.", err=True)
+        sys.exit(STOPPED)
     click.echo(str(report))
+    if not report.done:
+        sys.exit(STOPPED)
 
 
 def _numbers(settings: Iterable[str]) -> dict[str, float]:

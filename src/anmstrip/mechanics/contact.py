@@ -54,7 +54,7 @@ class Contact:
     @cached_property
     def least(self) -> Array:
         """Pressure at the reach, taken off everywhere so that contact begins without a jump."""
-        return self.signorini(np.array(self.reach))
+        return self.signorini(np.array(self.reach)) if np.isfinite(self.reach) else np.array(0.0)
 
     def near(self, full: Array, controls: Mapping[str, Any]) -> Contact:
         """The same effect on the points within reach."""
