@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from numpy.polynomial import Chebyshev, Polynomial
+from orders import orders
 from shapes import linear, rolled, rotation
 
 from anmstrip.mechanics.bending import isometric_bending
@@ -181,13 +181,6 @@ def test_membrane_law_orders_are_its_derivatives(strip):
     assert not found[4:].any()
 
 
-def chebyshev_orders(function, radius, count):
-    """First Taylor coefficients of a scalar function, from a Chebyshev interpolant."""
-    fit = Chebyshev.interpolate(np.vectorize(function), 24, domain=[-radius, radius])
-    found = fit.convert(kind=Polynomial, domain=[-1, 1], window=[-1, 1]).coef[:count]
-    return np.pad(found, (0, count - len(found)))
-
-
 def test_membrane_force_along_a_rotation(strip):
     """Orders of an analytic path (sin, cos) against an interpolant of the law."""
     membrane = Membrane(strip)
@@ -196,15 +189,15 @@ def test_membrane_force_along_a_rotation(strip):
         turn = np.array([[np.cos(a), 0.0], [0.0, 1.0 + 0.1 * a], [np.sin(a), 0.0]])
         return (turn - np.eye(3, 2))[:, :, None]
 
-    orders = np.zeros((9, 3, 2, 1))
+    path = np.zeros((9, 3, 2, 1))
     for k in range(9):
         factorial = float(np.prod(np.arange(1, k + 1)))
-        orders[k, 0, 0] = [1, 0, -1, 0][k % 4] / factorial
-        orders[k, 2, 0] = [0, 1, 0, -1][k % 4] / factorial
-    orders[0, 0, 0], orders[1, 1, 1] = 0.0, 0.1
-    found = taylor(lambda x: membrane.law(x, None, {}), orders)
+        path[k, 0, 0] = [1, 0, -1, 0][k % 4] / factorial
+        path[k, 2, 0] = [0, 1, 0, -1][k % 4] / factorial
+    path[0, 0, 0], path[1, 1, 1] = 0.0, 0.1
+    found = taylor(lambda x: membrane.law(x, None, {}), path)
     for i, b in np.ndindex(3, 2):
-        expected = chebyshev_orders(
+        expected = orders(
             lambda a, i=i, b=b: membrane.law(gradient(a), None, {})[i, b, 0], 1.0, 6
         )
         size = strip.membrane_stiffness

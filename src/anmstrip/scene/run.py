@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,9 @@ from anmstrip.series.expansion import Cost
 from anmstrip.series.linear_solvers import SparseSolver
 
 Array = NDArray[np.float64]
+
+LOOSEST = 1e-4
+"""Largest imbalance on a rate-free path: the first touch of a roller must be seen."""
 
 FIRST_STEP = 0.01
 """First time step of a stage as a fraction of its duration; the error control corrects it."""
@@ -163,9 +166,8 @@ class Run:
         if tension := self._slack(plan):
             u = stretched(self.assembly, tension)[free]
             equations = _held_at_end(plan)
-        for step in follow(
-            equations, u, solver=self.solver, settings=self.settings, cost=self.cost
-        ):
+        settings = replace(self.settings, tolerance=min(self.settings.tolerance, LOOSEST))
+        for step in follow(equations, u, solver=self.solver, settings=settings, cost=self.cost):
             u, control = step.branch.end
             self.full = plan.supports.full(u, control)
             facts = (step.branch.order, abs(control - float(step.branch.control[0])))

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .expansion import Cost, Equations, Parameter, expand
+from .expansion import Cost, Equations, Parameter, expand, size
 from .linear_solvers import LinearSolver, NonFiniteTangentError, SingularTangentError
 from .outcome import Outcome, PathStopped
 from .path import Branch
@@ -28,6 +28,13 @@ SHRUNK = 0.4
 
 PATIENCE = 3
 """Steps in a row, each shorter than the last, that this takes at least."""
+
+STEEPER = 1.25
+"""Growth of |du/dλ| over these steps that tells a limit point from a contact being made.
+
+Near a limit point |du/dλ| grows like the inverse root of the distance, by 1.6 when
+the steps shrink to SHRUNK.
+"""
 
 
 @dataclass(frozen=True)
@@ -123,7 +130,7 @@ class _Follower:
         self.arclength = settings.arclength
         self.forward: tuple[Array, float] | None = None
         self.last = abs(self.whole)
-        self.shrinking: list[float] = []
+        self.shrinking: list[tuple[float, float]] = []
 
     def arrived(self, control: float) -> bool:
         """Whether the control has reached the target, to round-off."""
@@ -171,8 +178,10 @@ class _Follower:
         )
 
     def _gives_way(self) -> bool:
-        lengths = self.shrinking
-        return len(lengths) > PATIENCE and lengths[-1] < SHRUNK * lengths[0]
+        if len(self.shrinking) <= PATIENCE:
+            return False
+        (first, flat), (last, steep) = self.shrinking[0], self.shrinking[-1]
+        return last < SHRUNK * first and steep > STEEPER * flat
 
     def _cut_at_target(self, branch: Branch, imbalance: float) -> tuple[Branch, float]:
         a = branch.reaches(self.target)
@@ -187,11 +196,14 @@ class _Follower:
             raise PathStopped(Outcome.STALLED, float(branch.control[0]))
         if self.shrinking and covered >= self.last:
             self.shrinking = []
-        self.shrinking.append(covered)
+        direction = branch.direction(branch.length)
+        along = abs(direction[1])
+        steepness = size(self.equations, direction[0]) / along if along > 0.0 else np.inf
+        self.shrinking.append((covered, steepness))
         self.last = covered
         fold = branch.fold() if self.arclength else None
         if self.arclength:
-            self.forward = branch.direction(branch.length)
+            self.forward = direction
             self._check_return(branch)
         return Step(branch, imbalance, None if fold is None else branch(fold)[1])
 
