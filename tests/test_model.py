@@ -98,9 +98,7 @@ CASES = [(m, f) for f in (False, True) for m in SLOPES if f or m != "speed"]
 @pytest.mark.parametrize("order", [3, 6])
 def test_residual_along_a_branch_is_of_the_next_order(moving, friction, order):
     equations, u = start_of(moving, friction)
-    branch = expand(
-        equations, u, 0.0, order=order, solver=SparseSolver(), parameter=Parameter(1.0)
-    )
+    branch = expand(equations, u, 0.0, order=order, solver=SparseSolver(), parameter=Parameter(1.0))
     assert branch.order == order
     lengths = reach(equations, branch) * 0.5 ** np.arange(3)
     found = [equations.imbalance(equations.residual(*branch(a))) for a in lengths]
@@ -196,7 +194,10 @@ def test_tension_error_is_the_change_of_the_membrane_force():
     change = np.zeros((strip.scalars, 3))
     change[strip.node_values, 0] = strain * strip.mesh.p[0]
     change[strip.node_values, 1] = -0.3 * strain * strip.mesh.p[1]
-    change[strip.basis.nodal_dofs[1], 0], change[strip.basis.nodal_dofs[2], 1] = strain, -0.3 * strain
+    change[strip.basis.nodal_dofs[1], 0], change[strip.basis.nodal_dofs[2], 1] = (
+        strain,
+        -0.3 * strain,
+    )
     found = model.tension_error(np.zeros(strip.unknowns), change.ravel())
     assert found == pytest.approx(2e11 * 1e-3 * strain / TENSION)
 
@@ -249,9 +250,7 @@ def test_units_do_not_matter(friction):
     (metres, first), (millimetres, second) = runs
     assert len(first) == len(second)
     assert first[-1].tangents == second[-1].tangents > 3
-    np.testing.assert_allclose(
-        [s.time for s in second], [s.time for s in first], rtol=1e-6
-    )
+    np.testing.assert_allclose([s.time for s in second], [s.time for s in first], rtol=1e-6)
     units = np.repeat(metres.assembly.strip.dof_lengths, 3)
     ours = metres.full / units
     theirs = millimetres.full / np.repeat(millimetres.assembly.strip.dof_lengths, 3) * 1e-3
@@ -268,7 +267,11 @@ def test_arclength_does_not_depend_on_units():
             1e-3 * unit, Material(2e11 / unit**2, 0.3),
         )  # fmt: skip
         pattern = Pattern(strip)
-        effects = [Membrane(strip), isometric_bending(strip, pattern), edge_force(strip.edges["exit"])]
+        effects = [
+            Membrane(strip),
+            isometric_bending(strip, pattern),
+            edge_force(strip.edges["exit"]),
+        ]
         model = Model(strip, pattern, effects, Scales(unit, 12.0, 60.0 / unit))
         load = {"exit.force": np.array([0.0, 0.0, 60.0 / unit])}
         equations = Equilibrium(

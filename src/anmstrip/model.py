@@ -217,9 +217,7 @@ class Equilibrium:
     def residual(self, u: Array, control: float) -> Array:
         """Imbalance of the free unknowns, shape (free,)."""
         full = self.supports.full(u, control)
-        forces = self.model.force(
-            full, self.full_velocity(u, control), self.controls.at(control)
-        )
+        forces = self.model.force(full, self.full_velocity(u, control), self.controls.at(control))
         return forces[self.supports.free]
 
     def inner(self, u: Array, w: Array) -> float:
@@ -323,9 +321,7 @@ class _LawSeries:
         return self.operator.gather(self.stress.value)
 
     def derivative(self, u: Array, v: Array | None, control: float) -> Array:
-        return self.operator.gather(
-            self.tape.derivative(self.stress, self._seeds(u, v, control))
-        )
+        return self.operator.gather(self.tape.derivative(self.stress, self._seeds(u, v, control)))
 
     def advance(self, k: int) -> Array:
         self.tape.advance(k)
@@ -382,7 +378,7 @@ class _LoadSeries:
         return self.effect.force(self.value)
 
     def derivative(self, u: Array, v: Array | None, control: float) -> Array | None:
-        return self.effect.force(control * self.slope) if np.any(self.slope) else None
+        return self.effect.force(control * np.asarray(self.slope)) if np.any(self.slope) else None
 
     def advance(self, k: int) -> None:
         return None

@@ -176,7 +176,9 @@ def test_membrane_law_orders_are_its_derivatives(strip):
     zero = np.zeros((4, 3, 2, 1))
     found = taylor(lambda x: membrane.law(x, None, {}), np.stack([start, slope, *zero]))
     at = [membrane.law(start + a * slope, None, {}) for a in (-1.0, 0.0, 1.0, 2.0)]
-    expected = np.linalg.solve(np.vander([-1.0, 0.0, 1.0, 2.0], increasing=True), np.reshape(at, (4, -1)))
+    expected = np.linalg.solve(
+        np.vander([-1.0, 0.0, 1.0, 2.0], increasing=True), np.reshape(at, (4, -1))
+    )
     np.testing.assert_allclose(found[:4].reshape(4, -1), expected, rtol=1e-9, atol=1e-3)
     assert not found[4:].any()
 
@@ -197,9 +199,7 @@ def test_membrane_force_along_a_rotation(strip):
     path[0, 0, 0], path[1, 1, 1] = 0.0, 0.1
     found = taylor(lambda x: membrane.law(x, None, {}), path)
     for i, b in np.ndindex(3, 2):
-        expected = orders(
-            lambda a, i=i, b=b: membrane.law(gradient(a), None, {})[i, b, 0], 1.0, 6
-        )
+        expected = orders(lambda a, i=i, b=b: membrane.law(gradient(a), None, {})[i, b, 0], 1.0, 6)
         size = strip.membrane_stiffness
         np.testing.assert_allclose(found[:6, i, b, 0], expected, rtol=1e-7, atol=1e-8 * size)
 
@@ -216,7 +216,9 @@ def test_weight_is_that_of_the_strip(strip):
 
 def test_dead_load_has_orders_zero_and_one(strip):
     load = edge_force(strip.edges["exit"])
-    controls = Controls({"exit.force": np.array([1.0, 2, 3])}, {"exit.force": np.array([0, 0, 5.0])})
+    controls = Controls(
+        {"exit.force": np.array([1.0, 2, 3])}, {"exit.force": np.array([0, 0, 5.0])}
+    )
     equations = free_equations(strip, [load], controls)
     series = equations.recurrence(np.zeros(strip.unknowns), 0.5, 4)
     np.testing.assert_allclose(

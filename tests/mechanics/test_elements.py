@@ -36,9 +36,7 @@ def mesh_at(centre, h):
 def interpolated(basis, field):
     """Dofs of a field: values and derivatives at the nodes."""
     u = np.zeros(basis.N)
-    for dofs, (i, j) in zip(
-        basis.nodal_dofs, [(0, 0), (1, 0), (0, 1), (1, 1)], strict=True
-    ):
+    for dofs, (i, j) in zip(basis.nodal_dofs, [(0, 0), (1, 0), (0, 1), (1, 1)], strict=True):
         u[dofs] = field(basis.mesh.p, i, j)
     return u
 

@@ -166,13 +166,14 @@ class ContactOperator:
         basis = strip.basis
         local = unit_grid(3)
         self.cells, points = joined(basis.mapping.F(local), strip)
-        self.chosen = np.arange(points.shape[1])
+        self.chosen: Index = np.arange(points.shape[1], dtype=np.int64)
         self.reference = np.vstack([points, np.zeros(points.shape[1])])
         functions = [basis.elem.gbasis(basis.mapping, local, i)[0] for i in range(basis.Nbfun)]
         self.table: Array = np.stack([np.asarray(f) for f in functions], axis=-1)
         shares = np.outer(SIMPSON, SIMPSON).ravel()
         self.shares = np.prod(strip.cell_sizes, axis=0)[:, None] * shares
-        self.weights: Array = np.bincount(self.cells.ravel(), self.shares.ravel())
+        total = np.bincount(self.cells.ravel(), self.shares.ravel())
+        self.weights: Array = total.astype(float)
         first = np.unique(self.cells, return_index=True)[1]
         rows = self.table.reshape(-1, basis.Nbfun)[first]
         columns = np.repeat(basis.element_dofs.T, len(shares), axis=0)[first]
@@ -209,7 +210,8 @@ class ContactOperator:
         """Add Lᵀ w J L, J[j, i] of shape (3, 3, points), over the cells of these points."""
         every = np.zeros((3, 3, self.cells.max() + 1))
         every[:, :, self.chosen] = derivative
-        near = np.flatnonzero(every.any(axis=(0, 1))[self.cells].any(axis=1))
+        active = np.abs(every).max(axis=(0, 1)) > 0.0
+        near = np.flatnonzero(active[self.cells].any(axis=1))
         table, places = self.table[near], pattern.places.reshape(len(self.cells), -1)[near].ravel()
         transposed = np.ascontiguousarray(table.swapaxes(1, 2))
         weighted = every[:, :, self.cells[near]] * self.shares[near]

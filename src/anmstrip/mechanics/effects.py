@@ -42,8 +42,13 @@ class Operator(Protocol):
 class LawEffect(Protocol):
     """Residual Lᵀ w law(L u, L v, controls)."""
 
-    name: str
-    operator: Operator
+    @property
+    def name(self) -> str:
+        """For reports."""
+
+    @property
+    def operator(self) -> Operator:
+        """Where the law is looked at."""
 
     @property
     def rate_dependent(self) -> bool:

@@ -24,6 +24,8 @@ class CentredMixin(ElementGlobal):
     c is the mean of an element's vertices, h its extent in each direction.
     """
 
+    V: Any = None
+
     def _eval_dofs(self, mesh: Any, tind: Any = None) -> Array:
         """Local monomials under the degrees of freedom, shape (elements, dofs, monomials)."""
         corners = mesh.p[:, mesh.t].swapaxes(0, 1)

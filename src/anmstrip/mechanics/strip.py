@@ -143,10 +143,8 @@ class Strip:
             for s in self.cell_sizes
         )
         lengths = np.empty(self.scalars)
-        for row, unit in zip(
-            self.basis.nodal_dofs, (1.0, 1.0 / hx, 1.0 / hy, 1.0 / (hx * hy)), strict=True
-        ):
-            lengths[row] = unit
+        units = np.stack([np.ones_like(hx), 1.0 / hx, 1.0 / hy, 1.0 / (hx * hy)])
+        lengths[self.basis.nodal_dofs] = units
         return lengths
 
     @cached_property

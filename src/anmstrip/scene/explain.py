@@ -154,7 +154,8 @@ def _scale_line(assembly: Assembly) -> str:
     s, solver = assembly.scales, assembly.scene.solver
     return (
         f"Errors are relative to {s.length:g} m (positions), {s.force:g} N (imbalance) and "
-        f"{s.tension:g} N/m (membrane forces); tolerance {solver.tolerance:g}, order {solver.order}."
+        f"{s.tension:g} N/m (membrane forces); "
+        f"tolerance {solver.tolerance:g}, order {solver.order}."
     )
 
 
@@ -192,7 +193,8 @@ def _friction_warnings(assembly: Assembly) -> Iterator[str]:
     if creep and law.speed > 10.0 * creep:
         yield (
             f"friction.speed V_c = {law.speed:g} m/s is far above the elastic creep of a driven "
-            f"strip, about {creep:.2g} m/s: rollers will slip visibly (V_c = {creep:.1g} is honest)."
+            f"strip, about {creep:.2g} m/s: rollers will slip visibly "
+            f"(V_c = {creep:.1g} is honest)."
         )
 
 
@@ -205,8 +207,6 @@ def _stress_warnings(assembly: Assembly) -> Iterator[str]:
         stress = m.young * t / (2.0 * roller.radius * (1.0 - m.poisson**2))
         if stress > limit:
             yield (
-                f"bending over {roller.name} gives {stress / 1e6:.0f} MPa at the surface, above the "
-                f"yield stress {limit / 1e6:.0f} MPa; plasticity is not modelled."
+                f"bending over {roller.name} gives {stress / 1e6:.0f} MPa at the surface, "
+                f"above the yield stress {limit / 1e6:.0f} MPa; plasticity is not modelled."
             )
-
-

@@ -13,7 +13,9 @@ from anmstrip.scene.measures import State
 
 Array = NDArray[np.float64]
 
-_HATS = np.array([[np.interp(x, [0.0, 0.5, 1.0], row) for row in np.eye(3)] for x in unit_grid(4)[0, :4]])
+_HATS = np.array(
+    [[np.interp(x, [0.0, 0.5, 1.0], row) for row in np.eye(3)] for x in unit_grid(4)[0, :4]]
+)
 THIRDS_OF_HALVES = np.kron(_HATS, _HATS)
 """Piecewise bilinear interpolation from the 3 × 3 to the 4 × 4 grid of an element."""
 
@@ -83,8 +85,8 @@ class Surface:
         nearest = np.argmin([f.gap for f in found], axis=0)
         slips = np.stack([f.slip for f in found])[nearest, :, np.arange(len(nearest))].T
         return {
-            "normal_pressure": self._from_contact(sum(f.pressure for f in found)),
-            "friction_traction": self._from_contact(sum(f.traction for f in found)),
+            "normal_pressure": self._from_contact(np.sum([f.pressure for f in found], axis=0)),
+            "friction_traction": self._from_contact(np.sum([f.traction for f in found], axis=0)),
             "slip_velocity": self._from_contact(slips),
             "gap": self._from_contact(np.min([f.gap for f in found], axis=0)),
         }

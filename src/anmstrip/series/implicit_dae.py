@@ -280,9 +280,7 @@ class _Integrator:
 
     def _followed(self, path: Equations, u: Array) -> Step:
         """Last step of the path from λ = 0 to 1."""
-        *_, last = follow(
-            path, u, solver=self.solver, settings=self.path_settings, cost=self.cost
-        )
+        *_, last = follow(path, u, solver=self.solver, settings=self.path_settings, cost=self.cost)
         return last
 
     def _trial(self, memory: Memory, new: float, order: int) -> _Trial:
