@@ -10,19 +10,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
+from .effect_series import Controls, series_of
 from .mechanics.cells import Pattern, Restriction
-from .mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
+from .mechanics.effects import Effect, LinearEffect, LoadEffect
 from .mechanics.membrane import Membrane
 from .mechanics.strip import Strip
 from .series.implicit_dae import AffineVelocity
-from .series.power_series import Series, Tape
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -45,25 +45,6 @@ class Scales:
     length: float
     force: float
     tension: float
-
-
-@dataclass(frozen=True)
-class Controls:
-    """Given quantities, linear in λ: value(λ) = start + λ slope."""
-
-    start: Mapping[str, Array]
-    slope: Mapping[str, Array] = field(default_factory=dict)
-
-    def at(self, control: Any) -> dict[str, Any]:
-        """Values at λ, a number or a series; what does not change stays an array."""
-        return {
-            name: value + control * self.slope[name] if name in self.slope else value
-            for name, value in self.start.items()
-        }
-
-    def rate(self, name: str) -> Array | float:
-        """Derivative of one control with respect to λ."""
-        return self.slope.get(name, 0.0)
 
 
 @dataclass(frozen=True)
@@ -238,7 +219,7 @@ class EquilibriumSeries:
         full = equations.supports.full(u, control)
         velocity = equations.full_velocity(u, control)
         self.parts = [
-            _evolution(effect, order, full, velocity, control, equations.controls)
+            series_of(effect, order, full, velocity, control, equations.controls)
             for effect in self.model.effects
         ]
         self.residual = self._summed(lambda part: part.residual())
@@ -288,122 +269,6 @@ class EquilibriumSeries:
             begin = time.perf_counter()
             part.correct(k, change, rate, control)
             self.model.seconds[part.effect.name] += time.perf_counter() - begin
-
-
-class _LawSeries:
-    """A pointwise effect on a tape."""
-
-    def __init__(
-        self,
-        effect: LawEffect,
-        order: int,
-        full: Array,
-        velocity: Array | None,
-        control: float,
-        controls: Controls,
-    ) -> None:
-        self.effect, self.operator = effect, effect.operator
-        self.tape = Tape(order)
-        self.x = self.tape.variable(self.operator.apply(full))
-        self.v: Series | None = None
-        if effect.rate_dependent and velocity is not None:
-            self.v = self.tape.variable(self.operator.apply(velocity))
-        self.control = self.tape.variable(control)
-        self.stress = effect.law(self.x, self.v, controls.at(self.control))
-
-    def _seeds(self, u: Array, v: Array | None, control: float) -> dict[Series, Array]:
-        seeds = {self.x: self.operator.apply(u), self.control: np.array(control)}
-        if self.v is not None and v is not None:
-            seeds[self.v] = self.operator.apply(v)
-        return seeds
-
-    def residual(self) -> Array:
-        return self.operator.gather(self.stress.value)
-
-    def derivative(self, u: Array, v: Array | None, control: float) -> Array:
-        return self.operator.gather(self.tape.derivative(self.stress, self._seeds(u, v, control)))
-
-    def advance(self, k: int) -> Array:
-        self.tape.advance(k)
-        return self.operator.gather(self.stress.coefficients[k])
-
-    def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
-        self.tape.correct(k, self._seeds(u, v, control))
-
-    def add_tangent(self, pattern: Pattern, blocks: Array, rate: float) -> None:
-        shape = self.x.shape
-        count = int(np.prod(shape[:-1]))
-        unit = np.eye(count).reshape((count, *shape[:-1], 1))
-        unit = np.broadcast_to(unit, (count, *shape)).copy()
-        seeds = {self.x: unit}
-        if self.v is not None:
-            seeds[self.v] = rate * unit
-        derivative = self.tape.derivative(self.stress, seeds)
-        self.operator.add_tangent(
-            derivative.reshape(shape[:-1] + derivative.shape[1:]), pattern, blocks
-        )
-
-
-class _LinearSeries:
-    """A constant matrix: order k is K u_k."""
-
-    def __init__(self, effect: LinearEffect, full: Array) -> None:
-        self.effect, self.start = effect, full
-
-    def residual(self) -> Array:
-        return self.effect.force(self.start)
-
-    def derivative(self, u: Array, v: Array | None, control: float) -> Array:
-        return self.effect.force(u)
-
-    def advance(self, k: int) -> None:
-        return None
-
-    def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
-        """Nothing to remember."""
-
-    def add_tangent(self, pattern: Pattern, blocks: Array, rate: float) -> None:
-        self.effect.add_tangent(blocks)
-
-
-class _LoadSeries:
-    """A dead load: of order 0 and 1 in λ."""
-
-    def __init__(self, effect: LoadEffect, control: float, controls: Controls) -> None:
-        self.effect = effect
-        self.value = controls.at(control)[effect.control]
-        self.slope = controls.rate(effect.control)
-
-    def residual(self) -> Array:
-        return self.effect.force(self.value)
-
-    def derivative(self, u: Array, v: Array | None, control: float) -> Array | None:
-        return self.effect.force(control * np.asarray(self.slope)) if np.any(self.slope) else None
-
-    def advance(self, k: int) -> None:
-        return None
-
-    def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
-        """Nothing to remember."""
-
-    def add_tangent(self, pattern: Pattern, blocks: Array, rate: float) -> None:
-        """Dead loads do not follow."""
-
-
-def _evolution(
-    effect: Effect,
-    order: int,
-    full: Array,
-    velocity: Array | None,
-    control: float,
-    controls: Controls,
-) -> _LawSeries | _LinearSeries | _LoadSeries:
-    if isinstance(effect, LinearEffect):
-        return _LinearSeries(effect, full)
-    if isinstance(effect, LoadEffect):
-        return _LoadSeries(effect, control, controls)
-    near = effect.near(full, controls.at(control))
-    return _LawSeries(near, order, full, velocity, control, controls)
 
 
 class Motion:

@@ -21,7 +21,7 @@ ch. 2; the carried imbalance is this project's.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -163,20 +163,7 @@ def expand(
         From the solver, if the tangent cannot be factorised.
     """
     cost = Cost() if cost is None else cost
-    with cost.timed("series"):
-        recurrence = equations.recurrence(u, control, order)
-    with cost.timed("tangent"):
-        matrix = recurrence.tangent()
-    with cost.timed("factorisation"):
-        factors = solver.factorise(matrix)
-    cost.expansions += 1
-    cost.factorisations += 1
-
-    def solve(right: Array) -> Array:
-        cost.solves += 1
-        with cost.timed("back-substitution"):
-            return factors.solve(right)
-
+    recurrence, solve = _prepared(equations, u, control, order, solver, cost)
     per_control = -solve(recurrence.control_derivative())
     away = equations.imbalance(recurrence.residual) > tolerance and np.isfinite(parameter.reach)
     carried_over = parameter.reach if away else 1.0
@@ -208,6 +195,27 @@ def expand(
         carried_over=carried_over,
         forces=(forces[-2], forces[-1]),
     )
+
+
+def _prepared(
+    equations: Equations, u: Array, control: float, order: int, solver: LinearSolver, cost: Cost
+) -> tuple[Recurrence, Callable[[Array], Array]]:
+    """Start the series, and factorise its tangent once for all orders."""
+    with cost.timed("series"):
+        recurrence = equations.recurrence(u, control, order)
+    with cost.timed("tangent"):
+        matrix = recurrence.tangent()
+    with cost.timed("factorisation"):
+        factors = solver.factorise(matrix)
+    cost.expansions += 1
+    cost.factorisations += 1
+
+    def solve(right: Array) -> Array:
+        cost.solves += 1
+        with cost.timed("back-substitution"):
+            return factors.solve(right)
+
+    return recurrence, solve
 
 
 class _Border:
