@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 from skfem import MeshQuad
 
 from anmstrip.mechanics.bending import isometric_bending
@@ -107,25 +108,37 @@ class Assembly:
 
     @cached_property
     def contacts(self) -> list[Contact]:
-        """One normal contact per roller, if the scene has contact."""
-        tolerance = min(self.scene.solver.tolerance, FAINT)
-        return [] if self.scene.contact is None else self._contacts(tolerance)
+        """One normal contact per roller, if the scene has contact.
 
+        It reaches a radius far: a strip that comes near is felt long before it
+        could pass through a roller within one step.
+        """
+        return [self._contact(roller, roller.radius) for roller in self._touched]
+
+    @property
     def frictions(self) -> list[Friction]:
         """Friction of each contact."""
         law = self.friction
-        return [] if law is None else [Friction(contact, law) for contact in self._contacts(FAINT)]
+        if law is None:
+            return []
+        return [Friction(self._contact(r, self._friction_reach(r)), law) for r in self._touched]
 
-    def _contacts(self, faint: float) -> list[Contact]:
-        """Contacts that begin at a fraction of the pressure T/r of a wrapped strip."""
+    @property
+    def _touched(self) -> tuple[Roller, ...]:
+        return () if self.scene.contact is None else self.rollers
+
+    @cached_property
+    def signorini(self) -> RepulsiveSignorini:
+        """The scene's contact law."""
         c = self.scene.contact
         assert c is not None
-        law = RepulsiveSignorini(c.stiffness, c.eta, c.delta)
-        tension = self.scales.tension
-        return [
-            Contact(r, law, self.contact_operator, float(law.gap(faint * tension / r.radius)))
-            for r in self.rollers
-        ]
+        return RepulsiveSignorini(c.stiffness, c.eta, c.delta)
+
+    def _contact(self, roller: Roller, reach: float) -> Contact:
+        return Contact(roller, self.signorini, self.contact_operator, reach)
+
+    def _friction_reach(self, roller: Roller) -> float:
+        return float(self.signorini.gap(FAINT * self.scales.tension / roller.radius))
 
     def effects(self, stage: StageSpec, forces: set[str], gravity: bool) -> list[Effect]:
         """What acts in a stage.
@@ -140,7 +153,7 @@ class Assembly:
         """
         effects: list[Effect] = [self.membrane, self.bending]
         effects += self.contacts
-        effects += self.frictions() if self.frictional(stage) else []
+        effects += self.frictions if self.frictional(stage) else []
         effects += [edge_force(self.strip.edges[name]) for name in sorted(forces)]
         return [*effects, weight(self.strip)] if gravity else effects
 
@@ -245,7 +258,7 @@ def _check(scene: Scene, strip: Strip, rollers: tuple[Roller, ...]) -> None:
             f"move centre at least {-gap:.4g} m away from the strip, or reduce radius",
         )
         for roller in rollers
-        if (gap := float(roller.gap(strip.nodes, np.asarray(roller.centre))[0].min())) < 0.0
+        if (gap := flat_gap(strip, roller)) < -1e-12 * roller.radius
     ]
     for name, edge in scene.edges.items():
         if edge.centred and name in strip.edges and middle_node(strip, name) is None:
@@ -260,6 +273,16 @@ def _check(scene: Scene, strip: Strip, rollers: tuple[Roller, ...]) -> None:
             )
     if mistakes:
         raise InputError(mistakes)
+
+
+def flat_gap(strip: Strip, roller: Roller) -> float:
+    """Least gap (m) between a roller, where it begins, and the flat strip's rectangle."""
+    across = roller.across
+    p = strip.mesh.p
+    nearest = lsq_linear(
+        across[:, :2], across @ np.asarray(roller.centre), (p.min(axis=1), p.max(axis=1))
+    )
+    return float(np.linalg.norm(nearest.fun)) - roller.radius
 
 
 def middle_node(strip: Strip, name: str) -> int | None:
