@@ -202,19 +202,26 @@ def test_tension_error_is_the_change_of_the_membrane_force():
     assert found == pytest.approx(2e11 * 1e-3 * strain / TENSION)
 
 
-LENGTHS = {"length", "width", "thickness", "refined", "radius", "delta", "speed", "surface_speed"}
-"""Quantities in m or m/s; those below in N/m, and in N/m³."""
+POWERS = {
+    **dict.fromkeys(("length", "width", "thickness", "radius", "centre", "move"), (1, 0)),
+    **dict.fromkeys(("delta", "speed", "surface_speed"), (1, 0)),
+    **dict.fromkeys(("young", "eta"), (-2, 1)),
+    "stiffness": (-3, 1),
+    "force": (-1, 1),
+}
+"""Powers of length and force in the quantities of a scene."""
 
 
-def in_millimetres(inside, key=""):
-    """The same scene with mm and N as units: mm, N, MPa, N/mm, N/mm³."""
+def converted(inside, length, force, key=""):
+    """The same scene with numbers in other units, so many to the metre and newton."""
     if isinstance(inside, dict):
-        return {k: in_millimetres(v, k) for k, v in inside.items()}
-    if isinstance(inside, list | tuple) and key not in ("cells", "axis", "fixed"):
-        return [in_millimetres(v, key) for v in inside]
-    factors = dict.fromkeys((*LENGTHS, "centre", "move"), 1e3)
-    factors |= {"young": 1e-6, "eta": 1e-6, "stiffness": 1e-9, "force": 1e-3}
-    return inside * factors[key] if key in factors else inside
+        return {k: converted(v, length, force, k) for k, v in inside.items()}
+    if isinstance(inside, list):
+        return [converted(v, length, force, key) for v in inside]
+    if key not in POWERS:
+        return inside
+    lengths, forces = POWERS[key]
+    return inside * length**lengths * force**forces
 
 
 def wrapping(friction):
@@ -232,18 +239,20 @@ def wrapping(friction):
     }
     if friction:
         scene["friction"] = {"coefficient": 0.3, "exponent": 0.1, "omega": 0.1, "speed": 1.0}
-        scene["stages"].append({"duration": 0.05, "rollers": {"r1": {"surface_speed": 1.0}}})
+        scene["stages"].append({"duration": 0.02, "rollers": {"r1": {"surface_speed": 1.0}}})
     else:
         for stage in scene["stages"]:
             del stage["friction"]
     return scene
 
 
-@pytest.mark.parametrize("friction", [False, True])
-def test_units_do_not_matter(friction):
+@pytest.mark.parametrize(
+    ("friction", "force"), [(False, 1e-3), (True, 1.0)], ids=["mm and kN", "mm and N"]
+)
+def test_units_do_not_matter(friction, force):
     """Round-off alone differs: the same steps, and the same answer to 1e-9."""
     runs = []
-    for scene in (wrapping(friction), in_millimetres(wrapping(friction))):
+    for scene in (wrapping(friction), converted(wrapping(friction), 1e3, force)):
         run = Scene.model_validate(scene).run()
         runs.append((run, list(run)))
         assert run.outcome.done, run.message

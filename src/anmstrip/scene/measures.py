@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.stages import Plan
+from anmstrip.series.path import Branch
 
 Array = NDArray[np.float64]
 
@@ -33,6 +34,8 @@ class State:
         Displacements.
     velocity : ndarray, shape (unknowns,), or None
         Where the stage runs in time.
+    branch : Branch or None
+        Path of a rate-free step to this state, in the free unknowns.
     """
 
     plan: Plan
@@ -40,6 +43,37 @@ class State:
     control: float
     full: Array
     velocity: Array | None
+    branch: Branch | None = None
+
+    def at(self, time: float, before: State | None) -> State:
+        """State at an instant of the step that ends here.
+
+        On the series of a rate-free step, on a parabola with the velocity of this end in
+        time; linear where there is neither.
+
+        Parameters
+        ----------
+        time : float
+            s.
+        before : State or None
+            Where the step began; the undeformed strip if ``None``.
+        """
+        if time == self.time:
+            return self
+        control = (time - self.plan.start) / self.plan.duration
+        a = None if self.branch is None else self.branch.reaches(control)
+        if self.branch is not None and a is not None:
+            full = self.plan.supports.full(self.branch(a)[0], control)
+            return State(self.plan, time, control, full, None)
+        start, u = self.plan.start, np.zeros_like(self.full)
+        if before is not None:
+            start, u = before.time, before.full
+        h, change = self.time - start, self.full - u
+        curved = 0.0 if self.velocity is None else h * self.velocity - change
+        s = (time - start) / h
+        full = u + s * (change - (1.0 - s) * curved)
+        velocity = None if self.velocity is None else (change + (2.0 * s - 1.0) * curved) / h
+        return State(self.plan, time, control, full, velocity)
 
     @cached_property
     def controls(self) -> dict[str, Array]:

@@ -42,8 +42,8 @@ def read_mesh(scene: Scene) -> MeshQuad:
             f"a mesh of quadrilaterals that meshio reads ({str(error) or type(error).__name__})",
             "see meshes/README.md for the command that makes one",
         ) from error
-    if mesh.t.size == 0:
-        raise refuse("at least one quadrilateral", "see meshes/README.md")
+    if not isinstance(mesh, MeshQuad) or len(mesh.t) != 4 or mesh.t.size == 0:
+        raise refuse("quadrilaterals, at least one", "see meshes/README.md")
     if not _axis_aligned(mesh):
         raise refuse(
             "rectangles with sides along x and y", "see meshes/README.md for one that is right"

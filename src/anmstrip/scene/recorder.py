@@ -41,34 +41,34 @@ class Recorder:
     ----------
     assembly : Assembly
     directory : Path
-    resumed : tuple (rows, states, time) or None
-        Where an earlier run was when its checkpoint was written.
+    resumed : mapping or None
+        Facts of the checkpoint of an earlier run.
     """
 
     def __init__(
-        self, assembly: Assembly, directory: Path, resumed: tuple[int, int, float] | None = None
+        self, assembly: Assembly, directory: Path, resumed: Mapping[str, Any] | None = None
     ) -> None:
         self.assembly, self.directory = assembly, directory
         directory.mkdir(parents=True, exist_ok=True)
         columns = (*STEP_COLUMNS, "entry_tension", "exit_tension", *self._roller_columns())
         history = directory / "history.csv"
         if resumed is None:
-            self.rows, self.states, self.due = 0, 0, 0
+            self.rows, self.states, reached = 0, 0, -1.0
             self.history = History(history, columns)
             for stale in directory.glob("*.pvd"):
                 stale.unlink()
             self.strip = Collection(directory / "strip.pvd")
             self.rollers = Collection(directory / "rollers.pvd")
         else:
-            self.rows, self.states, reached = resumed
+            self.rows, self.states, reached = (resumed[k] for k in ("rows", "states", "time"))
             self.history = History.reopened(history, columns, self.rows)
             self.strip = Collection.reopened(directory / "strip.pvd", reached)
             self.rollers = Collection.reopened(directory / "rollers.pvd", reached)
-            times = assembly.scene.output.times or ()
-            self.due = sum(t <= reached for t in times)
+        self.due = [t for t in assembly.scene.output.times or () if t > reached]
         touching = assembly.contact_operator if assembly.contacts else None
         self.surface = Surface(assembly.strip, assembly.membrane, touching)
-        self.turned = dict.fromkeys((r.name for r in assembly.rollers), 0.0)
+        nothing = dict.fromkeys((r.name for r in assembly.rollers), 0.0)
+        self.turned = nothing if resumed is None else dict(resumed["turned"])
         self.last_checkpoint = 0.0
 
     def _roller_columns(self) -> list[str]:
@@ -86,24 +86,30 @@ class Recorder:
         self.history.append(values)
         self.rows += 1
 
-    def wanted(self, step: int) -> bool:
-        """Whether the state after an accepted step is to be written, by ``every``."""
+    def observe(self, step: int, before: State | None, state: State) -> None:
+        """Write what is wanted of an accepted step: its end, or instants inside."""
         output = self.assembly.scene.output
-        return output.times is None and step % output.every == 0
+        while self.due and self.due[0] <= state.time:
+            inside = state.at(self.due.pop(0), before)
+            self._turn(inside, before)
+            self.write_state(inside)
+            before = inside
+        self._turn(state, before)
+        if output.times is None and step % output.every == 0:
+            self.write_state(state)
 
-    def write_state(self, state: State, at: float | None = None) -> None:
+    def write_state(self, state: State) -> None:
         """Write the surface and the rollers, and list them."""
         number = f"{self.states:05d}"
-        instant = state.time if at is None else at
         fields = self.surface.fields(state)
         points = self.surface.reference.T + fields["displacement"]
         smooth = self.assembly.scene.output.smooth
         cells = self.surface.cells if smooth else subdivided(self.surface.cells)
         write_surface(self.directory / f"strip_{number}.vtu", points, cells, fields)
-        self.strip.add(instant, f"strip_{number}.vtu")
+        self.strip.add(state.time, f"strip_{number}.vtu")
         if self.assembly.rollers:
             write_rollers(self.directory / f"rollers_{number}.vtu", self._cylinders(state))
-            self.rollers.add(instant, f"rollers_{number}.vtu")
+            self.rollers.add(state.time, f"rollers_{number}.vtu")
         self.states += 1
 
     def _cylinders(self, state: State) -> list[Cylinder]:
@@ -119,9 +125,9 @@ class Recorder:
             for r in self.assembly.rollers
         ]
 
-    def turn(self, state: State, before: float) -> None:
-        """Add the surface's travel since the time ``before``, for the rollers' pictures."""
-        h = state.time - before
+    def _turn(self, state: State, before: State | None) -> None:
+        """Add the surface's travel since a state, for the rollers' pictures."""
+        h = state.time - (state.plan.start if before is None else before.time)
         for name in self.turned:
             speed = float(state.controls[f"rollers.{name}.surface_speed"])
             slope = float(state.plan.controls.rate(f"rollers.{name}.surface_speed"))

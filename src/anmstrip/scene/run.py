@@ -22,6 +22,7 @@ from anmstrip.series import implicit_dae
 from anmstrip.series.continuation import Outcome, PathStopped, Settings, follow
 from anmstrip.series.expansion import Cost
 from anmstrip.series.linear_solvers import SparseSolver
+from anmstrip.series.path import Branch
 
 Array = NDArray[np.float64]
 
@@ -97,6 +98,7 @@ class Run:
         self.effects: dict[str, dict[str, Any]] = {}
         self.stages: dict[str, dict[str, Any]] = {}
         self.memory: implicit_dae.Memory | None = None
+        self.reached: float | None = None
         self.state: State | None = None
         self.outcome, self.message = Outcome.TOO_MANY_STEPS, "The run has not ended."
         self.begun, self.spent = time.perf_counter(), 0.0
@@ -129,7 +131,8 @@ class Run:
 
     def interrupted(self) -> None:
         """Write checkpoint and summary after an interruption."""
-        self.message = "Interrupted."
+        self.outcome = Outcome.INTERRUPTED
+        self.message = f"Stopped: {Outcome.INTERRUPTED.value}."
         self._checkpoint(force=True)
         self._finish()
 
@@ -137,17 +140,28 @@ class Run:
 
     def _stage(self, number: int, stage: StageSpec) -> Iterator[Step]:
         plan = self._planned(number, stage)
-        begin, before = time.perf_counter(), (self.steps, self.cost.expansions)
-        advance = self._in_time if plan.in_time else self._rate_free
-        try:
-            yield from advance(plan)
-        finally:
-            self._count(plan, begin, before)
+        self.counted = (time.perf_counter(), self.steps, self.cost.expansions)
+        if self.reached is not None:  # resumed inside this stage, or at its end
+            self.state = self._state(plan, self.reached)
+        if self.reached is None or self.reached < 1.0:
+            advance = self._in_time if plan.in_time else self._rate_free
+            try:
+                yield from advance(plan)
+            finally:
+                self._count(plan)
+        self._checkpoint(force=True)
         self.course.finish(stage)
-        self.first_stage, self.memory = number + 1, None
+        self.first_stage, self.memory, self.reached = number + 1, None, None
         if not plan.in_time:
             self.velocity = np.zeros_like(self.full)
-        self._checkpoint(force=True)
+
+    def _left(self, settings: Settings) -> Settings:
+        """The same choices, with the steps that the run may still take."""
+        return replace(settings, max_steps=settings.max_steps - self.steps)
+
+    def _state(self, plan: Plan, control: float, branch: Branch | None = None) -> State:
+        time, velocity = plan.start + control * plan.duration, self.velocity
+        return State(plan, time, control, self.full, velocity if plan.in_time else None, branch)
 
     def _planned(self, number: int, stage: StageSpec) -> Plan:
         reactions = {}
@@ -167,11 +181,19 @@ class Run:
             u = stretched(self.assembly, tension)[free]
             equations = _held_at_end(plan)
         settings = replace(self.settings, tolerance=min(self.settings.tolerance, LOOSEST))
-        for step in follow(equations, u, solver=self.solver, settings=settings, cost=self.cost):
+        for step in follow(
+            equations,
+            u,
+            solver=self.solver,
+            settings=self._left(settings),
+            start=self.reached or 0.0,
+            cost=self.cost,
+        ):
             u, control = step.branch.end
             self.full = plan.supports.full(u, control)
             facts = (step.branch.order, abs(control - float(step.branch.control[0])))
-            yield self._accepted(plan, control, None, (*facts, step.imbalance))
+            branch = None if tension else step.branch
+            yield self._accepted(plan, control, (*facts, step.imbalance), branch)
 
     def _slack(self, plan: Plan) -> float:
         """Tension at the end of a stage that first pulls a flat slack strip, else 0.
@@ -197,7 +219,7 @@ class Run:
             memory,
             plan.start + plan.duration,
             solver=self.solver,
-            settings=self.settings,
+            settings=self._left(self.settings),
             whole=whole,
             time_order=self.scene.solver.time_order,
             cost=self.cost,
@@ -209,34 +231,36 @@ class Run:
             velocity[free] = step.v
             self.velocity = velocity
             facts = (self.settings.order, step.end - step.start, step.imbalance)
-            yield self._accepted(plan, control, velocity, facts)
+            yield self._accepted(plan, control, facts)
 
     # what is written -----------------------------------------------------------
 
     def _accepted(
-        self, plan: Plan, control: float, velocity: Array | None, facts: tuple[int, float, float]
+        self,
+        plan: Plan,
+        control: float,
+        facts: tuple[int, float, float],
+        branch: Branch | None = None,
     ) -> Step:
-        instant = plan.start + control * plan.duration
-        before = plan.start if self.state is None else self.state.time
-        state = State(plan, instant, control, self.full, velocity)
-        self.state = state
+        before, state = self.state, self._state(plan, control, branch)
+        self.state, self.reached = state, control
         self.steps += 1
-        self._record(state, before, facts)
+        self._count(plan)
+        self._record(before, state, facts)
         return Step(
             plan.name,
-            instant,
+            state.time,
             self.end_time,
-            instant / self.end_time,
+            state.time / self.end_time,
             self.steps,
             self.cost.expansions,
             _ratio(state),
             state,
         )
 
-    def _record(self, state: State, before: float, facts: tuple[int, float, float]) -> None:
+    def _record(self, before: State | None, state: State, facts: tuple[int, float, float]) -> None:
         if self.recorder is None:
             return
-        self.recorder.turn(state, before)
         names = ("order", "range", "residual")
         self.recorder.row(
             state,
@@ -248,21 +272,25 @@ class Run:
                 **dict(zip(names, facts, strict=True)),
             },
         )
-        if self.recorder.wanted(self.steps):
-            self.recorder.write_state(state)
+        self.recorder.observe(self.steps, before, state)
         self._checkpoint()
 
-    def _count(self, plan: Plan, begin: float, before: tuple[int, int]) -> None:
+    def _count(self, plan: Plan) -> None:
+        """Add what was spent since the last time to the counters."""
+        begin, steps, expansions = self.counted
+        seconds = plan.model.seconds
         for effect in plan.model.effects:
             points = getattr(effect, "points", None)
             if points is None:
                 points = getattr(getattr(effect, "operator", None), "points", 0)
             entry = self.effects.setdefault(effect.name, {"points": points, "seconds": 0.0})
-            entry["seconds"] += plan.model.seconds[effect.name]
+            entry["seconds"] += seconds[effect.name]
+            seconds[effect.name] = 0.0
+        self.counted = (time.perf_counter(), self.steps, self.cost.expansions)
         entry = self.stages.setdefault(plan.name, {"steps": 0, "tangents": 0, "seconds": 0.0})
-        entry["steps"] += self.steps - before[0]
-        entry["tangents"] += self.cost.expansions - before[1]
-        entry["seconds"] += time.perf_counter() - begin
+        entry["steps"] += self.steps - steps
+        entry["tangents"] += self.cost.expansions - expansions
+        entry["seconds"] += self.counted[0] - begin
 
     def _finish(self) -> None:
         if self.recorder is None:
@@ -310,7 +338,7 @@ class Run:
             "expansions": self.cost.expansions,
             "factorisations": self.cost.factorisations,
             "seconds": self.spent + time.perf_counter() - self.begun,
-            "control": 0.0 if self.state is None else self.state.control,
+            "reached": self.reached,
             "time": 0.0 if self.state is None else self.state.time,
             "course_time": self.course.time,
             "released": sorted(self.course.released),
@@ -324,11 +352,12 @@ class Run:
             arrays["states"], arrays["v"] = np.array(self.memory.states), self.memory.v
         self.recorder.checkpoint(arrays, facts, force)
 
-    def _restored(self) -> tuple[int, int, float]:
+    def _restored(self) -> dict[str, Any]:
         assert self.directory is not None
         arrays, facts = checkpoint.load(self.directory / "checkpoint.npz")
         self.full, self.velocity = arrays["full"], arrays["velocity"]
         self.first_stage, self.steps = facts["stage"], facts["steps"]
+        self.reached = facts["reached"]
         self.cost.expansions, self.cost.factorisations = (
             facts["expansions"], facts["factorisations"],
         )  # fmt: skip
@@ -344,7 +373,7 @@ class Run:
             self.memory = implicit_dae.Memory(
                 tuple(facts["times"]), tuple(arrays["states"]), arrays["v"], facts["next_step"]
             )
-        return facts["rows"], facts["states"], facts["time"]
+        return facts
 
 
 def _held_at_end(plan: Plan) -> Equilibrium:

@@ -13,6 +13,7 @@ class Outcome(Enum):
     STALLED = "steps became too short: the path has a singular point here"
     SINGULAR = "the tangent is singular: something is not held, or a bifurcation"
     TOO_MANY_STEPS = "the allowed number of steps was used up"
+    INTERRUPTED = "it was interrupted"
     NOT_FINITE = "the equations gave values that are not finite"
 
     @property

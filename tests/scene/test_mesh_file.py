@@ -1,0 +1,168 @@
+"""Strips from mesh files, and what is refused of them."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+
+from anmstrip.mechanics.strip import grid
+from anmstrip.scene import InputError, Scene
+from anmstrip.scene.build import Assembly
+
+XS, YS = np.array([-1.0, -0.3, 0.0, 0.3, 1.0]), np.array([-0.4, 0.0, 0.4])
+
+
+def tables(**strip: Any) -> dict[str, Any]:
+    return {
+        "strip": {"thickness": 1e-3, **strip},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "edges": {"entry": {"fixed": ["x", "z"], "centred": True}},
+        "stages": [
+            {"name": "pull", "duration": 1.0, "exit": {"force": [1e4, 0.0, 0.0]}},
+            {"name": "lift", "duration": 1.0, "exit": {"force": [1e4, 0.0, 100.0]}},
+        ],
+    }
+
+
+def scene_of(mesh: Path, **others: Any) -> Scene:
+    return Scene.model_validate({**tables(mesh=str(mesh)), **others})
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Callable[..., Path]:
+    """Write a mesh, made of given cells and named edges."""
+
+    def write(points: Any, cells: list[Any], edges: dict[str, Any]) -> Path:
+        lines = [np.asarray(pairs) for pairs in edges.values()]
+        numbers = [np.full(len(c[1]), 99) for c in cells]
+        numbers += [np.full(len(pairs), i + 1) for i, pairs in enumerate(lines)]
+        mesh = meshio.Mesh(
+            np.column_stack([points, np.zeros(len(points))]),
+            [*cells, *(("line", pairs) for pairs in lines)],
+            cell_data={"gmsh:physical": numbers, "gmsh:geometrical": numbers},
+            field_data={name: np.array([i + 1, 1]) for i, name in enumerate(edges)},
+        )
+        path = tmp_path / "strip.msh"
+        meshio.gmsh.write(path, mesh, "2.2", binary=False)
+        return path
+
+    return write
+
+
+def generated(leave_out: tuple[str, ...] = (), shuffle: int = 3) -> tuple[Any, Any, Any]:
+    """Points, quadrilaterals and edges of the grid, numbered at random."""
+    mesh = grid(XS, YS)
+    order = np.random.default_rng(shuffle).permutation(mesh.p.shape[1])
+    place = np.argsort(order)
+    edges = {n: place[mesh.facets[:, f]].T for n, f in mesh.boundaries.items()}
+    edges = {name: pairs for name, pairs in edges.items() if name not in leave_out}
+    return mesh.p[:, order].T, [("quad", place[mesh.t].T)], edges
+
+
+def test_scene_of_a_file_is_that_of_the_numbers(written: Callable[..., Path]) -> None:
+    own = Scene.model_validate(tables(length=2.0, width=0.8, cells=[4, 2]))
+    uniform = grid(np.linspace(-1, 1, 5), np.linspace(-0.4, 0.4, 3))
+    edges = {n: uniform.facets[:, f].T for n, f in uniform.boundaries.items()}
+    file = scene_of(written(uniform.p.T, [("quad", uniform.t.T)], edges))
+    runs = [own.run(), file.run()]
+    steps = [list(run) for run in runs]
+    assert all(run.outcome.done for run in runs)
+    assert len(steps[0]) == len(steps[1]) > 1
+    np.testing.assert_array_equal(runs[0].assembly.strip.mesh.p, runs[1].assembly.strip.mesh.p)
+    np.testing.assert_allclose(runs[1].full, runs[0].full, atol=1e-12)
+    assert np.abs(runs[0].full).max() > 1e-3
+
+
+def test_file_is_read_whatever_its_numbering(written: Callable[..., Path]) -> None:
+    strip = Assembly(scene_of(written(*generated()))).strip
+    np.testing.assert_allclose(strip.mesh.p, grid(XS, YS).p, atol=1e-15)
+    assert set(strip.edges) == {"entry", "exit", "left", "right"}
+    np.testing.assert_allclose(strip.mesh.p[1, strip.edges["entry"].nodes], YS)
+
+
+def refused(scene: Scene) -> dict[str, str]:
+    """Key and expectation of all mistakes."""
+    with pytest.raises(InputError) as caught:
+        scene.run()
+    assert all(m.hint and str(m) for m in caught.value.mistakes)
+    return {m.key: m.expected for m in caught.value.mistakes}
+
+
+def test_missing_exit_is_told_by_the_stages_that_need_it(written: Callable[..., Path]) -> None:
+    found = refused(scene_of(written(*generated(leave_out=("exit",)))))
+    assert {"stages.pull.exit", "stages.lift.exit", "strip.mesh"} <= set(found)
+
+
+def test_missing_entry_and_exit(written: Callable[..., Path]) -> None:
+    found = refused(scene_of(written(*generated(leave_out=("exit", "entry")))))
+    assert {"edges.entry", "stages.pull.exit", "strip.mesh"} <= set(found)
+
+
+def test_no_named_edges_at_all(written: Callable[..., Path]) -> None:
+    points, cells, _ = generated()
+    assert "edges.entry" in refused(scene_of(written(points, cells, {})))
+
+
+def test_triangles_are_refused(written: Callable[..., Path]) -> None:
+    points, ((_, quads),), edges = generated()
+    triangles = np.vstack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    found = refused(scene_of(written(points, [("triangle", triangles)], edges)))
+    assert "quadrilateral" in found["strip.mesh"]
+
+
+def test_lines_alone_are_refused(written: Callable[..., Path]) -> None:
+    points, _, edges = generated()
+    assert "quadrilateral" in refused(scene_of(written(points, [], edges)))["strip.mesh"]
+
+
+@pytest.mark.parametrize("bend", ["skewed", "turned"])
+def test_other_quadrilaterals_are_refused(written: Callable[..., Path], bend: str) -> None:
+    points, cells, edges = generated()
+    matrix = {"skewed": [[1.0, 0.3], [0.0, 1.0]], "turned": [[0.8, -0.6], [0.6, 0.8]]}[bend]
+    found = refused(scene_of(written(points @ np.array(matrix).T, cells, edges)))
+    assert "rectangles" in found["strip.mesh"]
+
+
+@pytest.mark.parametrize("text", ["", "nonsense", "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nod"])
+@pytest.mark.parametrize("name", ["strip.msh", "strip.vtk", "strip.unknown"])
+def test_corrupt_file_is_refused(tmp_path: Path, name: str, text: str) -> None:
+    path = tmp_path / name
+    path.write_text(text)
+    assert "strip.mesh" in refused(scene_of(path))
+
+
+def test_cut_file_is_refused(written: Callable[..., Path]) -> None:
+    path = written(*generated())
+    path.write_bytes(path.read_bytes()[:400])
+    assert "strip.mesh" in refused(scene_of(path))
+
+
+ROLLER = {"radius": 0.5, "axis": [0.0, 1.0, 0.0]}
+
+
+@pytest.mark.parametrize("height", [-0.4, 0.0, 0.45])
+def test_roller_inside_the_strip_is_refused(written: Callable[..., Path], height: float) -> None:
+    rollers = [{**ROLLER, "name": "low", "centre": [0.0, 0.0, height]}]
+    (key,) = refused(scene_of(written(*generated()), rollers=rollers))
+    assert key == "rollers.low.centre"
+
+
+def test_roller_that_touches_is_taken(written: Callable[..., Path]) -> None:
+    rollers = [{**ROLLER, "centre": [0.0, 0.0, -0.5]}]
+    assert scene_of(written(*generated()), rollers=rollers).run().steps == 0
+
+
+def test_small_roller_between_two_nodes_is_found() -> None:
+    """Its surface reaches through an element without touching any node."""
+    scene = tables(length=4.0, width=1.0, cells=[4, 2])
+    roller = {"name": "small", "radius": 0.1, "centre": [0.5, 0.0, -0.05], "axis": [0.0, 1.0, 0.0]}
+    (key,) = refused(Scene.model_validate({**scene, "rollers": [roller]}))
+    assert key == "rollers.small.centre"
+
+
+def test_centred_needs_a_node_in_the_middle() -> None:
+    found = refused(Scene.model_validate(tables(length=2.0, width=0.8, cells=[4, 3])))
+    assert set(found) == {"edges.entry.centred"}
