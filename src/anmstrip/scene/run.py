@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from anmstrip.model import Equilibrium, Motion
 from anmstrip.output import checkpoint
 from anmstrip.scene.build import Assembly
+from anmstrip.scene.checkpoints import packed, unpack
 from anmstrip.scene.measures import State
 from anmstrip.scene.recorder import Recorder
 from anmstrip.scene.schema import Scene, StageSpec
@@ -114,6 +115,11 @@ class Run:
         )
 
     @property
+    def seconds(self) -> float:
+        """Wall time, that of earlier parts of a resumed run included (s)."""
+        return self.spent + time.perf_counter() - self.begun
+
+    @property
     def end_time(self) -> float:
         """Sum of the stages' durations (s)."""
         return sum(stage.duration for stage in self.scene.stages)
@@ -179,7 +185,7 @@ class Run:
         u = self.full[free]
         if tension := self._slack(plan):
             u = stretched(self.assembly, tension)[free]
-            equations = _held_at_end(plan)
+            equations = Equilibrium(plan.model, *plan.held_at_end)
         settings = replace(self.settings, tolerance=min(self.settings.tolerance, LOOSEST))
         for step in follow(
             equations,
@@ -308,7 +314,7 @@ class Run:
             "steps": self.steps,
             "tangents": self.cost.expansions,
             "factorisations": self.cost.factorisations,
-            "wall_seconds": self.spent + time.perf_counter() - self.begun,
+            "wall_seconds": self.seconds,
             "seconds": self.cost.seconds,
             "linear_solver": self.solver.name,
             "effects": self.effects,
@@ -318,7 +324,7 @@ class Run:
     def _done(self) -> str:
         return (
             f"Done: {self.end_time:g} s in {self.steps} steps, {self.cost.expansions} tangents, "
-            f"{self.spent + time.perf_counter() - self.begun:.1f} s."
+            f"{self.seconds:.1f} s."
         )
 
     def _stopped(self, stopped: PathStopped) -> str:
@@ -329,63 +335,14 @@ class Run:
     # checkpoint ------------------------------------------------------------------
 
     def _checkpoint(self, force: bool = False) -> None:
-        if self.recorder is None:
-            return
-        arrays = {"full": self.full, "velocity": self.velocity}
-        facts: dict[str, Any] = {
-            "stage": self.first_stage,
-            "steps": self.steps,
-            "expansions": self.cost.expansions,
-            "factorisations": self.cost.factorisations,
-            "seconds": self.spent + time.perf_counter() - self.begun,
-            "reached": self.reached,
-            "time": 0.0 if self.state is None else self.state.time,
-            "course_time": self.course.time,
-            "released": sorted(self.course.released),
-            "stages": self.stages,
-            "effects": self.effects,
-        }
-        arrays |= {f"moved.{name}": value for name, value in self.course.moved.items()}
-        arrays |= {f"value.{name}": value for name, value in self.course.values.items()}
-        if self.memory is not None:
-            facts["times"], facts["next_step"] = list(self.memory.times), self.memory.step
-            arrays["states"], arrays["v"] = np.array(self.memory.states), self.memory.v
-        self.recorder.checkpoint(arrays, facts, force)
+        if self.recorder is not None:
+            self.recorder.checkpoint(*packed(self), force)
 
     def _restored(self) -> dict[str, Any]:
         assert self.directory is not None
         arrays, facts = checkpoint.load(self.directory / "checkpoint.npz")
-        self.full, self.velocity = arrays["full"], arrays["velocity"]
-        self.first_stage, self.steps = facts["stage"], facts["steps"]
-        self.reached = facts["reached"]
-        self.cost.expansions, self.cost.factorisations = (
-            facts["expansions"], facts["factorisations"],
-        )  # fmt: skip
-        self.spent, self.stages, self.effects = facts["seconds"], facts["stages"], facts["effects"]
-        self.course.time, self.course.released = facts["course_time"], set(facts["released"])
-        for name, value in arrays.items():
-            kind, _, key = name.partition(".")
-            if kind == "moved":
-                self.course.moved[key] = value
-            elif kind == "value":
-                self.course.values[key] = value
-        if "times" in facts:
-            self.memory = implicit_dae.Memory(
-                tuple(facts["times"]), tuple(arrays["states"]), arrays["v"], facts["next_step"]
-            )
+        unpack(self, arrays, facts)
         return facts
-
-
-def _held_at_end(plan: Plan) -> Equilibrium:
-    """Equations of a stage with all controls at their final values."""
-    from anmstrip.model import Controls, Supports  # noqa: PLC0415
-
-    supports = Supports(
-        plan.supports.free,
-        plan.supports.start + plan.supports.slope,
-        np.zeros_like(plan.supports.slope),
-    )
-    return Equilibrium(plan.model, supports, Controls(plan.controls.at(1.0)))
 
 
 def _ratio(state: State) -> float | None:

@@ -42,6 +42,13 @@ class Plan:
     controls: Controls
     in_time: bool
 
+    @property
+    def held_at_end(self) -> tuple[Supports, Controls]:
+        """Supports and controls that stay at their final values."""
+        supports, zero = self.supports, np.zeros_like(self.supports.slope)
+        end = Supports(supports.free, supports.start + supports.slope, zero)
+        return end, Controls(self.controls.at(1.0))
+
 
 @dataclass
 class Course:

@@ -49,7 +49,8 @@ def validated(
             raise PathStopped(
                 Outcome.STALLED if np.isfinite(error) else Outcome.NOT_FINITE,
                 float(branch.control[0]),
-                f"the series does not meet the tolerance {tolerance:g} at any length",
+                f"the series does not meet the tolerance {tolerance:g} at any length; "
+                "if it is near round-off, ask for less",
             )
         error, imbalance = errors(equations, branch, guess, cost, tolerance)
     return branch.cut(guess), imbalance
