@@ -15,6 +15,7 @@ Cauchy sums run over the order axis in one call.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -31,24 +32,24 @@ LARGE = 2000
 """Entries from which half the products of a square repay a second call (measured)."""
 
 
-class Operation:
+class Operation(ABC):
     """One recorded operation; subclasses are final."""
 
     operands: Sequence[Series]
     result: Array
     """Coefficients of the operation's own series, set when it is recorded."""
 
+    @abstractmethod
     def start(self) -> Array:
         """Order 0."""
-        raise NotImplementedError
 
     def remainder(self, k: int) -> Change:
         """Part of order k known from lower orders (``None``: zero)."""
         return None
 
+    @abstractmethod
     def linear(self, d: Sequence[Change]) -> Change:
         """Derivative applied to the operands' changes."""
-        raise NotImplementedError
 
     def at(self, k: int, d: Sequence[Change]) -> Change:
         """Order k when order k of the operands is ``d``, which they hold already."""
@@ -223,13 +224,13 @@ class _WithCompanion(Operation):
         self.companion[0] = slope
         return value
 
+    @abstractmethod
     def values(self, a: Array) -> tuple[Array, Array]:
         """Order 0 of the function and of its companion."""
-        raise NotImplementedError
 
+    @abstractmethod
     def companion_order(self, k: int) -> Array:
         """Order k of the companion, all else known."""
-        raise NotImplementedError
 
     def remainder(self, k: int) -> Change:
         self.companion[k - 1] = self.companion_order(k - 1)
