@@ -13,6 +13,7 @@ from copy import copy
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
+from skfem.element import DiscreteField
 
 from .strip import Strip
 
@@ -164,11 +165,8 @@ class ContactOperator:
 
     def __init__(self, strip: Strip) -> None:
         basis = strip.basis
-        local = unit_grid(3)
-        self.cells, points = joined(basis.mapping.F(local), strip)
-        self.chosen: Index = np.arange(points.shape[1], dtype=np.int64)
-        self.reference = np.vstack([points, np.zeros(points.shape[1])])
-        functions = [basis.elem.gbasis(basis.mapping, local, i)[0] for i in range(basis.Nbfun)]
+        self.cells, self.reference, functions = patches(strip, 3)
+        self.chosen: Index = np.arange(self.reference.shape[1], dtype=np.int64)
         self.table: Array = np.stack([np.asarray(f) for f in functions], axis=-1)
         shares = np.outer(SIMPSON, SIMPSON).ravel()
         self.shares = np.prod(strip.cell_sizes, axis=0)[:, None] * shares
@@ -219,6 +217,25 @@ class ContactOperator:
             for j in range(3):
                 local = transposed @ (weighted[j, i][:, :, None] * table)
                 blocks[i, j] += np.bincount(places, local.ravel(), pattern.couplings)
+
+
+def patches(strip: Strip, n: int) -> tuple[Index, Array, list[DiscreteField]]:
+    """Grids of n × n points on every element, shared between neighbours.
+
+    Returns
+    -------
+    cells : ndarray of int, shape (elements, n²)
+        Points of each element, number i + n j of its grid.
+    reference : ndarray, shape (3, points)
+        Reference positions.
+    functions : list of DiscreteField
+        Every basis function on the grids, each (elements, n²).
+    """
+    basis = strip.basis
+    local = unit_grid(n)
+    cells, points = joined(basis.mapping.F(local), strip)
+    functions = [basis.elem.gbasis(basis.mapping, local, i)[0] for i in range(basis.Nbfun)]
+    return cells, np.vstack([points, np.zeros(points.shape[1])]), functions
 
 
 def unit_grid(n: int) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.mechanics import bending
-from anmstrip.mechanics.cells import ContactOperator, joined, unit_grid
+from anmstrip.mechanics.cells import ContactOperator, patches, unit_grid
 from anmstrip.mechanics.membrane import FLAT, Membrane
 from anmstrip.mechanics.strip import Strip
 from anmstrip.scene.measures import State
@@ -36,12 +36,8 @@ class Surface:
 
     def __init__(self, strip: Strip, membrane: Membrane, contact: ContactOperator | None) -> None:
         self.strip, self.membrane, self.contact = strip, membrane, contact
-        basis = strip.basis
-        local = unit_grid(4)
-        self.cells, points = joined(basis.mapping.F(local), strip)
-        self.reference = np.vstack([points, np.zeros(points.shape[1])])
+        self.cells, self.reference, functions = patches(strip, 4)
         self.shared = np.bincount(self.cells.ravel())
-        functions = [basis.elem.gbasis(basis.mapping, local, i)[0] for i in range(basis.Nbfun)]
         self.value = np.stack([np.asarray(f) for f in functions])
         self.grad = np.stack([f.grad for f in functions])
         self.hess = np.stack([f.hess for f in functions])
