@@ -34,6 +34,15 @@ FIRST_STEP = 0.01
 """First time step of a stage as a fraction of its duration; the error control corrects it."""
 
 
+HINTS = {
+    Outcome.TOO_MANY_STEPS: " Try --set solver.max_steps=…, then --resume.",
+    Outcome.STALLED: " Try a finer mesh over the rollers, or a smaller tolerance.",
+    Outcome.SINGULAR: " Try to hold the strip in y (centred = true), or to tension it first.",
+    Outcome.FOLD: " Try smaller moves or forces in this stage.",
+}
+"""What to try after a run has stopped early."""
+
+
 @dataclass(frozen=True)
 class Step:
     """One accepted step of a run.
@@ -330,7 +339,9 @@ class Run:
     def _stopped(self, stopped: PathStopped) -> str:
         reached = 0.0 if self.state is None else self.state.time
         stage = self.scene.stages[min(self.first_stage, len(self.scene.stages) - 1)].name
-        return f"Stopped in stage {stage} at t = {reached:.6g} s: {stopped}."
+        words = ": ".join(part for part in (stopped.outcome.value, stopped.detail) if part)
+        hint = HINTS.get(stopped.outcome, "")
+        return f"Stopped in stage {stage} at t = {reached:.6g} s: {words}.{hint}"
 
     # checkpoint ------------------------------------------------------------------
 

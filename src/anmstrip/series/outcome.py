@@ -12,7 +12,7 @@ class Outcome(Enum):
     FOLD = "the control cannot be increased further: the path turned back at a limit point"
     STALLED = "steps became too short: the path has a singular point here"
     SINGULAR = "the tangent is singular: something is not held, or a bifurcation"
-    TOO_MANY_STEPS = "the allowed number of steps was used up"
+    TOO_MANY_STEPS = "the allowed number of steps was used up; allow more"
     INTERRUPTED = "it was interrupted"
     NOT_FINITE = "the equations gave values that are not finite"
 
@@ -30,9 +30,12 @@ class PathStopped(Exception):  # noqa: N818 - an outcome, not a programming erro
     outcome : Outcome
     control : float
         Where.
+    detail : str
+        What else is known.
     """
 
     def __init__(self, outcome: Outcome, control: float, detail: str = "") -> None:
         super().__init__(f"{outcome.value} (at {control:.6g}){': ' + detail if detail else ''}")
         self.outcome = outcome
         self.control = control
+        self.detail = detail
