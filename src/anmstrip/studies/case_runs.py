@@ -26,6 +26,14 @@ FIRST_STEP = 1e-3
 
 MOST_STEPS = 200_000
 
+AIM = 0.1
+"""Share of the tolerance that the explicit steps may add up to.
+
+In a snap an error along the curve is a larger one at equal times; with a tenth,
+the rows of ``case.csv`` keep the tolerance at equal times too (the circle: 2.7e-4 m
+at a tolerance of 1e-4 m without it, 1e-5 m with it, for eight more steps).
+"""
+
 
 @dataclass(frozen=True)
 class Solved:
@@ -94,7 +102,7 @@ def taylor(
             rest,
             (0.0, p.t_end),
             order=order,
-            tolerance=tolerance,
+            tolerance=AIM * tolerance,
             speed=p.V_c,
             cost=cost,
         )
