@@ -84,8 +84,8 @@ def test_eight_digits(name):
     assert len(found.path.errors) <= 160
 
 
-IMPLICIT = [("pressed-plane", 400), ("moving-plane", 700)]
-IMPLICIT_SNAP = pytest.param("rotating-circle", 8000, marks=pytest.mark.slow)
+IMPLICIT = [("pressed-plane", 950), ("moving-plane", 1600)]
+IMPLICIT_SNAP = pytest.param("rotating-circle", 20_000, marks=pytest.mark.slow)
 
 
 @pytest.mark.parametrize(("name", "steps"), [*IMPLICIT, IMPLICIT_SNAP])
