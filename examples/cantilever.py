@@ -47,7 +47,7 @@ def cantilever(cells: int = 16, thickness: float = 0.1) -> Equilibrium:
     effects = [
         Membrane(strip),
         isometric_bending(strip, pattern),
-        edge_force(strip.edges["exit"]),
+        edge_force(strip, "exit"),
     ]
     model = Model(strip, pattern, effects, Scales(LENGTH, FORCE, FORCE))
     supports = Supports.at_rest(strip.unknowns, strip.clamp("entry"))

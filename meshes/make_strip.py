@@ -14,8 +14,11 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-GROUPS = {"entry": 1, "exit": 2, "left": 3, "right": 4, "strip": 1}
+GROUPS = {"entry": 1, "exit": 2, "left": 3, "right": 4, "hole": 5, "strip": 1}
 """Number of each named group; lines and surfaces count on their own."""
+
+OWNERS = "left", "right", "hole", "entry", "exit"
+"""Lines in the order in which they take the nodes that several have."""
 
 
 def positions(
@@ -68,25 +71,44 @@ def strip_mesh(x: np.ndarray, y: np.ndarray) -> meshio.Mesh:
         "right": number[:, 0],
     }
     corners = (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:])
-    quads = np.stack([corner.ravel() for corner in corners], axis=1)
-    cells = [("line", np.column_stack([line[:-1], line[1:]])) for line in edges.values()]
-    cells.append(("quad", quads))
-    tags = [np.full(len(data), GROUPS[name]) for name, (_, data) in zip(GROUPS, cells, strict=True)]
+    return named_mesh(points, "quad", np.stack([c.ravel() for c in corners], axis=1), edges)
+
+
+def named_mesh(
+    points: np.ndarray, kind: str, cells: np.ndarray, edges: dict[str, np.ndarray]
+) -> meshio.Mesh:
+    """Return a mesh whose lines and surface are named groups.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3)
+        Nodes (m).
+    kind : str
+        Of the cells: quad or triangle.
+    cells : ndarray of int, shape (m, k)
+        Nodes of the cells.
+    edges : dict of ndarray of int
+        Nodes along each named line, in turn; a closed one ends where it begins.
+    """
+    groups = {name: GROUPS[name] for name in edges}
+    blocks = [("line", np.column_stack([line[:-1], line[1:]])) for line in edges.values()]
+    blocks.append((kind, cells))
+    numbers = [*groups.values(), GROUPS["strip"]]
+    tags = [np.full(len(data), tag) for tag, (_, data) in zip(numbers, blocks, strict=True)]
+    names = {name: np.array([tag, 1]) for name, tag in groups.items()}
     return meshio.Mesh(
         points,
-        cells,
-        point_data={"gmsh:dim_tags": _owners(number.size, edges)},
+        blocks,
+        point_data={"gmsh:dim_tags": _owners(len(points), edges)},
         cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
-        field_data={
-            name: np.array([tag, 2 if name == "strip" else 1]) for name, tag in GROUPS.items()
-        },
+        field_data={**names, "strip": np.array([GROUPS["strip"], 2])},
     )
 
 
 def _owners(count: int, edges: dict[str, np.ndarray]) -> np.ndarray:
     """Return dimension and number of the group that owns each node, shape (count, 2)."""
     owners = np.tile([2, GROUPS["strip"]], (count, 1))
-    for name in ("left", "right", "entry", "exit"):
+    for name in sorted(edges, key=OWNERS.index):
         owners[edges[name]] = [1, GROUPS[name]]
     return owners
 

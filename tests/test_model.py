@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from anmstrip.mechanics.bending import isometric_bending
-from anmstrip.mechanics.cells import ContactOperator, Pattern
+from anmstrip.mechanics.cells import Pattern
 from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.friction import NortonHoff
 from anmstrip.mechanics.loads import edge_force
 from anmstrip.mechanics.membrane import Membrane
+from anmstrip.mechanics.points import ContactOperator
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.signorini import RepulsiveSignorini
 from anmstrip.mechanics.strip import Material, Strip, grid
@@ -51,7 +52,7 @@ def model_of(friction):
     )
     effects = [Membrane(strip), isometric_bending(strip, pattern), contact]
     effects += [Friction(contact, NortonHoff(0.3, 0.3, 0.2, 0.5))] if friction else []
-    effects += [edge_force(strip.edges["exit"])]
+    effects += [edge_force(strip, "exit")]
     return Model(strip, pattern, effects, Scales(2.0, TENSION * 0.6, TENSION))
 
 
@@ -60,7 +61,7 @@ def equations_of(moving, friction=False):
     model = model_of(friction)
     strip = model.strip
     edge = strip.edges["entry"]
-    held = [3 * d + c for d in (*edge.values, *edge.slopes) for c in (0, 2)]
+    held = [3 * d + c for d in edge.trace for c in (0, 2)]
     held = np.array([*held, 3 * edge.values[1] + 1])
     slope = np.zeros(strip.unknowns)
     if moving == "support":
@@ -165,7 +166,7 @@ def test_motion_puts_supports_and_controls_in_time():
     controls = Controls(CONTROLS, SLOPES["roller"] | SLOPES["force"])
     motion = Motion(base.model, base.supports, controls, start=2.0, duration=4.0)
     zero = np.zeros(len(base.supports.free))
-    step = motion.during(3.0, 0.5, AffineVelocity(1.0, zero, zero))
+    step = motion.during(3.0, 0.5, AffineVelocity(1.0, zero, zero), zero)
     for control, share in ((0.0, 0.25), (1.0, 0.375), (0.5, 0.3125)):
         for name, value in controls.at(share).items():
             np.testing.assert_allclose(step.controls.at(control)[name], value)
@@ -279,7 +280,7 @@ def test_arclength_does_not_depend_on_units():
         effects = [
             Membrane(strip),
             isometric_bending(strip, pattern),
-            edge_force(strip.edges["exit"]),
+            edge_force(strip, "exit"),
         ]
         model = Model(strip, pattern, effects, Scales(unit, 12.0, 60.0 / unit))
         load = {"exit.force": np.array([0.0, 0.0, 60.0 / unit])}

@@ -56,7 +56,7 @@ class Supports:
     free : ndarray of int
         Numbers of the free unknowns.
     start, slope : ndarray, shape (unknowns,)
-        Zero at the free unknowns.
+        At the free unknowns the slope is zero, and the start what they are counted from.
     """
 
     free: Index
@@ -72,7 +72,7 @@ class Supports:
     def full(self, u: Array, control: float) -> Array:
         """All unknowns from the free ones, shape (unknowns,)."""
         whole = self.start + control * self.slope
-        whole[self.free] = u
+        whole[self.free] += u
         return whole
 
     def change(self, u: Array, control: float) -> Array:
@@ -104,8 +104,8 @@ class Model:
         self.strip, self.pattern, self.scales = strip, pattern, scales
         self.effects = tuple(effects)
         self.seconds = {effect.name: 0.0 for effect in effects}
-        self.value_unknowns = (3 * strip.node_values[:, None] + np.arange(3)).ravel()
-        self.units = np.repeat(strip.dof_lengths, 3)
+        self.value_unknowns = strip.unknowns_of(strip.node_values)
+        self.units = np.repeat(strip.dof_lengths, strip.count)
         self._restrictions: dict[bytes, Restriction] = {}
 
     @property
@@ -289,14 +289,11 @@ class Motion:
         self.model, self.supports, self.controls = model, supports, controls
         self.start, self.duration = start, duration
 
-    def during(self, t: float, h: float, velocity: AffineVelocity) -> Equilibrium:
-        """Equations of one time step."""
+    def during(self, t: float, h: float, velocity: AffineVelocity, about: Array) -> Equilibrium:
+        """Equations of one time step, for increments from ``about``."""
         begin, share = (t - self.start) / self.duration, h / self.duration
-        supports = Supports(
-            self.supports.free,
-            self.supports.start + begin * self.supports.slope,
-            share * self.supports.slope,
-        )
+        start = self.supports.full(about, begin)
+        supports = Supports(self.supports.free, start, share * self.supports.slope)
         slope = {name: share * rate for name, rate in self.controls.slope.items()}
         controls = Controls(self.controls.at(begin), slope)
         moving = self.supports.slope / self.duration

@@ -5,10 +5,11 @@ import pytest
 from orders import orders
 from shapes import linear, rolled
 
-from anmstrip.mechanics.cells import ContactOperator, Pattern
+from anmstrip.mechanics.cells import Pattern
 from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.friction import NortonHoff, Tanh
 from anmstrip.mechanics.loads import weight
+from anmstrip.mechanics.points import ContactOperator
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.signorini import RepulsiveSignorini
 from anmstrip.mechanics.strip import Material, Strip, grid
@@ -139,10 +140,16 @@ def test_contact_tangent_is_the_derivative(strip, contact, law, depth):
         assert np.abs(found - expected).max() < 1e-6 * np.abs(expected).max()
 
 
+def seen(contact, x):
+    """Gap, normal in space and pressure."""
+    place = contact.seen(x, SPINNING)
+    return place.gap, contact.normal(place), contact.pressure(place)
+
+
 def test_resultant_is_the_integral_of_the_pressure(strip, contact, operator):
     """p over a cylindrical arc of half angle α gives 2 p r sin α per width."""
     full = rolled(strip, RADIUS - 1e-3)
-    gap, normal, pressure = contact.pressure(operator.apply(full), SPINNING)
+    gap, normal, pressure = seen(contact, operator.apply(full))
     np.testing.assert_allclose(gap[np.isin(operator.reference[0], XS)].max(), gap.max())
     traction = -contact.law(operator.apply(full), None, SPINNING)
     np.testing.assert_allclose(traction, normal * pressure)
@@ -150,7 +157,7 @@ def test_resultant_is_the_integral_of_the_pressure(strip, contact, operator):
     np.testing.assert_allclose(force, (traction * operator.weights).sum(axis=1), rtol=1e-12)
     flat = linear(strip, np.eye(3), (0.0, 0.0, -1e-3))
     centre = np.argmin(np.abs(operator.reference).sum(axis=0))
-    at_centre = contact.pressure(operator.apply(flat), SPINNING)[2][centre]
+    at_centre = seen(contact, operator.apply(flat))[2][centre]
     assert at_centre == pytest.approx(float(LAW(np.array(-1e-3))))
 
 
@@ -174,8 +181,8 @@ def test_friction_opposes_slip_in_the_tangent_plane(strip, contact, operator, la
     friction = Friction(contact, law)
     x = operator.apply(rolled(strip, RADIUS) + 1e-3 * rng_unknowns(strip, 13))
     v = operator.apply(rng_unknowns(strip, 14))
-    _, normal, pressure = contact.pressure(x, SPINNING)
-    slip, traction = friction.slip(normal, v, SPINNING), friction.traction(x, v, SPINNING)
+    _, normal, pressure = seen(contact, x)
+    slip, traction = friction.in_space(x, v, SPINNING)
     assert np.abs((slip * normal).sum(axis=0)).max() < 1e-12
     assert np.abs((traction * normal).sum(axis=0)).max() < 1e-9
     assert ((slip * traction).sum(axis=0) < 0.0).all()
@@ -188,13 +195,12 @@ def test_strip_that_moves_with_the_surface_has_no_friction(strip, contact, opera
     """V = ċ + Ω r a × n: at the top of the roller along +x for a positive speed."""
     friction = Friction(contact, HOFF)
     x = operator.apply(rolled(strip, RADIUS))
-    normal = contact.pressure(x, SPINNING)[1]
-    surface = contact.roller.surface_velocity(
-        normal, SPINNING["rollers.r.surface_speed"], SPINNING["rollers.r.velocity"]
-    )
+    turning = np.cross([0.0, 1.0, 0.0], seen(contact, x)[1], axis=0)
+    own = SPINNING["rollers.r.velocity"][:, None]
+    surface = turning * SPINNING["rollers.r.surface_speed"] + own
     top = np.argmin(np.abs(operator.reference).sum(axis=0))
     np.testing.assert_allclose(surface[:, top], [0.8, 0.0, -0.2], atol=1e-12)
-    assert np.abs(friction.traction(x, surface, SPINNING)).max() < 1e-12
+    assert np.abs(friction.in_space(x, surface, SPINNING)[1]).max() < 1e-12
 
 
 @pytest.mark.parametrize("law", [HOFF, TANH])

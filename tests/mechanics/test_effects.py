@@ -101,10 +101,10 @@ def test_uniform_stretch(strip, elastic, strain):
 @pytest.mark.parametrize("tension", [1.0, 1e5, 5e6])
 def test_stretched_strip_is_in_equilibrium(strip, elastic, tension):
     """The start of a scene: it leaves nothing to be taken away."""
-    full = stretched(SimpleNamespace(strip=strip, material=strip.material), tension)
+    full = stretched(SimpleNamespace(strip=strip, pattern=Pattern(strip)), tension)
     equations = free_equations(
         strip,
-        [*elastic, edge_force(strip.edges["exit"]), edge_force(strip.edges["entry"])],
+        [*elastic, edge_force(strip, "exit"), edge_force(strip, "entry")],
         Controls(
             {"exit.force": np.array([tension, 0, 0]), "entry.force": np.array([-tension, 0, 0])}
         ),
@@ -215,7 +215,7 @@ def test_weight_is_that_of_the_strip(strip):
 
 
 def test_dead_load_has_orders_zero_and_one(strip):
-    load = edge_force(strip.edges["exit"])
+    load = edge_force(strip, "exit")
     controls = Controls(
         {"exit.force": np.array([1.0, 2, 3])}, {"exit.force": np.array([0, 0, 5.0])}
     )

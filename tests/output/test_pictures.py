@@ -11,7 +11,7 @@ import pytest
 from matplotlib.colors import to_rgb
 from PIL import Image
 from PIL.ImageSequence import Iterator
-from wrapped_strip import lattice, tensor_grids, wrapped
+from wrapped_strip import lattice, tensor_grids, wrapped, write_state
 
 from anmstrip.output import pictures
 from anmstrip.output.collection import Collection
@@ -142,6 +142,15 @@ def test_a_strip_without_rollers_and_of_plain_cells_is_drawn(any_renderer, tmp_p
     Collection(tmp_path / "strip.pvd").add(0.0, "strip_0.vtu")
     for picture in render(tmp_path):
         assert 0.001 < np.mean(pixels(picture).min(axis=-1) < 0.9) < 0.5
+
+
+def test_triangles_are_drawn_as_quadrilaterals_are(any_renderer, run):
+    before = [pixels(picture) for picture in render(run)]
+    write_state(run, 2, 1.0, triangles=True)
+    assert read_surface(run / "strip_2.vtu").cells.shape == (80, 21)
+    for first, second in zip(before, map(pixels, render(run)), strict=True):
+        assert np.mean(first.min(axis=-1) < 0.9) > 0.1
+        assert np.mean(np.abs(first - second).max(axis=-1) > 0.1) < 0.01
 
 
 def test_a_flat_strip_is_drawn(without_opengl, tmp_path):

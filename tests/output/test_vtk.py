@@ -2,14 +2,16 @@
 
 import numpy as np
 import pytest
-from wrapped_strip import RADIUS, lattice, tensor_grids
+from wrapped_strip import RADIUS, lattice, tensor_grids, triangular_lattices
 
 from anmstrip.output.vtk import (
     LAGRANGE_ORDER,
+    TRIANGLE_ORDER,
     Cylinder,
     cylinder_surface,
     read_surface,
     subdivided,
+    triangle_lattice,
     write_rollers,
     write_surface,
 )
@@ -102,11 +104,77 @@ def test_a_subdivided_patch_is_written_as_plain_quadrilaterals(patch, tmp_path):
     np.testing.assert_array_equal(read_surface(tmp_path / "plain.vtu").cells, cells)
 
 
+def quintic(x, y):
+    """Without symmetry, of full degree in every direction."""
+    return x**5 - 0.6 * x**4 * y + 0.8 * x**2 * y**3 + 0.5 * x * y**4 - 0.7 * y**5 + x * y
+
+
+@pytest.fixture
+def triangles(tmp_path):
+    """A file with four quintic triangles on the graph of `quintic`, and what went into it."""
+    x, y, cells = triangular_lattices(2, 1, (0.0, 2.0), (0.0, 1.0))
+    points = np.column_stack([x, y, quintic(x, y)])
+    write_surface(tmp_path / "triangles.vtu", points, cells, {"gap": x * y, "velocity": points})
+    return tmp_path / "triangles.vtu", points, cells
+
+
+def test_the_order_of_a_triangle_s_nodes_is_that_of_vtk():
+    vtk = pytest.importorskip("vtkmodules.vtkCommonDataModel")
+    cell, lattice_points = vtk.vtkLagrangeTriangle(), triangle_lattice(6)
+    cell.GetPointIds().SetNumberOfIds(21)
+    cell.GetPoints().SetNumberOfPoints(21)
+    cell.Initialize()
+    for k, place in enumerate(TRIANGLE_ORDER):
+        index = [0, 0, 0]
+        cell.ToBarycentricIndex(k, index)
+        np.testing.assert_allclose(5.0 * lattice_points[:, place], index[:2])
+
+
+def test_vtk_draws_a_quintic_exactly(triangles):
+    path, _, _ = triangles
+    assert list(pyvista.read(path).celltypes) == [69] * 4
+    surface = smooth(path)
+    x, y, z = surface.points.T.astype(float)
+    assert len(x) > 300
+    np.testing.assert_allclose(z, quintic(x, y), atol=1e-5)
+    np.testing.assert_allclose(surface["gap"], x * y, atol=2e-6)
+
+
+def test_triangles_are_read_back_as_they_were_written(triangles):
+    path, points, cells = triangles
+    surface = read_surface(path)
+    np.testing.assert_array_equal(surface.points, points)
+    np.testing.assert_array_equal(surface.cells, cells)
+    np.testing.assert_array_equal(surface.fields["velocity"], points)
+
+
+def test_subdivided_triangles_keep_their_area_and_their_side(triangles):
+    _, points, cells = triangles
+    pieces = subdivided(cells)
+    assert pieces.shape == (100, 3)
+    np.testing.assert_array_equal(np.unique(pieces), np.arange(84))
+    first, second = (points[pieces[:, k], :2] - points[pieces[:, 0], :2] for k in (1, 2))
+    doubled = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+    np.testing.assert_allclose(doubled, 1.0 / 25.0, atol=1e-14)
+
+
+def test_subdivided_triangles_are_written_as_plain_ones(triangles, tmp_path):
+    _, points, cells = triangles
+    pieces = subdivided(cells)
+    write_surface(tmp_path / "plain.vtu", points, pieces, {})
+    grid = pyvista.read(tmp_path / "plain.vtu")
+    assert list(grid.celltypes) == [5] * 100
+    np.testing.assert_array_equal(grid.cells.reshape(-1, 4)[:, 1:], pieces)
+    surface = read_surface(tmp_path / "plain.vtu")
+    np.testing.assert_array_equal(surface.cells, pieces)
+    np.testing.assert_array_equal(subdivided(surface.cells), pieces)
+
+
 @pytest.mark.parametrize(
     ("points", "cells", "fields", "about"),
     [
         (np.zeros((4, 2)), [[0, 1, 2, 3]], {}, "points"),
-        (np.zeros((4, 3)), [[0, 1, 2]], {}, "cells"),
+        (np.zeros((4, 3)), [[0, 1]], {}, "cells"),
         (np.zeros((4, 3)), [[0, 1, 2, 3]], {"gap": np.zeros(5)}, "gap"),
     ],
 )

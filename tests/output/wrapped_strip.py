@@ -4,7 +4,13 @@ from pathlib import Path
 
 import numpy as np
 
-from anmstrip.output.vtk import Cylinder, roller_length, write_rollers, write_surface
+from anmstrip.output.vtk import (
+    Cylinder,
+    roller_length,
+    triangle_lattice,
+    write_rollers,
+    write_surface,
+)
 
 RADIUS, WRAP = 0.5, np.pi / 6
 
@@ -23,6 +29,20 @@ def lattice(along, across, x, y):
     return tuple(grid.ravel() for grid in np.meshgrid(u, v))
 
 
+def triangular_lattices(along, across, x, y):
+    """Coordinates, (n,) each, and cells (2 along * across, 21) of rectangles cut in two.
+
+    The two triangles of a rectangle turn the same way; nothing is shared.
+    """
+    u, v = triangle_lattice(6)
+    columns, rows = (grid.reshape(-1, 1) for grid in np.mgrid[:along, :across])
+    low, high = ((columns + p, rows + q) for p, q in ((u, v), (1.0 - u, 1.0 - v)))
+    places = np.stack([np.concatenate(pair).ravel() for pair in zip(low, high, strict=True)])
+    steps = np.array([np.ptp(x) / along, np.ptp(y) / across])
+    coordinates = np.array([[x[0]], [y[0]]]) + steps[:, None] * places
+    return *coordinates, np.arange(coordinates.shape[1]).reshape(-1, 21)
+
+
 def wrapped(s, wrap=WRAP):
     """Height and position (x, z) along a strip lying on the top of a roller, straight elsewhere."""
     angle = np.clip(s / RADIUS, -wrap, wrap)
@@ -31,9 +51,12 @@ def wrapped(s, wrap=WRAP):
     return x, RADIUS * (np.cos(angle) - 1.0) - np.abs(rest) * np.sin(np.abs(angle))
 
 
-def write_state(directory: Path, k: int, share: float) -> None:
+def write_state(directory: Path, k: int, share: float, triangles: bool = False) -> None:
     """Write `strip_k.vtu` and `rollers_k.vtu`, wrapped by a share of the full angle."""
-    s, y = lattice(20, 2, (-2.0, 2.0), (-0.5, 0.5))
+    sides, cells = ((-2.0, 2.0), (-0.5, 0.5)), tensor_grids(20, 2)
+    s, y = lattice(20, 2, *sides)
+    if triangles:
+        s, y, cells = triangular_lattices(20, 2, *sides)
     x, z = wrapped(s, share * WRAP)
     points = np.column_stack([x, y, z])
     pressed = np.abs(s) < share * WRAP * RADIUS
@@ -43,6 +66,6 @@ def write_state(directory: Path, k: int, share: float) -> None:
         "von_mises": 1.0e8 * (1.0 + pressed),
         "membrane_force": np.column_stack([1.0e4 + 0.0 * s, 0.0 * s, 100.0 * y]),
     }
-    write_surface(directory / f"strip_{k}.vtu", points, tensor_grids(20, 2), fields)
+    write_surface(directory / f"strip_{k}.vtu", points, cells, fields)
     roller = Cylinder((0.0, 0.0, -RADIUS - 1e-3), (0.0, 1.0, 0.0), RADIUS, roller_length(1.0), k)
     write_rollers(directory / f"rollers_{k}.vtu", [roller])

@@ -36,7 +36,7 @@ def test_scales_are_units():
 
 def test_a_residual_is_measured_by_the_change_of_u_that_takes_it_away():
     problem = FunctionRateEquations(lambda u, v, t: v * 2.0 + u * 30.0 - t, whole=4.0)
-    step = problem.during(1.0, 0.2, AffineVelocity(5.0, np.zeros(1), np.zeros(1)))
+    step = problem.during(1.0, 0.2, AffineVelocity(5.0, np.zeros(1), np.zeros(1)), np.zeros(1))
     step.recurrence(np.zeros(1), 0.0, 3)
     assert step.imbalance(np.array([8.0])) == pytest.approx(8.0 / 40.0 * 4.0 / 0.2)
     assert step.residual(np.array([1.0]), 0.5) == pytest.approx([10.0 + 30.0 - 1.1])
@@ -44,5 +44,5 @@ def test_a_residual_is_measured_by_the_change_of_u_that_takes_it_away():
 
 def test_in_fast_motion_an_error_is_a_shift_in_time():
     problem = FunctionRateEquations(lambda u, v, t: v, whole=4.0, speed=2.0)
-    problem.during(0.0, 0.1, AffineVelocity(0.0, np.array([2e6]), np.zeros(1)))
+    problem.during(0.0, 0.1, AffineVelocity(0.0, np.array([2e6]), np.zeros(1)), np.zeros(1))
     assert problem.error(np.zeros(1), np.array([3.0])) == pytest.approx(3e-6)

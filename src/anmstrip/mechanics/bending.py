@@ -31,7 +31,7 @@ def isometric_bending(strip: Strip, pattern: Pattern) -> LinearEffect:
     LinearEffect
     """
     hessians = [field[0].hess for field in strip.basis.basis]
-    pairs = ((0, 0), (1, 1), (0, 1))
+    pairs = ((0, 0), (1, 1), (0, 1)) if strip.kinematics.directions == 2 else ((0, 0),)
     operator = CellOperator(strip, [np.stack([h[a, b] for h in hessians]) for a, b in pairs])
     block = np.zeros(pattern.couplings)
     operator.add_bilinear(stiffness(strip), pattern, block)
@@ -39,8 +39,22 @@ def isometric_bending(strip: Strip, pattern: Pattern) -> LinearEffect:
 
 
 def stiffness(strip: Strip) -> Array:
-    """D [(1−ν) A : B + ν tr A tr B] for (xx, yy, xy) of symmetric A, B; shape (3, 3), N m."""
+    """D [(1−ν) A : B + ν tr A tr B] for (xx, yy, xy) of symmetric A, B; shape (3, 3), N m.
+
+    Of a section D alone, shape (1, 1): it does not bend across.
+    """
     nu = strip.material.poisson
+    if strip.kinematics.directions == 1:
+        return np.full((1, 1), strip.bending_stiffness)
     return strip.bending_stiffness * np.array(
         [[1.0, nu, 0.0], [nu, 1.0, 0.0], [0.0, 0.0, 2.0 * (1.0 - nu)]]
     )
+
+
+def moduli(strip: Strip) -> Array:
+    """Moments (xx, yy, xy) of unit curvatures (κ_xx, κ_yy, κ_xy), shape (3, 3), N m.
+
+    A section carries M_yy = ν M_xx, since it cannot bend across.
+    """
+    d, nu = strip.bending_stiffness, strip.material.poisson
+    return d * np.array([[1.0, nu, 0.0], [nu, 1.0, 0.0], [0.0, 0.0, 1.0 - nu]])

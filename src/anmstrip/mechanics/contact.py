@@ -3,6 +3,8 @@
 Both are looked at near the roller only.  Beyond a gap where the regularised
 pressure is negligible a point is left out, and with it the singularities of its
 series, which would shorten every step for a force that nobody sees.
+
+Everything is computed in the roller's frame, see :mod:`anmstrip.mechanics.roller`.
 """
 
 from __future__ import annotations
@@ -15,9 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .cells import ContactOperator
 from .friction import FrictionLaw
-from .roller import Roller
+from .kinematics import SHELL, Kinematics
+from .points import ContactOperator
+from .roller import Place, Roller
 from .signorini import RepulsiveSignorini
 
 Array = NDArray[np.float64]
@@ -37,12 +40,15 @@ class Contact:
     operator : ContactOperator
     reach : float
         Gap (m) beyond which a point is left out.
+    kinematics : Kinematics
+        Which displacements the points have.
     """
 
     roller: Roller
     signorini: RepulsiveSignorini
     operator: ContactOperator
     reach: float = np.inf
+    kinematics: Kinematics = SHELL
 
     rate_dependent = False
 
@@ -56,30 +62,51 @@ class Contact:
         """Pressure at the reach, taken off everywhere so that contact begins without a jump."""
         return self.signorini(np.array(self.reach)) if np.isfinite(self.reach) else np.array(0.0)
 
+    @cached_property
+    def view(self) -> Array:
+        """The strip's components in the roller's frame, shape (rows, components)."""
+        return self.roller.frame[: self.roller.rows] @ self.kinematics.chosen.T
+
+    @cached_property
+    def origin(self) -> Array:
+        """Reference positions in the roller's frame, shape (rows, points)."""
+        return self.roller.frame[: self.roller.rows] @ self.operator.reference
+
+    def seen(self, x: Any, controls: Mapping[str, Any]) -> Place:
+        """Where displaced points are, on arrays or series."""
+        centre = controls[f"rollers.{self.roller.name}.centre"]
+        moved = (self.roller.frame[: self.roller.rows] @ centre)[:, None]
+        offset = self.origin - moved
+        return self.roller.seen(np.einsum("ic,c...->i...", self.view, x) + offset)
+
     def near(self, full: Array, controls: Mapping[str, Any]) -> Contact:
         """The same effect on the points within reach."""
-        x = self.operator.apply(full) + self.operator.reference
-        gap, _ = self.roller.gap(x, controls[f"rollers.{self.roller.name}.centre"])
+        gap = self.seen(self.operator.apply(full), controls).gap
         return replace(self, operator=self.operator.restricted(np.flatnonzero(gap < self.reach)))
 
-    def pressure(self, x: Any, controls: Mapping[str, Any]) -> tuple[Any, Any, Any]:
-        """Gap (m), normal and pressure (Pa) of displaced points, on arrays or series."""
-        position = x + self.operator.reference
-        gap, normal = self.roller.gap(position, controls[f"rollers.{self.roller.name}.centre"])
-        return gap, normal, self.signorini(gap) - self.least
+    def pressure(self, place: Place) -> Any:
+        """R (Pa), shape (points,)."""
+        return self.signorini(place.gap) - self.least
+
+    def normal(self, place: Place) -> Array:
+        """Unit normal in space, shape (3, points)."""
+        return self.roller.frame[: self.roller.rows].T @ self.roller.normal(place)
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
-        """Residual per area: minus the traction of the roller, (3, points)."""
-        _, normal, pressure = self.pressure(x, controls)
-        return -(normal * pressure)
+        """Residual per area: minus the traction of the roller, (components, points)."""
+        place = self.seen(x, controls)
+        traction = self.roller.normal(place) * self.pressure(place)
+        return np.einsum("ic,i...->c...", -self.view, traction)
 
 
 @dataclass(frozen=True)
 class Friction:
     """Tangential tractions R_T of a roller at points of the strip.
 
-    Controls: ``rollers.NAME.centre`` (m), ``rollers.NAME.surface_speed`` (m/s) and
-    ``rollers.NAME.velocity`` (m/s, of the centre).
+    The slip has one component along the direction of turning and, in space, one along
+    the meridian.  Controls: ``rollers.NAME.centre`` (m), ``rollers.NAME.surface_speed``
+    (m/s, of the profile where it has the nominal radius) and ``rollers.NAME.velocity``
+    (m/s, of the centre).
 
     Attributes
     ----------
@@ -108,23 +135,49 @@ class Friction:
         """Of the contact."""
         return self.contact.operator
 
+    @cached_property
+    def frame(self) -> Array:
+        """Directions in which points move, of the roller's frame, shape (2 or 3, 3)."""
+        return self.roller.frame[: self.contact.kinematics.count]
+
+    @cached_property
+    def view(self) -> Array:
+        """The strip's components in this frame."""
+        return self.frame @ self.contact.kinematics.chosen.T
+
     def near(self, full: Array, controls: Mapping[str, Any]) -> Friction:
         """The same effect on the points within reach."""
         return replace(self, contact=self.contact.near(full, controls))
 
-    def slip(self, normal: Any, v: Any, controls: Mapping[str, Any]) -> Any:
-        """Tangential velocity relative to the surface (m/s), (3, points)."""
-        key = f"rollers.{self.roller.name}"
-        relative = v - self.roller.surface_velocity(
-            normal, controls[f"{key}.surface_speed"], controls[f"{key}.velocity"]
-        )
-        return relative - normal * np.einsum("i...,i...->...", relative, normal)
+    def tangents(self, place: Place) -> Any:
+        """Directions of slip in the frame, (components of slip, directions, points)."""
+        return self.roller.tangents(place, len(self.frame))
 
-    def traction(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
-        """R_T (Pa), shape (3, points)."""
-        _, normal, pressure = self.contact.pressure(x, controls)
-        return self.law_of_slip(pressure, self.slip(normal, v, controls))
+    def slip(self, place: Place, tangents: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+        """Tangential velocity relative to the surface (m/s), (components of slip, points)."""
+        key = f"rollers.{self.roller.name}"
+        own = (self.frame @ controls[f"{key}.velocity"])[:, None]
+        relative = np.einsum("ic,c...->i...", self.view, v) - own
+        speed = controls[f"{key}.surface_speed"]
+        turning = np.eye(len(self.frame) - 1)[0][:, None]
+        surface = (turning if place.ratio is None else place.ratio * turning) * speed
+        return np.einsum("ki...,i...->k...", tangents, relative) - surface
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
-        """Residual per area: minus the traction of the roller, (3, points)."""
-        return -self.traction(x, v, controls)
+        """Residual per area: minus the traction of the roller, (components, points)."""
+        place = self.contact.seen(x, controls)
+        tangents = self.tangents(place)
+        pressure = self.contact.pressure(place)
+        traction = self.law_of_slip(pressure, self.slip(place, tangents, v, controls))
+        local = np.einsum("ki...,k...->i...", tangents, traction)
+        return np.einsum("ic,i...->c...", -self.view, local)
+
+    def in_space(self, x: Array, v: Array, controls: Mapping[str, Any]) -> tuple[Array, Array]:
+        """Slip (m/s) and traction (Pa) in space, shape (3, points) each."""
+        place = self.contact.seen(x, controls)
+        tangents = self.tangents(place)
+        slip = self.slip(place, tangents, v, controls)
+        traction = self.law_of_slip(self.contact.pressure(place), slip)
+        directions = np.einsum("kip,ix->kxp", tangents, self.frame)
+        along, across = (np.einsum("kxp,kp->xp", directions, s) for s in (slip, traction))
+        return along, across

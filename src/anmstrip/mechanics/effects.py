@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from .cells import Pattern
+from .kinematics import Kinematics
 
 Array = NDArray[np.float64]
 
@@ -82,7 +83,7 @@ class LinearEffect:
 
     def force(self, full: Array) -> Array:
         """K u, shape (unknowns,)."""
-        return (self.matrix @ full.reshape(-1, 3)).ravel()
+        return (self.matrix @ full.reshape(-1, self.pattern.count)).ravel()
 
     @cached_property
     def matrix(self) -> csr_matrix:
@@ -92,13 +93,13 @@ class LinearEffect:
 
     def add_tangent(self, blocks: Array) -> None:
         """Add K to the diagonal blocks."""
-        for c in range(3):
+        for c in range(self.pattern.count):
             blocks[c, c] += self.block
 
 
 @dataclass(frozen=True)
 class LoadEffect:
-    """Residual −load ⊗ control: a dead force that a control of three components scales.
+    """Residual −load ⊗ control: a dead force that a vector in space scales.
 
     Attributes
     ----------
@@ -107,15 +108,18 @@ class LoadEffect:
         Name of the control, a vector (N/m for an edge, m/s² for gravity).
     load : ndarray, shape (scalars,)
         Generalised force of a unit control.
+    kinematics : Kinematics
+        Which of its components do work.
     """
 
     name: str
     control: str
     load: Array
+    kinematics: Kinematics
 
     def force(self, control: Array) -> Array:
         """Residual of a value of the control, shape (unknowns,)."""
-        return -np.outer(self.load, control).ravel()
+        return -np.outer(self.load, self.kinematics.pick(control)).ravel()
 
 
 Effect = LawEffect | LinearEffect | LoadEffect

@@ -1,8 +1,9 @@
 """The strip: mid-surface, mesh, named edges and C1 basis.
 
 Reference configuration: flat in the plane z = 0, x along the strip (entry at
-its smallest x), y across.  Every component of the displacement is a scalar
-field of the C1 basis; degree of freedom s of component c has the number 3 s + c.
+its smallest x), y across.  Every unknown component of the displacement is a scalar
+field of the C1 basis: with m components, degree of freedom s of component c has the
+number m s + c.
 """
 
 from __future__ import annotations
@@ -12,14 +13,18 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import Basis, MeshQuad
+from skfem import Basis, FacetBasis, Mesh, MeshLine, MeshQuad, MeshTri
 
-from .elements import BognerFoxSchmit
+from .elements import Argyris, BognerFoxSchmit, Hermite
+from .kinematics import SHELL, Kinematics
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 EDGES = ("entry", "exit", "left", "right")
+
+ELEMENTS = {MeshLine: (Hermite, 6), MeshQuad: (BognerFoxSchmit, 6), MeshTri: (Argyris, 10)}
+"""C1 element of every kind of mesh, and the degree of polynomials integrated exactly."""
 
 
 @dataclass(frozen=True)
@@ -48,22 +53,26 @@ class Edge:
     Attributes
     ----------
     name : str
+    facets : ndarray of int
+        Mesh facets on it.
     nodes : ndarray of int
         Mesh nodes on it, in the order along the edge.
     values : ndarray of int
         Scalar degrees of freedom "value" of these nodes.
-    slopes : ndarray of int
-        Scalar degrees of freedom "derivative along the edge".
+    trace : ndarray of int
+        Scalar degrees of freedom that fix the values all along the edge, if it is straight
+        along x or y: values and derivatives along it.
     load : ndarray, shape (scalars,)
-        ∫ φ ds of the cubic traces: generalised force of a unit force per length.
+        ∫ φ ds: generalised force of a unit force per length.
     length : float
         m.
     """
 
     name: str
+    facets: Index
     nodes: Index
     values: Index
-    slopes: Index
+    trace: Index
     load: Array
     length: float
 
@@ -73,23 +82,45 @@ class Strip:
 
     Parameters
     ----------
-    mesh : skfem.MeshQuad
-        Axis-aligned rectangles, with named boundaries.
+    mesh : skfem.Mesh
+        Axis-aligned rectangles or triangles, or lines for a section; with named boundaries.
     thickness : float
         t (m).
     material : Material
+    kinematics : Kinematics
+        Which displacements are unknown.
+    width : float
+        W (m) of a section; a surface has its own.
     """
 
-    def __init__(self, mesh: MeshQuad, thickness: float, material: Material) -> None:
-        self.mesh = mesh
-        self.thickness = thickness
-        self.material = material
-        self.basis = Basis(mesh, BognerFoxSchmit(), intorder=6)
+    def __init__(
+        self,
+        mesh: Mesh,
+        thickness: float,
+        material: Material,
+        kinematics: Kinematics = SHELL,
+        width: float = 1.0,
+    ) -> None:
+        self.mesh, self.thickness, self.material = mesh, thickness, material
+        self.kinematics = kinematics
+        element, degree = next(e for kind, e in ELEMENTS.items() if isinstance(mesh, kind))
+        self.basis = Basis(mesh, element(), intorder=degree)
+        self.depth = width if mesh.dim() == 1 else 1.0
+
+    @property
+    def count(self) -> int:
+        """Number of unknown components."""
+        return self.kinematics.count
+
+    @property
+    def tensile_stiffness(self) -> float:
+        """E t (N/m)."""
+        return self.material.young * self.thickness
 
     @property
     def membrane_stiffness(self) -> float:
         """E t / (1 − ν²) (N/m)."""
-        return self.material.young * self.thickness / (1.0 - self.material.poisson**2)
+        return self.tensile_stiffness / (1.0 - self.material.poisson**2)
 
     @property
     def bending_stiffness(self) -> float:
@@ -103,18 +134,27 @@ class Strip:
 
     @property
     def unknowns(self) -> int:
-        """Number of degrees of freedom of the three components."""
-        return 3 * self.scalars
+        """Number of degrees of freedom of all unknown components."""
+        return self.count * self.scalars
 
     @property
     def nodes(self) -> Array:
         """Reference positions of the mesh nodes, shape (3, nodes)."""
-        return np.vstack([self.mesh.p, np.zeros(self.mesh.p.shape[1])])
+        return self.in_space(self.mesh.p)
+
+    def in_space(self, points: Array) -> Array:
+        """Reference positions of points of the mesh, shape (3, ...)."""
+        missing = np.zeros((3 - len(points), *points.shape[1:]))
+        return np.concatenate([points, missing])
 
     @property
     def node_values(self) -> Index:
         """Scalar degree of freedom "value" of every mesh node."""
-        return self.basis.nodal_dofs[0]
+        return self.dofs("u")
+
+    def dofs(self, name: str) -> Index:
+        """Scalar degrees of freedom of the nodes by name: u, u_x, u_y, u_xy, ..."""
+        return self.basis.nodal_dofs[self.basis.elem.dofnames.index(name)]
 
     @property
     def length(self) -> float:
@@ -124,57 +164,89 @@ class Strip:
     @property
     def width(self) -> float:
         """Extent along y (m)."""
-        return float(np.ptp(self.mesh.p[1]))
+        return self.depth if self.mesh.dim() == 1 else float(np.ptp(self.mesh.p[1]))
 
     @cached_property
     def cell_sizes(self) -> Array:
-        """Extent of every element in x and y, shape (2, elements)."""
+        """Extent of every element in x (and y), shape (dimensions, elements)."""
         return np.ptp(self.mesh.p[:, self.mesh.t], axis=1)
 
     @cached_property
+    def areas(self) -> Array:
+        """Area of every element, shape (elements,), m²."""
+        return np.asarray(self.basis.dx.sum(axis=1)) * self.depth
+
+    @cached_property
     def dof_lengths(self) -> Array:
-        """Unit of every scalar degree of freedom in lengths: 1, 1/h_x, 1/h_y, 1/(h_x h_y).
+        """Unit of every scalar degree of freedom in lengths: 1, 1/h_x, 1/h_y, 1/(h_x h_y), ...
 
         h is the mean size of the elements around the node.
         """
-        count = np.bincount(self.mesh.t.ravel(), minlength=self.mesh.p.shape[1])
-        hx, hy = (
-            np.bincount(self.mesh.t.ravel(), np.tile(s, 4), self.mesh.p.shape[1]) / count
-            for s in self.cell_sizes
-        )
+        around = self._mean_sizes()
+        sizes = dict(zip("xy", around, strict=False))
         lengths = np.empty(self.scalars)
-        units = np.stack([np.ones_like(hx), 1.0 / hx, 1.0 / hy, 1.0 / (hx * hy)])
-        lengths[self.basis.nodal_dofs] = units
+        for name, dofs in zip(self.basis.elem.dofnames, self.basis.nodal_dofs, strict=False):
+            lengths[dofs] = 1.0 / np.prod([sizes[d] for d in name[2:]], axis=0, initial=1.0)
+        for dofs in self.basis.facet_dofs:
+            lengths[dofs] = 1.0 / around[:, self.mesh.facets].mean(axis=(0, 1))
         return lengths
+
+    def _mean_sizes(self) -> Array:
+        t, nodes = self.mesh.t, self.mesh.p.shape[1]
+        count = np.bincount(t.ravel(), minlength=nodes)
+        return np.stack(
+            [np.bincount(t.ravel(), np.tile(s, len(t)), nodes) / count for s in self.cell_sizes]
+        )
 
     @cached_property
     def edges(self) -> dict[str, Edge]:
         """All named edges."""
         return {name: self._edge(name) for name in (self.mesh.boundaries or {})}
 
+    def unknowns_of(self, scalars: Index) -> Index:
+        """Numbers of all components of scalar degrees of freedom, sorted."""
+        numbers = self.count * np.asarray(scalars)[:, None] + np.arange(self.count)
+        return np.sort(numbers.ravel())
+
     def clamp(self, name: str) -> Index:
         """Unknowns that a rigid clamp holds on an edge: positions and tangent plane.
 
-        With the values and slopes of the nodes, the cubic traces of r and of its
-        derivative across the edge are held all along it.
+        All that belongs to its nodes is held, and with it the traces of r and of its
+        derivative across the edge.
         """
-        scalars = self.basis.nodal_dofs[:, self.edges[name].nodes].ravel()
-        return np.sort((3 * scalars[:, None] + np.arange(3)).ravel())
+        edge = self.edges[name]
+        scalars = [self.basis.nodal_dofs[:, edge.nodes].ravel()]
+        if len(self.basis.facet_dofs):
+            scalars.append(self.basis.facet_dofs[:, edge.facets].ravel())
+        return self.unknowns_of(np.concatenate(scalars))
+
+    def edge_basis(self, name: str) -> FacetBasis:
+        """Quadrature along an edge."""
+        return FacetBasis(self.mesh, self.basis.elem, facets=self.edges[name].facets, intorder=8)
 
     def _edge(self, name: str) -> Edge:
         facets = np.asarray(self.mesh.boundaries[name])
         nodes = np.unique(self.mesh.facets[:, facets])
-        along = int(np.argmax(np.ptp(self.mesh.p[:, nodes], axis=1)))
+        extents = np.ptp(self.mesh.p[:, nodes], axis=1)
+        along = int(np.argmax(extents))
         nodes = nodes[np.argsort(self.mesh.p[along, nodes])]
-        values = self.basis.nodal_dofs[0, nodes]
-        slopes = self.basis.nodal_dofs[1 + along, nodes]
-        h = np.diff(self.mesh.p[along, nodes])
+        names = ["u", *(f"u_{'xy'[along] * k}" for k in (1, 2))] if self.mesh.dim() > 1 else ["u"]
+        known = [n for n in names if n in self.basis.elem.dofnames]
+        trace = np.concatenate([self.dofs(n)[nodes] for n in known])
+        load, length = self._edge_load(facets)
+        return Edge(name, facets, nodes, self.node_values[nodes], trace, load, length)
+
+    def _edge_load(self, facets: Index) -> tuple[Array, float]:
+        """∫ φ ds and length of facets."""
         load = np.zeros(self.scalars)
-        for ends in (slice(None, -1), slice(1, None)):
-            load[values[ends]] += h / 2.0
-        load[slopes[:-1]] += h**2 / 12.0
-        load[slopes[1:]] -= h**2 / 12.0
-        return Edge(name, nodes, values, slopes, load, float(h.sum()))
+        if self.mesh.dim() == 1:
+            load[self.node_values[self.mesh.facets[0, facets]]] = self.depth
+            return load, self.depth * len(facets)
+        basis = FacetBasis(self.mesh, self.basis.elem, facets=facets, intorder=6)
+        for dofs, field in zip(basis.element_dofs, basis.basis, strict=True):
+            np.add.at(load, dofs, (np.asarray(field[0]) * basis.dx).sum(axis=1))
+        load[np.abs(load) * self.dof_lengths < 1e-12 * np.abs(load).max()] = 0.0
+        return load, float(basis.dx.sum())
 
 
 def grid(xs: Array, ys: Array) -> MeshQuad:
@@ -195,7 +267,23 @@ def grid(xs: Array, ys: Array) -> MeshQuad:
     )
 
 
-def renumbered(mesh: MeshQuad) -> MeshQuad:
+def line(xs: Array) -> MeshLine:
+    """Mesh of a section with its two ends named.
+
+    Parameters
+    ----------
+    xs : ndarray
+        Increasing coordinates of the nodes (m).
+    """
+    return MeshLine(xs).with_boundaries(
+        {
+            "entry": lambda x: np.isclose(x[0], xs[0]),
+            "exit": lambda x: np.isclose(x[0], xs[-1]),
+        }
+    )
+
+
+def renumbered(mesh: Mesh) -> Mesh:
     """The same mesh with nodes numbered along x, then y, which makes matrices narrow.
 
     Boundaries keep their names.
@@ -208,13 +296,13 @@ def renumbered(mesh: MeshQuad) -> MeshQuad:
         name: mesh.p[:, mesh.facets[:, np.asarray(facets)]].mean(axis=1)
         for name, facets in (mesh.boundaries or {}).items()
     }
-    sorted_mesh = MeshQuad(mesh.p[:, order], place[mesh.t])
+    sorted_mesh = type(mesh)(mesh.p[:, order], place[mesh.t])
     return sorted_mesh.with_boundaries(
         {name: _facets_at(sorted_mesh, points) for name, points in middles.items()}
     )
 
 
-def _facets_at(mesh: MeshQuad, points: Array) -> Index:
+def _facets_at(mesh: Mesh, points: Array) -> Index:
     """Numbers of the boundary facets whose midpoints are given, shape (2, m)."""
     facets = mesh.boundary_facets()
     middles = mesh.p[:, mesh.facets[:, facets]].mean(axis=1)

@@ -49,10 +49,13 @@ class Frame:
     def strip_coloured(self, field: str) -> tuple[Points, NDArray[np.int64], NDArray[np.float64]]:
         """Read the points, the plain quadrilaterals and the values that colour them.
 
-        The values are NaN in a state without that field (no slip without friction).
+        A triangle is a quadrilateral whose last two corners coincide.  The values are NaN in a
+        state without that field (no slip without friction).
         """
         surface = read_surface(self.strip)
-        cells = subdivided(surface.cells) if surface.cells.shape[1] == 16 else surface.cells
+        cells = subdivided(surface.cells)
+        if cells.shape[1] == 3:
+            cells = cells[:, [0, 1, 2, 2]]
         values = surface.fields.get(field.partition(".")[0])
         if values is None:
             values = np.full(len(surface.points), np.nan)

@@ -1,8 +1,10 @@
 """States as `.vtu` files and their table of contents, a `.pvd`, without importing VTK.
 
-Cubic surfaces are written as Lagrange quadrilaterals (cell type 70), which ParaView draws
-smoothly; four-node quadrilaterals are written as they are.  An element's sixteen nodes are given
-as a tensor grid: node `i + 4*j` stands at `(i/3, j/3)` of the unit square.
+Smooth surfaces are written as Lagrange cells, which ParaView draws smoothly: cubic quadrilaterals
+(type 70) and quintic triangles (type 69).  A quadrilateral's 16 nodes are given as a tensor grid,
+node `i + 4*j` at `(i/3, j/3)` of the unit square; a triangle's 21 nodes as a triangular lattice,
+row by row from the side y = 0: the points of `triangle_lattice(6)`.  Plain cells, of three or four
+nodes, are written as they are.  How many nodes a cell has says which of the four it is.
 """
 
 import os
@@ -22,7 +24,18 @@ Fields = dict[str, NDArray[np.float64]]
 LAGRANGE_ORDER = np.array([0, 3, 15, 12, 1, 2, 7, 11, 13, 14, 4, 8, 5, 6, 9, 10])
 """Tensor-grid index of each node of a cell of type 70: corners, edges, interior."""
 
-_CUBIC, _PLAIN = "VTK_LAGRANGE_QUADRILATERAL", "quad"
+TRIANGLE_ORDER = np.array(
+    [0, 5, 20, 1, 2, 3, 4, 10, 14, 17, 19, 18, 15, 11, 6, 7, 9, 16, 8, 13, 12]
+)
+"""Lattice index of each node of a cell of type 69: corners, edges, interior as a triangle again."""
+
+_KINDS = {
+    3: ("triangle", np.arange(3)),
+    4: ("quad", np.arange(4)),
+    16: ("VTK_LAGRANGE_QUADRILATERAL", LAGRANGE_ORDER),
+    21: ("VTK_LAGRANGE_TRIANGLE", TRIANGLE_ORDER),
+}
+"""For each number of nodes, meshio's name of the cell and the order of its nodes there."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +46,8 @@ class Surface:
     ----------
     points : (n, 3) array
         In metres.
-    cells : (m, 16) or (m, 4) array of int
-        Tensor grids, or corners in turn.
+    cells : (m, 16), (m, 21), (m, 4) or (m, 3) array of int
+        Tensor grids, triangular lattices, or corners in turn.
     fields : dict
         Values at the points.
     """
@@ -58,8 +71,9 @@ def write_surface(
         The `.vtu` file.
     points : (n, 3) array
         Positions, in metres.
-    cells : (m, 16) or (m, 4) array of int
-        Cubic quadrilaterals as tensor grids, or plain ones as corners in turn.
+    cells : (m, 16), (m, 21), (m, 4) or (m, 3) array of int
+        Cubic quadrilaterals as tensor grids, quintic triangles as triangular lattices, or plain
+        ones of either kind as corners in turn.
     fields : mapping of str to (n,) or (n, k) array
         Values at the points: scalars, vectors (x, y, z), symmetric tensors (xx, yy, xy).
 
@@ -73,9 +87,8 @@ def write_surface(
     positions, indices = np.asarray(points, dtype=float), np.asarray(cells, dtype=np.int64)
     data = {name: np.asarray(values, dtype=float) for name, values in fields.items()}
     _check(positions, indices, data)
-    cubic = indices.shape[1] == 16
-    block = (_CUBIC, indices[:, LAGRANGE_ORDER]) if cubic else (_PLAIN, indices)
-    mesh = meshio.Mesh(positions, [block], point_data=data)
+    kind, order = _KINDS[indices.shape[1]]
+    mesh = meshio.Mesh(positions, [(kind, indices[:, order])], point_data=data)
     with replaced(path) as temporary:
         mesh.write(temporary, file_format="vtu")
 
@@ -83,8 +96,8 @@ def write_surface(
 def _check(points: Points, cells: Cells, fields: Fields) -> None:
     if points.ndim != 2 or points.shape[1] != 3:
         raise ValueError(f"points have shape {points.shape}, expected (n, 3)")
-    if cells.ndim != 2 or cells.shape[1] not in (4, 16):
-        raise ValueError(f"cells have shape {cells.shape}, expected (m, 4) or (m, 16)")
+    if cells.ndim != 2 or cells.shape[1] not in _KINDS:
+        raise ValueError(f"cells have shape {cells.shape}, expected (m, {list(_KINDS)})")
     for name, values in fields.items():
         if values.ndim not in (1, 2) or len(values) != len(points):
             raise ValueError(f"{name} has shape {values.shape} for {len(points)} points")
@@ -98,7 +111,7 @@ def read_surface(path: str | os.PathLike[str]) -> Surface:
     OSError
         The file cannot be read.
     ValueError
-        It holds no quadrilaterals of these kinds, or it is damaged.
+        It holds no cells of these kinds, or it is damaged.
     """
     try:
         mesh = meshio.vtu.read(path)
@@ -108,29 +121,65 @@ def read_surface(path: str | os.PathLike[str]) -> Surface:
         raise
     except Exception as error:  # damage shows as exceptions of any kind
         raise ValueError(f"{path} is damaged: {error}") from error
-    if block.type == _CUBIC and cells.shape[1] == 16:
-        cells = cells[:, np.argsort(LAGRANGE_ORDER)]
-    elif block.type != _PLAIN:
+    kind, order = _KINDS.get(cells.shape[1], ("", np.arange(0)))
+    if block.type != kind:
         raise ValueError(f"{path} holds cells of another kind: {block.type}")
-    return Surface(np.asarray(mesh.points), cells, dict(mesh.point_data))
+    return Surface(np.asarray(mesh.points), cells[:, np.argsort(order)], dict(mesh.point_data))
 
 
 def subdivided(cells: ArrayLike) -> Cells:
-    """Cut every cubic quadrilateral into nine plain ones through its nodes.
+    """Cut smooth cells into plain ones through their nodes; plain ones stay as they are.
 
     Parameters
     ----------
-    cells : (m, 16) array of int
-        Tensor grids.
+    cells : (m, 16), (m, 21), (m, 4) or (m, 3) array of int
+        As in `write_surface`.
 
     Returns
     -------
-    (9 m, 4) array of int
+    (9 m, 4) or (25 m, 3) array of int
         Corners in turn, cell by cell, on the same points.
     """
-    grid = np.asarray(cells, dtype=np.int64).reshape(-1, 4, 4)
-    corners = grid[:, :-1, :-1], grid[:, :-1, 1:], grid[:, 1:, 1:], grid[:, 1:, :-1]
+    nodes = np.asarray(cells, dtype=np.int64)
+    if nodes.shape[1] not in (16, 21):
+        return nodes
+    pieces = _squares(4) if nodes.shape[1] == 16 else _triangles(6)
+    return nodes[:, pieces].reshape(-1, pieces.shape[1])
+
+
+def _squares(n: int) -> Cells:
+    """Corners of the squares between n x n nodes."""
+    grid = np.arange(n * n).reshape(n, n)
+    corners = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
     return np.stack(corners, axis=-1).reshape(-1, 4)
+
+
+def _triangles(n: int) -> Cells:
+    """Corners of the (n - 1)^2 triangles of a lattice, turning as the whole one does."""
+    rows = [n - j for j in range(n)]
+    starts = np.cumsum([0, *rows])
+    pieces = []
+    for low, high, row in zip(starts[:-1], starts[1:], rows, strict=True):
+        pieces += [(low + i, low + i + 1, high + i) for i in range(row - 1)]
+        pieces += [(low + i + 1, high + i + 1, high + i) for i in range(row - 2)]
+    return np.array(pieces, dtype=np.int64)
+
+
+def triangle_lattice(n: int) -> Points:
+    """Points of the unit triangle, n on each side, row by row from the side y = 0.
+
+    Point (i, j) with i + j < n stands at (i, j) / (n - 1); j is the outer index.
+
+    Returns
+    -------
+    (2, n (n + 1) / 2) array
+
+    Examples
+    --------
+    >>> triangle_lattice(3).T.tolist()
+    [[0.0, 0.0], [0.5, 0.0], [1.0, 0.0], [0.0, 0.5], [0.5, 0.5], [0.0, 1.0]]
+    """
+    return np.array([(i, j) for j in range(n) for i in range(n - j)]).T / (n - 1)
 
 
 @dataclass(frozen=True)

@@ -2,35 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
-from skfem import MeshQuad
 
-from anmstrip.mechanics.bending import isometric_bending
-from anmstrip.mechanics.cells import ContactOperator, Pattern
-from anmstrip.mechanics.contact import Contact, Friction
-from anmstrip.mechanics.effects import Effect, LinearEffect
-from anmstrip.mechanics.friction import FrictionLaw, NortonHoff, Tanh
-from anmstrip.mechanics.loads import edge_force, weight
+from anmstrip.mechanics import loads
+from anmstrip.mechanics.cells import Pattern
+from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect
+from anmstrip.mechanics.kinematics import KINEMATICS, PLATE, Kinematics
 from anmstrip.mechanics.membrane import Membrane
 from anmstrip.mechanics.roller import Roller
-from anmstrip.mechanics.signorini import RepulsiveSignorini
-from anmstrip.mechanics.strip import Material, Strip, grid
+from anmstrip.mechanics.strip import Material, Strip
 from anmstrip.model import Scales
 from anmstrip.scene.errors import InputError, Mistake
 from anmstrip.scene.mesh_file import read_mesh
+from anmstrip.scene.meshing import largest_force, strip_mesh
 from anmstrip.scene.schema import Scene, StageSpec
+from anmstrip.scene.threading import Thread, thread_of
+
+if TYPE_CHECKING:
+    from anmstrip.mechanics.contact import Contact, Friction
+    from anmstrip.mechanics.friction import FrictionLaw
+    from anmstrip.mechanics.points import ContactOperator
+    from anmstrip.mechanics.signorini import RepulsiveSignorini
 
 Array = NDArray[np.float64]
-
-QUARTER = 0.25
-"""Share of the boundary layer √(D/T) that an element over a roller may cover."""
-
 
 FAINT = 1e-4
 """Share of the pressure T/r of a wrapped strip below which there is no friction.
@@ -59,7 +60,9 @@ class Assembly:
     @cached_property
     def rollers(self) -> tuple[Roller, ...]:
         """Geometry of the rollers."""
-        return tuple(Roller(r.name, r.radius, r.centre, r.axis) for r in self.scene.rollers)
+        return tuple(
+            Roller(r.name, r.radius, r.centre, r.axis, r.crown) for r in self.scene.rollers
+        )
 
     @cached_property
     def material(self) -> Material:
@@ -67,12 +70,23 @@ class Assembly:
         m = self.scene.material
         return Material(m.young, m.poisson, m.density or 0.0)
 
+    @property
+    def kinematics(self) -> Kinematics:
+        """Which displacements are unknown."""
+        return KINEMATICS[self.scene.strip.kinematics]
+
+    @cached_property
+    def thread(self) -> Thread | None:
+        """Path of a threaded strip around its rollers."""
+        return thread_of(self.scene, self.rollers)
+
     @cached_property
     def strip(self) -> Strip:
         """Mesh and basis."""
         spec = self.scene.strip
-        mesh = strip_mesh(self.scene) if spec.mesh is None else read_mesh(self.scene)
-        strip = Strip(mesh, spec.thickness, self.material)
+        mesh = strip_mesh(self.scene, self.thread) if spec.mesh is None else read_mesh(self.scene)
+        width = spec.width or 1.0
+        strip = Strip(mesh, spec.thickness, self.material, self.kinematics, width)
         _check(self.scene, strip, self.rollers)
         return strip
 
@@ -82,18 +96,24 @@ class Assembly:
         return Pattern(self.strip)
 
     @cached_property
-    def membrane(self) -> Membrane:
-        """Always present."""
-        return Membrane(self.strip)
+    def membrane(self) -> Membrane | None:
+        """Of all but a plate, which has a given tension instead."""
+        return None if self.kinematics is PLATE else Membrane(self.strip)
 
     @cached_property
-    def bending(self) -> LinearEffect:
-        """Always present."""
+    def bending(self) -> LinearEffect | None:
+        """If the strip resists it."""
+        if not self.scene.strip.bending:
+            return None
+        from anmstrip.mechanics.bending import isometric_bending  # noqa: PLC0415
+
         return isometric_bending(self.strip, self.pattern)
 
     @cached_property
     def contact_operator(self) -> ContactOperator:
         """Where contact is looked at."""
+        from anmstrip.mechanics.points import ContactOperator  # noqa: PLC0415
+
         return ContactOperator(self.strip)
 
     @cached_property
@@ -102,6 +122,8 @@ class Assembly:
         f = self.scene.friction
         if f is None:
             return None
+        from anmstrip.mechanics.friction import NortonHoff, Tanh  # noqa: PLC0415
+
         if f.law == "tanh":
             return Tanh(f.coefficient, f.omega, f.speed)
         return NortonHoff(f.coefficient, f.exponent, f.omega, f.speed)
@@ -121,6 +143,8 @@ class Assembly:
         law = self.friction
         if law is None:
             return []
+        from anmstrip.mechanics.contact import Friction  # noqa: PLC0415
+
         return [Friction(self._contact(r, self._friction_reach(r)), law) for r in self._touched]
 
     @property
@@ -132,30 +156,57 @@ class Assembly:
         """The scene's contact law."""
         c = self.scene.contact
         assert c is not None
+        from anmstrip.mechanics.signorini import RepulsiveSignorini  # noqa: PLC0415
+
         return RepulsiveSignorini(c.stiffness, c.eta, c.delta)
 
     def _contact(self, roller: Roller, reach: float) -> Contact:
-        return Contact(roller, self.signorini, self.contact_operator, reach)
+        from anmstrip.mechanics.contact import Contact  # noqa: PLC0415
+
+        return Contact(roller, self.signorini, self.contact_operator, reach, self.kinematics)
 
     def _friction_reach(self, roller: Roller) -> float:
         return float(self.signorini.gap(FAINT * self.scales.tension / roller.radius))
 
-    def effects(self, stage: StageSpec, forces: set[str], gravity: bool) -> list[Effect]:
+    def effects(self, stage: StageSpec, controls: Iterable[str]) -> list[Effect]:
         """What acts in a stage.
 
         Parameters
         ----------
         stage : StageSpec
-        forces : set of str
-            Edges on which dead forces act, now or before.
-        gravity : bool
-            Whether there is weight, now or before.
+        controls : iterable of str
+            Names of the controls that are given, now or before.
         """
-        effects: list[Effect] = [self.membrane, self.bending]
+        given = sorted(controls)
+        effects: list[Effect] = [*self._own(given)]
         effects += self.contacts
         effects += self.frictions if self.frictional(stage) else []
-        effects += [edge_force(self.strip.edges[name]) for name in sorted(forces)]
-        return [*effects, weight(self.strip)] if gravity else effects
+        effects += [self._load(name) for name in given if _is_load(name)]
+        return effects
+
+    def _own(self, given: list[str]) -> Iterator[Effect]:
+        """What the strip itself resists with."""
+        if self.membrane is not None:
+            yield self.membrane
+        elif "exit.force" in given:
+            yield self.pretension
+        if self.bending is not None:
+            yield self.bending
+
+    @cached_property
+    def pretension(self) -> LawEffect:
+        """Tension of a plate."""
+        return loads.Pretension(self.strip)
+
+    def _load(self, control: str) -> Effect:
+        """The load that a control scales."""
+        edge, _, kind = control.rpartition(".")
+        if kind == "gravity":
+            return loads.weight(self.strip)
+        if kind == "pressure":
+            return loads.pressure(self.strip)
+        make = loads.edge_tension if kind == "tension" else loads.edge_force
+        return make(self.strip, edge)
 
     def frictional(self, stage: StageSpec) -> bool:
         """Whether friction acts in a stage, so that it runs in time."""
@@ -170,80 +221,8 @@ class Assembly:
         return Scales(self.strip.length, tension * self.strip.width, tension)
 
 
-def largest_force(scene: Scene) -> float:
-    """Largest edge force of all stages (N/m), 0 if there is none."""
-    forces = [
-        float(np.linalg.norm(control.force))
-        for stage in scene.stages
-        for control in stage.edges.values()
-        if control.force is not None
-    ]
-    return max(forces, default=0.0)
-
-
-def boundary_layer(scene: Scene) -> float:
-    """√(D/T) (m) of the largest tension; infinite without tension."""
-    m, t = scene.material, scene.strip.thickness
-    bending = m.young * t**3 / (12.0 * (1.0 - m.poisson**2))
-    tension = largest_force(scene)
-    return float(np.sqrt(bending / tension)) if tension > 0.0 else np.inf
-
-
-def strip_mesh(scene: Scene) -> MeshQuad:
-    """Rectangular mesh, finer over and near the rollers.
-
-    The fine part covers a quarter of each roller's circumference on both sides
-    of its axis, and the stretch of strip that its surface speeds carry over it.
-    """
-    spec = scene.strip
-    assert spec.length is not None and spec.width is not None and spec.cells is not None
-    half, coarse = spec.length / 2.0, spec.length / spec.cells[0]
-    fine = spec.refined or QUARTER * boundary_layer(scene)
-    zones = fine_zones(scene, half) if scene.contact is not None and fine < coarse else []
-    marks = sorted({-half, half, *(x for zone in zones for x in zone)})
-    xs = [np.array([-half])]
-    for a, b in pairwise(marks):
-        inside = any(lo <= a and b <= hi for lo, hi in zones)
-        count = max(1, int(np.ceil((b - a) / (fine if inside else coarse) - 1e-9)))
-        xs.append(np.linspace(a, b, count + 1)[1:])
-    ys = np.linspace(-spec.width / 2.0, spec.width / 2.0, spec.cells[1] + 1)
-    return grid(np.concatenate(xs), ys)
-
-
-def fine_zones(scene: Scene, half: float) -> list[tuple[float, float]]:
-    """Stretches of strip, in the reference, that come to lie on rollers."""
-    zones = []
-    for roller in scene.rollers:
-        reach = 0.5 * np.pi * roller.radius
-        back, ahead = _carried(scene, roller.name)
-        lo = max(-half, roller.centre[0] - reach - ahead)
-        hi = min(half, roller.centre[0] + reach + back)
-        if lo < hi:
-            zones.append((float(lo), float(hi)))
-    return _united(zones)
-
-
-def _carried(scene: Scene, name: str) -> tuple[float, float]:
-    """Largest travel of a roller's surface, backwards and forwards (m)."""
-    speed = travel = lowest = highest = 0.0
-    for stage in scene.stages:
-        control = stage.rollers.get(name)
-        new = speed if control is None or control.surface_speed is None else control.surface_speed
-        travel += 0.5 * (speed + new) * stage.duration
-        speed, lowest, highest = new, min(lowest, travel), max(highest, travel)
-    held = any(edge.fixed for edge in scene.edges.values())
-    let_go = any(c.release for stage in scene.stages for c in stage.edges.values())
-    return (0.0, 0.0) if held and not let_go else (-lowest, highest)
-
-
-def _united(zones: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    united: list[tuple[float, float]] = []
-    for lo, hi in sorted(zones):
-        if united and lo <= united[-1][1]:
-            united[-1] = (united[-1][0], max(hi, united[-1][1]))
-        else:
-            united.append((lo, hi))
-    return united
+def _is_load(control: str) -> bool:
+    return control.rpartition(".")[2] in ("force", "tension", "gravity", "pressure")
 
 
 def _check(scene: Scene, strip: Strip, rollers: tuple[Roller, ...]) -> None:
@@ -258,6 +237,7 @@ def _check(scene: Scene, strip: Strip, rollers: tuple[Roller, ...]) -> None:
             f"move centre at least {-gap:.4g} m away from the strip, or reduce radius",
         )
         for roller in rollers
+        if scene.threading is None
         if (gap := flat_gap(strip, roller)) < -1e-12 * roller.radius
     ]
     for name, edge in scene.edges.items():
@@ -277,11 +257,10 @@ def _check(scene: Scene, strip: Strip, rollers: tuple[Roller, ...]) -> None:
 
 def flat_gap(strip: Strip, roller: Roller) -> float:
     """Least gap (m) between a roller, where it begins, and the flat strip's rectangle."""
-    across = roller.across
-    p = strip.mesh.p
-    nearest = lsq_linear(
-        across[:, :2], across @ np.asarray(roller.centre), (p.min(axis=1), p.max(axis=1))
-    )
+    across = roller.frame[:2].T @ roller.frame[:2]
+    p = strip.nodes[:2]
+    low, high = p.min(axis=1), np.maximum(p.max(axis=1), p.min(axis=1) + 1e-9)
+    nearest = lsq_linear(across[:, :2], across @ np.asarray(roller.centre), (low, high))
     return float(np.linalg.norm(nearest.fun)) - roller.radius
 
 

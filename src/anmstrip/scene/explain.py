@@ -10,7 +10,8 @@ from rich.console import Console
 from rich.table import Table
 
 from anmstrip.mechanics.effects import Effect, LinearEffect, LoadEffect
-from anmstrip.scene.build import QUARTER, Assembly, boundary_layer, largest_force
+from anmstrip.scene.build import Assembly
+from anmstrip.scene.meshing import QUARTER, boundary_layer, largest_force
 from anmstrip.scene.schema import Scene
 from anmstrip.scene.stages import Course, Plan
 from anmstrip.series.power_series import Tape
@@ -54,7 +55,7 @@ def explain(scene: Scene) -> str:
 
 def _plans(assembly: Assembly) -> Iterator[Plan]:
     course = Course(assembly)
-    for stage in assembly.scene.stages:
+    for stage in assembly.scene.course:
         yield course.plan(stage, {})
         course.finish(stage)
 
@@ -126,7 +127,8 @@ def _left_out(assembly: Assembly, plans: list[Plan]) -> Iterator[str]:
 def _roller_table(assembly: Assembly) -> Table:
     table = _table("Rollers", "roller", "radius (m)", "centre (m)", "axis", "gap to the flat strip")
     for roller in assembly.rollers:
-        gap, _ = roller.gap(assembly.strip.nodes, np.asarray(roller.centre))
+        away = assembly.strip.nodes - np.asarray(roller.centre)[:, None]
+        gap = roller.seen(roller.frame[: roller.rows] @ away).gap
         centre = ", ".join(f"{c:g}" for c in roller.centre)
         axis = ", ".join(f"{c:.3g}" for c in roller.unit_axis)
         table.add_row(roller.name, f"{roller.radius:g}", centre, axis, f"{gap.min():.3g} m")

@@ -1,4 +1,4 @@
-"""Fields of a state on a surface for pictures: cubic patches, one for each element."""
+"""Fields of a state on a surface for pictures: one patch for each element."""
 
 from __future__ import annotations
 
@@ -6,56 +6,82 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.mechanics import bending
-from anmstrip.mechanics.cells import ContactOperator, patches, unit_grid
-from anmstrip.mechanics.membrane import FLAT, Membrane
+from anmstrip.mechanics.membrane import Membrane
+from anmstrip.mechanics.points import (
+    ContactOperator,
+    contact_points,
+    patches,
+    shape_of,
+    unit_grid,
+)
 from anmstrip.mechanics.strip import Strip
+from anmstrip.output.vtk import triangle_lattice
 from anmstrip.scene.measures import State
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
-_HATS = np.array(
-    [[np.interp(x, [0.0, 0.5, 1.0], row) for row in np.eye(3)] for x in unit_grid(4)[0, :4]]
-)
-THIRDS_OF_HALVES = np.kron(_HATS, _HATS)
-"""Piecewise bilinear interpolation from the 3 × 3 to the 4 × 4 grid of an element."""
+_THIRDS = np.linspace(0.0, 1.0, 4)
+
+POINTS = {"line": unit_grid(4, 1), "quad": unit_grid(4), "triangle": triangle_lattice(6)}
+"""Points of the output on each kind of element: cubic patches, quintic triangles."""
 
 
 class Surface:
     """Points and cells of the output, and the basis functions there.
 
-    Every element becomes a four by four grid of points, shared with its
-    neighbours: a bicubic surface is reproduced exactly.
+    Every quadrilateral becomes a four by four grid of points, every triangle a lattice of
+    21, shared with its neighbours: the surface is reproduced exactly.  A section is drawn as
+    wide as it stands for.
 
     Attributes
     ----------
-    cells : ndarray of int, shape (elements, 16)
-        Points of each element, number i + 4 j of its grid.
+    cells : ndarray of int, shape (elements, points of one)
+        Points of each element.
     reference : ndarray, shape (3, points)
         Reference positions.
     """
 
-    def __init__(self, strip: Strip, membrane: Membrane, contact: ContactOperator | None) -> None:
-        self.strip, self.membrane, self.contact = strip, membrane, contact
-        self.cells, self.reference, functions = patches(strip, 4)
-        self.shared = np.bincount(self.cells.ravel())
-        self.value = np.stack([np.asarray(f) for f in functions])
-        self.grad = np.stack([f.grad for f in functions])
-        self.hess = np.stack([f.hess for f in functions])
+    def __init__(
+        self,
+        strip: Strip,
+        membrane: Membrane | None,
+        contact: ContactOperator | None,
+        bends: bool = True,
+    ) -> None:
+        self.strip, self.membrane, self.contact, self.bends = strip, membrane, contact, bends
+        self.kind, self.kinematics = shape_of(strip), strip.kinematics
+        patch = patches(strip, POINTS[self.kind])
+        self.own = patch.cells
+        self.shared = np.bincount(self.own.ravel())
+        self.value = np.stack([np.asarray(f) for f in patch.functions])
+        self.grad = np.stack([f.grad for f in patch.functions])
+        self.hess = np.stack([f.hess for f in patch.functions])
+        self.from_contact = interpolation(self.kind)
+        self.cells, self.reference = patch.cells, patch.reference
+        if self.kind == "line":
+            self.cells, self.reference = _widened(patch.cells, patch.reference, strip.width)
 
     def _averaged(self, values: Array) -> Array:
         """Mean over the elements that share a point, (..., elements, 16) → (points, ...)."""
-        flat = values.reshape(-1, self.cells.size)
-        mean = [np.bincount(self.cells.ravel(), v) / self.shared for v in flat]
-        return np.stack(mean, axis=-1).reshape(-1, *values.shape[:-2])
+        flat = values.reshape(-1, self.own.size)
+        mean = [np.bincount(self.own.ravel(), v) / self.shared for v in flat]
+        points = np.stack(mean, axis=-1).reshape(-1, *values.shape[:-2])
+        return np.tile(points, (4,) + (1,) * (points.ndim - 1)) if self.kind == "line" else points
+
+    def _dofs(self, full: Array) -> Array:
+        """Values of the elements' own degrees of freedom, (dofs, elements, components)."""
+        return full.reshape(-1, self.strip.count)[self.strip.basis.element_dofs]
 
     def _interpolated(self, full: Array) -> Array:
-        dofs = full.reshape(-1, 3)[self.strip.basis.element_dofs]
-        return self._averaged(np.einsum("nep,nec->cep", self.value, dofs))
+        """Vectors in space, shape (points, 3)."""
+        own = self._averaged(np.einsum("nep,nec->cep", self.value, self._dofs(full)))
+        return self.kinematics.embed(own.T).T
 
     def _from_contact(self, values: Array) -> Array:
         """Linear interpolation of what is known at contact points, (..., points)."""
         assert self.contact is not None
-        return self._averaged(values[..., self.contact.cells] @ THIRDS_OF_HALVES.T)
+        return self._averaged(values[..., self.contact.cells] @ self.from_contact.T)
 
     def fields(self, state: State) -> dict[str, Array]:
         """All fields of a state, by name, points first."""
@@ -70,7 +96,8 @@ class Surface:
     def _contact_fields(self, state: State) -> dict[str, Array]:
         """Sums over the rollers of what they do; gap and slip of the nearest one."""
         if not state.contacts:
-            nothing, vector = np.zeros(len(self.shared)), np.zeros((len(self.shared), 3))
+            points = self.reference.shape[1]
+            nothing, vector = np.zeros(points), np.zeros((points, 3))
             return {
                 "normal_pressure": nothing,
                 "friction_traction": vector,
@@ -89,12 +116,12 @@ class Surface:
 
     def _stress_fields(self, state: State) -> dict[str, Array]:
         """Membrane forces, moments, von Mises stress of the top surface, mean curvature."""
-        dofs = state.full.reshape(-1, 3)[self.strip.basis.element_dofs]
-        tangents = np.einsum("naep,nec->caep", self.grad, dofs) + FLAT[..., None]
-        forces = self.membrane.forces(tangents.reshape(3, 2, -1)).reshape(2, 2, *tangents.shape[2:])
-        curvature = self._curvature(tangents, np.einsum("nabep,nec->cabep", self.hess, dofs))
+        dofs = self._dofs(state.full)
+        tangents = self.kinematics.flat[..., None] + np.einsum("naep,nec->caep", self.grad, dofs)
+        hessian = np.einsum("nabep,nec->cabep", self.hess, dofs)
+        membrane = self._membrane(tangents, state)
+        curvature = _curvature(self._in_space(tangents), self.kinematics.embed(hessian))
         moments = np.einsum("xy,yep->xep", self._moduli(), curvature)
-        membrane = np.stack([forces[0, 0], forces[1, 1], forces[0, 1]])
         t = self.strip.thickness
         sx, sy, sxy = membrane / t + 6.0 * moments / t**2
         return {
@@ -104,16 +131,66 @@ class Surface:
             "mean_curvature": self._averaged(0.5 * (curvature[0] + curvature[1])),
         }
 
-    def _moduli(self) -> Array:
-        """Moments of (κ_xx, κ_yy, κ_xy)."""
-        moduli = bending.stiffness(self.strip)
-        moduli[2, 2] *= 0.5
-        return moduli
+    def _membrane(self, tangents: Array, state: State) -> Array:
+        """N as (xx, yy, xy); of a plate the tension that it is under."""
+        found = np.zeros((3, *tangents.shape[2:]))
+        if self.membrane is None:
+            found[0] = state.controls.get("exit.force", np.zeros(3))[0]
+            return found
+        forces = self.membrane.forces(tangents.reshape(*tangents.shape[:2], -1))
+        forces = forces.reshape(*forces.shape[:2], *tangents.shape[2:])
+        found[0] = forces[0, 0]
+        if len(forces) == 2:
+            found[1], found[2] = forces[1, 1], forces[0, 1]
+        return found
 
-    @staticmethod
-    def _curvature(tangents: Array, hessian: Array) -> Array:
-        """−n · r,ab as (xx, yy, xy): positive where the top surface is stretched."""
-        normal = np.cross(tangents[:, 0], tangents[:, 1], axis=0)
-        normal /= np.linalg.norm(normal, axis=0)
-        curvature = -np.einsum("cep,cabep->abep", normal, hessian)
-        return np.stack([curvature[0, 0], curvature[1, 1], curvature[0, 1]])
+    def _in_space(self, tangents: Array) -> Array:
+        """Both tangent vectors in space, (3, 2, elements, points)."""
+        whole = np.zeros((3, 2, *tangents.shape[2:]))
+        whole[0, 0] = whole[1, 1] = 1.0
+        for place, component in enumerate(self.kinematics.components):
+            whole[component, : tangents.shape[1]] = tangents[place]
+        return whole
+
+    def _moduli(self) -> Array:
+        """Moments of (κ_xx, κ_yy, κ_xy), shape (3, 3); a strip without bending has none."""
+        if not self.bends:
+            return np.zeros((3, 3))
+        return bending.moduli(self.strip)
+
+
+def _curvature(tangents: Array, hessian: Array) -> Array:
+    """−n · r,ab as (xx, yy, xy): positive where the top surface is stretched."""
+    normal = np.cross(tangents[:, 0], tangents[:, 1], axis=0)
+    normal /= np.linalg.norm(normal, axis=0)
+    curvature = -np.einsum("cep,cabep->abep", normal, hessian)
+    found = np.zeros((3, *curvature.shape[2:]))
+    found[0] = curvature[0, 0]
+    if len(curvature) == 2:
+        found[1], found[2] = curvature[1, 1], curvature[0, 1]
+    return found
+
+
+def interpolation(kind: str) -> Array:
+    """From the contact points of an element to its points of output, piecewise linear.
+
+    Returns
+    -------
+    ndarray, shape (points of output, contact points)
+    """
+    hats = np.array([[np.interp(x, [0.0, 0.5, 1.0], row) for row in np.eye(3)] for x in _THIRDS])
+    if kind != "triangle":
+        return hats if kind == "line" else np.kron(hats, hats)
+    from scipy.interpolate import LinearNDInterpolator  # noqa: PLC0415 (for triangles alone)
+
+    points = contact_points(kind).T
+    return np.asarray(LinearNDInterpolator(points, np.eye(len(points)))(POINTS[kind].T))
+
+
+def _widened(cells: Index, reference: Array, width: float) -> tuple[Index, Array]:
+    """Surface of a line, four points across; cells as grids of i + 4 j."""
+    levels, count = np.arange(4), reference.shape[1]
+    across = np.repeat((levels / 3.0 - 0.5) * width, count)
+    wide = np.tile(reference, (1, 4))
+    wide[1] = across
+    return (cells[:, None, :] + count * levels[:, None]).reshape(len(cells), 16), wide

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.mechanics.contact import Contact, Friction
+from anmstrip.mechanics.loads import Following
 from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.stages import Plan
 from anmstrip.series.path import Branch
+
+if TYPE_CHECKING:
+    from anmstrip.mechanics.contact import Contact, Friction
 
 Array = NDArray[np.float64]
 
@@ -88,14 +93,34 @@ class State:
     def edge_force(self, name: str) -> Array:
         """Total force on an edge, reaction and dead load (N), shape (3,)."""
         edge = self.plan.model.strip.edges[name]
-        reaction = self.imbalance.reshape(-1, 3)[edge.values].sum(axis=0)
-        return reaction + self.controls.get(f"{name}.force", np.zeros(3)) * edge.length
+        strip = self.plan.model.strip
+        given = self.controls.get(f"{name}.force", np.zeros(3)) * edge.length
+        given += self._following(name)
+        values = self.imbalance.reshape(-1, strip.count)[edge.values].sum(axis=0)
+        return strip.kinematics.embed(values) + given + self._outside(name, edge.length)
+
+    def _following(self, name: str) -> Array:
+        """Total of the load that follows the strip at an edge (N), shape (3,)."""
+        for effect in self.plan.model.effects:
+            if isinstance(effect, Following) and effect.control == f"{name}.tension":
+                operator = effect.operator
+                stress = effect.law(operator.apply(self.full), None, self.controls)
+                return effect.kinematics.embed(-stress[:, 0] @ operator.weights)
+        return np.zeros(3)
+
+    def _outside(self, name: str, length: float) -> Array:
+        """What holds a plate in its own plane, where it has no unknowns (N), shape (3,)."""
+        if name != "entry" or 0 in self.plan.model.strip.kinematics.components:
+            return np.zeros(3)
+        pull = self.controls.get("exit.force", np.zeros(3))[0] * length
+        return np.array([-pull, 0.0, 0.0])
 
     def tension(self, name: str) -> float:
         """Mean force per length of an edge along the strip's own direction there (N/m)."""
         edge = self.plan.model.strip.edges[name]
-        slopes = self.plan.model.strip.basis.nodal_dofs[1, edge.nodes]
-        along = np.array([1.0, 0.0, 0.0]) + self.full.reshape(-1, 3)[slopes].mean(axis=0)
+        strip = self.plan.model.strip
+        slopes = self.full.reshape(-1, strip.count)[strip.dofs("u_x")[edge.nodes]].mean(axis=0)
+        along = np.array([1.0, 0.0, 0.0]) + strip.kinematics.embed(slopes)
         along /= np.linalg.norm(along)
         outward = -along if name == "entry" else along
         return float(self.edge_force(name) @ outward) / edge.length
@@ -103,36 +128,47 @@ class State:
     @cached_property
     def contacts(self) -> dict[str, ContactState]:
         """Roller → what it does to the strip."""
-        frictions = {e.roller.name: e for e in self.plan.model.effects if isinstance(e, Friction)}
+        found: list[Any] = [e for e in self.plan.model.effects if hasattr(e, "roller")]
+        frictions = {e.roller.name: e for e in found if e.rate_dependent}
         return {
             effect.roller.name: self._contact(effect, frictions.get(effect.roller.name))
-            for effect in self.plan.model.effects
-            if isinstance(effect, Contact)
+            for effect in found
+            if not effect.rate_dependent
         }
 
     def _contact(self, contact: Contact, friction: Friction | None) -> ContactState:
-        operator = contact.operator
-        gap, normal, pressure = contact.pressure(operator.apply(self.full), self.controls)
-        pressure = np.maximum(pressure, 0.0)
+        place = contact.seen(contact.operator.apply(self.full), self.controls)
+        normal, pressure = contact.normal(place), np.maximum(contact.pressure(place), 0.0)
         slip, traction = np.zeros_like(normal), np.zeros_like(normal)
         if friction is not None and self.velocity is not None:
             near = friction.near(self.full, self.controls)
-            chosen, v = near.operator.chosen, near.operator.apply(self.velocity)
-            slip[:, chosen] = near.slip(normal[:, chosen], v, self.controls)
-            traction[:, chosen] = near.traction(near.operator.apply(self.full), v, self.controls)
+            x, v = near.operator.apply(self.full), near.operator.apply(self.velocity)
+            chosen = near.operator.chosen
+            slip[:, chosen], traction[:, chosen] = near.in_space(x, v, self.controls)
         coefficient = None if friction is None else friction.law_of_slip.coefficient
-        return ContactState(contact, gap, normal, pressure, slip, traction, coefficient)
+        return ContactState(contact, place.gap, normal, pressure, slip, traction, coefficient)
 
     @cached_property
     def rollers(self) -> dict[str, RollerReading]:
         """Roller → what is read off, in the order of the scene."""
+        edges = self.plan.model.strip.edges
+        incoming = self.edge_force("entry") if "entry" in edges else np.zeros(3)
         readings = {}
-        incoming = self.edge_force("entry") if "entry" in self.plan.model.strip.edges else None
-        for name, state in self.contacts.items():
-            reading = _reading(state, incoming)
-            incoming = None if incoming is None else incoming + reading.resultant
-            readings[name] = reading
-        return readings
+        for name in sorted(self.contacts, key=lambda n: self.contacts[n].middle):
+            state = self.contacts[name]
+            readings[name] = _reading(state, incoming, self._weight_before)
+            incoming = incoming + readings[name].resultant
+        return {name: readings[name] for name in self.contacts}
+
+    def _weight_before(self, x: float) -> Array:
+        """Weight of the strip up to a reference position (N), shape (3,)."""
+        gravity = self.controls.get("gravity")
+        if gravity is None:
+            return np.zeros(3)
+        strip = self.plan.model.strip
+        begin, end = strip.nodes[0].min(), strip.nodes[0].max()
+        area = (x - begin) / (end - begin) * strip.areas.sum()
+        return strip.material.density * strip.thickness * area * np.asarray(gravity)
 
 
 @dataclass(frozen=True)
@@ -173,10 +209,33 @@ class ContactState:
         """Area that belongs to each point (m²)."""
         return self.contact.operator.weights
 
+    @cached_property
+    def arc(self) -> tuple[float, float]:
+        """Reference x where contact begins and ends; of the nearest point if there is none."""
+        x = self.contact.operator.reference[0]
+        x = x[self.touching] if self.touching.any() else x[[int(self.gap.argmin())]]
+        return float(x.min()), float(x.max())
+
+    @property
+    def middle(self) -> float:
+        """Reference x of the middle of the contact."""
+        return 0.5 * sum(self.arc)
+
     @property
     def roller(self) -> Roller:
         """Of the contact."""
         return self.contact.roller
+
+    @property
+    def turning(self) -> Array:
+        """Unit direction in which the surface turns, a × n, shape (3, points)."""
+        across = np.cross(self.roller.unit_axis, self.normal, axis=0)
+        return across / np.linalg.norm(across, axis=0)
+
+    @property
+    def width(self) -> float:
+        """Of the strip (m)."""
+        return self.contact.operator.width
 
 
 @dataclass(frozen=True)
@@ -220,15 +279,19 @@ class RollerReading:
         return self.tension_in / self.tension_out if self.tension_out > 0.0 else None
 
 
-def _reading(state: ContactState, incoming: Array | None) -> RollerReading:
+def _reading(
+    state: ContactState, incoming: Array, weight_before: Callable[[float], Array]
+) -> RollerReading:
     area, touching = state.area, state.touching
-    width = np.ptp(state.contact.operator.reference[1])
-    sense = state.roller.turning @ state.normal
+    width = state.width
+    sense = state.turning
     resultant = ((state.pressure * state.normal + state.traction) * area).sum(axis=1)
     force = state.pressure * area * touching
     along = np.einsum("ip,ip->p", state.slip, sense)
-    before = np.zeros(3) if incoming is None else incoming
-    after = np.zeros(3) if incoming is None else incoming + resultant
+    before, after = (
+        force + weight_before(x)
+        for force, x in zip((incoming, incoming + resultant), state.arc, strict=True)
+    )
     return RollerReading(
         normal_force=float((state.pressure * area).sum()),
         drag=float((state.traction * sense * area).sum()),
@@ -257,5 +320,5 @@ def _wrap(state: ContactState) -> float:
     n = state.normal[:, state.touching]
     middle = n.sum(axis=1)
     middle /= np.linalg.norm(middle)
-    angle = np.arctan2((state.roller.turning @ middle) @ n, middle @ n)
+    angle = np.arctan2(np.cross(state.roller.unit_axis, middle) @ n, middle @ n)
     return float(np.ptp(angle))

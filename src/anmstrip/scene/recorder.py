@@ -66,7 +66,8 @@ class Recorder:
             self.rollers = Collection.reopened(directory / "rollers.pvd", reached)
         self.due = [t for t in assembly.scene.output.times or () if t > reached]
         touching = assembly.contact_operator if assembly.contacts else None
-        self.surface = Surface(assembly.strip, assembly.membrane, touching)
+        bends = assembly.bending is not None
+        self.surface = Surface(assembly.strip, assembly.membrane, touching, bends)
         nothing = dict.fromkeys((r.name for r in assembly.rollers), 0.0)
         self.turned = nothing if resumed is None else dict(resumed["turned"])
         self.last_checkpoint = 0.0

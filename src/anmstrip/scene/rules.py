@@ -25,7 +25,11 @@ if TYPE_CHECKING:
         MaterialSpec,
         RollerSpec,
         StripSpec,
+        ThreadingSpec,
     )
+
+THREADING = "threading"
+"""Name of the stage that lays the strip around the rollers."""
 
 EDGE_NAMES = ("entry", "exit", "left", "right")
 """The edges of a rectangular strip, at −x, +x, +y and −y."""
@@ -33,13 +37,14 @@ EDGE_NAMES = ("entry", "exit", "left", "right")
 
 def strip(table: StripSpec) -> Iterator[Mistake]:
     """Yield what is wrong with a strip: neither or both of rectangle and mesh file."""
-    if table.kinematics != "shell":
-        expected = f'"shell"; "{table.kinematics}" is not available yet in this version'
-        yield Mistake("", "kinematics", table.kinematics, expected, 'kinematics = "shell"')
     if table.mesh is None:
-        needed = ("length", "width", "cells")
+        needed = ("width", "cells")
         yield from (missing(type(table), key) for key in needed if getattr(table, key) is None)
         return
+    if table.kinematics == "section" or table.feed:
+        key = "feed" if table.feed else "kinematics"
+        expected = "a strip by length, width and cells, not by a mesh file"
+        yield Mistake("", key, getattr(table, key), expected, "cells = [16, 2]")
     for key in ("length", "width", "cells", "refined"):
         if (value := getattr(table, key)) is not None:
             expected = "nothing, since the mesh file says it"
@@ -207,6 +212,87 @@ def _stages_have_friction(
             yield Mistake("", key, True, expected, hint)
 
 
+def _threading(
+    threading: ThreadingSpec | None,
+    strip: StripSpec,
+    contact: ContactSpec | None,
+    rollers: tuple[RollerSpec, ...],
+    edges: Mapping[str, EdgeSpec],
+    stages: tuple[StageSpec, ...],
+) -> Iterator[Mistake]:
+    """Threading needs a side for some roller, a held entry, contact, and one length."""
+    wrapped = [roller for roller in rollers if roller.wrap is not None]
+    if threading is None:
+        if wrapped:
+            hint, key = "[threading]\ntension = 1.0e4", f"rollers.{wrapped[0].name}.wrap"
+            yield Mistake("", key, wrapped[0].wrap, "a table [threading] as well", hint)
+        if strip.mesh is None and strip.length is None:
+            yield replace(missing(type(strip), "length"), key="strip.length")
+        return
+    if not wrapped:
+        hint = 'wrap = "over" in a table of [[rollers]]'
+        yield Mistake("", "threading", None, "a roller that says its side", hint)
+    if contact is None:
+        hint = "[contact]\nstiffness = 1.0e10\neta = 10.0\ndelta = 1.0e-3"
+        yield Mistake("", "contact", None, "a table, since there is [threading]", hint)
+    if strip.kinematics == "plate":
+        expected = '"shell" or "section": a plate stays nearly flat'
+        yield Mistake("", "strip.kinematics", "plate", expected, 'kinematics = "section"')
+    if not {"x", "z"} <= set(edges["entry"].fixed if "entry" in edges else ()):
+        hint = '[edges.entry]\nfixed = ["x", "z"]'
+        yield Mistake("", "edges.entry.fixed", None, "x and z held, to thread against", hint)
+    yield from _one_length(threading, strip)
+    if any(stage.name == THREADING for stage in stages):
+        key = f"stages.{THREADING}.name"
+        yield Mistake("", key, THREADING, "another name: [threading] has this one", 'name = "run"')
+
+
+def _one_length(threading: ThreadingSpec, strip: StripSpec) -> Iterator[Mistake]:
+    """The length is given, or follows from both ends."""
+    both = threading.entry is not None and threading.exit is not None
+    given = strip.length is not None or strip.mesh is not None
+    if both and given:
+        expected = "nothing, since the ends of [threading] say it"
+        yield Mistake("", "strip.length", strip.length, expected, "either length or threading.exit")
+    if not both and not given:
+        yield replace(missing(type(strip), "length"), key="strip.length")
+
+
+def _levels(
+    strip: StripSpec, friction: FrictionSpec | None, rollers: tuple[RollerSpec, ...]
+) -> Iterator[Mistake]:
+    """What a section or a plate cannot see."""
+    if strip.kinematics == "plate":
+        hint = 'kinematics = "section"'
+        if friction is not None:
+            expected = '"shell" or "section": a plate does not move along, so nothing rubs'
+            yield Mistake("", "strip.kinematics", "plate", expected, hint)
+        if strip.feed:
+            expected = "false: a plate does not move along"
+            yield Mistake("", "strip.feed", True, expected, "feed = false")
+    if strip.kinematics != "section":
+        return
+    for roller in rollers:
+        if roller.crown:
+            expected = 'no crown, since "section" has no width'
+            hint = 'kinematics = "shell"'
+            yield Mistake("", f"rollers.{roller.name}.crown", roller.crown, expected, hint)
+        if roller.axis[0] or roller.axis[2]:
+            expected = 'an axis along y, since "section" has no width'
+            hint = "axis = [0.0, 1.0, 0.0]"
+            yield Mistake("", f"rollers.{roller.name}.axis", roller.axis, expected, hint)
+
+
+def _tensions(stages: tuple[StageSpec, ...]) -> Iterator[Mistake]:
+    """Tension belongs to the two ends of the strip."""
+    for stage in stages:
+        for name, control in stage.edges.items():
+            if control.tension is not None and name not in ("entry", "exit"):
+                key = f"stages.{stage.name}.{name}.tension"
+                expected = "entry or exit, the ends of the strip"
+                yield Mistake("", key, control.tension, expected, "exit.tension = 1.0e4")
+
+
 RULES: tuple[tuple[Callable[..., Iterable[Mistake]], tuple[str, ...]], ...] = (
     (_unique_rollers, ("rollers",)),
     (_unique_stages, ("stages",)),
@@ -216,6 +302,9 @@ RULES: tuple[tuple[Callable[..., Iterable[Mistake]], tuple[str, ...]], ...] = (
     (_gravity_has_density, ("material", "stages")),
     (_friction_has_contact, ("friction", "contact")),
     (_stages_have_friction, ("friction", "stages")),
+    (_threading, ("threading", "strip", "contact", "rollers", "edges", "stages")),
+    (_levels, ("strip", "friction", "rollers")),
+    (_tensions, ("stages",)),
 )
 """Rules between the tables of a scene, each with the tables that it needs."""
 

@@ -17,6 +17,7 @@ from anmstrip.scene.build import Assembly
 from anmstrip.scene.checkpoints import packed, unpack
 from anmstrip.scene.measures import State
 from anmstrip.scene.recorder import Recorder
+from anmstrip.scene.rules import THREADING
 from anmstrip.scene.schema import Scene, StageSpec
 from anmstrip.scene.stages import Course, Plan, stretched
 from anmstrip.series import implicit_dae
@@ -131,11 +132,11 @@ class Run:
     @property
     def end_time(self) -> float:
         """Sum of the stages' durations (s)."""
-        return sum(stage.duration for stage in self.scene.stages)
+        return sum(stage.duration for stage in self.scene.course)
 
     def __iter__(self) -> Iterator[Step]:
         try:
-            for number, stage in enumerate(self.scene.stages):
+            for number, stage in enumerate(self.scene.course):
                 if number >= self.first_stage:
                     yield from self._stage(number, stage)
             self.outcome, self.message = Outcome.DONE, self._done()
@@ -192,7 +193,10 @@ class Run:
         free = plan.supports.free
         equations = Equilibrium(plan.model, plan.supports, plan.controls)
         u = self.full[free]
-        if tension := self._slack(plan):
+        if plan.name == THREADING and self.reached is None:
+            assert self.assembly.thread is not None
+            u = self.assembly.thread.guess(self.assembly.strip, self.assembly.pattern)[free]
+        elif tension := self._slack(plan):
             u = stretched(self.assembly, tension)[free]
             equations = Equilibrium(plan.model, *plan.held_at_end)
         settings = replace(self.settings, tolerance=min(self.settings.tolerance, LOOSEST))
@@ -207,7 +211,7 @@ class Run:
             u, control = step.branch.end
             self.full = plan.supports.full(u, control)
             facts = (step.branch.order, abs(control - float(step.branch.control[0])))
-            branch = None if tension else step.branch
+            branch = step.branch if equations.controls is plan.controls else None
             yield self._accepted(plan, control, (*facts, step.imbalance), branch)
 
     def _slack(self, plan: Plan) -> float:
@@ -228,7 +232,7 @@ class Run:
         memory = self.memory or implicit_dae.start(
             plan.start, self.full[free], self.velocity[free], FIRST_STEP * plan.duration
         )
-        whole = sum(s.duration for s in self.scene.stages if self.assembly.frictional(s))
+        whole = sum(s.duration for s in self.scene.course if self.assembly.frictional(s))
         for step in implicit_dae.integrate(
             motion,
             memory,
@@ -338,7 +342,7 @@ class Run:
 
     def _stopped(self, stopped: PathStopped) -> str:
         reached = 0.0 if self.state is None else self.state.time
-        stage = self.scene.stages[min(self.first_stage, len(self.scene.stages) - 1)].name
+        stage = self.scene.course[min(self.first_stage, len(self.scene.course) - 1)].name
         words = ": ".join(part for part in (stopped.outcome.value, stopped.detail) if part)
         hint = HINTS.get(stopped.outcome, "")
         return f"Stopped in stage {stage} at t = {reached:.6g} s: {words}.{hint}"

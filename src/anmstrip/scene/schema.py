@@ -25,6 +25,7 @@ from anmstrip.scene.tables import (
     RollerSpec,
     StripSpec,
     Table,
+    ThreadingSpec,
 )
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ __all__ = [
     "SolverSpec",
     "StageSpec",
     "StripSpec",
+    "ThreadingSpec",
 ]
 
 
@@ -78,6 +80,11 @@ class Scene(Table):
         None,
         description="friction on the rollers, a table (1, m/s)",
         examples=["[friction]\ncoefficient = 0.3\nspeed = 1.0"],
+    )
+    threading: ThreadingSpec | None = Field(
+        None,
+        description="how the strip is laid around the rollers, a table (N/m, m)",
+        examples=["[threading]\ntension = 1.0e4"],
     )
     rollers: tuple[RollerSpec, ...] = Field(
         (),
@@ -123,6 +130,16 @@ class Scene(Table):
         from anmstrip.scene.loading import load_scene  # noqa: PLC0415 (it imports this module)
 
         return load_scene(path, overrides)
+
+    @property
+    def course(self) -> tuple[StageSpec, ...]:
+        """All stages in their order, that of threading first if there is one."""
+        if self.threading is None:
+            return self.stages
+        threading = StageSpec(
+            name=rules.THREADING, duration=self.threading.duration, friction=False
+        )
+        return (threading, *self.stages)
 
     @property
     def source(self) -> Path | None:

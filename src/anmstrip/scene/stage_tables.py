@@ -18,6 +18,11 @@ class EdgeControl(Table):
         description="dead force per length of edge, three numbers (N/m)",
         examples=["[1.0e4, 0.0, 0.0]"],
     )
+    tension: Number | None = Field(
+        None,
+        description="force along the strip's own direction per length of edge, a number (N/m)",
+        examples=["1.0e4"],
+    )
     move: Vector | None = Field(
         None,
         description="displacement from the initial position, three numbers (m)",
@@ -71,6 +76,11 @@ class StageSpec(Table):
         description="acceleration of gravity, three numbers (m/s²)",
         examples=["[0.0, 0.0, -9.81]"],
     )
+    pressure: Number | None = Field(
+        None,
+        description="pressure from below, normal to the deformed strip, a number (Pa)",
+        examples=["100.0"],
+    )
     rollers: dict[str, RollerControl] = Field(
         {},
         description="controls by roller, tables (m, m/s)",
@@ -81,7 +91,15 @@ class StageSpec(Table):
         description="controls by edge, tables (N/m, m, m/s)",
         examples=["{ entry.release = true }"],
         json_schema_extra={
-            "keys": ["name", "duration", "friction", "gravity", "rollers", *rules.EDGE_NAMES]
+            "keys": [
+                "name",
+                "duration",
+                "friction",
+                "gravity",
+                "pressure",
+                "rollers",
+                *rules.EDGE_NAMES,
+            ]
         },
     )
 

@@ -6,14 +6,17 @@ next: displacements of held edges, forces, rollers.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from anmstrip.mechanics.projection import projected, quadrature_points
 from anmstrip.model import Controls, Model, Supports
 from anmstrip.scene.build import Assembly, middle_node
 from anmstrip.scene.schema import StageSpec
+from anmstrip.scene.threading import Thread, stretches
 
 Array = NDArray[np.float64]
 
@@ -64,6 +67,8 @@ class Course:
         Edges let go.
     time : float
         s.
+    begun : dict
+        Edge → displacement (m) of a threaded strip at the beginning, from which moves count.
     """
 
     assembly: Assembly
@@ -71,12 +76,23 @@ class Course:
     values: dict[str, Array] = field(default_factory=dict)
     released: set[str] = field(default_factory=set)
     time: float = 0.0
+    begun: dict[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if self.assembly.thread is not None and not self.values:
+            self._thread(self.assembly.thread)
         for roller in self.assembly.rollers:
             key = f"rollers.{roller.name}"
             self.values.setdefault(f"{key}.centre", np.array(roller.centre, dtype=float))
             self.values.setdefault(f"{key}.surface_speed", np.array(0.0))
+
+    def _thread(self, thread: Thread) -> None:
+        """Begin at the ends of the strip's way, pulled at the exit in its direction."""
+        x = self.assembly.strip.mesh.p[0]
+        entry, exit, leaving = thread.ends_in_space(np.array([x.min(), x.max()]))
+        self.begun = {"entry": entry, "exit": exit}
+        self.moved.update(self.begun)
+        self.values["exit.force"] = thread.tension * leaving
 
     def plan(self, stage: StageSpec, reactions: dict[str, Array]) -> Plan:
         """Prepare a stage.
@@ -101,8 +117,7 @@ class Course:
             key = f"rollers.{roller.name}"
             rate = slope.get(f"{key}.centre", np.zeros(3)) / stage.duration
             start[f"{key}.velocity"] = rate
-        forces = {n.removesuffix(".force") for n in start if n.endswith(".force")}
-        effects = self.assembly.effects(stage, forces, "gravity" in start)
+        effects = self.assembly.effects(stage, start)
         a = self.assembly
         return Plan(
             name=stage.name,
@@ -126,8 +141,14 @@ class Course:
         for name, edge in stage.edges.items():
             if edge.force is not None:
                 end[f"{name}.force"] = np.array(edge.force, dtype=float)
+            if edge.tension is not None:
+                end[f"{name}.tension"] = np.array(edge.tension, dtype=float)
+                if edge.force is None and f"{name}.force" in end:
+                    end[f"{name}.force"] = np.zeros(3)
         if stage.gravity is not None:
             end["gravity"] = np.array(stage.gravity, dtype=float)
+        if stage.pressure is not None:
+            end["pressure"] = np.array(stage.pressure, dtype=float)
         for roller in self.assembly.rollers:
             control, key = stage.rollers.get(roller.name), f"rollers.{roller.name}"
             if control is not None and control.surface_speed is not None:
@@ -149,7 +170,7 @@ class Course:
         if control is None:
             return now
         if control.move is not None:
-            return np.array(control.move, dtype=float)
+            return self.begun.get(name, np.zeros(3)) + np.array(control.move, dtype=float)
         if control.velocity is not None:
             return now + np.array(control.velocity) * stage.duration
         return now
@@ -162,14 +183,23 @@ class Course:
             edge, now = strip.edges[name], self.moved.get(name, np.zeros(3))
             destination = self._destination(stage, name)
             for c in ("xyz".index(x) for x in components):
-                held[3 * edge.values + c] = held[3 * edge.slopes + c] = True
-                start[3 * edge.values + c] = now[c]
-                end[3 * edge.values + c] = destination[c]
+                place = strip.kinematics.place(c)
+                if place is None:
+                    continue
+                values = strip.count * edge.values + place
+                held[strip.count * edge.trace + place] = True
+                start[values], end[values] = now[c], destination[c]
+        held[list(self._centred())] = True
+        return Supports(np.flatnonzero(~held), start, end - start)
+
+    def _centred(self) -> Iterator[int]:
+        """Unknowns that stay at zero so that the middles of edges keep their y."""
+        strip = self.assembly.strip
+        place = strip.kinematics.place(1)
         for name, spec in self.assembly.scene.edges.items():
             middle = middle_node(strip, name) if spec.centred else None
-            if middle is not None:
-                held[3 * strip.node_values[middle] + 1] = True
-        return Supports(np.flatnonzero(~held), start, end - start)
+            if middle is not None and place is not None:
+                yield int(strip.count * strip.node_values[middle] + place)
 
 
 def stretched(assembly: Assembly, tension: float) -> Array:
@@ -178,21 +208,11 @@ def stretched(assembly: Assembly, tension: float) -> Array:
     Parameters
     ----------
     tension : float
-        T (N/m) along x; the stretch solves T = √(1 + 2E) E_young t E.
+        T (N/m) along x.
     """
-    strip, nu = assembly.strip, assembly.material.poisson
-    stiffness = assembly.material.young * strip.thickness
-    strain = tension / stiffness
-    for _ in range(30):
-        stretch = np.sqrt(1.0 + 2.0 * strain)
-        change = (stiffness * strain * stretch - tension) / (
-            stiffness * (stretch + strain / stretch)
-        )
-        strain -= change
-    along, across = np.sqrt(1.0 + 2.0 * strain) - 1.0, np.sqrt(1.0 - 2.0 * nu * strain) - 1.0
-    x, y = strip.mesh.p
-    u = np.zeros((strip.scalars, 3))
-    values, slopes_x, slopes_y, _ = strip.basis.nodal_dofs
-    u[values, 0], u[values, 1] = along * (x - x.min()), across * (y - 0.5 * (y.min() + y.max()))
-    u[slopes_x, 0], u[slopes_y, 1] = along, across
-    return u.ravel()
+    strip = assembly.strip
+    along, across = stretches(tension, strip.tensile_stiffness, strip.material.poisson)
+    p = quadrature_points(strip)
+    middle = 0.5 * (strip.nodes[1].min() + strip.nodes[1].max())
+    x, y = (along - 1.0) * (p[0] - strip.nodes[0].min()), (across - 1.0) * (p[1] - middle)
+    return projected(strip, assembly.pattern, np.stack([x, y, np.zeros_like(x)]))

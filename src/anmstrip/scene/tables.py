@@ -66,7 +66,19 @@ class StripSpec(Table):
         examples=['"../meshes/strip_refined.msh"'],
     )
     kinematics: Literal["shell", "section", "plate"] = Field(
-        "shell", description="kinematics of the strip (text)", examples=['"shell"']
+        "shell",
+        description='level of description, "shell", "section" or "plate" (text)',
+        examples=['"shell"'],
+    )
+    bending: StrictBool = Field(
+        True,
+        description="whether the strip resists bending (true or false)",
+        examples=["false"],
+    )
+    feed: StrictBool = Field(
+        False,
+        description="whether fresh strip follows what has left (true or false)",
+        examples=["true"],
     )
 
     @model_validator(mode="after")
@@ -146,14 +158,50 @@ class RollerSpec(Table):
         description="a point of the axis, three numbers (m)", examples=["[0.0, 0.0, -0.501]"]
     )
     axis: Vector = Field(
+        (0.0, 1.0, 0.0),
         description="direction of the axis, three numbers, not all 0 (1)",
         examples=["[0.0, 1.0, 0.0]"],
+    )
+    crown: tuple[Number, ...] = Field(
+        (),
+        description="c1, c2, …: radius + c1 s + c2 s² + … at s along the axis, numbers (m/m^k)",
+        examples=["[0.0, -2.0e-3]"],
+        max_length=8,
+    )
+    wrap: Literal["over", "under"] | None = Field(
+        None,
+        description='side on which a threaded strip passes, "over" or "under" (text)',
+        examples=['"over"'],
     )
 
     @model_validator(mode="after")
     def _consistent(self) -> RollerSpec:
         self._check(rules.roller(self))
         return self
+
+
+class ThreadingSpec(Table):
+    """How the strip is laid around the rollers that say on which side it passes them.
+
+    It is a rate-free stage of its own, before all others.
+    """
+
+    tension: Positive = Field(
+        description="tension of the threaded strip, a number above 0 (N/m)", examples=["1.0e4"]
+    )
+    entry: Vector | None = Field(
+        None,
+        description="where the entry is, three numbers; left out: level with the first roller (m)",
+        examples=["[-2.0, 0.0, 0.5]"],
+    )
+    exit: Vector | None = Field(
+        None,
+        description="where the exit is, three numbers; left out: level with the last roller (m)",
+        examples=["[2.0, 0.0, 0.5]"],
+    )
+    duration: Positive = Field(
+        1.0, description="time that threading takes, a number above 0 (s)", examples=["1.0"]
+    )
 
 
 class EdgeSpec(Table):

@@ -125,17 +125,18 @@ class FunctionRateEquations:
         self, function: Callable[[Any, Any, Any], Any], whole: float, speed: float = np.inf
     ) -> None:
         self.function, self.whole, self.speed = function, whole, speed
-        self.latest: AffineVelocity | None = None
+        self.latest: tuple[Array, AffineVelocity] | None = None
 
-    def during(self, t: float, h: float, velocity: AffineVelocity) -> StepEquations:
+    def during(self, t: float, h: float, velocity: AffineVelocity, about: Array) -> StepEquations:
         """The equations of the step from t to t + h, with λ ∈ [0, 1] as control."""
-        self.latest = velocity
-        return StepEquations(self, t, h, velocity)
+        self.latest = (about, velocity)
+        return StepEquations(self, t, h, velocity, about)
 
     def error(self, u: Array, change: Array) -> float:
         """Largest change of the state, as a distance of curves."""
         assert self.latest is not None
-        v = self.latest(u, 1.0)
+        about, velocity = self.latest
+        v = velocity(u - about, 1.0)
         return float(np.abs(change).max()) / stretch(v, self.speed)
 
     def fading_error(self, u: Array, change: Array) -> float:
@@ -144,19 +145,25 @@ class FunctionRateEquations:
 
 
 class StepEquations:
-    """One step of a formula, as equations for u with λ as control."""
+    """One step of a formula, as equations for the increment u with λ as control."""
 
     def __init__(
-        self, problem: FunctionRateEquations, t: float, h: float, velocity: AffineVelocity
+        self,
+        problem: FunctionRateEquations,
+        t: float,
+        h: float,
+        velocity: AffineVelocity,
+        about: Array,
     ) -> None:
-        self.problem, self.t, self.h, self.velocity = problem, t, h, velocity
+        self.problem, self.t, self.h = problem, t, h
+        self.velocity, self.about = velocity, about
         self.softness = np.zeros((0, 0))
         self.share = h / problem.whole if h > 0.0 else 1.0
         self.unit = self.share
 
     def _function(self, u: Any, control: Any) -> Any:
         velocity = u * self.velocity.rate + self.velocity.base + control * self.velocity.slope
-        return self.problem.function(u, velocity, control * self.h + self.t)
+        return self.problem.function(u + self.about, velocity, control * self.h + self.t)
 
     def recurrence(self, u: Array, control: float, order: int) -> TracedRecurrence:
         """Start the series at a point; its tangent turns residuals into changes of u."""

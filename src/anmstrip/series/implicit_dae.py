@@ -60,10 +60,12 @@ class AffineVelocity:
 class RateEquations(Protocol):
     """A problem whose residual depends on velocities."""
 
-    def during(self, t: float, h: float, velocity: AffineVelocity) -> Equations:
+    def during(self, t: float, h: float, velocity: AffineVelocity, about: Array) -> Equations:
         """The equations of the step from t to t + h, with λ ∈ [0, 1] as control.
 
-        For h = 0 nothing given moves, and λ only takes an imbalance away.
+        Their unknown, and that of ``velocity``, is the increment from ``about``: of a short
+        step it is far smaller than the state, whose round-off divided by h would be seen
+        in the velocity.  For h = 0 nothing given moves, and λ only takes an imbalance away.
         """
 
     def error(self, u: Array, change: Array) -> float:
@@ -273,26 +275,28 @@ class _Integrator:
 
     def _at_rest(self, memory: Memory) -> Memory:
         t, u = memory.times[0], memory.states[0]
-        zero = np.zeros_like(u)
-        velocity = AffineVelocity(1.0 / self.whole, memory.v - u / self.whole, zero)
-        found = self._followed(self.equations.during(t, 0.0, velocity), u)
-        return replace(memory, states=(found.branch.end[0],))
+        velocity = AffineVelocity(1.0 / self.whole, memory.v, np.zeros_like(u))
+        found = self._followed(self.equations.during(t, 0.0, velocity, u), len(u))
+        return replace(memory, states=(u + found.branch.end[0],))
 
-    def _followed(self, path: Equations, u: Array) -> Step:
-        """Last step of the path from λ = 0 to 1."""
-        *_, last = follow(path, u, solver=self.solver, settings=self.path_settings, cost=self.cost)
+    def _followed(self, path: Equations, size: int) -> Step:
+        """Last step of the path of the increment from λ = 0 to 1."""
+        zero, settings = np.zeros(size), self.path_settings
+        *_, last = follow(path, zero, solver=self.solver, settings=settings, cost=self.cost)
         return last
 
     def _trial(self, memory: Memory, new: float, order: int) -> _Trial:
         t, u = memory.times[0], memory.states[0]
         past, rate = formula(memory.times, new, order)
-        history = sum(w * s for w, s in zip(past, memory.states, strict=False))
-        w = rate * u + history
-        velocity = AffineVelocity(rate, memory.v - rate * u, w - memory.v)
+        w = np.zeros_like(u)
+        for weight, state in zip(past[1:], memory.states[1:], strict=False):
+            w += weight * (state - u)
+        velocity = AffineVelocity(rate, memory.v, w - memory.v)
         before = self.cost.expansions
-        last = self._followed(self.equations.during(t, new - t, velocity), u)
-        u = last.branch.end[0]
-        return _Trial(u, velocity(u, 1.0), last.imbalance, self.cost.expansions - before)
+        last = self._followed(self.equations.during(t, new - t, velocity, u), len(u))
+        increment = last.branch.end[0]
+        v, spent = velocity(increment, 1.0), self.cost.expansions - before
+        return _Trial(u + increment, v, last.imbalance, spent)
 
     def _error(self, memory: Memory, u: Array, new: float, order: int) -> float:
         """Local error over what is allowed, from the predictor through order + 1 past states.

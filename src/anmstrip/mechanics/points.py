@@ -1,0 +1,171 @@
+"""Points of the elements, shared between neighbours: where contact is looked at."""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from skfem.element import DiscreteField
+
+from .cells import Pattern
+from .strip import Strip
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
+
+SHARES = {
+    "line": SIMPSON,
+    "quad": np.outer(SIMPSON, SIMPSON).ravel(),
+    "triangle": np.array([3.0, 8.0, 3.0, 8.0, 8.0, 3.0, 27.0]) / 60.0,
+}
+"""Share of an element's area of each of its contact points: rules exact for cubics."""
+
+
+class ContactOperator:
+    """Values at the points where contact is looked at, with areas as weights.
+
+    The points are nodes, middles of sides and centres of the elements, the weights
+    Simpson's.  Nodes alone would leave a cubic element free to bow into the roller
+    between them: on two elements across, the pressure of a wrapped strip was off
+    by half of its value.
+
+    Attributes
+    ----------
+    cells : ndarray of int, shape (elements, points of one)
+        Points of each element.
+    reference : ndarray, shape (3, points)
+        Reference positions.
+    weights : ndarray, shape (points,)
+        Area that belongs to each point (m²).
+    chosen : ndarray of int, shape (points,)
+        Their numbers in the whole strip.
+    width : float
+        Of the strip (m).
+    """
+
+    def __init__(self, strip: Strip) -> None:
+        basis, kind = strip.basis, shape_of(strip)
+        self.count, self.width = strip.count, strip.width
+        patch = patches(strip, contact_points(kind))
+        self.cells, self.reference = patch.cells, patch.reference
+        self.chosen: Index = np.arange(self.reference.shape[1], dtype=np.int64)
+        self.table: Array = np.stack([np.asarray(f) for f in patch.functions], axis=-1)
+        self.shares = strip.areas[:, None] * SHARES[kind]
+        total = np.bincount(self.cells.ravel(), self.shares.ravel())
+        self.weights: Array = total.astype(float)
+        first = np.unique(self.cells, return_index=True)[1]
+        rows = self.table.reshape(-1, basis.Nbfun)[first]
+        columns = np.repeat(basis.element_dofs.T, self.cells.shape[1], axis=0)[first]
+        index = (np.repeat(self.chosen, basis.Nbfun), columns.ravel())
+        self.matrix = csr_matrix((rows.ravel(), index), shape=(len(first), strip.scalars))
+        self.matrix.eliminate_zeros()
+        self.transposed = self.matrix.T.tocsr()
+
+    def restricted(self, points: Index) -> ContactOperator:
+        """The same on some of the points; it keeps the cells of all."""
+        if len(points) == len(self.chosen):
+            return self
+        part = copy(self)
+        part.chosen = self.chosen[points]
+        part.reference, part.weights = self.reference[:, points], self.weights[points]
+        part.matrix = self.matrix[points]
+        part.transposed = part.matrix.T.tocsr()
+        return part
+
+    @property
+    def points(self) -> int:
+        """Number of points."""
+        return len(self.weights)
+
+    def apply(self, full: Array) -> Array:
+        """Values of the unknown components, shape (count, points)."""
+        return np.ascontiguousarray((self.matrix @ full.reshape(-1, self.count)).T)
+
+    def gather(self, forces: Array) -> Array:
+        """Generalised forces of forces per area, shape (count, points) → (unknowns,)."""
+        return (self.transposed @ (forces * self.weights).T).ravel()
+
+    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Array) -> None:
+        """Add Lᵀ w J L, J[j, i] of shape (count, count, points), over these points' cells."""
+        every = np.zeros((self.count, self.count, self.cells.max() + 1))
+        every[:, :, self.chosen] = derivative
+        active = np.abs(every).max(axis=(0, 1)) > 0.0
+        near = np.flatnonzero(active[self.cells].any(axis=1))
+        table, places = self.table[near], pattern.cells[near].ravel()
+        transposed = np.ascontiguousarray(table.swapaxes(1, 2))
+        weighted = every[:, :, self.cells[near]] * self.shares[near]
+        for i in range(self.count):
+            for j in range(self.count):
+                local = transposed @ (weighted[j, i][:, :, None] * table)
+                blocks[i, j] += np.bincount(places, local.ravel(), pattern.couplings)
+
+
+@dataclass(frozen=True)
+class Patches:
+    """The same points on every element, shared between neighbours.
+
+    Attributes
+    ----------
+    cells : ndarray of int, shape (elements, points of one)
+        Numbers of each element's points.
+    reference : ndarray, shape (3, points)
+        Reference positions.
+    functions : list of DiscreteField
+        Every basis function there, each (elements, points of one).
+    """
+
+    cells: Index
+    reference: Array
+    functions: list[DiscreteField]
+
+
+def shape_of(strip: Strip) -> str:
+    """Kind of the elements: line, quad or triangle."""
+    return {2: "line", 3: "triangle", 4: "quad"}[len(strip.mesh.t)]
+
+
+def contact_points(kind: str) -> Array:
+    """Nodes, middles of sides and centre of the reference element, (dimensions, points)."""
+    if kind != "triangle":
+        return unit_grid(3, 1 if kind == "line" else 2)
+    sides = [[0.0, 0.5, 1.0, 0.0, 0.5, 0.0], [0.0, 0.0, 0.0, 0.5, 0.5, 1.0]]
+    return np.hstack([sides, [[1.0 / 3.0], [1.0 / 3.0]]])
+
+
+def patches(strip: Strip, local: Array) -> Patches:
+    """Points of all elements from those of the reference element, (dimensions, points)."""
+    basis = strip.basis
+    cells, points = joined(basis.mapping.F(local), strip)
+    functions = [basis.elem.gbasis(basis.mapping, local, i)[0] for i in range(basis.Nbfun)]
+    return Patches(cells, strip.in_space(points), functions)
+
+
+def unit_grid(n: int, dimensions: int = 2) -> Array:
+    """Grid of the unit interval or square, number i + n j, shape (dimensions, n^dimensions)."""
+    steps = np.linspace(0.0, 1.0, n)
+    return np.stack([x.ravel() for x in np.meshgrid(*dimensions * [steps])])
+
+
+def joined(grid: Array, strip: Strip) -> tuple[Index, Array]:
+    """Number the points of element grids so that neighbours share them.
+
+    Parameters
+    ----------
+    grid : ndarray, shape (dimensions, elements, points of one)
+    strip : Strip
+
+    Returns
+    -------
+    cells : ndarray of int, shape (elements, points of one)
+    points : ndarray, shape (dimensions, points)
+    """
+    unit = 1e-6 * strip.cell_sizes.min()
+    flat = grid.reshape(len(grid), -1)
+    keys = np.round((flat - flat.min(axis=1)[:, None]) / unit).astype(np.int64)
+    _, first, inverse = np.unique(keys, axis=1, return_index=True, return_inverse=True)
+    return inverse.reshape(grid.shape[1:]), flat[:, first]

@@ -1,0 +1,123 @@
+"""The mesh of a rectangular strip: finer where rollers will be."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshLine, MeshQuad
+
+from anmstrip.mechanics.strip import grid, line
+from anmstrip.scene.schema import Scene
+from anmstrip.scene.threading import Thread
+
+Array = NDArray[np.float64]
+
+QUARTER = 0.25
+"""Share of the boundary layer √(D/T) that an element over a roller may cover."""
+
+
+def largest_force(scene: Scene) -> float:
+    """Largest tension or edge force of all stages (N/m), 0 if there is none."""
+    forces = [0.0 if scene.threading is None else scene.threading.tension]
+    for stage in scene.stages:
+        for control in stage.edges.values():
+            forces.append(abs(control.tension or 0.0))
+            forces.append(float(np.linalg.norm(control.force or (0.0,))))
+    return max(forces)
+
+
+def bending_stiffness(scene: Scene) -> float:
+    """D (N m), zero for a strip that does not resist bending."""
+    m, t = scene.material, scene.strip.thickness
+    return m.young * t**3 / (12.0 * (1.0 - m.poisson**2)) if scene.strip.bending else 0.0
+
+
+def boundary_layer(scene: Scene) -> float:
+    """√(D/T) (m) of the largest tension; infinite without tension."""
+    tension = largest_force(scene)
+    return float(np.sqrt(bending_stiffness(scene) / tension)) if tension > 0.0 else np.inf
+
+
+def strip_mesh(scene: Scene, thread: Thread | None) -> MeshQuad | MeshLine:
+    """Rectangles, or lines of a section, finer over and near the rollers.
+
+    The fine part covers a quarter of each roller's circumference on both sides of its axis,
+    or the arc on which a threaded strip touches it, and the stretch that is carried over it.
+    A strip that is fed is fine everywhere: all of it comes to pass the rollers.
+    """
+    spec = scene.strip
+    assert spec.width is not None and spec.cells is not None
+    length = spec.length if thread is None else thread.length
+    assert length is not None
+    half, coarse, fine = length / 2.0, length / spec.cells[0], _fine(scene)
+    zones = fine_zones(scene, thread, half) if scene.contact is not None and fine < coarse else []
+    if spec.feed:
+        zones = [(-half, half)] if zones else []
+    xs = lines_of_nodes(half, zones, fine, coarse)
+    if spec.kinematics == "section":
+        return line(xs)
+    return grid(xs, np.linspace(-spec.width / 2.0, spec.width / 2.0, spec.cells[1] + 1))
+
+
+def _fine(scene: Scene) -> float:
+    """Length of the elements over rollers (m)."""
+    if scene.strip.refined is not None:
+        return scene.strip.refined
+    layer = QUARTER * boundary_layer(scene)
+    return layer if layer > 0.0 else np.inf
+
+
+def lines_of_nodes(
+    half: float, zones: list[tuple[float, float]], fine: float, coarse: float
+) -> Array:
+    """Coordinates from −half to half, at most fine apart in the zones and coarse elsewhere."""
+    marks = sorted({-half, half, *(x for zone in zones for x in zone)})
+    xs = [np.array([-half])]
+    for a, b in pairwise(marks):
+        inside = any(lo <= a and b <= hi for lo, hi in zones)
+        count = max(1, int(np.ceil((b - a) / (fine if inside else coarse) - 1e-9)))
+        xs.append(np.linspace(a, b, count + 1)[1:])
+    return np.concatenate(xs)
+
+
+def fine_zones(scene: Scene, thread: Thread | None, half: float) -> list[tuple[float, float]]:
+    """Stretches of strip, in the reference, that come to lie on rollers."""
+    zones = []
+    threaded = {} if thread is None else thread.arcs
+    margin = 4.0 * min(boundary_layer(scene), half)
+    for roller in scene.rollers:
+        reach = 0.5 * np.pi * roller.radius
+        first, last = roller.centre[0] - reach, roller.centre[0] + reach
+        if roller.name in threaded:
+            first, last = threaded[roller.name]
+            first, last = first - margin, last + margin
+        back, ahead = _carried(scene, roller.name)
+        lo, hi = max(-half, first - ahead), min(half, last + back)
+        if lo < hi:
+            zones.append((float(lo), float(hi)))
+    return _united(zones)
+
+
+def _carried(scene: Scene, name: str) -> tuple[float, float]:
+    """Largest travel of a roller's surface, backwards and forwards (m)."""
+    speed = travel = lowest = highest = 0.0
+    for stage in scene.stages:
+        control = stage.rollers.get(name)
+        new = speed if control is None or control.surface_speed is None else control.surface_speed
+        travel += 0.5 * (speed + new) * stage.duration
+        speed, lowest, highest = new, min(lowest, travel), max(highest, travel)
+    held = any(edge.fixed for edge in scene.edges.values())
+    let_go = any(c.release for stage in scene.stages for c in stage.edges.values())
+    return (0.0, 0.0) if held and not let_go else (-lowest, highest)
+
+
+def _united(zones: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    united: list[tuple[float, float]] = []
+    for lo, hi in sorted(zones):
+        if united and lo <= united[-1][1]:
+            united[-1] = (united[-1][0], max(hi, united[-1][1]))
+        else:
+            united.append((lo, hi))
+    return united
