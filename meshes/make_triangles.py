@@ -13,6 +13,7 @@ import argparse
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import meshio
@@ -88,7 +89,7 @@ def boundary(plan: Plan) -> np.ndarray:
     """Return nodes on the boundary of the quarter, in turn, shape (n, 2)."""
     x, y, r = plan.length / 2, plan.width / 2, plan.hole
     corners = [(r, 0.0), (x, 0.0), (x, y), (0.0, y), (0.0, r)]
-    sides = [divided(plan, *ends) for ends in zip(corners[:-1], corners[1:], strict=True)]
+    sides = [divided(plan, *ends) for ends in pairwise(corners)]
     if r:
         angle = np.linspace(np.pi / 2, 0.0, math.ceil(r * np.pi / 2 / plan.size) + 1)
         sides.append(r * np.column_stack([np.cos(angle), np.sin(angle)]))

@@ -201,6 +201,19 @@ class Equilibrium:
         forces = self.model.force(full, self.full_velocity(u, control), self.controls.at(control))
         return forces[self.supports.free]
 
+    def resistance(self, u: Array, control: float, change: Array) -> Array:
+        """Change of the imbalance with a change of the free unknowns' velocity alone."""
+        full, velocity = self.supports.full(u, control), self.full_velocity(u, control)
+        assert velocity is not None
+        other, controls = velocity.copy(), self.controls.at(control)
+        other[self.supports.free] += change
+        effects = [e for e in self.model.effects if getattr(e, "rate_dependent", False)]
+        total = sum(
+            _force(effect, full, other, controls) - _force(effect, full, velocity, controls)
+            for effect in effects
+        )
+        return np.asarray(total)[self.supports.free]
+
     def inner(self, u: Array, w: Array) -> float:
         """Mean over the nodes of the product of positions, over the length scale squared."""
         return float((u * self.metric) @ w)

@@ -151,6 +151,8 @@ def test_triangles_are_drawn_as_quadrilaterals_are(any_renderer, run):
     for first, second in zip(before, map(pixels, render(run)), strict=True):
         assert np.mean(first.min(axis=-1) < 0.9) > 0.1
         assert np.mean(np.abs(first - second).max(axis=-1) > 0.1) < 0.01
+        left = np.s_[350:, :540]  # no seams between elements in the flat part
+        assert np.mean(np.abs(first[left] - second[left]).max(axis=-1) > 0.1) < 2e-4
 
 
 def test_a_flat_strip_is_drawn(without_opengl, tmp_path):

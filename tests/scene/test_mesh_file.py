@@ -33,7 +33,7 @@ def scene_of(mesh: Path, **others: Any) -> Scene:
 
 @pytest.fixture
 def written(tmp_path: Path) -> Callable[..., Path]:
-    """Write a mesh, made of given cells and named edges."""
+    """Write a mesh, made of given cells and named edges, in Gmsh's format 2."""
 
     def write(points: Any, cells: list[Any], edges: dict[str, Any]) -> Path:
         lines = [np.asarray(pairs) for pairs in edges.values()]
@@ -104,13 +104,6 @@ def test_missing_entry_and_exit(written: Callable[..., Path]) -> None:
 def test_no_named_edges_at_all(written: Callable[..., Path]) -> None:
     points, cells, _ = generated()
     assert "edges.entry" in refused(scene_of(written(points, cells, {})))
-
-
-def test_triangles_are_refused(written: Callable[..., Path]) -> None:
-    points, ((_, quads),), edges = generated()
-    triangles = np.vstack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    found = refused(scene_of(written(points, [("triangle", triangles)], edges)))
-    assert "quadrilateral" in found["strip.mesh"]
 
 
 def test_lines_alone_are_refused(written: Callable[..., Path]) -> None:

@@ -58,7 +58,7 @@ def fixed_steps(order, ratio, count):
     knots = np.concatenate([[0.0], np.cumsum(lengths) / lengths.sum()])
     equations = FunctionRateEquations(smooth, 1.0)
     settings = Settings(order=15, tolerance=1e-3)
-    integrator = implicit_dae._Integrator(equations, DENSE, settings, 1.0, order, Cost())
+    integrator = implicit_dae._Integrator(equations, DENSE, settings, 1.0, order, None, Cost())
     integrator.path_settings = Settings(order=15, tolerance=1e-10, give_way=False)
     past = [(-x, np.sin([-x])) for x in knots[1:order]]  # exact history
     times, states = [0.0, *(t for t, _ in past)], [np.zeros(1), *(s for _, s in past)]

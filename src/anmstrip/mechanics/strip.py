@@ -211,13 +211,15 @@ class Strip:
     def clamp(self, name: str) -> Index:
         """Unknowns that a rigid clamp holds on an edge: positions and tangent plane.
 
-        All that belongs to its nodes is held, and with it the traces of r and of its
-        derivative across the edge.
+        With them the traces of r and of its derivative across the edge are held all along it;
+        the second derivative across, the clamp's moment, stays free.
         """
         edge = self.edges[name]
-        scalars = [self.basis.nodal_dofs[:, edge.nodes].ravel()]
-        if len(self.basis.facet_dofs):
-            scalars.append(self.basis.facet_dofs[:, edge.facets].ravel())
+        across = 2 * "xy"[int(np.ptp(self.mesh.p[0, edge.nodes]) > 0.0)]
+        names = self.basis.elem.dofnames[: len(self.basis.nodal_dofs)]
+        held = [rows for rows, name in enumerate(names) if name[2:] != across]
+        scalars = [self.basis.nodal_dofs[held][:, edge.nodes].ravel()]
+        scalars += [dofs[edge.facets] for dofs in self.basis.facet_dofs]
         return self.unknowns_of(np.concatenate(scalars))
 
     def edge_basis(self, name: str) -> FacetBasis:

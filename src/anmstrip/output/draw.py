@@ -14,6 +14,9 @@ from anmstrip.output.views import AMBIENT, GREYS, LIGHT, OUTLINE, Frame, Job
 _IN_FRONT = 0.02
 """How far the strip is shifted to the eye, of half the height seen: a parallel projection stays
 the same, and the roller does not shine through where both coincide."""
+_JOINED = 1e-6
+"""How near, in units of the surface, neighbours' points on a common side are to be one: VTK finds
+them in single precision, a triangle's from either end of the side."""
 
 
 def main() -> None:
@@ -42,7 +45,8 @@ def _add_strip(plotter: pyvista.Plotter, job: Job, frame: Frame) -> None:
     grid = pyvista.read(frame.strip)
     grid.clear_data()
     grid[label] = values * factor
-    surface = grid.extract_surface(nonlinear_subdivision=3, algorithm="dataset_surface").clean()
+    surface = grid.extract_surface(nonlinear_subdivision=3, algorithm="dataset_surface")
+    surface = surface.clean(tolerance=_JOINED, absolute=False)
     nearer = _IN_FRONT * job.eye.half_height * job.eye.axes[2]
     surface.translate(nearer, inplace=True)
     plotter.add_mesh(

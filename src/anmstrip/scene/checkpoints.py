@@ -21,7 +21,10 @@ def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
     course = run.course
     arrays = {"full": run.full, "velocity": run.velocity}
     arrays |= {f"moved.{name}": value for name, value in course.moved.items()}
+    arrays |= {f"begun.{name}": value for name, value in course.begun.items()}
     arrays |= {f"value.{name}": value for name, value in course.values.items()}
+    if run.feed is not None:
+        arrays |= {f"home.{name}": value for name, value in run.feed.home.items()}
     facts: dict[str, Any] = {
         "stage": run.first_stage,
         "steps": run.steps,
@@ -34,6 +37,7 @@ def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
         "released": sorted(course.released),
         "stages": run.stages,
         "effects": run.effects,
+        "fed": 0 if run.feed is None else run.feed.elements,
     }
     if run.memory is not None:
         facts["times"], facts["next_step"] = list(run.memory.times), run.memory.step
@@ -49,12 +53,13 @@ def unpack(run: Run, arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> N
     run.cost.factorisations = facts["factorisations"]
     run.spent, run.stages, run.effects = facts["seconds"], facts["stages"], facts["effects"]
     run.course.time, run.course.released = facts["course_time"], set(facts["released"])
+    kept = {"moved": run.course.moved, "begun": run.course.begun, "value": run.course.values}
+    if run.feed is not None:
+        kept["home"], run.feed.elements = run.feed.home, facts["fed"]
     for name, value in arrays.items():
         kind, _, key = name.partition(".")
-        if kind == "moved":
-            run.course.moved[key] = value
-        elif kind == "value":
-            run.course.values[key] = value
+        if kind in kept:
+            kept[kind][key] = value
     if "times" in facts:
         states = tuple(arrays["states"])
         run.memory = Memory(tuple(facts["times"]), states, arrays["v"], facts["next_step"])

@@ -6,17 +6,28 @@ from collections.abc import Iterator
 from io import StringIO
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
 from anmstrip.mechanics.effects import Effect, LinearEffect, LoadEffect
+from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.build import Assembly
+from anmstrip.scene.ladder import Rung, justified, ladder, walked
 from anmstrip.scene.meshing import QUARTER, boundary_layer, largest_force
 from anmstrip.scene.schema import Scene
-from anmstrip.scene.stages import Course, Plan
+from anmstrip.scene.stages import Plan
+from anmstrip.scene.taut import Way
 from anmstrip.series.power_series import Tape
 
 MEGABYTE = 2.0**20
+
+REASONS = {
+    "shell": "The cheaper levels would miss what is said above",
+    "section": "Nothing is said to vary across the width, and any rotation is allowed",
+    "plate": "Slopes stay small and nothing moves along the strip",
+}
+"""Why a level is enough."""
 
 
 def explain(scene: Scene) -> str:
@@ -36,7 +47,8 @@ def explain(scene: Scene) -> str:
         Mistakes that only the mesh shows.
     """
     assembly = Assembly(scene)
-    plans = list(_plans(assembly))
+    plans, ways = (list(found) for found in zip(*walked(assembly), strict=True))
+    rungs = ladder(assembly, ways)
     stream = StringIO()
     console = Console(file=stream, width=100, no_color=True, highlight=False)
     console.print(scene.title or scene.name, markup=False)
@@ -45,28 +57,25 @@ def explain(scene: Scene) -> str:
     for line in _left_out(assembly, plans):
         console.print(f"Left out: {line}", markup=False)
     if scene.rollers:
-        console.print(_roller_table(assembly))
+        console.print(_roller_table(assembly, ways))
     console.print(_stage_table(plans))
+    console.print(_ladder_table(rungs, assembly.kinematics.name))
+    for line in _verdict(rungs, assembly.kinematics.name):
+        console.print(line, markup=False)
     console.print(_scale_line(assembly), markup=False)
-    for line in warnings(assembly):
+    for line in [*_blind(rungs, assembly.kinematics.name), *warnings(assembly)]:
         console.print(f"Warning: {line}", markup=False)
     return stream.getvalue().rstrip()
-
-
-def _plans(assembly: Assembly) -> Iterator[Plan]:
-    course = Course(assembly)
-    for stage in assembly.scene.course:
-        yield course.plan(stage, {})
-        course.finish(stage)
 
 
 def _strip_line(assembly: Assembly) -> str:
     strip = assembly.strip
     h = strip.cell_sizes[0]
+    fed = ", fed: fresh strip follows what has left" if assembly.scene.strip.feed else ""
     return (
         f"Strip {strip.length:g} m × {strip.width:g} m × {strip.thickness:g} m, "
         f"{strip.mesh.t.shape[1]} elements {h.min():.3g} to {h.max():.3g} m long, "
-        f"{strip.unknowns} unknowns, kinematics {assembly.scene.strip.kinematics}."
+        f"{strip.unknowns} unknowns, kinematics {assembly.scene.strip.kinematics}{fed}."
     )
 
 
@@ -84,8 +93,8 @@ def _effect_table(assembly: Assembly, plans: list[Plan]) -> Table:
     for plan in plans:
         for effect in plan.model.effects:
             found.setdefault(effect.name, (effect, []))[1].append(plan)
-    for name, (effect, acting) in found.items():
-        own = str(assembly.strip.unknowns) if name == "membrane" else "0"
+    for i, (name, (effect, acting)) in enumerate(found.items()):
+        own = str(assembly.strip.unknowns) if i == 0 else "0"
         memory = f"{_memory(effect, order, acting[0]):.2f}"
         stages = ", ".join(plan.name for plan in acting)
         table.add_row(name, str(_points(effect)), own, memory, stages)
@@ -113,6 +122,10 @@ def _memory(effect: Effect, order: int, plan: Plan) -> float:
 def _left_out(assembly: Assembly, plans: list[Plan]) -> Iterator[str]:
     scene = assembly.scene
     active = {effect.name for plan in plans for effect in plan.model.effects}
+    if assembly.membrane is None:
+        yield "membrane (a plate has the tension that exit.force gives it)."
+    if not scene.strip.bending:
+        yield "bending (strip.bending = false): no boundary layer, any curvature is free."
     if scene.contact is None:
         yield "contact (no table [contact]): the rollers are only drawn."
     if scene.friction is None:
@@ -121,18 +134,37 @@ def _left_out(assembly: Assembly, plans: list[Plan]) -> Iterator[str]:
         yield "friction (switched off in every stage): nothing depends on velocity."
     if "weight" not in active:
         yield "weight (no stage has gravity)."
+    if "pressure" not in active:
+        yield "pressure (no stage has it)."
+    if not any(name.startswith("tension on") for name in active):
+        yield "tension that follows the strip (no stage has entry.tension or exit.tension)."
     yield "inertia, plasticity, heat: not modelled."
 
 
-def _roller_table(assembly: Assembly) -> Table:
-    table = _table("Rollers", "roller", "radius (m)", "centre (m)", "axis", "gap to the flat strip")
+def _roller_table(assembly: Assembly, ways: list[Way]) -> Table:
+    last = "wrap (°), side" if assembly.thread else "gap to the flat strip, wrap (°), side"
+    table = _table("Rollers", "roller", "radius (m)", "centre (m)", "axis", last)
     for roller in assembly.rollers:
-        away = assembly.strip.nodes - np.asarray(roller.centre)[:, None]
-        gap = roller.seen(roller.frame[: roller.rows] @ away).gap
         centre = ", ".join(f"{c:g}" for c in roller.centre)
         axis = ", ".join(f"{c:.3g}" for c in roller.unit_axis)
-        table.add_row(roller.name, f"{roller.radius:g}", centre, axis, f"{gap.min():.3g} m")
+        table.add_row(
+            roller.name, f"{roller.radius:g}", centre, axis, _wrapping(assembly, roller, ways)
+        )
     return table
+
+
+def _wrapping(assembly: Assembly, roller: Roller, ways: list[Way]) -> str:
+    """How far a roller is wrapped and on which side, and how far away it is at first."""
+    turn = max((w.turns.get(roller.name, 0.0) for w in ways), default=0.0)
+    if assembly.thread is not None and roller.name in assembly.thread.turns:
+        turn = assembly.thread.turns[roller.name]
+    sides = [w.senses[roller.name] for w in ways if roller.name in w.senses]
+    wrap = f"{np.degrees(turn):.4g}°, {sides[0]}" if sides else "not touched"
+    if assembly.thread is not None:
+        return wrap
+    away = assembly.strip.nodes - np.asarray(roller.centre)[:, None]
+    gap = float(roller.seen(roller.frame[: roller.rows] @ away).gap.min())
+    return f"{gap:.3g} m, {wrap}"
 
 
 def _stage_table(plans: list[Plan]) -> Table:
@@ -150,6 +182,35 @@ def _stage_table(plans: list[Plan]) -> Table:
             ", ".join(moving) or "nothing",
         )
     return table
+
+
+def _ladder_table(rungs: list[Rung], own: str) -> Table:
+    columns = ("unknowns", "points", "cost of an expansion (estimate)", "sees this scene")
+    table = _table("Kinematics", "level", *columns)
+    for rung in rungs:
+        counts = ["–" if n is None else str(n) for n in (rung.unknowns, rung.points)]
+        cost = "–" if rung.cost is None else f"× {rung.cost:.2g}"
+        name = f"{rung.level.name}, chosen" if rung.level.name == own else rung.level.name
+        table.add_row(name, *counts, cost, "no" if rung.against else "yes")
+    return table
+
+
+def _verdict(rungs: list[Rung], own: str) -> Iterator[str]:
+    """Why not the others, and what the numbers justify."""
+    for rung in rungs:
+        if rung.against:
+            yield f"Not {rung.level.name}: {'; '.join(rung.against)}."
+    best = justified(rungs)
+    chosen = ", as chosen" if best.level.name == own else ""
+    name = best.level.name
+    yield f"These numbers justify: {name}{chosen}. {REASONS[name]}; {best.lost}."
+
+
+def _blind(rungs: list[Rung], own: str) -> Iterator[str]:
+    """What the scene has and its own level does not see."""
+    for rung in rungs:
+        if rung.level.name == own and rung.against:
+            yield f"kinematics {own} does not see that {'; '.join(rung.against)}."
 
 
 def _scale_line(assembly: Assembly) -> str:
@@ -172,12 +233,24 @@ def _mesh_warnings(assembly: Assembly) -> Iterator[str]:
         return
     x = assembly.strip.mesh.p[0, assembly.strip.mesh.t].mean(axis=0)
     for roller in assembly.rollers:
-        over = np.abs(x - roller.centre[0]) <= 0.5 * np.pi * roller.radius
+        over = _over(assembly, roller, x)
         if over.any() and (h := assembly.strip.cell_sizes[0, over].max()) > 1.01 * QUARTER * layer:
             yield (
                 f"elements over {roller.name} are {h:.3g} m long; a quarter of the boundary layer "
                 f"√(D/T) = {layer:.3g} m would be {QUARTER * layer:.3g} m (strip.refined)."
             )
+
+
+def _over(assembly: Assembly, roller: Roller, x: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Elements, by their middles x in the reference, that come to lie on a roller."""
+    if assembly.thread is None:
+        return np.abs(x - roller.centre[0]) <= 0.5 * np.pi * roller.radius
+    if roller.name not in assembly.thread.arcs:
+        return np.zeros(x.shape, dtype=bool)
+    if assembly.scene.strip.feed:
+        return np.ones(x.shape, dtype=bool)
+    first, last = assembly.thread.arcs[roller.name]
+    return (first <= x) & (x <= last)
 
 
 def _friction_warnings(assembly: Assembly) -> Iterator[str]:
@@ -203,7 +276,7 @@ def _friction_warnings(assembly: Assembly) -> Iterator[str]:
 def _stress_warnings(assembly: Assembly) -> Iterator[str]:
     limit = assembly.scene.material.yield_stress
     m, t = assembly.material, assembly.strip.thickness
-    if limit is None or assembly.scene.contact is None:
+    if limit is None or assembly.scene.contact is None or not assembly.scene.strip.bending:
         return
     for roller in assembly.rollers:
         stress = m.young * t / (2.0 * roller.radius * (1.0 - m.poisson**2))

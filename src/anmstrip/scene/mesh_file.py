@@ -66,7 +66,7 @@ def read_mesh(scene: Scene) -> Mesh:
 
 def _read(path: Path) -> meshio.Mesh:
     try:
-        with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
+        with warnings.catch_warnings(), _silent():
             warnings.simplefilter("ignore")
             return meshio.read(path)
     except (Exception, SystemExit) as error:  # meshio leaves Python where no reader is right
@@ -74,6 +74,13 @@ def _read(path: Path) -> meshio.Mesh:
         raise Unfit(
             f"a mesh of quadrilaterals or triangles that meshio reads ({reason})"
         ) from error
+
+
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """Keep meshio from printing."""
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        yield
 
 
 def _unnamed(raw: meshio.Mesh) -> Mesh:

@@ -15,6 +15,7 @@ from anmstrip.model import Equilibrium, Motion
 from anmstrip.output import checkpoint
 from anmstrip.scene.build import Assembly
 from anmstrip.scene.checkpoints import packed, unpack
+from anmstrip.scene.feeding import Feed, relabelled
 from anmstrip.scene.measures import State
 from anmstrip.scene.recorder import Recorder
 from anmstrip.scene.rules import THREADING
@@ -114,6 +115,7 @@ class Run:
         self.outcome, self.message = Outcome.TOO_MANY_STEPS, "The run has not ended."
         self.begun, self.spent = time.perf_counter(), 0.0
         self.solver = SparseSolver()
+        self.feed = Feed(self.assembly.strip) if scene.strip.feed else None
         self.settings = Settings(
             order=scene.solver.order,
             tolerance=scene.solver.tolerance,
@@ -226,31 +228,47 @@ class Run:
         return max(float(force[0]), 0.0)
 
     def _in_time(self, plan: Plan) -> Iterator[Step]:
-        free, motion = plan.supports.free, Motion(
-            plan.model, plan.supports, plan.controls, plan.start, plan.duration
-        )  # fmt: skip
-        memory = self.memory or implicit_dae.start(
-            plan.start, self.full[free], self.velocity[free], FIRST_STEP * plan.duration
+        free = plan.supports.free
+        first = self.scene.solver.time_step or FIRST_STEP * plan.duration
+        self.memory = self.memory or implicit_dae.start(
+            plan.start, self.full[free], self.velocity[free], first
         )
-        whole = sum(s.duration for s in self.scene.course if self.assembly.frictional(s))
-        for step in implicit_dae.integrate(
-            motion,
+        while self.memory.times[0] < plan.start + plan.duration:
+            for step in self._time_steps(plan, self.memory):
+                self.memory = step.memory
+                control = (step.end - plan.start) / plan.duration
+                self.full = plan.supports.full(step.u, control)
+                self.velocity = plan.supports.slope / plan.duration
+                self.velocity[free] = step.v
+                facts = (self.settings.order, step.end - step.start, step.imbalance)
+                yield self._accepted(plan, control, facts)
+                if self.feed is not None and (elements := self.feed.due(self.full)):
+                    plan = self._relabelled(plan, elements)
+                    break
+
+    def _time_steps(
+        self, plan: Plan, memory: implicit_dae.Memory
+    ) -> Iterator[implicit_dae.TimeStep]:
+        """Steps of a stage from where its past ends."""
+        return implicit_dae.integrate(
+            Motion(plan.model, plan.supports, plan.controls, plan.start, plan.duration),
             memory,
             plan.start + plan.duration,
             solver=self.solver,
             settings=self._left(self.settings),
-            whole=whole,
+            whole=sum(s.duration for s in self.scene.course if self.assembly.frictional(s)),
             time_order=self.scene.solver.time_order,
+            fixed=self.scene.solver.time_step,
             cost=self.cost,
-        ):
-            self.memory = step.memory
-            control = (step.end - plan.start) / plan.duration
-            self.full = plan.supports.full(step.u, control)
-            velocity = plan.supports.slope / plan.duration
-            velocity[free] = step.v
-            self.velocity = velocity
-            facts = (self.settings.order, step.end - step.start, step.imbalance)
-            yield self._accepted(plan, control, facts)
+        )
+
+    def _relabelled(self, plan: Plan, elements: int) -> Plan:
+        """The same stage after fresh strip was fed in for what has left."""
+        assert self.feed is not None and self.memory is not None
+        plan, self.memory = relabelled(self.feed, elements, plan, self.course, self.memory)
+        self.full = self.feed.moved(self.full, elements)
+        self.velocity = self.feed.moved(self.velocity, elements, position=False)
+        return plan
 
     # what is written -----------------------------------------------------------
 
@@ -332,6 +350,7 @@ class Run:
             "linear_solver": self.solver.name,
             "effects": self.effects,
             "stages": self.stages,
+            **({} if self.feed is None else {"feed": self.feed.facts(self.full)}),
         }
 
     def _done(self) -> str:

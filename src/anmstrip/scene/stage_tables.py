@@ -128,6 +128,11 @@ class SolverSpec(Table):
     max_steps: Annotated[int, Field(strict=True, ge=1)] = Field(
         20_000, description="most steps in all, an integer above 0 (1)", examples=["20000"]
     )
+    time_step: Positive | None = Field(
+        None,
+        description="fixed step in time, without control of its error, a number above 0 (s)",
+        examples=["1.0e-3"],
+    )
     time_order: Annotated[int, Field(strict=True, ge=1, le=2)] = Field(
         2, description="order of the formula in time, 1 or 2 (1)", examples=["2"]
     )

@@ -129,6 +129,11 @@ class Course:
             in_time=a.frictional(stage),
         )
 
+    def shift(self, name: str, change: Array) -> None:
+        """Labels have moved: an edge's displacement now counts from elsewhere."""
+        self.moved[name] = self.moved[name] + change
+        self.begun[name] = self.begun.get(name, np.zeros(3)) + change
+
     def finish(self, stage: StageSpec) -> None:
         """Remember where a stage has ended."""
         self.values.update(self._targets(stage, dict(self.values)))

@@ -173,6 +173,13 @@ class StepEquations:
         self.unit = self.share * stretch(v, self.problem.speed)
         return recurrence
 
+    def resistance(self, u: Array, control: float, change: Array) -> Array:
+        """Change of R with a change of the velocity alone."""
+        state, t = u + self.about, control * self.h + self.t
+        v = self.velocity(u, control)
+        function = self.problem.function
+        return np.asarray(function(state, v + change, t)) - np.asarray(function(state, v, t))
+
     def residual(self, u: Array, control: float) -> Array:
         """R at a point of the step."""
         return np.asarray(self._function(u, np.float64(control)))

@@ -22,14 +22,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .continuation import Outcome, PathStopped, Settings, Step, follow
+from .continuation import Settings, Step, follow
 from .expansion import Cost, Equations
-from .linear_solvers import LinearSolver
+from .linear_solvers import Factors, LinearSolver
+from .outcome import Evidence, Outcome, PathStopped
 
 Array = NDArray[np.float64]
 
@@ -57,10 +58,17 @@ class AffineVelocity:
         return self.rate * u + self.base + control * self.slope
 
 
+class StepEquations(Equations, Protocol):
+    """The equations of one time step."""
+
+    def resistance(self, u: Array, control: float, change: Array) -> Array:
+        """Change of R with a change of the velocity alone, shape (n,)."""
+
+
 class RateEquations(Protocol):
     """A problem whose residual depends on velocities."""
 
-    def during(self, t: float, h: float, velocity: AffineVelocity, about: Array) -> Equations:
+    def during(self, t: float, h: float, velocity: AffineVelocity, about: Array) -> StepEquations:
         """The equations of the step from t to t + h, with λ ∈ [0, 1] as control.
 
         Their unknown, and that of ``velocity``, is the increment from ``about``: of a short
@@ -173,6 +181,7 @@ def integrate(
     settings: Settings,
     whole: float,
     time_order: int = 2,
+    fixed: float | None = None,
     cost: Cost | None = None,
 ) -> Iterator[TimeStep]:
     """Accepted time steps up to ``end``.
@@ -190,13 +199,15 @@ def integrate(
         Duration over which the errors may add up to the tolerance.
     time_order : int
         Highest order of the formula, 1 or 2.
+    fixed : float, optional
+        Length of all steps; their error in time is estimated but not controlled.
 
     Raises
     ------
     PathStopped
     """
     cost = Cost() if cost is None else cost
-    integrator = _Integrator(equations, solver, settings, whole, time_order, cost)
+    integrator = _Integrator(equations, solver, settings, whole, time_order, fixed, cost)
     if memory.available == 1:
         memory = integrator.settled(memory)
     for _ in range(settings.max_steps):
@@ -214,6 +225,21 @@ class _Trial:
     v: Array
     imbalance: float
     branches: int
+    path: StepEquations
+    increment: Array
+    rate: float
+
+
+class _LastFactors:
+    """A linear solver that remembers what it has factorised last."""
+
+    def __init__(self, solver: LinearSolver) -> None:
+        self.solver = solver
+        self.factors: Factors | None = None
+
+    def factorise(self, matrix: Any) -> Factors:
+        self.factors = self.solver.factorise(matrix)
+        return self.factors
 
 
 class _Integrator:
@@ -224,10 +250,11 @@ class _Integrator:
         settings: Settings,
         whole: float,
         time_order: int,
+        fixed: float | None,
         cost: Cost,
     ) -> None:
-        self.equations, self.solver, self.settings = equations, solver, settings
-        self.whole, self.time_order, self.cost = whole, time_order, cost
+        self.equations, self.solver, self.settings = equations, _LastFactors(solver), settings
+        self.whole, self.time_order, self.fixed, self.cost = whole, time_order, fixed, cost
         self.path_settings = Settings(
             order=settings.order,
             tolerance=RESIDUAL_SHARE * settings.tolerance,
@@ -239,24 +266,26 @@ class _Integrator:
     def step(self, memory: Memory, end: float) -> TimeStep:
         """Try, estimate, and shorten until the error is allowed."""
         t = memory.times[0]
-        h, barred = min(memory.step, end - t), False
+        h, barred = min(self.fixed or memory.step, end - t), False
         order = min(self.time_order, memory.available)
-        reason = ""
+        failed = PathStopped(Outcome.STALLED, t)
         while h > 1e-13 * self.whole:
             new = end if h >= (end - t) * (1.0 - 1e-10) else t + h
             try:
                 trial = self._trial(memory, new, order)
             except PathStopped as stopped:
-                reason, h, barred = str(stopped), 0.25 * (new - t), True
+                failed, h, barred = stopped, 0.25 * (new - t), True
                 continue
-            error = self._error(memory, trial.u, new, order)
+            local = self._local_error(memory, trial.u, new, order)
+            error = self._error(memory, trial, new, local)
             ratio = self._ratio(error, order)
-            if error <= 1.0:
+            if error <= 1.0 or self.fixed is not None:
                 growth = min(ratio, 1.0 if barred else GROWTH)
                 return self._accepted(memory, trial, new, (order, error, growth))
             h, barred = max(0.1, min(ratio, 0.9)) * (new - t), True
-            reason = f"the error in time is {error:.2g} times what is allowed"
-        raise PathStopped(Outcome.STALLED, t, reason)
+            detail = f"the error in time is {error:.2g} times what is allowed"
+            failed = PathStopped(Outcome.STALLED, t, detail, Evidence(motion=local))
+        raise _given_up(failed, t)
 
     def settled(self, memory: Memory) -> Memory:
         """The same start, in equilibrium, with the velocity after the first instant.
@@ -279,7 +308,7 @@ class _Integrator:
         found = self._followed(self.equations.during(t, 0.0, velocity, u), len(u))
         return replace(memory, states=(u + found.branch.end[0],))
 
-    def _followed(self, path: Equations, size: int) -> Step:
+    def _followed(self, path: StepEquations, size: int) -> Step:
         """Last step of the path of the increment from λ = 0 to 1."""
         zero, settings = np.zeros(size), self.path_settings
         *_, last = follow(path, zero, solver=self.solver, settings=settings, cost=self.cost)
@@ -293,16 +322,14 @@ class _Integrator:
             w += weight * (state - u)
         velocity = AffineVelocity(rate, memory.v, w - memory.v)
         before = self.cost.expansions
-        last = self._followed(self.equations.during(t, new - t, velocity, u), len(u))
+        path = self.equations.during(t, new - t, velocity, u)
+        last = self._followed(path, len(u))
         increment = last.branch.end[0]
         v, spent = velocity(increment, 1.0), self.cost.expansions - before
-        return _Trial(u + increment, v, last.imbalance, spent)
+        return _Trial(u + increment, v, last.imbalance, spent, path, increment, rate)
 
-    def _error(self, memory: Memory, u: Array, new: float, order: int) -> float:
-        """Local error over what is allowed, from the predictor through order + 1 past states.
-
-        What lasts may add up to the tolerance over the whole time; what fades may
-        be as large as the tolerance in every step.
+    def _local_error(self, memory: Memory, u: Array, new: float, order: int) -> Array:
+        """Local error, from the predictor through order + 1 past states.
 
         The predictor's error is Π(new − t_j) u^(k+1)/(k+1)!, the formula's is
         that times 1/(rate (new − t_k)), so their ratio is known.
@@ -315,10 +342,30 @@ class _Integrator:
         else:
             guess = memory.states[0] + (new - times[0]) * memory.v
             factor = 0.5
-        local = factor * (u - guess)
+        return factor * (u - guess)
+
+    def _error(self, memory: Memory, trial: _Trial, new: float, local: Array) -> float:
+        """Local error over what is allowed.
+
+        What lasts may add up to the tolerance over the whole time; what fades may
+        be as large as the tolerance in every step.
+        """
         share = (new - memory.times[0]) / self.whole
-        lasting = self.equations.error(u, local) / share
-        return max(lasting, self.equations.fading_error(u, local)) / self.settings.tolerance
+        lasting = self.equations.error(trial.u, local) / share
+        fading = self.equations.fading_error(trial.u, self._answered(trial, trial.rate * local))
+        return max(lasting, fading) / self.settings.tolerance
+
+    def _answered(self, trial: _Trial, error: Array) -> Array:
+        """What an error of the velocity changes in the state that the step has found.
+
+        The formula errs in the velocity; the equations answer with a change of state, which
+        is small where stiffness, not resistance to motion, decides.
+        """
+        assert self.solver.factors is not None
+        self.cost.solves += 1
+        with self.cost.timed("error in time"):
+            force = trial.path.resistance(trial.increment, 1.0, error)
+            return self.solver.factors.solve(force)
 
     def _ratio(self, error: float, order: int) -> float:
         return GROWTH if error == 0.0 else float((0.5 / error) ** (1.0 / order))
@@ -338,3 +385,11 @@ class _Integrator:
             memory.times[0], new, trial.u, trial.v, order, error, trial.imbalance,
             trial.branches, following,
         )  # fmt: skip
+
+
+def _given_up(failed: PathStopped, t: float) -> PathStopped:
+    """What the shortest step failed of, as the end of the integration at t."""
+    if failed.outcome is Outcome.TOO_MANY_STEPS:
+        detail = "even the shortest step in time needs too many tangents"
+        return PathStopped(Outcome.STALLED, t, detail, failed.evidence)
+    return PathStopped(failed.outcome, t, failed.detail, failed.evidence)
