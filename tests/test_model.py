@@ -180,7 +180,7 @@ def test_motion_puts_supports_and_controls_in_time():
 def test_effects_report_their_time_and_their_need_of_velocity(friction):
     model = model_of(friction)
     assert model.rate_dependent is friction
-    names = ["membrane", "bending", "contact on r", "friction on r", "force on exit"]
+    names = ["membrane", "bending", "contact", "friction", "force on exit"]
     assert list(model.seconds) == [n for n in names if friction or "friction" not in n]
     before = dict(model.seconds)
     equations = equations_of("force", friction)

@@ -10,7 +10,7 @@ from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.friction import NortonHoff, Tanh
 from anmstrip.mechanics.loads import weight
 from anmstrip.mechanics.points import ContactOperator
-from anmstrip.mechanics.roller import Roller
+from anmstrip.mechanics.roller import Roller, together
 from anmstrip.mechanics.signorini import RepulsiveSignorini
 from anmstrip.mechanics.strip import Material, Strip, grid
 from anmstrip.model import Controls, Equilibrium, Model, Scales, Supports
@@ -278,3 +278,59 @@ def test_contact_orders_are_its_derivatives(contact):
             expected = orders(lambda a, i=i, at=at: at(a)[i], 0.04, 5, nodes=20)
             allowed = 1e-9 * size / 0.02 ** np.arange(5)
             assert (np.abs(coefficients[:5, i, 0] - expected) < allowed).all()
+
+
+THREE = (
+    Roller("a", RADIUS, (0.0, 0.0, -RADIUS)),
+    Roller("b", 0.3, (0.1, 0.0, 0.31), axis=(0.1, 1.0, 0.0)),
+    Roller("c", 0.25, (-0.2, 0.0, -0.26), crown=(0.0, -0.05)),
+)
+SEVERAL = {
+    f"rollers.{roller.name}.{key}": np.asarray(value)
+    for roller, speed in zip(THREE, (0.7, -0.4, 0.2), strict=True)
+    for key, value in {
+        "centre": np.array(roller.centre), "velocity": np.array([0.1, 0.0, speed]),
+        "surface_speed": speed,
+    }.items()
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("rubbing", [False, True], ids=["contact", "friction"])
+@pytest.mark.parametrize("reach", [np.inf, (0.02, 0.01, 0.03)], ids=["all", "near"])
+def test_rollers_together_do_what_each_does_alone(strip, operator, rubbing, reach):
+    """Forces and tangent of all pairs are the sums over the rollers."""
+    full, velocity = 1e-3 * rng_unknowns(strip, 21), rng_unknowns(strip, 22)
+    reaches = np.broadcast_to(reach, 3)
+    pairs = operator.restricted(np.tile(np.arange(operator.points), 3))
+    many = Contact(together(THREE, operator.points), LAW, pairs, tuple(reaches))
+    alone = [Contact(r, LAW, operator, float(h)) for r, h in zip(THREE, reaches, strict=True)]
+    effects = [[many], alone]
+    if rubbing:
+        effects = [[Friction(c, HOFF) for c in some] for some in effects]
+    forces, tangents = [], []
+    for some in effects:
+        model = Model(strip, Pattern(strip), some, Scales(1.0, 1.0, 1.0))
+        supports = Supports.at_rest(strip.unknowns, np.array([], dtype=int))
+        affine = AffineVelocity(5.0, velocity, np.zeros_like(velocity))
+        slope = {"rollers.a.centre": np.array([0.0, 0.0, -0.01]), "rollers.b.surface_speed": 2.0}
+        equations = Equilibrium(model, supports, Controls(SEVERAL, slope), affine)
+        forces.append(equations.residual(full, 0.3))
+        tangents.append(equations.recurrence(full, 0.3, 1).tangent())
+    assert np.abs(forces[0]).max() > 0.0
+    scale = np.abs(forces[1]).max()
+    np.testing.assert_allclose(forces[0], forces[1], atol=1e-12 * scale)
+    difference = abs(tangents[0] - tangents[1]).max()
+    assert difference < 1e-12 * abs(tangents[1]).max()
+
+
+def test_one_of_several_rollers_can_be_looked_at(strip, operator):
+    pairs = operator.restricted(np.tile(np.arange(operator.points), 3))
+    many = Contact(together(THREE, operator.points), LAW, pairs)
+    assert list(many.singles) == ["a", "b", "c"]
+    x = operator.apply(1e-3 * rng_unknowns(strip, 23))
+    for roller in THREE:
+        single, expected = many.singles[roller.name], Contact(roller, LAW, operator)
+        gap, found = expected.seen(x, SEVERAL).gap, single.seen(x, SEVERAL)
+        np.testing.assert_allclose(found.gap, gap, atol=1e-14)
+        normal = single.normal(found)
+        np.testing.assert_allclose(np.linalg.norm(normal, axis=0), 1.0)

@@ -132,9 +132,7 @@ def test_inflated_strip_is_an_arc(level):
         full.reshape(-1, strip.count)[strip.dofs("u")].T
     )
     radius, chord = tension / p, np.ptp(at[0])
-    assert at[2].max() == pytest.approx(
-        radius - np.sqrt(radius**2 - (0.5 * chord) ** 2), rel=1e-4
-    )
+    assert at[2].max() == pytest.approx(radius - np.sqrt(radius**2 - (0.5 * chord) ** 2), rel=1e-4)
     middle = np.array([at[0].mean(), at[2].max() - radius])
     np.testing.assert_allclose(np.hypot(*(at[[0, 2]] - middle[:, None])), radius, rtol=1e-4)
     reaction = model.force(full, None, controls.at(1.0)).reshape(-1, strip.count)
@@ -171,7 +169,9 @@ def test_plate_that_sags_under_tension(bends):
     exact = -0.5 * q / tension * (0.25 - x**2)
     if bends:
         exact += q * layer**2 / tension * (1.0 - np.cosh(x / layer) / np.cosh(0.5 / layer))
-    np.testing.assert_allclose(full[strip.dofs("u")], exact, rtol=1e-5, atol=1e-6 * abs(exact).max())
+    np.testing.assert_allclose(
+        full[strip.dofs("u")], exact, rtol=1e-5, atol=1e-6 * abs(exact).max()
+    )
     if bends:
         assert layer == pytest.approx(0.0577, rel=1e-2)
         assert abs(exact).max() < 0.98 * 0.125 * q / tension

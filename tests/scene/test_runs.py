@@ -146,7 +146,7 @@ def test_summary_has_what_is_promised(capstan: Finished) -> None:
     } <= set(summary["rollers"]["r1"])  # fmt: skip
     assert summary["edges"]["exit"]["tension"] == pytest.approx(11547.0, rel=1e-3)
     assert Scene.model_validate(summary["input"]).to_dict() == summary["input"]
-    names = {"membrane", "bending", "contact on r1", "friction on r1", "force on exit"}
+    names = {"membrane", "bending", "contact", "friction", "force on exit"}
     assert set(summary["effects"]) == names
     assert all(effect["seconds"] > 0.0 for effect in summary["effects"].values())
     assert "scipy" in summary["versions"]
@@ -213,7 +213,7 @@ def test_strip_without_friction_has_no_velocity(finished: Callable[..., Finished
     assert set(press.summary["effects"]) == {
         "membrane",
         "bending",
-        "contact on r1",
+        "contact",
         "force on exit",
     }
     surface = read_surface(press.directory / listed(press.directory / "strip.pvd")[-1].file)

@@ -1,15 +1,16 @@
-"""Contact of the strip with one roller: normal pressure, and friction.
+"""Contact of the strip with rollers: normal pressure, and friction.
 
-Both are looked at near the roller only.  Beyond a gap where the regularised
+Both are looked at near the rollers only.  Beyond a gap where the regularised
 pressure is negligible a point is left out, and with it the singularities of its
 series, which would shorten every step for a force that nobody sees.
 
-Everything is computed in the roller's frame, see :mod:`anmstrip.mechanics.roller`.
+Everything is computed in the rollers' frames, see :mod:`anmstrip.mechanics.roller`,
+and for all of them at once: a pair of a point and a roller is a point of its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -20,69 +21,89 @@ from numpy.typing import NDArray
 from .friction import FrictionLaw
 from .kinematics import SHELL, Kinematics
 from .points import ContactOperator
-from .roller import Place, Roller
+from .roller import Place, Roller, Rollers
 from .signorini import RepulsiveSignorini
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Contact:
-    """Normal tractions R n of a roller at points of the strip.
+    """Normal tractions R n of rollers at points of the strip.
 
-    Control: ``rollers.NAME.centre`` (m).
+    Controls: ``rollers.NAME.centre`` (m).
 
     Attributes
     ----------
-    roller : Roller
+    roller : Roller or Rollers
     signorini : RepulsiveSignorini
         In pressures.
     operator : ContactOperator
-    reach : float
-        Gap (m) beyond which a point is left out.
+        At the points, once for every roller.
+    reach : float or sequence of float
+        Gap (m) beyond which a point is left out, for all or for each roller.
     kinematics : Kinematics
         Which displacements the points have.
     """
 
-    roller: Roller
+    roller: Roller | Rollers
     signorini: RepulsiveSignorini
     operator: ContactOperator
-    reach: float = np.inf
+    reach: float | Sequence[float] = np.inf
     kinematics: Kinematics = SHELL
 
+    name = "contact"
     rate_dependent = False
 
-    @property
-    def name(self) -> str:
-        """For reports."""
-        return f"contact on {self.roller.name}"
+    @cached_property
+    def reaches(self) -> Any:
+        """Reach of each point's roller."""
+        many = np.broadcast_to(np.asarray(self.reach, dtype=float), len(self.roller.members))
+        return self.roller.of(list(many))
 
     @cached_property
     def least(self) -> Array:
         """Pressure at the reach, taken off everywhere so that contact begins without a jump."""
-        return self.signorini(np.array(self.reach)) if np.isfinite(self.reach) else np.array(0.0)
+        if np.all(np.isinf(self.reaches)):
+            return np.array(0.0)
+        return np.asarray(self.signorini(np.asarray(self.reaches)))
+
+    @cached_property
+    def singles(self) -> dict[str, Contact]:
+        """Roller → its own contact, at all points of the strip."""
+        return {name: self.restricted(points) for name, points in self._points_of().items()}
+
+    def _points_of(self) -> dict[str, Index]:
+        which = getattr(self.roller, "which", np.zeros(self.operator.points, dtype=np.int64))
+        return {r.name: np.flatnonzero(which == k) for k, r in enumerate(self.roller.members)}
+
+    def restricted(self, points: Index) -> Contact:
+        """The same on some of the points."""
+        operator, roller = self.operator.restricted(points), self.roller.restricted(points)
+        return replace(self, operator=operator, roller=roller)
 
     @cached_property
     def view(self) -> Array:
-        """The strip's components in the roller's frame, shape (rows, components)."""
-        return self.roller.frame[: self.roller.rows] @ self.kinematics.chosen.T
+        """The strip's components in the frames, shape (rows, components[, points])."""
+        frame = self.roller.frame[: self.roller.rows]
+        return np.einsum("ix...,cx->ic...", frame, self.kinematics.chosen)
 
     @cached_property
     def origin(self) -> Array:
-        """Reference positions in the roller's frame, shape (rows, points)."""
-        return self.roller.frame[: self.roller.rows] @ self.operator.reference
+        """Reference positions in the frames, shape (rows, points)."""
+        return np.asarray(mapped(self.roller.frame[: self.roller.rows], self.operator.reference))
 
     def seen(self, x: Any, controls: Mapping[str, Any]) -> Place:
         """Where displaced points are, on arrays or series."""
-        centre = controls[f"rollers.{self.roller.name}.centre"]
-        moved = (self.roller.frame[: self.roller.rows] @ centre)[:, None]
-        offset = self.origin - moved
-        return self.roller.seen(np.einsum("ic,c...->i...", self.view, x) + offset)
+        centre = control_of(self.roller, controls, "centre")
+        offset = self.origin - mapped(self.roller.frame[: self.roller.rows], centre)
+        return self.roller.seen(mapped(self.view, x) + offset)
 
     def near(self, full: Array, controls: Mapping[str, Any]) -> Contact:
         """The same effect on the points within reach."""
         gap = self.seen(self.operator.apply(full), controls).gap
-        return replace(self, operator=self.operator.restricted(np.flatnonzero(gap < self.reach)))
+        return self.restricted(np.flatnonzero(gap < self.reaches))
 
     def pressure(self, place: Place) -> Any:
         """R (Pa), shape (points,)."""
@@ -90,18 +111,19 @@ class Contact:
 
     def normal(self, place: Place) -> Array:
         """Unit normal in space, shape (3, points)."""
-        return self.roller.frame[: self.roller.rows].T @ self.roller.normal(place)
+        frame = self.roller.frame[: self.roller.rows]
+        return np.einsum("ix...,i...->x...", frame, self.roller.normal(place))
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Residual per area: minus the traction of the roller, (components, points)."""
         place = self.seen(x, controls)
         traction = self.roller.normal(place) * self.pressure(place)
-        return np.einsum("ic,i...->c...", -self.view, traction)
+        return mapped(-self.view.swapaxes(0, 1), traction)
 
 
 @dataclass(frozen=True)
 class Friction:
-    """Tangential tractions R_T of a roller at points of the strip.
+    """Tangential tractions R_T of rollers at points of the strip.
 
     The slip has one component along the direction of turning and, in space, one along
     the meridian.  Controls: ``rollers.NAME.centre`` (m), ``rollers.NAME.surface_speed``
@@ -118,17 +140,13 @@ class Friction:
     contact: Contact
     law_of_slip: FrictionLaw
 
+    name = "friction"
     rate_dependent = True
 
     @property
-    def roller(self) -> Roller:
+    def roller(self) -> Roller | Rollers:
         """Of the contact."""
         return self.contact.roller
-
-    @property
-    def name(self) -> str:
-        """For reports."""
-        return f"friction on {self.roller.name}"
 
     @property
     def operator(self) -> ContactOperator:
@@ -137,13 +155,19 @@ class Friction:
 
     @cached_property
     def frame(self) -> Array:
-        """Directions in which points move, of the roller's frame, shape (2 or 3, 3)."""
+        """Directions in which points move, of the frames, shape (2 or 3, 3[, points])."""
         return self.roller.frame[: self.contact.kinematics.count]
 
     @cached_property
     def view(self) -> Array:
-        """The strip's components in this frame."""
-        return self.frame @ self.contact.kinematics.chosen.T
+        """The strip's components in these frames."""
+        return np.einsum("ix...,cx->ic...", self.frame, self.contact.kinematics.chosen)
+
+    @cached_property
+    def singles(self) -> dict[str, Friction]:
+        """Roller → its own friction, at all points of the strip."""
+        found = self.contact.singles
+        return {name: replace(self, contact=contact) for name, contact in found.items()}
 
     def near(self, full: Array, controls: Mapping[str, Any]) -> Friction:
         """The same effect on the points within reach."""
@@ -155,10 +179,9 @@ class Friction:
 
     def slip(self, place: Place, tangents: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Tangential velocity relative to the surface (m/s), (components of slip, points)."""
-        key = f"rollers.{self.roller.name}"
-        own = (self.frame @ controls[f"{key}.velocity"])[:, None]
-        relative = np.einsum("ic,c...->i...", self.view, v) - own
-        speed = controls[f"{key}.surface_speed"]
+        own = mapped(self.frame, control_of(self.roller, controls, "velocity"))
+        relative = mapped(self.view, v) - own
+        speed = control_of(self.roller, controls, "surface_speed")
         turning = np.eye(len(self.frame) - 1)[0][:, None]
         surface = (turning if place.ratio is None else place.ratio * turning) * speed
         return np.einsum("ki...,i...->k...", tangents, relative) - surface
@@ -170,7 +193,7 @@ class Friction:
         pressure = self.contact.pressure(place)
         traction = self.law_of_slip(pressure, self.slip(place, tangents, v, controls))
         local = np.einsum("ki...,k...->i...", tangents, traction)
-        return np.einsum("ic,i...->c...", -self.view, local)
+        return mapped(-self.view.swapaxes(0, 1), local)
 
     def in_space(self, x: Array, v: Array, controls: Mapping[str, Any]) -> tuple[Array, Array]:
         """Slip (m/s) and traction (Pa) in space, shape (3, points) each."""
@@ -178,6 +201,20 @@ class Friction:
         tangents = self.tangents(place)
         slip = self.slip(place, tangents, v, controls)
         traction = self.law_of_slip(self.contact.pressure(place), slip)
-        directions = np.einsum("kip,ix->kxp", tangents, self.frame)
+        directions = np.einsum("ki...,ix...->kx...", tangents, self.frame)
         along, across = (np.einsum("kxp,kp->xp", directions, s) for s in (slip, traction))
         return along, across
+
+
+def mapped(matrix: Array, vectors: Any) -> Any:
+    """One matrix (i, c), or one for each point (i, c, points), times vectors (c, points)."""
+    subscripts = "ic,c...->i..." if matrix.ndim == 2 else "ic...,c...->i..."
+    return np.einsum(subscripts, matrix, vectors)
+
+
+def control_of(roller: Roller | Rollers, controls: Mapping[str, Any], name: str) -> Any:
+    """A control of the roller that sees each point, a vector as (3, 1 or points)."""
+    values = [controls[f"rollers.{r.name}.{name}"] for r in roller.members]
+    value = roller.of(values)
+    single = len(roller.members) == 1 and values[0].ndim == 1
+    return value[:, None] if single else value

@@ -67,8 +67,8 @@ class ContactOperator:
         self.transposed = self.matrix.T.tocsr()
 
     def restricted(self, points: Index) -> ContactOperator:
-        """The same on some of the points; it keeps the cells of all."""
-        if len(points) == len(self.chosen):
+        """The same on some of the points, also several times; it keeps the cells of all."""
+        if np.array_equal(points, np.arange(len(self.chosen))):
             return self
         part = copy(self)
         part.chosen = self.chosen[points]
@@ -93,7 +93,7 @@ class ContactOperator:
     def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Array) -> None:
         """Add Lᵀ w J L, J[j, i] of shape (count, count, points), over these points' cells."""
         every = np.zeros((self.count, self.count, self.cells.max() + 1))
-        every[:, :, self.chosen] = derivative
+        np.add.at(every.T, self.chosen, derivative.T)
         active = np.abs(every).max(axis=(0, 1)) > 0.0
         near = np.flatnonzero(active[self.cells].any(axis=1))
         table, places = self.table[near], pattern.cells[near].ravel()

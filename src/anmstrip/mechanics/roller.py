@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -44,44 +45,19 @@ class Place:
     ratio: Any = None
 
 
-@dataclass(frozen=True)
-class Roller:
-    """Geometry of a roller.
+class Revolved:
+    """A surface of revolution, or several of them with one for each point.
 
     Attributes
     ----------
-    name : str
-    radius : float
+    radius : float, or ndarray of shape (points,)
         r (m).
-    centre : tuple of float
-        A point c of the axis (m).
-    axis : tuple of float
-        Direction a, any length, right-handed: a positive surface speed moves
-        the top of a roller along y towards +x.
-    crown : tuple of float
-        c_1, c_2, … (m, per metre, …): the radius at s is r + c_1 s + c_2 s² + …
+    crown : sequence of float, or of ndarray
+        c_1, c_2, …
     """
 
-    name: str
-    radius: float
-    centre: tuple[float, float, float]
-    axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
-    crown: tuple[float, ...] = ()
-
-    @cached_property
-    def unit_axis(self) -> Array:
-        """a, shape (3,)."""
-        a = np.asarray(self.axis, dtype=float)
-        return a / np.linalg.norm(a)
-
-    @cached_property
-    def frame(self) -> Array:
-        """Rows e_1, e_2, a: right-handed, e_1 as near to z as it can; shape (3, 3)."""
-        a = self.unit_axis
-        up = np.eye(3)[2] if abs(a[2]) < 0.9 else np.eye(3)[0]
-        first = up - (up @ a) * a
-        first /= np.linalg.norm(first)
-        return np.stack([first, np.cross(a, first), a])
+    radius: Any
+    crown: Sequence[Any]
 
     def radius_at(self, s: Any) -> Any:
         """R(s) (m)."""
@@ -144,6 +120,108 @@ class Roller:
         inverse = 1.0 / np.sqrt(place.slope * place.slope + 1.0)
         outwards = place.radial * (place.slope * inverse)
         return np.stack([turning, np.stack([outwards[0], outwards[1], inverse])])
+
+
+@dataclass(frozen=True)
+class Roller(Revolved):
+    """Geometry of a roller.
+
+    Attributes
+    ----------
+    name : str
+    radius : float
+        r (m).
+    centre : tuple of float
+        A point c of the axis (m).
+    axis : tuple of float
+        Direction a, any length, right-handed: a positive surface speed moves
+        the top of a roller along y towards +x.
+    crown : tuple of float
+        c_1, c_2, … (m, per metre, …): the radius at s is r + c_1 s + c_2 s² + …
+    """
+
+    name: str
+    radius: float
+    centre: tuple[float, float, float]
+    axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    crown: tuple[float, ...] = ()
+
+    @cached_property
+    def unit_axis(self) -> Array:
+        """a, shape (3,)."""
+        a = np.asarray(self.axis, dtype=float)
+        return a / np.linalg.norm(a)
+
+    @cached_property
+    def frame(self) -> Array:
+        """Rows e_1, e_2, a: right-handed, e_1 as near to z as it can; shape (3, 3)."""
+        a = self.unit_axis
+        up = np.eye(3)[2] if abs(a[2]) < 0.9 else np.eye(3)[0]
+        first = up - (up @ a) * a
+        first /= np.linalg.norm(first)
+        return np.stack([first, np.cross(a, first), a])
+
+    @property
+    def members(self) -> tuple[Roller, ...]:
+        """Itself: it stands for all rollers that are looked at."""
+        return (self,)
+
+    def of(self, values: Sequence[Any]) -> Any:
+        """What belongs to a point, of one value for each roller."""
+        return values[0]
+
+    def restricted(self, points: Index) -> Roller:
+        """The same for some of the points."""
+        return self
+
+
+@dataclass(frozen=True)
+class Rollers(Revolved):
+    """Several rollers at once: every point is seen by one of them.
+
+    What is computed for one roller is computed for all in the same operations.
+
+    Attributes
+    ----------
+    members : tuple of Roller
+    which : ndarray of int, shape (points,)
+        Number of the roller that sees each point.
+    """
+
+    members: tuple[Roller, ...]
+    which: Index
+
+    @cached_property
+    def radius(self) -> Array:
+        """r of each point's roller, shape (points,)."""
+        return np.asarray(self.of([roller.radius for roller in self.members]))
+
+    @cached_property
+    def crown(self) -> Sequence[Array]:  # type: ignore[override]
+        """Coefficients of each point's roller, zero where it has fewer."""
+        most = max(len(roller.crown) for roller in self.members)
+        padded = [(*r.crown, *(most - len(r.crown)) * (0.0,)) for r in self.members]
+        return [np.asarray(self.of(c)) for c in zip(*padded, strict=True)]
+
+    @cached_property
+    def frame(self) -> Array:
+        """Frame of each point's roller, shape (3, 3, points)."""
+        return np.asarray(self.of([roller.frame for roller in self.members]))
+
+    def of(self, values: Sequence[Any]) -> Any:
+        """What belongs to each point, of one value for each roller, (..., points)."""
+        return np.stack(list(values), axis=-1)[..., self.which]
+
+    def restricted(self, points: Index) -> Rollers:
+        """The same for some of the points."""
+        return Rollers(self.members, self.which[points])
+
+
+def together(rollers: Sequence[Roller], points: int) -> Roller | Rollers:
+    """Rollers that each look at all points: first all of them for the first roller, then…"""
+    if len(rollers) == 1:
+        return rollers[0]
+    return Rollers(tuple(rollers), np.repeat(np.arange(len(rollers)), points))
 
 
 def polynomial(coefficients: Sequence[float], s: Any) -> Any:

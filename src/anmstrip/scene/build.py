@@ -129,27 +129,25 @@ class Assembly:
         return NortonHoff(f.coefficient, f.exponent, f.omega, f.speed)
 
     @cached_property
-    def contacts(self) -> list[Contact]:
-        """One normal contact per roller, if the scene has contact.
+    def contact(self) -> Contact | None:
+        """Normal contact with all rollers, if the scene has contact.
 
         It reaches a radius far: a strip that comes near is felt long before it
         could pass through a roller within one step.
         """
-        return [self._contact(roller, roller.radius) for roller in self._touched]
+        return self._contact([roller.radius for roller in self.rollers])
 
-    @property
-    def frictions(self) -> list[Friction]:
-        """Friction of each contact."""
+    @cached_property
+    def rubbing(self) -> Friction | None:
+        """Friction on all rollers, if the scene has it."""
         law = self.friction
-        if law is None:
-            return []
+        if law is None or self.contact is None:
+            return None
+        contact = self._contact([self._friction_reach(roller) for roller in self.rollers])
+        assert contact is not None
         from anmstrip.mechanics.contact import Friction  # noqa: PLC0415
 
-        return [Friction(self._contact(r, self._friction_reach(r)), law) for r in self._touched]
-
-    @property
-    def _touched(self) -> tuple[Roller, ...]:
-        return () if self.scene.contact is None else self.rollers
+        return Friction(contact, law)
 
     @cached_property
     def signorini(self) -> RepulsiveSignorini:
@@ -160,10 +158,18 @@ class Assembly:
 
         return RepulsiveSignorini(c.stiffness, c.eta, c.delta)
 
-    def _contact(self, roller: Roller, reach: float) -> Contact:
+    def _contact(self, reaches: list[float]) -> Contact | None:
+        """Contact of every point with every roller, up to the given gaps."""
+        if self.scene.contact is None or not self.rollers:
+            return None
         from anmstrip.mechanics.contact import Contact  # noqa: PLC0415
+        from anmstrip.mechanics.roller import together  # noqa: PLC0415
 
-        return Contact(roller, self.signorini, self.contact_operator, reach, self.kinematics)
+        operator = self.contact_operator
+        every = np.tile(np.arange(operator.points), len(self.rollers))
+        rollers = together(self.rollers, operator.points)
+        pairs = operator.restricted(every)
+        return Contact(rollers, self.signorini, pairs, tuple(reaches), self.kinematics)
 
     def _friction_reach(self, roller: Roller) -> float:
         return float(self.signorini.gap(FAINT * self.scales.tension / roller.radius))
@@ -179,8 +185,9 @@ class Assembly:
         """
         given = sorted(controls)
         effects: list[Effect] = [*self._own(given)]
-        effects += self.contacts
-        effects += self.frictions if self.frictional(stage) else []
+        effects += [] if self.contact is None else [self.contact]
+        if self.frictional(stage) and self.rubbing is not None:
+            effects.append(self.rubbing)
         effects += [self._load(name) for name in given if _is_load(name)]
         return effects
 

@@ -128,13 +128,12 @@ class State:
     @cached_property
     def contacts(self) -> dict[str, ContactState]:
         """Roller → what it does to the strip."""
-        found: list[Any] = [e for e in self.plan.model.effects if hasattr(e, "roller")]
-        frictions = {e.roller.name: e for e in found if e.rate_dependent}
-        return {
-            effect.roller.name: self._contact(effect, frictions.get(effect.roller.name))
-            for effect in found
-            if not effect.rate_dependent
-        }
+        found: list[Any] = [e for e in self.plan.model.effects if hasattr(e, "singles")]
+        contacts: dict[str, Contact] = {}
+        frictions: dict[str, Friction] = {}
+        for effect in found:
+            (frictions if effect.rate_dependent else contacts).update(effect.singles)
+        return {name: self._contact(c, frictions.get(name)) for name, c in contacts.items()}
 
     def _contact(self, contact: Contact, friction: Friction | None) -> ContactState:
         place = contact.seen(contact.operator.apply(self.full), self.controls)
@@ -224,7 +223,7 @@ class ContactState:
     @property
     def roller(self) -> Roller:
         """Of the contact."""
-        return self.contact.roller
+        return self.contact.roller.members[0]
 
     @property
     def turning(self) -> Array:

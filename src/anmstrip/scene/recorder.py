@@ -65,7 +65,7 @@ class Recorder:
             self.strip = Collection.reopened(directory / "strip.pvd", reached)
             self.rollers = Collection.reopened(directory / "rollers.pvd", reached)
         self.due = [t for t in assembly.scene.output.times or () if t > reached]
-        touching = assembly.contact_operator if assembly.contacts else None
+        touching = None if assembly.contact is None else assembly.contact_operator
         bends = assembly.bending is not None
         self.surface = Surface(assembly.strip, assembly.membrane, touching, bends)
         nothing = dict.fromkeys((r.name for r in assembly.rollers), 0.0)
