@@ -197,6 +197,18 @@ def _finite(text: str) -> float:
 
 
 @main.command()
+@click.argument("name")
+@click.option("--quick", is_flag=True, help="Coarse meshes: a few seconds.")
+@_directory
+def study(name: str, quick: bool, directory: Path | None) -> None:
+    """Compare accuracy and cost: effects."""
+    from anmstrip.studies.registry import run_study
+
+    directory = directory or Path("results", f"study-{name}")
+    click.echo(str(run_study(name, quick=quick, directory=directory)))
+
+
+@main.command()
 @click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
 @click.option("--field", metavar="NAME", help="The field that colours the strip.")
 @click.option("--movie", is_flag=True, help="A movie of all states as well.")

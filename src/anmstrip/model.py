@@ -202,17 +202,17 @@ class Equilibrium:
         return forces[self.supports.free]
 
     def resistance(self, u: Array, control: float, change: Array) -> Array:
-        """Change of the imbalance with a change of the free unknowns' velocity alone."""
+        """∂R/∂v times a change of the free unknowns' velocity."""
         full, velocity = self.supports.full(u, control), self.full_velocity(u, control)
-        assert velocity is not None
-        other, controls = velocity.copy(), self.controls.at(control)
-        other[self.supports.free] += change
-        effects = [e for e in self.model.effects if getattr(e, "rate_dependent", False)]
-        total = sum(
-            _force(effect, full, other, controls) - _force(effect, full, velocity, controls)
-            for effect in effects
-        )
-        return np.asarray(total)[self.supports.free]
+        still, moved = np.zeros_like(full), np.zeros_like(full)
+        moved[self.supports.free] = change
+        total = np.zeros_like(full)
+        for effect in self.model.effects:
+            if getattr(effect, "rate_dependent", False):
+                series = series_of(effect, 1, full, velocity, control, self.controls)
+                force = series.derivative(still, moved, 0.0)
+                total += 0.0 if force is None else force
+        return total[self.supports.free]
 
     def inner(self, u: Array, w: Array) -> float:
         """Mean over the nodes of the product of positions, over the length scale squared."""

@@ -146,7 +146,7 @@ def test_surface_velocity_is_that_of_a_rigid_body(crown):
         on_surface = np.outer(roller.unit_axis, s) + radial * roller.radius_at(s)
     spin = roller.unit_axis * 0.7 / roller.radius
     body = np.cross(spin, on_surface, axis=0) + np.array([[0.1], [0.3], [-0.2]])
-    slip, traction = Friction(contact, HOFF).in_space(x, body, controls)
+    slip, _ = Friction(contact, HOFF).in_space(x, body, controls)
     assert np.abs(slip).max() < 1e-13
     standing, _ = Friction(contact, HOFF).in_space(x, 0.0 * body, controls)
     normal = contact.normal(place)

@@ -92,25 +92,25 @@ def begun(cells: int, feed: bool, held: Run, more: int, **strip: Any) -> Run:
     """A run that starts from a held strip, with more elements behind its entry."""
     run = Run(Scene.model_validate(tables(cells + more, feed, **strip)))
     for stage in run.scene.course[:2]:
-        run.course.plan(stage, {})
-        run.course.finish(stage)
-    run.course.released, run.course.values = {"entry"}, dict(held.course.values)
+        run.march.course.plan(stage, {})
+        run.march.course.finish(stage)
+    run.march.course.released, run.march.course.values = {"entry"}, dict(held.march.course.values)
     run.first_stage = 2
     longer, shorter = Feed(run.assembly.strip), Feed(held.assembly.strip)
-    old = held.full.reshape(-1, held.assembly.strip.count) + shorter.flat
+    old = held.march.full.reshape(-1, held.assembly.strip.count) + shorter.flat
     new = np.zeros_like(longer.flat)
     for column in range(cells + more + 1):
         source = max(column - more, 0)
         back = (column - more - source) * H
         new[longer.columns[column]] = shorter._continued(old[shorter.columns[source]], back)
-    run.full = (new - longer.flat).ravel()
+    run.march.full = (new - longer.flat).ravel()
     return run
 
 
 def places(run: Run) -> np.ndarray:
     """Positions and slopes by column."""
     feed = Feed(run.assembly.strip)
-    return (run.full.reshape(-1, run.assembly.strip.count) + feed.flat)[feed.columns]
+    return (run.march.full.reshape(-1, run.assembly.strip.count) + feed.flat)[feed.columns]
 
 
 @pytest.mark.parametrize(
@@ -129,8 +129,8 @@ def test_a_fed_strip_moves_like_a_long_one(strip: dict[str, Any]) -> None:
     held = done(Run(Scene.model_validate(first)))
     fed = done(begun(cells, True, held, 0, **strip))
     long = done(begun(cells, False, held, more, **strip))
-    assert fed.feed is not None and fed.feed.elements == 3
-    behind = more - fed.feed.elements
+    assert fed.march.feed is not None and fed.march.feed.elements == 3
+    behind = more - fed.march.feed.elements
     difference = places(fed) - places(long)[behind : behind + cells + 1]
     assert np.abs(difference).max() < 1e-8
     for name in ("entry", "exit"):

@@ -89,6 +89,38 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
     ("= 0.6", f"{RELEASED}entry.move = [0, 0, 1]", "stages.turn.entry.move", "released"),
 ]  # fmt: skip
 
+THREADED = (
+    GOOD.replace("length = 4.0\n", "")
+    .replace('name = "r1"', 'name = "r1"\nwrap = "over"')
+    .replace("[contact]", "[threading]\ntension = 1.0e4\nentry = [-2, 0, -1]\n"
+             "exit = [2, 0, -1]\n\n[contact]", 1)
+)  # fmt: skip
+
+WRONG_THREADED = [
+    ("[threading]\ntension = 1.0e4\nentry = [-2, 0, -1]\nexit = [2, 0, -1]\n", "",
+     "rollers.r1.wrap", "[threading]"),
+    ('wrap = "over"\n', "", "threading", 'wrap = "over"'),
+    ('wrap = "over"', 'wrap = "above"', "rollers.r1.wrap", '"under"'),
+    ("tension = 1.0e4", "tension = 0.0", "threading.tension", "above 0 (N/m)"),
+    ("tension = 1.0e4\n", "", "threading.tension", "nothing"),
+    ("entry = [-2, 0, -1]\n", "", "strip.length", "length = 4.0"),
+    ("thickness = 1.0e-3", "thickness = 1.0e-3\nlength = 4.0", "strip.length", "threading.exit"),
+    ("entry = [-2, 0, -1]", "entry = [-2, -1]", "threading.entry", "three"),
+    ("axis = [0.0, 1.0, 0.0]", "axis = [1.0, 0.0, 0.0]", "rollers.r1.axis", "nearly along y"),
+    ("axis = [0.0, 1.0, 0.0]", "axis = [0.0, 0.1, 1.0]", "rollers.r1.axis", "nearly along y"),
+    ('fixed = ["x", "z"]', 'fixed = ["z"]', "edges.entry.fixed", "thread against"),
+    ('name = "turn"', 'name = "threading"', "stages.threading.name", "another name"),
+    ("radius = 0.5", "radius = 0.5\ncrown = [-2.0]", "rollers.r1.crown", "all across"),
+    ("radius = 0.5", "radius = 0.5\ncrown = [0.0, -2.1]", "rollers.r1.crown", "falls to"),
+    ("radius = 0.5", 'radius = 0.5\ncrown = ["a"]', "rollers.r1.crown", "numbers"),
+    ("duration = 0.6", "duration = 0.6\nleft.tension = 1.0", "stages.turn.left.tension", "ends"),
+]  # fmt: skip
+
+WRONG_SECTION = [
+    ("radius = 0.5", "radius = 0.5\ncrown = [0.0, -1e-3]", "rollers.r1.crown", "no width"),
+    ("axis = [0.0, 1.0, 0.0]", "axis = [0.001, 1.0, 0.0]", "rollers.r1.axis", "no width"),
+]
+
 
 def mistakes_of(directory: Path, text: str) -> dict[str, str]:
     """Return the mistakes found in a scene, as they are told, by key."""
@@ -105,6 +137,41 @@ def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, key: str, wo
     assert old in GOOD
     mistakes = mistakes_of(tmp_path, GOOD.replace(old, new, 1))
     assert words in mistakes[key]
+
+
+@pytest.mark.parametrize(("old", "new", "key", "words"), WRONG_THREADED)
+def test_what_is_wrong_with_threading(
+    tmp_path: Path, old: str, new: str, key: str, words: str
+) -> None:
+    assert old in THREADED
+    mistakes = mistakes_of(tmp_path, THREADED.replace(old, new, 1))
+    assert words in mistakes[key]
+
+
+@pytest.mark.parametrize(("old", "new", "key", "words"), WRONG_SECTION)
+def test_what_a_section_cannot_see(
+    tmp_path: Path, old: str, new: str, key: str, words: str
+) -> None:
+    text = THREADED.replace("refined = 0.025", 'refined = 0.025\nkinematics = "section"')
+    assert old in text
+    assert words in mistakes_of(tmp_path, text.replace(old, new, 1))[key]
+
+
+def test_plate_cannot_be_threaded(tmp_path: Path) -> None:
+    begin, end = THREADED.index("[friction]"), THREADED.index("[[rollers]]")
+    text = THREADED[:begin] + THREADED[end:].replace("friction = false\n", "")
+    text = text.replace("refined = 0.025", 'refined = 0.025\nkinematics = "plate"')
+    assert "nearly flat" in mistakes_of(tmp_path, text)["strip.kinematics"]
+
+
+def test_threaded_scene_is_right(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    text = THREADED.replace("radius = 0.5", "radius = 0.5\ncrown = [0.0, -1.9]")
+    path.write_text(text, encoding="utf-8")
+    scene = Scene.load(path)
+    assert [stage.name for stage in scene.course][:2] == ["threading", "tension"]
+    assert not scene.course[0].friction
+    assert (scene.strip.length, scene.rollers[0].wrap) == (None, "over")
 
 
 def test_a_single_mistake_is_reported_alone(tmp_path: Path) -> None:

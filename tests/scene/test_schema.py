@@ -15,6 +15,7 @@ from anmstrip.scene import Scene, schema
 from anmstrip.scene.rules import EDGE_NAMES
 
 CAPSTAN = Path(__file__).with_name("capstan.toml")
+EXAMPLES = Path(__file__).parents[2] / "examples"
 MODELS = [getattr(schema, name) for name in schema.__all__]
 FIELDS = [(model, name) for model in MODELS for name in model.model_fields]
 
@@ -57,6 +58,17 @@ def test_scene_without_friction_says_so_as_used() -> None:
     used = Scene.model_validate(tables).to_dict()
     assert [stage["friction"] for stage in used["stages"]] == [False, False, False]
     assert Scene.model_validate(used).to_dict() == used
+
+
+def test_threaded_scene_as_used_makes_the_same_scene() -> None:
+    tables = tomllib.loads((EXAMPLES / "misaligned.toml").read_text(encoding="utf-8"))
+    scene = Scene.model_validate(tables)
+    used = scene.to_dict()
+    assert Scene.model_validate(used).to_dict() == used
+    assert used["threading"]["entry"] == [-2.0, 0.0, -1.0]
+    assert used["rollers"][0]["axis"] == [0.003, 1.0, 0.0]
+    assert len(scene.course) == len(scene.stages) + 1
+    assert [stage["name"] for stage in used["stages"]] == ["hold", "start", "run"]
 
 
 def test_scene_made_in_python_is_checked_too() -> None:

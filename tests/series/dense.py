@@ -53,7 +53,7 @@ class DenseRecurrence:
         self.tape.correct(k, {self.u: u, self.control: control})
 
 
-def followed(equations, u, *, start=0.0, target=1.0, cost=None, **choices):
+def followed(equations, u, *, start=0.0, target=1.0, pace=None, cost=None, **choices):
     """All steps of a path."""
     return list(
         follow(
@@ -63,6 +63,7 @@ def followed(equations, u, *, start=0.0, target=1.0, cost=None, **choices):
             settings=Settings(**choices),
             start=start,
             target=target,
+            pace=pace,
             cost=Cost() if cost is None else cost,
         )
     )

@@ -59,6 +59,17 @@ def test_branches_join():
 
 
 @pytest.mark.parametrize("mode", MODES)
+def test_going_on_from_a_pace_changes_nothing(mode):
+    """Neither the lengths of the steps, nor the change to arclength, nor the sense on the arc."""
+    choices = {"start": -0.528, "target": 1.0, "tolerance": 1e-9, **MODES[mode]}
+    whole = followed(one(cubic), [-1.2], **choices)
+    assert len(whole) > 4
+    for number, step in enumerate(whole[:-1]):
+        rest = followed(one(cubic), step.branch.end[0], pace=step.pace, **choices)
+        assert [s.branch.end for s in rest] == [s.branch.end for s in whole[number + 1 :]]
+
+
+@pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("order", [10, 19, 20])
 def test_folds_of_a_cubic_are_passed_and_found(mode, order):
     steps = followed(

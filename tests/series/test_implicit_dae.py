@@ -26,13 +26,19 @@ def stiff_friction(u, v, t):
     return np.stack([-u[0] - 0.3 * s * (s * s + 1e-10) ** -0.45])
 
 
-def run(residual, u, v, end, *, tolerance=1e-4, first=1e-3, speed=np.inf, **options):
+def run(residual, u, v, end, *, tolerance=1e-4, first=1e-3, speed=np.inf, time_order=2, **options):
     equations = FunctionRateEquations(residual, end, speed)
     start = implicit_dae.start(0.0, np.array(u), np.array(v), first)
     settings = Settings(order=15, tolerance=tolerance, max_steps=20_000)
     return list(
         implicit_dae.integrate(
-            equations, start, end, solver=DENSE, settings=settings, whole=end, **options
+            equations,
+            start,
+            end,
+            solver=DENSE,
+            settings=settings,
+            stepping=implicit_dae.Stepping(end, time_order),
+            **options,
         )
     )
 
@@ -58,7 +64,9 @@ def fixed_steps(order, ratio, count):
     knots = np.concatenate([[0.0], np.cumsum(lengths) / lengths.sum()])
     equations = FunctionRateEquations(smooth, 1.0)
     settings = Settings(order=15, tolerance=1e-3)
-    integrator = implicit_dae._Integrator(equations, DENSE, settings, 1.0, order, None, Cost())
+    integrator = implicit_dae._Integrator(
+        equations, DENSE, settings, implicit_dae.Stepping(1.0, order), Cost()
+    )
     integrator.path_settings = Settings(order=15, tolerance=1e-10, give_way=False)
     past = [(-x, np.sin([-x])) for x in knots[1:order]]  # exact history
     times, states = [0.0, *(t for t, _ in past)], [np.zeros(1), *(s for _, s in past)]
@@ -119,7 +127,7 @@ def test_one_tangent_per_step_where_it_is_smooth():
 def test_going_on_from_memory_gives_the_same_answer():
     equations = FunctionRateEquations(smooth, 2.0)
     settings = Settings(order=15, tolerance=1e-4)
-    options = {"solver": DENSE, "settings": settings, "whole": 2.0}
+    options = {"solver": DENSE, "settings": settings, "stepping": implicit_dae.Stepping(2.0)}
     memory = implicit_dae.start(0.0, np.zeros(1), np.ones(1), 1e-2)
     whole = list(implicit_dae.integrate(equations, memory, 2.0, **options))
     half = whole[len(whole) // 2]

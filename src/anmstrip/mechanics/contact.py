@@ -72,11 +72,15 @@ class Contact:
     @cached_property
     def singles(self) -> dict[str, Contact]:
         """Roller → its own contact, at all points of the strip."""
-        return {name: self.restricted(points) for name, points in self._points_of().items()}
-
-    def _points_of(self) -> dict[str, Index]:
-        which = getattr(self.roller, "which", np.zeros(self.operator.points, dtype=np.int64))
-        return {r.name: np.flatnonzero(which == k) for k, r in enumerate(self.roller.members)}
+        if isinstance(self.roller, Roller):
+            return {self.roller.name: self}
+        reaches = np.broadcast_to(np.asarray(self.reach, dtype=float), len(self.roller.members))
+        found = {}
+        for k, roller in enumerate(self.roller.members):
+            operator = self.operator.restricted(np.flatnonzero(self.roller.which == k))
+            reach = float(reaches[k])
+            found[roller.name] = replace(self, roller=roller, operator=operator, reach=reach)
+        return found
 
     def restricted(self, points: Index) -> Contact:
         """The same on some of the points."""

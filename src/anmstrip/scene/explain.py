@@ -12,7 +12,7 @@ from rich.table import Table
 
 from anmstrip.mechanics.effects import Effect, LinearEffect, LoadEffect
 from anmstrip.mechanics.roller import Roller
-from anmstrip.scene.build import Assembly
+from anmstrip.scene.build import Assembly, flat_gap
 from anmstrip.scene.ladder import Rung, justified, ladder, walked
 from anmstrip.scene.meshing import QUARTER, boundary_layer, largest_force
 from anmstrip.scene.schema import Scene
@@ -115,7 +115,8 @@ def _memory(effect: Effect, order: int, plan: Plan) -> float:
         return effect.load.nbytes / MEGABYTE
     tape = Tape(1)
     x = tape.variable(effect.operator.apply(np.zeros(plan.model.strip.unknowns)))
-    effect.law(x, x, plan.controls.at(0.0))
+    with np.errstate(all="ignore"):  # only the size counts: a flat strip may cut an axis
+        effect.law(x, x, plan.controls.at(0.0))
     return tape.nbytes / MEGABYTE * (order + 1) / 2
 
 
@@ -162,9 +163,7 @@ def _wrapping(assembly: Assembly, roller: Roller, ways: list[Way]) -> str:
     wrap = f"{np.degrees(turn):.4g}°, {sides[0]}" if sides else "not touched"
     if assembly.thread is not None:
         return wrap
-    away = assembly.strip.nodes - np.asarray(roller.centre)[:, None]
-    gap = float(roller.seen(roller.frame[: roller.rows] @ away).gap.min())
-    return f"{gap:.3g} m, {wrap}"
+    return f"{flat_gap(assembly.strip, roller):.3g} m, {wrap}"
 
 
 def _stage_table(plans: list[Plan]) -> Table:

@@ -141,7 +141,7 @@ def _size(assembly: Assembly, level: Kinematics) -> Size | None:
         scalars, quadrature = 4 * lines * (across + 1), 16 * (lines - 1) * across
         touched = (2 * lines - 1) * (2 * across + 1)
     rubbed = 2 if assembly.scene.friction is not None and level is not PLATE else 1
-    touched *= 0 if assembly.scene.contact is None else rubbed * len(assembly.rollers)
+    touched *= 0 if assembly.scene.contact is None or not assembly.rollers else rubbed
     m, per_line = level.count, scalars / lines
     values = m * (level.directions * quadrature + touched)
     band, order = int(m * (per_line + 8)), assembly.scene.solver.order
@@ -198,7 +198,8 @@ def _large(assembly: Assembly, ways: list[Way]) -> Iterator[str]:
 def _steep(found: Way) -> str:
     wraps = ", ".join(f"{n} by {np.degrees(t):.3g}°" for n, t in found.turns.items() if t > 0.0)
     wrapped = f", wrapping {wraps}" if wraps else ""
+    error = "beyond all small slopes" if found.slope > 1.0 else f"{50.0 * found.slope**2:.0f} %"
     return (
         f"slopes reach {np.degrees(found.slope):.3g}°{wrapped}: the error, slope²/2, would be "
-        f"{50.0 * found.slope**2:.0f} % (bound {np.degrees(STEEPEST):.0f}°)"
+        f"{error} (bound {np.degrees(STEEPEST):.0f}°)"
     )

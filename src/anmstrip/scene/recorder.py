@@ -31,6 +31,9 @@ Array = NDArray[np.float64]
 CHECKPOINT_SECONDS = 2.0
 """Least time between two checkpoints inside a stage."""
 
+STALE = ("checkpoint.npz", "summary.json")
+"""What an earlier run in the same directory left, and no longer belongs to anything."""
+
 STEP_COLUMNS = ("stage", "time", "step", "tangents", "order", "range", "residual")
 
 
@@ -55,15 +58,16 @@ class Recorder:
         if resumed is None:
             self.rows, self.states, reached = 0, 0, -1.0
             self.history = History(history, columns)
-            for stale in directory.glob("*.pvd"):
-                stale.unlink()
+            for stale in (*directory.glob("*.pvd"), *map(directory.joinpath, STALE)):
+                stale.unlink(missing_ok=True)
             self.strip = Collection(directory / "strip.pvd")
             self.rollers = Collection(directory / "rollers.pvd")
         else:
-            self.rows, self.states, reached = (resumed[k] for k in ("rows", "states", "time"))
+            self.rows, reached = resumed["rows"], resumed["time"]
             self.history = History.reopened(history, columns, self.rows)
             self.strip = Collection.reopened(directory / "strip.pvd", reached)
             self.rollers = Collection.reopened(directory / "rollers.pvd", reached)
+            self.states = len(self.strip.entries)
         self.due = [t for t in assembly.scene.output.times or () if t > reached]
         touching = None if assembly.contact is None else assembly.contact_operator
         bends = assembly.bending is not None

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 THREADING = "threading"
 """Name of the stage that lays the strip around the rollers."""
 
+ACROSS = 0.9
+"""Least component along y of the unit axis of a roller that the strip is threaded around."""
+
 EDGE_NAMES = ("entry", "exit", "left", "right")
 """The edges of a rectangular strip, at −x, +x, +y and −y."""
 
@@ -258,6 +261,31 @@ def _one_length(threading: ThreadingSpec, strip: StripSpec) -> Iterator[Mistake]
         yield replace(missing(type(strip), "length"), key="strip.length")
 
 
+def _wrapped_axes(rollers: tuple[RollerSpec, ...]) -> Iterator[Mistake]:
+    """Threading cuts rollers by planes y = const, in what are nearly circles."""
+    for roller in rollers:
+        x, y, z = roller.axis
+        if roller.wrap is not None and abs(y) < ACROSS * (x * x + y * y + z * z) ** 0.5:
+            key = f"rollers.{roller.name}.axis"
+            expected = "an axis nearly along y, since it says its wrap"
+            yield Mistake("", key, roller.axis, expected, "axis = [0.0, 1.0, 0.0]")
+
+
+def _crowns(strip: StripSpec, rollers: tuple[RollerSpec, ...]) -> Iterator[Mistake]:
+    """A profile has a radius all across the strip."""
+    half = 0.5 * (strip.width or 0.0)
+    for roller in rollers:
+        places = [(2.0 * i / 32 - 1.0) * half - roller.centre[1] for i in range(33)]
+        least = min(
+            roller.radius + sum(c * s**k for k, c in enumerate(roller.crown, start=1))
+            for s in places
+        )
+        if not least > 0.0:
+            expected = f"a radius above 0 all across the strip; it falls to {least:.3g} (m)"
+            hint = f"crown = [0.0, {-1e-3 * roller.radius:g}]"
+            yield Mistake("", f"rollers.{roller.name}.crown", roller.crown, expected, hint)
+
+
 def _levels(
     strip: StripSpec, friction: FrictionSpec | None, rollers: tuple[RollerSpec, ...]
 ) -> Iterator[Mistake]:
@@ -303,6 +331,8 @@ RULES: tuple[tuple[Callable[..., Iterable[Mistake]], tuple[str, ...]], ...] = (
     (_friction_has_contact, ("friction", "contact")),
     (_stages_have_friction, ("friction", "stages")),
     (_threading, ("threading", "strip", "contact", "rollers", "edges", "stages")),
+    (_wrapped_axes, ("rollers",)),
+    (_crowns, ("strip", "rollers")),
     (_levels, ("strip", "friction", "rollers")),
     (_tensions, ("stages",)),
 )

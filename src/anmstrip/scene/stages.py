@@ -45,6 +45,26 @@ class Plan:
     controls: Controls
     in_time: bool
 
+    def continues(self, past: Plan) -> bool:
+        """Whether a stage in time goes on where another ended, with no jump of a velocity."""
+        if not (self.in_time and past.in_time):
+            return False
+        if not np.array_equal(self.supports.free, past.supports.free):
+            return False
+        if not np.allclose(self.moving, past.moving, rtol=1e-9, atol=0.0):
+            return False
+        names = [name for name in self.controls.start if name.endswith(".velocity")]
+        return all(
+            n in past.controls.start
+            and np.array_equal(self.controls.start[n], past.controls.start[n])
+            for n in names
+        )
+
+    @property
+    def moving(self) -> Array:
+        """Velocities of what is held (m/s), zero elsewhere, shape (unknowns,)."""
+        return self.supports.slope / self.duration
+
     @property
     def held_at_end(self) -> tuple[Supports, Controls]:
         """Supports and controls that stay at their final values."""

@@ -7,7 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.mechanics.belt import Belt, NoTangentError, NotTouchedError, Point, Straight, belt
+from anmstrip.mechanics.belt import (
+    Belt,
+    End,
+    NoTangentError,
+    NotTouchedError,
+    Point,
+    Straight,
+    belt,
+)
 from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.meshing import bending_stiffness, largest_force
 from anmstrip.scene.stages import Course

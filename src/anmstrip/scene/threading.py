@@ -2,8 +2,11 @@
 
 The guess is geometric.  Every fibre along the strip lies on the shortest path around the
 circles in which its plane y = const cuts the rollers, uniformly stretched by the tension
-and pressed in as deep as the contact law asks for.  What is missing to equilibrium, the
-bending where the strip lifts off above all, is taken away by a path without friction.
+and pressed in as deep as the contact law asks for.  Fibres of different lengths, on rollers
+that are crowned or out of line, shear and compress the strip far beyond its buckling; it
+then slides along this surface until its membrane is at rest.  What is missing to
+equilibrium, the bending where the strip lifts off above all, is taken away by a path
+without friction.
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ from anmstrip.scene.errors import InputError, Mistake
 if TYPE_CHECKING:
     from anmstrip.mechanics.belt import Belt
     from anmstrip.mechanics.cells import Pattern
+    from anmstrip.mechanics.effects import Effect
     from anmstrip.mechanics.roller import Roller
     from anmstrip.mechanics.strip import Strip
     from anmstrip.scene.schema import Scene
@@ -28,6 +32,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 SENSES = {"over": 1.0, "under": -1.0}
+
+RELAXATION_ORDER, RELAXATION_TOLERANCE = 8, 1e-4
+"""Of the path that lets the guess slide into place: almost linear, and a guess."""
 
 
 def stretches(tension: float, tensile_stiffness: float, poisson: float) -> tuple[float, float]:
@@ -134,7 +141,42 @@ class Thread:
         from anmstrip.mechanics.projection import projected, quadrature_points  # noqa: PLC0415
 
         reference, begin = quadrature_points(strip), float(strip.mesh.p[0].min())
-        return projected(strip, pattern, self.positions(reference, begin) - reference)
+        full = projected(strip, pattern, self.positions(reference, begin) - reference)
+        return self._relaxed(strip, pattern, full) if self._is_uneven else full
+
+    @property
+    def _is_uneven(self) -> bool:
+        """Whether fibres go ways of different lengths."""
+        return any(r.crown or r.unit_axis[0] or r.unit_axis[2] for r in self.rollers)
+
+    def _relaxed(self, strip: Strip, pattern: Pattern, full: Array) -> Array:
+        """Let a shell slide along its own surface, between entry and exit, to equilibrium."""
+        from anmstrip.effect_series import Controls  # noqa: PLC0415
+        from anmstrip.mechanics.guide import Guide  # noqa: PLC0415
+        from anmstrip.mechanics.loads import edge_force  # noqa: PLC0415
+        from anmstrip.mechanics.membrane import Membrane  # noqa: PLC0415
+        from anmstrip.model import Equilibrium, Model, Scales, Supports  # noqa: PLC0415
+        from anmstrip.series.continuation import Settings, follow  # noqa: PLC0415
+        from anmstrip.series.linear_solvers import SparseSolver  # noqa: PLC0415
+
+        x, entry = strip.mesh.p[0], strip.edges["entry"]
+        _, _, leaving = self.ends_in_space(np.array([x.min(), x.max()]))
+        one = entry.values[[len(entry.values) // 2]]
+        held = np.concatenate([3 * entry.trace, 3 * entry.trace + 2, 3 * one + 1])
+        at_rest = Supports.at_rest(strip.unknowns, held)
+        start = full.copy()
+        start[at_rest.free] = 0.0
+        supports = replace(at_rest, start=start)
+        effects: list[Effect] = [Membrane(strip), edge_force(strip, "exit"), Guide(strip, full)]
+        scales = Scales(strip.length, self.tension * strip.width, self.tension)
+        equations = Equilibrium(
+            Model(strip, pattern, effects, scales),
+            supports,
+            Controls({"exit.force": self.tension * leaving}),
+        )
+        settings = Settings(order=RELAXATION_ORDER, tolerance=RELAXATION_TOLERANCE)
+        *_, last = follow(equations, full[at_rest.free], solver=SparseSolver(), settings=settings)
+        return supports.full(*last.branch.end)
 
     def positions(self, reference: Array, begin: float) -> Array:
         """Where points of the flat strip, which begins at x = begin, come to lie, (3, points)."""
@@ -188,8 +230,11 @@ def _given_length(scene: Scene) -> float | None:
 
 
 def _with_ends(scene: Scene, thread: Thread) -> Thread:
-    """Ends that are not given get level runs, as long as the strip allows."""
-    from anmstrip.mechanics.belt import Straight  # noqa: PLC0415
+    """Ends that are not given get level runs, as long as the strip allows.
+
+    They then are points, the same for all fibres: the edges of the strip stay straight.
+    """
+    from anmstrip.mechanics.belt import Point, Straight  # noqa: PLC0415
 
     missing = sum(end is None for end in thread.ends)
     if not missing:
@@ -202,7 +247,9 @@ def _with_ends(scene: Scene, thread: Thread) -> Thread:
     if run <= 0.0:
         least = thread.given - missing * run / thread.along
         raise _too_short(scene, thread.given, least)
-    return replace(thread, ends=tuple(end or Straight(run) for end in thread.ends))
+    level = replace(thread, ends=tuple(end or Straight(run) for end in thread.ends)).middle
+    places, _ = level.at(np.array([0.0, level.length[0]]), 0)
+    return replace(thread, ends=tuple(Point(place) for place in places.T))
 
 
 def _depth(scene: Scene, roller: Roller) -> float:
@@ -219,18 +266,32 @@ def _depth(scene: Scene, roller: Roller) -> float:
 
 def _refused(scene: Scene, rollers: Sequence[Roller], error: ValueError) -> InputError:
     """What is wrong with the way, in terms of the scene."""
-    index = min(getattr(error, "index", 0), len(rollers) - 1)
-    name = rollers[index].name
-    other = {"over": "under", "under": "over"}
-    side = next(r.wrap for r in scene.rollers if r.name == name)
-    expected = f"rollers that a taut strip can pass in this order: {error}"
-    hint = f'wrap = "{other[side or "over"]}", or another centre'
-    file = str(scene.source or "scene")
-    return InputError([Mistake(file, f"rollers.{name}.wrap", side, expected, hint)])
+    index, turn = getattr(error, "index", 0), getattr(error, "turn", None)
+    names = [roller.name for roller in rollers]
+    if turn is not None:
+        side = next(r.wrap for r in scene.rollers if r.name == names[index])
+        expected = (
+            "a side on which the taut strip touches this roller; "
+            f"there it would have to turn by {np.degrees(turn):.3g} degrees"
+        )
+        other = {"over": "under", "under": "over"}[side or "over"]
+        hint = f'wrap = "{other}", another centre, or no wrap'
+        return _mistaken(scene, f"rollers.{names[index]}.wrap", side, expected, hint)
+    before = names[index - 1] if index else "the entry"
+    after = names[index] if index < len(names) else "the exit"
+    key = f"rollers.{after}.centre" if index < len(names) else "threading.exit"
+    key = key if index else "threading.entry"
+    assert scene.threading is not None
+    given = {"threading.entry": scene.threading.entry, "threading.exit": scene.threading.exit}
+    value = given[key] if key in given else list(rollers[index].centre)
+    expected = f"room for a straight run from {before} to {after}, which overlap"
+    return _mistaken(scene, key, value, expected, "a place further away")
+
+
+def _mistaken(scene: Scene, key: str, value: object, expected: str, hint: str) -> InputError:
+    return InputError([Mistake(str(scene.source or "scene"), key, value, expected, hint)])
 
 
 def _too_short(scene: Scene, length: float, least: float) -> InputError:
-    file, expected = str(scene.source or "scene"), f"more than {least:.4g} (m) for this way"
-    return InputError(
-        [Mistake(file, "strip.length", length, expected, f"length = {1.3 * least:.3g}")]
-    )
+    expected = f"more than {least:.4g} (m) for this way"
+    return _mistaken(scene, "strip.length", length, expected, f"length = {1.3 * least:.3g}")

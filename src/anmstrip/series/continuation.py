@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from .expansion import Cost, Equations, Parameter, expand, size
 from .linear_solvers import LinearSolver, NonFiniteTangentError, SingularTangentError
-from .outcome import Outcome, PathStopped
+from .outcome import Evidence, Outcome, PathStopped
 from .path import Branch
 from .power_series import horner
-from .range_of_validity import errors, validated
+from .range_of_validity import errors, excess, validated
 
 Array = NDArray[np.float64]
 
@@ -66,6 +66,31 @@ class Settings:
 
 
 @dataclass(frozen=True)
+class Pace:
+    """How the last steps went: with the state, all that the next one depends on.
+
+    Attributes
+    ----------
+    control : float
+        Where the path has come to.
+    last : float
+        Length of the last step, in the control or along the arc.
+    shrinking : tuple of (float, float)
+        Length and |du/dλ| of the latest steps, each shorter than the one before.
+    arclength : bool
+        Whether arclength is followed.
+    forward : tuple or None
+        Direction (u, λ) of travel along the arc.
+    """
+
+    control: float
+    last: float
+    shrinking: tuple[tuple[float, float], ...] = ()
+    arclength: bool = False
+    forward: tuple[Array, float] | None = None
+
+
+@dataclass(frozen=True)
 class Step:
     """One accepted branch.
 
@@ -74,12 +99,15 @@ class Step:
     branch : Branch
     imbalance : float
         Residual at its end, in units of the problem's forces.
+    pace : Pace
+        What a later call needs to go on from its end as if never interrupted.
     fold : float or None
         Control at a limit point passed inside the branch.
     """
 
     branch: Branch
     imbalance: float
+    pace: Pace
     fold: float | None = None
 
 
@@ -91,9 +119,23 @@ def follow(
     settings: Settings,
     start: float = 0.0,
     target: float = 1.0,
+    pace: Pace | None = None,
     cost: Cost | None = None,
 ) -> Iterator[Step]:
     """Accepted steps of the path from (u, start) to the control ``target``.
+
+    Parameters
+    ----------
+    equations : Equations
+    u : ndarray, shape (n,)
+    solver : LinearSolver
+    settings : Settings
+    start, target : float
+        Controls between which the whole path lies.
+    pace : Pace, optional
+        Of the last step of an interrupted path, to go on from its end, u.
+    cost : Cost, optional
+        Counters to add to.
 
     Raises
     ------
@@ -102,18 +144,18 @@ def follow(
     """
     cost = Cost() if cost is None else cost
     follower = _Follower(equations, solver, settings, start, target, cost)
-    control = start
+    pace = pace or Pace(start, abs(target - start), arclength=settings.arclength)
     for _ in range(settings.max_steps):
-        step = follower.step(u, control)
+        step = follower.step(u, pace)
         yield step
-        u, control = step.branch.end
-        if follower.arrived(control):
+        u, pace = step.branch.end[0], step.pace
+        if follower.arrived(pace.control):
             return
-    raise PathStopped(Outcome.TOO_MANY_STEPS, control)
+    raise PathStopped(Outcome.TOO_MANY_STEPS, pace.control)
 
 
 class _Follower:
-    """Chooses parameter and scale of the next branch from the last ones."""
+    """Chooses parameter and scale of the next branch from the pace of the last ones."""
 
     def __init__(
         self,
@@ -127,61 +169,54 @@ class _Follower:
         self.equations, self.solver, self.settings = equations, solver, settings
         self.start, self.target, self.cost = start, target, cost
         self.whole = target - start
-        self.arclength = settings.arclength
-        self.forward: tuple[Array, float] | None = None
-        self.last = abs(self.whole)
-        self.shrinking: list[tuple[float, float]] = []
 
     def arrived(self, control: float) -> bool:
         """Whether the control has reached the target, to round-off."""
         round_off = max(1e-14 * abs(self.whole), 2.0 * np.spacing(abs(self.target)))
         return bool(abs(self.target - control) <= round_off)
 
-    def step(self, u: Array, control: float) -> Step:
+    def step(self, u: Array, pace: Pace) -> Step:
         """Expand, validate, and adapt."""
-        if self.settings.give_way and self._gives_way():
-            self.arclength = True
-        parameter = self._parameter(u, control)
-        try:
-            branch = self._expanded(u, control, parameter)
-        except SingularTangentError as error:
-            finite = not isinstance(error, NonFiniteTangentError)
-            outcome = Outcome.SINGULAR if finite else Outcome.NOT_FINITE
-            raise PathStopped(outcome, control, str(error)) from error
+        if self.settings.give_way and _gives_way(pace.shrinking):
+            pace = replace(pace, arclength=True)
+        parameter = self._parameter(u, pace)
+        branch = self._expanded(u, pace.control, parameter)
         branch, imbalance = validated(
             self.equations, branch, self.settings.tolerance, parameter.reach, self.cost
         )
-        if self.arclength:
+        if pace.arclength:
             branch, imbalance = self._cut_at_target(branch, imbalance)
         elif branch.length == parameter.reach:
             branch = _landed(branch, self.target)
-        return self._adapted(branch, imbalance, parameter)
+        fold = branch.fold() if pace.arclength else None
+        passed = None if fold is None else branch(fold)[1]
+        return Step(branch, imbalance, self._adapted(branch, parameter, pace), passed)
 
-    def _parameter(self, u: Array, control: float) -> Parameter:
-        remaining = self.target - control
-        if self.arclength:
-            forward = self.forward or (np.zeros_like(u), self.whole)
-            return Parameter(self.last, np.inf, True, forward)
-        scale = np.copysign(min(self.last, abs(remaining)), remaining)
+    def _parameter(self, u: Array, pace: Pace) -> Parameter:
+        remaining = self.target - pace.control
+        if pace.arclength:
+            forward = pace.forward or (np.zeros_like(u), self.whole)
+            return Parameter(pace.last, np.inf, True, forward)
+        scale = np.copysign(min(pace.last, abs(remaining)), remaining)
         return Parameter(scale, remaining / scale)
 
     def _expanded(self, u: Array, control: float, parameter: Parameter) -> Branch:
-        return expand(
-            self.equations,
-            u,
-            control,
-            order=self.settings.order,
-            solver=self.solver,
-            parameter=parameter,
-            tolerance=self.settings.tolerance,
-            cost=self.cost,
-        )
-
-    def _gives_way(self) -> bool:
-        if len(self.shrinking) <= PATIENCE:
-            return False
-        (first, flat), (last, steep) = self.shrinking[0], self.shrinking[-1]
-        return last < SHRUNK * first and steep > STEEPER * flat
+        try:
+            return expand(
+                self.equations,
+                u,
+                control,
+                order=self.settings.order,
+                solver=self.solver,
+                parameter=parameter,
+                tolerance=self.settings.tolerance,
+                cost=self.cost,
+            )
+        except SingularTangentError as error:
+            finite = not isinstance(error, NonFiniteTangentError)
+            outcome = Outcome.SINGULAR if finite else Outcome.NOT_FINITE
+            evidence = Evidence(unknown=error.unknown)
+            raise PathStopped(outcome, control, str(error), evidence) from error
 
     def _cut_at_target(self, branch: Branch, imbalance: float) -> tuple[Branch, float]:
         a = branch.reaches(self.target)
@@ -190,27 +225,40 @@ class _Follower:
         branch = _landed(branch.cut(a), self.target)
         return branch, errors(self.equations, branch, a, self.cost)[1]
 
-    def _adapted(self, branch: Branch, imbalance: float, parameter: Parameter) -> Step:
+    def _adapted(self, branch: Branch, parameter: Parameter, pace: Pace) -> Pace:
+        """Pace after a branch."""
         covered = branch.length * abs(parameter.scale)
         if covered < self.settings.shortest * abs(self.whole):
-            raise PathStopped(Outcome.STALLED, float(branch.control[0]))
-        if self.shrinking and covered >= self.last:
-            self.shrinking = []
-        direction = branch.direction(branch.length)
+            evidence = Evidence(residual=self._first_excess(branch))
+            raise PathStopped(Outcome.STALLED, float(branch.control[0]), "", evidence)
+        direction, control = branch.direction(branch.length), branch.end[1]
         along = abs(direction[1])
         steepness = size(self.equations, direction[0]) / along if along > 0.0 else np.inf
-        self.shrinking.append((covered, steepness))
-        self.last = covered
-        fold = branch.fold() if self.arclength else None
-        if self.arclength:
-            self.forward = direction
-            self._check_return(branch)
-        return Step(branch, imbalance, None if fold is None else branch(fold)[1])
+        shorter = pace.shrinking if covered < pace.last else ()
+        shrinking = (*shorter, (covered, float(steepness)))
+        if not pace.arclength:
+            return Pace(control, covered, shrinking)
+        self._check_return(control, direction[0])
+        return Pace(control, covered, shrinking, True, direction)
 
-    def _check_return(self, branch: Branch) -> None:
-        control = branch.end[1]
+    def _first_excess(self, branch: Branch) -> Array:
+        """Imbalance that comes beyond a branch; at its end, where that is not finite."""
+        beyond = excess(self.equations, branch, 2.0 * branch.length, self.cost)
+        if np.isfinite(beyond).all():
+            return beyond
+        return excess(self.equations, branch, branch.length, self.cost)
+
+    def _check_return(self, control: float, motion: Array) -> None:
         if (control - self.start) * np.sign(self.whole) < -abs(self.whole):
-            raise PathStopped(Outcome.FOLD, control)
+            raise PathStopped(Outcome.FOLD, control, "", Evidence(motion=motion))
+
+
+def _gives_way(shrinking: tuple[tuple[float, float], ...]) -> bool:
+    """Whether steps shrink, and the path steepens, as before a limit point."""
+    if len(shrinking) <= PATIENCE:
+        return False
+    (first, flat), (last, steep) = shrinking[0], shrinking[-1]
+    return last < SHRUNK * first and steep > STEEPER * flat
 
 
 def _landed(branch: Branch, target: float) -> Branch:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .implicit_dae import AffineVelocity, TimeStep
 from .index_one import stretch
 from .path import HermitePath
-from .power_series import Series, Tape
+from .power_series import Series, Tape, taylor
 
 Array = NDArray[np.float64]
 
@@ -174,11 +174,9 @@ class StepEquations:
         return recurrence
 
     def resistance(self, u: Array, control: float, change: Array) -> Array:
-        """Change of R with a change of the velocity alone."""
-        state, t = u + self.about, control * self.h + self.t
-        v = self.velocity(u, control)
-        function = self.problem.function
-        return np.asarray(function(state, v + change, t)) - np.asarray(function(state, v, t))
+        """∂R/∂v times a change of the velocity."""
+        state, t, v = u + self.about, control * self.h + self.t, self.velocity(u, control)
+        return taylor(lambda series: self.problem.function(state, series, t), [v, change])[1]
 
     def residual(self, u: Array, control: float) -> Array:
         """R at a point of the step."""

@@ -62,7 +62,7 @@ class StepEquations(Equations, Protocol):
     """The equations of one time step."""
 
     def resistance(self, u: Array, control: float, change: Array) -> Array:
-        """Change of R with a change of the velocity alone, shape (n,)."""
+        """∂R/∂v times a change of the velocity, shape (n,)."""
 
 
 class RateEquations(Protocol):
@@ -81,6 +81,25 @@ class RateEquations(Protocol):
 
     def fading_error(self, u: Array, change: Array) -> float:
         """Size of those consequences of ``change`` that the motion forgets, likewise."""
+
+
+@dataclass(frozen=True)
+class Stepping:
+    """How time is stepped.
+
+    Attributes
+    ----------
+    whole : float
+        Duration over which the errors may add up to the tolerance.
+    order : int
+        Highest order of the formula, 1 or 2.
+    fixed : float or None
+        Length of all steps; their error in time is estimated but not controlled.
+    """
+
+    whole: float
+    order: int = 2
+    fixed: float | None = None
 
 
 @dataclass(frozen=True)
@@ -179,9 +198,7 @@ def integrate(
     *,
     solver: LinearSolver,
     settings: Settings,
-    whole: float,
-    time_order: int = 2,
-    fixed: float | None = None,
+    stepping: Stepping,
     cost: Cost | None = None,
 ) -> Iterator[TimeStep]:
     """Accepted time steps up to ``end``.
@@ -194,20 +211,15 @@ def integrate(
     end : float
     settings : Settings
         Order and tolerance of the branches; the tolerance is also the error in
-        time that all steps up to ``whole`` together may make.
-    whole : float
-        Duration over which the errors may add up to the tolerance.
-    time_order : int
-        Highest order of the formula, 1 or 2.
-    fixed : float, optional
-        Length of all steps; their error in time is estimated but not controlled.
+        time that all steps of the whole duration together may make.
+    stepping : Stepping
 
     Raises
     ------
     PathStopped
     """
     cost = Cost() if cost is None else cost
-    integrator = _Integrator(equations, solver, settings, whole, time_order, fixed, cost)
+    integrator = _Integrator(equations, solver, settings, stepping, cost)
     if memory.available == 1:
         memory = integrator.settled(memory)
     for _ in range(settings.max_steps):
@@ -248,13 +260,12 @@ class _Integrator:
         equations: RateEquations,
         solver: LinearSolver,
         settings: Settings,
-        whole: float,
-        time_order: int,
-        fixed: float | None,
+        stepping: Stepping,
         cost: Cost,
     ) -> None:
         self.equations, self.solver, self.settings = equations, _LastFactors(solver), settings
-        self.whole, self.time_order, self.fixed, self.cost = whole, time_order, fixed, cost
+        self.whole, self.time_order = stepping.whole, stepping.order
+        self.fixed, self.cost = stepping.fixed, cost
         self.path_settings = Settings(
             order=settings.order,
             tolerance=RESIDUAL_SHARE * settings.tolerance,

@@ -32,7 +32,17 @@ MOST_SCALINGS = 10
 
 
 class SingularTangentError(ArithmeticError):
-    """The tangent has no usable factorisation: a singular point of the path."""
+    """The tangent has no usable factorisation: a singular point of the path.
+
+    Attributes
+    ----------
+    unknown : int or None
+        Number of the unknown at which it shows.
+    """
+
+    def __init__(self, message: str, unknown: int | None = None) -> None:
+        super().__init__(message)
+        self.unknown = unknown
 
 
 class NonFiniteTangentError(SingularTangentError):
@@ -57,18 +67,31 @@ class DenseSolver:
     """Full LU with partial pivoting, for a handful of unknowns."""
 
     def factorise(self, matrix: Array) -> Factors:
-        if not np.isfinite(matrix).all():
-            raise NonFiniteTangentError("the tangent has entries that are not finite")
+        finite = np.isfinite(matrix).all(axis=0)
+        if not finite.all():
+            raise _not_finite(int(np.argmin(finite)))
         columns = np.abs(matrix).max(axis=0)
         if (columns == 0.0).any():
-            raise SingularTangentError("the tangent has an empty column")
+            raise _no_stiffness(int(np.argmin(columns)))
         rows = np.abs(matrix / columns).max(axis=1)
         if (rows == 0.0).any():
-            raise SingularTangentError("the tangent has an empty row")
+            raise _no_stiffness(int(np.argmin(rows)))
         lu, pivots, info = lapack.dgetrf(matrix / columns / rows[:, None])
         if info > 0:
-            raise SingularTangentError(f"pivot {info} of the tangent is zero")
+            raise _no_pivot(info - 1)
         return _DenseFactors(lu, pivots, rows, columns)
+
+
+def _not_finite(unknown: int) -> NonFiniteTangentError:
+    return NonFiniteTangentError("the tangent has entries that are not finite", unknown)
+
+
+def _no_stiffness(unknown: int) -> SingularTangentError:
+    return SingularTangentError(f"unknown {unknown} has no stiffness", unknown)
+
+
+def _no_pivot(unknown: int) -> SingularTangentError:
+    return SingularTangentError(f"the pivot of unknown {unknown} is zero", unknown)
 
 
 class _DenseFactors:
@@ -86,8 +109,10 @@ class SparseSolver:
         self.plan: _BandPlan | _SuperLUPlan | None = None
 
     def factorise(self, matrix: csc_matrix) -> Factors:
-        if not np.isfinite(matrix.data).all():
-            raise NonFiniteTangentError("the tangent has entries that are not finite")
+        finite = np.isfinite(matrix.data)
+        if not finite.all():
+            first = int(np.argmin(finite))
+            raise _not_finite(int(np.searchsorted(matrix.indptr, first, side="right")) - 1)
         if self.plan is None or not self.plan.fits(matrix):
             band = _BandPlan(matrix)
             self.plan = band if band.width <= WIDEST_BAND else _SuperLUPlan(matrix)
@@ -108,9 +133,7 @@ def equilibrated(matrix: csc_matrix) -> Array:
     magnitude = np.abs(matrix.data)
     largest = _column_maxima(magnitude, matrix.indptr)
     if (largest == 0.0).any():
-        raise SingularTangentError(
-            f"unknown {int(np.argmin(largest))} has no stiffness: something is not held"
-        )
+        raise _no_stiffness(int(np.argmin(largest)))
     diagonal = np.abs(matrix.diagonal())
     d = 1.0 / np.sqrt(np.where(diagonal > 1e-8 * largest, diagonal, largest))
     for _ in range(MOST_SCALINGS):
@@ -200,7 +223,7 @@ class _BandPlan(_Plan):
         band.ravel(order="K")[self.flat] = data
         lu, pivots, info = lapack.dgbtrf(band, self.width, self.width, overwrite_ab=1)
         if info > 0:
-            raise SingularTangentError(f"pivot {info} of the tangent is zero")
+            raise _no_pivot(int(np.flatnonzero(self.place == info - 1)[0]))
         return _BandFactors(lu, pivots, self.width, self.place, d)
 
 

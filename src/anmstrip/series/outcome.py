@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
 
 
 class Outcome(Enum):
@@ -22,6 +28,28 @@ class Outcome(Enum):
         return self is Outcome.DONE
 
 
+@dataclass(frozen=True)
+class Evidence:
+    """Which unknowns a path failed at, as far as it shows.
+
+    Attributes
+    ----------
+    unknown : int or None
+        Number of the one whose pivot vanished, or that is not finite.
+    residual : ndarray or None, shape (n,)
+        Imbalance that stays, or where a step ends the first that comes.
+    motion : ndarray or None, shape (n,)
+        Change of state that goes wrong: the error of a step, or the way back of a fold.
+    """
+
+    unknown: int | None = None
+    residual: Array | None = None
+    motion: Array | None = None
+
+
+NO_EVIDENCE = Evidence()
+
+
 class PathStopped(Exception):  # noqa: N818 - an outcome, not a programming error
     """A path ended before its target.
 
@@ -32,10 +60,19 @@ class PathStopped(Exception):  # noqa: N818 - an outcome, not a programming erro
         Where.
     detail : str
         What else is known.
+    evidence : Evidence
+        Where among the unknowns.
     """
 
-    def __init__(self, outcome: Outcome, control: float, detail: str = "") -> None:
+    def __init__(
+        self,
+        outcome: Outcome,
+        control: float,
+        detail: str = "",
+        evidence: Evidence = NO_EVIDENCE,
+    ) -> None:
         super().__init__(f"{outcome.value} (at {control:.6g}){': ' + detail if detail else ''}")
         self.outcome = outcome
         self.control = control
         self.detail = detail
+        self.evidence = evidence

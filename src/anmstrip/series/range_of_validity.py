@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .expansion import Cost, Equations, term_range
-from .outcome import Outcome, PathStopped
+from .outcome import Evidence, Outcome, PathStopped
 from .path import Branch
+
+Array = NDArray[np.float64]
 
 
 def validated(
@@ -49,8 +52,8 @@ def validated(
             raise PathStopped(
                 Outcome.STALLED if np.isfinite(error) else Outcome.NOT_FINITE,
                 float(branch.control[0]),
-                f"the series does not meet the tolerance {tolerance:g} at any length; "
-                "if it is near round-off, ask for less",
+                f"the series does not meet the tolerance {tolerance:g} at any length",
+                Evidence(residual=excess(equations, branch, guess, cost)),
             )
         error, imbalance = errors(equations, branch, guess, cost, tolerance)
     return branch.cut(guess), imbalance
@@ -85,3 +88,11 @@ def errors(
     if equations.imbalance(branch.residual) > tolerance:
         error = equations.imbalance(residual - branch.residual * (1.0 - a / branch.carried_over))
     return (error if np.isfinite(error) else np.inf), imbalance
+
+
+def excess(equations: Equations, branch: Branch, a: float, cost: Cost) -> Array:
+    """Imbalance at a that was not there at the start, shape (n,)."""
+    cost.residuals += 1
+    with cost.timed("residual"), np.errstate(over="ignore", invalid="ignore"):
+        residual = equations.residual(*branch(a))
+        return np.asarray(residual - branch.residual * (1.0 - a / branch.carried_over))

@@ -123,7 +123,7 @@ def implicit(
             p.t_end,
             solver=DenseSolver(),
             settings=Settings(order=order, tolerance=AIM * tolerance, max_steps=MOST_STEPS),
-            whole=p.t_end,
+            stepping=implicit_dae.Stepping(p.t_end),
             cost=cost,
         )
     )

@@ -1,0 +1,291 @@
+"""Why a run has stopped: stage, time, place and likely cause, with what to type.
+
+A cause is a function of the failure that gives a sentence, or none if it is not the
+cause; the first that speaks is told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anmstrip.mechanics.roller import Roller
+from anmstrip.model import Equilibrium
+from anmstrip.scene.build import Assembly
+from anmstrip.scene.measures import ContactState, State
+from anmstrip.scene.meshing import QUARTER
+from anmstrip.scene.places import Place, place_of
+from anmstrip.scene.schema import Scene, StageSpec
+from anmstrip.scene.stages import Plan
+from anmstrip.series.implicit_dae import RESIDUAL_SHARE
+from anmstrip.series.outcome import Outcome, PathStopped
+
+Array = NDArray[np.float64]
+
+COARSE = 0.5
+"""Element over a roller, in boundary layers √(D/T), that is called too long."""
+
+CLEAR = 0.1
+"""Share of the asked imbalance that round-off may make."""
+
+SHARE, DIGITS = 0.01, 1e3
+"""A usual step over the duration of a stage; speeds from which on friction is seen to turn."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A stopped path, seen from the scene.
+
+    Attributes
+    ----------
+    assembly : Assembly
+    stage : StageSpec
+    state : State
+        Last one that was accepted, with the plan of the stage.
+    stopped : PathStopped
+    """
+
+    assembly: Assembly
+    stage: StageSpec
+    state: State
+    stopped: PathStopped
+
+    @property
+    def scene(self) -> Scene:
+        """That was run."""
+        return self.assembly.scene
+
+    @property
+    def plan(self) -> Plan:
+        """Of the stage."""
+        return self.state.plan
+
+    @cached_property
+    def place(self) -> Place | None:
+        """Where on the strip."""
+        return place_of(self.stopped.evidence, self.state)
+
+    @cached_property
+    def touched(self) -> list[ContactState]:
+        """Rollers that the strip lies on."""
+        return [c for c in self.state.contacts.values() if c.touching.any()]
+
+
+def diagnosis(failure: Failure) -> str:
+    """What has happened and where, then the likely cause and what to type."""
+    stopped, place = failure.stopped, failure.place
+    words = ": ".join(part for part in (stopped.outcome.value, stopped.detail) if part)
+    where = "" if place is None else f"; worst at {place}"
+    with np.errstate(all="ignore"):
+        cause = next(found for f in CAUSES if (found := f(failure)))
+    time = f"t = {failure.state.time:.6g} s"
+    return f"Stopped in stage {failure.stage.name} at {time}: {words}{where}. {cause}"
+
+
+def too_many_steps(failure: Failure) -> str | None:
+    """The bound on the steps was meant by the user, and nothing is wrong."""
+    if failure.stopped.outcome is not Outcome.TOO_MANY_STEPS:
+        return None
+    return f"Try --set solver.max_steps={2 * failure.scene.solver.max_steps}, then --resume."
+
+
+def not_held(failure: Failure) -> str | None:
+    """A component that no edge holds, and no roller the strip lies on."""
+    plan, strip = failure.plan, failure.plan.model.strip
+    held = np.ones(strip.unknowns, dtype=bool)
+    held[plan.supports.free] = False
+    rubbed = "xy" if plan.in_time else ""
+    by_rollers = rubbed + "z" if failure.touched else ""
+    for place, component in enumerate(strip.kinematics.components):
+        name = "xyz"[component]
+        if held[strip.count * strip.node_values + place].any() or name in by_rollers:
+            continue
+        return f"Nothing holds the strip in {name}. Try {_holding(failure, name)}."
+    return None
+
+
+def _holding(failure: Failure, component: str) -> str:
+    """What to type so that an edge holds a component."""
+    edges = failure.scene.edges
+    name = next(iter(edges), "entry")
+    if component == "y":
+        return f"--set edges.{name}.centred=true"
+    fixed = {*(edges[name].fixed if name in edges else ()), component}
+    listed = ", ".join(f'"{c}"' for c in sorted(fixed))
+    return f"--set 'edges.{name}.fixed=[{listed}]'"
+
+
+def squeezed(failure: Failure) -> str | None:
+    """Two rollers that overlap, or press on the same points."""
+    contacts, controls = failure.state.contacts, failure.state.controls
+    for a, b in combinations(failure.assembly.rollers, 2):
+        if not {a.name, b.name} <= set(contacts):
+            continue
+        centre = np.array(controls[f"rollers.{b.name}.centre"])
+        across = centre - controls[f"rollers.{a.name}.centre"]
+        across -= (across @ a.unit_axis) * a.unit_axis
+        distance = float(np.linalg.norm(across))
+        overlap = a.radius + b.radius - distance
+        if overlap > 0.0 or (contacts[a.name].touching & contacts[b.name].touching).any():
+            away = 1.1 * max(overlap, failure.assembly.signorini.delta) / distance * across
+            return (
+                f"Rollers {a.name} and {b.name} are {-overlap:.3g} m apart and squeeze the strip. "
+                f"Try {_put(failure, b, centre + away)}."
+            )
+    return None
+
+
+def _put(failure: Failure, roller: Roller, centre: Array) -> str:
+    """What to type to have a roller elsewhere."""
+    control = failure.stage.rollers.get(roller.name)
+    if control is None or control.move is None:
+        return f"--set 'rollers.{roller.name}.centre={_numbers(centre)}'"
+    move = _numbers(centre - np.array(roller.centre))
+    return f"--set 'stages.{failure.stage.name}.rollers.{roller.name}.move={move}'"
+
+
+def slack(failure: Failure) -> str | None:
+    """No tension, or membrane forces that press more than an element bears unbuckled."""
+    membrane, strip = failure.assembly.membrane, failure.assembly.strip
+    if membrane is None:
+        return None
+    forces = membrane.forces(membrane.operator.apply(failure.state.full) + membrane.flat)
+    mean = forces.reshape(*forces.shape[:2], strip.mesh.nelements, -1).mean(axis=3)
+    least = np.linalg.eigvalsh(np.moveaxis(mean, 2, 0))[:, 0]
+    bearable = buckling_force(failure, 4.0 * strip.cell_sizes[0])
+    worst = int(np.argmin(least + bearable))
+    if least[worst] < -max(bearable[worst], 1e-3 * failure.assembly.scales.tension):
+        x = strip.mesh.p[0, strip.mesh.t[:, worst]].mean()
+        found = f"pressed at x = {x:.3g} m with {-least[worst]:.3g} N/m, and buckles"
+    elif mean[0, 0].max() < buckling_force(failure, np.array(strip.length)):
+        found = "under no tension, which is what holds a thin strip in shape"
+    else:
+        return None
+    return f"The strip is {found}. Try {_more_tension(failure)}."
+
+
+def buckling_force(failure: Failure, length: Array) -> Array:
+    """π² D / l² (N/m) of a free length (m)."""
+    strip = failure.assembly.strip
+    return (strip.bending_stiffness if failure.scene.strip.bending else 0.0) * (np.pi / length) ** 2
+
+
+def _more_tension(failure: Failure) -> str:
+    """What to type to pull more: twice as much, or to a strain of 5e-5."""
+    force = failure.plan.controls.at(1.0).get("exit.force", np.zeros(3))
+    stage = failure.stage.name
+    if force[0] > 0.0:
+        return f"--set 'stages.{stage}.exit.force={_numbers(2.0 * force)}'"
+    held = failure.scene.edges.get("exit")
+    if held is not None and "x" in held.fixed:
+        return f"a larger x in stages.{stage}.exit.move"
+    tension = 5e-5 * failure.assembly.strip.tensile_stiffness
+    return f"--set 'stages.{failure.scene.stages[0].name}.exit.force=[{tension:.3g}, 0.0, 0.0]'"
+
+
+def round_off(failure: Failure) -> str | None:
+    """A tolerance that the last digits of the state do not allow."""
+    plan, scene = failure.plan, failure.scene
+    share = RESIDUAL_SHARE if plan.in_time else 1.0
+    floor = last_digit(failure.state)
+    if not floor > CLEAR * share * scene.solver.tolerance:
+        return None
+    return (
+        f"The tolerance is near round-off: the last digit of the positions is worth {floor:.1g} "
+        f"of the forces. Try --set solver.tolerance={20.0 * floor / CLEAR / share:.0e}."
+    )
+
+
+def last_digit(state: State) -> float:
+    """Imbalance, over the force scale, that a change of the last digit of the state makes."""
+    plan, full = state.plan, state.full
+    signs = np.where(np.arange(len(full)) % 3 == 1, -1.0, 1.0)
+    moved = full * (1.0 + np.finfo(float).eps * signs)
+    model, free = plan.model, plan.supports.free
+    change = model.force(moved, state.velocity, state.controls) - state.imbalance
+    return Equilibrium(model, plan.supports, plan.controls).imbalance(change[free])
+
+
+def coarse(failure: Failure) -> str | None:
+    """Elements over a roller that do not see the strip bend onto it."""
+    place = failure.place
+    if place is None or not place.roller or not failure.scene.strip.bending:
+        return None
+    layer = np.sqrt(failure.assembly.strip.bending_stiffness / failure.assembly.scales.tension)
+    if not place.element > COARSE * layer:
+        return None
+    return (
+        f"Elements of {place.element:.3g} m over roller {place.roller} are long "
+        f"against √(D/T) = {layer:.3g} m. Try {_finer(failure, QUARTER * float(layer))}."
+    )
+
+
+def _finer(failure: Failure, length: float) -> str:
+    if failure.scene.strip.mesh is not None:
+        return f"a mesh with elements of {length:.2g} m there"
+    return f"--set strip.refined={length:.2g}"
+
+
+def stiff_friction(failure: Failure) -> str | None:
+    """Friction that turns round within a speed at which the positions have no digits left."""
+    friction, strip = failure.scene.friction, failure.assembly.strip
+    if not failure.plan.in_time or friction is None or not failure.touched:
+        return None
+    seen = np.finfo(float).eps * strip.length / (SHARE * failure.plan.duration)
+    turns = friction.omega * friction.speed
+    if not turns < DIGITS * seen:
+        return None
+    return (
+        f"Friction turns round within {turns:.2g} m/s, and the last digit of the positions is "
+        f"worth {seen:.2g} m/s in a step of time. "
+        f"Try --set friction.speed={DIGITS * seen / friction.omega:.1g}."
+    )
+
+
+def still_coarse(failure: Failure) -> str | None:
+    """Nothing else is known, but it is at a roller, where the mesh decides."""
+    place = failure.place
+    if place is None or not place.roller or failure.stopped.outcome is Outcome.FOLD:
+        return None
+    return f"Try a finer mesh over roller {place.roller}: {_finer(failure, 0.5 * place.element)}."
+
+
+def asked_too_much(failure: Failure) -> str:
+    """What the stage changes is more than the strip can follow."""
+    stage = failure.stage.name
+    changed = ", ".join(f"stages.{stage}.{key}" for key in _changes(failure))
+    if changed:
+        return f"This stage changes {changed}: try a smaller change."
+    return f"Try --set stages.{stage}.duration={2.0 * failure.plan.duration:g}."
+
+
+def _changes(failure: Failure) -> Iterator[str]:
+    """Keys of the stage that change something in it."""
+    for name, edge in failure.stage.edges.items():
+        yield from (f"{name}.{key}" for key in edge.model_dump(exclude_defaults=True))
+    for name, roller in failure.stage.rollers.items():
+        yield from (f"rollers.{name}.{key}" for key in roller.model_dump(exclude_defaults=True))
+    yield from (key for key in ("gravity", "pressure") if getattr(failure.stage, key) is not None)
+
+
+def _numbers(vector: Array) -> str:
+    return f"[{', '.join(f'{float(v):.4g}' for v in vector)}]"
+
+
+CAUSES: tuple[Callable[[Failure], str | None], ...] = (
+    too_many_steps,
+    not_held,
+    squeezed,
+    round_off,
+    slack,
+    coarse,
+    stiff_friction,
+    still_coarse,
+    asked_too_much,
+)
+"""Likely causes, the surest first; the last one always has words."""

@@ -1,0 +1,208 @@
+"""What is said of a scene before it runs: effects, rollers, and the ladder of kinematics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from anmstrip.scene import Scene
+from anmstrip.scene.build import Assembly
+from anmstrip.scene.explain import explain, warnings
+from anmstrip.scene.ladder import Rung, justified, ladder, walked
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def pressed(degrees: float, **roller: Any) -> dict[str, Any]:
+    """A strip under tension, with a roller pushed up so far that it is wrapped by an angle."""
+    lifted = 2.0 * np.tan(np.radians(degrees) / 2.0) + 1e-3
+    return {
+        "strip": {"length": 4.0, "width": 1.0, "thickness": 1e-3, "cells": [16, 2],
+                  "refined": 0.1},
+        "material": {"young": 2e11, "poisson": 0.3, "density": 7850.0},
+        "contact": {"stiffness": 1e9, "eta": 10.0, "delta": 1e-3},
+        "rollers": [{"name": "r1", "radius": 0.5, "centre": [0.0, 0.0, -0.501], **roller}],
+        "edges": {"entry": {"fixed": ["x", "z"], "centred": True}, "exit": {"fixed": ["z"]}},
+        "stages": [
+            {"name": "tension", "duration": 1.0, "exit": {"force": [1e4, 0.0, 0.0]}},
+            {"name": "press", "duration": 1.0, "rollers": {"r1": {"move": [0.0, 0.0, lifted]}}},
+        ],
+    }  # fmt: skip
+
+
+def bridle(**strip: Any) -> dict[str, Any]:
+    """Three rollers, threaded over, under and over."""
+    lines = {"a": (-0.6, 0.5, "over"), "b": (0.6, -0.7, "under"), "c": (1.8, 0.5, "over")}
+    return {
+        "strip": {"width": 1.0, "thickness": 1e-3, "cells": [30, 2], "refined": 0.1, **strip},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "contact": {"stiffness": 1e9, "eta": 10.0, "delta": 1e-3},
+        "threading": {"tension": 1e4, "entry": [-3.0, 0.0, 1.0], "exit": [3.0, 0.0, 1.0]},
+        "rollers": [
+            {"name": name, "radius": 0.5, "centre": [x, 0.0, z], "wrap": side}
+            for name, (x, z, side) in lines.items()
+        ],
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [{"duration": 1.0, "rollers": {"a": {"surface_speed": 1.0}}}],
+    }
+
+
+def rungs_of(scene: Scene) -> dict[str, Rung]:
+    assembly = Assembly(scene)
+    ways = [way for _, way in walked(assembly)]
+    return {rung.level.name: rung for rung in ladder(assembly, ways)}
+
+
+def judged(tables: dict[str, Any]) -> tuple[str, dict[str, Rung]]:
+    rungs = rungs_of(Scene.model_validate(tables))
+    return justified(list(rungs.values())).level.name, rungs
+
+
+def test_capstan_justifies_a_section() -> None:
+    scene = Scene.load(EXAMPLES / "capstan.toml")
+    rungs = rungs_of(scene)
+    assert justified(list(rungs.values())).level.name == "section"
+    assert not rungs["section"].against
+    assert not rungs["shell"].against
+    friction, steep = rungs["plate"].against
+    assert "friction" in friction
+    assert "wrapping r1 by 43°" in steep
+    text = explain(scene)
+    assert "These numbers justify: section." in text
+    assert "43.01°, over" in text
+
+
+def test_estimated_wrap_is_that_of_the_formula() -> None:
+    """The exit leaves in the direction of its force, the entry is 0.45 m below."""
+    *_, (_, last) = walked(Assembly(Scene.load(EXAMPLES / "capstan.toml")))
+    assert last.turns["r1"] == pytest.approx(0.7513, abs=2e-3)
+    assert last.slope == pytest.approx(np.arctan2(5773.5, 1e4), rel=1e-6)
+
+
+@pytest.mark.parametrize(("degrees", "plate"), [(1.0, True), (4.0, True), (12.0, False)])
+def test_a_plate_needs_small_slopes(degrees: float, plate: bool) -> None:
+    name, rungs = judged(pressed(degrees))
+    assert name == "section"
+    assert (not rungs["plate"].against) is plate
+    if plate:
+        assert f"{0.5 * degrees:.2g}° cost" in rungs["plate"].lost
+
+
+@pytest.mark.parametrize(
+    ("roller", "words"),
+    [({"crown": [0.0, -2e-3]}, "crowned"), ({"axis": [0.02, 1.0, 0.0]}, "not along y")],
+)
+def test_crown_and_misalignment_need_a_width(roller: dict[str, Any], words: str) -> None:
+    name, rungs = judged(pressed(1.0, **roller))
+    assert name == "plate"
+    assert words in rungs["section"].against[0]
+    name, _ = judged(pressed(20.0, **roller))
+    assert name == "shell"
+
+
+@pytest.mark.parametrize(
+    ("change", "against"),
+    [
+        ({"gravity": [0.0, -9.81, 0.0]}, "gravity across"),
+        ({"left": {"force": [0.0, 100.0, 0.0]}}, "left, a side"),
+        ({"exit": {"force": [1e4, 50.0, 0.0]}}, "pulls or moves exit across"),
+    ],
+)
+def test_what_varies_across_needs_a_width(change: dict[str, Any], against: str) -> None:
+    tables = pressed(1.0)
+    tables["stages"][1] |= change
+    name, rungs = judged(tables)
+    assert name != "section"
+    assert any(against in reason for reason in rungs["section"].against)
+
+
+@pytest.mark.parametrize(
+    ("change", "against"),
+    [
+        ({"entry": {"move": [0.1, 0.0, 0.0]}}, "moves entry in the plane"),
+        ({"exit": {"tension": 1e4}}, "exit.tension"),
+        ({"pressure": 1e3}, "slopes reach"),
+    ],
+)
+def test_what_a_plate_does_not_see(change: dict[str, Any], against: str) -> None:
+    """A pressure of 1 kPa on 4 m of strip under 10 kN/m: slope p L / 2 T = 0.2."""
+    tables = pressed(1.0)
+    tables["stages"][1] |= change
+    _, rungs = judged(tables)
+    assert any(against in reason for reason in rungs["plate"].against)
+
+
+def test_threaded_bridle_shows_its_wraps() -> None:
+    scene = Scene.model_validate(bridle())
+    thread = Assembly(scene).thread
+    assert thread is not None
+    lines = {line.split()[0]: line for line in explain(scene).splitlines() if line}
+    for name, side in (("a", "over"), ("b", "under"), ("c", "over")):
+        assert lines[name].endswith(f"{np.degrees(thread.turns[name]):.4g}°, {side}")
+    name, rungs = judged(bridle())
+    assert name == "section"
+    assert any("[threading]" in reason for reason in rungs["plate"].against)
+
+
+def test_mesh_warning_of_a_threaded_strip_is_about_its_arcs() -> None:
+    """Only the elements that lie on a roller count, wherever the roller is in space."""
+    assembly = Assembly(Scene.model_validate(bridle(kinematics="section", refined=0.005)))
+    assert not any("elements over" in line for line in warnings(assembly))
+    coarse = warnings(Assembly(Scene.model_validate(bridle(kinematics="section"))))
+    assert sum("elements over" in line for line in coarse) == 3
+
+
+@pytest.mark.parametrize("own", ["shell", "section", "plate"])
+def test_unknowns_of_the_levels_are_those_of_their_strips(own: str) -> None:
+    def at(level: str) -> Scene:
+        tables = pressed(1.0)
+        tables["edges"]["entry"]["centred"] = False
+        tables["strip"]["kinematics"] = level
+        return Scene.model_validate(tables)
+
+    rungs = rungs_of(at(own))
+    assert rungs[own].cost == 1.0
+    for name, rung in rungs.items():
+        assert rung.unknowns == Assembly(at(name)).strip.unknowns
+    costs = {name: rung.cost or np.inf for name, rung in rungs.items()}
+    assert costs["section"] < costs["plate"] < costs["shell"]
+
+
+def test_a_level_that_misses_something_is_warned_of() -> None:
+    tables = pressed(1.0)
+    tables["strip"]["kinematics"] = "section"
+    assert "does not see" not in explain(Scene.model_validate(tables))
+    tables["stages"][1]["gravity"] = [0.0, -9.81, 0.0]
+    text = explain(Scene.model_validate(tables))
+    assert "Warning: kinematics section does not see that stage press has gravity across" in text
+    assert "These numbers justify: plate." in text
+
+
+def test_effects_that_are_off_are_named() -> None:
+    tables = pressed(1.0)
+    text = explain(Scene.model_validate(tables))
+    for words in ("friction (no table", "weight (no", "pressure (no", "tension that follows"):
+        assert f"Left out: {words}" in text
+    assert "Left out: bending" not in text
+    tables["strip"]["bending"] = False
+    tables["stages"][1] |= {"pressure": 10.0, "gravity": [0.0, 0.0, -9.81]}
+    text = explain(Scene.model_validate(tables))
+    assert "Left out: bending" in text
+    assert "Left out: pressure" not in text
+    assert "Left out: weight" not in text
+
+
+def test_fed_strip_says_so() -> None:
+    tables = bridle(kinematics="section")
+    assert "fed" not in explain(Scene.model_validate(tables))
+    tables["strip"]["feed"] = True
+    assert "fed: fresh strip follows" in explain(Scene.model_validate(tables))
+
+
+def test_mesh_file_has_no_section() -> None:
+    rungs = rungs_of(Scene.load(EXAMPLES / "capstan_mesh.toml"))
+    assert rungs["section"].unknowns is None
+    assert justified(list(rungs.values())).level.name == "shell"

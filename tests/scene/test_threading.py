@@ -1,0 +1,266 @@
+"""Threading: rollers and sides are said, equilibrium is found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from threaded import BRIDLE, LEVELLER, ONE, TOWER, ended, roller, scene_of, turned, values
+
+from anmstrip.mechanics.belt import Point, belt
+from anmstrip.mechanics.guide import Guide
+from anmstrip.mechanics.membrane import Membrane
+from anmstrip.model import Equilibrium
+from anmstrip.scene import InputError
+from anmstrip.scene.build import Assembly
+from anmstrip.scene.stages import Course
+from anmstrip.scene.threading import stretches
+
+SCENES = {"one": ONE, "bridle": BRIDLE, "tower": TOWER, "leveller": LEVELLER}
+
+
+@pytest.mark.parametrize("tension", [1.0, 1e4, 1e7])
+def test_stretches_are_those_of_a_strip_under_tension(tension: float) -> None:
+    along, across = stretches(tension, 2e8, 0.3)
+    strain = 0.5 * (along**2 - 1.0)
+    assert along * 2e8 * strain == pytest.approx(tension, rel=1e-6)
+    assert across**2 == pytest.approx(1.0 - 0.6 * strain)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_equilibrium_is_found(name: str) -> None:
+    """Nothing rubs, so the tension is everywhere the same, and turns are those of the belt."""
+    run, state = ended(scene_of(SCENES[name]))
+    tension = run.scene.threading.tension
+    assert run.cost.expansions <= 40
+    assert state.tension("exit") == pytest.approx(tension, rel=1e-9)
+    assert state.tension("entry") == pytest.approx(tension, rel=5e-5)
+    for reading in state.rollers.values():
+        assert reading.tension_in == pytest.approx(tension, rel=5e-5)
+        assert reading.tension_ratio == pytest.approx(1.0, abs=5e-5)
+    assert list(state.rollers) == [r["name"] for r in SCENES[name]["rollers"]]
+    strip, thread = run.assembly.strip, run.assembly.thread
+    radii = np.array([r.radius for r in thread.rollers])
+    layer, element = np.sqrt(strip.bending_stiffness / tension), strip.cell_sizes[0].min()
+    wider = replace(thread, depths=thread.depths + layer**2 / (2.0 * radii))
+    for name_, radius in zip(thread.turns, radii, strict=True):
+        reading, turn = state.rollers[name_], wider.turns[name_]
+        lift_off = 2.0 * np.arcsin(layer / (2.0 * radius))
+        arc = max(turn - 2.0 * lift_off, 0.0)
+        assert arc - element / radius < reading.wrap < arc + 2.0 * element / radius + 0.04
+        resultant = np.linalg.norm(reading.resultant) / strip.width
+        assert resultant == pytest.approx(2.0 * tension * np.sin(0.5 * turn), rel=0.02)
+
+
+@pytest.mark.parametrize(("name", "refined"), [("one", 0.004), ("bridle", 0.005)])
+def test_tension_is_uniform_to_six_digits_on_a_fine_mesh(name: str, refined: float) -> None:
+    tables = {**SCENES[name], "strip": {**SCENES[name].get("strip", {}), "refined": refined}}
+    _, state = ended(scene_of(tables))
+    assert state.rollers
+    for reading in state.rollers.values():
+        assert reading.tension_ratio == pytest.approx(1.0, abs=1e-6)
+
+
+def test_bent_strip_goes_around_a_larger_roller() -> None:
+    """Its asymptotes touch the circle R + D/2TR; force T sin θ_L at both ends of the arc.
+
+    1 − cos θ_L = D/2TR² and y = 2 √(D/T) sin(θ_L/2) of the elastica on a cylinder.  The
+    contact is stiff: the line force at the lift-off spreads over (4 D/K)^¼, here 3 mm.
+    """
+    tables = {**ONE, "strip": {"refined": 0.0025}, "edges": {
+        "entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"]}}}  # fmt: skip
+    tables["stages"] = [{"duration": 1.0, "exit": {"tension": 1e4}}]
+    run, state = ended(scene_of(tables, contact={"stiffness": 1e12, "eta": 0.1, "delta": 1e-3}))
+    d, tension, radius = run.assembly.strip.bending_stiffness, 1e4, 0.5
+    wider = radius + d / (2.0 * tension * radius)
+    at = values(run, state)
+    ends = (Point(at[[0, 2], at[0].argmin()]), Point(at[[0, 2], at[0].argmax()]))
+    expected = belt([[[0.0], [-0.5]]], [[wider]], [1], *ends).arcs.turn[0, 0]
+    geometric = belt([[[0.0], [-0.5]]], [[radius]], [1], *ends).arcs.turn[0, 0]
+    assert turned(state) == pytest.approx(expected, abs=0.02 * (expected - geometric))
+    lift_off = 2.0 * np.arcsin(np.sqrt(d / tension) / (2.0 * radius))
+    arc = expected - 2.0 * lift_off
+    reading = state.rollers["a"]
+    assert reading.wrap == pytest.approx(arc, abs=0.02)
+    normal = (tension - d / (2.0 * radius**2)) * arc + 2.0 * tension * np.sin(lift_off)
+    assert reading.normal_force == pytest.approx(normal * 0.5, rel=2e-4)
+
+
+def test_bending_layer_of_a_strip_that_leaves_a_roller() -> None:
+    """tan(θ/4) falls like exp(−s/√(D/T)) along the free part, θ the angle to its asymptote."""
+    run, state = ended(scene_of({**ONE, "strip": {"refined": 0.004}}))
+    strip = run.assembly.strip
+    layer = np.sqrt(strip.bending_stiffness / 1e4)
+    slope = state.full.reshape(-1, 2)[strip.dofs("u_x")]
+    pull = state.edge_force("exit")
+    angle = np.arctan2(slope[:, 1], 1.0 + slope[:, 0]) - np.arctan2(pull[2], pull[0])
+    x = strip.mesh.p[0]
+    begin = state.contacts["a"].arc[1] + 0.01
+    free = (x > begin) & (x < begin + 3.0 * layer)
+    assert free.sum() > 15
+    decay = np.polyfit(x[free], np.log(np.tan(0.25 * angle[free])), 1)[0]
+    assert -1.0 / decay == pytest.approx(layer, rel=5e-3)
+
+
+def imbalance_of(scene: Any) -> float:
+    """Of the guess, in units of the tension's force."""
+    assembly = Assembly(scene)
+    plan = Course(assembly).plan(scene.course[0], {})
+    equations = Equilibrium(plan.model, plan.supports, plan.controls)
+    guess = assembly.thread.guess(assembly.strip, assembly.pattern)[plan.supports.free]
+    return equations.imbalance(equations.residual(guess, 0.0))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_guess_is_close(name: str) -> None:
+    assert imbalance_of(scene_of(SCENES[name])) < 5.0
+
+
+def test_guess_follows_the_belt() -> None:
+    assembly = Assembly(scene_of(ONE))
+    strip, thread = assembly.strip, assembly.thread
+    full = thread.guess(strip, assembly.pattern)
+    at = strip.nodes + strip.kinematics.embed(full.reshape(-1, 2)[strip.node_values].T)
+    expected = thread.positions(strip.nodes, float(strip.mesh.p[0].min()))
+    np.testing.assert_allclose(at, expected, atol=2e-5)
+    np.testing.assert_allclose(at[:, [0, -1]][[0, 2]], [[-2.0, 2.0], [-1.0, -1.0]], atol=1e-6)
+
+
+def test_guess_contracts_across() -> None:
+    """By ν E, so that a shell under tension begins without stress across."""
+    assembly = Assembly(scene_of(ONE, "shell"))
+    strip, thread = assembly.strip, assembly.thread
+    forces = Membrane(strip)
+    full = thread.guess(strip, assembly.pattern)
+    n = forces.forces(forces.operator.apply(full) + strip.kinematics.flat)
+    weights = forces.operator.weights
+    mean = (n[1, 1] @ weights) / weights.sum()
+    assert abs(mean) < 0.02 * 1e4
+    assert (n[0, 0] @ weights) / weights.sum() == pytest.approx(1e4, rel=0.02)
+
+
+def test_level_ends_share_what_the_strip_leaves() -> None:
+    thread = Assembly(scene_of(BRIDLE)).thread
+    (entry, _), (exit_, _) = (thread.middle.at(s, 0) for s in (0.0, thread.middle.length[0]))
+    starts = thread.middle.starts[:, 0]
+    assert np.diff(starts)[0] == pytest.approx(np.diff(starts)[-1])
+    assert entry[1] == pytest.approx(0.0, abs=1e-5)
+    assert exit_[1] == pytest.approx(-1.9, abs=1e-5)
+    assert thread.middle.length[0] == pytest.approx(8.0 * thread.along)
+
+
+def moved_one(**others: Any) -> dict[str, Any]:
+    """One roller with a crown or another axis, elements as the program chooses them."""
+    strip = {"cells": (16, 2), "width": 0.8}
+    return {**ONE, "strip": strip, "rollers": [roller("a", 0.0, -0.5, 0.5, "over", **others)]}
+
+
+UNEVEN = {
+    "crown": {"crown": (0.0, -2e-4)},
+    "taper": {"crown": (1e-3,)},
+    "yawed": {"axis": (0.003, 1.0, 0.0)},
+    "rolled": {"axis": (0.0, 1.0, 0.003)},
+}
+
+
+@pytest.mark.parametrize("name", UNEVEN)
+def test_uneven_rollers_are_threaded(name: str) -> None:
+    """A few milliradians and tenths of a millimetre: fibres of different lengths."""
+    scene = scene_of(moved_one(**UNEVEN[name]), "shell", solver={"tolerance": 1e-5})
+    run, state = ended(scene)
+    assert run.cost.expansions <= 45
+    reading = state.rollers["a"]
+    assert reading.tension_ratio == pytest.approx(1.0, abs=1e-4)
+    even = 2.0 * 1e4 * 0.8 * np.sin(0.5 * run.assembly.thread.turns["a"])
+    assert np.linalg.norm(reading.resultant) == pytest.approx(even, rel=5e-3)
+
+
+@pytest.mark.parametrize("name", UNEVEN)
+def test_guess_of_uneven_rollers_is_at_rest_in_its_surface(name: str) -> None:
+    """Sheared by the ways of its fibres it would be far beyond buckling."""
+    assembly = Assembly(scene_of(moved_one(**UNEVEN[name]), "shell"))
+    strip, thread = assembly.strip, assembly.thread
+    full = thread.guess(strip, assembly.pattern)
+    forces = Membrane(strip)
+    n = forces.forces(forces.operator.apply(full) + strip.kinematics.flat)
+    assert n[0, 0].min() > 0.0
+    assert np.abs(n[0, 1]).max() < 0.2 * 1e4
+    assert np.abs(n[1, 1]).max() < 0.3 * 1e4
+    weights = forces.operator.weights
+    assert (n[0, 0] @ weights) / weights.sum() == pytest.approx(1e4, rel=0.01)
+
+
+def test_guide_resists_along_its_normals_alone() -> None:
+    assembly = Assembly(scene_of(moved_one(), "shell"))
+    strip = assembly.strip
+    full = assembly.thread.guess(strip, assembly.pattern)
+    guide = Guide(strip, full)
+    np.testing.assert_allclose(np.linalg.norm(guide.normal, axis=0), 1.0)
+    x = guide.operator.apply(full)
+    assert not guide.law(x, None, {}).any()
+    off = x.copy()
+    off[1, 0] += 0.1
+    assert np.abs(guide.law(off, None, {})).max() < 1e-3 * guide.stiffness
+    off = x.copy()
+    off[:, 0] += 0.1 * guide.normal
+    np.testing.assert_allclose(guide.law(off, None, {})[:, 0], 0.1 * guide.stiffness * guide.normal)
+
+
+def test_crowned_roller_keeps_a_scene_symmetric() -> None:
+    tables = moved_one(crown=(0.0, -2e-4))
+    tables["strip"] |= {"cells": (16, 4), "refined": 0.015}
+    scene = scene_of(tables, "shell")
+    run, state = ended(scene)
+    strip, at = run.assembly.strip, values(run, state)
+    x, y = strip.mesh.p
+    one = np.lexsort((np.round(y, 9), np.round(x, 9)))
+    other = np.lexsort((np.round(-y, 9), np.round(x, 9)))
+    mirrored = at[:, other] * np.array([[1.0], [-1.0], [1.0]])
+    assert np.abs(at[:, one] - mirrored).max() < 1e-10
+    contact = state.contacts["a"]
+    across = contact.contact.operator.reference[1]
+    line = {
+        part: (contact.pressure * contact.area)[chosen].sum() / contact.area[chosen].sum()
+        for part, chosen in (("middle", abs(across) < 0.1), ("sides", abs(across) > 0.3))
+    }
+    assert line["middle"] > 1.1 * line["sides"]
+
+
+WRONG = {
+    "wrong side": (
+        {**ONE, "rollers": [roller("a", 0.0, -0.2, 0.5, "under")]}, "rollers.a.wrap", "-",
+    ),
+    "overlap": (
+        {**BRIDLE, "rollers": [roller("a", 0.0, -0.5, 0.5, "over"),
+                               roller("b", 0.2, -0.9, 0.5, "under")]},
+        "rollers.b.centre", "from a to b",
+    ),
+    "too short": ({**BRIDLE, "strip": {"length": 1.0}}, "strip.length", "more than"),
+    "entry inside": (
+        {**ONE, "threading": {**ONE["threading"], "entry": (-0.2, 0.0, -0.5)}},
+        "threading.entry", "the entry to a",
+    ),
+    "exit inside": (
+        {**ONE, "threading": {**ONE["threading"], "exit": (0.2, 0.0, -0.5)}},
+        "threading.exit", "a to the exit",
+    ),
+    "out of reach": (
+        {**BRIDLE, "strip": {"length": 12.0}, "rollers": [
+            roller("a", 0.0, -0.5, 0.5, "over"), roller("far", 2.0, 3.0, 0.5, "over"),
+            roller("c", 4.0, -0.5, 0.5, "under")]},
+        "rollers.a.wrap", "degrees",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_impossible_ways_are_refused(name: str) -> None:
+    tables, key, words = WRONG[name]
+    with pytest.raises(InputError) as caught:
+        Assembly(scene_of(tables)).thread  # noqa: B018
+    (mistake,) = caught.value.mistakes
+    assert mistake.key == key
+    assert words in str(mistake)
+    assert "circle" not in str(mistake)

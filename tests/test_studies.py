@@ -1,0 +1,150 @@
+"""Studies: what they write, and that an effect that is off costs nothing."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from anmstrip.command_line import main
+from anmstrip.scene import InputError, Scene
+from anmstrip.studies import effects
+from anmstrip.studies.registry import STUDIES, run_study
+from anmstrip.studies.reports import Sheet, StudyReport
+from anmstrip.studies.strips import growing, steps_of
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """Directory and output of the quick study of effects."""
+    directory = tmp_path_factory.mktemp("effects")
+    result = CliRunner().invoke(main, ["study", "effects", "--quick", "-o", str(directory)])
+    assert result.exit_code == 0, result.output
+    return directory, result.stdout
+
+
+def rows_of(directory: Path) -> list[dict[str, str]]:
+    with (directory / "effects.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert rows
+    return rows
+
+
+def test_files(quick: tuple[Path, str]) -> None:
+    directory, printed = quick
+    names = ("effects.csv", "effects.md", "effects.png")
+    assert sorted(path.name for path in directory.iterdir()) == list(names)
+    assert all(str(directory / name) in printed for name in names)
+    report = (directory / "effects.md").read_text(encoding="utf-8")
+    assert "anmstrip study effects --quick" in report
+    assert report.count("\n## ") == 5
+    assert (directory / "effects.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("level", effects.LEVELS)
+def test_what_is_off_has_no_row(quick: tuple[Path, str], level: str) -> None:
+    """Every step brings its own effect, and no row for those still to come."""
+    rows = [row for row in rows_of(quick[0]) if row["level"] == level]
+    own = "tension" if level == "plate" else "membrane"
+    brings: dict[str, str | None] = {"moving roller": None}
+    expected: list[str] = ["force on exit"]
+    for step in steps_of(level):
+        name = brings.get(step, step)
+        expected += [] if name is None else [name]
+        found = [row["effect"] for row in rows if row["added"] == step]
+        assert sorted(found) == sorted(expected)
+    assert own in expected
+    assert all(float(row["seconds"]) > 0.0 for row in rows)
+    assert {row["added"] for row in rows} == {*steps_of(level)}
+
+
+def test_points(quick: tuple[Path, str]) -> None:
+    """Laws have points; constant matrices and dead loads have none."""
+    for row in rows_of(quick[0]):
+        constant = row["effect"] in ("bending", "weight", "force on exit")
+        assert (int(row["points"]) == 0) is constant
+
+
+def cells_of(directory: Path, label: str, occurrence: int = 0) -> list[str]:
+    """Cells of a line of the report's tables, by its first cell."""
+    report = (directory / "effects.md").read_text(encoding="utf-8")
+    lines = [line for line in report.splitlines() if line.startswith(f"| {label} |")]
+    return [cell.strip() for cell in lines[occurrence].strip("|").split("|")]
+
+
+def test_a_section_stands_for_a_shell(quick: tuple[Path, str]) -> None:
+    """Tensions to 0.2 % on the coarsest mesh; e^(f θ) less bending is 1.25."""
+    *_, per_expansion, ratio = cells_of(quick[0], "shell / section")
+    assert float(ratio) == pytest.approx(1.0, rel=2e-3)
+    assert float(per_expansion) > 2.0
+    assert float(cells_of(quick[0], "section", -1)[-1]) == pytest.approx(1.25, rel=0.02)
+
+
+def test_a_plate_stands_for_a_shell_at_small_wraps(quick: tuple[Path, str]) -> None:
+    """Normal force T θ at θ = 1°, and lift, to 1 %."""
+    *_, force, lift = cells_of(quick[0], "shell / plate")
+    assert float(force) == pytest.approx(1.0, rel=1e-2)
+    assert float(lift) == pytest.approx(1.0, rel=1e-2)
+    assert float(cells_of(quick[0], "plate", -1)[-2]) == pytest.approx(1e4 * 0.01745, rel=0.05)
+
+
+def test_effects_that_are_off_are_not_imported(quick: tuple[Path, str]) -> None:
+    """In a process of its own: a module comes with the step that needs it, not before."""
+    steps = steps_of("section")
+    brought = {step: cells_of(quick[0], f"+ {step}")[1].split(", ") for step in steps}
+    assert "membrane" in brought["membrane"]
+    assert brought["bending"] == ["bending"]
+    assert brought["weight"] == ["none"]
+    assert {"belt", "contact", "points", "signorini"} <= {*brought["contact"]}
+    modules = [module for step in steps for module in brought[step] if module != "none"]
+    assert len(modules) == len({*modules})
+
+
+def test_expansions_are_complete() -> None:
+    """All orders are made, so that times can be compared."""
+    for added, scene in growing("plate", (30, 2)):
+        assert effects.timed("plate", added, scene, 1, 5).order == effects.ORDER
+
+
+@pytest.mark.parametrize("level", effects.LEVELS)
+def test_growing_scenes_differ_by_one_effect(level: str) -> None:
+    scenes = dict(growing(level, (30, 2)))
+    assert tuple(scenes) == steps_of(level)
+    assert all(isinstance(scene, Scene) for scene in scenes.values())
+    assert not scenes[steps_of(level)[0]].strip.bending
+    assert scenes["bending"].strip.bending
+    assert scenes["weight"].contact is None
+    assert scenes["contact"].contact is not None
+    assert scenes["contact"].friction is None
+
+
+def test_unknown_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(main, ["study", "efects"])
+    assert result.exit_code == 2
+    assert "effects (the nearest known one)" in result.stderr
+    assert "Traceback" not in result.output
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(InputError, match="one of: "):
+        run_study("xyz")
+    assert "effects" in STUDIES
+
+
+def test_report_is_written_as_it_is_printed(tmp_path: Path) -> None:
+    sheet = Sheet("A title", ("a", "b"), (("x", 1.23456), ("y", None)), "A note.")
+    data = Sheet("", ("a",), (("x",), (2,)))
+    report = StudyReport(
+        "toy", "Toy", "anmstrip study toy", data, (sheet,), 9.0, 3.0, {"a.png": b"1"}
+    )
+    names = [path.name for path in report.write(tmp_path / "there")]
+    assert names == ["toy.csv", "toy.md", "a.png"]
+    assert (tmp_path / "there" / "toy.csv").read_text(encoding="utf-8") == "a\nx\n2\n"
+    text = (tmp_path / "there" / "toy.md").read_text(encoding="utf-8")
+    for words in ("    anmstrip study toy", "## A title", "A note.", "| x | 1.235 |", "| y | – |"):
+        assert words in text
+    assert "1.235" in str(report)
+    assert "33 % of one core. The machine was busy" in str(report)
+    assert "busy" not in replace(report, processor=8.9).taken
