@@ -204,9 +204,18 @@ class Run:
     def _finish(self) -> None:
         if self.recorder is None:
             return
-        if self.state is not None and self.recorder.states == 0:
+        if self.state is not None and self._end_is_missing(self.state.time):
             self.recorder.write_state(self.state)
         self.recorder.summary(self.facts(), self.state)
+
+    def _end_is_missing(self, time: float) -> bool:
+        """Whether the last state is not on disk: of a run that will not be gone on with."""
+        assert self.recorder is not None
+        written = self.recorder.strip.entries
+        if not written:
+            return True
+        chosen = self.scene.output.times is not None or self.outcome is Outcome.INTERRUPTED
+        return not chosen and written[-1].time < time
 
     def facts(self) -> dict[str, Any]:
         """Counters of the run, as in ``summary.json``."""
