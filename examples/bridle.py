@@ -1,11 +1,10 @@
-"""The bridle against the capstan formula: in full slip, and driven with partial slip.
+"""The bridle against the capstan formula: in full slip, and with slip on a part of an arc.
 
 1. Held at the entry while both rollers turn (``bridle.toml``): the tension ratio over both is the
    product of two capstans, less the correction for bending.
-2. Free, pulled harder at the exit and driven by both rollers at the same speed: the strip
-   leaves the first as it came, T_mid = T_entry, since it sticks where it comes on to either;
-   the second takes the whole difference on the last part of its arc, of the angle
-   ln(T_exit/T_mid)/f_eff, and the strip leaves it faster by the creep (T_exit − T_mid)/(E t).
+2. Pulled harder at the exit while the rollers stand: the last arc of the lower roller slips, of
+   the angle ln(T_exit/T_entry)/f; where the strip sticks before it, nothing has changed, nor
+   on the upper roller.
 """
 
 from __future__ import annotations
@@ -46,27 +45,21 @@ def full_slip(settings: list[str]) -> tuple[float, float]:
     return high / low, float(expected)
 
 
-def driven(settings: list[str], pull: float, travel: float) -> dict[str, tuple[float, float]]:
-    """What partial slip leaves after some metres: quantity → found, expected."""
-    speed = 1.0
-    tables = Scene.load(HERE / "bridle.toml", settings).to_dict()
-    tables["strip"]["feed"] = True
-    turning = {"upper": {"surface_speed": speed}, "lower": {"surface_speed": -speed}}
-    tables["stages"] = [
-        {"name": "pull", "duration": 0.1, "exit": {"force": [pull, 0.0, 0.0]}},
-        {"name": "go", "duration": 0.3, "entry": {"release": True}, "rollers": turning},
-        {"name": "run", "duration": travel / speed},
-    ]
-    run, state = finished(Scene.model_validate(tables))
-    strip, law = run.assembly.strip, run.assembly.friction
-    assert law is not None
-    reading = state.rollers["lower"]
-    creep = speed * (reading.tension_out - reading.tension_in) / strip.tensile_stiffness
-    entry, mid, leaving = state.tension("entry"), reading.tension_in, reading.tension_out
+def pulled(settings: list[str], pull: float, seconds: float) -> dict[str, tuple[float, float]]:
+    """What partial slip leaves on rollers that stand: quantity → found, expected.
+
+    The pull is slow, so that slip is as fast as V_c, where the law has its nominal coefficient.
+    """
+    tables = Scene.load(HERE / "bridle.toml", [*settings, "friction.speed=1e-6"]).to_dict()
+    load = {"force": [pull, 0.0, 0.0]}
+    tables["stages"] = [{"name": "pull", "duration": seconds, "exit": load}]
+    _, state = finished(Scene.model_validate(tables))
+    lower, upper = state.rollers["lower"], state.rollers["upper"]
+    arc = np.log(lower.tension_out / lower.tension_in) / tables["friction"]["coefficient"]
     return {
-        "tension between the rollers (N/m)": (mid, entry),
-        "slip arc (rad)": (slip_arc(state), np.log(leaving / mid) / law.effective(creep)),
-        "creep at the exit (m/s)": (speed_at_exit(state) - speed, creep),
+        "tension between the rollers (N/m)": (lower.tension_in, state.tension("entry")),
+        "slip arc of the lower roller (rad)": (slip_arc(state), float(arc)),
+        "drag of the upper roller (N)": (upper.drag, 0.0),
     }
 
 
@@ -80,14 +73,6 @@ def slip_arc(state: State) -> float:
     return float(length / contact.roller.radius)
 
 
-def speed_at_exit(state: State) -> float:
-    """Along the strip, at its end (m/s)."""
-    assert state.velocity is not None
-    strip = state.plan.model.strip
-    values = state.velocity.reshape(-1, strip.count)[strip.edges["exit"].values]
-    return float(strip.kinematics.embed(values.T)[0].mean())
-
-
 def main() -> None:
     """Print both comparisons."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -97,10 +82,8 @@ def main() -> None:
     found, expected = full_slip(settings)
     print(f"full slip: ratio {found:.5f}, formula {expected:.5f}, {found / expected - 1:+.3%}")
     assert abs(found / expected - 1.0) < 0.01
-    honest = ["strip.refined=0.05", "friction.speed=1e-6", "solver.tolerance=1e-3"]
-    soft = ["contact.stiffness=1e8"]
-    for name, (value, theory) in driven([*honest, *soft], 1.2e4, 0.1 if quick else 4.0).items():
-        print(f"driven: {name} {value:.6g}, expected {theory:.6g}")
+    for name, (value, theory) in pulled(settings, 1.2e4, 10.0).items():
+        print(f"pulled: {name} {value:.6g}, expected {theory:.6g}")
 
 
 if __name__ == "__main__":

@@ -49,7 +49,10 @@ class Scales:
 
 @dataclass(frozen=True)
 class Supports:
-    """Which unknowns are free, and the motion of the others: u = start + λ slope.
+    """Which unknowns are free, and the motion of the others.
+
+    u = start + λ slope + λ (λ − 1) bow, where the bow is that of a velocity that changes
+    linearly.
 
     Attributes
     ----------
@@ -57,11 +60,14 @@ class Supports:
         Numbers of the free unknowns.
     start, slope : ndarray, shape (unknowns,)
         At the free unknowns the slope is zero, and the start what they are counted from.
+    bow : ndarray, shape (unknowns,), or None
+        Of a whole stage in time; a path in λ is straight.
     """
 
     free: Index
     start: Array
     slope: Array
+    bow: Array | None = None
 
     @classmethod
     def at_rest(cls, unknowns: int, held: Index) -> Supports:
@@ -72,8 +78,15 @@ class Supports:
     def full(self, u: Array, control: float) -> Array:
         """All unknowns from the free ones, shape (unknowns,)."""
         whole = self.start + control * self.slope
+        if self.bow is not None:
+            whole += control * (control - 1.0) * self.bow
         whole[self.free] += u
         return whole
+
+    def rate(self, control: float) -> Array:
+        """du/dλ of what is held, zero elsewhere, shape (unknowns,)."""
+        bent = 0.0 if self.bow is None else (2.0 * control - 1.0) * self.bow
+        return self.slope + bent
 
     def change(self, u: Array, control: float) -> Array:
         """Change of all unknowns with a change of the free ones and of λ."""
@@ -305,11 +318,12 @@ class Motion:
     def during(self, t: float, h: float, velocity: AffineVelocity, about: Array) -> Equilibrium:
         """Equations of one time step, for increments from ``about``."""
         begin, share = (t - self.start) / self.duration, h / self.duration
-        start = self.supports.full(about, begin)
-        supports = Supports(self.supports.free, start, share * self.supports.slope)
+        start, zero = self.supports.full(about, begin), np.zeros_like(about)
+        change = self.supports.full(zero, begin + share) - self.supports.full(zero, begin)
+        supports = Supports(self.supports.free, start, change)
         slope = {name: share * rate for name, rate in self.controls.slope.items()}
         controls = Controls(self.controls.at(begin), slope)
-        moving = self.supports.slope / self.duration
+        moving = self.supports.rate(begin + share) / self.duration
         return Equilibrium(self.model, supports, controls, velocity, moving)
 
     def error(self, u: Array, change: Array) -> float:

@@ -22,6 +22,7 @@ def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
     march, course = run.march, run.march.course
     arrays = {"full": march.full, "velocity": march.velocity}
     arrays |= {f"moved.{name}": value for name, value in course.moved.items()}
+    arrays |= {f"speed.{name}": value for name, value in course.speeds.items()}
     arrays |= {f"begun.{name}": value for name, value in course.begun.items()}
     arrays |= {f"value.{name}": value for name, value in course.values.items()}
     if march.feed is not None:
@@ -65,7 +66,12 @@ def unpack(run: Run, arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> N
     run.cost.factorisations = facts["factorisations"]
     run.spent, run.stages, run.effects = facts["seconds"], facts["stages"], facts["effects"]
     march.course.time, march.course.released = facts["course_time"], set(facts["released"])
-    kept = {"moved": march.course.moved, "begun": march.course.begun, "value": march.course.values}
+    kept = {
+        "moved": march.course.moved,
+        "begun": march.course.begun,
+        "speed": march.course.speeds,
+        "value": march.course.values,
+    }
     if march.feed is not None:
         kept["home"], march.feed.elements = march.feed.home, facts["fed"]
     for name, value in arrays.items():

@@ -157,7 +157,7 @@ def relabelled(
         values = feed.strip.edges[name].values
         step = change.reshape(-1, feed.strip.count)[values].mean(axis=0)
         course.shift(name, feed.strip.kinematics.embed(step))
-    velocity = supports.slope / plan.duration
+    velocity = plan.moving((memory.times[0] - plan.start) / plan.duration)
     velocity[free] = memory.v
     velocity = feed.moved(velocity, elements, position=False)
     feed.elements += elements

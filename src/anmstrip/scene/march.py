@@ -198,7 +198,7 @@ class March:
     def _arrival(self, plan: Plan, step: implicit_dae.TimeStep, order: int) -> Arrival:
         """The end of a step in time."""
         control = (step.end - plan.start) / plan.duration
-        full, velocity = plan.supports.full(step.u, control), plan.moving.copy()
+        full, velocity = plan.supports.full(step.u, control), plan.moving(control)
         velocity[plan.supports.free] = step.v
         facts = (order, step.end - step.start, step.imbalance)
         return Arrival(plan, control, full, velocity, *facts, memory=step.memory)

@@ -29,7 +29,9 @@ class EdgeControl(Table):
         examples=["[0.0, 0.0, -0.45]"],
     )
     velocity: Vector | None = Field(
-        None, description="velocity, three numbers (m/s)", examples=["[1.0, 0.0, 0.0]"]
+        None,
+        description="velocity that the edge has at the stage's end and keeps, three numbers (m/s)",
+        examples=["[1.0, 0.0, 0.0]"],
     )
     release: StrictBool = Field(
         False,

@@ -51,7 +51,7 @@ class Plan:
             return False
         if not np.array_equal(self.supports.free, past.supports.free):
             return False
-        if not np.allclose(self.moving, past.moving, rtol=1e-9, atol=0.0):
+        if not np.allclose(self.moving(0.0), past.moving(1.0), rtol=1e-9, atol=0.0):
             return False
         names = [name for name in self.controls.start if name.endswith(".velocity")]
         return all(
@@ -60,10 +60,9 @@ class Plan:
             for n in names
         )
 
-    @property
-    def moving(self) -> Array:
+    def moving(self, control: float) -> Array:
         """Velocities of what is held (m/s), zero elsewhere, shape (unknowns,)."""
-        return self.supports.slope / self.duration
+        return self.supports.rate(control) / self.duration
 
     @property
     def held_at_end(self) -> tuple[Supports, Controls]:
@@ -89,6 +88,8 @@ class Course:
         s.
     begun : dict
         Edge → displacement (m) of a threaded strip at the beginning, from which moves count.
+    speeds : dict
+        Edge → velocity (m/s) of its held components, which lasts until a stage changes it.
     """
 
     assembly: Assembly
@@ -97,6 +98,7 @@ class Course:
     released: set[str] = field(default_factory=set)
     time: float = 0.0
     begun: dict[str, Array] = field(default_factory=dict)
+    speeds: dict[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.assembly.thread is not None and not self.values:
@@ -159,6 +161,7 @@ class Course:
         self.values.update(self._targets(stage, dict(self.values)))
         for name in self._held():
             self.moved[name] = self._destination(stage, name)
+            self.speeds[name] = self._speeds(stage, name)[1]
         self.time += stage.duration
 
     def _targets(self, stage: StageSpec, start: dict[str, Array]) -> dict[str, Array]:
@@ -192,30 +195,41 @@ class Course:
     def _destination(self, stage: StageSpec, name: str) -> Array:
         now = self.moved.get(name, np.zeros(3))
         control = stage.edges.get(name)
-        if control is None:
-            return now
-        if control.move is not None:
+        if control is not None and control.move is not None:
             return self.begun.get(name, np.zeros(3)) + np.array(control.move, dtype=float)
-        if control.velocity is not None:
-            return now + np.array(control.velocity) * stage.duration
-        return now
+        return now + 0.5 * stage.duration * sum(self._speeds(stage, name))
+
+    def _speeds(self, stage: StageSpec, name: str) -> tuple[Array, Array]:
+        """Velocities of an edge at the beginning and at the end of a stage (m/s)."""
+        begin, control = self.speeds.get(name, np.zeros(3)), stage.edges.get(name)
+        if control is not None and control.move is not None:
+            return np.zeros(3), np.zeros(3)
+        if control is None or control.velocity is None:
+            return begin, begin
+        return begin, np.array(control.velocity, dtype=float)
+
+    def _bow(self, stage: StageSpec, name: str) -> Array:
+        """Half of what the velocity gains over a stage, times its duration (m)."""
+        begin, end = self._speeds(stage, name)
+        return 0.5 * stage.duration * (end - begin)
 
     def _supports(self, stage: StageSpec) -> Supports:
         strip = self.assembly.strip
         held = np.zeros(strip.unknowns, dtype=bool)
-        start, end = np.zeros(strip.unknowns), np.zeros(strip.unknowns)
+        start, end, bows = (np.zeros(strip.unknowns) for _ in range(3))
         for name, components in self._held().items():
             edge, now = strip.edges[name], self.moved.get(name, np.zeros(3))
-            destination = self._destination(stage, name)
+            destination, bow = self._destination(stage, name), self._bow(stage, name)
             for c in ("xyz".index(x) for x in components):
                 place = strip.kinematics.place(c)
                 if place is None:
                     continue
                 values = strip.count * edge.values + place
                 held[strip.count * edge.trace + place] = True
-                start[values], end[values] = now[c], destination[c]
+                start[values], end[values], bows[values] = now[c], destination[c], bow[c]
         held[list(self._centred())] = True
-        return Supports(np.flatnonzero(~held), start, end - start)
+        bent = self.assembly.frictional(stage) and np.any(bows)
+        return Supports(np.flatnonzero(~held), start, end - start, bows if bent else None)
 
     def _centred(self) -> Iterator[int]:
         """Unknowns that stay at zero so that the middles of edges keep their y."""

@@ -1,0 +1,88 @@
+"""How the controls of a stage move what is held."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from anmstrip.scene import Scene
+from anmstrip.scene.build import Assembly
+from anmstrip.scene.stages import Course, Plan
+
+
+def plans(*stages: dict[str, Any], friction: bool = True) -> list[Plan]:
+    """The stages of a section that is held at its entry, over a roller far below."""
+    tables: dict[str, Any] = {
+        "strip": {
+            "kinematics": "section", "length": 2.0, "width": 1.0, "thickness": 1e-3,
+            "cells": [4, 1],
+        },
+        "material": {"young": 2e11, "poisson": 0.3},
+        "contact": {"stiffness": 1e9, "eta": 10.0, "delta": 1e-3},
+        "friction": {"coefficient": 0.3, "speed": 1e-3},
+        "rollers": [{"name": "r1", "radius": 0.5, "centre": [0.0, 0.0, -2.0]}],
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [{"friction": friction, **stage} for stage in stages],
+    }  # fmt: skip
+    scene = Scene.model_validate(tables)
+    course, found = Course(Assembly(scene)), []
+    for stage in scene.course:
+        found.append(course.plan(stage, {}))
+        course.finish(stage)
+    return found
+
+
+def entry(plan: Plan, control: float) -> tuple[float, float]:
+    """Displacement and velocity of the entry along x."""
+    strip = plan.model.strip
+    place = 2 * strip.edges["entry"].values[0]
+    zero = np.zeros(len(plan.supports.free))
+    return plan.supports.full(zero, control)[place], plan.moving(control)[place]
+
+
+def test_a_velocity_is_reached_linearly_and_kept() -> None:
+    """0 to 0.4 m/s over 2 s, then a stage that does not name it, then to rest."""
+    first, second, third = plans(
+        {"duration": 2.0, "entry": {"velocity": [0.4, 0.0, 0.0]}},
+        {"duration": 1.0},
+        {"duration": 4.0, "entry": {"velocity": [0.0, 0.0, 0.0]}},
+    )
+    for share in (0.0, 0.25, 1.0):
+        t = 2.0 * share
+        assert entry(first, share) == pytest.approx((0.1 * t * t, 0.2 * t), abs=1e-15)
+        assert entry(second, share) == pytest.approx((0.4 + 0.4 * share, 0.4))
+    assert entry(third, 0.0) == pytest.approx((0.8, 0.4))
+    assert entry(third, 0.5) == pytest.approx((0.8 + 0.4 * 2.0 - 0.1 * 2.0, 0.2))
+    assert entry(third, 1.0) == pytest.approx((1.6, 0.0))
+    assert second.continues(first)
+    assert third.continues(second)
+
+
+def test_a_move_ends_a_velocity() -> None:
+    _, second, third = plans(
+        {"duration": 1.0, "entry": {"velocity": [0.4, 0.0, 0.0]}},
+        {"duration": 1.0, "entry": {"move": [0.5, 0.0, 0.0]}},
+        {"duration": 1.0},
+    )
+    assert entry(second, 0.5) == pytest.approx((0.35, 0.3))
+    assert entry(third, 1.0) == pytest.approx((0.5, 0.0))
+    assert not third.continues(second)
+
+
+def test_without_friction_the_way_is_straight() -> None:
+    (plan,) = plans({"duration": 2.0, "entry": {"velocity": [0.4, 0.0, 0.0]}}, friction=False)
+    assert entry(plan, 0.5)[0] == pytest.approx(0.2)
+    assert entry(plan, 1.0)[0] == pytest.approx(0.4)
+
+
+def test_what_jumps_begins_anew() -> None:
+    """A roller that starts to move, an edge that is let go."""
+    first, second, third = plans(
+        {"duration": 1.0},
+        {"duration": 1.0, "rollers": {"r1": {"move": [0.0, 0.0, 0.1]}}},
+        {"duration": 1.0, "entry": {"release": True}},
+    )
+    assert not second.continues(first)
+    assert not third.continues(second)
