@@ -28,7 +28,9 @@ def main(lengths: float, settings: list[str], windows: int) -> None:
     run = scene.run()
     edges = np.linspace(run.end_time - duration, run.end_time, windows + 1)
     names = [roller.name for roller in scene.rollers]
-    print("travel (m)   ", *(f"before {n:3s}" for n in names), "behind     mean   in (kg)  out (kg)")
+    print(
+        "travel (m)   ", *(f"before {n:3s}" for n in names), "behind     mean   in (kg)  out (kg)"
+    )
     rows, window, means = [], 1, []
     for step in run:
         if step.stage != "run":
