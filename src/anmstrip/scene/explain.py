@@ -231,13 +231,16 @@ def _mesh_warnings(assembly: Assembly) -> Iterator[str]:
     if assembly.scene.contact is None or not np.isfinite(layer):
         return
     x = assembly.strip.mesh.p[0, assembly.strip.mesh.t].mean(axis=0)
+    coarse: dict[str, list[str]] = {}
     for roller in assembly.rollers:
         over = _over(assembly, roller, x)
         if over.any() and (h := assembly.strip.cell_sizes[0, over].max()) > 1.01 * QUARTER * layer:
-            yield (
-                f"elements over {roller.name} are {h:.3g} m long; a quarter of the boundary layer "
-                f"√(D/T) = {layer:.3g} m would be {QUARTER * layer:.3g} m (strip.refined)."
-            )
+            coarse.setdefault(f"{h:.3g} m", []).append(roller.name)
+    for size, names in coarse.items():
+        yield (
+            f"elements over {', '.join(names)} are {size} long; a quarter of the boundary layer "
+            f"√(D/T) = {layer:.3g} m would be {QUARTER * layer:.3g} m (strip.refined)."
+        )
 
 
 def _over(assembly: Assembly, roller: Roller, x: NDArray[np.float64]) -> NDArray[np.bool_]:
