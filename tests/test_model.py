@@ -18,9 +18,9 @@ from anmstrip.mechanics.signorini import RepulsiveSignorini
 from anmstrip.mechanics.strip import Material, Strip, grid
 from anmstrip.model import Controls, Equilibrium, Model, Motion, Scales, Supports
 from anmstrip.scene import Scene
+from anmstrip.series.backward_differences import AffineVelocity
 from anmstrip.series.continuation import Settings, follow
 from anmstrip.series.expansion import Parameter, expand
-from anmstrip.series.implicit_dae import AffineVelocity
 from anmstrip.series.linear_solvers import SparseSolver
 
 TENSION, RADIUS = 1e4, 0.5

@@ -15,7 +15,7 @@ from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.signorini import RepulsiveSignorini
 from anmstrip.mechanics.strip import Material, Strip, grid, line
 from anmstrip.model import Controls, Equilibrium, Model, Scales, Supports
-from anmstrip.series.implicit_dae import AffineVelocity
+from anmstrip.series.backward_differences import AffineVelocity
 
 XS, YS = np.array([-0.5, -0.2, 0.0, 0.1, 0.5]), np.array([-0.2, 0.0, 0.3])
 WIDTH, THICKNESS = 0.5, 1e-2

@@ -14,7 +14,7 @@ from anmstrip.mechanics.roller import Roller, together
 from anmstrip.mechanics.signorini import RepulsiveSignorini
 from anmstrip.mechanics.strip import Material, Strip, grid
 from anmstrip.model import Controls, Equilibrium, Model, Scales, Supports
-from anmstrip.series.implicit_dae import AffineVelocity
+from anmstrip.series.backward_differences import AffineVelocity
 from anmstrip.series.power_series import taylor
 
 XS, YS = np.array([-0.3, -0.1, 0.0, 0.05, 0.3]), np.array([-0.2, 0.0, 0.3])

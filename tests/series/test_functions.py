@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from anmstrip.series.backward_differences import AffineVelocity
 from anmstrip.series.continuation import Settings, follow
 from anmstrip.series.functions import FunctionEquations, FunctionRateEquations
-from anmstrip.series.implicit_dae import AffineVelocity
 from anmstrip.series.linear_solvers import DenseSolver
 
 

@@ -5,11 +5,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from anmstrip.series import implicit_dae
+from anmstrip.series import backward_differences, implicit_dae
+from anmstrip.series.backward_differences import Memory, formula, predicted
 from anmstrip.series.continuation import Settings
 from anmstrip.series.expansion import Cost
 from anmstrip.series.functions import FunctionRateEquations, ImplicitSolution
-from anmstrip.series.implicit_dae import formula, predicted
 from anmstrip.series.linear_solvers import DenseSolver
 
 DENSE = DenseSolver()
@@ -28,7 +28,7 @@ def stiff_friction(u, v, t):
 
 def run(residual, u, v, end, *, tolerance=1e-4, first=1e-3, speed=np.inf, time_order=2, **options):
     equations = FunctionRateEquations(residual, end, speed)
-    start = implicit_dae.start(0.0, np.array(u), np.array(v), first)
+    start = backward_differences.start(0.0, np.array(u), np.array(v), first)
     settings = Settings(order=15, tolerance=tolerance, max_steps=20_000)
     return list(
         implicit_dae.integrate(
@@ -70,10 +70,10 @@ def fixed_steps(order, ratio, count):
     integrator.path_settings = Settings(order=15, tolerance=1e-10, give_way=False)
     past = [(-x, np.sin([-x])) for x in knots[1:order]]  # exact history
     times, states = [0.0, *(t for t, _ in past)], [np.zeros(1), *(s for _, s in past)]
-    memory = implicit_dae.Memory(tuple(times), tuple(states), np.ones(1), 1.0)
+    memory = Memory(tuple(times), tuple(states), np.ones(1), 1.0)
     for _, new in pairwise(knots):
         trial = integrator._trial(memory, new, order)
-        memory = implicit_dae.Memory(
+        memory = Memory(
             (new, *memory.times[: order - 1]), (trial.u, *memory.states[: order - 1]), trial.v, 1.0
         )
     return abs(memory.states[0][0] - np.sin(1.0))
@@ -128,7 +128,7 @@ def test_going_on_from_memory_gives_the_same_answer():
     equations = FunctionRateEquations(smooth, 2.0)
     settings = Settings(order=15, tolerance=1e-4)
     options = {"solver": DENSE, "settings": settings, "stepping": implicit_dae.Stepping(2.0)}
-    memory = implicit_dae.start(0.0, np.zeros(1), np.ones(1), 1e-2)
+    memory = backward_differences.start(0.0, np.zeros(1), np.ones(1), 1e-2)
     whole = list(implicit_dae.integrate(equations, memory, 2.0, **options))
     half = whole[len(whole) // 2]
     rest = list(implicit_dae.integrate(equations, half.memory, 2.0, **options))

@@ -5,7 +5,7 @@ import pytest
 from dense import DenseEquations, followed, one
 from scipy.sparse import csc_matrix
 
-from anmstrip.series import implicit_dae
+from anmstrip.series import backward_differences, implicit_dae
 from anmstrip.series.continuation import Settings
 from anmstrip.series.functions import FunctionRateEquations
 from anmstrip.series.linear_solvers import (
@@ -27,7 +27,7 @@ def in_time(residual, settings=None):
     """The exception that ends an integration up to t = 1."""
     steps = implicit_dae.integrate(
         FunctionRateEquations(residual, 1.0),
-        implicit_dae.start(0.0, np.zeros(2), np.zeros(2), 1e-2),
+        backward_differences.start(0.0, np.zeros(2), np.zeros(2), 1e-2),
         1.0,
         solver=DenseSolver(),
         settings=settings or Settings(order=10, tolerance=1e-4),

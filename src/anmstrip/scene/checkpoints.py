@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from anmstrip.series.backward_differences import Memory
 from anmstrip.series.continuation import Pace
-from anmstrip.series.implicit_dae import Memory
 
 if TYPE_CHECKING:
     from anmstrip.scene.run import Run

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from anmstrip.mechanics.strip import Edge, Strip
 from anmstrip.scene.stages import Course, Plan
-from anmstrip.series.implicit_dae import Memory
+from anmstrip.series.backward_differences import Memory
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

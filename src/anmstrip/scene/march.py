@@ -16,7 +16,8 @@ from anmstrip.scene.measures import State
 from anmstrip.scene.rules import THREADING
 from anmstrip.scene.schema import StageSpec
 from anmstrip.scene.stages import Course, Plan, stretched
-from anmstrip.series import implicit_dae
+from anmstrip.series import backward_differences, implicit_dae
+from anmstrip.series.backward_differences import Memory
 from anmstrip.series.continuation import Pace, Settings, follow
 from anmstrip.series.expansion import Cost
 from anmstrip.series.linear_solvers import SparseSolver
@@ -62,7 +63,7 @@ class Arrival:
     imbalance: float
     branch: Branch | None = None
     pace: Pace | None = None
-    memory: implicit_dae.Memory | None = None
+    memory: Memory | None = None
 
     @property
     def state(self) -> State:
@@ -102,7 +103,7 @@ class March:
         self.velocity = np.zeros_like(self.full)
         self.reached: float | None = None
         self.pace: Pace | None = None
-        self.memory: implicit_dae.Memory | None = None
+        self.memory: Memory | None = None
         self.slack = False
         self.past: Plan | None = None
         self.feed = Feed(assembly.strip) if assembly.scene.strip.feed else None
@@ -203,7 +204,7 @@ class March:
         facts = (order, step.end - step.start, step.imbalance)
         return Arrival(plan, control, full, velocity, *facts, memory=step.memory)
 
-    def _memory(self, plan: Plan) -> implicit_dae.Memory:
+    def _memory(self, plan: Plan) -> Memory:
         """The past of a stage in time: that of the stage before, if nothing jumps."""
         fresh = self.past is not None and not plan.continues(self.past)
         if self.memory is not None and not fresh:
@@ -211,10 +212,10 @@ class March:
         stages = [s.duration for s in self.scene.course if self.assembly.frictional(s)]
         first = self.scene.solver.time_step or FIRST_STEP * min(stages)
         free = plan.supports.free
-        return implicit_dae.start(plan.start, self.full[free], self.velocity[free], first)
+        return backward_differences.start(plan.start, self.full[free], self.velocity[free], first)
 
     def _time_steps(
-        self, plan: Plan, memory: implicit_dae.Memory, settings: Settings
+        self, plan: Plan, memory: Memory, settings: Settings
     ) -> Iterator[implicit_dae.TimeStep]:
         """Steps of a stage from where its past ends."""
         stages = [s.duration for s in self.scene.course if self.assembly.frictional(s)]
@@ -233,7 +234,7 @@ class March:
         """Elements of fresh strip that have to be fed in."""
         return 0 if self.feed is None else self.feed.due(self.full)
 
-    def _fed(self, plan: Plan, memory: implicit_dae.Memory) -> tuple[Plan, implicit_dae.Memory]:
+    def _fed(self, plan: Plan, memory: Memory) -> tuple[Plan, Memory]:
         """The same stage after fresh strip was fed in for what has left, if it has."""
         elements = self._due()
         if self.feed is None or not elements:

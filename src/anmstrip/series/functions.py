@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .implicit_dae import AffineVelocity, TimeStep
+from .backward_differences import AffineVelocity
+from .implicit_dae import TimeStep
 from .index_one import stretch
 from .path import HermitePath
 from .power_series import Series, Tape, taylor

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from anmstrip.mechanics.mass_spring import MassSpring
-from anmstrip.series import implicit_dae, taylor_dae
+from anmstrip.series import backward_differences, implicit_dae, taylor_dae
 from anmstrip.series.continuation import Settings
 from anmstrip.series.expansion import Cost
 from anmstrip.series.functions import FunctionRateEquations, ImplicitSolution
@@ -119,7 +119,7 @@ def implicit(
     steps, reason = _until_stopped(
         implicit_dae.integrate(
             FunctionRateEquations(case.residual, p.t_end, p.V_c),
-            implicit_dae.start(0.0, u, v, FIRST_STEP * p.t_end),
+            backward_differences.start(0.0, u, v, FIRST_STEP * p.t_end),
             p.t_end,
             solver=DenseSolver(),
             settings=Settings(order=order, tolerance=AIM * tolerance, max_steps=MOST_STEPS),

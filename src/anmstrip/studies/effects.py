@@ -16,8 +16,8 @@ from typing import Any
 from anmstrip.model import Equilibrium, Motion
 from anmstrip.scene.run import Run
 from anmstrip.scene.schema import Scene
+from anmstrip.series.backward_differences import AffineVelocity
 from anmstrip.series.expansion import Cost, Parameter, expand
-from anmstrip.series.implicit_dae import AffineVelocity
 from anmstrip.studies.comparisons import plate_against_shell, section_against_shell
 from anmstrip.studies.figures import stacked
 from anmstrip.studies.imports import import_sheet

@@ -10,14 +10,15 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterator
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from anmstrip.model import Equilibrium, Motion
 from anmstrip.scene.build import Assembly
 from anmstrip.scene.schema import Scene
 from anmstrip.scene.stages import Course, Plan, stretched
+from anmstrip.series.backward_differences import AffineVelocity
 from anmstrip.series.expansion import Parameter, expand
-from anmstrip.series.implicit_dae import AffineVelocity
 from anmstrip.series.linear_solvers import SparseSolver
 from anmstrip.studies.reports import Sheet
 from anmstrip.studies.strips import TENSION, growing
@@ -29,7 +30,10 @@ def import_sheet() -> Sheet:
     """Modules that every step imports beyond the steps before it, and those of any run."""
     rows = [(f"+ {added}", _listed(modules)) for added, modules in _elsewhere("grown()")]
     rows += [(what, _listed(modules)) for what, modules in _elsewhere("of_a_run()")]
-    note = "What is imported for the first time when a scene is built and expanded once."
+    note = (
+        "What is imported for the first time when a scene is built and expanded once; last, when "
+        "the first of these scenes is run to its end and its states are written."
+    )
     return Sheet("Modules of mechanics", ("added", "imported"), tuple(rows), note)
 
 
@@ -59,8 +63,10 @@ def of_a_run() -> Iterator[tuple[str, list[str]]]:
     _, scene = next(growing("section", CELLS))
     expanded_once(scene)
     known = _mechanics()
-    scene.run()
-    yield "a run of the first of these", sorted(_mechanics() - known)
+    with TemporaryDirectory() as directory:
+        for _ in scene.run(directory):
+            pass
+    yield "a run of the first, written", sorted(_mechanics() - known)
 
 
 def _mechanics() -> set[str]:
