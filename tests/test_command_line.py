@@ -173,6 +173,7 @@ def test_run_refused_by_its_mesh(fakes: Fakes) -> None:
         (["run", CAPSTAN, "--fast"], "--fast"),
         (["run"], "SCENE.toml"),
         (["explain", "none.toml"], "none.toml"),
+        (["explain", CAPSTAN, "--set", "strip.widht=1"], "width (the nearest known one)"),
         (["case", "pressed-plane", "--set", "f=a", "--set", "q"], "--set f=a"),
         (["case", "pressed-plane", "--set", "f=a", "--set", "q"], "--set q"),
         (["case", "pressed-plane", "--set", "f=nan"], "a finite number"),
@@ -200,6 +201,8 @@ def test_explain(fakes: Fakes) -> None:
     )
     result = typed("explain", CAPSTAN)
     assert (result.exit_code, result.stdout) == (0, "a strip of 1.0 m\n")
+    result = typed("explain", CAPSTAN, "--set", "strip.width=0.5")
+    assert (result.exit_code, result.stdout) == (0, "a strip of 0.5 m\n")
 
 
 def test_case(fakes: Fakes) -> None:
@@ -265,6 +268,35 @@ def test_progress_elsewhere_is_a_line_now_and_then() -> None:
     stream = io.StringIO()
     assert list(progress.watched(steps, stream, interval=1e9)) == steps
     assert not stream.getvalue()
+
+
+def test_the_readme_shows_a_scene_that_is_right(tmp_path: Path) -> None:
+    readme = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+    path = tmp_path / "scene.toml"
+    path.write_text(readme.split("```toml\n")[1].split("```")[0], encoding="utf-8")
+    result = typed("explain", str(path))
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert "Warning" not in result.stdout
+    assert "These numbers justify: section, as chosen" in result.stdout
+
+
+@pytest.mark.parametrize("kinematics", ["section", "plate"])
+def test_what_a_level_does_not_have(tmp_path: Path, kinematics: str) -> None:
+    """The sides of a section, the tension of a plate: told by run and explain, not raised."""
+    lines = {
+        "section": '[edges.left]\nfixed = ["z"]\n',
+        "plate": '[[stages]]\nname = "pull"\nduration = 1\nexit.tension = 1e4\n',
+    }
+    tables = "[strip]\nlength = 4.0\nwidth = 1.0\nthickness = 1e-3\ncells = [4, 2]\n"
+    tables += f'kinematics = "{kinematics}"\n[material]\nyoung = 2e11\npoisson = 0.3\n'
+    tables += '[[stages]]\nname = "rest"\nduration = 1\n'
+    path = tmp_path / "scene.toml"
+    path.write_text(tables + lines[kinematics], encoding="utf-8")
+    for command in (["explain"], ["run", "-o", str(tmp_path / "out")]):
+        result = typed(*command, str(path))
+        assert result.exit_code == 2
+        assert kinematics in result.stderr
+    assert not (tmp_path / "out").exists()
 
 
 def test_help_imports_nothing_heavy() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from anmstrip import Scene
+from anmstrip.scene.fields import Surface
 from anmstrip.scene.run import Run, Step
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -91,3 +93,65 @@ def test_series_costs_less_than_the_linear_algebra_allows() -> None:
     seconds = run.cost.seconds
     algebra = sum(seconds[k] for k in ("tangent", "factorisation", "back-substitution"))
     assert seconds["series"] < 1.5 * algebra
+
+
+def test_heavy_strip_hangs_in_a_catenary() -> None:
+    """H = w a with a = 28.671 m; lowest point at z = −0.420 m; the exit rises by 47 mm."""
+    run, last = ended("heavy.toml")
+    state, strip = last.state, run.assembly.strip
+    pull = -(state.edge_force("entry") + state.rollers["left"].resultant)[0]
+    weight = strip.material.density * strip.thickness * 9.81
+    assert pull == pytest.approx(28.671 * weight, rel=4e-5)
+    z = state.full.reshape(-1, strip.count)[strip.node_values, 1]
+    x = strip.mesh.p[0] + state.full.reshape(-1, strip.count)[strip.node_values, 0]
+    between = (x > 2.0) & (x < 8.0)
+    assert between.sum() > 10
+    assert z[between].min() == pytest.approx(-0.420, rel=2e-3)
+    ends = strip.edges["exit"].values
+    assert state.full.reshape(-1, strip.count)[ends, 1] == pytest.approx(-3.0 + 0.047, abs=1e-3)
+
+
+def test_small_deflection_is_that_of_linear_theory() -> None:
+    """Sag s = q l²/2T − q λ²/T (1 − 1/cosh(l/λ)), then F = 2 T (30 mm + s)/(l − λ tanh(l/λ))."""
+    run = Scene.load(EXAMPLES / "small_deflection.toml").run()
+    ends = {step.stage: step.state for step in run}
+    assert run.outcome.done, run.message
+    strip, pull, span = run.assembly.strip, 1.0e4, 2.0
+    load = strip.material.density * strip.thickness * 9.81
+    layer = np.sqrt(strip.bending_stiffness / pull)
+    sag = load * span**2 / 2.0 - load * layer**2 * (1.0 - 1.0 / np.cosh(span / layer))
+    sag /= pull
+    middle = strip.node_values[np.abs(strip.mesh.p[0]) < 1e-9]
+    # on the middle line: the width is free to bend across, which the formula leaves out
+    assert ends["weight"].full[middle].mean() == pytest.approx(-sag, rel=2e-3)
+    force = 2.0 * pull * (0.030 + sag) / (span - layer * np.tanh(span / layer))
+    assert ends["lift"].rollers["r1"].normal_force == pytest.approx(force, rel=1e-3)
+
+
+def test_levelling_rollers_take_their_share() -> None:
+    """ln(T_exit/T_entry) = f_eff Σθ, a belt's around R + D/2TR; each takes f_eff of its force."""
+    run, last = ended("levelling.toml")
+    f, thread = run.assembly.friction.effective(0.5), run.assembly.thread
+    bent = run.assembly.strip.bending_stiffness / (2.0 * thread.tension * 0.1)
+    turns = sum(replace(thread, depths=thread.depths + bent).turns.values())
+    assert turns == pytest.approx(1.3, rel=0.02)
+    ratio = last.state.tension("exit") / last.state.tension("entry")
+    assert np.log(ratio) == pytest.approx(f * turns, rel=0.02)
+    assert len(last.state.rollers) == 7
+    for reading in last.state.rollers.values():
+        assert abs(reading.drag) == pytest.approx(f * reading.normal_force, rel=2e-3)
+
+
+def test_crown_makes_the_middle_carry_more() -> None:
+    """On the roller 23.7 kN/m in the middle, 12.1 at the edges; symmetric; nothing rubs."""
+    run, last = ended("crowned.toml")
+    strip, state = run.assembly.strip, last.state
+    surface = Surface(strip, run.assembly.membrane, run.assembly.contact_operator)
+    force = surface.fields(state)["membrane_force"][:, 0]
+    x, y, _ = surface.reference
+    on = np.abs(x) < 0.1
+    for place, expected in ((0.0, 23.7e3), (0.5, 12.1e3), (-0.5, 12.1e3)):
+        line = on & np.isclose(y, place)
+        assert line.sum() > 10
+        assert force[line].mean() == pytest.approx(expected, rel=0.02)
+    assert state.tension("entry") == pytest.approx(state.tension("exit"), rel=1e-5)

@@ -16,6 +16,9 @@ from anmstrip.studies.registry import STUDIES, run_study
 from anmstrip.studies.reports import Sheet, StudyReport
 from anmstrip.studies.strips import growing, steps_of
 
+OFF = {"bending", "contact", "points", "friction", "signorini", "belt", "guide"}
+"""Modules of mechanics that a strip with nothing but its membrane has no use for."""
+
 
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
@@ -99,8 +102,18 @@ def test_effects_that_are_off_are_not_imported(quick: tuple[Path, str]) -> None:
     assert brought["bending"] == ["bending"]
     assert brought["weight"] == ["none"]
     assert {"belt", "contact", "points", "signorini"} <= {*brought["contact"]}
+    assert brought["friction"] == ["friction"]
     modules = [module for step in steps for module in brought[step] if module != "none"]
     assert len(modules) == len({*modules})
+
+
+def test_a_written_run_imports_no_effect_that_is_off(quick: tuple[Path, str]) -> None:
+    """With the membrane alone, pictures included: no bending, no contact, no friction."""
+    run = cells_of(quick[0], "a run of the first, written")[1].split(", ")
+    built = cells_of(quick[0], "+ membrane")[1].split(", ")
+    assert "patches" in run
+    assert "membrane" in built
+    assert OFF.isdisjoint({*run, *built})
 
 
 def test_expansions_are_complete() -> None:

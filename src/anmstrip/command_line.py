@@ -48,7 +48,15 @@ class Commands(click.Group):
 )
 @click.version_option(package_name="anmstrip")
 def main() -> None:
-    """Thin metal strip over rollers, with contact and friction, by high-order Taylor series."""
+    """Thin metal strip over rollers, with contact and friction, by high-order Taylor series.
+
+    A scene is a TOML file. To see one:
+
+    \b
+      anmstrip explain examples/capstan.toml
+      anmstrip run examples/capstan.toml
+      anmstrip render results/capstan
+    """
 
 
 _directory = click.option(
@@ -57,14 +65,14 @@ _directory = click.option(
     "directory",
     metavar="DIR",
     type=click.Path(path_type=Path, file_okay=False),
-    help="Where the results go (default: results/NAME).",
+    help="Where the results go (default: a directory of its own in results/).",
 )
 _settings = click.option(
     "--set",
     "settings",
     metavar="KEY=VALUE",
     multiple=True,
-    help="Set a value; may be given several times.",
+    help="Use another value than the one written; may be given several times.",
 )
 _scene = click.argument("scene", metavar="SCENE.toml", type=click.Path(path_type=Path))
 
@@ -73,15 +81,23 @@ _scene = click.argument("scene", metavar="SCENE.toml", type=click.Path(path_type
 @_scene
 @_directory
 @_settings
-@click.option("--resume", is_flag=True, help="Go on from the checkpoint in DIR.")
-@click.option("--quiet", is_flag=True, help="No progress.")
+@click.option("--resume", is_flag=True, help="Go on where an earlier run in DIR was interrupted.")
+@click.option("--quiet", is_flag=True, help="Show no progress; the last two lines still come.")
 def run(
     scene: Path, directory: Path | None, settings: tuple[str, ...], resume: bool, quiet: bool
 ) -> None:
-    """Run a scene.
+    """Run a scene; its results can be looked at while it goes on.
 
-    Keys of --set are dotted and values in TOML syntax: friction.coefficient=0.2,
-    rollers.r1.radius=0.3, stages.turn.duration=2.
+    DIR gets strip.pvd and rollers.pvd for ParaView, history.csv with a row for every step,
+    summary.json and a checkpoint. Keys of --set are dotted, rollers and stages go by their
+    names, and values are in TOML syntax:
+
+    \b
+      --set friction.coefficient=0.2 --set rollers.r1.radius=0.3
+      --set 'strip.cells=[40, 4]'    --set stages.turn.duration=2
+
+    Exit status: 0 done, 1 stopped before its end (what was computed is there, and the message
+    says what to try), 2 wrong input (every mistake is told, nothing was written).
     """
     from anmstrip.scene import Scene
 
@@ -110,25 +126,38 @@ def _ran(running: Run, quiet: bool) -> bool:
     return True
 
 
-@main.command()
+@main.command(short_help="Say what a run would do, and warn.")
 @_scene
-def explain(scene: Path) -> None:
-    """Say what a run of a scene would do, and run nothing."""
+@_settings
+def explain(scene: Path, settings: tuple[str, ...]) -> None:
+    """Say what a run of a scene would do, and warn; nothing is solved or written.
+
+    Effects with their points and memory, what is left out, rollers with their wraps, stages,
+    and which level of kinematics the numbers justify. Keys of --set as for run.
+    """
     from anmstrip.scene import Scene
     from anmstrip.scene.explain import explain
 
-    click.echo(explain(Scene.load(scene)))
+    click.echo(explain(Scene.load(scene, settings)))
 
 
-@main.command()
+@main.command(short_help="Run a mass-spring case of the paper.")
 @click.argument("name")
-@click.option("--order", type=click.IntRange(2, 60), default=19, show_default=True, metavar="N")
+@click.option(
+    "--order",
+    type=click.IntRange(2, 60),
+    default=19,
+    show_default=True,
+    metavar="N",
+    help="Order of the series.",
+)
 @click.option(
     "--tolerance",
     type=click.FloatRange(1e-14, 0.1),
     default=1e-4,
     show_default=True,
     metavar="EPS",
+    help="Error that is aimed at, relative to the case's own scales.",
 )
 @_settings
 @click.option(
@@ -147,7 +176,10 @@ def case(
     scheme: str,
     directory: Path | None,
 ) -> None:
-    """Run a mass-spring case of the paper: pressed-plane, moving-plane, rotating-circle.
+    """Run a mass-spring case of the paper.
+
+    NAME is pressed-plane, moving-plane or rotating-circle. The table shows the steps beside
+    the paper's; DIR gets case.csv, case.json and the figures.
 
     Keys of --set are the paper's symbols: k, F, delta, r, Omega, V, f, q, omega, V_c, R_N,
     zeta, R_C, K, eta, t_end.
@@ -196,12 +228,17 @@ def _finite(text: str) -> float:
     return number
 
 
-@main.command()
+@main.command(short_help="Compare accuracy and cost.")
 @click.argument("name")
-@click.option("--quick", is_flag=True, help="Coarse meshes: a few seconds.")
+@click.option("--quick", is_flag=True, help="Coarse meshes: seconds, with less to learn from them.")
 @_directory
 def study(name: str, quick: bool, directory: Path | None) -> None:
-    """Compare accuracy and cost: effects."""
+    """Compare accuracy and cost, with a report.
+
+    NAME is effects: milliseconds of every effect, added one at a time, and what the cheaper
+    levels of kinematics save beside the shell that they stand for. Prints the tables, and
+    writes a report in Markdown, the figures and a CSV into DIR.
+    """
     from anmstrip.studies.registry import run_study
 
     directory = directory or Path("results", f"study-{name}")
@@ -210,10 +247,17 @@ def study(name: str, quick: bool, directory: Path | None) -> None:
 
 @main.command()
 @click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
-@click.option("--field", metavar="NAME", help="The field that colours the strip.")
-@click.option("--movie", is_flag=True, help="A movie of all states as well.")
+@click.option(
+    "--field",
+    metavar="NAME",
+    help="What colours the strip, e.g. gap or membrane_force.xx (default: pressure).",
+)
+@click.option("--movie", is_flag=True, help="All states as movie.gif as well.")
 def render(directory: Path, field: str | None, movie: bool) -> None:
-    """Draw pictures of a run, without a display."""
+    """Draw pictures of a run, without a display.
+
+    picture.png from above and picture_side.png from the side, of the last state, into DIR.
+    """
     from anmstrip.output.pictures import render
 
     for picture in render(directory, field=field, movie=movie):

@@ -78,10 +78,14 @@ every = 3
 """
 
 PROGRAM = (
+    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
     "from anmstrip.scene import recorder; recorder.CHECKPOINT_SECONDS = 0.1;"
     "from anmstrip.command_line import main; main()"
 )
-"""The command line, saving more often than it would, since the run is short."""
+"""The command line, saving more often than it would, since the run is short.
+
+Background jobs of a shell ignore Ctrl-C, and hand that down.
+"""
 
 
 @dataclass(frozen=True)

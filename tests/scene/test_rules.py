@@ -6,12 +6,15 @@ from pathlib import Path
 
 import pytest
 
+from anmstrip.mechanics.kinematics import KINEMATICS
 from anmstrip.scene import InputError, Scene
+from anmstrip.scene.rules.levels import SEEN
 
 GOOD = Path(__file__).with_name("capstan.toml").read_text(encoding="utf-8")
 MESHED = GOOD.replace("length = 4.0\nwidth = 1.0\n", "").replace(
     "cells = [16, 2]\nrefined = 0.025\n", 'mesh = "strip.msh"\n'
 )
+SECOND = '[[rollers]]\nname = "r2"\nradius = 0.5\naxis = [0.0, -2.0, 0.0]\n'
 RELEASED = "= 0.6\nentry.release = true\n"
 
 WRONG = [  # what is replaced, by what, key that is named, words that must be there
@@ -87,6 +90,13 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
     ("-0.45]", "0]\nentry.velocity = [1, 0, 0]", "stages.wrap.entry.velocity", "not both"),
     ("= 0.6", "= 0.6\nentry.force = [1, 0, 0]", "stages.turn.entry.force", "held"),
     ("= 0.6", f"{RELEASED}entry.move = [0, 0, 1]", "stages.turn.entry.move", "released"),
+    ("= 0.6", "= 0.6\nentry.tension = 1e4", "stages.turn.entry.tension", "entry.release = true"),
+    ("[edges.entry]", f"{SECOND}centre = [0, 0, -1.5]\n[edges.entry]", "rollers.r2.centre",
+     "at least 1 m, the sum of both radii, between the axes of r1 and r2"),
+    ("[edges.entry]", f"{SECOND}centre = [0, 0, -1.5]\n[edges.entry]", "rollers.r2.centre",
+     "centre = [0, 0, -1.511], or smaller radii"),
+    ("[edges.entry]", f"{SECOND}centre = [0, 9, -0.501]\n[edges.entry]", "rollers.r2.centre",
+     "centre = [0, 9, 0.509]"),
 ]  # fmt: skip
 
 THREADED = (
@@ -114,12 +124,48 @@ WRONG_THREADED = [
     ("radius = 0.5", "radius = 0.5\ncrown = [0.0, -2.1]", "rollers.r1.crown", "falls to"),
     ("radius = 0.5", 'radius = 0.5\ncrown = ["a"]', "rollers.r1.crown", "numbers"),
     ("duration = 0.6", "duration = 0.6\nleft.tension = 1.0", "stages.turn.left.tension", "ends"),
+    ("entry = [-2, 0, -1]", "entry = [-2, 0.1, -1]", "threading.entry", "entry = [-2, 0.0, -1]"),
+    ("exit = [2, 0, -1]", "exit = [2, 1, -1]", "threading.exit", "in the plane y = 0"),
+    ("tension = 1.0e4", "tension = 1.01e7", "threading.tension", "at most 1e+07"),
+    ("tension = 1.0e4", "tension = 2.0e7", "threading.tension", "by 10 %"),
+    ("tension = 1.0e4", "tension = 2.0e7", "threading.tension", "tension = 2e+04"),
 ]  # fmt: skip
 
 WRONG_SECTION = [
     ("radius = 0.5", "radius = 0.5\ncrown = [0.0, -1e-3]", "rollers.r1.crown", "no width"),
     ("axis = [0.0, 1.0, 0.0]", "axis = [0.001, 1.0, 0.0]", "rollers.r1.axis", "no width"),
+    ("axis = [0.0, 1.0, 0.0]", "axis = [1.0, 0.0, 0.0]", "rollers.r1.axis", "no width"),
+    ("[edges.entry]", '[edges.left]\nfixed = ["z"]\n[edges.entry]', "edges.left", "no sides"),
+    ("= 0.6", "= 0.6\nright.force = [0, 0, 1]", "stages.turn.right", 'kinematics = "shell"'),
+    ("= 0.6", "= 0.6\nentri.force = [0, 0, 1]", "stages.turn.entri", "entry (the nearest"),
+    ("[0.0, 0.0, -0.45]", "[0.0, 0.1, -0.45]", "stages.wrap.entry.move", "[0.0, 0.0, -0.45], or"),
+    ("= 0.6", "= 0.6\nentry.velocity = [0, 1, 0]", "stages.turn.entry.velocity", "0 along y"),
+    ("= 0.6", "= 0.6\nexit.force = [9, 1, 0]", "stages.turn.exit.force", "[9.0, 0.0, 0.0], or"),
+    ("= 0.6", "= 0.6\ngravity = [0, -9.81, 0]", "stages.turn.gravity", "0 along y"),
 ]
+
+_FRICTION, _ROLLERS = GOOD.index("[friction]"), GOOD.index("[[rollers]]")
+PLATE = (
+    (GOOD[:_FRICTION] + GOOD[_ROLLERS:])
+    .replace("friction = false\n", "")
+    .replace("refined = 0.025", 'refined = 0.025\nkinematics = "plate"')
+)
+
+WRONG_PLATE = [
+    ("[contact]", "[friction]\ncoefficient = 0.3\nspeed = 1\n[contact]", "strip.kinematics",
+     "nothing rubs"),
+    ("[contact]", "[threading]\ntension = 1e4\n[contact]", "strip.kinematics", "nearly flat"),
+    ("refined = 0.025", "feed = true", "strip.feed", "feed = false"),
+    ("= 0.6", "= 0.6\nexit.tension = 1e4", "stages.turn.exit.tension",
+     "exit.force = [10000, 0.0, 0.0]"),
+    ("= 0.6", "= 0.6\nentry.tension = 1e4", "stages.turn.entry.tension", "the x of exit.force"),
+    ("[0.0, 0.0, -0.45]", "[0.5, 0.0, -0.45]", "stages.wrap.entry.move", "only moves up and down"),
+    ("= 0.6", "= 0.6\nentry.velocity = [1, 0, 0]", "stages.turn.entry.velocity", '"section"'),
+    ("= 0.6", "= 0.6\nexit.force = [1e4, 1, 0]", "stages.turn.exit.force",
+     "exit.force = [10000.0, 0.0, 0.0]"),
+    ("= 0.6", "= 0.6\nleft.force = [0, 1, 0]", "stages.turn.left.force", "0 along y"),
+    ("= 0.6", "= 0.6\ngravity = [1, 1, -9]", "stages.turn.gravity", "0 along x and y"),
+]  # fmt: skip
 
 
 def mistakes_of(directory: Path, text: str) -> dict[str, str]:
@@ -157,11 +203,54 @@ def test_what_a_section_cannot_see(
     assert words in mistakes_of(tmp_path, text.replace(old, new, 1))[key]
 
 
-def test_plate_cannot_be_threaded(tmp_path: Path) -> None:
-    begin, end = THREADED.index("[friction]"), THREADED.index("[[rollers]]")
-    text = THREADED[:begin] + THREADED[end:].replace("friction = false\n", "")
-    text = text.replace("refined = 0.025", 'refined = 0.025\nkinematics = "plate"')
-    assert "nearly flat" in mistakes_of(tmp_path, text)["strip.kinematics"]
+@pytest.mark.parametrize(("old", "new", "key", "words"), WRONG_PLATE)
+def test_what_a_plate_cannot_see(tmp_path: Path, old: str, new: str, key: str, words: str) -> None:
+    assert old in PLATE
+    assert words in mistakes_of(tmp_path, PLATE.replace(old, new, 1))[key]
+
+
+def test_what_is_harmless_on_a_plate(tmp_path: Path) -> None:
+    """Components that it does not have may be held: the same tables serve all levels."""
+    path = tmp_path / "scene.toml"
+    path.write_text(PLATE.replace('["x", "z"]', '["x", "y", "z"]'), encoding="utf-8")
+    assert Scene.load(path).strip.kinematics == "plate"
+
+
+def test_levels_are_those_of_mechanics() -> None:
+    seen = {name: tuple("xyz".index(c) for c in seen) for name, seen in SEEN.items()}
+    assert seen == {name: level.components for name, level in KINEMATICS.items()}
+
+
+def test_a_key_is_told_once(tmp_path: Path) -> None:
+    """A moved side of a section is told as what it lacks, not as a free component."""
+    text = THREADED.replace("refined = 0.025", 'refined = 0.025\nkinematics = "section"')
+    path = tmp_path / "scene.toml"
+    path.write_text(text.replace("[0.0, 0.0, -0.45]", "[0.0, 0.1, -0.45]"), encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        Scene.load(path)
+    assert [mistake.key for mistake in caught.value.mistakes] == ["stages.wrap.entry.move"]
+
+
+@pytest.mark.parametrize(
+    "second",
+    [
+        "axis = [0, 1, 0]\ncentre = [0, 0, -1.501]",  # they touch
+        "axis = [1, 0, 0]\ncentre = [0, 0, -1.001]",  # across each other
+        "axis = [0, 1, 0.01]\ncentre = [0, 0, 1]",
+    ],
+)
+def test_rollers_that_stand_clear(tmp_path: Path, second: str) -> None:
+    path = tmp_path / "scene.toml"
+    roller = f'[[rollers]]\nname = "r2"\nradius = 0.5\n{second}\n'
+    path.write_text(GOOD + roller, encoding="utf-8")
+    assert len(Scene.load(path).rollers) == 2
+
+
+def test_tension_on_an_edge_held_in_part(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    text = GOOD.replace('fixed = ["x", "z"]', 'fixed = ["z"]')
+    path.write_text(text.replace("= 0.6", "= 0.6\nentry.tension = 1e4"), encoding="utf-8")
+    assert Scene.load(path).stages[-1].edges["entry"].tension == 1e4
 
 
 def test_threaded_scene_is_right(tmp_path: Path) -> None:
@@ -178,6 +267,12 @@ def test_a_single_mistake_is_reported_alone(tmp_path: Path) -> None:
     assert list(mistakes_of(tmp_path, GOOD.replace("radius = 0.5", "radius = 0"))) == [
         "rollers.r1.radius"
     ]
+
+
+def test_the_only_stage_is_wrong(tmp_path: Path) -> None:
+    """The mistake inside is told, and not that there is no stage."""
+    text = GOOD[: GOOD.index("[[stages]]")] + "[[stages]]\nduraton = 1.0\nduration = 1.0\n"
+    assert list(mistakes_of(tmp_path, text)) == ["stages.stage1.duraton"]
 
 
 def test_all_mistakes_are_named_at_once(tmp_path: Path) -> None:

@@ -437,7 +437,13 @@ def options(overrides: list[str]) -> list[str]:
     return [part for text in overrides for part in ("--set", text)]
 
 
-COMMAND = [sys.executable, "-c", "from anmstrip.command_line import main; main()"]
+PROGRAM = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)  # background jobs ignore it
+from anmstrip.command_line import main
+main()
+"""
+COMMAND = [sys.executable, "-c", PROGRAM]
 
 
 def command(*arguments: object) -> subprocess.CompletedProcess[str]:

@@ -233,8 +233,9 @@ WRONG = {
         {**ONE, "rollers": [roller("a", 0.0, -0.2, 0.5, "under")]}, "rollers.a.wrap", "-",
     ),
     "overlap": (
-        {**BRIDLE, "rollers": [roller("a", 0.0, -0.5, 0.5, "over"),
-                               roller("b", 0.2, -0.9, 0.5, "under")]},
+        {"strip": {"length": 8.0, "kinematics": "shell"}, "rollers": [  # where b is thicker
+            roller("a", 0.0, -0.5, 0.5, "over"),
+            roller("b", 0.2, -1.5, 0.5, "under", crown=(-0.3,)) | {"centre": (0.2, 0.5, -1.5)}]},
         "rollers.b.centre", "from a to b",
     ),
     "too short": ({**BRIDLE, "strip": {"length": 1.0}}, "strip.length", "more than"),

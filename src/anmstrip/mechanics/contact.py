@@ -13,16 +13,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .friction import FrictionLaw
 from .kinematics import SHELL, Kinematics
 from .points import ContactOperator
 from .roller import Place, Roller, Rollers
 from .signorini import RepulsiveSignorini
+
+if TYPE_CHECKING:
+    from .friction import FrictionLaw
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
-from skfem.element import DiscreteField
 
 from .cells import Pattern
+from .patches import patches, shape_of, unit_grid
 from .strip import Strip
 
 Array = NDArray[np.float64]
@@ -21,18 +20,22 @@ SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
 SHARES = {
     "line": SIMPSON,
     "quad": np.outer(SIMPSON, SIMPSON).ravel(),
-    "triangle": np.array([3.0, 8.0, 3.0, 8.0, 8.0, 3.0, 27.0]) / 60.0,
+    "triangle": np.repeat([1 / 90, 16 / 225, 81 / 320, 49**2 / 14400], [3, 3, 1, 3]),
 }
-"""Share of an element's area of each of its contact points: rules exact for cubics."""
+"""Share of an element's area of each of its contact points.
+
+Positive, and exact for the element's own functions, so that a uniform pressure
+is carried without bending: cubics in each coordinate, quintics on triangles.
+"""
 
 
 class ContactOperator:
     """Values at the points where contact is looked at, with areas as weights.
 
-    The points are nodes, middles of sides and centres of the elements, the weights
-    Simpson's.  Nodes alone would leave a cubic element free to bow into the roller
-    between them: on two elements across, the pressure of a wrapped strip was off
-    by half of its value.
+    The points are nodes, middles of sides and centres of the elements, on triangles three
+    more.  Nodes alone would leave a cubic element free to bow into the roller between them:
+    on two elements across, the pressure of a wrapped strip was off by half of its value;
+    so it was at the nodes of triangles with a rule exact for cubics alone.
 
     Attributes
     ----------
@@ -105,67 +108,15 @@ class ContactOperator:
                 blocks[i, j] += np.bincount(places, local.ravel(), pattern.couplings)
 
 
-@dataclass(frozen=True)
-class Patches:
-    """The same points on every element, shared between neighbours.
-
-    Attributes
-    ----------
-    cells : ndarray of int, shape (elements, points of one)
-        Numbers of each element's points.
-    reference : ndarray, shape (3, points)
-        Reference positions.
-    functions : list of DiscreteField
-        Every basis function there, each (elements, points of one).
-    """
-
-    cells: Index
-    reference: Array
-    functions: list[DiscreteField]
-
-
-def shape_of(strip: Strip) -> str:
-    """Kind of the elements: line, quad or triangle."""
-    return {2: "line", 3: "triangle", 4: "quad"}[len(strip.mesh.t)]
-
-
 def contact_points(kind: str) -> Array:
-    """Nodes, middles of sides and centre of the reference element, (dimensions, points)."""
+    """Contact points of the reference element, (dimensions, points).
+
+    Nodes, middles of sides and centre; on triangles also the three points with the
+    barycentric coordinates 1/7, 1/7, 5/7.
+    """
     if kind != "triangle":
         return unit_grid(3, 1 if kind == "line" else 2)
-    sides = [[0.0, 0.5, 1.0, 0.0, 0.5, 0.0], [0.0, 0.0, 0.0, 0.5, 0.5, 1.0]]
-    return np.hstack([sides, [[1.0 / 3.0], [1.0 / 3.0]]])
-
-
-def patches(strip: Strip, local: Array) -> Patches:
-    """Points of all elements from those of the reference element, (dimensions, points)."""
-    basis = strip.basis
-    cells, points = joined(basis.mapping.F(local), strip)
-    functions = [basis.elem.gbasis(basis.mapping, local, i)[0] for i in range(basis.Nbfun)]
-    return Patches(cells, strip.in_space(points), functions)
-
-
-def unit_grid(n: int, dimensions: int = 2) -> Array:
-    """Grid of the unit interval or square, number i + n j, shape (dimensions, n^dimensions)."""
-    steps = np.linspace(0.0, 1.0, n)
-    return np.stack([x.ravel() for x in np.meshgrid(*dimensions * [steps])])
-
-
-def joined(grid: Array, strip: Strip) -> tuple[Index, Array]:
-    """Number the points of element grids so that neighbours share them.
-
-    Parameters
-    ----------
-    grid : ndarray, shape (dimensions, elements, points of one)
-    strip : Strip
-
-    Returns
-    -------
-    cells : ndarray of int, shape (elements, points of one)
-    points : ndarray, shape (dimensions, points)
-    """
-    unit = 1e-6 * strip.cell_sizes.min()
-    flat = grid.reshape(len(grid), -1)
-    keys = np.round((flat - flat.min(axis=1)[:, None]) / unit).astype(np.int64)
-    _, first, inverse = np.unique(keys, axis=1, return_index=True, return_inverse=True)
-    return inverse.reshape(grid.shape[1:]), flat[:, first]
+    nodes = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    middles = [[0.5, 0.5, 0.0], [0.0, 0.5, 0.5]]
+    inner = [[1 / 3, 1 / 7, 5 / 7, 1 / 7], [1 / 3, 1 / 7, 1 / 7, 5 / 7]]
+    return np.hstack([nodes, middles, inner])

@@ -23,8 +23,11 @@ Index = NDArray[np.int64]
 
 EDGES = ("entry", "exit", "left", "right")
 
-ELEMENTS = {MeshLine: (Hermite, 6), MeshQuad: (BognerFoxSchmit, 6), MeshTri: (Argyris, 10)}
-"""C1 element of every kind of mesh, and the degree of polynomials integrated exactly."""
+ELEMENTS = {MeshLine: (Hermite, 6), MeshQuad: (BognerFoxSchmit, 6), MeshTri: (Argyris, 8)}
+"""C1 element of every kind of mesh, and the degree of polynomials integrated exactly.
+
+Enough for products of first derivatives: the membrane of the flat strip, and bending.
+"""
 
 
 @dataclass(frozen=True)

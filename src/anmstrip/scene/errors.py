@@ -71,20 +71,33 @@ def shown(value: object) -> str:
 
     Examples
     --------
-    >>> shown(None), shown(True), shown("tanh"), shown([1, 2])
+    >>> shown(None), shown(True), shown("tanh"), shown((1, 2))
     ('nothing', 'true', '"tanh"', '[1, 2]')
+    >>> shown({"surface_speed": 1.0, "release": True})
+    '{ surface_speed = 1.0, release = true }'
     """
     if value is None:
         return "nothing"
-    if isinstance(value, bool):
-        return str(value).lower()
     if isinstance(value, str):
         return f'"{value}"' if len(value) <= 120 else f'"{value[:117]}…"'
     return _SHORT.repr(value)
 
 
 class _Short(reprlib.Repr):
-    """Nested values cut short; Python refuses to print integers of thousands of digits."""
+    """Nested values in TOML, cut short; integers of thousands of digits Python refuses to print."""
+
+    def repr_bool(self, x: bool, level: int) -> str:
+        return str(x).lower()
+
+    def repr_tuple(self, x: tuple[object, ...], level: int) -> str:
+        return self.repr_list(list(x), level)
+
+    def repr_dict(self, x: dict[str, object], level: int) -> str:
+        if level <= 0 or not x:
+            return "{ … }" if x else "{}"
+        entries = [f"{key} = {self.repr1(value, level - 1)}" for key, value in x.items()]
+        more = [*entries[: self.maxdict], *(["…"] if len(entries) > self.maxdict else [])]
+        return f"{{ {', '.join(more)} }}"
 
     def repr_int(self, x: int, level: int) -> str:
         huge = x.bit_length() > 200

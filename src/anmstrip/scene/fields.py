@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.mechanics import bending
-from anmstrip.mechanics.membrane import Membrane
-from anmstrip.mechanics.points import (
-    ContactOperator,
-    contact_points,
-    patches,
-    shape_of,
-    unit_grid,
-)
-from anmstrip.mechanics.strip import Strip
+from anmstrip.mechanics.patches import patches, shape_of, unit_grid
 from anmstrip.output.vtk import triangle_lattice
-from anmstrip.scene.measures import State
+
+if TYPE_CHECKING:
+    from anmstrip.mechanics.membrane import Membrane
+    from anmstrip.mechanics.points import ContactOperator
+    from anmstrip.mechanics.strip import Strip
+    from anmstrip.scene.measures import State
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -57,7 +56,6 @@ class Surface:
         self.value = np.stack([np.asarray(f) for f in patch.functions])
         self.grad = np.stack([f.grad for f in patch.functions])
         self.hess = np.stack([f.hess for f in patch.functions])
-        self.from_contact = interpolation(self.kind)
         self.cells, self.reference = patch.cells, patch.reference
         if self.kind == "line":
             self.cells, self.reference = _widened(patch.cells, patch.reference, strip.width)
@@ -77,6 +75,11 @@ class Surface:
         """Vectors in space, shape (points, 3)."""
         own = self._averaged(np.einsum("nep,nec->cep", self.value, self._dofs(full)))
         return self.kinematics.embed(own.T).T
+
+    @cached_property
+    def from_contact(self) -> Array:
+        """See :func:`interpolation`."""
+        return interpolation(self.kind)
 
     def _from_contact(self, values: Array) -> Array:
         """Linear interpolation of what is known at contact points, (..., points)."""
@@ -156,6 +159,8 @@ class Surface:
         """Moments of (κ_xx, κ_yy, κ_xy), shape (3, 3); a strip without bending has none."""
         if not self.bends:
             return np.zeros((3, 3))
+        from anmstrip.mechanics import bending  # noqa: PLC0415 (only strips that resist it)
+
         return bending.moduli(self.strip)
 
 
@@ -182,6 +187,8 @@ def interpolation(kind: str) -> Array:
     if kind != "triangle":
         return hats if kind == "line" else np.kron(hats, hats)
     from scipy.interpolate import LinearNDInterpolator  # noqa: PLC0415 (for triangles alone)
+
+    from anmstrip.mechanics.points import contact_points  # noqa: PLC0415 (only with contact)
 
     points = contact_points(kind).T
     return np.asarray(LinearNDInterpolator(points, np.eye(len(points)))(POINTS[kind].T))

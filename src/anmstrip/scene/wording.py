@@ -75,6 +75,8 @@ def mistakes_of(
         Without its file.
     """
     for found in error.errors(include_url=False):
+        if found["type"] == "too_short" and found["input"]:
+            continue  # not short: its entries are wrong, and are told themselves
         misspelt = _misspelt(found)
         place = _place_of(misspelt or found["loc"], model, data)
         inner = found.get("ctx", {}).get("error")
