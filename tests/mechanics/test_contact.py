@@ -1,5 +1,7 @@
 """Contact and friction with a roller, and the points where they are looked at."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from orders import orders
@@ -334,3 +336,20 @@ def test_one_of_several_rollers_can_be_looked_at(strip, operator):
         np.testing.assert_allclose(found.gap, gap, atol=1e-14)
         normal = single.normal(found)
         np.testing.assert_allclose(np.linalg.norm(normal, axis=0), 1.0)
+
+
+def test_every_roller_may_have_its_own_friction(strip, operator):
+    """Together as alone, with the law's coefficient where a roller has none of its own."""
+    pairs = operator.restricted(np.tile(np.arange(operator.points), 3))
+    contact = Contact(together(THREE, operator.points), LAW, pairs)
+    own = (0.1, 0.3, 0.0)
+    many = Friction(contact, HOFF, own)
+    x, v = (operator.apply(rng_unknowns(strip, seed)) for seed in (24, 25))
+    stacked = [np.tile(values, 3) for values in (1e-3 * x, v)]
+    found = many.law(*stacked, SEVERAL).reshape(3, 3, -1)
+    for k, (roller, f) in enumerate(zip(THREE, own, strict=True)):
+        alone = Friction(Contact(roller, LAW, operator), replace(HOFF, coefficient=f))
+        expected = alone.law(1e-3 * x, v, SEVERAL)
+        np.testing.assert_allclose(found[:, k], expected, rtol=1e-12, atol=1e-9)
+        assert many.singles[roller.name].law_of_slip.coefficient == f
+    assert np.abs(found[:, 1]).max() > 0.0

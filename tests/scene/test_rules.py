@@ -44,6 +44,7 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
     ("exponent = 0.05", "exponent = 0.0", "friction.exponent", "at most 1"),
     ("exponent = 0.05", "exponent = 1.1", "friction.exponent", "at most 1"),
     ("omega = 0.1", "omega = 0", "friction.omega", "above 0"),
+    ("radius = 0.5", "radius = 0.5\nfriction = -0.1", "rollers.r1.friction", "at least 0"),
     ("speed = 1.0\n", "", "friction.speed", "nothing"),
     ('law = "norton-hoff"', 'law = "coulomb"', "friction.law", '"tanh"'),
     ("radius = 0.5", f"radius = 0x{'f' * 5000}", "rollers.r1.radius", "digits"),
@@ -291,6 +292,14 @@ def test_all_mistakes_are_named_at_once(tmp_path: Path) -> None:
 def test_duplicate_rollers_are_named(tmp_path: Path) -> None:
     second = '[[rollers]]\nname = "r1"\nradius = 1.0\ncentre = [1, 0, 1]\naxis = [0, 1, 0]\n'
     assert "rollers.r1.name" in mistakes_of(tmp_path, GOOD + second)
+
+
+def test_friction_of_a_roller_without_a_law(tmp_path: Path) -> None:
+    begin, end = GOOD.index("[friction]"), GOOD.index("[[rollers]]")
+    text = (GOOD[:begin] + GOOD[end:]).replace("radius = 0.5", "radius = 0.5\nfriction = 0.2")
+    found = mistakes_of(tmp_path, text)
+    assert set(found) == {"rollers.r1.friction"}
+    assert "coefficient = 0.2" in found["rollers.r1.friction"]
 
 
 def test_friction_asked_for_without_a_law(tmp_path: Path) -> None:

@@ -141,10 +141,13 @@ class Friction:
     contact : Contact
         Gives gap and pressure; its reach is that of friction.
     law_of_slip : NortonHoff or Tanh
+    coefficients : sequence of float or None
+        f on each roller, if it is not that of the law.
     """
 
     contact: Contact
     law_of_slip: FrictionLaw
+    coefficients: Sequence[float] | None = None
 
     name = "friction"
     rate_dependent = True
@@ -172,8 +175,23 @@ class Friction:
     @cached_property
     def singles(self) -> dict[str, Friction]:
         """Roller → its own friction, at all points of the strip."""
-        found = self.contact.singles
-        return {name: replace(self, contact=contact) for name, contact in found.items()}
+        return {
+            name: Friction(contact, self._law_on(k))
+            for k, (name, contact) in enumerate(self.contact.singles.items())
+        }
+
+    def _law_on(self, roller: int) -> FrictionLaw:
+        """The law on one of the rollers."""
+        if self.coefficients is None:
+            return self.law_of_slip
+        return replace(self.law_of_slip, coefficient=self.coefficients[roller])
+
+    @cached_property
+    def acting(self) -> FrictionLaw:
+        """The law with the coefficient of each point's roller."""
+        if self.coefficients is None:
+            return self.law_of_slip
+        return replace(self.law_of_slip, coefficient=self.roller.of(list(self.coefficients)))
 
     def near(self, full: Array, controls: Mapping[str, Any]) -> Friction:
         """The same effect on the points within reach."""
@@ -197,7 +215,7 @@ class Friction:
         place = self.contact.seen(x, controls)
         tangents = self.tangents(place)
         pressure = self.contact.pressure(place)
-        traction = self.law_of_slip(pressure, self.slip(place, tangents, v, controls))
+        traction = self.acting(pressure, self.slip(place, tangents, v, controls))
         local = np.einsum("ki...,k...->i...", tangents, traction)
         return mapped(-self.view.swapaxes(0, 1), local)
 
@@ -206,7 +224,7 @@ class Friction:
         place = self.contact.seen(x, controls)
         tangents = self.tangents(place)
         slip = self.slip(place, tangents, v, controls)
-        traction = self.law_of_slip(self.contact.pressure(place), slip)
+        traction = self.acting(self.contact.pressure(place), slip)
         directions = np.einsum("ki...,ix...->kx...", tangents, self.frame)
         along, across = (np.einsum("kxp,kp->xp", directions, s) for s in (slip, traction))
         return along, across

@@ -26,7 +26,7 @@ class NortonHoff:
 
     Attributes
     ----------
-    coefficient : float
+    coefficient : float, or ndarray of shape (points,)
         f.
     exponent : float
         q in (0, 1]; 0 would be Coulomb's law.
@@ -36,7 +36,7 @@ class NortonHoff:
         V_c (m/s).
     """
 
-    coefficient: float
+    coefficient: Any
     exponent: float
     omega: float
     speed: float
@@ -61,7 +61,7 @@ class Tanh:
     direction of slip smooth at rest.
     """
 
-    coefficient: float
+    coefficient: Any
     omega: float
     speed: float
 

@@ -147,7 +147,10 @@ class Assembly:
         assert contact is not None
         from anmstrip.mechanics.contact import Friction  # noqa: PLC0415
 
-        return Friction(contact, law)
+        own = [spec.friction for spec in self.scene.rollers]
+        if all(f is None for f in own):
+            return Friction(contact, law)
+        return Friction(contact, law, [law.coefficient if f is None else f for f in own])
 
     @cached_property
     def signorini(self) -> RepulsiveSignorini:

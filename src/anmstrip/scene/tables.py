@@ -168,6 +168,11 @@ class RollerSpec(Table):
         examples=["[0.0, -2.0e-3]"],
         max_length=8,
     )
+    friction: Annotated[Number, Field(ge=0)] | None = Field(
+        None,
+        description="coefficient f on this roller; left out: that of [friction], at least 0 (1)",
+        examples=["0.2"],
+    )
     wrap: Literal["over", "under"] | None = Field(
         None,
         description='side on which a threaded strip passes, "over" or "under" (text)',

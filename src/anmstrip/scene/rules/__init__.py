@@ -43,6 +43,7 @@ RULES: tuple[tuple[Callable[..., Iterable[Mistake]], tuple[str, ...]], ...] = (
     (edges.tensions, ("stages",)),
     (partners.gravity_has_density, ("material", "stages")),
     (partners.friction_has_contact, ("friction", "contact")),
+    (partners.rollers_have_friction, ("friction", "rollers")),
     (partners.stages_have_friction, ("friction", "stages")),
     (threading.partners, ("threading", "contact", "rollers")),
     (threading.one_length, ("threading", "strip")),

@@ -11,7 +11,7 @@ from anmstrip.scene.wording import missing
 
 if TYPE_CHECKING:
     from anmstrip.scene.stage_tables import StageSpec
-    from anmstrip.scene.tables import ContactSpec, FrictionSpec, MaterialSpec
+    from anmstrip.scene.tables import ContactSpec, FrictionSpec, MaterialSpec, RollerSpec
 
 CONTACT = "[contact]\nstiffness = 1.0e10\neta = 10.0\ndelta = 1.0e-3"
 """What to type for contact."""
@@ -32,6 +32,17 @@ def friction_has_contact(
     """Yield the contact that friction lacks."""
     if friction is not None and contact is None:
         yield Mistake("", "contact", None, "a table, since there is [friction]", CONTACT)
+
+
+def rollers_have_friction(
+    friction: FrictionSpec | None, rollers: tuple[RollerSpec, ...]
+) -> Iterator[Mistake]:
+    """Yield rollers with a coefficient of their own in a scene without friction."""
+    for roller in rollers:
+        if friction is None and roller.friction is not None:
+            expected = "a table [friction] as well, for the law and its speed"
+            hint = f"[friction]\ncoefficient = {roller.friction:g}\nspeed = 1.0e-4"
+            yield Mistake("", f"rollers.{roller.name}.friction", roller.friction, expected, hint)
 
 
 def stages_have_friction(
