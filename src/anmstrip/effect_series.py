@@ -62,7 +62,9 @@ class LawSeries:
         self.stress = effect.law(self.x, self.v, controls.at(self.control))
 
     def _seeds(self, u: Array, v: Array | None, control: float) -> dict[Series, Array]:
-        seeds = {self.x: self.operator.apply(u), self.control: np.array(control)}
+        seeds = {self.x: self.operator.apply(u)}
+        if control:
+            seeds[self.control] = np.array(control)
         if self.v is not None and v is not None:
             seeds[self.v] = self.operator.apply(v)
         return seeds

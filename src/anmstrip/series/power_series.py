@@ -123,6 +123,8 @@ class Tape:
         self.order = order
         self.inputs: list[Series] = []
         self.computed: list[tuple[Series, Operation]] = []
+        self.places: dict[Series, int] = {}
+        self.needs: list[tuple[int, ...]] = []
 
     @property
     def nbytes(self) -> int:
@@ -134,12 +136,15 @@ class Tape:
         """New input; its higher coefficients are the caller's to set."""
         series = Series(self, np.array(value, dtype=float))
         self.inputs.append(series)
+        self.places[series] = -len(self.inputs)
         return series
 
     def record(self, operation: Operation) -> Series:
         """Compute order 0 of an operation and remember it."""
         series = Series(self, operation.start(), operation)
         operation.result = series.coefficients
+        self.places[series] = len(self.computed)
+        self.needs.append(tuple(self.places[x] for x in operation.operands))
         self.computed.append((series, operation))
         return series
 
@@ -155,7 +160,9 @@ class Tape:
 
     def correct(self, k: int, changes: Mapping[Series, Array]) -> None:
         """Add ``changes`` to order k of inputs and carry them through, order k only."""
-        for series, change in self._propagated(changes).items():
+        for series, given in changes.items():
+            series.coefficients[k] += given
+        for (series, _), change in zip(self.computed, self._propagated(changes), strict=False):
             if change is not None:
                 series.coefficients[k] += change
 
@@ -173,17 +180,21 @@ class Tape:
         -------
         ndarray, shape (*output.shape) or (batch, *output.shape)
         """
-        change = self._propagated(seeds)[output]
+        change = self._propagated(seeds)[self.places[output]]
         if change is not None:
             return change
         batch = next((s.shape[: s.ndim - x.ndim] for x, s in seeds.items()), ())
         return np.zeros((*batch, *output.shape))
 
-    def _propagated(self, changes: Mapping[Series, Array]) -> dict[Series, Array | None]:
-        found: dict[Series, Array | None] = dict.fromkeys(self.inputs)
-        found.update((x, np.asarray(change)) for x, change in changes.items())
-        for series, operation in self.computed:
-            found[series] = operation.linear([found[x] for x in operation.operands])
+    def _propagated(self, changes: Mapping[Series, Array]) -> list[Array | None]:
+        """Changes of all computed series, then of the inputs, the last one first."""
+        found: list[Array | None] = [None] * (len(self.computed) + len(self.inputs))
+        for series, change in changes.items():
+            found[self.places[series]] = np.asarray(change)
+        for place, ((_, operation), needs) in enumerate(
+            zip(self.computed, self.needs, strict=True)
+        ):
+            found[place] = operation.linear([found[i] for i in needs])
         return found
 
 
