@@ -44,6 +44,7 @@ def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
     }
     if march.memory is not None:
         facts["times"], facts["next_step"] = list(march.memory.times), march.memory.step
+        facts["time_order"] = march.memory.order
         arrays["states"], arrays["v"] = np.array(march.memory.states), march.memory.v
     if march.pace is not None:
         facts["pace"] = {
@@ -90,4 +91,6 @@ def unpack(run: Run, arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> N
         )
     if "times" in facts:
         states = tuple(arrays["states"])
-        march.memory = Memory(tuple(facts["times"]), states, arrays["v"], facts["next_step"])
+        march.memory = Memory(
+            tuple(facts["times"]), states, arrays["v"], facts["next_step"], facts["time_order"]
+        )

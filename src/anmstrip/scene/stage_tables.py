@@ -135,8 +135,8 @@ class SolverSpec(Table):
         description="fixed step in time, without control of its error, a number above 0 (s)",
         examples=["1.0e-3"],
     )
-    time_order: Annotated[int, Field(strict=True, ge=1, le=2)] = Field(
-        2, description="order of the formula in time, 1 or 2 (1)", examples=["2"]
+    time_order: Annotated[int, Field(strict=True, ge=1, le=5)] = Field(
+        2, description="highest order of the formula in time, from 1 to 5 (1)", examples=["2"]
     )
 
 

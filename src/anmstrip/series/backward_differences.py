@@ -28,12 +28,13 @@ class AffineVelocity:
 
 @dataclass(frozen=True)
 class Memory:
-    """Past of an integration: times and states, the latest first; next step to try."""
+    """Past of an integration: times and states, the latest first; next step and order to try."""
 
     times: tuple[float, ...]
     states: tuple[Array, ...]
     v: Array
     step: float
+    order: int = 1
 
     @property
     def available(self) -> int:

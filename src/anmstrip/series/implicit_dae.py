@@ -33,8 +33,13 @@ from .outcome import Evidence, Outcome, PathStopped
 
 Array = NDArray[np.float64]
 
-GROWTH = 2.0
-"""Largest ratio of successive steps; the second-order formula is stable up to 1 + √2."""
+GROWTH = (2.0, 2.0, 1.5, 1.25, 1.12)
+"""Largest ratio of successive steps by order, below the bounds of stability.
+
+Those are 1 + √2, 1.53, 1.28 and 1.13 for the orders 2 to 5 with variable steps (Calvo,
+Grande & Grigorieff, *On the zero stability of the variable order variable stepsize
+BDF-formulas*, Numer. Math. 57, 1990).
+"""
 
 
 RESIDUAL_SHARE = 0.01
@@ -78,7 +83,7 @@ class Stepping:
     whole : float
         Duration over which the errors may add up to the tolerance.
     order : int
-        Highest order of the formula, 1 or 2.
+        Highest order of the formula, 1 to 5.
     fixed : float or None
         Length of all steps; their error in time is estimated but not controlled.
     """
@@ -207,7 +212,7 @@ class _Integrator:
         """Try, estimate, and shorten until the error is allowed."""
         t = memory.times[0]
         h, barred = min(self.fixed or memory.step, end - t), False
-        order = min(self.time_order, memory.available)
+        order = min(memory.order, self.time_order, memory.available)
         failed = PathStopped(Outcome.STALLED, t)
         while h > 1e-13 * self.whole:
             new = end if h >= (end - t) * (1.0 - 1e-10) else t + h
@@ -220,8 +225,9 @@ class _Integrator:
             error = self._error(memory, trial, new, local)
             ratio = self._ratio(error, order)
             if error <= 1.0 or self.fixed is not None:
-                growth = min(ratio, 1.0 if barred else GROWTH)
-                return self._accepted(memory, trial, new, (order, error, growth))
+                following, ratio = self._next_order(memory, trial, new, order, ratio)
+                growth = min(ratio, 1.0 if barred else GROWTH[following - 1])
+                return self._accepted(memory, trial, new, (order, error, growth), following)
             h, barred = max(0.1, min(ratio, 0.9)) * (new - t), True
             detail = f"the error in time is {error:.2g} times what is allowed"
             failed = PathStopped(Outcome.STALLED, t, detail, Evidence(motion=local))
@@ -308,10 +314,33 @@ class _Integrator:
             return self.solver.factors.solve(force)
 
     def _ratio(self, error: float, order: int) -> float:
-        return GROWTH if error == 0.0 else float((0.5 / error) ** (1.0 / order))
+        return GROWTH[0] if error == 0.0 else float((0.5 / error) ** (1.0 / order))
+
+    def _next_order(
+        self, memory: Memory, trial: _Trial, new: float, order: int, ratio: float
+    ) -> tuple[int, float]:
+        """Order that allows the longest next step, and how much longer it is.
+
+        Up to the second order the order rises as soon as the past allows; beyond, it goes to
+        a neighbour that allows a step a tenth longer.
+        """
+        if order < min(2, self.time_order):
+            return order + 1, ratio
+        best = (order, ratio)
+        for other in (order - 1, order + 1):
+            if 2 <= other <= self.time_order and memory.available > other:
+                local = self._local_error(memory, trial.u, new, other)
+                found = self._ratio(self._error(memory, trial, new, local), other)
+                best = max(best, (other, found / 1.1), key=lambda pair: pair[1])
+        return best
 
     def _accepted(
-        self, memory: Memory, trial: _Trial, new: float, judged: tuple[int, float, float]
+        self,
+        memory: Memory,
+        trial: _Trial,
+        new: float,
+        judged: tuple[int, float, float],
+        following_order: int,
     ) -> TimeStep:
         order, error, growth = judged
         keep = self.time_order
@@ -320,6 +349,7 @@ class _Integrator:
             (trial.u, *memory.states[:keep]),
             trial.v,
             (new - memory.times[0]) * growth,
+            following_order,
         )
         return TimeStep(
             memory.times[0], new, trial.u, trial.v, order, error, trial.imbalance,
