@@ -61,7 +61,7 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
     ("duration = 0.6", "duration = 0.0", "stages.turn.duration", "above 0 (s)"),
     ("order = 20", "order = 61", "solver.order", "from 2 to 60"),
     ("order = 20", "order = 20.0", "solver.order", "integer"),
-    ("order = 20", "time_order = 3", "solver.time_order", "1 or 2"),
+    ("order = 20", "time_order = 6", "solver.time_order", "from 1 to 5"),
     ("order = 20", "max_steps = 0", "solver.max_steps", "above 0"),
     ("tolerance = 1.0e-6", "tolerance = 0.5", "solver.tolerance", "1e-12 to 0.1"),
     ("every = 1", "every = 0", "output.every", "above 0"),
