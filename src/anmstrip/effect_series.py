@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from .mechanics.cells import Pattern
 from .mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
+from .series.compiled import orders_of
 from .series.power_series import Series, Tape
 
 Array = NDArray[np.float64]
@@ -60,6 +61,7 @@ class LawSeries:
             self.v = self.tape.variable(self.operator.apply(velocity))
         self.control = self.tape.variable(control)
         self.stress = effect.law(self.x, self.v, controls.at(self.control))
+        self.orders = orders_of(self.tape, self.stress, self.operator.points)
 
     def _seeds(self, u: Array, v: Array | None, control: float) -> dict[Series, Array]:
         seeds = {self.x: self.operator.apply(u)}
@@ -73,14 +75,13 @@ class LawSeries:
         return self.operator.gather(self.stress.value)
 
     def derivative(self, u: Array, v: Array | None, control: float) -> Array:
-        return self.operator.gather(self.tape.derivative(self.stress, self._seeds(u, v, control)))
+        return self.operator.gather(self.orders.derivative(self._seeds(u, v, control)))
 
     def advance(self, k: int) -> Array:
-        self.tape.advance(k)
-        return self.operator.gather(self.stress.coefficients[k])
+        return self.operator.gather(self.orders.advance(k))
 
     def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
-        self.tape.correct(k, self._seeds(u, v, control))
+        self.orders.correct(k, self._seeds(u, v, control))
 
     def add_tangent(self, pattern: Pattern, blocks: Array, rate: float) -> None:
         shape = self.x.shape
@@ -90,7 +91,7 @@ class LawSeries:
         seeds = {self.x: unit}
         if self.v is not None:
             seeds[self.v] = rate * unit
-        derivative = self.tape.derivative(self.stress, seeds)
+        derivative = self.orders.derivative(seeds)
         self.operator.add_tangent(
             derivative.reshape(shape[:-1] + derivative.shape[1:]), pattern, blocks
         )

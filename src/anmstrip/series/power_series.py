@@ -43,20 +43,22 @@ class Series(np.lib.mixins.NDArrayOperatorsMixin):
     ----------
     coefficients : ndarray, shape (order + 1, *shape)
         Taylor coefficients; ``coefficients[0]`` is the value.
+    value : ndarray
+        Order 0.
     operation : Operation or None
         How the series is computed; ``None`` for an input.
     shape, ndim
         Of one coefficient.
     """
 
-    __slots__ = ("_tape", "coefficients", "known", "ndim", "operation", "shape")
+    __slots__ = ("_coefficients", "_tape", "known", "ndim", "operation", "shape", "value")
     __array_priority__ = 1000
     __hash__ = object.__hash__
 
     def __init__(self, tape: Tape, value: Array, operation: Operation | None = None) -> None:
         self._tape = weakref.ref(tape)  # no cycle: memory is free as soon as the tape is
-        self.coefficients: Array = np.zeros((tape.order + 1, *value.shape))
-        self.coefficients[0] = value
+        self._coefficients: Array | None = None
+        self.value = value
         self.operation = operation
         self.shape, self.ndim = value.shape, value.ndim
         self.known: Array | None = None
@@ -70,9 +72,12 @@ class Series(np.lib.mixins.NDArrayOperatorsMixin):
         return tape
 
     @property
-    def value(self) -> Array:
-        """Order 0."""
-        return self.coefficients[0]
+    def coefficients(self) -> Array:
+        """Taylor coefficients, made when they are asked for."""
+        if self._coefficients is None:
+            self._coefficients = np.zeros((self.tape.order + 1, *self.shape))
+            self._coefficients[0] = self.value
+        return self._coefficients
 
     def __repr__(self) -> str:
         return f"Series(shape={self.shape}, order={self.tape.order})"
@@ -125,6 +130,7 @@ class Tape:
         self.computed: list[tuple[Series, Operation]] = []
         self.places: dict[Series, int] = {}
         self.needs: list[tuple[int, ...]] = []
+        self.bound = False
 
     @property
     def nbytes(self) -> int:
@@ -142,7 +148,7 @@ class Tape:
     def record(self, operation: Operation) -> Series:
         """Compute order 0 of an operation and remember it."""
         series = Series(self, operation.start(), operation)
-        operation.result = series.coefficients
+        operation.value = series.value
         self.places[series] = len(self.computed)
         self.needs.append(tuple(self.places[x] for x in operation.operands))
         self.computed.append((series, operation))
@@ -150,6 +156,7 @@ class Tape:
 
     def advance(self, k: int) -> None:
         """Compute order k of all recorded series from the inputs' order k as it stands."""
+        self._bind()
         for series in self.inputs:
             coefficient = series.coefficients[k]
             series.known = coefficient if coefficient.any() else None
@@ -160,6 +167,7 @@ class Tape:
 
     def correct(self, k: int, changes: Mapping[Series, Array]) -> None:
         """Add ``changes`` to order k of inputs and carry them through, order k only."""
+        self._bind()
         for series, given in changes.items():
             series.coefficients[k] += given
         for (series, _), change in zip(self.computed, self._propagated(changes), strict=False):
@@ -186,6 +194,13 @@ class Tape:
         batch = next((s.shape[: s.ndim - x.ndim] for x, s in seeds.items()), ())
         return np.zeros((*batch, *output.shape))
 
+    def _bind(self) -> None:
+        """Give the operations their coefficients, when the orders begin."""
+        if not self.bound:
+            for series, operation in self.computed:
+                operation.result = series.coefficients
+            self.bound = True
+
     def _propagated(self, changes: Mapping[Series, Array]) -> list[Array | None]:
         """Changes of all computed series, then of the inputs, the last one first."""
         found: list[Array | None] = [None] * (len(self.computed) + len(self.inputs))
@@ -196,6 +211,33 @@ class Tape:
         ):
             found[place] = operation.linear([found[i] for i in needs])
         return found
+
+
+class Recorded:
+    """Orders of one series of a tape, interpreted in numpy.
+
+    Parameters
+    ----------
+    tape : Tape
+    output : Series
+        The series that is asked for.
+    """
+
+    def __init__(self, tape: Tape, output: Series) -> None:
+        self.tape, self.output = tape, output
+
+    def advance(self, k: int) -> Array:
+        """Order k of the output as if the inputs' order k were zero."""
+        self.tape.advance(k)
+        return self.output.coefficients[k]
+
+    def correct(self, k: int, changes: Mapping[Series, Array]) -> None:
+        """Fix order k of the inputs."""
+        self.tape.correct(k, changes)
+
+    def derivative(self, seeds: Mapping[Series, Array]) -> Array:
+        """Directional derivatives of the output, as :meth:`Tape.derivative`."""
+        return self.tape.derivative(self.output, seeds)
 
 
 def taylor(law: Callable[..., Series], *inputs: ArrayLike) -> Array:

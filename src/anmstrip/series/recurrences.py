@@ -36,8 +36,10 @@ class Operation(ABC):
     """One recorded operation; subclasses are final."""
 
     operands: Sequence[Series]
+    value: Array
+    """Order 0 of the operation's own series, set when it is recorded."""
     result: Array
-    """Coefficients of the operation's own series, set when it is recorded."""
+    """Its coefficients, set when the orders begin."""
 
     @abstractmethod
     def start(self) -> Array:
@@ -127,7 +129,7 @@ class Divide(Operation):
         change = d[-1]
         part = None
         if change is not None:
-            part = -lifted(change, self.b.ndim, self.ndim) * self.result[0]
+            part = -lifted(change, self.b.ndim, self.ndim) * self.value
         if len(d) == 2 and d[0] is not None:
             top = lifted(d[0], self.operands[0].ndim, self.ndim)
             part = top if part is None else top + part
@@ -187,7 +189,7 @@ class Exp(Operation):
         return weighted_cauchy(self.operands[0].coefficients, self.result, k) / k
 
     def linear(self, d: Sequence[Change]) -> Change:
-        return None if d[0] is None else self.result[0] * d[0]
+        return None if d[0] is None else self.value * d[0]
 
 
 class Log(Operation):
@@ -219,9 +221,7 @@ class _WithCompanion(Operation):
 
     def start(self) -> Array:
         a = self.operands[0]
-        value, slope = self.values(a.value)
-        self.companion = np.zeros_like(a.coefficients)
-        self.companion[0] = slope
+        value, self.slope = self.values(a.value)
         return value
 
     @abstractmethod
@@ -233,11 +233,14 @@ class _WithCompanion(Operation):
         """Order k of the companion, all else known."""
 
     def remainder(self, k: int) -> Change:
+        if k == 2:
+            self.companion = np.zeros_like(self.result)
+            self.companion[0] = self.slope
         self.companion[k - 1] = self.companion_order(k - 1)
         return weighted_cauchy(self.operands[0].coefficients, self.companion, k) / k
 
     def linear(self, d: Sequence[Change]) -> Change:
-        return None if d[0] is None else self.companion[0] * d[0]
+        return None if d[0] is None else self.slope * d[0]
 
 
 class Tanh(_WithCompanion):

@@ -1,0 +1,264 @@
+"""Compiled recurrences: one call computes an order of a whole program, at all points.
+
+A program is a list of scalar instructions on rows; a row is one truncated series per
+point.  The kernels go through it block of points by block, so that what one instruction
+writes is still in the cache when the next reads it.  Only this module imports numba; what
+it computes agrees with :mod:`anmstrip.series.recurrences` to round-off.
+
+Arrays: ``w`` (blocks, rows, order + 1, lanes), ``constants`` (numbers, blocks, lanes),
+``code`` (instructions, 4): kind, result, first and second operand; ``parameters``
+(instructions,): a number that belongs to each.
+"""
+
+# ruff: noqa: PLR0912, PLR0913, PLR0915, PLR0917 (a kernel is one switch, and takes arrays, not objects)
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+# Kinds of instructions: c is the row of the result, a and b those of the operands, s the number.
+SCALE = 0  # c = s a
+SCALE_ROW = 1  # c = a times a constant of each lane
+COMBINE = 2  # c += s a
+COMBINE_ROW = 3  # c += a times a constant of each lane
+ADD = 4  # c = a + s b
+SELECT = 5  # c = a where constant number s is not zero, else b
+MULTIPLY = 6  # c = a b
+PRODUCT = 7  # c += a b
+DIVIDE = 8  # c = a / b
+ROOT = 9  # c = √a
+POWER = 10  # c = a^s
+EXP = 11
+LOG = 12
+TANH = 13  # b: its companion, 1 − c²
+SINE = 14  # b: the cosine
+COSINE = 15  # b: minus the sine
+
+compiled = njit(cache=True, error_model="numpy", nogil=True)
+
+
+@compiled
+def cauchy(c, a, b, k, first, stop):
+    """Add Σ a_j b_{k−j}, j = first … stop − 1, to c."""
+    n = c.shape[0]
+    j = first
+    while j + 3 < stop:
+        for i in range(n):
+            c[i] += (
+                a[j, i] * b[k - j, i]
+                + a[j + 1, i] * b[k - j - 1, i]
+                + a[j + 2, i] * b[k - j - 2, i]
+                + a[j + 3, i] * b[k - j - 3, i]
+            )
+        j += 4
+    while j < stop:
+        for i in range(n):
+            c[i] += a[j, i] * b[k - j, i]
+        j += 1
+
+
+@compiled
+def weighted(c, a, b, k, stop, slope, offset):
+    """Add Σ (slope j + offset) a_j b_{k−j}, j = 1 … stop − 1, to c."""
+    for j in range(1, stop):
+        s = slope * j + offset
+        for i in range(c.shape[0]):
+            c[i] += s * a[j, i] * b[k - j, i]
+
+
+@compiled
+def square(c, a, k, first):
+    """Add Σ a_j a_{k−j}, j = first … k − first, to c, by symmetry."""
+    n = c.shape[0]
+    for j in range(first, (k + 1) // 2):
+        for i in range(n):
+            c[i] += 2.0 * a[j, i] * a[k - j, i]
+    if k % 2 == 0 and k // 2 >= first:
+        for i in range(n):
+            c[i] += a[k // 2, i] * a[k // 2, i]
+
+
+@compiled
+def order_k(code, parameters, constants, block, w, k):
+    """Order k ≥ 1 of all rows of a block, the inputs' as it stands."""
+    n = w.shape[2]
+    for m in range(code.shape[0]):
+        kind, out, first, second = code[m, 0], code[m, 1], code[m, 2], code[m, 3]
+        s = parameters[m]
+        result = w[out]
+        c, a = result[k], w[first]
+        if kind == SCALE:
+            for i in range(n):
+                c[i] = s * a[k, i]
+        elif kind == ADD:
+            b = w[second]
+            for i in range(n):
+                c[i] = a[k, i] + s * b[k, i]
+        elif kind == COMBINE:
+            for i in range(n):
+                c[i] += s * a[k, i]
+        elif kind == SCALE_ROW:
+            f = constants[second, block]
+            for i in range(n):
+                c[i] = f[i] * a[k, i]
+        elif kind == COMBINE_ROW:
+            f = constants[second, block]
+            for i in range(n):
+                c[i] += f[i] * a[k, i]
+        elif kind == SELECT:
+            f, b = constants[int(s), block], w[second]
+            for i in range(n):
+                c[i] = a[k, i] if f[i] != 0.0 else b[k, i]
+        elif kind in (MULTIPLY, PRODUCT):
+            if kind == MULTIPLY:
+                c[:] = 0.0
+            if first == second:
+                square(c, a, k, 0)
+            else:
+                cauchy(c, a, w[second], k, 0, k + 1)
+        elif kind == DIVIDE:
+            b = w[second]
+            c[:] = 0.0
+            cauchy(c, b, result, k, 1, k)
+            for i in range(n):
+                c[i] = (a[k, i] - c[i] - b[k, i] * result[0, i]) / b[0, i]
+        elif kind == ROOT:
+            c[:] = 0.0
+            square(c, result, k, 1)
+            for i in range(n):
+                c[i] = 0.5 * (a[k, i] - c[i]) / result[0, i]
+        elif kind == POWER:
+            c[:] = 0.0
+            weighted(c, a, result, k, k + 1, s + 1.0, -float(k))
+            for i in range(n):
+                c[i] /= k * a[0, i]
+        elif kind == EXP:
+            c[:] = 0.0
+            weighted(c, a, result, k, k + 1, 1.0 / k, 0.0)
+        elif kind == LOG:
+            c[:] = 0.0
+            weighted(c, result, a, k, k, 1.0 / k, 0.0)
+            for i in range(n):
+                c[i] = (a[k, i] - c[i]) / a[0, i]
+        elif kind == TANH:
+            companion = w[second]
+            c[:] = 0.0
+            weighted(c, a, companion, k, k + 1, 1.0 / k, 0.0)
+            d = companion[k]
+            d[:] = 0.0
+            square(d, result, k, 0)
+            for i in range(n):
+                d[i] = -d[i]
+        elif kind in (SINE, COSINE):
+            companion = w[second]
+            c[:] = 0.0
+            weighted(c, a, companion, k, k + 1, 1.0 / k, 0.0)
+            companion[k][:] = 0.0
+            weighted(companion[k], a, result, k, k + 1, -1.0 / k, 0.0)
+
+
+@compiled
+def linear(code, parameters, constants, block, w, d):
+    """Carry changes d (rows, lanes) of the inputs' order through all rows of a block."""
+    n = d.shape[1]
+    for m in range(code.shape[0]):
+        kind, out, first, second = code[m, 0], code[m, 1], code[m, 2], code[m, 3]
+        s = parameters[m]
+        c, a, v = d[out], d[first], w[out, 0]
+        if kind == SCALE:
+            for i in range(n):
+                c[i] = s * a[i]
+        elif kind == ADD:
+            b = d[second]
+            for i in range(n):
+                c[i] = a[i] + s * b[i]
+        elif kind == COMBINE:
+            for i in range(n):
+                c[i] += s * a[i]
+        elif kind == SCALE_ROW:
+            f = constants[second, block]
+            for i in range(n):
+                c[i] = f[i] * a[i]
+        elif kind == COMBINE_ROW:
+            f = constants[second, block]
+            for i in range(n):
+                c[i] += f[i] * a[i]
+        elif kind == SELECT:
+            f, b = constants[int(s), block], d[second]
+            for i in range(n):
+                c[i] = a[i] if f[i] != 0.0 else b[i]
+        elif kind == MULTIPLY:
+            b, a0, b0 = d[second], w[first, 0], w[second, 0]
+            for i in range(n):
+                c[i] = a0[i] * b[i] + a[i] * b0[i]
+        elif kind == PRODUCT:
+            b, a0, b0 = d[second], w[first, 0], w[second, 0]
+            for i in range(n):
+                c[i] += a0[i] * b[i] + a[i] * b0[i]
+        elif kind == DIVIDE:
+            b, b0 = d[second], w[second, 0]
+            for i in range(n):
+                c[i] = (a[i] - v[i] * b[i]) / b0[i]
+        elif kind == ROOT:
+            for i in range(n):
+                c[i] = 0.5 * a[i] / v[i]
+        elif kind == POWER:
+            a0 = w[first, 0]
+            for i in range(n):
+                c[i] = s * v[i] / a0[i] * a[i]
+        elif kind == EXP:
+            for i in range(n):
+                c[i] = v[i] * a[i]
+        elif kind == LOG:
+            a0 = w[first, 0]
+            for i in range(n):
+                c[i] = a[i] / a0[i]
+        elif kind in (TANH, SINE, COSINE):
+            slope, e = w[second, 0], d[second]
+            back = -2.0 if kind == TANH else -1.0
+            for i in range(n):
+                c[i] = slope[i] * a[i]
+                e[i] = back * v[i] * (c[i] if kind == TANH else a[i])
+
+
+@compiled
+def advanced(code, parameters, constants, w, k, inputs, changes, pending, outputs):
+    """Complete order k − 1 by the inputs' changes if they are pending, then find order k.
+
+    ``changes`` has the shape (inputs, blocks, lanes), the result (outputs, blocks, lanes).
+    """
+    blocks, rows, lanes = w.shape[0], w.shape[1], w.shape[3]
+    found = np.empty((len(outputs), blocks, lanes))
+    d = np.zeros((rows, lanes))
+    for block in range(blocks):
+        part = w[block]
+        if pending:
+            for r in range(len(inputs)):
+                d[inputs[r]] = changes[r, block]
+            linear(code, parameters, constants, block, part, d)
+            for r in range(rows):
+                for i in range(lanes):
+                    part[r, k - 1, i] += d[r, i]
+        for r in range(len(inputs)):
+            part[inputs[r], k] = 0.0
+        order_k(code, parameters, constants, block, part, k)
+        for r in range(len(outputs)):
+            found[r, block] = part[outputs[r], k]
+    return found
+
+
+@compiled
+def derivatives(code, parameters, constants, w, inputs, seeds, outputs):
+    """Changes (seeds, outputs, blocks, lanes) that seeds (seeds, inputs, blocks, lanes) make."""
+    blocks, rows, lanes = w.shape[0], w.shape[1], w.shape[3]
+    found = np.empty((len(seeds), len(outputs), blocks, lanes))
+    d = np.zeros((rows, lanes))
+    for block in range(blocks):
+        for q in range(len(seeds)):
+            for r in range(len(inputs)):
+                d[inputs[r]] = seeds[q, r, block]
+            linear(code, parameters, constants, block, w[block], d)
+            for r in range(len(outputs)):
+                found[q, r, block] = d[outputs[r]]
+    return found
