@@ -8,7 +8,8 @@ from anmstrip.mechanics.cells import Pattern
 from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.friction import NortonHoff
 from anmstrip.mechanics.kinematics import KINEMATICS
-from anmstrip.mechanics.loads import Pretension, edge_tension, pressure
+from anmstrip.mechanics.kirchhoff_love import KirchhoffLove
+from anmstrip.mechanics.loads import Pretension, edge_moment, edge_tension, pressure
 from anmstrip.mechanics.membrane import Membrane
 from anmstrip.mechanics.points import ContactOperator
 from anmstrip.mechanics.roller import Roller
@@ -27,6 +28,7 @@ CONTROLS = Controls(
         "pressure": np.array(3e3),
         "entry.tension": np.array(5e3),
         "exit.tension": np.array(7e3),
+        "exit.moment": np.array(50.0),
         "exit.force": np.array([2e3, 0.0, 0.0]),
         "rollers.r.centre": np.array([0.01, 0.02, -0.4]),
         "rollers.r.velocity": np.array([0.1, 0.05, -0.2]),
@@ -35,6 +37,7 @@ CONTROLS = Controls(
     {
         "pressure": np.array(1e3),
         "exit.tension": np.array(-1e3),
+        "exit.moment": np.array(20.0),
         "exit.force": np.array([500.0, 0.0, 0.0]),
         "rollers.r.centre": np.array([0.0, 0.0, -0.01]),
     },
@@ -61,6 +64,8 @@ def effect_of(name, strip):
     made = {
         "membrane": lambda: Membrane(strip),
         "bending": lambda: isometric_bending(strip, pattern),
+        "kirchhoff-love": lambda: KirchhoffLove(strip),
+        "moment": lambda: edge_moment(strip, "exit"),
         "pressure": lambda: pressure(strip),
         "entry": lambda: edge_tension(strip, "entry"),
         "exit": lambda: edge_tension(strip, "exit"),
@@ -73,7 +78,8 @@ def effect_of(name, strip):
 
 CASES = [
     *((level, name) for level in ("shell", "section") for name in (
-        "membrane", "bending", "pressure", "entry", "exit", "contact", "friction")),
+        "membrane", "bending", "kirchhoff-love", "moment", "pressure", "entry", "exit", "contact",
+        "friction")),
     *(("plate", name) for name in ("bending", "pressure", "pretension", "contact")),
 ]  # fmt: skip
 

@@ -210,3 +210,14 @@ def test_scaled_entries_are_of_order_one(kind):
     scaled = np.abs(d[:, None] * a * d)
     assert scaled.max(axis=0).min() > 0.03
     assert scaled.max() < 30.0
+
+
+@pytest.mark.parametrize("kind", KINDS[:2])
+@pytest.mark.parametrize("solver", [Band(), SuperLU()], ids=["band", "sparse"])
+def test_negative_eigenvalues_are_counted(solver, kind):
+    """By Sylvester's law scaling does not matter."""
+    matrix = banded(60, 4, np.random.default_rng(2), kind)
+    expected = int((np.linalg.eigvalsh(matrix) < 0.0).sum())
+    assert (expected > 0) is (kind == "symmetric indefinite")
+    assert solver.factorise(csc_matrix(matrix)).negatives == expected
+    assert DenseSolver().factorise(matrix).negatives == expected

@@ -11,11 +11,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .cells import CellOperator, Pattern
+from .cells import Pattern, hessians
 from .effects import LinearEffect
 from .strip import Strip
 
 Array = NDArray[np.float64]
+
+FLAT = 1e-10
+"""Curvature times thickness that is round-off."""
 
 
 def isometric_bending(strip: Strip, pattern: Pattern) -> LinearEffect:
@@ -29,10 +32,15 @@ def isometric_bending(strip: Strip, pattern: Pattern) -> LinearEffect:
     Returns
     -------
     LinearEffect
+
+    Raises
+    ------
+    ValueError
+        If the reference is curved.
     """
-    hessians = [field[0].hess for field in strip.basis.basis]
-    pairs = ((0, 0), (1, 1), (0, 1)) if strip.kinematics.directions == 2 else ((0, 0),)
-    operator = CellOperator(strip, [np.stack([h[a, b] for h in hessians]) for a, b in pairs])
+    if np.abs(strip.frames().seconds).max() * strip.thickness > FLAT:
+        raise ValueError("isometric bending is for flat references; take KirchhoffLove")
+    operator = hessians(strip)
     block = np.zeros(pattern.couplings)
     operator.add_bilinear(stiffness(strip), pattern, block)
     return LinearEffect("bending", operator.points, block, pattern)

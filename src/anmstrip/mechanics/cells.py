@@ -98,7 +98,7 @@ class CellOperator:
         table = fields.transpose(2, 0, 3, 1).reshape(self.elements, -1, self.local)
         self.table: Array = np.ascontiguousarray(table)
         self.transposed: Array = np.ascontiguousarray(table.swapaxes(1, 2))
-        self.weights: Array = quadrature.dx.ravel() * strip.depth
+        self.weights: Array = strip.weights(quadrature).ravel()
         self.dofs = np.ascontiguousarray(quadrature.element_dofs.T)
         self.cells: Index | None = None if basis is None else np.asarray(basis.tind)
         entries = np.ones(self.dofs.size)
@@ -154,13 +154,35 @@ class CellOperator:
 
 def gradients(strip: Strip) -> CellOperator:
     """Derivatives along the reference's directions at the quadrature points."""
-    fields = [field[0].grad for field in strip.basis.basis]
-    return CellOperator(strip, [np.stack([g[a] for g in fields]) for a in range(strip.mesh.dim())])
+    return CellOperator(strip, _first(strip))
+
+
+def hessians(strip: Strip) -> CellOperator:
+    """Second derivatives (xx, yy, xy) at the quadrature points; of a section xx alone."""
+    return CellOperator(strip, _second(strip))
+
+
+def bends(strip: Strip) -> CellOperator:
+    """First and second derivatives at the quadrature points."""
+    return CellOperator(strip, [*_first(strip), *_second(strip)])
 
 
 def jets(strip: Strip, basis: Any = None) -> CellOperator:
     """Value and derivatives at the quadrature points of the strip, or of another basis."""
     fields = [field[0] for field in (strip.basis if basis is None else basis).basis]
-    parts = [np.stack([np.asarray(f) for f in fields])]
-    parts += [np.stack([f.grad[a] for f in fields]) for a in range(strip.mesh.dim())]
-    return CellOperator(strip, parts, basis)
+    value = np.stack([np.asarray(f) for f in fields])
+    return CellOperator(strip, [value, *_first(strip, basis)], basis)
+
+
+def _first(strip: Strip, basis: Any = None) -> list[Array]:
+    """Derivatives of all basis functions, one array for each direction."""
+    frames = strip.frames(basis)
+    functions = (strip.basis if basis is None else basis).basis
+    found = np.stack([frames.gradient(np.asarray(field[0].grad)) for field in functions])
+    return [found[:, a] for a in range(strip.mesh.dim())]
+
+
+def _second(strip: Strip) -> list[Array]:
+    frames = strip.frames()
+    found = [frames.hessian(field[0].grad, field[0].hess) for field in strip.basis.basis]
+    return [np.stack(part) for part in zip(*found, strict=True)]

@@ -11,18 +11,11 @@ from numpy.typing import NDArray
 
 from .cells import CellOperator, gradients, jets
 from .effects import LoadEffect
-from .kinematics import Kinematics
+from .kinematics import PLATE
+from .normals import dot, normals
 from .strip import Strip
 
 Array = NDArray[np.float64]
-
-QUARTER_TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
-"""From the tangent of a section to its normal, in the plane (x, z)."""
-
-CROSS = np.zeros((3, 3, 3))
-CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
-CROSS[[0, 2, 1], [2, 1, 0], [1, 0, 2]] = -1.0
-"""ε_ijk in (a × b)_i = ε_ijk a_j b_k."""
 
 
 def edge_force(strip: Strip, name: str) -> LoadEffect:
@@ -34,16 +27,16 @@ def edge_force(strip: Strip, name: str) -> LoadEffect:
 def weight(strip: Strip) -> LoadEffect:
     """Weight ρ t per area, scaled by the control ``gravity`` (m/s²)."""
     basis = strip.basis
-    density = strip.material.density * strip.thickness * strip.depth
+    density, weights = strip.material.density * strip.thickness, strip.weights()
     load = np.zeros(strip.scalars)
     for dofs, field in zip(basis.element_dofs, basis.basis, strict=True):
-        np.add.at(load, dofs, density * (np.asarray(field[0]) * basis.dx).sum(axis=1))
+        np.add.at(load, dofs, density * (np.asarray(field[0]) * weights).sum(axis=1))
     return LoadEffect("weight", "gravity", load, strip.kinematics)
 
 
 @dataclass(frozen=True)
 class Following:
-    """A load that follows the strip: residual −control × force(tangent vectors).
+    """A load that follows the strip: residual −control × stress(tangent vectors).
 
     Attributes
     ----------
@@ -51,18 +44,20 @@ class Following:
     control : str
         Name of the control, a number.
     operator : CellOperator
-        Value and derivatives; the force does work with the value.
-    kinematics : Kinematics
-    force : callable
-        Force of a unit control per length or area, (components, points), from the tangent
-        vectors, (components, directions, points).
+        Value and derivatives.
+    reference : ndarray, shape (components, directions, points or 1)
+        Tangent vectors of the reference.
+    stress : callable
+        What does work with value and derivatives for a unit control per length or area,
+        (components, 1 + directions, points), from the tangent vectors, (components,
+        directions, points).
     """
 
     name: str
     control: str
     operator: CellOperator
-    kinematics: Kinematics
-    force: Callable[[Any], Any]
+    reference: Array
+    stress: Callable[[Any], Any]
 
     rate_dependent = False
 
@@ -71,11 +66,14 @@ class Following:
         return self
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
-        """Generalised stress, (components, 1 + directions, points): the value's part alone."""
-        value = np.zeros(1 + self.kinematics.directions)
-        value[0] = -1.0
-        force = self.force(x[:, 1:] + self.kinematics.flat) * controls[self.control]
-        return np.einsum("i...,a->ia...", force, value)
+        """Generalised stress, (components, 1 + directions, points)."""
+        return self.stress(x[:, 1:] + self.reference) * controls[self.control] * -1.0
+
+
+def _on_value(force: Callable[[Any], Any], directions: int) -> Callable[[Any], Any]:
+    """A force (components, points) as a stress: it does work with the value alone."""
+    value = np.eye(1 + directions)[0]
+    return lambda tangents: np.einsum("i...,a->ia...", force(tangents), value)
 
 
 def edge_tension(strip: Strip, name: str) -> Following:
@@ -88,10 +86,42 @@ def edge_tension(strip: Strip, name: str) -> Following:
 
     def direction(tangents: Any) -> Any:
         along = tangents[:, 0]
-        return along * sign / np.sqrt(np.einsum("i...,i...->...", along, along))
+        return along * sign / np.sqrt(dot(along, along))
 
-    operator = jets(strip, strip.edge_basis(name))
-    return Following(f"tension on {name}", f"{name}.tension", operator, strip.kinematics, direction)
+    basis = strip.edge_basis(name)
+    return Following(
+        f"tension on {name}",
+        f"{name}.tension",
+        jets(strip, basis),
+        strip.frames(basis).tangents,
+        _on_value(direction, strip.kinematics.directions),
+    )
+
+
+def edge_moment(strip: Strip, name: str) -> Following:
+    """Moment (N m/m) about an edge, control ``NAME.moment``; it bends towards the normal n.
+
+    Does work with the angle by which the strip turns about the edge: M n · δr,a (a^a · c),
+    where a^a are the reciprocals of the tangent vectors, and c is the unit vector across the
+    edge, outwards, in the deformed surface.  That angle is the one of Kirchhoff–Love bending.
+    """
+    basis, turn = strip.edge_basis(name), normals(strip.kinematics)
+    frames = strip.frames(basis)
+    outwards = frames.covector(np.asarray(basis.normals))
+    directions = range(strip.kinematics.directions)
+
+    def stress(tangents: Any) -> Any:
+        m = turn.vector(tangents)
+        size = np.sqrt(dot(m, m))
+        n = m / size
+        reciprocal = [q / size for q in turn.works(tangents, n)]
+        across = sum(reciprocal[a] * outwards[a] for a in directions)
+        across = across / np.sqrt(dot(across, across))
+        turned = [n * dot(reciprocal[a], across) for a in directions]
+        return np.stack([n * 0.0, *turned], axis=1)
+
+    operator = jets(strip, basis)
+    return Following(f"moment on {name}", f"{name}.moment", operator, frames.tangents, stress)
 
 
 def pressure(strip: Strip) -> Following:
@@ -100,18 +130,10 @@ def pressure(strip: Strip) -> Following:
     r,x × r,y per reference area; of a section the tangent turned by a right angle, of a
     plate the upward direction.
     """
-    forces = {"shell": _normal, "section": _turned, "plate": _upwards}
-    force = forces[strip.kinematics.name]
-    return Following("pressure", "pressure", jets(strip), strip.kinematics, force)
-
-
-def _normal(tangents: Any) -> Any:
-    matrix = np.einsum("ijk,j...->ik...", CROSS, tangents[:, 0])
-    return np.einsum("ik...,k...->i...", matrix, tangents[:, 1])
-
-
-def _turned(tangents: Any) -> Any:
-    return np.einsum("ij,j...->i...", QUARTER_TURN, tangents[:, 0])
+    level = strip.kinematics
+    force = _upwards if level is PLATE else normals(level).vector
+    stress = _on_value(force, level.directions)
+    return Following("pressure", "pressure", jets(strip), strip.frames().tangents, stress)
 
 
 def _upwards(tangents: Any) -> Any:

@@ -33,7 +33,8 @@ class Membrane:
     """Membrane forces of a strip.
 
     With the tangent vectors r,a (columns of an array): E = ½ (r,a · r,b − δ_ab),
-    N = C : E, and the first Piola stress is r,a N_ab.
+    N = C : E, and the first Piola stress is r,a N_ab.  Derivatives are those of
+    :mod:`anmstrip.mechanics.surfaces`, along orthonormal frames of the reference.
 
     Parameters
     ----------
@@ -46,7 +47,7 @@ class Membrane:
     def __init__(self, strip: Strip) -> None:
         self.operator = gradients(strip)
         self.stiffness = plane_stress(strip)
-        self.flat = strip.kinematics.flat
+        self.flat = strip.frames().tangents
         self.metric = np.eye(strip.kinematics.directions)[:, :, None]
 
     def near(self, full: Array, controls: Mapping[str, Any]) -> Membrane:

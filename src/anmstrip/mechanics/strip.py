@@ -1,15 +1,16 @@
 """The strip: mid-surface, mesh, named edges and C1 basis.
 
 Reference configuration: flat in the plane z = 0, x along the strip (entry at
-its smallest x), y across.  Every unknown component of the displacement is a scalar
-field of the C1 basis: with m components, degree of freedom s of component c has the
-number m s + c.
+its smallest x), y across, unless a surface says where (x, y) lies in space.  Every
+unknown component of the displacement is a scalar field of the C1 basis: with m components,
+degree of freedom s of component c has the number m s + c.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from skfem import Basis, FacetBasis, Mesh, MeshLine, MeshQuad, MeshTri
 
 from .elements import Argyris, BognerFoxSchmit, Hermite
 from .kinematics import SHELL, Kinematics
+from .surfaces import PAIRS, Frames, Surface
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -94,6 +96,8 @@ class Strip:
         Which displacements are unknown.
     width : float
         W (m) of a section; a surface has its own.
+    surface : Surface, optional
+        Where a point of the mesh's plane lies in space; for a shell.
     """
 
     def __init__(
@@ -103,8 +107,10 @@ class Strip:
         material: Material,
         kinematics: Kinematics = SHELL,
         width: float = 1.0,
+        surface: Surface | None = None,
     ) -> None:
         self.mesh, self.thickness, self.material = mesh, thickness, material
+        self.surface = surface
         self.kinematics = kinematics
         element, degree = next(e for kind, e in ELEMENTS.items() if isinstance(mesh, kind))
         self.basis = Basis(mesh, element(), intorder=degree)
@@ -147,8 +153,32 @@ class Strip:
 
     def in_space(self, points: Array) -> Array:
         """Reference positions of points of the mesh, shape (3, ...)."""
+        if self.surface is not None:
+            return self.surface(points.reshape(2, -1)).position.reshape(3, *points.shape[1:])
         missing = np.zeros((3 - len(points), *points.shape[1:]))
         return np.concatenate([points, missing])
+
+    def frames(self, basis: Any = None) -> Frames:
+        """Of the reference at the quadrature points of the strip, or of another basis."""
+        if self.surface is None:
+            level = self.kinematics
+            straight = np.zeros((level.count, len(PAIRS[level.directions]), 1))
+            return Frames(level.flat, straight, np.ones(1))
+        points = np.asarray((self.basis if basis is None else basis).global_coordinates())
+        return Frames.of(self.surface(points.reshape(2, -1)))
+
+    def weights(self, basis: Any = None) -> Array:
+        """Area, or length of an edge, of every quadrature point, (elements, points of one)."""
+        basis = self.basis if basis is None else basis
+        dx = np.asarray(basis.dx) * self.depth
+        if self.surface is None:
+            return dx
+        if not isinstance(basis, FacetBasis):
+            return dx * self.frames(basis).density.reshape(dx.shape)
+        jet = self.surface(np.asarray(basis.global_coordinates()).reshape(2, -1))
+        normal = np.asarray(basis.normals).reshape(2, -1)
+        along = jet.tangents[:, 1] * normal[0] - jet.tangents[:, 0] * normal[1]
+        return dx * np.linalg.norm(along, axis=0).reshape(dx.shape)
 
     @property
     def node_values(self) -> Index:
@@ -177,7 +207,7 @@ class Strip:
     @cached_property
     def areas(self) -> Array:
         """Area of every element, shape (elements,), m²."""
-        return np.asarray(self.basis.dx.sum(axis=1)) * self.depth
+        return self.weights().sum(axis=1)
 
     @cached_property
     def dof_lengths(self) -> Array:
@@ -248,10 +278,11 @@ class Strip:
             load[self.node_values[self.mesh.facets[0, facets]]] = self.depth
             return load, self.depth * len(facets)
         basis = FacetBasis(self.mesh, self.basis.elem, facets=facets, intorder=6)
+        weights = self.weights(basis)
         for dofs, field in zip(basis.element_dofs, basis.basis, strict=True):
-            np.add.at(load, dofs, (np.asarray(field[0]) * basis.dx).sum(axis=1))
+            np.add.at(load, dofs, (np.asarray(field[0]) * weights).sum(axis=1))
         load[np.abs(load) * self.dof_lengths < 1e-12 * np.abs(load).max()] = 0.0
-        return load, float(basis.dx.sum())
+        return load, float(weights.sum())
 
 
 def grid(xs: Array, ys: Array) -> MeshQuad:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from .strip import Strip
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -76,3 +79,35 @@ class Supports:
         whole = control * self.slope
         whole[self.free] = u
         return whole
+
+
+def traced(strip: Strip, name: str, component: int) -> Index:
+    """Unknowns that fix one component of space all along a straight edge of the mesh."""
+    return _on_edge(strip, name, lambda odd: [] if odd else [component], facets=False)
+
+
+def mirrored(strip: Strip, name: str, component: int) -> Index:
+    """Unknowns that vanish where an edge lies in a plane of symmetry.
+
+    That component of space, normal to the plane, is odd across the edge, the others even.
+    """
+    others = [c for c in strip.kinematics.components if c != component]
+    return _on_edge(strip, name, lambda odd: others if odd else [component], facets=True)
+
+
+def _on_edge(strip: Strip, name: str, held: Callable[[bool], Sequence[int]], facets: bool) -> Index:
+    """Unknowns on an edge, the components held by the parity of the derivatives across it."""
+    edge, level = strip.edges[name], strip.kinematics
+    across = "xy"[int(np.ptp(strip.mesh.p[0, edge.nodes]) > 0.0)]
+    names = [n[2:] for n in strip.basis.elem.dofnames[: len(strip.basis.nodal_dofs)]]
+    found = [
+        (dofs[edge.nodes], level.place(component))
+        for n, dofs in zip(names, strip.basis.nodal_dofs, strict=True)
+        if facets or across not in n
+        for component in held(n.count(across) % 2 == 1)
+    ]
+    if facets:
+        normal = [dofs[edge.facets] for dofs in strip.basis.facet_dofs]
+        found += [(dofs, level.place(c)) for dofs in normal for c in held(True)]
+    places = [strip.count * d + place for d, place in found if place is not None]
+    return np.sort(np.concatenate(places))

@@ -101,7 +101,7 @@ class State:
             if isinstance(effect, Following) and effect.control == f"{name}.tension":
                 operator = effect.operator
                 stress = effect.law(operator.apply(self.full), None, self.controls)
-                return effect.kinematics.embed(-stress[:, 0] @ operator.weights)
+                return self.plan.model.strip.kinematics.embed(-stress[:, 0] @ operator.weights)
         return np.zeros(3)
 
     def _outside(self, name: str, length: float) -> Array:

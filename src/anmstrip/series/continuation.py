@@ -18,8 +18,9 @@ from .expansion import Cost, Equations, Parameter, expand, size
 from .linear_solvers import LinearSolver, NonFiniteTangentError, SingularTangentError
 from .outcome import Evidence, Outcome, PathStopped
 from .path import Branch
-from .power_series import horner
+from .progressions import cleared
 from .range_of_validity import errors, excess, validated
+from .rational import stretched
 
 Array = NDArray[np.float64]
 
@@ -55,6 +56,8 @@ class Settings:
         Start with arclength at once.
     give_way : bool
         Change to arclength where steps in the control keep shrinking.
+    rational : bool
+        Let branches go on as quotients of polynomials where the series end.
     """
 
     order: int = 20
@@ -63,6 +66,7 @@ class Settings:
     shortest: float = 1e-9
     arclength: bool = False
     give_way: bool = True
+    rational: bool = False
 
 
 @dataclass(frozen=True)
@@ -180,14 +184,17 @@ class _Follower:
         if self.settings.give_way and _gives_way(pace.shrinking):
             pace = replace(pace, arclength=True)
         parameter = self._parameter(u, pace)
-        branch = self._expanded(u, pace.control, parameter)
-        branch, imbalance = validated(
-            self.equations, branch, self.settings.tolerance, parameter.reach, self.cost
-        )
+        branch = cleared(self.equations, self._expanded(u, pace.control, parameter))
+        tolerance, reach = self.settings.tolerance, parameter.reach
+        branch, imbalance = validated(self.equations, branch, tolerance, reach, self.cost)
+        if self.settings.rational:
+            branch, imbalance = stretched(
+                self.equations, branch, imbalance, tolerance, reach, self.cost
+            )
         if pace.arclength:
             branch, imbalance = self._cut_at_target(branch, imbalance)
         elif branch.length == parameter.reach:
-            branch = _landed(branch, self.target)
+            branch = branch.landed(self.target)
         fold = branch.fold() if pace.arclength else None
         passed = None if fold is None else branch(fold)[1]
         return Step(branch, imbalance, self._adapted(branch, parameter, pace), passed)
@@ -222,7 +229,7 @@ class _Follower:
         a = branch.reaches(self.target)
         if a is None:
             return branch, imbalance
-        branch = _landed(branch.cut(a), self.target)
+        branch = branch.cut(a).landed(self.target)
         return branch, errors(self.equations, branch, a, self.cost)[1]
 
     def _adapted(self, branch: Branch, parameter: Parameter, pace: Pace) -> Pace:
@@ -259,11 +266,3 @@ def _gives_way(shrinking: tuple[tuple[float, float], ...]) -> bool:
         return False
     (first, flat), (last, steep) = shrinking[0], shrinking[-1]
     return last < SHRUNK * first and steep > STEEPER * flat
-
-
-def _landed(branch: Branch, target: float) -> Branch:
-    """The same branch with an end control that equals the target to the last digit."""
-    control = branch.control.copy()
-    for _ in range(2):
-        control[1] += (target - horner(control, branch.length)) / branch.length
-    return replace(branch, control=control)

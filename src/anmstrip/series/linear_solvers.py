@@ -10,6 +10,7 @@ columns are scaled before, since values and derivatives have different units.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -52,6 +53,10 @@ class NonFiniteTangentError(SingularTangentError):
 class Factors(Protocol):
     """A factorised matrix."""
 
+    @property
+    def negatives(self) -> int:
+        """Number of negative eigenvalues; of a matrix that is not symmetric, of negative pivots."""
+
     def solve(self, right: Array) -> Array:
         """Solution of K x = right."""
 
@@ -79,7 +84,7 @@ class DenseSolver:
         lu, pivots, info = lapack.dgetrf(matrix / columns / rows[:, None])
         if info > 0:
             raise _no_pivot(info - 1)
-        return _DenseFactors(lu, pivots, rows, columns)
+        return _DenseFactors(lu, pivots, rows, columns, matrix)
 
 
 def _not_finite(unknown: int) -> NonFiniteTangentError:
@@ -95,8 +100,15 @@ def _no_pivot(unknown: int) -> SingularTangentError:
 
 
 class _DenseFactors:
-    def __init__(self, lu: Array, pivots: Array, rows: Array, columns: Array) -> None:
+    def __init__(
+        self, lu: Array, pivots: Array, rows: Array, columns: Array, matrix: Array
+    ) -> None:
         self.lu, self.pivots, self.rows, self.columns = lu, pivots, rows, columns
+        self.matrix = matrix
+
+    @cached_property
+    def negatives(self) -> int:
+        return int((np.linalg.eigvals(self.matrix).real < 0.0).sum())
 
     def solve(self, right: Array) -> Array:
         return lapack.dgetrs(self.lu, self.pivots, right / self.rows)[0] / self.columns
@@ -224,7 +236,8 @@ class _BandPlan(_Plan):
         lu, pivots, info = lapack.dgbtrf(band, self.width, self.width, overwrite_ab=1)
         if info > 0:
             raise _no_pivot(int(np.flatnonzero(self.place == info - 1)[0]))
-        return _BandFactors(lu, pivots, self.width, self.place, d)
+        scaled = csc_matrix((data, self.indices, self.indptr), shape=(len(d), len(d)))
+        return _BandFactors(lu, pivots, self.width, self.place, d, scaled)
 
 
 def _mirror(matrix: csc_matrix) -> NDArray[np.int_] | None:
@@ -236,6 +249,8 @@ def _mirror(matrix: csc_matrix) -> NDArray[np.int_] | None:
 
 
 class _CholeskyFactors:
+    negatives = 0
+
     def __init__(self, factor: Array, place: NDArray[np.int_], scale: Array) -> None:
         self.factor, self.place, self.scale = factor, place, scale
 
@@ -247,8 +262,15 @@ class _CholeskyFactors:
 
 
 class _BandFactors:
-    def __init__(self, lu: Array, pivots: Array, width: int, place: Array, scale: Array) -> None:
+    def __init__(
+        self, lu: Array, pivots: Array, width: int, place: Array, scale: Array, matrix: csc_matrix
+    ) -> None:
         self.lu, self.pivots, self.width, self.place, self.scale = lu, pivots, width, place, scale
+        self.matrix = matrix
+
+    @cached_property
+    def negatives(self) -> int:
+        return _negative_pivots(_on_diagonal(self.matrix))
 
     def solve(self, right: Array) -> Array:
         ordered = np.empty_like(right)
@@ -267,20 +289,29 @@ class _SuperLUPlan(_Plan):
         data = self.scaled(matrix, d)
         scaled = csc_matrix((data, self.indices, self.indptr), shape=matrix.shape)
         try:
-            lu = splu(
-                scaled,
-                permc_spec="MMD_AT_PLUS_A",
-                diag_pivot_thresh=0.0,
-                options={"SymmetricMode": True},
-            )
+            return _SuperLUFactors(_on_diagonal(scaled), scaled, d)
         except RuntimeError as error:
             raise SingularTangentError(str(error)) from error
-        return _SuperLUFactors(lu, scaled, d)
+
+
+def _on_diagonal(matrix: csc_matrix) -> Any:
+    """Sparse LU in a symmetric order that keeps the diagonal as pivots."""
+    options = {"SymmetricMode": True}
+    return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+
+
+def _negative_pivots(lu: Any) -> int:
+    """By Sylvester's law the number of negative eigenvalues of a symmetric matrix."""
+    return int((lu.U.diagonal() < 0.0).sum())
 
 
 class _SuperLUFactors:
     def __init__(self, lu: Any, matrix: csc_matrix, scale: Array) -> None:
         self.lu, self.matrix, self.scale = lu, matrix, scale
+
+    @cached_property
+    def negatives(self) -> int:
+        return _negative_pivots(self.lu)
 
     def solve(self, right: Array) -> Array:
         b = right * self.scale

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.polynomial import polymul, polysub
 from numpy.typing import NDArray
 
 from .power_series import derivative_coefficients, horner
@@ -23,6 +24,8 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class Branch:
     """One truncated series of a path parameter a, valid on [0, length].
+
+    It may be a quotient: then u and control hold the numerators.
 
     Attributes
     ----------
@@ -38,6 +41,8 @@ class Branch:
     forces : tuple of float
         Imbalance that would be left without the last term but one, and without the
         last, at a = 1.
+    denominator : ndarray
+        Coefficients, the first of them 1, at least two.
     """
 
     u: Array
@@ -46,6 +51,7 @@ class Branch:
     residual: Array
     carried_over: float = 1.0
     forces: tuple[float, float] = (0.0, 0.0)
+    denominator: Array = field(default_factory=lambda: np.array([1.0, 0.0]))
 
     @property
     def order(self) -> int:
@@ -54,7 +60,8 @@ class Branch:
 
     def __call__(self, a: float) -> tuple[Array, float]:
         """State and control at parameter ``a``."""
-        return horner(self.u, a), float(horner(self.control, a))
+        q = horner(self.denominator, a)
+        return horner(self.u, a) / q, float(horner(self.control, a) / q)
 
     @property
     def end(self) -> tuple[Array, float]:
@@ -63,9 +70,10 @@ class Branch:
 
     def direction(self, a: float) -> tuple[Array, float]:
         """Derivatives of state and control with respect to a."""
-        return horner(derivative_coefficients(self.u), a), float(
-            horner(derivative_coefficients(self.control), a)
-        )
+        q, slope = horner(self.denominator, a), horner(derivative_coefficients(self.denominator), a)
+        u, control = self(a)
+        direction, along = (horner(derivative_coefficients(c), a) for c in (self.u, self.control))
+        return (direction - slope * u) / q, float((along - slope * control) / q)
 
     def cut(self, length: float) -> Branch:
         """The same series on another range."""
@@ -73,26 +81,57 @@ class Branch:
 
     def reaches(self, control: float) -> float | None:
         """Smallest a in (0, length] at which the control has the given value."""
-        shifted = self.control.copy()
-        shifted[0] -= control
-        return _first_root(shifted, self.length)
+        shifted = np.asarray(polysub(self.control, control * self.denominator), dtype=np.float64)
+        return first_root(shifted, self.length)
 
     def fold(self) -> float | None:
         """Smallest a in (0, length] at which the control turns back."""
-        return _first_root(derivative_coefficients(self.control), self.length)
+        return next(iter(self.folds), None)
+
+    @property
+    def folds(self) -> list[float]:
+        """All a in (0, length] at which the control turns back, in their order."""
+        return roots_within(self._turning, self.length)
+
+    @property
+    def turns(self) -> list[float]:
+        """All a in [−length, length] except 0 at which the control turns back."""
+        mirrored = self._turning * (-1.0) ** np.arange(len(self._turning))
+        return [*self.folds, *(-a for a in roots_within(mirrored, self.length))]
+
+    @property
+    def _turning(self) -> Array:
+        """Coefficients of a polynomial that vanishes where dλ/da does."""
+        q = self.denominator
+        left = polymul(derivative_coefficients(self.control), q)
+        slope = polysub(left, polymul(self.control, derivative_coefficients(q)))
+        return np.asarray(slope, dtype=np.float64)
+
+    def landed(self, control: float) -> Branch:
+        """The same branch with an end control that has the given value to the last digit."""
+        moved = replace(self, control=self.control.copy())
+        for _ in range(2):
+            miss = control - moved.end[1]
+            moved.control[1] += miss * horner(self.denominator, self.length) / self.length
+        return moved
 
 
-def _first_root(coefficients: Array, length: float) -> float | None:
-    """Smallest simple root of a polynomial in (0, length]."""
+def first_root(coefficients: Array, length: float) -> float | None:
+    """Smallest root of a polynomial in (0, length]."""
+    return next(iter(roots_within(coefficients, length)), None)
+
+
+def roots_within(coefficients: Array, length: float) -> list[float]:
+    """Roots of a polynomial in (0, length], in their order."""
     scaled = coefficients * length ** np.arange(len(coefficients))
     largest = np.abs(scaled).max()
     if largest == 0.0:
-        return None
+        return []
     scaled = np.trim_zeros(np.where(np.abs(scaled) < 1e-17 * largest, 0.0, scaled), "b")
     roots = np.polynomial.polynomial.polyroots(scaled)
     real = roots.real[(np.abs(roots.imag) < 1e-8) & (roots.real > 1e-12)]
-    inside = real[real <= 1.0 + 1e-12]
-    return float(min(inside.min(), 1.0)) * length if inside.size else None
+    inside = np.sort(real[real <= 1.0 + 1e-12])
+    return [min(float(root), 1.0) * length for root in inside]
 
 
 @dataclass(frozen=True)

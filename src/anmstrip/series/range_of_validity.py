@@ -35,7 +35,7 @@ def validated(
         If no length is found.
     """
     order = branch.order
-    reach = min(reach, _without_overshoot(equations, branch, tolerance))
+    reach = min(reach, without_overshoot(equations, branch, tolerance))
     guess = min(term_range(branch, tolerance), reach)
     if not np.isfinite(guess):
         guess = 1.0
@@ -68,7 +68,7 @@ def _predicted(length: float, error: float, tolerance: float, order: int) -> flo
     return length * (0.5 * tolerance / error) ** (1.0 / (order + 1))
 
 
-def _without_overshoot(equations: Equations, branch: Branch, tolerance: float) -> float:
+def without_overshoot(equations: Equations, branch: Branch, tolerance: float) -> float:
     """Length up to which taking the initial imbalance away does not make a new one."""
     initial = equations.imbalance(branch.residual)
     if initial == 0.0:
