@@ -20,6 +20,7 @@ from anmstrip.scene.build import Assembly
 from anmstrip.scene.measures import ContactState, State
 from anmstrip.scene.meshing import QUARTER
 from anmstrip.scene.places import Place, place_of
+from anmstrip.scene.rules import THREADING
 from anmstrip.scene.schema import Scene, StageSpec
 from anmstrip.scene.stages import Plan
 from anmstrip.series.implicit_dae import RESIDUAL_SHARE
@@ -88,10 +89,12 @@ def diagnosis(failure: Failure) -> str:
 
 
 def too_many_steps(failure: Failure) -> str | None:
-    """The bound on the steps was meant by the user, and nothing is wrong."""
-    if failure.stopped.outcome is not Outcome.TOO_MANY_STEPS:
+    """The bound on steps or tangents was meant by the user, and nothing is wrong."""
+    keys = {Outcome.TOO_MANY_STEPS: "max_steps", Outcome.TOO_MANY_TANGENTS: "max_tangents"}
+    key = keys.get(failure.stopped.outcome)
+    if key is None:
         return None
-    return f"Try --set solver.max_steps={2 * failure.scene.solver.max_steps}, then --resume."
+    return f"Try --set solver.{key}={2 * getattr(failure.scene.solver, key)}, then --resume."
 
 
 def not_held(failure: Failure) -> str | None:
@@ -177,6 +180,11 @@ def buckling_force(failure: Failure, length: Array) -> Array:
 
 def _more_tension(failure: Failure) -> str:
     """What to type to pull more: twice as much, or to a strain of 5e-5."""
+    threading = failure.scene.threading
+    if threading is not None and failure.stage.name == THREADING:
+        return f"--set threading.tension={2.0 * threading.tension:.3g}"
+    if failure.plan.in_time and not failure.state.full.any():
+        return f"--set stages.{failure.stage.name}.friction=false, to pull it before it rubs"
     force = failure.plan.controls.at(1.0).get("exit.force", np.zeros(3))
     stage = failure.stage.name
     if force[0] > 0.0:

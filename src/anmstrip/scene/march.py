@@ -98,7 +98,8 @@ class March:
 
     def __init__(self, assembly: Assembly) -> None:
         self.assembly, self.scene = assembly, assembly.scene
-        self.course, self.cost, self.solver = Course(assembly), Cost(), SparseSolver()
+        self.course, self.solver = Course(assembly), SparseSolver()
+        self.cost = Cost(most=assembly.scene.solver.max_tangents)
         self.full = np.zeros(assembly.strip.unknowns)
         self.velocity = np.zeros_like(self.full)
         self.reached: float | None = None

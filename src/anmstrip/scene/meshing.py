@@ -9,10 +9,14 @@ from numpy.typing import NDArray
 from skfem import MeshLine, MeshQuad
 
 from anmstrip.mechanics.strip import grid, line
+from anmstrip.scene.errors import InputError, Mistake
 from anmstrip.scene.schema import Scene
 from anmstrip.scene.threading import Thread
 
 Array = NDArray[np.float64]
+
+MOST_ELEMENTS = 250_000
+"""Of a strip; the tangent of a shell of so many takes tens of gigabytes."""
 
 QUARTER = 0.25
 """Share of the boundary layer √(D/T) that an element over a roller may cover."""
@@ -55,10 +59,31 @@ def strip_mesh(scene: Scene, thread: Thread | None) -> MeshQuad | MeshLine:
     zones = fine_zones(scene, thread, half) if scene.contact is not None and fine < coarse else []
     if spec.feed:
         zones = [(-half, half)] if zones else []
+    section = spec.kinematics == "section"
+    _bearable(scene, half, zones, fine, 1 if section else spec.cells[1])
     xs = lines_of_nodes(half, zones, fine, coarse)
-    if spec.kinematics == "section":
+    if section:
         return line(xs)
     return grid(xs, np.linspace(-spec.width / 2.0, spec.width / 2.0, spec.cells[1] + 1))
+
+
+def _bearable(
+    scene: Scene, half: float, zones: list[tuple[float, float]], fine: float, across: int
+) -> None:
+    """Refuse more elements than fit into a computer, before they are made."""
+    assert scene.strip.cells is not None
+    along = scene.strip.cells[0] + sum(hi - lo for lo, hi in zones) / fine
+    if not along * across <= MOST_ELEMENTS:
+        key, now = ("refined", fine) if zones else ("cells", list(scene.strip.cells))
+        finest = 2.0 * half * across / (0.5 * MOST_ELEMENTS)
+        expected = (
+            f"at most {MOST_ELEMENTS} elements; {along * across:.3g} would come from elements of "
+            f"{fine if zones else 2.0 * half / along:.3g} m"
+        )
+        hint = f"refined = {finest:.1g}" if zones else "cells = [16, 2]"
+        raise InputError(
+            [Mistake(str(scene.source or "scene"), f"strip.{key}", now, expected, hint)]
+        )
 
 
 def _fine(scene: Scene) -> float:

@@ -130,6 +130,9 @@ class SolverSpec(Table):
     max_steps: Annotated[int, Field(strict=True, ge=1)] = Field(
         20_000, description="most steps in all, an integer above 0 (1)", examples=["20000"]
     )
+    max_tangents: Annotated[int, Field(strict=True, ge=1)] = Field(
+        100_000, description="most tangents in all, an integer above 0 (1)", examples=["100000"]
+    )
     time_step: Positive | None = Field(
         None,
         description="fixed step in time, without control of its error, a number above 0 (s)",

@@ -21,9 +21,10 @@ from pydantic import (
 
 from anmstrip.scene import rules
 from anmstrip.scene.errors import InputError, Mistake
+from anmstrip.scene.wording import LARGEST, SMALLEST
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=SMALLEST, le=LARGEST)]
 Count = Annotated[int, Field(strict=True, ge=1, le=100_000)]
 Vector = tuple[Number, Number, Number]
 Component = Literal["x", "y", "z"]

@@ -33,6 +33,9 @@ Array = NDArray[np.float64]
 
 SENSES = {"over": 1.0, "under": -1.0}
 
+DEEPEST = 0.5
+"""Share of a roller's radius that a threaded strip may sink into it."""
+
 RELAXATION_ORDER, RELAXATION_TOLERANCE = 8, 1e-4
 """Of the path that lets the guess slide into place: almost linear, and a guess."""
 
@@ -261,7 +264,21 @@ def _depth(scene: Scene, roller: Roller) -> float:
     bending = m.young * t**3 / (12.0 * (1.0 - m.poisson**2)) if scene.strip.bending else 0.0
     line_force = scene.threading.tension - bending / (2.0 * roller.radius**2)
     pressure = max(line_force, 0.1 * scene.threading.tension) / roller.radius
-    return float(RepulsiveSignorini(c.stiffness, c.eta, c.delta).gap(pressure))
+    gap = float(RepulsiveSignorini(c.stiffness, c.eta, c.delta).gap(pressure))
+    if gap < -DEEPEST * roller.radius:
+        raise _too_soft(scene, roller, pressure, -gap)
+    return gap
+
+
+def _too_soft(scene: Scene, roller: Roller, pressure: float, depth: float) -> InputError:
+    assert scene.contact is not None
+    least = 100.0 * pressure / roller.radius
+    expected = (
+        f"a contact that carries the tension: pressed by T/r = {pressure:.3g} Pa the strip would "
+        f"sink {depth:.3g} m into roller {roller.name}, of radius {roller.radius:g} m"
+    )
+    hint = f"stiffness = {least:.1g}"
+    return _mistaken(scene, "contact.stiffness", scene.contact.stiffness, expected, hint)
 
 
 def _refused(scene: Scene, rollers: Sequence[Roller], error: ValueError) -> InputError:

@@ -17,6 +17,9 @@ from pydantic.fields import FieldInfo
 
 from anmstrip.scene.errors import InputError, Mistake
 
+SMALLEST, LARGEST = 1e-30, 1e30
+"""Bounds of numbers in a scene, so that no product of a handful of them over- or underflows."""
+
 
 def nearest(word: str, known: Iterable[str]) -> str:
     """Return the hint for an unknown word: the nearest known one, else all of them.
@@ -180,5 +183,7 @@ def _unknown(place: _Place, value: object) -> Mistake:
 def _refused(place: _Place, value: object) -> Mistake:
     if place.field is None:
         return Mistake("", place.key, value, "a table of the scene", "[strip]")
-    hint = example_of(place.name, place.field)
-    return Mistake("", place.key, value, str(place.field.description), hint)
+    expected = str(place.field.description)
+    if isinstance(value, float) and (abs(value) > LARGEST or 0.0 < value < SMALLEST):
+        expected += f"; numbers are at most {LARGEST:g}, and {SMALLEST:g} at least if positive"
+    return Mistake("", place.key, value, expected, example_of(place.name, place.field))

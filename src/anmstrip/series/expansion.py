@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .linear_solvers import LinearSolver
+from .outcome import Outcome, PathStopped
 from .path import Branch
 
 Array = NDArray[np.float64]
@@ -77,13 +78,14 @@ class Equations(Protocol):
 
 @dataclass
 class Cost:
-    """Honest counters: what was done, and the seconds it took."""
+    """Honest counters: what was done, and the seconds it took; ``most`` bounds the expansions."""
 
     expansions: int = 0
     factorisations: int = 0
     solves: int = 0
     residuals: int = 0
     seconds: dict[str, float] = field(default_factory=dict)
+    most: float = float("inf")
 
     @contextmanager
     def timed(self, phase: str) -> Iterator[None]:
@@ -161,6 +163,8 @@ def expand(
     ------
     SingularTangentError
         From the solver, if the tangent cannot be factorised.
+    PathStopped
+        As many expansions as ``cost`` allows were made.
     """
     cost = Cost() if cost is None else cost
     recurrence, solve = _prepared(equations, u, control, order, solver, cost)
@@ -201,6 +205,8 @@ def _prepared(
     equations: Equations, u: Array, control: float, order: int, solver: LinearSolver, cost: Cost
 ) -> tuple[Recurrence, Callable[[Array], Array]]:
     """Start the series, and factorise its tangent once for all orders."""
+    if cost.expansions >= cost.most:
+        raise PathStopped(Outcome.TOO_MANY_TANGENTS, control)
     with cost.timed("series"):
         recurrence = equations.recurrence(u, control, order)
     with cost.timed("tangent"):

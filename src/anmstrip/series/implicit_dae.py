@@ -19,7 +19,9 @@ over the whole time (error per unit of time).
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
@@ -44,6 +46,16 @@ BDF-formulas*, Numer. Math. 57, 1990).
 
 RESIDUAL_SHARE = 0.01
 """Tolerance of the residual over that of the error in time, in which it must not be seen."""
+
+SHORTEST, SHORTEST_IN_A_SNAP = 1e-13, 1e-100
+"""Shortest steps, as fractions of the whole: what is left of the digits of t; and in a snap,
+where the first step counts from zero."""
+
+FAST, SLOW = 1e-6, 1e-9
+"""A state snaps where it would move by its own size within the first of these fractions of the
+whole, and has found its place where steps are longer than the second."""
+
+MOST_IN_A_SNAP = 3000
 
 SETTLING = 0.01
 """First instant after a start, as a fraction of the first step."""
@@ -112,6 +124,8 @@ class TimeStep:
         Tangents that the step took.
     memory : Memory
         What a later call needs to go on as if never interrupted.
+    snap : bool
+        Whether it holds a motion too fast to be dated, see :meth:`_Integrator._snapped`.
     """
 
     start: float
@@ -123,6 +137,7 @@ class TimeStep:
     imbalance: float
     branches: int
     memory: Memory
+    snap: bool = False
 
 
 def integrate(
@@ -176,6 +191,23 @@ class _Trial:
     rate: float
 
 
+@dataclass(frozen=True)
+class _Later:
+    """The same equations with another origin of time."""
+
+    equations: RateEquations
+    origin: float
+
+    def during(self, t: float, h: float, velocity: AffineVelocity, about: Array) -> StepEquations:
+        return self.equations.during(self.origin + t, h, velocity, about)
+
+    def error(self, u: Array, change: Array) -> float:
+        return self.equations.error(u, change)
+
+    def fading_error(self, u: Array, change: Array) -> float:
+        return self.equations.fading_error(u, change)
+
+
 class _LastFactors:
     """A linear solver that remembers what it has factorised last."""
 
@@ -209,12 +241,55 @@ class _Integrator:
         )
 
     def step(self, memory: Memory, end: float) -> TimeStep:
+        """The next step, in which the state may also snap to another place."""
+        try:
+            return self.tried(memory, end, SHORTEST)
+        except PathStopped as stopped:
+            if stopped.outcome is not Outcome.STALLED or not self._runs_away(memory):
+                raise
+            return self._snapped(memory, end, stopped)
+
+    def _runs_away(self, memory: Memory) -> bool:
+        """Whether the state moves faster than steps of time can tell."""
+        fastest = float(np.abs(memory.v).max()) * FAST * self.whole
+        return fastest > float(np.abs(memory.states[0]).max())
+
+    def _snapped(self, memory: Memory, end: float, failed: PathStopped) -> TimeStep:
+        """Steps of any shortness, with time counted from where each begins, as a single one.
+
+        They end where the motion is slow again.
+        """
+        begin, spent, before = memory.times[0], 0.0, self.cost.expansions
+        for _ in range(MOST_IN_A_SNAP):
+            now = replace(memory, times=tuple(t - memory.times[0] for t in memory.times))
+            later = _Later(self.equations, begin + spent)
+            try:
+                step = self._with(later).tried(now, end - begin, SHORTEST_IN_A_SNAP)
+            except PathStopped:
+                raise failed from None
+            spent, memory = spent + step.end, step.memory
+            if memory.step > SLOW * self.whole and not self._runs_away(memory):
+                new = begin + spent
+                times = tuple(t - step.end + new for t in memory.times)
+                past = _unfolded(replace(memory, times=times))
+                branches = self.cost.expansions - before
+                facts = (step.order, 0.0, step.imbalance, branches)
+                return TimeStep(begin, new, step.u, step.v, *facts, past, snap=True)
+        raise failed
+
+    def _with(self, equations: RateEquations) -> _Integrator:
+        """The same with other equations."""
+        other = copy(self)
+        other.equations = equations
+        return other
+
+    def tried(self, memory: Memory, end: float, shortest: float) -> TimeStep:
         """Try, estimate, and shorten until the error is allowed."""
         t = memory.times[0]
         h, barred = min(self.fixed or memory.step, end - t), False
         order = min(memory.order, self.time_order, memory.available)
         failed = PathStopped(Outcome.STALLED, t)
-        while h > 1e-13 * self.whole:
+        while h > shortest * self.whole:
             new = end if h >= (end - t) * (1.0 - 1e-10) else t + h
             try:
                 trial = self._trial(memory, new, order)
@@ -355,6 +430,16 @@ class _Integrator:
             memory.times[0], new, trial.u, trial.v, order, error, trial.imbalance,
             trial.branches, following,
         )  # fmt: skip
+
+
+def _unfolded(memory: Memory) -> Memory:
+    """The past as far as its instants can be told apart."""
+    last = next(
+        (k for k, (a, b) in enumerate(pairwise(memory.times), start=1) if not a > b),
+        len(memory.times),
+    )
+    order = min(memory.order, max(1, last - 1))
+    return replace(memory, times=memory.times[:last], states=memory.states[:last], order=order)
 
 
 def _given_up(failed: PathStopped, t: float) -> PathStopped:

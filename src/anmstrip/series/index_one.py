@@ -23,6 +23,11 @@ Residual = Callable[[Any, Any, Any], Any]
 CONSISTENT = 1e-3
 """A state is consistent when Newton's correction is this fraction of the tolerance."""
 
+MOST_ITERATIONS = 500
+"""Of Newton's method: from far away a saturating law, like |v|^q, lets it come nearer by a third."""
+
+TINY = float(np.finfo(float).tiny)
+
 
 @dataclass(frozen=True)
 class Point:
@@ -109,7 +114,7 @@ def consistent(
     PathStopped
     """
     allowed = tolerance if rate_tolerance is None else rate_tolerance
-    for _ in range(50):
+    for _ in range(MOST_ITERATIONS):
         point = Point.at(residual, u, v, t)
         shift, kick = point.correction()
         if max(_ratio(shift, tolerance, u), _ratio(kick, allowed, v)) <= CONSISTENT:
@@ -134,5 +139,5 @@ def stretch(v: Array, speed: float) -> float:
 
 def _ratio(change: Array, allowed: float, value: Array) -> float:
     """Largest change in units of what is allowed, or of round-off if that is more."""
-    unit = max(allowed, 1e-9 * float(np.abs(value).max()))
+    unit = max(allowed, 1e-9 * float(np.abs(value).max()), TINY)
     return float(np.abs(change).max()) / unit

@@ -19,6 +19,7 @@ class Outcome(Enum):
     STALLED = "steps became too short: the path has a singular point here"
     SINGULAR = "the tangent is singular: something is not held, or a bifurcation"
     TOO_MANY_STEPS = "the allowed number of steps was used up; allow more"
+    TOO_MANY_TANGENTS = "the allowed number of tangents was used up; allow more"
     INTERRUPTED = "it was interrupted"
     NOT_FINITE = "the equations gave values that are not finite"
 

@@ -1,0 +1,315 @@
+"""Hard cases of single points with friction, each with its answer in closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from anmstrip.mechanics.friction import NortonHoff
+from anmstrip.mechanics.nodes import CoupledNode, Slider, WrappedLinks
+from anmstrip.mechanics.references import slip_at
+from anmstrip.mechanics.signorini import RepulsiveSignorini, Signorini
+from anmstrip.series import backward_differences, implicit_dae
+from anmstrip.series.continuation import Settings, follow
+from anmstrip.series.expansion import Cost
+from anmstrip.series.functions import (
+    FunctionEquations,
+    FunctionRateEquations,
+    ImplicitSolution,
+)
+from anmstrip.series.implicit_dae import TimeStep
+from anmstrip.series.index_one import consistent
+from anmstrip.series.linear_solvers import DenseSolver
+from anmstrip.series.outcome import PathStopped
+from anmstrip.series.path import Path
+
+Array = NDArray[np.float64]
+Residual = Callable[[Any, Any, Any], Any]
+
+MOST_STEPS = 20_000
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Steps in time of a point, and why there are no more of them if it stopped.
+
+    Attributes
+    ----------
+    path : ImplicitSolution
+    steps : tuple of TimeStep
+    cost : Cost
+    outcome : str
+        ``done``, or the sentence of what stopped it.
+    """
+
+    path: ImplicitSolution
+    steps: tuple[TimeStep, ...]
+    cost: Cost
+    outcome: str
+
+    @property
+    def end(self) -> Array:
+        """State at the end."""
+        return self.steps[-1].u
+
+
+def moved(
+    residual: Residual,
+    u: Array,
+    span: tuple[float, float],
+    *,
+    tolerance: float = 1e-4,
+    v: Array | None = None,
+    speed: float = np.inf,
+    first: float = 1e-3,
+    order: int = 19,
+) -> Motion:
+    """Integrate R(u, v, t) = 0, implicitly in time.
+
+    Parameters
+    ----------
+    residual : callable
+    u : ndarray, shape (n,)
+    span : tuple of float
+    tolerance : float
+        Error of u that all steps together may make.
+    v : ndarray, optional
+        Guess of the first velocity.
+    speed : float
+        From which motion is fast, see :class:`FunctionRateEquations`.
+    first : float
+        First step over the span.
+    """
+    whole, cost = span[1] - span[0], Cost()
+    u, v = consistent(residual, u, np.zeros_like(u) if v is None else v, span[0], tolerance, 0.0)
+    found = implicit_dae.integrate(
+        FunctionRateEquations(residual, whole, speed),
+        backward_differences.start(span[0], u, v, first * whole),
+        span[1],
+        solver=DenseSolver(),
+        settings=Settings(order=order, tolerance=tolerance, max_steps=MOST_STEPS),
+        stepping=implicit_dae.Stepping(whole),
+        cost=cost,
+    )
+    steps, outcome = _all_of(found)
+    path = ImplicitSolution(u, v, steps, tolerance, speed)
+    return Motion(path, steps, cost, outcome)
+
+
+def _all_of(found: Iterator[TimeStep]) -> tuple[tuple[TimeStep, ...], str]:
+    steps: list[TimeStep] = []
+    try:
+        for step in found:
+            steps.append(step)
+    except PathStopped as stopped:
+        if not steps:
+            raise
+        return tuple(steps), str(stopped)
+    return tuple(steps), "done"
+
+
+# cases ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One run of a hard case beside its answer.
+
+    Attributes
+    ----------
+    found, exact : float
+    error : float
+        Relative to the answer, or to the size that is named with the case.
+    steps, tangents : int
+    outcome : str
+        ``done``, or the sentence of what stopped it.
+    """
+
+    found: float
+    exact: float
+    error: float
+    steps: int
+    tangents: int
+    outcome: str
+
+    @classmethod
+    def of(cls, motion: Motion, found: float, exact: float, unit: float | None = None) -> Trial:
+        """A motion's, with the error in a unit, that of the answer if none is given."""
+        error = abs(found - exact) / abs(exact if unit is None else unit)
+        steps, tangents = len(motion.steps), motion.cost.factorisations
+        return cls(float(found), float(exact), float(error), steps, tangents, motion.outcome)
+
+
+def zero_normal_force(omega: float = 1e-3, q: float = 0.1) -> Trial:
+    """D1: pressed by a force that grows from exactly 0; u = c t with c = f_eff(V − c)."""
+    law = NortonHoff(0.3, q, omega, 1.0)
+    slider = Slider(law, stiffness=1.0, normal=(0.0, 1.0), speed=1.0)
+    motion = moved(slider.residual, np.zeros(1), (0.0, 2.0))
+    c = float(brentq(lambda c: law.effective(1.0 - c) - c, 0.0, 0.9, xtol=1e-14))
+    return Trial.of(motion, float(motion.end[0]), 2.0 * c)
+
+
+def penetration(stiffness: float = 1e6, load: float = 10.0) -> Trial:
+    """D2: gap at a reaction, h = (η δ − R²/K)/(R + η), in δ, on a rate-free path."""
+    law, cost = Signorini(stiffness, 1e-3, 1.0), Cost()
+    equations = FunctionEquations(
+        lambda u, t: np.stack([law(u[0] + law.delta) - u[0] - t]), force=1e-12 * load
+    )
+    steps = list(
+        follow(
+            equations,
+            np.zeros(1),
+            solver=DenseSolver(),
+            settings=Settings(tolerance=1.0, order=20),
+            target=load,
+            cost=cost,
+        )
+    )
+    u = float(steps[-1].branch.end[0][0])
+    gap, reaction = u + law.delta, u + load
+    exact = float(law.gap(np.float64(reaction)))
+    return Trial(gap, exact, abs(gap - exact), len(steps), cost.factorisations, "done")
+
+
+def sharp_corner(omega: float = 1e-2, q: float = 0.1, speed: float = 1.0) -> Trial:
+    """D3: dragged into slip; at the end u = f_eff(V) R_N/k.
+
+    A force that ever falls, by more than the tolerance, is an error as well.
+    """
+    law = NortonHoff(0.3, q, omega, speed)
+    slider = Slider(law, stiffness=1.0, speed=1.0)
+    motion = moved(slider.residual, np.zeros(1), (0.0, 2.0))
+    exact = law.effective(1.0)
+    trial = Trial.of(motion, float(motion.end[0]), exact)
+    force = np.array([0.0, *(step.u[0] for step in motion.steps)])
+    falls = float(np.maximum(force[:-1] - force[1:], 0.0).max())
+    return replace(trial, error=max(trial.error, falls))
+
+
+def held(q: float = 0.1, omega: float = 1e-6, ratio: float = 0.5) -> Trial:
+    """D4: drift in a long hold, V_c ρ^(1/q) t where ω is small beside the creep."""
+    law = NortonHoff(0.3, q, omega, 1e-3)
+    slider = Slider(law, load=(ratio * law.coefficient, 0.0))
+    motion = moved(slider.residual, np.zeros(1), (0.0, 1e6))
+    return Trial.of(motion, float(motion.end[0]), float(slip_at(law, ratio * law.coefficient)) * 1e6)
+
+
+def reversal(q: float = 0.1, speed: float = 1.0, cycles: int = 2) -> Trial:
+    """D5: work of a surface that goes to and fro by A = 1, 4 f R_N (A − f R_N/k) per cycle.
+
+    f is that of slip at the surface's speed; what the corners of the loop lose is of order q.
+    """
+    law = NortonHoff(0.3, q, 1e-4, speed)
+    u, corners = np.zeros(1), [0.0, 1.0, *(1.0 + 2.0 * k for k in range(1, 2 * cycles + 1))]
+    steps, tangents, work = 0, 0, 0.0
+    for k, span in enumerate(pairwise(corners)):
+        slider = Slider(law, stiffness=1.0, speed=(-1.0) ** k)
+        motion = moved(slider.residual, u, span, v=np.full(1, slider.speed))
+        if k > 2 * cycles - 2:
+            work += slider.speed * _integral(motion)
+        u, steps = motion.end, steps + len(motion.steps)
+        tangents += motion.cost.factorisations
+        if motion.outcome != "done":
+            break
+    f = law.effective(1.0)
+    exact = 4.0 * f * (1.0 - f)
+    error = abs(work - exact) / exact
+    return Trial(work, exact, error, steps, tangents, motion.outcome)
+
+
+def _integral(motion: Motion) -> float:
+    """∫ u dt along the cubics between the steps."""
+    h, times = np.diff(motion.path.times), motion.path.times
+    u, v = (np.array(x)[:, 0] for x in zip(*(motion.path(t) for t in times), strict=True))
+    return float((h * (u[1:] + u[:-1]) / 2.0 + h**2 * (v[:-1] - v[1:]) / 12.0).sum())
+
+
+def beyond_the_cone(q: float = 0.1, slope: float = 1.2) -> Trial:
+    """D6: a slope steeper than the cone, v = V_c (tan α/f)^(1/q)."""
+    law = NortonHoff(0.3, q, 1e-6, 1e-3)
+    slider = Slider(law, load=(slope * law.coefficient, 0.0))
+    motion = moved(slider.residual, np.zeros(1), (0.0, 10.0))
+    speed = float(motion.end[0]) / 10.0 / law.speed
+    return Trial.of(motion, speed, slope ** (1.0 / q))
+
+
+CONTACT = RepulsiveSignorini(1e6, 1e-2, 1e-2)
+"""Of the coupled node: nearly rigid beside its springs of 1 N/m."""
+
+
+def coupled(f: float = 1.5, load: float = 1.8, q: float = 0.1) -> tuple[Trial, CoupledNode, Motion]:
+    """D7: the coupled node, its load ramped far past stick, slowly beside V_c.
+
+    Beyond f = 1/c it ends separated; below, for u_x < 1/c, it slides.
+    """
+    node = CoupledNode(NortonHoff(f, q, 1e-3, 0.1), CONTACT, (0.0, load / 1e3))
+    motion = moved(node.residual, np.zeros(2), (0.0, 1e3), tolerance=1e-3, speed=1e-4)
+    exact = node.separated(load)[0]
+    return Trial.of(motion, float(motion.end[0]), float(exact)), node, motion
+
+
+def near_critical(distance: float = 1e-2) -> Trial:
+    """D8: response u/(W − f) = 1/(1 − c f) at a relative distance below f = 1/c.
+
+    Sliding at exactly V_c from the tip of the cone on, where f_eff = f.
+    """
+    contact = RepulsiveSignorini(1e10, 1e-10, 1e-2)
+    rate, law = distance, NortonHoff((1.0 - distance) / 0.8, 0.1, 1e-8, 1.0)
+    node = CoupledNode(law, contact, (law.coefficient, rate))
+    motion = moved(node.residual, np.zeros(2), (0.0, 0.5), v=np.array([1.0, 0.0]))
+    response = float(motion.end[0]) / (0.5 * rate)
+    return Trial.of(motion, response, 1.0 / rate)
+
+
+def grazing(depth: float = 0.1, stiffness: float = 1e9) -> Trial:
+    """D9: an obstacle comes to −depth · δ beyond first contact, and goes; back to 1e-10.
+
+    The error is the distance between the first and the last state, or between two
+    states at mirrored instants, whichever is larger.
+    """
+    law, cost = RepulsiveSignorini(stiffness, 1e-3, 1e-3), Cost()
+
+    def residual(u: Any, t: Any) -> Any:
+        gap = u[0] - depth * law.delta + (t - 1.0) ** 2 * 0.1
+        return np.stack([law(gap) - u[0] * 1e3])
+
+    start = float(brentq(lambda u: float(residual(np.array([u]), 0.0)[0]), 0.0, 1.0, xtol=1e-18))
+    steps = list(
+        follow(
+            FunctionEquations(residual, scale=law.delta, force=1e-12),
+            np.array([start]),
+            solver=DenseSolver(),
+            settings=Settings(tolerance=1.0),
+            target=2.0,
+            cost=cost,
+        )
+    )
+    path = Path([step.branch for step in steps])
+    pairs = [(path(1.0 - s), path(1.0 + s)) for s in np.linspace(0.0, 1.0, 41)]
+    error = max(float(abs(a[0] - b[0])) for a, b in pairs)
+    back = float(steps[-1].branch.end[0][0])
+    error = max(error, abs(back - start))
+    return Trial(back, start, error, len(steps), cost.factorisations, "done")
+
+
+def many_turns(log_ratio: float = 2.0, points: int = 40, links: float = 1.0) -> Trial:
+    """D10, D14: full slip of a chain around a cylinder, by its formula for n equal turns.
+
+    Links are as stiff as their tension asks for, and every other one ``links`` times that.
+    """
+    law = NortonHoff(0.3, 0.05, 1e-3, 1.0)
+    f = law.effective(1.0)
+    turn = log_ratio / f / points
+    s = f * np.tan(0.5 * turn)
+    stiffness = 100.0 * ((1.0 + s) / (1.0 - s)) ** np.arange(1, points + 1)
+    stiffness[::2] *= links
+    chain = WrappedLinks(law, turn, stiffness)
+    motion = moved(chain.residual, chain.start, (0.0, 0.04 * points), tolerance=1e-3)
+    ends = chain.tensions(motion.end, motion.steps[-1].end)[1]
+    return Trial.of(motion, float(ends[-1]), chain.exact_ratio(f))

@@ -1,0 +1,222 @@
+"""Broken scene files by the million: the reader gives a scene or a list of mistakes.
+
+Every input is an example of this project that was damaged as files get damaged (cut short,
+lines lost or doubled, bytes flipped) or as people mistype (numbers that are none, wrong units,
+values of another type, keys of another table)::
+
+    python tests/hard/fuzz_reader.py --count 1000000 --seed 0
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import sys
+import time
+import tomllib
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from anmstrip.scene import InputError, Scene
+from anmstrip.scene.loading import parse_scene, scene_of
+
+TOP = Path(__file__).parents[2]
+TEXTS = tuple(path.read_text(encoding="utf-8") for path in sorted(TOP.glob("examples/*.toml")))
+SOURCE = TOP / "examples" / "fuzzed.toml"
+
+SLOW = 2.0
+"""Seconds that no input may take."""
+
+NUMBERS = (
+    "0", "-0.0", "1e308", "-1e308", "1e-308", "5e-324", "nan", "inf", "-inf", "1e400", "-1",
+    "9" * 30, "0x7fffffffffffffff", "1_000", "0.1.2", "1e", "--1", "true", '"1.0"', "1 mm",
+    "[1.0]", "[1.0, 2.0]", "[0.0, 0.0, 0.0]", "[]", "{}", "{ r1 = 1.0 }", "2024-01-01", "07:00:00",
+)  # fmt: skip
+
+VALUES: tuple[Any, ...] = (
+    None, True, 0, -1, 10**40, 0.0, -1.0, 1e308, 5e-324, float("nan"), float("inf"), "", "r1",
+    "x" * 300, [], [0.0], [0.0, 0.0, 0.0], [float("nan")] * 3, ["x", "x"], {}, {"a": {}},
+    {"name": "r1"}, b"x", object(),
+)  # fmt: skip
+
+JUNK = (
+    "\0", "\ufeff", "é", "[", "]", '"', "'''", "=", "\r", "\n[strip]\n", "\n[[rollers]]\n", "#",
+)  # fmt: skip
+
+KEYS = (
+    "strip.width", "rollers.r1.radius", "stages.turn.exit.force", "friction", "a.b", "", ".",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Tally:
+    """Scenes read, inputs refused, and those that did neither."""
+
+    scenes: int
+    refused: int
+    crashes: tuple[tuple[int, str], ...]
+
+
+def text_of(dice: random.Random) -> str:
+    """A damaged example."""
+    text = dice.choice(TEXTS)
+    for _ in range(dice.choice((1, 1, 1, 2, 3, 8))):
+        text = dice.choice(DAMAGES)(text, dice)
+    return text
+
+
+def _cut(text: str, dice: random.Random) -> str:
+    return text[: dice.randrange(len(text) + 1)]
+
+
+def _flipped(text: str, dice: random.Random) -> str:
+    at = dice.randrange(len(text) + 1)
+    return text[:at] + chr(dice.randrange(1, 0x250)) + text[at + dice.randrange(2) :]
+
+
+def _littered(text: str, dice: random.Random) -> str:
+    at = dice.randrange(len(text) + 1)
+    return text[:at] + dice.choice(JUNK) + text[at:]
+
+
+def _lines_moved(text: str, dice: random.Random) -> str:
+    """A line lost, doubled, or put elsewhere: keys in a table that does not know them."""
+    lines = text.splitlines()
+    if not lines:
+        return text
+    line = lines.pop(dice.randrange(len(lines)))
+    for _ in range(dice.randrange(3)):
+        lines.insert(dice.randrange(len(lines) + 1), line)
+    return "\n".join(lines)
+
+
+def _mistyped(text: str, dice: random.Random) -> str:
+    """Another value for a key."""
+    lines = text.splitlines()
+    keyed = [i for i, line in enumerate(lines) if "=" in line]
+    if not keyed:
+        return text
+    i = dice.choice(keyed)
+    lines[i] = f"{lines[i].partition('=')[0]}= {dice.choice(NUMBERS)}"
+    return "\n".join(lines)
+
+
+def _other_units(text: str, dice: random.Random) -> str:
+    """A number times a power of a thousand."""
+    lines = text.splitlines()
+    numeric = [i for i, line in enumerate(lines) if _is_number(line.partition("=")[2])]
+    if not numeric:
+        return text
+    i = dice.choice(numeric)
+    key, _, value = lines[i].partition("=")
+    factor = dice.choice((1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9, -1.0))
+    number = float(value.partition("#")[0])
+    lines[i] = f"{key}= {number * factor!r}"
+    return "\n".join(lines)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.partition("#")[0])
+    except ValueError:
+        return False
+    return True
+
+
+DAMAGES: tuple[Callable[[str, random.Random], str], ...] = (
+    _cut, _flipped, _littered, _lines_moved, _mistyped, _mistyped, _other_units, _other_units,
+)  # fmt: skip
+
+
+def tables_of(dice: random.Random) -> dict[str, Any]:
+    """Tables of an example with values of any type in some places."""
+    tables = tomllib.loads(dice.choice(TEXTS))
+    for _ in range(dice.choice((1, 1, 2, 4))):
+        _spoil(tables, dice)
+    return tables
+
+
+def _spoil(tables: dict[str, Any], dice: random.Random) -> None:
+    inside: Any = tables
+    while True:
+        keys = list(inside) if isinstance(inside, dict) else list(range(len(inside)))
+        key = dice.choice(keys)
+        deeper = isinstance(inside[key], dict | list) and len(inside[key]) > 0
+        if not deeper or dice.random() < 0.2:
+            break
+        inside = inside[key]
+    inside[key] = dice.choice(VALUES)
+
+
+def setting_of(dice: random.Random) -> str:
+    """A ``--set`` that may be wrong in key and value."""
+    keys = (
+        "strip.width",
+        "rollers.r1.radius",
+        "stages.turn.exit.force",
+        "friction",
+        "a.b",
+        "",
+        ".",
+    )
+    key = _flipped(dice.choice(keys), dice) if dice.random() < 0.3 else dice.choice(keys)
+    return f"{key}{dice.choice(('=', '=', '==', ''))}{dice.choice(NUMBERS)}"
+
+
+def read_one(seed: int) -> Scene | InputError:
+    """Make an input and read it; whatever else is raised is a fault of the reader."""
+    dice = random.Random(seed)
+    settings = [setting_of(dice)] if dice.random() < 0.1 else []
+    try:
+        if dice.random() < 0.25:
+            return scene_of(tables_of(dice), SOURCE, settings)
+        return scene_of(parse_scene(text_of(dice), str(SOURCE)), SOURCE, settings)
+    except InputError as error:
+        assert str(error)
+        assert error.mistakes
+        return error
+
+
+def fuzzed(seeds: range) -> Tally:
+    """Read one input for every seed."""
+    scenes, crashes = 0, []
+    for seed in seeds:
+        begin = time.process_time()
+        try:
+            scenes += isinstance(read_one(seed), Scene)
+        except Exception as error:
+            crashes.append((seed, f"{type(error).__name__}: {error}"))
+        if (seconds := time.process_time() - begin) > SLOW:
+            crashes.append((seed, f"took {seconds:.1f} s"))
+    return Tally(scenes, len(seeds) - scenes - len(crashes), tuple(crashes))
+
+
+def parts(seeds: range, size: int = 10_000) -> Iterator[range]:
+    """A long range in parts, to be told of on the way."""
+    for first in range(seeds.start, seeds.stop, size):
+        yield range(first, min(first + size, seeds.stop))
+
+
+def main() -> int:
+    """Read ``--count`` inputs and tell what became of them."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=10_000)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    warnings.simplefilter("error")
+    scenes = refused = crashed = 0
+    for part in parts(range(given.seed, given.seed + given.count)):
+        tally = fuzzed(part)
+        scenes, refused = scenes + tally.scenes, refused + tally.refused
+        crashed += len(tally.crashes)
+        for seed, words in tally.crashes:
+            print(f"seed {seed}: {words}", flush=True)
+        print(f"{part.stop}: {scenes} scenes, {refused} refused, {crashed} crashes", flush=True)
+    return 1 if crashed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,218 @@
+"""Whatever is typed, and wherever it is written: a correct state or one structured outcome."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from fuzz_reader import fuzzed, read_one
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from random_scenes import MOST_TANGENTS, Dice, ending_of, from_seed, tables_of
+
+from anmstrip.command_line import main
+from anmstrip.output.collection import read as listed
+from anmstrip.output.vtk import read_surface
+from anmstrip.scene import InputError, Scene
+from anmstrip.scene.build import Assembly
+from anmstrip.scene.loading import scene_of
+
+QUICK = """
+[strip]
+length = 4.0
+width = 1.0
+thickness = 1.0e-3
+cells = [8, 1]
+kinematics = "section"
+
+[material]
+young = 2.0e11
+poisson = 0.3
+
+[edges.entry]
+fixed = ["x", "z"]
+
+[edges.exit]
+fixed = ["z"]
+
+[[stages]]
+name = "pull"
+duration = 1.0
+exit.force = [1.0e4, 0.0, 0.0]
+"""
+
+
+def test_reader_gives_a_scene_or_mistakes() -> None:
+    """Fuzzed as by ``python tests/hard/fuzz_reader.py --count 1000000``."""
+    tally = fuzzed(range(2_000))
+    assert tally.crashes == ()
+    assert tally.scenes > 100
+    assert tally.refused > 1000
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.integers(10**9, 10**12))
+def test_reader_never_raises_anything_else(seed: int) -> None:
+    assert isinstance(read_one(seed), Scene | InputError)
+
+
+@pytest.mark.parametrize(
+    ("name", "setting", "words"),
+    [
+        ("small_deflection", "strip.thickness=1e-9", "at most 250000 elements"),
+        ("press", "strip.refined=1e-9", "at most 250000 elements"),
+        ("press", "strip.cells=[100000, 100000]", "at most 250000 elements"),
+        ("press", "strip.thickness=1e-300", "numbers are at most 1e+30"),
+        ("press", "rollers.r1.radius=1e200", "numbers are at most 1e+30"),
+    ],
+)
+def test_absurd_sizes_are_refused_before_they_fill_the_memory(
+    name: str, setting: str, words: str
+) -> None:
+    example = Path(__file__).parents[2] / "examples" / f"{name}.toml"
+    with pytest.raises(InputError) as caught:
+        Assembly(Scene.load(example, [setting])).strip  # noqa: B018 - makes the mesh
+    assert words in str(caught.value)
+
+
+def test_threaded_strip_that_would_sink_through_its_roller_is_refused() -> None:
+    example = Path(__file__).parents[2] / "examples" / "bridle.toml"
+    soft = Scene.load(example, ["contact.stiffness=1e4", "contact.eta=1.0"])
+    with pytest.raises(InputError, match=r"sink .* m into roller upper"):
+        Assembly(soft).thread  # noqa: B018 - looks for the way
+
+
+@settings(max_examples=4, deadline=None, suppress_health_check=list(HealthCheck))
+@given(st.lists(st.floats(0.0, 1.0, exclude_max=True), min_size=70, max_size=70))
+def test_valid_scenes_end_in_an_outcome(numbers: list[float]) -> None:
+    """No traceback, nothing on disk that is no number, equilibrium at the end."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        end = ending_of(tables_of(Dice(iter([*numbers, *[0.5] * 200]).__next__)))
+    assert end.faults == ()
+    assert end.status
+    assert end.tangents <= MOST_TANGENTS
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(40))
+def test_random_scenes(seed: int) -> None:
+    """The first of ``python tests/hard/random_scenes.py --count 2000``."""
+    end = ending_of(from_seed(seed))
+    assert end.faults == ()
+    assert end.message or end.status == "done"
+
+
+def test_a_run_stops_at_the_tangents_that_it_may_make(tmp_path: Path) -> None:
+    """Steps in time that are tried again and again count as well."""
+    tables = from_seed(5)
+    tables["solver"]["max_tangents"] = 30
+    run = scene_of(tables, tmp_path / "scene.toml").run()
+    assert list(run)
+    assert run.cost.expansions == 30
+    assert "the allowed number of tangents was used up" in run.message
+    assert "--set solver.max_tangents=60, then --resume" in run.message
+
+
+# disks ---------------------------------------------------------------------------
+
+LIMITED = (
+    "import resource, sys; import anmstrip.scene.run, anmstrip.output.vtk;"
+    "from anmstrip.command_line import main;"
+    "resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv.pop(1)),) * 2); main()"
+)
+"""The command line where no file may grow beyond a number of bytes."""
+
+
+@pytest.mark.parametrize("most", [0, 100, 2_000, 3_000])
+def test_file_that_cannot_be_written(tmp_path: Path, most: int) -> None:
+    """Whichever file it is, as on a full disk: one sentence, and the others can be read."""
+    scene, results = tmp_path / "scene.toml", tmp_path / "results"
+    scene.write_text(QUICK, encoding="utf-8")
+    typed = [str(most), "run", str(scene), "-o", str(results), "--quiet"]
+    found = subprocess.run(
+        [sys.executable, "-c", LIMITED, *typed], capture_output=True, text=True, check=False
+    )
+    assert found.returncode == 1
+    assert "Traceback" not in found.stderr
+    assert found.stderr.startswith(f"Stopped: {results}")
+    assert os.strerror(errno.EFBIG) in found.stderr
+    for entry in listed(results / "strip.pvd") if (results / "strip.pvd").exists() else ():
+        assert len(read_surface(results / entry.file).points)
+
+
+def test_full_disk_at_any_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The n-th file does not fit, for every n of the run; the rest stays readable."""
+    scene = tmp_path / "scene.toml"
+    scene.write_text(QUICK, encoding="utf-8")
+    real, calls = os.fsync, iter(range(0))
+
+    def full(file: int) -> None:
+        if next(calls, None) is None:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        real(file)
+
+    monkeypatch.setattr("os.fsync", full)
+    for fitting in range(50):
+        calls, results = iter(range(fitting)), tmp_path / f"results{fitting}"
+        result = CliRunner().invoke(main, ["run", str(scene), "-o", str(results), "--quiet"])
+        if result.exit_code == 0:
+            break
+        assert result.exit_code == 1, result.output
+        assert isinstance(result.exception, SystemExit)
+        assert result.stderr.startswith(f"Stopped: {results}")
+        assert "No space left on device." in result.stderr
+        assert not list(results.glob(".*.part"))
+    assert fitting > 3
+    assert json.loads((results / "summary.json").read_text(encoding="utf-8"))["status"] == "done"
+
+
+@contextmanager
+def nobody() -> Iterator[None]:
+    """Without the rights of root, which may write anywhere."""
+    before = os.geteuid()
+    if before == 0:
+        os.seteuid(65534)
+    try:
+        yield
+    finally:
+        os.seteuid(before)
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_directory_that_may_not_be_written(tmp_path: Path, there: bool) -> None:
+    open_to_all = Path(tempfile.mkdtemp())
+    open_to_all.chmod(0o755)
+    scene, shut = open_to_all / "scene.toml", open_to_all / "shut"
+    scene.write_text(QUICK, encoding="utf-8")
+    typed = ["run", str(scene), "--quiet", "-o"]
+    assert CliRunner().invoke(main, [*typed, str(tmp_path / "first")]).exit_code == 0
+    shut.mkdir(mode=0o555)
+    with nobody():
+        result = CliRunner().invoke(main, [*typed, str(shut if there else shut / "results")])
+    assert result.exit_code == 1, result.output
+    assert isinstance(result.exception, SystemExit)
+    assert result.stderr.startswith(f"Stopped: {shut}")
+    assert "Permission denied." in result.stderr
+    assert not list(shut.iterdir())
+    shutil.rmtree(open_to_all)
+
+
+def test_results_below_a_file(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.toml"
+    scene.write_text(QUICK, encoding="utf-8")
+    result = CliRunner().invoke(main, ["run", str(scene), "-o", str(scene / "results")])
+    assert result.exit_code in (1, 2)
+    assert isinstance(result.exception, SystemExit)
+    assert "Not a directory" in result.stderr
