@@ -17,10 +17,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from anmstrip import options
+from anmstrip.options import STOPPED, WRONG
+from anmstrip.sweep.command import sweep
+
 if TYPE_CHECKING:
     from anmstrip.scene.run import Run
-
-STOPPED, WRONG = 1, 2
 
 
 class Commands(click.Group):
@@ -59,30 +61,12 @@ def main() -> None:
     """
 
 
-_directory = click.option(
-    "-o",
-    "--output",
-    "directory",
-    metavar="DIR",
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Where the results go (default: a directory of its own in results/).",
-)
-_settings = click.option(
-    "--set",
-    "settings",
-    metavar="KEY=VALUE",
-    multiple=True,
-    help="Use another value than the one written; may be given several times.",
-)
-_scene = click.argument("scene", metavar="SCENE.toml", type=click.Path(path_type=Path))
-
-
 @main.command()
-@_scene
-@_directory
-@_settings
+@options.scene
+@options.directory
+@options.settings
 @click.option("--resume", is_flag=True, help="Go on where an earlier run in DIR was interrupted.")
-@click.option("--quiet", is_flag=True, help="Show no progress; the last two lines still come.")
+@options.quiet
 def run(
     scene: Path, directory: Path | None, settings: tuple[str, ...], resume: bool, quiet: bool
 ) -> None:
@@ -127,8 +111,8 @@ def _ran(running: Run, quiet: bool) -> bool:
 
 
 @main.command(short_help="Say what a run would do, and warn.")
-@_scene
-@_settings
+@options.scene
+@options.settings
 def explain(scene: Path, settings: tuple[str, ...]) -> None:
     """Say what a run of a scene would do, and warn; nothing is solved or written.
 
@@ -159,7 +143,7 @@ def explain(scene: Path, settings: tuple[str, ...]) -> None:
     metavar="EPS",
     help="Error that is aimed at, relative to the case's own scales.",
 )
-@_settings
+@options.settings
 @click.option(
     "--scheme",
     type=click.Choice(["taylor", "implicit"]),
@@ -167,7 +151,7 @@ def explain(scene: Path, settings: tuple[str, ...]) -> None:
     show_default=True,
     help="The paper's scheme, explicit in time, or the implicit one.",
 )
-@_directory
+@options.directory
 def case(
     name: str,
     order: int,
@@ -231,7 +215,7 @@ def _finite(text: str) -> float:
 @main.command(short_help="Compare accuracy and cost.")
 @click.argument("name")
 @click.option("--quick", is_flag=True, help="Coarse meshes: seconds, with less to learn from them.")
-@_directory
+@options.directory
 def study(name: str, quick: bool, directory: Path | None) -> None:
     """Compare accuracy and cost, with a report.
 
@@ -262,6 +246,9 @@ def render(directory: Path, field: str | None, movie: bool) -> None:
 
     for picture in render(directory, field=field, movie=movie):
         click.echo(str(picture))
+
+
+main.add_command(sweep)
 
 
 if __name__ == "__main__":

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterable, Iterator
-from typing import Protocol, TextIO, TypeVar
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, Protocol, TextIO, TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -42,25 +42,15 @@ class Progressing(Protocol):
         """Tension at the exit over that at the entry, if there are both."""
 
 
-S = TypeVar("S", bound=Progressing)
+class Partial(Protocol):
+    """What has come a part of its way."""
+
+    @property
+    def fraction(self) -> float:
+        """How much is done, from 0 to 1."""
 
 
-def watched(
-    steps: Iterable[S], stream: TextIO | None = None, interval: float = INTERVAL
-) -> Iterator[S]:
-    """Return an iterator over steps that shows how far they are.
-
-    Parameters
-    ----------
-    steps : iterable of Progressing
-        Accepted steps.
-    stream : text stream, optional
-        Where to; standard error if left out.
-    interval : float, optional
-        Seconds between two lines where `stream` is no terminal.
-    """
-    stream = stream or sys.stderr
-    return _with_bar(steps, stream) if stream.isatty() else _with_lines(steps, stream, interval)
+S = TypeVar("S", bound=Partial)
 
 
 def summary_of(step: Progressing) -> str:
@@ -75,22 +65,49 @@ def summary_of(step: Progressing) -> str:
     return ", ".join(words)
 
 
-def _with_bar(steps: Iterable[S], stream: TextIO) -> Iterator[S]:
+def watched(
+    steps: Iterable[S],
+    stream: TextIO | None = None,
+    interval: float = INTERVAL,
+    say: Callable[[Any], str] = summary_of,
+) -> Iterator[S]:
+    """Return an iterator over steps that shows how far they are.
+
+    Parameters
+    ----------
+    steps : iterable
+        Accepted steps, or whatever knows its `fraction`.
+    stream : text stream, optional
+        Where to; standard error if left out.
+    interval : float, optional
+        Seconds between two lines where `stream` is no terminal.
+    say : callable, optional
+        A step in a few words.
+    """
+    stream = stream or sys.stderr
+    if stream.isatty():
+        return _with_bar(steps, stream, say)
+    return _with_lines(steps, stream, interval, say)
+
+
+def _with_bar(steps: Iterable[S], stream: TextIO, say: Callable[[Any], str]) -> Iterator[S]:
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(file=stream)) as bar:
         task = bar.add_task("starting", total=1.0)
         for step in steps:
-            bar.update(task, completed=step.fraction, description=summary_of(step))
+            bar.update(task, completed=step.fraction, description=say(step))
             yield step
 
 
-def _with_lines(steps: Iterable[S], stream: TextIO, interval: float) -> Iterator[S]:
+def _with_lines(
+    steps: Iterable[S], stream: TextIO, interval: float, say: Callable[[Any], str]
+) -> Iterator[S]:
     started = shown = time.monotonic()
     for step in steps:
         now = time.monotonic()
         if now - shown >= interval:
             left = _time_left(now - started, step.fraction)
-            print(f"{summary_of(step)}, {left} left", file=stream, flush=True)
+            print(f"{say(step)}, {left} left", file=stream, flush=True)
             shown = now
         yield step
 

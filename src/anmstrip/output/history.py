@@ -3,7 +3,7 @@
 import csv
 import io
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -80,14 +80,28 @@ class History:
         """
         if unknown := set(row) - set(self.columns):
             raise ValueError(f"no such columns: {', '.join(sorted(unknown))}")
-        line = _line([_text(row.get(column)) for column in self.columns])
+        line = _line(_cells(row, self.columns))
         with naming(self.path), self.path.open("ab") as file:
             file.write(line.encode())
 
-    def _rewrite(self, rows: Sequence[Sequence[str]]) -> None:
-        lines = "".join(map(_line, [self.columns, *rows]))
-        with replaced(self.path) as temporary:
-            temporary.write_bytes(lines.encode())
+    def _rewrite(self, rows: Iterable[Sequence[str]]) -> None:
+        _replace(self.path, [self.columns, *rows])
+
+
+def write(
+    path: str | os.PathLike[str], columns: Sequence[str], rows: Iterable[Mapping[str, Any]]
+) -> None:
+    """Write a whole table at once; rows as for :meth:`History.append`."""
+    _replace(path, [columns, *(_cells(row, columns) for row in rows)])
+
+
+def _replace(path: str | os.PathLike[str], lines: Iterable[Sequence[str]]) -> None:
+    with replaced(path) as temporary:
+        temporary.write_bytes("".join(map(_line, lines)).encode())
+
+
+def _cells(row: Mapping[str, Any], columns: Sequence[str]) -> list[str]:
+    return [_text(row.get(column)) for column in columns]
 
 
 def read(path: str | os.PathLike[str]) -> dict[str, NDArray[np.float64] | list[str]]:
