@@ -25,36 +25,47 @@ Array = NDArray[np.float64]
 class TracedRecurrence:
     """Orders of a residual that was traced on series of u and of the control.
 
+    The residual may look at u in another shape than that of a vector, and answers in it.
+
     Attributes
     ----------
     residual : ndarray, shape (n,)
         Order 0.
     """
 
-    def __init__(self, residual: Callable[[Any, Any], Any], u: Array, control: float, order: int):
+    def __init__(
+        self,
+        residual: Callable[[Any, Any], Any],
+        u: Array,
+        control: float,
+        order: int,
+        shape: tuple[int, ...] = (-1,),
+    ) -> None:
         self.tape = Tape(order)
-        self.u, self.control = self.tape.variable(u), self.tape.variable(control)
+        self.u, self.control = self.tape.variable(u.reshape(shape)), self.tape.variable(control)
         self.output: Series = residual(self.u, self.control)
-        self.residual = self.output.value
+        self.residual = self.output.value.ravel()
 
     def tangent(self) -> Array:
         """∂R/∂u, shape (n, n)."""
-        return self.tape.derivative(self.output, {self.u: np.eye(len(self.u.value))}).T
+        n = self.u.value.size
+        unit = np.eye(n).reshape(n, *self.u.shape)
+        return self.tape.derivative(self.output, {self.u: unit}).reshape(n, n).T
 
     def control_derivative(self) -> Array:
         """∂R/∂λ, shape (n,)."""
-        return self.tape.derivative(self.output, {self.control: np.array(1.0)})
+        return self.tape.derivative(self.output, {self.control: np.array(1.0)}).ravel()
 
     def advance(self, k: int) -> Array:
         """Order k of R as if u_k = 0 and λ_k = 0."""
         self.tape.advance(k)
-        return self.output.coefficients[k].copy()
+        return self.output.coefficients[k].flatten()
 
     def correct(self, k: int, u: Array, control: float) -> None:
         """Fix order k of the unknowns."""
         if k == 1:
             self.tape.advance(1)
-        self.tape.correct(k, {self.u: u, self.control: np.array(control)})
+        self.tape.correct(k, {self.u: u.reshape(self.u.shape), self.control: np.array(control)})
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,12 @@ from anmstrip.scene.errors import InputError, Mistake
 from anmstrip.scene.wording import nearest
 from anmstrip.studies.reports import StudyReport
 
-STUDIES = {"effects": "anmstrip.studies.effects"}
+STUDIES = {
+    "effects": "anmstrip.studies.effects",
+    "newton": "anmstrip.studies.newton_study",
+    "peers": "anmstrip.studies.peers",
+    "stiff": "anmstrip.studies.stiff",
+}
 """Name → module."""
 
 
