@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from skfem import MeshQuad
 
+from anmstrip.mechanics.cells import Pattern
 from anmstrip.mechanics.strip import EDGES, Material, Strip, grid, renumbered
 
 XS = np.array([-1.0, -0.6, -0.5, 0.2, 1.0])
@@ -122,3 +123,16 @@ def test_clamp_holds_position_and_tangent_plane(strip):
     gradient = np.einsum("naep,nec->caep", np.stack([f.grad for f in fields]), dofs)
     for field in (value, gradient):
         assert np.abs(field[..., on_edge]).max() < 1e-12 < np.abs(field).max()
+
+
+@pytest.mark.slow
+def test_as_many_unknowns_as_fit_into_memory():
+    """Pairs of 50 008 scalars are more than 32 bits can number."""
+    strip = Strip(
+        grid(np.linspace(0.0, 600.0, 6251), np.array([0.0, 0.1])), 1e-3, Material(2e11, 0.3)
+    )
+    assert strip.scalars > 2**15.5
+    pattern = Pattern(strip)
+    row, column = pattern.row, pattern.column
+    assert row.min() == column.min() == 0
+    assert row.max() == column.max() == strip.scalars - 1

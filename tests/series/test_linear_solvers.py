@@ -5,6 +5,7 @@ import pytest
 from scipy.sparse import csc_matrix, diags
 
 from anmstrip.series import linear_solvers
+from anmstrip.series.band import BandPlan
 from anmstrip.series.linear_solvers import (
     DenseSolver,
     NonFiniteTangentError,
@@ -12,6 +13,7 @@ from anmstrip.series.linear_solvers import (
     SparseSolver,
     equilibrated,
 )
+from anmstrip.series.sparse_lu import PardisoPlan, SuperLUPlan, pardiso_is_there
 
 
 def banded(n, width, rng, kind):
@@ -39,12 +41,18 @@ KINDS = ["symmetric definite", "symmetric indefinite", "unsymmetric", "multiplie
 
 class Band:
     def factorise(self, matrix):
-        return linear_solvers._BandPlan(matrix).factorise(matrix)
+        return BandPlan(matrix).factorise(matrix)
 
 
 class SuperLU:
     def factorise(self, matrix):
-        return linear_solvers._SuperLUPlan(matrix).factorise(matrix)
+        return SuperLUPlan(matrix).factorise(matrix)
+
+
+class Pardiso:
+    def factorise(self, matrix):
+        pytest.importorskip("pypardiso")
+        return PardisoPlan(matrix).factorise(matrix)
 
 
 def backward_error(a, x, b):
@@ -54,16 +62,13 @@ def backward_error(a, x, b):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("solver", [DenseSolver(), Band(), SuperLU()], ids=type)
+@pytest.mark.parametrize("solver", [DenseSolver(), Band(), SuperLU(), Pardiso()], ids=type)
 def test_solution_is_that_of_numpy(kind, seed, solver):
     rng = np.random.default_rng(seed)
     n = 60
     a = banded(n, 5, rng, kind)
     x = rng.standard_normal(n) / np.abs(a).max(axis=0)
     b = a @ x
-    if kind == "multipliers" and isinstance(solver, SuperLU):
-        assert backward_error(a, solver.factorise(csc_matrix(a)).solve(b), b) < 1e-8
-        return
     before = b.copy()
     factors = solver.factorise(a if isinstance(solver, DenseSolver) else csc_matrix(a))
     found = factors.solve(b)
@@ -77,7 +82,7 @@ def test_solution_is_that_of_numpy(kind, seed, solver):
     assert backward_error(a, factors.solve(2.0 * b), 2.0 * b) < 1e-11
 
 
-@pytest.mark.parametrize("solver", [DenseSolver(), SparseSolver(), SuperLU()], ids=type)
+@pytest.mark.parametrize("solver", [DenseSolver(), SparseSolver(), SuperLU(), Pardiso()], ids=type)
 def test_singular_matrix_is_named(solver):
     a = np.diag([1.0, 2.0, 3.0, 4.0])
     a[2] = 0.0
@@ -176,18 +181,63 @@ def test_shuffled_band_is_found_again(kind):
 
 def test_good_numbering_is_left_alone():
     a = banded(100, 3, np.random.default_rng(4), "unsymmetric")
-    plan = linear_solvers._BandPlan(csc_matrix(a))
+    plan = BandPlan(csc_matrix(a))
     assert plan.width == 3
 
 
-def test_wide_band_goes_to_the_sparse_solver(monkeypatch):
+@pytest.mark.parametrize("there", [False, True], ids=["SuperLU", "PARDISO"])
+def test_wide_band_goes_to_the_sparse_solver(monkeypatch, there):
+    """To PARDISO if it is installed, and earlier then; the results are the same."""
+    if there:
+        pytest.importorskip("pypardiso")
     a = csc_matrix(banded(80, 6, np.random.default_rng(5), "symmetric definite"))
-    monkeypatch.setattr(linear_solvers, "WIDEST_BAND", 5)
+    monkeypatch.setattr(linear_solvers, "pardiso_is_there", lambda: there)
+    limit, other = ("WIDEST_BEFORE_PARDISO", "WIDEST_BAND")[:: 1 if there else -1]
+    monkeypatch.setattr(linear_solvers, limit, 5)
+    monkeypatch.setattr(linear_solvers, other, 1000)
     solver = SparseSolver()
     factors = solver.factorise(a)
-    assert solver.name == "sparse LU"
+    assert solver.name == ("PARDISO" if there else "sparse LU")
     b = a @ np.ones(80)
     assert backward_error(a.toarray(), factors.solve(b), b) < 1e-12
+    np.testing.assert_allclose(
+        factors.solve(b), Band().factorise(a).solve(b), rtol=1e-7
+    )  # mixed units
+
+
+def test_pardiso_is_never_needed(monkeypatch):
+    monkeypatch.setattr("anmstrip.series.sparse_lu.find_spec", lambda name: None)
+    assert not pardiso_is_there()
+    a = csc_matrix(banded(80, 6, np.random.default_rng(5), "unsymmetric"))
+    monkeypatch.setattr(linear_solvers, "WIDEST_BAND", 5)
+    assert isinstance(linear_solvers.planned(a), SuperLUPlan)
+
+
+@pytest.mark.parametrize("plan", [SuperLUPlan, PardisoPlan])
+def test_factors_outlive_later_ones_of_their_plan(plan):
+    if plan is PardisoPlan:
+        pytest.importorskip("pypardiso")
+    first, second = chain(30), chain(30, seed=1)
+    made = plan(first)
+    both = [(made.factorise(m), m) for m in (first, second)]
+    b = np.arange(1.0, 31.0)
+    for factors, matrix in both:
+        expected = np.linalg.solve(matrix.toarray(), b)
+        np.testing.assert_allclose(factors.solve(b), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("plan", [SuperLUPlan, PardisoPlan])
+@pytest.mark.parametrize("pivot", [1e-9, 1e-15], ids=["refined", "pivoted"])
+def test_what_the_diagonal_cannot_do_is_refined_or_pivoted(plan, pivot):
+    """A first pivot so small that what it leaves has lost all other entries."""
+    if plan is PardisoPlan:
+        pytest.importorskip("pypardiso")
+    a = np.random.default_rng(7).standard_normal((12, 12))
+    a += a.T
+    a[np.diag_indices(12)] = pivot
+    matrix, b = csc_matrix(a), np.arange(1.0, 13.0)
+    found = plan(matrix).factorise(matrix).solve(b)
+    np.testing.assert_allclose(found, np.linalg.solve(a, b), rtol=1e-11)
 
 
 def test_entries_in_any_order_within_a_column():

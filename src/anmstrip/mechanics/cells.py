@@ -29,7 +29,7 @@ class Pattern:
 
     def __init__(self, strip: Strip) -> None:
         self.scalars, self.count = strip.scalars, strip.count
-        dofs = strip.basis.element_dofs
+        dofs = strip.basis.element_dofs.astype(np.int64)  # their pairs are numbered below
         row, column = (x.ravel() for x in np.broadcast_arrays(dofs[:, None, :], dofs[None, :, :]))
         keys, self.places = np.unique(column * self.scalars + row, return_inverse=True)
         local = self.places.reshape(len(dofs), len(dofs), -1)

@@ -1,11 +1,9 @@
 """Factorise once, solve many.
 
-Three solvers behind one small protocol.  A strip numbered along its length has
-a narrow band, for which LAPACK's band factorisations are the fastest: Cholesky's
-where the tangent is symmetric and positive definite (no friction, a stable
-state), LU elsewhere, three times as dear in all; a sparse LU takes over
-where the band would be wide; small full systems use a full LU.  The rows and
-columns are scaled before, since values and derivatives have different units.
+Solvers behind one small protocol.  A strip numbered along its length has a narrow band, for
+which LAPACK's band factorisations are the fastest (:mod:`anmstrip.series.band`); a sparse LU
+takes over where the band would be wide (:mod:`anmstrip.series.sparse_lu`): MKL PARDISO if it
+is installed, SuperLU else.  Small full systems use a full LU.
 """
 
 from __future__ import annotations
@@ -14,17 +12,36 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lapack
 from scipy.sparse import csc_matrix
-from scipy.sparse.csgraph import reverse_cuthill_mckee
-from scipy.sparse.linalg import splu
 
-Array = NDArray[np.float64]
+from .band import BandPlan
+from .factors import (
+    Array,
+    Factors,
+    NonFiniteTangentError,
+    SingularTangentError,
+    equilibrated,
+    no_pivot,
+    no_stiffness,
+    not_finite,
+)
+from .sparse_lu import PardisoPlan, SuperLUPlan, pardiso_is_there
+
+__all__ = [
+    "DenseSolver",
+    "Factors",
+    "LinearSolver",
+    "NonFiniteTangentError",
+    "SingularTangentError",
+    "SparseSolver",
+    "equilibrated",
+]
 
 WIDEST_BAND = 600
-"""Half bandwidth above which the sparse LU is faster than the band LU (measured)."""
+"""Half bandwidth above which SuperLU is faster than the band LU (measured)."""
 
+<<<<<<< HEAD
 
 SCALED = 20.0
 """Largest entry of a column, or its reciprocal, that counts as of order one."""
@@ -59,6 +76,10 @@ class Factors(Protocol):
 
     def solve(self, right: Array) -> Array:
         """Solution of K x = right."""
+=======
+WIDEST_BEFORE_PARDISO = 250
+"""The same for PARDISO (measured)."""
+>>>>>>> 03a7c22cdf88b952b9f6151f2517562dde2f0a95
 
 
 class LinearSolver(Protocol):
@@ -74,29 +95,22 @@ class DenseSolver:
     def factorise(self, matrix: Array) -> Factors:
         finite = np.isfinite(matrix).all(axis=0)
         if not finite.all():
-            raise _not_finite(int(np.argmin(finite)))
+            raise not_finite(int(np.argmin(finite)))
         columns = np.abs(matrix).max(axis=0)
         if (columns == 0.0).any():
-            raise _no_stiffness(int(np.argmin(columns)))
+            raise no_stiffness(int(np.argmin(columns)))
         rows = np.abs(matrix / columns).max(axis=1)
         if (rows == 0.0).any():
-            raise _no_stiffness(int(np.argmin(rows)))
+            raise no_stiffness(int(np.argmin(rows)))
         lu, pivots, info = lapack.dgetrf(matrix / columns / rows[:, None])
         if info > 0:
+<<<<<<< HEAD
             raise _no_pivot(info - 1)
         return _DenseFactors(lu, pivots, rows, columns, matrix)
-
-
-def _not_finite(unknown: int) -> NonFiniteTangentError:
-    return NonFiniteTangentError("the tangent has entries that are not finite", unknown)
-
-
-def _no_stiffness(unknown: int) -> SingularTangentError:
-    return SingularTangentError(f"unknown {unknown} has no stiffness", unknown)
-
-
-def _no_pivot(unknown: int) -> SingularTangentError:
-    return SingularTangentError(f"the pivot of unknown {unknown} is zero", unknown)
+=======
+            raise no_pivot(info - 1)
+        return _DenseFactors(lu, pivots, rows, columns)
+>>>>>>> 03a7c22cdf88b952b9f6151f2517562dde2f0a95
 
 
 class _DenseFactors:
@@ -118,16 +132,15 @@ class SparseSolver:
     """Chooses band or sparse LU from the first matrix; keeps the plan while the pattern stays."""
 
     def __init__(self) -> None:
-        self.plan: _BandPlan | _SuperLUPlan | None = None
+        self.plan: BandPlan | SuperLUPlan | None = None
 
     def factorise(self, matrix: csc_matrix) -> Factors:
         finite = np.isfinite(matrix.data)
         if not finite.all():
             first = int(np.argmin(finite))
-            raise _not_finite(int(np.searchsorted(matrix.indptr, first, side="right")) - 1)
+            raise not_finite(int(np.searchsorted(matrix.indptr, first, side="right")) - 1)
         if self.plan is None or not self.plan.fits(matrix):
-            band = _BandPlan(matrix)
-            self.plan = band if band.width <= WIDEST_BAND else _SuperLUPlan(matrix)
+            self.plan = planned(matrix)
         return self.plan.factorise(matrix)
 
     @property
@@ -136,6 +149,7 @@ class SparseSolver:
         return "none yet" if self.plan is None else self.plan.name
 
 
+<<<<<<< HEAD
 def equilibrated(matrix: csc_matrix) -> Array:
     """Factors d such that the largest d_i |K_ij| d_j of every column is of order one.
 
@@ -318,3 +332,11 @@ class _SuperLUFactors:
         x = self.lu.solve(b)
         x += self.lu.solve(b - self.matrix @ x)
         return x * self.scale
+=======
+def planned(matrix: csc_matrix) -> BandPlan | SuperLUPlan:
+    """The fastest plan for the pattern of a matrix, from the width of its band."""
+    band, there = BandPlan(matrix), pardiso_is_there()
+    if band.width <= (WIDEST_BEFORE_PARDISO if there else WIDEST_BAND):
+        return band
+    return PardisoPlan(matrix) if there else SuperLUPlan(matrix)
+>>>>>>> 03a7c22cdf88b952b9f6151f2517562dde2f0a95
