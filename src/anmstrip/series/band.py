@@ -6,13 +6,23 @@ three times as dear in all.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 from scipy.sparse import csc_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from .factors import Array, Factors, Plan, equilibrated, no_pivot
+from .factors import (
+    Array,
+    Factors,
+    Plan,
+    equilibrated,
+    negative_pivots,
+    no_pivot,
+    on_diagonal,
+)
 
 
 class BandPlan(Plan):
@@ -62,7 +72,8 @@ class BandPlan(Plan):
         lu, pivots, info = lapack.dgbtrf(band, self.width, self.width, overwrite_ab=1)
         if info > 0:
             raise no_pivot(int(np.flatnonzero(self.place == info - 1)[0]))
-        return _BandFactors(lu, pivots, self.width, self.place, d)
+        scaled = csc_matrix((data, self.indices, self.indptr), shape=(len(d), len(d)))
+        return _BandFactors(lu, pivots, self.width, self.place, d, scaled)
 
 
 def _mirror(matrix: csc_matrix) -> NDArray[np.int_] | None:
@@ -74,6 +85,8 @@ def _mirror(matrix: csc_matrix) -> NDArray[np.int_] | None:
 
 
 class _CholeskyFactors:
+    negatives = 0
+
     def __init__(self, factor: Array, place: NDArray[np.int_], scale: Array) -> None:
         self.factor, self.place, self.scale = factor, place, scale
 
@@ -85,8 +98,15 @@ class _CholeskyFactors:
 
 
 class _BandFactors:
-    def __init__(self, lu: Array, pivots: Array, width: int, place: Array, scale: Array) -> None:
+    def __init__(
+        self, lu: Array, pivots: Array, width: int, place: Array, scale: Array, matrix: csc_matrix
+    ) -> None:
         self.lu, self.pivots, self.width, self.place, self.scale = lu, pivots, width, place, scale
+        self.matrix = matrix
+
+    @cached_property
+    def negatives(self) -> int:
+        return negative_pivots(on_diagonal(self.matrix))
 
     def solve(self, right: Array) -> Array:
         ordered = np.empty_like(right)

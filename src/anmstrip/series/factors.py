@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import SuperLU, splu
 
 Array = NDArray[np.float64]
 
@@ -39,6 +40,10 @@ class NonFiniteTangentError(SingularTangentError):
 
 class Factors(Protocol):
     """A factorised matrix."""
+
+    @property
+    def negatives(self) -> int:
+        """Number of negative eigenvalues; of a matrix that is not symmetric, of negative pivots."""
 
     def solve(self, right: Array) -> Array:
         """Solution of K x = right."""
@@ -82,6 +87,24 @@ def _column_maxima(magnitude: Array, indptr: NDArray[np.int_]) -> Array:
     maxima = np.zeros(len(indptr) - 1)
     maxima[filled] = np.maximum.reduceat(magnitude, indptr[filled])
     return maxima
+
+
+def on_diagonal(matrix: csc_matrix) -> SuperLU:
+    """Sparse LU in a symmetric order that keeps the diagonal as pivots."""
+    try:
+        return splu(
+            matrix,
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+    except RuntimeError as error:
+        raise SingularTangentError(str(error)) from error
+
+
+def negative_pivots(lu: SuperLU) -> int:
+    """By Sylvester's law the number of negative eigenvalues of a symmetric matrix."""
+    return int((lu.U.diagonal() < 0.0).sum())
 
 
 class Plan:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable
+from functools import cached_property
 from importlib.util import find_spec
 from typing import cast
 
@@ -16,7 +17,15 @@ import numpy as np
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
-from .factors import Array, Factors, Plan, SingularTangentError, equilibrated
+from .factors import (
+    Array,
+    Factors,
+    Plan,
+    SingularTangentError,
+    equilibrated,
+    negative_pivots,
+    on_diagonal,
+)
 
 Solve = Callable[[Array], Array]
 
@@ -54,6 +63,10 @@ class RefinedFactors:
         size = self.norm * np.abs(x).max() + np.abs(b).max()
         return float(np.abs(b - self.matrix @ x).max() / size)
 
+    @cached_property
+    def negatives(self) -> int:
+        return negative_pivots(on_diagonal(self.matrix))
+
     def solve(self, right: Array) -> Array:
         b = right * self.scale
         x = self.inner(b)
@@ -73,21 +86,17 @@ class SuperLUPlan(Plan):
         try:
             return RefinedFactors(self.unpivoted(scaled), scaled, d)
         except SingularTangentError:
-            return RefinedFactors(_superlu(scaled, diag_pivot_thresh=1.0), scaled, d)
+            return RefinedFactors(_pivoted(scaled), scaled, d)
 
     def unpivoted(self, scaled: csc_matrix) -> Solve:
         """Solver with the factors of a scaled matrix."""
-        return _superlu(
-            scaled,
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
+        solve: Solve = on_diagonal(scaled).solve
+        return solve
 
 
-def _superlu(matrix: csc_matrix, **options: object) -> Solve:
+def _pivoted(matrix: csc_matrix) -> Solve:
     try:
-        solve: Solve = splu(matrix, **options).solve
+        solve: Solve = splu(matrix, diag_pivot_thresh=1.0).solve
     except RuntimeError as error:
         raise SingularTangentError(str(error)) from error
     return solve

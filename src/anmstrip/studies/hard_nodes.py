@@ -197,7 +197,9 @@ def held(q: float = 0.1, omega: float = 1e-6, ratio: float = 0.5) -> Trial:
     law = NortonHoff(0.3, q, omega, 1e-3)
     slider = Slider(law, load=(ratio * law.coefficient, 0.0))
     motion = moved(slider.residual, np.zeros(1), (0.0, 1e6))
-    return Trial.of(motion, float(motion.end[0]), float(slip_at(law, ratio * law.coefficient)) * 1e6)
+    return Trial.of(
+        motion, float(motion.end[0]), float(slip_at(law, ratio * law.coefficient)) * 1e6
+    )
 
 
 def reversal(q: float = 0.1, speed: float = 1.0, cycles: int = 2) -> Trial:
