@@ -150,7 +150,7 @@ def test_report_is_written_as_it_is_printed(tmp_path: Path) -> None:
     sheet = Sheet("A title", ("a", "b"), (("x", 1.23456), ("y", None)), "A note.")
     data = Sheet("", ("a",), (("x",), (2,)))
     report = StudyReport(
-        "toy", "Toy", "anmstrip study toy", data, (sheet,), 9.0, 3.0, {"a.png": b"1"}
+        "toy", "Toy", data, (sheet,), {"a.png": b"1"}, "anmstrip study toy", 9.0, 3.0
     )
     names = [path.name for path in report.write(tmp_path / "there")]
     assert names == ["toy.csv", "toy.md", "a.png"]

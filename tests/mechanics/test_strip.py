@@ -125,7 +125,6 @@ def test_clamp_holds_position_and_tangent_plane(strip):
         assert np.abs(field[..., on_edge]).max() < 1e-12 < np.abs(field).max()
 
 
-@pytest.mark.slow
 def test_as_many_unknowns_as_fit_into_memory():
     """Pairs of 50 008 scalars are more than 32 bits can number."""
     strip = Strip(

@@ -191,7 +191,7 @@ class Reference:
         return self(self.nodes)
 
 
-def solved(case: MassSpring) -> Reference:
+def solved(case: MassSpring, accuracy: float = ACCURACY) -> Reference:
     """Solution of the reduced equation by Radau's method, from rest to ``t_end``."""
     equation = reduced(case)
     solution = solve_ivp(
@@ -200,8 +200,8 @@ def solved(case: MassSpring) -> Reference:
         [0.0],
         method="Radau",
         dense_output=True,
-        rtol=ACCURACY,
-        atol=1e-3 * ACCURACY,
+        rtol=accuracy,
+        atol=1e-3 * accuracy,
     )
     if not solution.success:
         raise ArithmeticError(f"the reference could not be computed: {solution.message}")

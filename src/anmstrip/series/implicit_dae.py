@@ -97,7 +97,8 @@ class Stepping:
     order : int
         Highest order of the formula, 1 to 5.
     fixed : float or None
-        Length of all steps; their error in time is estimated but not controlled.
+        Length of all steps, of the highest order that the past allows; their error in time
+        is estimated but not controlled.
     """
 
     whole: float
@@ -287,7 +288,8 @@ class _Integrator:
         """Try, estimate, and shorten until the error is allowed."""
         t = memory.times[0]
         h, barred = min(self.fixed or memory.step, end - t), False
-        order = min(memory.order, self.time_order, memory.available)
+        rising = memory.order if self.fixed is None else self.time_order
+        order = min(rising, self.time_order, memory.available)
         failed = PathStopped(Outcome.STALLED, t)
         while h > shortest * self.whole:
             new = end if h >= (end - t) * (1.0 - 1e-10) else t + h

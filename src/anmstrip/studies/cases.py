@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.mechanics.mass_spring import CASES, MassSpring, Parameters
+from anmstrip.mechanics.references import Reference
 from anmstrip.mechanics.references import solved as reference_of
 from anmstrip.output.files import replaced
 from anmstrip.scene.errors import InputError, Mistake
@@ -216,10 +217,25 @@ def _errors(
         reference = reference_of(case)
     except ArithmeticError:
         return None, None
+    return distances(reference, times, u, case.parameters.V_c, 0.1 * tolerance)
+
+
+def distances(
+    reference: Reference, times: Array, u: Array, speed: float, seen: float
+) -> tuple[float, float]:
+    """Largest distance from the reference, along the curve and at equal times.
+
+    Parameters
+    ----------
+    times, u : ndarray, shapes (m,) and (m, n)
+    speed : float
+        V of the curve in (V t, u).
+    seen : float
+        Difference at equal times (m) up to which the curve is not looked at.
+    """
     equal = np.abs(u - reference(times)).max(axis=1)
-    speed = case.parameters.V_c
     along = [
-        reference.distance(t, x, speed) if e > 0.1 * tolerance else e
+        reference.distance(t, x, speed) if e > seen else e
         for t, x, e in zip(times, u, equal, strict=True)
     ]
     return float(max(along)), float(equal.max())

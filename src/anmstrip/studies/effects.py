@@ -67,7 +67,6 @@ class Timing:
 
 def study(quick: bool = False) -> StudyReport:
     """Time all rows and both comparisons."""
-    begin, at_work = time.perf_counter(), time.process_time()
     cells, repeats, steps = ((30, 2), 3, 5) if quick else ((120, 4), 9, 10_000)
     timings = [
         timed(level, added, scene, repeats, steps)
@@ -85,11 +84,8 @@ def study(quick: bool = False) -> StudyReport:
     return StudyReport(
         name="effects",
         title="Cost of every effect, and of every level of kinematics",
-        command=f"anmstrip study effects{' --quick' if quick else ''}",
         data=_long_sheet(timings),
         sheets=sheets,
-        seconds=time.perf_counter() - begin,
-        processor=time.process_time() - at_work,
         figures={"effects.png": stacked(bars, "milliseconds per expansion")},
     )
 

@@ -4,13 +4,76 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from io import BytesIO
+<<<<<<< HEAD
 from typing import Any
 
 Bars = Sequence[tuple[str, Mapping[str, float]]]
 
 Curves = Mapping[str, Mapping[str, Sequence[tuple[float, float]]]]
 """Title of a panel → name of a curve → its points."""
+=======
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Bars = Sequence[tuple[str, Mapping[str, float]]]
+
+Curve = tuple[Sequence[float], Sequence[float]]
+
+
+@dataclass(frozen=True)
+class Plot:
+    """Curves in one pair of axes.
+
+    Attributes
+    ----------
+    x, y : str
+        Labels.
+    curves : mapping
+        Label → abscissae and ordinates.
+    scales : tuple of str
+        Of matplotlib, for x and y.
+    """
+
+    x: str
+    y: str
+    curves: Mapping[str, Curve]
+    scales: tuple[str, str] = ("log", "log")
+
+
+def curves(*plots: Plot) -> bytes:
+    """Plots side by side, with one legend; a PNG.
+
+    A curve has the same colour in all plots, dashed from the second round of colours on.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(4.2 * len(plots) + 1.6, 3.6), dpi=100, layout="constrained")
+    names = list(dict.fromkeys(name for plot in plots for name in plot.curves))
+    shown = {}
+    for axes, plot in zip(figure.subplots(1, len(plots), squeeze=False)[0], plots, strict=True):
+        for name, (x, y) in plot.curves.items():
+            rounds, colour = divmod(names.index(name), 10)
+            style = {"color": f"C{colour}", "linestyle": ("-", "--", ":")[rounds % 3]}
+            shown[name] = axes.plot(x, y, marker="o", markersize=3, linewidth=1.2, **style)[0]
+        axes.set(xlabel=plot.x, ylabel=plot.y, xscale=plot.scales[0], yscale=plot.scales[1])
+        axes.grid(True, which="major", linewidth=0.3)
+        axes.spines[["top", "right"]].set_visible(False)
+    lines = [shown[name] for name in names]
+    figure.legend(lines, names, frameon=False, loc="outside right upper", fontsize=8)
+    return _png(figure)
+
+
+def _png(figure: Figure) -> bytes:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    stream = BytesIO()
+    FigureCanvasAgg(figure).print_png(stream)
+    return stream.getvalue()
+>>>>>>> b196b92 (Studies of what accuracy costs: cases, friction, contact, order, mesh, solvers, time)
 
 
 def stacked(panels: Mapping[str, Bars], unit: str) -> bytes:
@@ -40,6 +103,7 @@ def stacked(panels: Mapping[str, Bars], unit: str) -> bytes:
     handles, shown = axes.get_legend_handles_labels()
     figure.legend(handles, shown, frameon=False, loc="outside right upper", fontsize=8)
     return _png(figure)
+<<<<<<< HEAD
 
 
 def against(panels: Curves, across: str, up: str) -> bytes:
@@ -75,3 +139,5 @@ def _png(figure: Any) -> bytes:
     stream = BytesIO()
     FigureCanvasAgg(figure).print_png(stream)
     return stream.getvalue()
+=======
+>>>>>>> b196b92 (Studies of what accuracy costs: cases, friction, contact, order, mesh, solvers, time)

@@ -1,26 +1,50 @@
 """The studies by name.
 
 A study is a module with a function ``study(quick)`` that returns a :class:`StudyReport`; its
-line here makes it a word of the command ``anmstrip study``.
+line here makes it a word of the command ``anmstrip study``, and command and times are added.
 """
 
 from __future__ import annotations
 
+import time
+from collections.abc import Iterator
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
+from anmstrip.output.files import replaced
 from anmstrip.scene.errors import InputError, Mistake
 from anmstrip.scene.wording import nearest
 from anmstrip.studies.reports import StudyReport
 
 STUDIES = {
-    "effects": "anmstrip.studies.effects",
-    "newton": "anmstrip.studies.newton_study",
-    "peers": "anmstrip.studies.peers",
-    "stiff": "anmstrip.studies.stiff",
+    name: f"anmstrip.studies.{module}"
+    for name, module in {
+        "effects": "effects",
+        "cases": "case_accuracy",
+        "friction": "friction",
+        "contact": "contact",
+        "order": "order",
+        "mesh": "mesh",
+        "solvers": "solvers",
+        "time": "time_steps",
+        "newton": "newton_study",
+        "peers": "peers",
+        "stiff": "stiff",
+    }.items()
 }
 """Name → module."""
+
+
+def run_all(*, quick: bool, directory: Path) -> Iterator[StudyReport]:
+    """Do all studies into one directory, with a page that names them."""
+    lines = ["# Studies", "    anmstrip study all"]
+    for name in STUDIES:
+        report = run_study(name, quick=quick, directory=directory)
+        lines.append(f"* [{report.title}]({name}.md): `{report.command}`")
+        yield report
+    with replaced(directory / "README.md") as temporary:
+        temporary.write_text("\n\n".join(lines) + "\n", encoding="utf-8")
 
 
 def run_study(
@@ -48,6 +72,13 @@ def run_study(
     """
     if name not in STUDIES:
         raise InputError([Mistake("study", "", name, "a study", nearest(name, STUDIES))])
+    begin, at_work = time.perf_counter(), time.process_time()
     report = import_module(STUDIES[name]).study(quick)
+    report = replace(
+        report,
+        command=f"anmstrip study {name}{' --quick' if quick else ''}",
+        seconds=time.perf_counter() - begin,
+        processor=time.process_time() - at_work,
+    )
     files = report.write(Path(directory or f"results/study-{name}"))
     return replace(report, files=files)

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
+import os
+import platform
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+import scipy
 from rich.console import Console
 from rich.table import Table
 
@@ -64,6 +68,13 @@ def _shown(cell: Cell) -> str:
     return f"{cell:.4g}" if isinstance(cell, float) else str(cell)
 
 
+def machine() -> str:
+    """What it was taken on."""
+    numbers = f"numpy {np.__version__}, scipy {scipy.__version__}"
+    cores = os.cpu_count()
+    return f"{platform.machine()}, {cores} cores, Python {platform.python_version()}, {numbers}."
+
+
 @dataclass(frozen=True)
 class StudyReport:
     """Sheets of a study; ``str`` is what is printed.
@@ -72,29 +83,29 @@ class StudyReport:
     ----------
     name : str
     title : str
-    command : str
-        What to type to get it again.
     data : Sheet
         What the CSV file holds.
     sheets : tuple of Sheet
         What is printed, and stands in the report.
+    figures : dict
+        Name of a picture → its PNG.
+    command : str
+        What to type to get it again.
     seconds, processor : float
         Taken, and by the processor for this process alone; were other programs at work,
         the second is much smaller, and the figures are worth less.
-    figures : dict
-        Name of a picture → its PNG.
     files : tuple of Path
         What was written.
     """
 
     name: str
     title: str
-    command: str
     data: Sheet
     sheets: tuple[Sheet, ...]
-    seconds: float
-    processor: float
     figures: dict[str, bytes] = field(default_factory=dict)
+    command: str = ""
+    seconds: float = 0.0
+    processor: float = 0.0
     files: tuple[Path, ...] = ()
 
     def write(self, directory: Path) -> tuple[Path, ...]:
@@ -110,7 +121,7 @@ class StudyReport:
     @property
     def taken(self) -> str:
         """How long it took, and whether the machine was quiet."""
-        share = min(1.0, self.processor / self.seconds)
+        share = min(1.0, self.processor / self.seconds) if self.seconds else 1.0
         quiet = "" if share > QUIET else " The machine was busy: take the times with care."
         return f"Taken in {self.seconds:.0f} s, {100.0 * share:.0f} % of one core.{quiet}"
 
@@ -122,7 +133,7 @@ class StudyReport:
 
     def _markdown(self) -> str:
         parts = [f"# {self.title}", f"    {self.command}"]
-        parts += [self.taken]
+        parts += [f"{self.taken} {machine()}"]
         parts += [f"![{name}]({name})" for name in self.figures]
         parts += [sheet.markdown() for sheet in self.sheets]
         return "\n\n".join(parts) + "\n"
