@@ -228,6 +228,9 @@ def study(name: str, quick: bool, directory: Path | None) -> None:
             mesh      errors against the element length over a roller
             solvers   linear solvers, and what a step costs, against size
             time      order in time, and conveying over nodes
+            newton    factorisations and seconds beside Newton's method
+            peers     beside other programs, as far as they are installed
+            stiff     a stiff sliding point beside other solvers of its equation
             all       all of these, with a page that names them
 
     Prints the tables, and writes a report in Markdown, the figures and a CSV into DIR.

@@ -6,7 +6,7 @@ A section strip is pressed on a roller, and then the roller turns under it.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields
 
 import numpy as np
@@ -79,24 +79,25 @@ def study(quick: bool = False) -> StudyReport:
         title="Stiffness and regularisation of contact: tangents, penetration, errors",
         data=Sheet("", names, tuple(astuple(p) for p in [*stiff, *soft])),
         sheets=sheets,
-        figures={"contact.png": curves(*_plots(stiff, soft))},
+        figures={
+            "contact-stiffness.png": _figure("K (Pa/m)", stiff, [p.stiffness for p in stiff]),
+            "contact-eta.png": _figure("η (Pa)", soft, [p.eta for p in soft]),
+        },
     )
 
 
-def _plots(stiff: list[Pressed], soft: list[Pressed]) -> Iterator[Plot]:
-    for x, runs in (("K (Pa/m)", stiff), ("η (Pa)", soft)):
-        at = [p.stiffness if runs is stiff else p.eta for p in runs]
-        tangents = {
-            "tangents, pressing": (at, [p.pressing for p in runs]),
-            "tangents, turning": (at, [p.turning for p in runs]),
-        }
-        errors = {
-            "|penetration| / R": (at, [abs(p.penetration) / RADIUS for p in runs]),
-            "error of pressure": (at, [abs(p.pressure_error) for p in runs]),
-            "error of tension ratio": (at, [abs(p.ratio_error) for p in runs]),
-        }
-        yield Plot(x, "tangents", tangents, ("log", "linear"))
-        yield Plot(x, "relative", errors)
+def _figure(x: str, runs: Sequence[Pressed], at: Sequence[float]) -> bytes:
+    tangents = {
+        "tangents, pressing": (at, [p.pressing for p in runs]),
+        "tangents, turning": (at, [p.turning for p in runs]),
+    }
+    errors = {
+        "|penetration| / R": (at, [abs(p.penetration) / RADIUS for p in runs]),
+        "error of pressure": (at, [abs(p.pressure_error) for p in runs]),
+        "error of tension ratio": (at, [abs(p.ratio_error) for p in runs]),
+    }
+    counts = Plot(x, "tangents", tangents, ("log", "linear"))
+    return curves(counts, Plot(x, "relative", errors))
 
 
 def pressed(base: Scene, stiffness: float, eta: float) -> Pressed:

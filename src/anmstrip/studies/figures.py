@@ -6,14 +6,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
-<<<<<<< HEAD
-from typing import Any
-
-Bars = Sequence[tuple[str, Mapping[str, float]]]
-
-Curves = Mapping[str, Mapping[str, Sequence[tuple[float, float]]]]
-"""Title of a panel → name of a curve → its points."""
-=======
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -22,6 +14,9 @@ if TYPE_CHECKING:
 Bars = Sequence[tuple[str, Mapping[str, float]]]
 
 Curve = tuple[Sequence[float], Sequence[float]]
+
+Curves = Mapping[str, Mapping[str, Sequence[tuple[float, float]]]]
+"""Title of a panel → name of a curve → its points."""
 
 
 @dataclass(frozen=True)
@@ -36,12 +31,14 @@ class Plot:
         Label → abscissae and ordinates.
     scales : tuple of str
         Of matplotlib, for x and y.
+    title : str
     """
 
     x: str
     y: str
     curves: Mapping[str, Curve]
     scales: tuple[str, str] = ("log", "log")
+    title: str = ""
 
 
 def curves(*plots: Plot) -> bytes:
@@ -59,21 +56,13 @@ def curves(*plots: Plot) -> bytes:
             rounds, colour = divmod(names.index(name), 10)
             style = {"color": f"C{colour}", "linestyle": ("-", "--", ":")[rounds % 3]}
             shown[name] = axes.plot(x, y, marker="o", markersize=3, linewidth=1.2, **style)[0]
-        axes.set(xlabel=plot.x, ylabel=plot.y, xscale=plot.scales[0], yscale=plot.scales[1])
+        axes.set(title=plot.title, xlabel=plot.x, ylabel=plot.y)
+        axes.set(xscale=plot.scales[0], yscale=plot.scales[1])
         axes.grid(True, which="major", linewidth=0.3)
         axes.spines[["top", "right"]].set_visible(False)
     lines = [shown[name] for name in names]
     figure.legend(lines, names, frameon=False, loc="outside right upper", fontsize=8)
     return _png(figure)
-
-
-def _png(figure: Figure) -> bytes:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    stream = BytesIO()
-    FigureCanvasAgg(figure).print_png(stream)
-    return stream.getvalue()
->>>>>>> b196b92 (Studies of what accuracy costs: cases, friction, contact, order, mesh, solvers, time)
 
 
 def stacked(panels: Mapping[str, Bars], unit: str) -> bytes:
@@ -103,7 +92,6 @@ def stacked(panels: Mapping[str, Bars], unit: str) -> bytes:
     handles, shown = axes.get_legend_handles_labels()
     figure.legend(handles, shown, frameon=False, loc="outside right upper", fontsize=8)
     return _png(figure)
-<<<<<<< HEAD
 
 
 def against(panels: Curves, across: str, up: str) -> bytes:
@@ -115,29 +103,17 @@ def against(panels: Curves, across: str, up: str) -> bytes:
     across, up : str
         What the axes show.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(3.2 * len(panels) + 2.0, 3.6), dpi=130, layout="constrained")
-    names = list(dict.fromkeys(name for curves in panels.values() for name in curves))
-    shown = {}
-    drawn = figure.subplots(1, len(panels), squeeze=False, sharey=True)[0]
-    for axes, (title, curves) in zip(drawn, panels.items(), strict=True):
-        for name, points in curves.items():
-            x, y = zip(*points, strict=True)
-            colour = f"C{names.index(name)}"
-            (shown[name],) = axes.loglog(x, y, "o-", color=colour, markersize=3.0, linewidth=1.0)
-        axes.set(title=title, xlabel=across)
-        axes.spines[["top", "right"]].set_visible(False)
-    drawn[0].set_ylabel(up)
-    figure.legend([*shown.values()], [*shown], frameon=False, loc="outside right upper", fontsize=8)
-    return _png(figure)
+    plots = []
+    for title, named in panels.items():
+        pairs = {name: list(zip(*points, strict=True)) for name, points in named.items()}
+        columns = {name: (x, y) for name, (x, y) in pairs.items()}
+        plots.append(Plot(across, up, columns, title=title))
+    return curves(*plots)
 
 
-def _png(figure: Any) -> bytes:
+def _png(figure: Figure) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     stream = BytesIO()
     FigureCanvasAgg(figure).print_png(stream)
     return stream.getvalue()
-=======
->>>>>>> b196b92 (Studies of what accuracy costs: cases, friction, contact, order, mesh, solvers, time)

@@ -7,6 +7,7 @@ through zero; a section strip lies on a roller that slows down and turns back.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from functools import cached_property, partial
 from typing import Any
 
@@ -100,8 +101,8 @@ NOTE = (
     "Errors of the mass are the largest difference at equal times from a scalar reference (m), "
     "those of the strip the change of the tension ratio from a run at a tenth of the tolerance. "
     "Fixed steps are as long as errors of 0.01 m and 0.001 allow. nan: "
-    "the path stopped, with the tangents up to there. What is not varied: q = 0.05, ω = 0.1 "
-    "(0.001 for the mass), V_c = 1 m/s."
+    "the path stopped, with the tangents up to there, or its reference did. What is not "
+    "varied: q = 0.05, ω = 0.1 (0.001 for the mass), V_c = 1 m/s."
 )
 
 
@@ -247,11 +248,9 @@ class Strip:
     def series(self, **sharpness: float) -> tuple[float, int]:
         """Error of the tension ratio, and tangents."""
         turning = Turning(self.scene(self.tolerance, **sharpness), self.full)
-        try:
-            found = _ratio(turning.followed())
-        except PathStopped:
-            return np.nan, turning.march.cost.factorisations
-        error = abs(found / self.reference(**sharpness) - 1.0)
+        error = np.nan
+        with suppress(PathStopped):
+            error = abs(_ratio(turning.followed()) / self.reference(**sharpness) - 1.0)
         return error, turning.march.cost.factorisations
 
     def newton(self, count: int, **sharpness: float) -> tuple[float, int]:

@@ -8,7 +8,6 @@ what follows: an explicit step is bounded by ε².
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -50,18 +49,14 @@ class Attempt:
 
 def study(quick: bool = False) -> StudyReport:
     """All methods at all tolerances and sharpnesses."""
-    begin, at_work = time.perf_counter(), time.process_time()
     epsilons = (0.3, 1e-2) if quick else EPSILONS
     references = {epsilon: Reference(epsilon, END) for epsilon in epsilons}
     attempts = [a for e, r in references.items() for a in attempted(e, r, quick)]
     return StudyReport(
         name="stiff",
         title="A stiff sliding point: error against cost",
-        command=f"anmstrip study stiff{' --quick' if quick else ''}",
         data=Sheet("All attempts", COLUMNS, tuple(a.row for a in attempts)),
         sheets=(_compared(attempts), _own(attempts), _checked(references)),
-        seconds=time.perf_counter() - begin,
-        processor=time.process_time() - at_work,
         figures={
             "stiff_tangents.png": against(_curves(attempts, "tangents"), "tangents", "error (m)"),
             "stiff_seconds.png": against(_curves(attempts, "seconds"), "seconds", "error (m)"),

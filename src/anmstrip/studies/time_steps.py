@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from anmstrip.mechanics.mass_spring import Parameters, PressedPlane
 from anmstrip.mechanics.references import Reference
 from anmstrip.mechanics.references import solved as reference_of
+from anmstrip.scene.measures import State
 from anmstrip.scene.run import Run
 from anmstrip.scene.schema import Scene
 from anmstrip.series import implicit_dae
@@ -45,7 +46,7 @@ SMOOTH = PressedPlane(Parameters(q=0.5, omega=1.0, t_end=2.0))
 BEGIN = 0.5
 """Time (s) before which the formulas find their past."""
 
-COUNTS = (12, 16, 24, 32, 48, 64)
+COUNTS = (24, 32, 48, 64, 96, 128)
 """Steps from there to the end."""
 
 CONVEYED = 0.2
@@ -70,20 +71,20 @@ def study(quick: bool = False) -> StudyReport:
         ),
         figures={
             "time.png": curves(plotted(smooth, h, errors), plotted(fixed, h, errors)),
-            "time-conveying.png": work_precision(conveyed, "error of the tension at the entry"),
+            "time-conveying.png": work_precision(conveyed, "error"),
         },
     )
 
 
 SMOOTHLY = (
     "§3.1 with q = 0.5, ω = 1; the past of the first step is exact. Errors at the end (m) against "
-    "Radau's method; order: slope of all."
+    "Radau's method; order: slope of the last three."
 )
 
 CONVEYING = (
-    "A section strip of elements of 0.1 m, driven by the roller alone. Errors are the largest of "
-    "the tension at the entry of the roller, relative, at 20 instants, against a run with "
-    "steps of a fourth of the shortest (a half with --quick)."
+    "A section strip of elements of 0.1 m, driven by the roller alone over 0.2 m. Errors are the "
+    "largest at the end, of positions over the length or of membrane forces over the largest "
+    "tension, against a run in steps of a fourth of the shortest (a half with --quick)."
 )
 
 
@@ -92,7 +93,7 @@ def _orders(title: str, runs: Sequence[Measured], note: str) -> Sheet:
     places = list(dict.fromkeys(r.at for r in runs))
     rows: list[tuple[Cell, ...]] = []
     for line, own in by_line(runs).items():
-        slope = exponent([r.at for r in own], [r.error for r in own])
+        slope = exponent([r.at for r in own[-3:]], [r.error for r in own[-3:]])
         rows.append((line, *(r.error for r in own), slope))
     columns = ("line", *(f"h = {at:.3g} s" for at in places), "order")
     return Sheet(title, columns, tuple(rows), note)
@@ -180,46 +181,46 @@ class Conveyor:
     """The scene where conveying begins, to be gone on with in many ways."""
 
     def __init__(self) -> None:
-        self.scene = altered(conveying(), {"solver.tolerance": 1e-5})
+        self.scene = altered(conveying(), {"solver.tolerance": 1e-3})
         self.run = Run(self.scene.model_copy(update={"stages": self.scene.stages[:-1]}))
         for _ in self.run:
             pass
         assert self.run.outcome.done, self.run.message
 
-    def __call__(self, changes: dict[str, Any]) -> tuple[Array, int]:
-        """Tension before the roller (N/m) at twenty instants, and tangents."""
+    def __call__(self, changes: dict[str, Any]) -> tuple[State, int]:
+        """State at the end, and tangents."""
         march = copy(self.run.march)
         march.scene, march.cost = altered(self.scene, changes), Cost()
         plan = march.course.plan(self.scene.course[-1], {})
-        times = plan.start + CONVEYED * np.arange(1, 21) / 20.0
-        before, found = march.here(plan), []
         for arrival in march.through(plan, 100_000):
             march.accept(arrival)
-            state = arrival.state
-            for t in times[(times > before.time + 1e-9) & (times <= state.time + 1e-9)]:
-                now = state.at(min(t, state.time), before)
-                found.append(now.rollers["r1"].tension_in)
-            before = state
-        return np.array(found), march.cost.factorisations
+        return arrival.state, march.cost.factorisations
+
+
+def difference(state: State, exact: State) -> float:
+    """Of positions over the length scale, or of membrane forces over the tension scale."""
+    model, change = state.plan.model, state.full - exact.full
+    moved = float(np.abs(change[model.value_unknowns]).max()) / model.scales.length
+    return max(moved, model.tension_error(exact.full, change))
 
 
 def _conveyed(quick: bool) -> Iterator[Measured]:
     steps = (1e-2, 5e-3) if quick else (1e-2, 5e-3, 2.5e-3, 1.25e-3)
-    orders = (1, 2) if quick else (1, 2, 3)
+    orders = (2,) if quick else (1, 2, 3)
     shortest = steps[-1] / (2.0 if quick else 4.0)
     conveyed = Conveyor()
     finest, _ = conveyed({"solver.time_step": shortest, "solver.time_order": 2})
 
     def run(changes: dict[str, Any]) -> tuple[float, int]:
         found, tangents = conveyed(changes)
-        return float(np.abs(found / finest - 1.0).max()), tangents
+        return difference(found, finest), tangents
 
     for order in orders:
         for h in steps:
             choice = {"solver.time_step": h, "solver.time_order": order}
             yield measured(f"strip, fixed, order {order}", h, partial(run, choice))
-    for order in (2,) if quick else (2, 5):
-        for tolerance in (1e-3,) if quick else (1e-2, 1e-3, 1e-4):
+    for order in () if quick else (2, 5):
+        for tolerance in (1e-2, 1e-3, 1e-4):
             choice = {"solver.tolerance": tolerance, "solver.time_order": order}
             line = f"strip, chosen, order up to {order}"
             yield measured(line, tolerance, partial(run, choice))

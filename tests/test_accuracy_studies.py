@@ -1,0 +1,208 @@
+"""Studies of what accuracy costs: facts that must hold on any machine, not seconds."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anmstrip.mechanics.references import solved as reference_of
+from anmstrip.studies import contact, friction, mesh, order, registry, solvers, time_steps
+from anmstrip.studies.cantilever import elastica
+from anmstrip.studies.reports import Sheet, StudyReport
+from anmstrip.studies.work_precision import (
+    Measured,
+    crossed,
+    exponent,
+    fitted,
+    measured,
+    patiently,
+    work_precision,
+)
+
+
+def quick(name: str) -> tuple[StudyReport, list[dict]]:
+    """The quick study, and the rows of its CSV."""
+    report = import_module(registry.STUDIES[name]).study(True)
+    for png in report.figures.values():
+        assert png.startswith(b"\x89PNG")
+        assert len(png) < 100_000
+    return report, [dict(zip(report.data.columns, row, strict=True)) for row in report.data.rows]
+
+
+def sheet_of(report: StudyReport, start: str) -> list[dict]:
+    """Rows of the sheet whose title starts so."""
+    found = next(s for s in report.sheets if s.title.startswith(start))
+    return [dict(zip(found.columns, row, strict=True)) for row in found.rows]
+
+
+# what they share ------------------------------------------------------------------
+
+
+def test_straight_lines_and_powers_are_found() -> None:
+    x = [1.0, 2.0, 4.0, 8.0]
+    line = fitted(x, [3.0 + 2.0 * value for value in x])
+    assert (line.slope, line.base, line.r2) == pytest.approx((2.0, 3.0, 1.0))
+    assert fitted(x, [1.0, -1.0, 1.0, -1.0]).r2 < 0.5
+    assert exponent(x, [5.0 * value**1.2 for value in x]) == pytest.approx(1.2)
+
+
+def test_a_line_ends_after_a_run_that_took_too_long() -> None:
+    seconds = {1.0: 0.1, 2.0: 9.0, 3.0: 0.1}
+    runs = list(patiently(seconds, lambda at: Measured("a", at, 1.0, 1, seconds[at]), 5.0))
+    assert [run.at for run in runs] == [1.0, 2.0]
+
+
+def test_runs_make_a_table_and_a_figure() -> None:
+    runs = [measured("a", at, lambda e=at: (e / 7.0, 3)) for at in (1.0, 2.0)]
+    runs += [Measured("b", 2.0, 0.5, 8, 1.0)]
+    table = crossed("T", runs, lambda r: r.tangents)
+    assert table == Sheet("T", ("line", "1", "2"), (("a", 3, 3), ("b", None, 8)))
+    assert work_precision(runs, "error").startswith(b"\x89PNG")
+
+
+def test_the_elastica_is_that_of_the_table() -> None:
+    """P L²/EI = 1, 4, 10, from tables by elliptic integrals."""
+    table = {1: (0.05643324, 0.30172077), 4: (0.32894124, 0.66996418), 10: (0.5549956, 0.81060902)}
+    for load, (along, across) in table.items():
+        assert elastica(load) == pytest.approx((-along, across), abs=1e-8)
+
+
+def test_all_studies_go_into_one_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    toy = Sheet("", ("a",), ((1,),))
+    modules = {
+        f"anmstrip.studies.{n}": StudyReport(n, f"Title {n}", toy, (toy,)) for n in ("one", "two")
+    }
+
+    class Module:
+        def __init__(self, name: str) -> None:
+            self.name = name
+
+        def study(self, quick: bool) -> StudyReport:
+            return modules[self.name]
+
+    monkeypatch.setattr(registry, "STUDIES", {name.rpartition(".")[2]: name for name in modules})
+    monkeypatch.setattr(registry, "import_module", Module)
+    reports = list(registry.run_all(quick=True, directory=tmp_path))
+    assert [r.command for r in reports] == [f"anmstrip study {n} --quick" for n in ("one", "two")]
+    page = (tmp_path / "README.md").read_text(encoding="utf-8")
+    assert "[Title two](two.md)" in page
+    assert "numpy " in (tmp_path / "one.md").read_text(encoding="utf-8")
+
+
+# facts of each -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("formula", time_steps.ORDERS)
+def test_the_order_in_time_is_that_of_the_formula(formula: int) -> None:
+    reference = reference_of(time_steps.SMOOTH, 1e-13)
+    steps = [(2.0 - 0.5) / count for count in (24, 48)]
+    errors = [time_steps.smooth_error(reference, formula, h)[0] for h in steps]
+    assert exponent(steps, errors) == pytest.approx(formula, abs=0.5)
+
+
+def test_a_finer_cantilever_is_nearer_to_the_elastica() -> None:
+    errors = [mesh.bending_error(cells) for cells in (4, 8, 16)]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] < 1e-3
+
+
+def test_fixed_steps_need_the_width_of_friction() -> None:
+    """Newton's method converges from 64 steps on at ω = 0.1, and from 512 at ω = 0.01."""
+    mass = friction.Mass()
+    for omega, fails, works in ((1e-1, 32, 64), (1e-2, 256, 512)):
+        assert mass.newton(fails, omega=omega)[0] == np.inf
+        error, tangents = mass.newton(works, omega=omega)
+        assert error < 0.02
+        assert tangents > works
+
+
+@pytest.mark.slow
+def test_series_follow_sharper_friction_for_little_more() -> None:
+    mass = friction.Mass()
+    blunt, sharp = mass.series(omega=1e-1), mass.series(omega=1e-4)
+    assert max(blunt[0], sharp[0]) < mass.tolerance
+    assert sharp[1] < 1.5 * blunt[1]
+
+
+@pytest.mark.slow
+def test_friction_study() -> None:
+    report, rows = quick("friction")
+    fits = {row["line"]: row for row in sheet_of(report, "How tangents grow")}
+    assert fits["strip, series, omega"]["R²"] > 0.9
+    assert fits["mass, Newton, fixed steps"]["power of 1/x"] > 0.5
+    for row in rows:
+        if "strip, series" in row["line"]:
+            assert row["error"] < 0.05
+
+
+@pytest.mark.slow
+def test_contact_study() -> None:
+    """Penetration falls with K, tangents hardly change, the law holds."""
+    _, rows = quick("contact")
+    stiff = rows[: len(contact.STIFFNESSES[::3])]
+    assert [row["penetration"] for row in stiff] == sorted(
+        (row["penetration"] for row in stiff), reverse=True
+    )
+    assert max(row["pressing"] for row in rows) < 5 * min(row["pressing"] for row in rows)
+    for row in rows:
+        assert abs(row["off law"]) < 1e-3
+        assert abs(row["ratio error"]) < 5e-3
+
+
+@pytest.mark.slow
+def test_order_study() -> None:
+    """A higher order needs fewer tangents; every problem has its best one."""
+    report, rows = quick("order")
+    assert len(sheet_of(report, "The best order")) == 3
+    for line in {row["line"] for row in rows}:
+        own = {row["order"]: row["tangents"] for row in rows if row["line"] == line}
+        assert own[4] > own[12] > own[20]
+    assert all(row["error"] < 1e-3 for row in rows if row["order"] != order.CHOSEN)
+
+
+@pytest.mark.slow
+def test_mesh_study() -> None:
+    """Errors fall with the element length; section and shell agree."""
+    report, rows = quick("mesh")
+    section = [row for row in rows if row["level"] == "section"]
+    shell = [row for row in rows if row["level"] == "shell"]
+    for name in ("tension ratio", "bending moment"):
+        errors = [row[name] for row in section]
+        assert errors == sorted(errors, reverse=True)
+    for one, other in zip(section, shell, strict=False):
+        assert one["tension ratio"] == pytest.approx(other["tension ratio"], rel=0.05)
+    assert all(row["order"] > 2.0 for row in sheet_of(report, "Cantilever")[1:])
+
+
+def test_solvers_study() -> None:
+    """All solvers solve; one is chosen for each tangent; a step grows no faster than n^1.2."""
+    report, rows = quick("solvers")
+    assert all(row["residual"] < 1e-13 for row in rows)
+    for n in {row["unknowns"] for row in rows}:
+        own = [row["chosen"] for row in rows if row["unknowns"] == n]
+        assert own.count("chosen") == 1
+    names = {row["solver"] for row in rows}
+    assert {"band LU", "sparse LU"} <= names
+    assert ("PARDISO" in names) is solvers.pardiso_is_there()
+    assert all(row["exponent"] < 1.5 for row in sheet_of(report, "Growth"))
+
+
+@pytest.mark.slow
+def test_time_study() -> None:
+    report, rows = quick("time")
+    assert len(sheet_of(report, "Smooth motion")) == 5
+    errors = [row["error"] for row in rows if row["line"] == "strip, fixed, order 2"]
+    assert np.all(np.diff(errors) < 0.0)
+
+
+@pytest.mark.slow
+def test_cases_study() -> None:
+    """The tolerance is kept, and a stricter one gives a smaller error."""
+    _, rows = quick("cases")
+    for line in {row["line"] for row in rows}:
+        own = [row for row in rows if row["line"] == line]
+        assert all(row["error"] < row["tolerance"] for row in own)
+        assert own[0]["error"] > own[-1]["error"]
