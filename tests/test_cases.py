@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 
 from anmstrip.mechanics.coulomb import coulomb
+from anmstrip.mechanics.friction import NortonHoff, Tanh, cone_speed, corner_speed
 from anmstrip.mechanics.mass_spring import CASES, Parameters, RotatingCircle
 from anmstrip.mechanics.references import solved as reference_of
 from anmstrip.scene.errors import InputError
-from anmstrip.studies.case_runs import solved
+from anmstrip.series.expansion import Cost
+from anmstrip.studies.case_events import events_of
+from anmstrip.studies.case_runs import solved, taylor
 from anmstrip.studies.cases import COLUMNS, PAPER_STEPS, run_case
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -144,6 +147,81 @@ def test_rotating_circle_leaves_the_cone_snaps_and_comes_back(reports):
     assert np.interp([1.80, 1.85], t, phi) == pytest.approx([0.76, 3.02], abs=0.1)
     assert abs(report.end[0]) < 0.3 * 0.12 + 1e-3  # the floor f ζ R_C of friction over k
     assert report.end[1] < -2.0
+
+
+def dates(events):
+    """Kind → first time."""
+    return {event.kind: event.time for event in reversed(events)}
+
+
+def test_events_of_the_circle(reports):
+    """Coulomb: contact at 1, stick from 1.107 on, no quasi-static solution after 1.8054."""
+    report = reports("rotating-circle")
+    found = dates(report.events)
+    assert found["contact made"] == pytest.approx(1.0, abs=0.01)
+    assert found["stick"] == pytest.approx(1.107, abs=0.01)
+    assert found["existence lost"] == pytest.approx(coulomb(report.case).until, abs=0.01)
+    kinds = [event.kind for event in report.events]
+    assert kinds == [
+        *("contact made", "stick", "slip", "cone left", "existence lost", "cone regained"),
+        *("stick", "contact lost"),
+    ]
+    lost = report.events[4]
+    assert "no quasi-static solution" in lost.message
+    # forwards is where friction gives way, and Coulomb's sliding would go backwards:
+    # φ' = −S_t/S_φ with S = |A| (sin φ − f cos φ) − f k r, relative to the circle
+    phi, away, p = np.arctan2(lost.ux, lost.uy + 1.5), lost.time - 1.5, report.case.parameters
+    rate = -(np.sin(phi) - p.f * np.cos(phi)) / (away * (np.cos(phi) + p.f * np.sin(phi)))
+    assert lost.value == pytest.approx(p.r * (rate - p.Omega), rel=0.05)
+    table = np.genfromtxt(report.files[2], delimiter=",", names=True, dtype=None, encoding="utf-8")
+    assert table["time"] == pytest.approx([event.time for event in report.events])
+    summary = json.loads(report.files[1].read_text())
+    assert [event["kind"] for event in summary["events"]] == kinds
+
+
+def test_events_of_the_planes(reports):
+    """The spring alone resists the vertical motion, so contact is dated exactly."""
+    events = reports("moving-plane").events
+    assert [event.kind for event in events] == ["contact made"]
+    assert events[0].time == pytest.approx(1.0, abs=1e-6)
+    (slip,) = reports("pressed-plane").events
+    assert slip.kind == "slip"
+    assert slip.value == pytest.approx(-corner_speed(Parameters().friction))
+
+
+def sharper(e):
+    """The circle with all regularisations e times as wide, up to its snap."""
+    p = Parameters()
+    return RotatingCircle(
+        replace(p, t_end=1.83, omega=e * p.omega, q=e * p.q, zeta=e * p.zeta, eta=e * e * p.eta,
+                K=p.K / e)
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_dates_tend_to_coulombs():
+    """Contact and loss of existence, with all regularisations sharpened together."""
+    errors = []
+    for e in (1.0, 0.25):
+        path, _ = taylor(sharper(e), 19, 1e-3, Cost())
+        found = dates(events_of(sharper(e), path.polynomials()))
+        until = coulomb(sharper(e)).until
+        errors.append([found["contact made"] - 1.0, found["existence lost"] - until])
+    assert np.abs(errors[0]) == pytest.approx([0.0, 0.0], abs=0.01)
+    assert np.abs(errors[1][0]) < 0.3 * np.abs(errors[0][0])
+    assert np.abs(errors[1]) == pytest.approx([0.0, 0.0], abs=2e-3)
+
+
+def test_speeds_that_separate_stick_slip_and_the_cone():
+    for law in (NortonHoff(0.3, 0.05, 0.1, 2.0), Tanh(0.2, 0.1, 1e-5)):
+        v = corner_speed(law)
+        assert 1.0 - law.effective(v) / law.coefficient == pytest.approx(v / law.speed)
+    assert NortonHoff(0.3, 0.05, 0.1, 2.0).effective(
+        cone_speed(NortonHoff(0.3, 0.05, 0.1, 2.0))
+    ) == pytest.approx(0.3)
+    assert cone_speed(Tanh(0.2, 0.1, 1e-5)) == np.inf
+    sharp = [corner_speed(NortonHoff(0.3, 0.05 * e, 0.1 * e, 1.0)) for e in (1.0, 1e-2, 1e-4)]
+    assert sharp[0] > 10.0 * sharp[1] > 100.0 * sharp[2]
 
 
 @pytest.mark.parametrize("name", ["moving-plane", "rotating-circle"])

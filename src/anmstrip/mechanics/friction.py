@@ -6,10 +6,12 @@ on floats and on series.  |v|_reg = √(v·v + ω² V_c²).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 
 def regular_norm(v: Any, floor: float) -> Any:
@@ -79,3 +81,32 @@ class Tanh:
 
 
 FrictionLaw = NortonHoff | Tanh
+
+
+def corner_speed(law: FrictionLaw) -> float:
+    """Slip speed (m/s) that separates stick from slip: 1 − |R_T|/(f R_N) = |v|/V_c.
+
+    Coulomb's law asks for |R_T| ≤ f R_N, v = 0 or |R_T| = f R_N, v ≠ 0; between the two a
+    regular law goes round a corner, in whose middle both defects are equal.  As it sharpens
+    (q, ω → 0) the speed tends to 0, and the ratio to 1.
+    """
+    return _speed_where(law, lambda share, speed: share + speed - 1.0)
+
+
+def cone_speed(law: FrictionLaw) -> float:
+    """Slip speed (m/s) from which |R_T| exceeds f R_N; infinite if it never does."""
+    return _speed_where(law, lambda share, speed: share - 1.0)
+
+
+def _speed_where(law: FrictionLaw, excess: Callable[[float, float], float]) -> float:
+    """Where an increasing function of |R_T|/(f R_N) and |v|/V_c vanishes."""
+    unit = replace(law, coefficient=1.0)
+
+    def value(logarithm: float) -> float:
+        speed = float(np.exp(logarithm))
+        return excess(unit.effective(law.speed * speed), speed)
+
+    largest = 100.0
+    if value(largest) <= 0.0:
+        return np.inf
+    return law.speed * float(np.exp(brentq(value, -largest, largest)))

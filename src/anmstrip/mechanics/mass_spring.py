@@ -70,6 +70,14 @@ class PressedPlane:
     parameters: Parameters = Parameters(t_end=4.0)
     size: ClassVar[int] = 1
 
+    def gap(self, u: Any) -> Any:
+        """None: always pressed."""
+        return 0.0 * u[0]
+
+    def slip(self, u: Any, v: Any) -> Any:
+        """Velocity relative to the plane."""
+        return v[0] - self.parameters.V
+
     def reactions(self, u: Any, v: Any, t: Any) -> tuple[Any, Any]:
         """Normal (a constant) and tangential reaction."""
         p = self.parameters
@@ -79,6 +87,11 @@ class PressedPlane:
         """Equation (3): −k u + R_T."""
         return self.reactions(u, v, t)[1] - u * self.parameters.k
 
+    def sliding(self, u: Any, t: Any, share: float) -> Any:
+        """Equilibrium with the friction ``share`` f R_N, whatever the velocity."""
+        p = self.parameters
+        return share * p.f * p.R_N - u * p.k
+
 
 @dataclass(frozen=True)
 class MovingPlane:
@@ -87,17 +100,31 @@ class MovingPlane:
     parameters: Parameters = Parameters(t_end=3.0)
     size: ClassVar[int] = 2
 
+    def gap(self, u: Any) -> Any:
+        """h, to the plane."""
+        return u[1] + self.parameters.delta
+
+    def slip(self, u: Any, v: Any) -> Any:
+        """Velocity relative to the plane."""
+        return v[0] - self.parameters.V
+
     def reactions(self, u: Any, v: Any, t: Any) -> tuple[Any, Any]:
         """Normal and tangential reaction, (5c) and (5d)."""
         p = self.parameters
-        normal = p.contact(u[1] + p.delta)
-        slip = np.stack([v[0] - p.V])
-        return normal, p.friction(p.regular_normal(normal), slip)[0]
+        normal = p.contact(self.gap(u))
+        return normal, p.friction(p.regular_normal(normal), np.stack([self.slip(u, v)]))[0]
 
     def residual(self, u: Any, v: Any, t: Any) -> Any:
         """Equations (5a) and (5b)."""
+        return self._balance(u, t, *self.reactions(u, v, t))
+
+    def sliding(self, u: Any, t: Any, share: float) -> Any:
+        """Equilibrium with the friction ``share`` f R_N, whatever the velocity."""
+        normal = self.parameters.contact(self.gap(u))
+        return self._balance(u, t, normal, normal * (share * self.parameters.f))
+
+    def _balance(self, u: Any, t: Any, normal: Any, tangential: Any) -> Any:
         p = self.parameters
-        normal, tangential = self.reactions(u, v, t)
         return np.stack([tangential - u[0] * p.k, normal - u[1] * p.k - t * p.F])
 
 
@@ -119,17 +146,36 @@ class RotatingCircle:
         distance = np.sqrt(x * x + y * y)
         return distance, (x / distance, y / distance)
 
+    def gap(self, u: Any) -> Any:
+        """h, to the circle."""
+        return self.frame(u)[0] - self.parameters.r
+
+    def slip(self, u: Any, v: Any) -> Any:
+        """Tangential velocity relative to the circle."""
+        return self._slip(self.frame(u)[1], v)
+
+    def _slip(self, n: tuple[Any, Any], v: Any) -> Any:
+        p = self.parameters
+        return v[0] * n[1] - v[1] * n[0] - p.Omega * p.r
+
     def _reactions(self, distance: Any, n: tuple[Any, Any], v: Any) -> tuple[Any, Any]:
         p = self.parameters
         normal = p.contact(distance - p.r)
-        slip = np.stack([v[0] * n[1] - v[1] * n[0] - p.Omega * p.r])
-        return normal, p.friction(p.regular_normal(normal), slip)[0]
+        return normal, p.friction(p.regular_normal(normal), np.stack([self._slip(n, v)]))[0]
 
     def residual(self, u: Any, v: Any, t: Any) -> Any:
         """Equilibrium in the fixed frame."""
-        p = self.parameters
         distance, n = self.frame(u)
-        normal, tangential = self._reactions(distance, n, v)
+        return self._balance(u, t, n, *self._reactions(distance, n, v))
+
+    def sliding(self, u: Any, t: Any, share: float) -> Any:
+        """Equilibrium with the friction ``share`` f R_N, whatever the velocity."""
+        distance, n = self.frame(u)
+        normal = self.parameters.contact(distance - self.parameters.r)
+        return self._balance(u, t, n, normal, normal * (share * self.parameters.f))
+
+    def _balance(self, u: Any, t: Any, n: tuple[Any, Any], normal: Any, tangential: Any) -> Any:
+        p = self.parameters
         x = normal * n[0] + tangential * n[1]
         y = normal * n[1] - tangential * n[0] - t * p.F
         return np.stack([x, y]) - u * p.k

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,9 @@ from anmstrip.scene.build import Assembly
 from anmstrip.scene.fields import Surface
 from anmstrip.scene.measures import State
 
+if TYPE_CHECKING:
+    from anmstrip.scene.events import Event
+
 Array = NDArray[np.float64]
 
 CHECKPOINT_SECONDS = 2.0
@@ -35,6 +39,8 @@ STALE = ("checkpoint.npz", "summary.json")
 """What an earlier run in the same directory left, and no longer belongs to anything."""
 
 STEP_COLUMNS = ("stage", "time", "step", "tangents", "order", "range", "residual")
+
+EVENT_COLUMNS = ("time", "stage", "kind", "roller", "point", "x", "y", "gap", "slip")
 
 
 class Recorder:
@@ -68,6 +74,7 @@ class Recorder:
             self.strip = Collection.reopened(directory / "strip.pvd", reached)
             self.rollers = Collection.reopened(directory / "rollers.pvd", reached)
             self.states = len(self.strip.entries)
+        self.events = self._events(resumed)
         self.due = [t for t in assembly.scene.output.times or () if t > reached]
         touching = None if assembly.contact is None else assembly.contact_operator
         bends = assembly.bending is not None
@@ -75,6 +82,17 @@ class Recorder:
         nothing = dict.fromkeys((r.name for r in assembly.rollers), 0.0)
         self.turned = nothing if resumed is None else dict(resumed["turned"])
         self.last_checkpoint = 0.0
+
+    def _events(self, resumed: Mapping[str, Any] | None) -> History | None:
+        """Table of what happens, if the scene asks for it."""
+        self.event_rows = 0 if resumed is None else resumed.get("event_rows", 0)
+        path = self.directory / "events.csv"
+        if not self.assembly.scene.output.events:
+            path.unlink(missing_ok=True)
+            return None
+        if resumed is None or not self.event_rows:
+            return History(path, EVENT_COLUMNS)
+        return History.reopened(path, EVENT_COLUMNS, self.event_rows)
 
     def _roller_columns(self) -> list[str]:
         names = ("normal_force", "drag", "wrap", "max_slip")
@@ -90,6 +108,13 @@ class Recorder:
                 values[f"{name}_{column}"] = getattr(reading, column)
         self.history.append(values)
         self.rows += 1
+
+    def happened(self, events: Iterable[Event]) -> None:
+        """Add what has happened in a step."""
+        for event in events:
+            assert self.events is not None
+            self.events.append(asdict(event))
+            self.event_rows += 1
 
     def observe(self, step: int, before: State | None, state: State) -> None:
         """Write what is wanted of an accepted step: its end, or instants inside."""
@@ -147,6 +172,7 @@ class Recorder:
             return
         self.last_checkpoint = now
         counters = {"rows": self.rows, "states": self.states, "turned": self.turned}
+        counters["event_rows"] = self.event_rows
         checkpoint.save(self.directory / "checkpoint.npz", arrays, {**facts, **counters})
 
     def summary(self, facts: Mapping[str, Any], state: State | None) -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from anmstrip.output import checkpoint
 from anmstrip.scene.build import Assembly
@@ -20,6 +20,9 @@ from anmstrip.scene.schema import Scene, StageSpec
 from anmstrip.scene.stages import Plan
 from anmstrip.series.expansion import Cost
 from anmstrip.series.outcome import Outcome, PathStopped
+
+if TYPE_CHECKING:
+    from anmstrip.scene.events import Event, EventWatch
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,8 @@ class Step:
     tension_ratio : float or None
         Tension before the first roller over that after it; at the edges without roller.
     state : State
+    events : tuple of Event
+        What happened in it, if the scene asks for events.
     """
 
     stage: str
@@ -48,6 +53,7 @@ class Step:
     tangents: int
     tension_ratio: float | None
     state: State
+    events: tuple[Event, ...] = ()
 
 
 class Run:
@@ -88,6 +94,7 @@ class Run:
         self.outcome, self.message = Outcome.TOO_MANY_STEPS, "The run has not ended."
         self.begun, self.spent = time.perf_counter(), 0.0
         resumed = self._restored() if resume else None
+        self.watch = _watch(self.assembly)
         self.recorder = (
             None if self.directory is None else Recorder(self.assembly, self.directory, resumed)
         )
@@ -152,11 +159,12 @@ class Run:
     # what is written -----------------------------------------------------------
 
     def _accepted(self, arrival: Arrival) -> Step:
+        before, self.state = self._labelled(arrival.plan), arrival.state
         self.march.accept(arrival)
-        before, self.state = self.state, arrival.state
         self.steps += 1
         self._count(arrival.plan)
-        self._record(before, self.state, arrival)
+        events = () if self.watch is None else self.watch.during(before, self.state)
+        self._record(before, self.state, arrival, events)
         return Step(
             arrival.plan.name,
             self.state.time,
@@ -166,9 +174,18 @@ class Run:
             self.cost.expansions,
             _ratio(self.state),
             self.state,
+            events,
         )
 
-    def _record(self, before: State | None, state: State, arrival: Arrival) -> None:
+    def _labelled(self, plan: Plan) -> State:
+        """The state before a step, in the labels of that step."""
+        state = self.march.here(plan) if self.state is None else self.state
+        velocity = None if state.velocity is None else self.march.velocity
+        return replace(state, full=self.march.full, velocity=velocity)
+
+    def _record(
+        self, before: State, state: State, arrival: Arrival, events: tuple[Event, ...]
+    ) -> None:
         if self.recorder is None:
             return
         facts = {
@@ -181,6 +198,7 @@ class Run:
             "residual": arrival.imbalance,
         }
         self.recorder.row(state, facts)
+        self.recorder.happened(events)
         self.recorder.observe(self.steps, before, state)
         self._checkpoint()
 
@@ -257,6 +275,14 @@ class Run:
         arrays, facts = checkpoint.load(self.directory / "checkpoint.npz")
         unpack(self, arrays, facts)
         return facts
+
+
+def _watch(assembly: Assembly) -> EventWatch | None:
+    if not assembly.scene.output.events:
+        return None
+    from anmstrip.scene.events import EventWatch  # noqa: PLC0415 (only if asked for)
+
+    return EventWatch(assembly)
 
 
 def _ratio(state: State) -> float | None:

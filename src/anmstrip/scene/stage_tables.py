@@ -159,6 +159,11 @@ class OutputSpec(Table):
         description="cubic surfaces rather than plain subdivided ones (true or false)",
         examples=["false"],
     )
+    events: StrictBool = Field(
+        False,
+        description="find when points touch, stick and slip: events.csv (true or false)",
+        examples=["true"],
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> OutputSpec:

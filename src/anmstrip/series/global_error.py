@@ -12,7 +12,7 @@ Source: Hairer, Nørsett & Wanner, *Solving ODEs I* (1993), §I.10 for the growt
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
@@ -41,6 +41,9 @@ class TimePath(Protocol):
 
     def __call__(self, t: float) -> tuple[Array, Array]:
         """State and velocity at time ``t``."""
+
+    def polynomials(self) -> Iterator[tuple[float, float, Array]]:
+        """Start, length and coefficients (order + 1, n) of its pieces."""
 
 
 T = TypeVar("T", bound=TimePath)

@@ -7,7 +7,7 @@ A :class:`Branch` is one series with the range on which it holds; a
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
@@ -193,12 +193,16 @@ class HermitePath:
     def __call__(self, t: float) -> tuple[Array, Array]:
         """State and velocity at time ``t``."""
         i = int(np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2))
-        h = self.times[i + 1] - self.times[i]
-        s = (t - self.times[i]) / h
-        u0, u1 = self.states[i], self.states[i + 1]
-        v0, v1 = self.velocities[i], self.velocities[i + 1]
-        slope = u1 - u0
-        c2, c3 = 3.0 * slope - h * (2.0 * v0 + v1), h * (v0 + v1) - 2.0 * slope
-        u = u0 + s * (h * v0 + s * (c2 + s * c3))
-        v = v0 + s * (2.0 * c2 + 3.0 * s * c3) / h
-        return u, v
+        u, a = self._cubic(i), t - self.times[i]
+        return horner(u, a), horner(derivative_coefficients(u), a)
+
+    def polynomials(self) -> Iterator[tuple[float, float, Array]]:
+        """Start, length and coefficients of the pieces."""
+        for i, (start, end) in enumerate(pairwise(self.times)):
+            yield start, end - start, self._cubic(i)
+
+    def _cubic(self, i: int) -> Array:
+        """Coefficients in the time since an instant, shape (4, n)."""
+        h, u, v = self.times[i + 1] - self.times[i], self.states[i], self.velocities[i]
+        slope, last = (self.states[i + 1] - u) / h, self.velocities[i + 1]
+        return np.stack([u, v, (3.0 * slope - 2.0 * v - last) / h, (v + last - 2.0 * slope) / h**2])

@@ -80,6 +80,11 @@ class PiecewiseSeries:
         i = int(np.searchsorted(self.knots[1:], t))
         return self.pieces[min(i, len(self.pieces) - 1)](t)
 
+    def polynomials(self) -> Iterator[tuple[float, float, Array]]:
+        """Start, length and coefficients of the pieces."""
+        for piece in self.pieces:
+            yield piece.start, piece.end - piece.start, piece.coefficients
+
 
 def integrate(
     residual: Residual,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 from anmstrip.mechanics.mass_spring import CASES, MassSpring, Parameters
 from anmstrip.mechanics.references import Reference
 from anmstrip.mechanics.references import solved as reference_of
+from anmstrip.output import history
 from anmstrip.output.files import replaced
 from anmstrip.scene.errors import InputError, Mistake
 from anmstrip.scene.wording import nearest
 
+from .case_events import CaseEvent, events_of
 from .case_figures import draw
 from .case_runs import SCHEMES, Solved, solved
 
@@ -57,6 +59,8 @@ class CaseReport:
     error_at_equal_times : float
         Largest difference at the time of a row (m).
     seconds : float
+    events : tuple of CaseEvent
+        Contact, stick and slip, the cone, and the loss of Coulomb's solution.
     files : tuple of Path
     """
 
@@ -70,6 +74,7 @@ class CaseReport:
     error: float | None
     error_at_equal_times: float | None
     seconds: float
+    events: tuple[CaseEvent, ...] = ()
     files: tuple[Path, ...] = ()
 
     @property
@@ -118,6 +123,7 @@ class CaseReport:
             "error": self.error,
             "error_at_equal_times": self.error_at_equal_times,
             "estimated_error": self.solved.error,
+            "events": [asdict(event) for event in self.events],
             "parameters": asdict(self.case.parameters),
         }
 
@@ -133,6 +139,9 @@ class CaseReport:
         yield "time taken", f"{self.seconds:.2f} s"
         ux, uy = self.end
         yield "end", f"t = {self.rows[-1, 0]:g} s, ux = {ux:.6f} m, uy = {uy:.6f} m"
+        for event in self.events:
+            label = f"t = {event.time:.6f} s"
+            yield label, ". ".join(filter(None, (event.kind, event.message)))
         yield "estimated error", f"{self.solved.error:.2g} m"
         if self.error is None or self.error_at_equal_times is None:
             yield "error to Radau", "unknown: scipy could not integrate this case"
@@ -151,7 +160,7 @@ def run_case(
     scheme: str = "taylor",
     directory: str | Path | None = None,
 ) -> CaseReport:
-    """Run a case of the paper and write ``case.csv``, ``case.json`` and figures.
+    """Run a case of the paper; write ``case.csv``, ``events.csv``, ``case.json`` and figures.
 
     Parameters
     ----------
@@ -189,7 +198,10 @@ def run_case(
     seconds = time.perf_counter() - begin
     rows = _rows(case, found, np.linspace(0.0, found.path.knots[-1], ROWS))
     error, equal = _errors(case, rows[:, 0], rows[:, 1 : 1 + case.size], tolerance)
-    report = CaseReport(name, scheme, order, tolerance, case, found, rows, error, equal, seconds)
+    events = tuple(events_of(case, found.path.polynomials()))
+    report = CaseReport(
+        name, scheme, order, tolerance, case, found, rows, error, equal, seconds, events
+    )
     return replace(report, files=_written(report, Path(directory or f"results/case-{name}")))
 
 
@@ -250,9 +262,11 @@ def _written(report: CaseReport, directory: Path) -> tuple[Path, ...]:
         )
     with replaced(summary) as temporary:
         temporary.write_text(json.dumps(report.summary(), indent=2) + "\n", encoding="utf-8")
+    events = directory / "events.csv"
+    history.write(events, [f.name for f in fields(CaseEvent)], map(asdict, report.events))
     times = np.union1d(report.rows[:, 0], report.solved.path.knots)  # a snap falls between rows
     states = _rows(report.case, report.solved, times)
-    return table, summary, *draw(report.case, states, directory)
+    return table, summary, events, *draw(report.case, states, directory)
 
 
 def _mistakes(name: str, order: int, tolerance: float, scheme: str) -> Iterator[Mistake]:
