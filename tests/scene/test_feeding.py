@@ -155,3 +155,25 @@ def test_strip_in_is_strip_out() -> None:
     stored = 7850.0 * 1e-3 * 0.4 * 3.0 * (1e4 / 2e8)  # of a strip of 3 m at this strain
     assert abs(facts["mass_in"] - facts["mass_out"]) < stored
     assert facts["mass_in"] == pytest.approx(7850.0 * 1e-3 * 0.4 * facts["entry_travel"])
+
+
+def test_steps_begin_in_their_own_labels() -> None:
+    """After fresh strip has come in no point seems to have moved by an element."""
+    run = Run(Scene.model_validate({**tables(60, True), "output": {"events": True}}))
+    moved: list[float] = []
+    assert run.watch is not None
+    strip, found = run.assembly.strip, run.watch.during
+
+    def recorded(before: Any, state: Any) -> Any:
+        change = (state.full - before.full).reshape(-1, strip.count)[strip.node_values]
+        moved.append(float(np.abs(change).max()))
+        return found(before, state)
+
+    run.watch.during = recorded  # type: ignore[method-assign]
+    for _ in run:
+        pass
+    assert run.outcome.done, run.message
+    assert run.march.feed is not None
+    assert run.march.feed.elements > 1
+    in_time = moved[-run.stages[run.scene.course[-1].name]["steps"] :]
+    assert max(in_time) < 0.5 * H
