@@ -38,10 +38,10 @@ __all__ = [
     "equilibrated",
 ]
 
-WIDEST_BAND = 600
+WIDEST_BAND = 450
 """Half bandwidth above which SuperLU is faster than the band LU (measured)."""
 
-WIDEST_BEFORE_PARDISO = 250
+WIDEST_BEFORE_PARDISO = 200
 """The same for PARDISO (measured)."""
 
 
