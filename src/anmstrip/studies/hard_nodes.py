@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from anmstrip.mechanics.coulomb import coulomb
 from anmstrip.mechanics.friction import NortonHoff
+from anmstrip.mechanics.mass_spring import RotatingCircle
 from anmstrip.mechanics.nodes import CoupledNode, Slider, WrappedLinks
 from anmstrip.mechanics.references import slip_at
 from anmstrip.mechanics.signorini import RepulsiveSignorini, Signorini
@@ -25,9 +27,11 @@ from anmstrip.series.functions import (
 )
 from anmstrip.series.implicit_dae import TimeStep
 from anmstrip.series.index_one import consistent
+from anmstrip.series.instability import instabilities
 from anmstrip.series.linear_solvers import DenseSolver
 from anmstrip.series.outcome import PathStopped
 from anmstrip.series.path import Path
+from anmstrip.studies.case_runs import solved
 
 Array = NDArray[np.float64]
 Residual = Callable[[Any, Any, Any], Any]
@@ -178,11 +182,11 @@ def penetration(stiffness: float = 1e6, load: float = 10.0) -> Trial:
 
 
 def sharp_corner(omega: float = 1e-2, q: float = 0.1, speed: float = 1.0) -> Trial:
-    """D3: dragged into slip; at the end u = f_eff(V) R_N/k.
+    """D3: dragged into slip at V; at the end u = f_eff(V) R_N/k, 0.3 m for every V_c.
 
     A force that ever falls, by more than the tolerance, is an error as well.
     """
-    law = NortonHoff(0.3, q, omega, speed)
+    law = NortonHoff(0.3 * speed**q, q, omega, speed)
     slider = Slider(law, stiffness=1.0, speed=1.0)
     motion = moved(slider.residual, np.zeros(1), (0.0, 2.0))
     exact = law.effective(1.0)
@@ -292,7 +296,7 @@ def grazing(depth: float = 0.1, stiffness: float = 1e9) -> Trial:
             cost=cost,
         )
     )
-    path = Path([step.branch for step in steps])
+    path = Path(tuple(step.branch for step in steps))
     pairs = [(path(1.0 - s), path(1.0 + s)) for s in np.linspace(0.0, 1.0, 41)]
     error = max(float(abs(a[0] - b[0])) for a, b in pairs)
     back = float(steps[-1].branch.end[0][0])
@@ -315,3 +319,19 @@ def many_turns(log_ratio: float = 2.0, points: int = 40, links: float = 1.0) -> 
     motion = moved(chain.residual, chain.start, (0.0, 0.04 * points), tolerance=1e-3)
     ends = chain.tensions(motion.end, motion.steps[-1].end)[1]
     return Trial.of(motion, float(ends[-1]), chain.exact_ratio(f))
+
+
+def leaves_the_cone(tolerance: float = 1e-4) -> Trial:
+    """D18: the paper's rotating circle, beyond the time at which Coulomb's law has no solution.
+
+    The regularised motion is unstable from a little before on (friction carries less than f at
+    less than V_c); the error is in the date (s), 1.805 s with Coulomb's law.
+    """
+    case = RotatingCircle()
+    found = solved(case, "taylor", order=19, tolerance=tolerance)
+    stretches = instabilities(case.residual, found.path)
+    date = max(stretches, key=lambda s: s.distance).start if stretches else np.nan
+    exact = coulomb(case).until
+    steps, tangents = len(found.path.errors), found.cost.factorisations
+    outcome = "done" if found.stopped is None else str(found.stopped)
+    return Trial(date, exact, abs(date - exact), steps, tangents, outcome)
