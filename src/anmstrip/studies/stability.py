@@ -162,12 +162,12 @@ def _row(sweep: Sweep, trials: list[tuple[float, Trial]]) -> tuple[Cell, ...]:
     )  # fmt: skip
 
 
-def growth(trials: list[tuple[float, Trial]]) -> float:
-    """Tangents that a decade adds, between the cheapest and the dearest run."""
+def growth(trials: list[tuple[float, Trial]]) -> float | None:
+    """Tangents that a decade adds, between the cheapest and the dearest run, if it spans one."""
     low, high = (f(trials, key=lambda pair: pair[1].tangents) for f in (min, max))
     values = [value for value, _ in trials if value > 0.0]
     decades = float(np.log10(max(values) / min(values))) if values else 0.0
-    return (high[1].tangents - low[1].tangents) / max(decades, 1.0)
+    return (high[1].tangents - low[1].tangents) / decades if decades >= 1.0 else None
 
 
 def outcome(sweep: Sweep, trials: list[tuple[float, Trial]]) -> str:
@@ -177,9 +177,9 @@ def outcome(sweep: Sweep, trials: list[tuple[float, Trial]]) -> str:
             return f"{sweep.quantity} = {value:g}: {trial.outcome}"
         if not trial.error <= sweep.allowed:
             return f"{sweep.quantity} = {value:g}: error {trial.error:.2g}"
-    if growth(trials) > PER_DECADE:
-        return f"{growth(trials):.0f} tangents more per decade"
-    return "done"
+    more = growth(trials)
+    steep = more is not None and more > PER_DECADE
+    return f"{more:.0f} tangents more per decade" if steep else "done"
 
 
 def _long(found: list[tuple[Sweep, list[tuple[float, Trial]]]]) -> Sheet:
