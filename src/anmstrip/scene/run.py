@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from anmstrip.output import checkpoint
 from anmstrip.scene.build import Assembly
 from anmstrip.scene.checkpoints import packed, unpack
@@ -18,6 +20,7 @@ from anmstrip.scene.measures import State
 from anmstrip.scene.recorder import Recorder
 from anmstrip.scene.schema import Scene, StageSpec
 from anmstrip.scene.stages import Plan
+from anmstrip.series.condition import condition
 from anmstrip.series.expansion import Cost
 from anmstrip.series.outcome import Outcome, PathStopped
 
@@ -144,6 +147,7 @@ class Run:
                     yield step
             finally:
                 self._count(plan)
+                self._judge(plan)
         with unbroken():
             self._checkpoint(force=True)
             march.finish(stage, plan)
@@ -200,6 +204,12 @@ class Run:
         entry["steps"] += self.steps - steps
         entry["tangents"] += self.cost.expansions - expansions
         entry["seconds"] += self.counted[0] - begin
+
+    def _judge(self, plan: Plan) -> None:
+        """How well conditioned the last tangent of a stage was: four back-substitutions."""
+        if self.march.solver.latest is not None:
+            with self.cost.timed("condition"), np.errstate(all="ignore"):
+                self.stages[plan.name]["condition"] = condition(*self.march.solver.latest)
 
     def _finish(self) -> None:
         if self.recorder is None:
