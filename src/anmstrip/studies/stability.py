@@ -28,7 +28,7 @@ COLUMNS = (
 
 LONG = ("case", "level", "quantity", "value", "found", "exact", "error", "steps", "tangents")
 
-PER_DECADE = 150.0
+PER_DECADE = 200.0
 """Tangents that a decade of any quantity may add."""
 
 
@@ -96,7 +96,7 @@ SWEEPS = (
     Sweep("D12", "capstan", "section", "V_c",
           lambda v: strips.capstan(speed=v), SPEEDS, 5e-4, quick=False),
     Sweep("D4", "hold", "node", "q", nodes.held, EXPONENTS, 1e-9),
-    Sweep("D4", "hold", "section", "s", strips.hold, (1.0, 1e3), 1e-2, quick=False),
+    Sweep("D4", "hold", "section", "s", strips.hold, (1.0, 1e3), 5e-2, quick=False),
     Sweep("D5", "reversal", "node", "q", nodes.reversal, (0.1, 0.03, 0.01), 3e-2,
           quick=False),
     Sweep("D6", "beyond the cone", "node", "tan α/f",
@@ -112,14 +112,14 @@ SWEEPS = (
     Sweep("D11", "tension lowered", "section", "N/m",
           lambda t: strips.lowered(last=t), (1.0, -0.1), 1.0, quick=False),
     Sweep("D12", "driven roller", "section", "V_c",
-          strips.driven, (1e-2, 1e-4, 1e-6), 30.0, quick=False),
+          strips.driven, (1e-2, 1e-4, 1e-6), 5.0, quick=False),
     Sweep("D13", "ironing", "section", "element", strips.ironed, (0.1, 0.05), 5e-3, quick=False),
     Sweep("D14", "uneven links", "node", "ratio",
           lambda r: nodes.many_turns(2.0, 20, r), (1.0, 1e3, 1e6), 1e-4, quick=False),
     Sweep("D16", "other units", "section", "unit per m",
           strips.in_units, (1.0, 1e3), 1e-9, quick=False),
     Sweep("D17", "thin, capstan", "section", "thickness",
-          lambda t: strips.capstan(thickness=t), THICKNESSES, 1e-2, quick=False),
+          lambda t: strips.capstan(thickness=t), (2e-3, *THICKNESSES[1:]), 1e-2, quick=False),
     Sweep("D17", "thin, smooth roller", "section", "thickness",
           lambda t: strips.smooth_roller(thickness=t), THICKNESSES, 5e-3, quick=False),
     Sweep("D17", "fine", "section", "elements",
