@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from anmstrip.command_line import main
 from anmstrip.scene import InputError, Scene
 from anmstrip.studies import effects, stability
-from anmstrip.studies.hard_nodes import Trial
+from anmstrip.studies.motions import Trial
 from anmstrip.studies.registry import STUDIES, run_study
 from anmstrip.studies.reports import Sheet, StudyReport
 from anmstrip.studies.strips import growing, steps_of

@@ -19,7 +19,8 @@ from anmstrip.series.instability import instabilities, pivot
 from anmstrip.series.linear_solvers import DenseSolver
 from anmstrip.studies import hard_nodes as nodes
 from anmstrip.studies.case_runs import solved
-from anmstrip.studies.hard_nodes import CONTACT, Trial
+from anmstrip.studies.hard_nodes import CONTACT
+from anmstrip.studies.motions import Trial, moved
 
 
 def right(trial: Trial, allowed: float, tangents: int) -> None:
@@ -115,7 +116,7 @@ def test_beyond_the_critical_coefficient_it_jumps_and_says_so(f: float) -> None:
 
 def test_below_the_critical_coefficient_nothing_is_said() -> None:
     node = CoupledNode(NortonHoff(1.0, 0.1, 1e-3, 0.1), CONTACT, (0.0, 1.1e-3))
-    motion = nodes.moved(node.residual, np.zeros(2), (0.0, 1e3), tolerance=1e-3)
+    motion = moved(node.residual, np.zeros(2), (0.0, 1e3), tolerance=1e-3)
     assert motion.outcome == "done"
     assert instabilities(node.residual, motion.path) == []
 
@@ -130,7 +131,7 @@ def test_a_snap_faster_than_steps_of_time_can_tell_is_passed() -> None:
     """The sharper the law, the faster: here up to 1e10 m/s, in one step that is marked."""
     faint = replace(CONTACT, eta=1e-4)
     node = CoupledNode(NortonHoff(1.5, 0.2, 1e-3, 0.1), faint, (0.0, 0.018))
-    motion = nodes.moved(node.residual, np.zeros(2), (0.0, 100.0), tolerance=1e-3, speed=1e-3)
+    motion = moved(node.residual, np.zeros(2), (0.0, 100.0), tolerance=1e-3, speed=1e-3)
     assert motion.outcome == "done"
     assert motion.end == pytest.approx(node.separated(1.8), abs=1e-3)
     (snap,) = [step for step in motion.steps if step.snap]

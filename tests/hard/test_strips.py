@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from anmstrip.scene.march import Arrival, March
 from anmstrip.scene.run import Run
 from anmstrip.scene.schema import Scene
 from anmstrip.studies import hard_strips as strips
-from anmstrip.studies.hard_nodes import Trial
 from anmstrip.studies.hard_strips import LAY, PULL, end_of, ran, tables_of, turning
+from anmstrip.studies.motions import Trial
 
 
 def right(trial: Trial, allowed: float, tangents: int) -> None:
@@ -155,3 +158,21 @@ def test_far_points_do_not_overflow() -> None:
     assert list(run)
     assert run.outcome.done
     assert end_of(run).rollers["r1"].normal_force == 0.0
+
+
+def test_a_strip_that_ran_away_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step that holds a snap is counted, dated and measured, in the message as well."""
+    through = March._in_time
+
+    def snapping(march: March, plan: Any, settings: Any) -> Iterator[Arrival]:
+        for k, arrival in enumerate(through(march, plan, settings)):
+            yield replace(arrival, snap=k == 1)
+
+    monkeypatch.setattr(March, "_in_time", snapping)
+    run, steps = ran(tables_of(PULL, turning(duration=0.01), refined=0.4))
+    (snap,) = run.snaps
+    second = [step for step in steps if step.stage == "turn"][1]
+    assert (snap["stage"], snap["time"]) == ("turn", second.time)
+    assert 0.0 <= snap["distance"] < 1e-3
+    assert "the strip ran away by" in run.message
+    assert run.facts()["snaps"] == run.snaps

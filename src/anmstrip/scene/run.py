@@ -87,6 +87,7 @@ class Run:
         self.steps, self.first_stage = 0, 0
         self.effects: dict[str, dict[str, Any]] = {}
         self.stages: dict[str, dict[str, Any]] = {}
+        self.snaps: list[dict[str, Any]] = []
         self.state: State | None = None
         self.outcome, self.message = Outcome.TOO_MANY_STEPS, "The run has not ended."
         self.begun, self.spent = time.perf_counter(), 0.0
@@ -156,6 +157,8 @@ class Run:
     # what is written -----------------------------------------------------------
 
     def _accepted(self, arrival: Arrival) -> Step:
+        if arrival.snap:
+            self.snaps.append(self._snap(arrival))
         self.march.accept(arrival)
         before, self.state = self.state, arrival.state
         self.steps += 1
@@ -205,6 +208,17 @@ class Run:
         entry["tangents"] += self.cost.expansions - expansions
         entry["seconds"] += self.counted[0] - begin
 
+    def _snap(self, arrival: Arrival) -> dict[str, Any]:
+        """When and how far the strip went, where friction had no equilibrium to hold it in."""
+        moved = np.abs(arrival.full - self.march.full)[
+            self.assembly.strip.unknowns_of(self.assembly.strip.node_values)
+        ]
+        return {
+            "stage": arrival.plan.name,
+            "time": arrival.state.time,
+            "distance": float(moved.max()),
+        }
+
     def _judge(self, plan: Plan) -> None:
         """How well conditioned the last tangent of a stage was: four back-substitutions."""
         if self.march.solver.latest is not None:
@@ -242,13 +256,19 @@ class Run:
             "linear_solver": self.march.solver.name,
             "effects": self.effects,
             "stages": self.stages,
+            "snaps": self.snaps,
             **({} if march.feed is None else {"feed": march.feed.facts(march.full)}),
         }
 
     def _done(self) -> str:
+        snaps = "".join(
+            f" At t = {snap['time']:.6g} s the strip ran away by {snap['distance']:.2g} m: "
+            "friction had no equilibrium to hold it in."
+            for snap in self.snaps
+        )
         return (
             f"Done: {self.end_time:g} s in {self.steps} steps, {self.cost.expansions} tangents, "
-            f"{self.seconds:.1f} s."
+            f"{self.seconds:.1f} s.{snaps}"
         )
 
     def _stopped(self, stopped: PathStopped) -> str:

@@ -18,6 +18,7 @@ from anmstrip.mechanics.references import solved as reference_of
 from anmstrip.output.files import replaced
 from anmstrip.scene.errors import InputError, Mistake
 from anmstrip.scene.wording import nearest
+from anmstrip.series.instability import Instability, instabilities
 
 from .case_figures import draw
 from .case_runs import SCHEMES, Solved, solved
@@ -57,6 +58,8 @@ class CaseReport:
     error_at_equal_times : float
         Largest difference at the time of a row (m).
     seconds : float
+    unstable : tuple of Instability
+        Stretches in which there is no equilibrium to follow.
     files : tuple of Path
     """
 
@@ -70,6 +73,7 @@ class CaseReport:
     error: float | None
     error_at_equal_times: float | None
     seconds: float
+    unstable: tuple[Instability, ...] = ()
     files: tuple[Path, ...] = ()
 
     @property
@@ -118,6 +122,7 @@ class CaseReport:
             "error": self.error,
             "error_at_equal_times": self.error_at_equal_times,
             "estimated_error": self.solved.error,
+            "unstable": [str(stretch) for stretch in self.unstable],
             "parameters": asdict(self.case.parameters),
         }
 
@@ -133,6 +138,8 @@ class CaseReport:
         yield "time taken", f"{self.seconds:.2f} s"
         ux, uy = self.end
         yield "end", f"t = {self.rows[-1, 0]:g} s, ux = {ux:.6f} m, uy = {uy:.6f} m"
+        for stretch in self.unstable:
+            yield "unstable", str(stretch)
         yield "estimated error", f"{self.solved.error:.2g} m"
         if self.error is None or self.error_at_equal_times is None:
             yield "error to Radau", "unknown: scipy could not integrate this case"
@@ -189,7 +196,10 @@ def run_case(
     seconds = time.perf_counter() - begin
     rows = _rows(case, found, np.linspace(0.0, found.path.knots[-1], ROWS))
     error, equal = _errors(case, rows[:, 0], rows[:, 1 : 1 + case.size], tolerance)
-    report = CaseReport(name, scheme, order, tolerance, case, found, rows, error, equal, seconds)
+    unstable = tuple(instabilities(case.residual, found.path))
+    report = CaseReport(
+        name, scheme, order, tolerance, case, found, rows, error, equal, seconds, unstable
+    )
     return replace(report, files=_written(report, Path(directory or f"results/case-{name}")))
 
 

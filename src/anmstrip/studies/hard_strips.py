@@ -10,7 +10,7 @@ import numpy as np
 from anmstrip.scene.measures import State
 from anmstrip.scene.run import Run, Step
 from anmstrip.scene.schema import Scene
-from anmstrip.studies.hard_nodes import Trial
+from anmstrip.studies.motions import Trial
 from anmstrip.studies.strips import CONTACT, MATERIAL, RADIUS, TENSION
 
 Tables = dict[str, Any]

@@ -18,7 +18,7 @@ import numpy as np
 from anmstrip.series.outcome import PathStopped
 from anmstrip.studies import hard_nodes as nodes
 from anmstrip.studies import hard_strips as strips
-from anmstrip.studies.hard_nodes import Trial
+from anmstrip.studies.motions import Trial
 from anmstrip.studies.reports import Cell, Sheet, StudyReport
 
 COLUMNS = (
