@@ -148,6 +148,10 @@ def test_rotating_circle_leaves_the_cone_snaps_and_comes_back(reports):
     assert np.interp([1.80, 1.85], t, phi) == pytest.approx([0.76, 3.02], abs=0.1)
     assert abs(report.end[0]) < 0.3 * 0.12 + 1e-3  # the floor f ζ R_C of friction over k
     assert report.end[1] < -2.0
+    (stretch,) = report.unstable
+    assert stretch.start == pytest.approx(1.805, abs=0.03)
+    assert "the negative pivot" in str(report)
+    assert len(report.summary()["unstable"]) == 1
 
 
 def dates(events):

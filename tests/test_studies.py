@@ -11,7 +11,8 @@ from click.testing import CliRunner
 
 from anmstrip.command_line import main
 from anmstrip.scene import InputError, Scene
-from anmstrip.studies import effects
+from anmstrip.studies import effects, stability
+from anmstrip.studies.motions import Trial
 from anmstrip.studies.registry import STUDIES, run_study
 from anmstrip.studies.reports import Sheet, StudyReport
 from anmstrip.studies.strips import growing, steps_of
@@ -161,3 +162,23 @@ def test_report_is_written_as_it_is_printed(tmp_path: Path) -> None:
     assert "1.235" in str(report)
     assert "33 % of one core. The machine was busy" in str(report)
     assert "busy" not in replace(report, processor=8.9).taken
+
+
+def test_sweeps_say_what_is_wrong() -> None:
+    """A sweep fails by an outcome, by an error, or by growing work."""
+    good = Trial(1.0, 1.0, 1e-9, 5, 10, "done")
+    trials = {
+        "done": [good, replace(good, tangents=20)],
+        "x = 10: it stopped": [good, replace(good, outcome="it stopped")],
+        "x = 10: error 0.1": [good, replace(good, error=0.1)],
+        "1990 tangents more per decade": [good, replace(good, tangents=2000)],
+    }
+    for words, (first, last) in trials.items():
+        found = {1.0: first, 10.0: last}
+        sweep = stability.Sweep("D1", "toy", "node", "x", found.__getitem__, (1.0, 10.0), 1e-6)
+        assert stability.outcome(sweep, sweep.trials(quick=True)) == words
+
+
+def test_sweeps_cover_the_list() -> None:
+    """All cases but rejected steps and restarts, which have no range."""
+    assert {s.case for s in stability.SWEEPS} == {f"D{k}" for k in range(1, 19) if k != 15}

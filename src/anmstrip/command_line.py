@@ -231,6 +231,7 @@ def study(name: str, quick: bool, directory: Path | None) -> None:
             newton    factorisations and seconds beside Newton's method
             peers     beside other programs, as far as they are installed
             stiff     a stiff sliding point beside other solvers of its equation
+            stability hard cases of friction and contact over ranges, beside their answers
             all       all of these, with a page that names them
 
     Prints the tables, and writes a report in Markdown, the figures and a CSV into DIR.

@@ -39,6 +39,7 @@ def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
         "released": sorted(course.released),
         "stages": run.stages,
         "effects": run.effects,
+        "snaps": run.snaps,
         "slack": march.slack,
         "fed": 0 if march.feed is None else march.feed.elements,
     }
@@ -66,6 +67,7 @@ def unpack(run: Run, arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> N
     run.cost.expansions = facts["expansions"]
     run.cost.factorisations = facts["factorisations"]
     run.spent, run.stages, run.effects = facts["seconds"], facts["stages"], facts["effects"]
+    run.snaps = facts["snaps"]
     march.course.time, march.course.released = facts["course_time"], set(facts["released"])
     kept = {
         "moved": march.course.moved,

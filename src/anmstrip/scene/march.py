@@ -52,6 +52,8 @@ class Arrival:
     pace : Pace or None
     memory : Memory or None
         Of a rate-free path and of one in time: what the next step needs.
+    snap : bool
+        Whether the strip ran away and came to rest elsewhere, faster than can be dated.
     """
 
     plan: Plan
@@ -64,6 +66,7 @@ class Arrival:
     branch: Branch | None = None
     pace: Pace | None = None
     memory: Memory | None = None
+    snap: bool = False
 
     @property
     def state(self) -> State:
@@ -203,7 +206,7 @@ class March:
         full, velocity = plan.supports.full(step.u, control), plan.moving(control)
         velocity[plan.supports.free] = step.v
         facts = (order, step.end - step.start, step.imbalance)
-        return Arrival(plan, control, full, velocity, *facts, memory=step.memory)
+        return Arrival(plan, control, full, velocity, *facts, memory=step.memory, snap=step.snap)
 
     def _memory(self, plan: Plan) -> Memory:
         """The past of a stage in time: that of the stage before, if nothing jumps."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from anmstrip.mechanics.loads import Following
 from anmstrip.scene.readings import ContactState, RollerReading, reading_of
+from anmstrip.scene.regularisation import Regularisation, regularisation_of
 from anmstrip.scene.stages import Plan
 from anmstrip.series.path import Branch
 
@@ -154,6 +155,20 @@ class State:
             readings[name] = reading_of(state, incoming, self._weight_before)
             incoming = incoming + readings[name].resultant
         return {name: readings[name] for name in self.contacts}
+
+    @cached_property
+    def regularisation(self) -> dict[str, Regularisation]:
+        """Roller → what its regularised laws cost in truth."""
+        return {
+            name: regularisation_of(
+                self.contacts[name],
+                reading,
+                speed=float(self.controls[f"rollers.{name}.surface_speed"]),
+                elapsed=self.time,
+                stiffness=self.plan.model.strip.tensile_stiffness,
+            )
+            for name, reading in self.rollers.items()
+        }
 
     def _weight_before(self, x: float) -> Array:
         """Weight of the strip up to a reference position (N), shape (3,)."""

@@ -177,7 +177,8 @@ class Recorder:
 
     def summary(self, facts: Mapping[str, Any], state: State | None) -> None:
         """Write ``summary.json``."""
-        edges, rollers = {}, {}
+        edges: dict[str, Any] = {}
+        rollers: dict[str, Any] = {}
         if state is not None:
             strip = self.assembly.strip
             edges = {
@@ -195,6 +196,17 @@ class Recorder:
                 }
                 for name, reading in state.rollers.items()
             }  # fmt: skip
+            for name, cost in state.regularisation.items():
+                rollers[name] |= {
+                    "sticking_creep": cost.sticking_creep,
+                    "penetration": cost.penetration,
+                    "regularisation_effect": {
+                        "creep": cost.by_creep,
+                        "cone": cost.by_cone,
+                        "penetration": cost.by_penetration,
+                        "total": cost.effect,
+                    },
+                }
         summary.write(
             self.directory / "summary.json",
             {

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from anmstrip.output import checkpoint
 from anmstrip.scene.build import Assembly
 from anmstrip.scene.checkpoints import packed, unpack
@@ -18,6 +20,7 @@ from anmstrip.scene.measures import State
 from anmstrip.scene.recorder import Recorder
 from anmstrip.scene.schema import Scene, StageSpec
 from anmstrip.scene.stages import Plan
+from anmstrip.series.condition import condition
 from anmstrip.series.expansion import Cost
 from anmstrip.series.outcome import Outcome, PathStopped
 
@@ -90,6 +93,7 @@ class Run:
         self.steps, self.first_stage = 0, 0
         self.effects: dict[str, dict[str, Any]] = {}
         self.stages: dict[str, dict[str, Any]] = {}
+        self.snaps: list[dict[str, Any]] = []
         self.state: State | None = None
         self.outcome, self.message = Outcome.TOO_MANY_STEPS, "The run has not ended."
         self.begun, self.spent = time.perf_counter(), 0.0
@@ -151,6 +155,7 @@ class Run:
                     yield step
             finally:
                 self._count(plan)
+                self._judge(plan)
         with unbroken():
             self._checkpoint(force=True)
             march.finish(stage, plan)
@@ -160,6 +165,8 @@ class Run:
 
     def _accepted(self, arrival: Arrival) -> Step:
         before, self.state = self._labelled(arrival.plan), arrival.state
+        if arrival.snap:
+            self.snaps.append(self._snap(arrival))
         self.march.accept(arrival)
         self.steps += 1
         self._count(arrival.plan)
@@ -219,6 +226,23 @@ class Run:
         entry["tangents"] += self.cost.expansions - expansions
         entry["seconds"] += self.counted[0] - begin
 
+    def _snap(self, arrival: Arrival) -> dict[str, Any]:
+        """When and how far the strip went, where friction had no equilibrium to hold it in."""
+        moved = np.abs(arrival.full - self.march.full)[
+            self.assembly.strip.unknowns_of(self.assembly.strip.node_values)
+        ]
+        return {
+            "stage": arrival.plan.name,
+            "time": arrival.state.time,
+            "distance": float(moved.max()),
+        }
+
+    def _judge(self, plan: Plan) -> None:
+        """How well conditioned the last tangent of a stage was: four back-substitutions."""
+        if self.march.solver.latest is not None:
+            with self.cost.timed("condition"), np.errstate(all="ignore"):
+                self.stages[plan.name]["condition"] = condition(*self.march.solver.latest)
+
     def _finish(self) -> None:
         if self.recorder is None:
             return
@@ -250,13 +274,19 @@ class Run:
             "linear_solver": self.march.solver.name,
             "effects": self.effects,
             "stages": self.stages,
+            "snaps": self.snaps,
             **({} if march.feed is None else {"feed": march.feed.facts(march.full)}),
         }
 
     def _done(self) -> str:
+        snaps = "".join(
+            f" At t = {snap['time']:.6g} s the strip ran away by {snap['distance']:.2g} m: "
+            "friction had no equilibrium to hold it in."
+            for snap in self.snaps
+        )
         return (
             f"Done: {self.end_time:g} s in {self.steps} steps, {self.cost.expansions} tangents, "
-            f"{self.seconds:.1f} s."
+            f"{self.seconds:.1f} s.{snaps}"
         )
 
     def _stopped(self, stopped: PathStopped) -> str:

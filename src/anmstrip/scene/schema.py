@@ -168,4 +168,8 @@ class Scene(Table):
         """Return an iterator over accepted steps that writes to a directory."""
         from anmstrip.scene.run import Run  # noqa: PLC0415 (heavy, and not needed to check)
 
+        if self.friction is not None and self.friction.regularisation == "auto":
+            from anmstrip.scene.sharpening import SharpenedRun  # noqa: PLC0415
+
+            return SharpenedRun(self, directory, resume=resume)
         return Run(self, directory, resume=resume)

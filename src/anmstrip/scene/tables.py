@@ -148,6 +148,11 @@ class FrictionSpec(Table):
     speed: Positive = Field(
         description="characteristic slip speed V_c, a number above 0 (m/s)", examples=["1.0"]
     )
+    regularisation: Literal["fixed", "auto"] = Field(
+        "fixed",
+        description='laws as given, or sharpened to the tolerance, "fixed" or "auto" (text)',
+        examples=['"auto"'],
+    )
 
 
 class RollerSpec(Table):

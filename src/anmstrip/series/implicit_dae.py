@@ -55,6 +55,10 @@ FAST, SLOW = 1e-6, 1e-9
 """A state snaps where it would move by its own size within the first of these fractions of the
 whole, and has found its place where steps are longer than the second."""
 
+LEAST_SHARE = 1e-6
+"""Of the tolerance, that any step may add: a layer at the start of a long stage, in which the
+velocity changes at once and hardly anything moves, need not be resolved."""
+
 MOST_IN_A_SNAP = 3000
 
 SETTLING = 0.01
@@ -373,7 +377,7 @@ class _Integrator:
         What lasts may add up to the tolerance over the whole time; what fades may
         be as large as the tolerance in every step.
         """
-        share = (new - memory.times[0]) / self.whole
+        share = max((new - memory.times[0]) / self.whole, LEAST_SHARE)
         lasting = self.equations.error(trial.u, local) / share
         fading = self.equations.fading_error(trial.u, self._answered(trial, trial.rate * local))
         return max(lasting, fading) / self.settings.tolerance

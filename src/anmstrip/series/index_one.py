@@ -24,7 +24,7 @@ CONSISTENT = 1e-3
 """A state is consistent when Newton's correction is this fraction of the tolerance."""
 
 MOST_ITERATIONS = 500
-"""Of Newton's method: from far away a saturating law, like |v|^q, lets it come nearer by a third."""
+"""Of Newton's method: far away a saturating law, like |v|^q, lets it come nearer by a third."""
 
 TINY = float(np.finfo(float).tiny)
 

@@ -87,10 +87,17 @@ class _DenseFactors:
 
 
 class SparseSolver:
-    """Chooses band or sparse LU from the first matrix; keeps the plan while the pattern stays."""
+    """Chooses band or sparse LU from the first matrix; keeps the plan while the pattern stays.
+
+    Attributes
+    ----------
+    latest : tuple or None
+        Matrix and factors of the last factorisation.
+    """
 
     def __init__(self) -> None:
         self.plan: BandPlan | SuperLUPlan | None = None
+        self.latest: tuple[csc_matrix, Factors] | None = None
 
     def factorise(self, matrix: csc_matrix) -> Factors:
         finite = np.isfinite(matrix.data)
@@ -99,7 +106,8 @@ class SparseSolver:
             raise not_finite(int(np.searchsorted(matrix.indptr, first, side="right")) - 1)
         if self.plan is None or not self.plan.fits(matrix):
             self.plan = planned(matrix)
-        return self.plan.factorise(matrix)
+        self.latest = matrix, self.plan.factorise(matrix)
+        return self.latest[1]
 
     @property
     def name(self) -> str:

@@ -115,7 +115,7 @@ def implicit(
 ) -> tuple[TimePath, PathStopped | None]:
     """Backward differences of order 1 and 2, each step a path of its own."""
     p, rest = case.parameters, np.zeros(case.size)
-    u, v = consistent(case.residual, rest, rest, 0.0, tolerance)
+    u, v = consistent(case.residual, rest, rest, 0.0, tolerance, 0.0)
     steps, reason = _until_stopped(
         implicit_dae.integrate(
             FunctionRateEquations(case.residual, p.t_end, p.V_c),

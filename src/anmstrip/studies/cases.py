@@ -19,6 +19,7 @@ from anmstrip.output import history
 from anmstrip.output.files import replaced
 from anmstrip.scene.errors import InputError, Mistake
 from anmstrip.scene.wording import nearest
+from anmstrip.series.instability import Instability, instabilities
 
 from .case_events import CaseEvent, events_of
 from .case_figures import draw
@@ -61,6 +62,8 @@ class CaseReport:
     seconds : float
     events : tuple of CaseEvent
         Contact, stick and slip, the cone, and the loss of Coulomb's solution.
+    unstable : tuple of Instability
+        Stretches in which there is no equilibrium to follow.
     files : tuple of Path
     """
 
@@ -75,6 +78,7 @@ class CaseReport:
     error_at_equal_times: float | None
     seconds: float
     events: tuple[CaseEvent, ...] = ()
+    unstable: tuple[Instability, ...] = ()
     files: tuple[Path, ...] = ()
 
     @property
@@ -124,6 +128,7 @@ class CaseReport:
             "error_at_equal_times": self.error_at_equal_times,
             "estimated_error": self.solved.error,
             "events": [asdict(event) for event in self.events],
+            "unstable": [str(stretch) for stretch in self.unstable],
             "parameters": asdict(self.case.parameters),
         }
 
@@ -142,6 +147,8 @@ class CaseReport:
         for event in self.events:
             label = f"t = {event.time:.6f} s"
             yield label, ". ".join(filter(None, (event.kind, event.message)))
+        for stretch in self.unstable:
+            yield "unstable", str(stretch)
         yield "estimated error", f"{self.solved.error:.2g} m"
         if self.error is None or self.error_at_equal_times is None:
             yield "error to Radau", "unknown: scipy could not integrate this case"
@@ -199,8 +206,9 @@ def run_case(
     rows = _rows(case, found, np.linspace(0.0, found.path.knots[-1], ROWS))
     error, equal = _errors(case, rows[:, 0], rows[:, 1 : 1 + case.size], tolerance)
     events = tuple(events_of(case, found.path.polynomials()))
+    unstable = tuple(instabilities(case.residual, found.path))
     report = CaseReport(
-        name, scheme, order, tolerance, case, found, rows, error, equal, seconds, events
+        name, scheme, order, tolerance, case, found, rows, error, equal, seconds, events, unstable
     )
     return replace(report, files=_written(report, Path(directory or f"results/case-{name}")))
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -11,139 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from anmstrip.mechanics.coulomb import coulomb
 from anmstrip.mechanics.friction import NortonHoff
+from anmstrip.mechanics.mass_spring import RotatingCircle
 from anmstrip.mechanics.nodes import CoupledNode, Slider, WrappedLinks
 from anmstrip.mechanics.references import slip_at
 from anmstrip.mechanics.signorini import RepulsiveSignorini, Signorini
-from anmstrip.series import backward_differences, implicit_dae
 from anmstrip.series.continuation import Settings, follow
 from anmstrip.series.expansion import Cost
-from anmstrip.series.functions import (
-    FunctionEquations,
-    FunctionRateEquations,
-    ImplicitSolution,
-)
-from anmstrip.series.implicit_dae import TimeStep
-from anmstrip.series.index_one import consistent
+from anmstrip.series.functions import FunctionEquations
+from anmstrip.series.instability import instabilities
 from anmstrip.series.linear_solvers import DenseSolver
-from anmstrip.series.outcome import PathStopped
 from anmstrip.series.path import Path
+from anmstrip.studies.case_runs import solved
+from anmstrip.studies.motions import Motion, Trial, moved
 
 Array = NDArray[np.float64]
-Residual = Callable[[Any, Any, Any], Any]
-
-MOST_STEPS = 20_000
-
-
-@dataclass(frozen=True)
-class Motion:
-    """Steps in time of a point, and why there are no more of them if it stopped.
-
-    Attributes
-    ----------
-    path : ImplicitSolution
-    steps : tuple of TimeStep
-    cost : Cost
-    outcome : str
-        ``done``, or the sentence of what stopped it.
-    """
-
-    path: ImplicitSolution
-    steps: tuple[TimeStep, ...]
-    cost: Cost
-    outcome: str
-
-    @property
-    def end(self) -> Array:
-        """State at the end."""
-        return self.steps[-1].u
-
-
-def moved(
-    residual: Residual,
-    u: Array,
-    span: tuple[float, float],
-    *,
-    tolerance: float = 1e-4,
-    v: Array | None = None,
-    speed: float = np.inf,
-    first: float = 1e-3,
-    order: int = 19,
-) -> Motion:
-    """Integrate R(u, v, t) = 0, implicitly in time.
-
-    Parameters
-    ----------
-    residual : callable
-    u : ndarray, shape (n,)
-    span : tuple of float
-    tolerance : float
-        Error of u that all steps together may make.
-    v : ndarray, optional
-        Guess of the first velocity.
-    speed : float
-        From which motion is fast, see :class:`FunctionRateEquations`.
-    first : float
-        First step over the span.
-    """
-    whole, cost = span[1] - span[0], Cost()
-    u, v = consistent(residual, u, np.zeros_like(u) if v is None else v, span[0], tolerance, 0.0)
-    found = implicit_dae.integrate(
-        FunctionRateEquations(residual, whole, speed),
-        backward_differences.start(span[0], u, v, first * whole),
-        span[1],
-        solver=DenseSolver(),
-        settings=Settings(order=order, tolerance=tolerance, max_steps=MOST_STEPS),
-        stepping=implicit_dae.Stepping(whole),
-        cost=cost,
-    )
-    steps, outcome = _all_of(found)
-    path = ImplicitSolution(u, v, steps, tolerance, speed)
-    return Motion(path, steps, cost, outcome)
-
-
-def _all_of(found: Iterator[TimeStep]) -> tuple[tuple[TimeStep, ...], str]:
-    steps: list[TimeStep] = []
-    try:
-        for step in found:
-            steps.append(step)
-    except PathStopped as stopped:
-        if not steps:
-            raise
-        return tuple(steps), str(stopped)
-    return tuple(steps), "done"
-
-
-# cases ---------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Trial:
-    """One run of a hard case beside its answer.
-
-    Attributes
-    ----------
-    found, exact : float
-    error : float
-        Relative to the answer, or to the size that is named with the case.
-    steps, tangents : int
-    outcome : str
-        ``done``, or the sentence of what stopped it.
-    """
-
-    found: float
-    exact: float
-    error: float
-    steps: int
-    tangents: int
-    outcome: str
-
-    @classmethod
-    def of(cls, motion: Motion, found: float, exact: float, unit: float | None = None) -> Trial:
-        """A motion's, with the error in a unit, that of the answer if none is given."""
-        error = abs(found - exact) / abs(exact if unit is None else unit)
-        steps, tangents = len(motion.steps), motion.cost.factorisations
-        return cls(float(found), float(exact), float(error), steps, tangents, motion.outcome)
 
 
 def zero_normal_force(omega: float = 1e-3, q: float = 0.1) -> Trial:
@@ -178,11 +60,11 @@ def penetration(stiffness: float = 1e6, load: float = 10.0) -> Trial:
 
 
 def sharp_corner(omega: float = 1e-2, q: float = 0.1, speed: float = 1.0) -> Trial:
-    """D3: dragged into slip; at the end u = f_eff(V) R_N/k.
+    """D3: dragged into slip at V; at the end u = f_eff(V) R_N/k, 0.3 m for every V_c.
 
     A force that ever falls, by more than the tolerance, is an error as well.
     """
-    law = NortonHoff(0.3, q, omega, speed)
+    law = NortonHoff(0.3 * speed**q, q, omega, speed)
     slider = Slider(law, stiffness=1.0, speed=1.0)
     motion = moved(slider.residual, np.zeros(1), (0.0, 2.0))
     exact = law.effective(1.0)
@@ -292,7 +174,7 @@ def grazing(depth: float = 0.1, stiffness: float = 1e9) -> Trial:
             cost=cost,
         )
     )
-    path = Path([step.branch for step in steps])
+    path = Path(tuple(step.branch for step in steps))
     pairs = [(path(1.0 - s), path(1.0 + s)) for s in np.linspace(0.0, 1.0, 41)]
     error = max(float(abs(a[0] - b[0])) for a, b in pairs)
     back = float(steps[-1].branch.end[0][0])
@@ -315,3 +197,19 @@ def many_turns(log_ratio: float = 2.0, points: int = 40, links: float = 1.0) -> 
     motion = moved(chain.residual, chain.start, (0.0, 0.04 * points), tolerance=1e-3)
     ends = chain.tensions(motion.end, motion.steps[-1].end)[1]
     return Trial.of(motion, float(ends[-1]), chain.exact_ratio(f))
+
+
+def leaves_the_cone(tolerance: float = 1e-4) -> Trial:
+    """D18: the paper's rotating circle, beyond the time at which Coulomb's law has no solution.
+
+    The regularised motion is unstable from a little before on (friction carries less than f at
+    less than V_c); the error is in the date (s), 1.805 s with Coulomb's law.
+    """
+    case = RotatingCircle()
+    found = solved(case, "taylor", order=19, tolerance=tolerance)
+    stretches = instabilities(case.residual, found.path)
+    date = max(stretches, key=lambda s: s.distance).start if stretches else np.nan
+    exact = coulomb(case).until
+    steps, tangents = len(found.path.errors), found.cost.factorisations
+    outcome = "done" if found.stopped is None else str(found.stopped)
+    return Trial(date, exact, abs(date - exact), steps, tangents, outcome)

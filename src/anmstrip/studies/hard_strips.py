@@ -1,0 +1,303 @@
+"""Hard cases of a strip on a roller: a section, or a small shell, each with its answer."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+
+from anmstrip.scene.measures import State
+from anmstrip.scene.run import Run, Step
+from anmstrip.scene.schema import Scene
+from anmstrip.studies.motions import Trial
+from anmstrip.studies.strips import CONTACT, MATERIAL, RADIUS, TENSION
+
+Tables = dict[str, Any]
+
+PULL = {"name": "pull", "duration": 1.0, "friction": False, "exit": {"force": [TENSION, 0.0, 0.0]}}
+LAY = {
+    "name": "lay",
+    "duration": 1.0,
+    "friction": False,
+    "entry": {"move": [0.0, 0.0, -0.45]},
+    "exit": {"force": [TENSION, 0.0, -5773.5]},
+}
+
+
+def tables_of(*stages: Tables, level: str = "section", refined: float = 0.05) -> Tables:
+    """Four metres of steel under 10 kN/m, above a roller of half a metre.
+
+    Parameters
+    ----------
+    stages : dict
+    level : str
+        Of the kinematics; a shell has two elements across.
+    refined : float
+        Element over the roller (m).
+    """
+    return {
+        "strip": {
+            "length": 4.0,
+            "width": 1.0,
+            "thickness": 1e-3,
+            "cells": [16, 2],
+            "refined": refined,
+            "kinematics": level,
+        },
+        "material": dict(MATERIAL),
+        "contact": dict(CONTACT),
+        "friction": {"coefficient": 0.3, "exponent": 0.05, "omega": 0.1, "speed": 1.0},
+        "rollers": [{"name": "r1", "radius": RADIUS, "centre": [0.0, 0.0, -RADIUS - 1e-3]}],
+        "edges": {"entry": {"fixed": ["x", "z"], "centred": level == "shell"}},
+        "stages": [deepcopy(stage) for stage in stages],
+        "solver": {"tolerance": 1e-4, "max_tangents": 5000},
+    }
+
+
+def turning(speed: float = 1.0, duration: float = 0.6, **more: Any) -> Tables:
+    """A stage in which the roller turns."""
+    return {
+        "name": "turn",
+        "duration": duration,
+        "rollers": {"r1": {"surface_speed": speed}},
+        **more,
+    }
+
+
+def ran(tables: Tables) -> tuple[Run, list[Step]]:
+    """All steps of a scene."""
+    run = Run(Scene.model_validate(tables))
+    return run, list(run)
+
+
+def trial(run: Run, found: float, exact: float, unit: float | None = None) -> Trial:
+    """A run beside its answer."""
+    error = abs(found - exact) / abs(exact if unit is None else unit)
+    outcome = "done" if run.outcome.done else run.message
+    return Trial(float(found), float(exact), float(error), run.steps, run.cost.expansions, outcome)
+
+
+def end_of(run: Run) -> State:
+    """Its last state."""
+    assert run.state is not None
+    return run.state
+
+
+# cases ---------------------------------------------------------------------------
+
+
+def tangent(speed: float = 1.0, gap: float = 1e-3) -> Trial:
+    """D1: a straight strip beside a turning roller, which rubs with the faint pressure there.
+
+    At a distance the drag is exactly 0; else an error is what is outside of 0 to f_eff R_N, of
+    which a part has no friction, see :data:`anmstrip.scene.build.FAINT`.
+    """
+    tables = tables_of(PULL, turning(duration=0.1))
+    tables["friction"]["speed"] = speed
+    tables["rollers"][0]["centre"] = [0.0, 0.0, -RADIUS - gap]
+    run, _ = ran(tables)
+    reading = end_of(run).rollers["r1"]
+    assert run.assembly.friction is not None
+    most = run.assembly.friction.effective(1.0) * reading.normal_force
+    least = 1e-3 * most if gap <= 1e-3 else 0.0
+    nearest = float(np.clip(reading.drag, least, most if least else 0.0))
+    return trial(run, reading.drag, nearest, most)
+
+
+def smooth_roller(stiffness: float = 1e10, thickness: float = 1e-3) -> Trial:
+    """D2, D17: without friction both tensions are the same, however stiff or thin."""
+    tables = tables_of(PULL, LAY)
+    del tables["friction"]
+    tables["contact"] |= {"stiffness": stiffness, "eta": min(10.0, 1e-4 * stiffness)}
+    scaled = thickness / 1e-3
+    tables["strip"]["thickness"] = thickness
+    for stage in tables["stages"]:
+        stage["exit"]["force"] = [scaled * force for force in stage["exit"]["force"]]
+    tables["contact"]["eta"] *= min(scaled, 1.0)
+    run, _ = ran(tables)
+    reading = end_of(run).rollers["r1"]
+    return trial(run, reading.tension_in, reading.tension_out)
+
+
+def capstan(
+    level: str = "section",
+    *,
+    omega: float = 0.1,
+    q: float = 0.05,
+    speed: float = 1.0,
+    thickness: float = 1e-3,
+    refined: float = 0.05,
+) -> Trial:
+    """D3, D12, D17: full slip under a held strip, by the capstan formula with bending.
+
+    The coefficient is chosen so that f_eff stays 0.3 at the roller's speed of 1 m/s; the
+    tension goes with the thickness.
+    """
+    tables = tables_of(PULL, LAY, turning(), level=level, refined=refined)
+    scaled, strength = thickness / 1e-3, (1.0 / speed) ** q
+    tables["strip"]["thickness"] = thickness
+    law = {"coefficient": 0.3 / strength, "exponent": q, "omega": omega, "speed": speed}
+    tables["friction"] = law
+    for stage in tables["stages"][:2]:
+        stage["exit"]["force"] = [scaled * force for force in stage["exit"]["force"]]
+    tables["contact"]["eta"] *= min(scaled, 1.0)
+    run, _ = ran(tables)
+    return trial(run, *_ratios(run))
+
+
+def _ratios(run: Run) -> tuple[float, float]:
+    """Ratio of tensions, and that of the formula."""
+    state, friction = end_of(run), run.assembly.friction
+    assert friction is not None
+    entry, end = state.edge_force("entry"), state.edge_force("exit")
+    angle = np.arctan2(-end[2], end[0]) + np.arctan2(-entry[2], -entry[0])
+    width = run.assembly.strip.width
+    high, low = np.linalg.norm(entry) / width, np.linalg.norm(end) / width
+    f = friction.effective(state.rollers["r1"].creep_speed)
+    bending = run.assembly.strip.bending_stiffness / (2.0 * RADIUS**2)
+    formula = np.exp(f * angle - (1.0 + f**2) * bending * (1.0 / low - 1.0 / high))
+    return float(high / low), float(formula)
+
+
+def hold(duration: float = 1e3, omega: float = 1e-6) -> tuple[Trial, Run]:
+    """D4: 5 % of tension held by a standing roller for long; what creeps is reported."""
+    less = {"force": [0.95 * TENSION, 0.0, -0.95 * 5773.5]}
+    slacken = {"name": "slacken", "duration": 1.0, "exit": less}
+    tables = tables_of(PULL, LAY, slacken, {"name": "hold", "duration": duration})
+    tables["friction"] |= {"exponent": 0.1, "omega": omega, "speed": 1e-4}
+    run, _ = ran(tables)
+    reading = end_of(run).rollers["r1"]
+    return trial(run, reading.tension_in / reading.tension_out, 1.0 / 0.95), run
+
+
+def graze(depth: float = 0.1, delta: float = 1e-3) -> Trial:
+    """D9: a roller comes as near as a share of δ, and goes; the strip is back to 1e-10 m."""
+    up = {"r1": {"move": [0.0, 0.0, (1.0 + depth) * delta]}}
+    there, back = {"name": "up", "duration": 1.0, "rollers": up}, {"name": "down", "duration": 1.0}
+    tables = tables_of(PULL, there, {**back, "rollers": {"r1": {"move": [0.0, 0.0, 0.0]}}})
+    del tables["friction"]
+    tables["edges"]["exit"] = {"fixed": ["z"]}
+    tables["solver"]["tolerance"] = 1e-9
+    run, steps = ran(tables)
+    first = next(step.state.full for step in reversed(steps) if step.stage == "pull")
+    values = run.march.course.assembly.strip.unknowns_of(run.assembly.strip.node_values)
+    moved = float(np.abs(run.march.full - first)[values].max())
+    return trial(run, moved, 0.0, 1.0)
+
+
+def lowered(level: str = "section", last: float = -0.1) -> Trial:
+    """D11: tension taken away, and a little beyond: an arc, a line, and no crash.
+
+    It ends done, or with one structured outcome; the error is then that it did not get below
+    a tenth of the tension at which the arc becomes a line, D/(4R² sin²(θ/4)).
+    """
+    less = {"name": "less", "duration": 1.0, "friction": False}
+    end = {"force": [last, 0.0, -0.57735 * last]}
+    tables = tables_of(PULL, LAY, {**less, "exit": end}, level=level)
+    del tables["friction"]
+    run, _ = ran(tables)
+    bending = run.assembly.strip.bending_stiffness
+    line = bending / (4.0 * RADIUS**2 * np.sin(0.25 * 0.75) ** 2)
+    tension = float(np.linalg.norm(end_of(run).edge_force("exit")))
+    return trial(run, tension, 0.0, 0.1 * line)
+
+
+def driven(speed: float = 1e-4) -> Trial:
+    """D12: carried by the roller alone with less tension behind: creep V (T1 − T2)/(E t).
+
+    The creep is the mean over the contact, which is below that of the last point; the error is
+    in units of it with V_c on top, for what sticks creeps as well.
+    """
+    less = {"force": [0.95 * TENSION, 0.0, -0.95 * 5773.5]}
+    slacken = {"name": "slacken", "duration": 0.1, "exit": less}
+    start = turning(1.0, 0.1, entry={"release": True})
+    convey = {**turning(1.0, 0.1), "name": "convey"}
+    tables = tables_of(PULL, LAY, slacken, start, convey, refined=0.1)
+    tables["friction"]["speed"] = speed
+    tables["solver"]["tolerance"] = 1e-3
+    run, steps = ran(tables)
+    late = [step.state.rollers["r1"] for step in steps if step.stage == "convey"]
+    creep = abs(float(np.median([reading.creep_speed for reading in late[len(late) // 2 :]])))
+    exact = 0.05 * float(np.hypot(TENSION, 5773.5)) / (MATERIAL["young"] * 1e-3)
+    return trial(run, creep, exact, speed + exact)
+
+
+def ironed(refined: float = 0.05) -> tuple[Trial, float]:
+    """D13: a roller dragged along a held strip: drag = f_eff times the normal force.
+
+    Returns
+    -------
+    trial
+    ripple : float
+        Scatter of the normal force about its trend, over its mean.
+    """
+    along = {"r1": {"move": [0.3, 0.0, 0.06]}}
+    up = {"name": "up", "duration": 1.0, "friction": False}
+    held = {"name": "iron", "duration": 0.3, "rollers": along}
+    tables = tables_of(
+        PULL, {**up, "rollers": {"r1": {"move": [0.0, 0.0, 0.06]}}}, held, refined=refined
+    )
+    tables["strip"]["cells"] = [round(4.0 / refined), 2]
+    tables["edges"]["exit"] = {"fixed": ["z"]}
+    tables["solver"]["tolerance"] = 1e-4
+    run, steps = ran(tables)
+    assert run.assembly.friction is not None
+    f = run.assembly.friction.effective(1.0)
+    late = [s.state for s in steps if s.stage == "iron" and s.time > 2.15]
+    times = np.array([s.time for s in late])
+    drags = np.array([abs(s.rollers["r1"].drag) for s in late])
+    normals = np.array([s.rollers["r1"].normal_force for s in late])
+    worst = int(np.abs(drags / normals / f - 1.0).argmax())
+    trend = np.polyval(np.polyfit(times, normals, 2), times)
+    ripple = float(np.std(normals - trend) / normals.mean())
+    return trial(run, float(drags[worst]), float(f * normals[worst])), ripple
+
+
+def in_units(length: float = 1.0) -> tuple[Trial, list[float]]:
+    """D16: the capstan with lengths in another unit (1e3 for mm), forces in N.
+
+    Returns
+    -------
+    trial
+        Its ratio beside that in metres.
+    times : list of float
+        Ends of the steps, which must not depend on units.
+    """
+    tables = tables_of(PULL, LAY, turning(duration=0.2), refined=0.1)
+    strip, contact = tables["strip"], tables["contact"]
+    for key in ("length", "width", "thickness", "refined"):
+        strip[key] *= length
+    tables["material"] = {"young": MATERIAL["young"] / length**2, "poisson": MATERIAL["poisson"]}
+    contact["stiffness"] /= length**3
+    contact["eta"] /= length**2
+    contact["delta"] *= length
+    tables["friction"]["speed"] *= length
+    tables["rollers"][0]["radius"] *= length
+    tables["rollers"][0]["centre"] = [length * x for x in tables["rollers"][0]["centre"]]
+    pull, lay, turn = tables["stages"]
+    for stage in (pull, lay):
+        stage["exit"]["force"] = [force / length for force in stage["exit"]["force"]]
+    lay["entry"]["move"] = [length * x for x in lay["entry"]["move"]]
+    turn["rollers"]["r1"]["surface_speed"] *= length
+    run, steps = ran(tables)
+    ratio = end_of(run).rollers["r1"].tension_ratio or np.nan
+    return trial(run, ratio, ratio), [step.time for step in steps]
+
+
+def slender(elements: int = 100, thickness: float = 1e-3) -> Trial:
+    """D17: a strip pulled from 1 to 10⁴ elements; elongation by Green's strain, exactly."""
+    tables = tables_of(PULL)
+    for key in ("contact", "friction", "rollers"):
+        del tables[key]
+    del tables["strip"]["refined"]
+    tables["strip"] |= {"cells": [elements, 1], "thickness": thickness}
+    force = TENSION * thickness / 1e-3
+    tables["stages"][0]["exit"]["force"] = [force, 0.0, 0.0]
+    tables["solver"]["tolerance"] = 1e-8
+    run, _ = ran(tables)
+    strip = run.assembly.strip
+    stretch = 1.0 + run.march.full.reshape(-1, strip.count)[strip.edges["exit"].values, 0][0] / 4.0
+    stiffness = MATERIAL["young"] * thickness
+    found = float(stiffness * 0.5 * (stretch**2 - 1.0) * stretch)
+    return trial(run, found, force)

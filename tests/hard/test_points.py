@@ -1,0 +1,224 @@
+"""Hard cases of single points with friction, beside their answers in closed form."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from anmstrip.mechanics.friction import NortonHoff
+from anmstrip.mechanics.mass_spring import RotatingCircle
+from anmstrip.mechanics.nodes import CoupledNode, Slider, WrappedLinks
+from anmstrip.series import backward_differences, implicit_dae
+from anmstrip.series.continuation import Settings
+from anmstrip.series.functions import FunctionRateEquations
+from anmstrip.series.implicit_dae import TimeStep
+from anmstrip.series.instability import instabilities, pivot
+from anmstrip.series.linear_solvers import DenseSolver
+from anmstrip.studies import hard_nodes as nodes
+from anmstrip.studies.case_runs import solved
+from anmstrip.studies.hard_nodes import CONTACT
+from anmstrip.studies.motions import Trial, moved
+
+
+def right(trial: Trial, allowed: float, tangents: int) -> None:
+    """What holds for all: the end is reached, at the answer, with bounded work."""
+    assert trial.outcome == "done"
+    assert np.isfinite([trial.found, trial.exact]).all()
+    assert trial.error <= allowed
+    assert 0 < trial.steps <= trial.tangents <= tangents
+
+
+@pytest.mark.parametrize("omega", [1e-2, 1e-10])
+def test_no_normal_force_at_the_start(omega: float) -> None:
+    """D1: friction is exactly 0 at first, not 0/0."""
+    law = NortonHoff(0.3, 0.1, omega, 1.0)
+    slider = Slider(law, stiffness=1.0, normal=(0.0, 1.0), speed=1.0)
+    assert slider.residual(np.zeros(1), np.zeros(1), 0.0) == 0.0
+    right(nodes.zero_normal_force(omega), 1e-9, 20)
+
+
+@pytest.mark.parametrize("stiffness", [1e3, 1e6, 1e9, 1e12])
+def test_penetration(stiffness: float) -> None:
+    """D2: h = (η δ − R²/K)/(R + η) to 1e-10 δ, in as many steps for every K."""
+    right(nodes.penetration(stiffness), 1e-10, 40)
+
+
+@pytest.mark.parametrize("q", [0.3, 0.01])
+@pytest.mark.parametrize("omega", [1e-2, 1e-6, 1e-10])
+def test_sharp_corner(omega: float, q: float) -> None:
+    """D3: monotone force, no sign flips, hardly a tangent more for a sharper corner."""
+    right(nodes.sharp_corner(omega, q), 1e-5, 300)
+
+
+@pytest.mark.parametrize("speed", [1e-3, 1e-7])
+def test_small_characteristic_speed(speed: float) -> None:
+    right(nodes.sharp_corner(1e-2, 0.1, speed), 1e-5, 300)
+
+
+@pytest.mark.parametrize("q", [0.3, 0.1, 0.02])
+def test_hold(q: float) -> None:
+    """D4: drift V_c ρ^(1/q) t at ρ = 0.5; 9.8e-4 V_c t for q = 0.1."""
+    trial = nodes.held(q)
+    right(trial, 1e-9, 20)
+    if q == 0.1:
+        assert trial.found == pytest.approx(9.766e-4 * 1e-3 * 1e6, rel=1e-4)
+
+
+@pytest.mark.slow
+def test_reversal() -> None:
+    """D5: work per cycle 4 f R_N (A − f R_N/k), as far as q leaves it."""
+    blunt, sharp = (nodes.reversal(q) for q in (0.1, 0.01))
+    right(blunt, 0.03, 2500)
+    right(sharp, 0.003, 2500)
+
+
+@pytest.mark.parametrize(("slope", "speed"), [(1.2, 6.1917), (2.0, 1024.0)])
+def test_slope_beyond_the_cone(slope: float, speed: float) -> None:
+    """D6: v = V_c (tan α/f)^(1/q)."""
+    trial = nodes.beyond_the_cone(0.1, slope)
+    right(trial, 1e-9, 20)
+    assert trial.found == pytest.approx(speed, rel=1e-4)
+
+
+# a node whose friction feeds on itself ---------------------------------------------
+
+
+def test_three_equilibria() -> None:
+    """D7: at f = 1.5 and W = 1.4 stick, slip at u = 0.5, and separated, all in equilibrium."""
+    node = CoupledNode(NortonHoff(1.5, 0.1, 1e-3, 1.0), CONTACT, (1.4, 0.0))
+    assert node.critical == 1.25
+    assert node.law.coefficient * node.pressing >= 1.4  # stick: |R_T| = W within the cone
+    assert node.sliding(1.4) == pytest.approx(0.5)
+    assert node.separated(1.4)[1] > 0.0
+    assert node.separated(1.8) == pytest.approx([2.0588, 0.3235], abs=1e-4)
+    slip = np.array([0.5, CONTACT.gap(1.0 - 0.8 * 0.5)])
+    assert np.abs(node.residual(slip, np.array([1.0, 0.0]), 0.0)).max() < 1e-2
+    assert pivot(node.residual, slip, np.array([1.0, 0.0]), 0.0)[0] == pytest.approx(-0.2, abs=1e-3)
+
+
+@pytest.mark.parametrize("f", [1.3, 1.5])
+def test_beyond_the_critical_coefficient_it_jumps_and_says_so(f: float) -> None:
+    """D7, D8: ramped past stick it ends separated; the report has date and pivot 1 − c f."""
+    trial, node, motion = nodes.coupled(f, 2.2)
+    right(trial, 1e-3, 1500)
+    assert motion.end == pytest.approx(node.separated(2.2), abs=1e-3)
+    assert pivot(node.residual, *motion.path(1e3), 1e3)[0] > 0.0
+    if f == 1.5:
+        (found,) = instabilities(node.residual, motion.path)
+        assert found.pivot < -0.2
+        assert 500.0 < found.start < found.end < 600.0  # W from 1.1 to 1.3, creeping before 1.5
+        assert "negative pivot" in str(found)
+        assert "no equilibrium to follow" in str(found)
+
+
+def test_below_the_critical_coefficient_nothing_is_said() -> None:
+    node = CoupledNode(NortonHoff(1.0, 0.1, 1e-3, 0.1), CONTACT, (0.0, 1.1e-3))
+    motion = moved(node.residual, np.zeros(2), (0.0, 1e3), tolerance=1e-3)
+    assert motion.outcome == "done"
+    assert instabilities(node.residual, motion.path) == []
+
+
+@pytest.mark.parametrize("distance", [0.5, 1e-1, 1e-2, 1e-4, 1e-6])
+def test_response_near_the_critical_coefficient(distance: float) -> None:
+    """D8: it grows like 1/(1.25 − f), and costs no more."""
+    right(nodes.near_critical(distance), 1e-8, 20)
+
+
+def test_a_snap_faster_than_steps_of_time_can_tell_is_passed() -> None:
+    """The sharper the law, the faster: here up to 1e10 m/s, in one step that is marked."""
+    faint = replace(CONTACT, eta=1e-4)
+    node = CoupledNode(NortonHoff(1.5, 0.2, 1e-3, 0.1), faint, (0.0, 0.018))
+    motion = moved(node.residual, np.zeros(2), (0.0, 100.0), tolerance=1e-3, speed=1e-3)
+    assert motion.outcome == "done"
+    assert motion.end == pytest.approx(node.separated(1.8), abs=1e-3)
+    (snap,) = [step for step in motion.steps if step.snap]
+    assert snap.end - snap.start < 1e-4
+    assert snap.branches > 10
+    assert all(a.end == b.start for a, b in zip(motion.steps, motion.steps[1:], strict=False))
+
+
+# contact, chains -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("depth", [0.1, -0.1])
+@pytest.mark.parametrize("stiffness", [1e3, 1e12])
+def test_grazing(depth: float, stiffness: float) -> None:
+    """D9: the same at mirrored instants, and back to 1e-10."""
+    right(nodes.grazing(depth, stiffness), 1e-13, 60)
+
+
+@pytest.mark.parametrize(("angle", "n"), [(1.0, 10), (3.0, 40)])
+def test_formula_of_equal_turns(angle: float, n: int) -> None:
+    """B2, which tends to e^(fθ) with the error (1 + f²) θ²/12n² in the logarithm."""
+    chain = WrappedLinks(NortonHoff(0.3, 0.1, 0.1, 1.0), angle / n, np.ones(n))
+    excess = np.log(chain.exact_ratio(0.3)) / (0.3 * angle) - 1.0
+    assert excess == pytest.approx((1.0 + 0.09) * angle**2 / (12.0 * n**2), rel=0.02)
+    before, after = chain.tensions(chain.start, 0.0)
+    assert before == pytest.approx(np.ones(n))
+    assert after == pytest.approx(np.ones(n))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("ratio", "points"), [(2.0, 20), (18.4, 80)])
+def test_many_turns(ratio: float, points: int) -> None:
+    """D10: up to e^(fθ) = 1e8."""
+    right(nodes.many_turns(ratio, points), 1e-3, 2000)
+
+
+@pytest.mark.slow
+def test_neighbours_of_very_different_stiffness() -> None:
+    """D14: every other link 1e6 times as stiff."""
+    right(nodes.many_turns(2.0, 20, links=1e6), 1e-4, 2000)
+
+
+# rejected steps, restarts ------------------------------------------------------------
+
+
+def drag(memory: Any = None, first: float = 1e-3, end: float = 2.0) -> list[TimeStep]:
+    slider = Slider(NortonHoff(0.3, 0.1, 1e-4, 1.0), stiffness=1.0, speed=1.0)
+    start = backward_differences.start(0.0, np.zeros(1), np.ones(1), first)
+    return list(
+        implicit_dae.integrate(
+            FunctionRateEquations(slider.residual, 2.0),
+            memory or start,
+            end,
+            solver=DenseSolver(),
+            settings=Settings(order=19, tolerance=1e-3),
+            stepping=implicit_dae.Stepping(2.0),
+        )
+    )
+
+
+@pytest.mark.parametrize("u", [0.1, 0.295])
+def test_restart_in_stick_and_in_slip(u: float) -> None:
+    """D15: the same answer to 1e-12."""
+    whole = drag()
+    k = next(k for k, step in enumerate(whole) if step.u[0] > u)
+    rest = drag(whole[k].memory)
+    assert [step.end for step in rest] == [step.end for step in whole[k + 1 :]]
+    assert rest[-1].u == pytest.approx(whole[-1].u, rel=1e-12)
+
+
+def test_rejected_step_leaves_no_trace() -> None:
+    """D15: a step that was far too long at first, and the same begun with the right length."""
+    before = drag()[20].memory
+    tried = drag(replace(before, step=100.0 * before.step))[0]
+    length = tried.end - tried.start
+    assert length < 10.0 * before.step
+    at_once = drag(replace(before, step=length))[0]
+    assert at_once.end == tried.end
+    assert at_once.u == pytest.approx(tried.u, rel=1e-12)
+
+
+def test_beyond_existence() -> None:
+    """D18: found where Coulomb's law has no solution from 1.805 s on, and passed."""
+    case = RotatingCircle()
+    found = solved(case, "taylor", order=19, tolerance=1e-4)
+    assert found.stopped is None
+    stretch = max(instabilities(case.residual, found.path), key=lambda s: s.distance)
+    assert stretch.start == pytest.approx(1.805, abs=0.03)
+    assert stretch.pivot < -0.3
+    assert stretch.distance > 0.5

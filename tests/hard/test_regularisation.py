@@ -1,0 +1,104 @@
+"""What regularised laws cost in truth: reported, an estimate of the error, and sharpened away."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from anmstrip.scene import InputError
+from anmstrip.scene.run import Run
+from anmstrip.scene.schema import Scene
+from anmstrip.scene.sharpening import SharpenedRun
+from anmstrip.studies.hard_strips import LAY, PULL, end_of, ran, tables_of, turning
+
+
+def capstan(**law: Any) -> dict[str, Any]:
+    tables = tables_of(PULL, LAY, turning(duration=0.4), refined=0.1)
+    tables["friction"] |= law
+    tables["solver"]["tolerance"] = 1e-3
+    return tables
+
+
+def ratio_of(run: Run) -> float:
+    ratio = end_of(run).rollers["r1"].tension_ratio
+    assert ratio is not None
+    return ratio
+
+
+def test_friction_beyond_the_cone_is_the_error_of_the_tension() -> None:
+    """Norton and Hoff's law at a hundred times V_c, beside V_c, where it is f."""
+    exact, _ = ran(capstan(speed=1.0, omega=1e-3))
+    beyond, _ = ran(capstan(speed=1e-2, omega=1e-3))
+    cost = end_of(beyond).regularisation["r1"]
+    error = 1.0 - ratio_of(exact) / ratio_of(beyond)
+    assert end_of(exact).regularisation["r1"].by_cone < 1e-4
+    assert cost.by_cone == pytest.approx(error, rel=0.15)
+    assert error > 0.05
+
+
+@pytest.mark.slow
+def test_creep_is_the_tension_that_goes() -> None:
+    """A standing roller holds a twentieth of the tension, which creeps away where ω is large."""
+
+    def held(omega: float, duration: float) -> Run:
+        less = {"exit": {"force": [0.95e4, 0.0, -0.95 * 5773.5]}}
+        stages = (PULL, LAY, {"name": "less", "duration": 0.1, **less})
+        tables = tables_of(*stages, {"name": "hold", "duration": duration}, refined=0.1)
+        tables["friction"] |= {"exponent": 0.1, "omega": omega, "speed": 1e-4}
+        run, _ = ran(tables)
+        assert run.outcome.done, run.message
+        return run
+
+    sharp, blunt = held(1e-6, 10.0), held(1e-1, 10.0)
+    lost = ratio_of(sharp) / ratio_of(blunt) - 1.0
+    assert end_of(sharp).regularisation["r1"].effect < 0.01
+    assert lost > 0.01
+    assert end_of(blunt).regularisation["r1"].by_creep > 0.2 * lost
+
+
+def test_penetration_is_that_of_the_law() -> None:
+    run, _ = ran(capstan())
+    state = end_of(run)
+    cost, contact = state.regularisation["r1"], state.contacts["r1"]
+    deepest = float(-contact.gap.min())
+    assert cost.penetration == pytest.approx(deepest)
+    assert cost.by_penetration == pytest.approx(deepest / 0.5)
+
+
+def test_summary(tmp_path: Path) -> None:
+    """Every run with friction says so, for each roller, also where nothing touches."""
+    tables = tables_of(PULL, turning(duration=0.01))
+    tables["rollers"][0]["centre"] = [0.0, 0.0, -2.0]
+    run = Run(Scene.model_validate(tables), tmp_path)
+    assert list(run)
+    roller = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["rollers"]["r1"]
+    effect = {"creep": 0.0, "cone": 0.0, "penetration": 0.0, "total": 0.0}
+    assert roller["regularisation_effect"] == effect
+    assert (roller["sticking_creep"], roller["penetration"]) == (0.0, 0.0)
+
+
+def test_laws_are_sharpened_until_it_is_not_seen(tmp_path: Path) -> None:
+    """Ten times V_c: 3 % too much tension at first, the tolerance of 0.1 % at last."""
+    exact, _ = ran(capstan(speed=1.0, omega=1e-3))
+    blunt, _ = ran(capstan(speed=0.1))
+    run = Scene.model_validate(capstan(speed=0.1, regularisation="auto")).run(tmp_path)
+    assert isinstance(run, SharpenedRun)
+    assert list(run)
+    assert run.outcome.done
+    assert run.effect <= 1e-3 < run.passes[0].effect
+    assert len(run.passes) == 2
+    assert abs(ratio_of(blunt) / ratio_of(exact) - 1.0) > 0.02
+    assert ratio_of(run) == pytest.approx(ratio_of(exact), rel=1e-3)
+    assert "below the tolerance of 0.001, with q = " in run.message
+    summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    assert summary["message"] == run.message
+    assert [done["tangents"] for done in summary["sharpened"]] == [p.tangents for p in run.passes]
+    assert summary["input"]["friction"]["exponent"] < 0.05
+
+
+def test_sharpening_is_not_resumed() -> None:
+    with pytest.raises(InputError, match="without --resume"):
+        Scene.model_validate(capstan(regularisation="auto")).run("nowhere", resume=True)

@@ -1,0 +1,178 @@
+"""Hard cases of a strip on a roller, beside their answers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from anmstrip.scene.march import Arrival, March
+from anmstrip.scene.run import Run
+from anmstrip.scene.schema import Scene
+from anmstrip.studies import hard_strips as strips
+from anmstrip.studies.hard_strips import LAY, PULL, end_of, ran, tables_of, turning
+from anmstrip.studies.motions import Trial
+
+
+def right(trial: Trial, allowed: float, tangents: int) -> None:
+    """What holds for all: the end is reached, at the answer, with bounded work."""
+    assert trial.outcome == "done"
+    assert np.isfinite([trial.found, trial.exact]).all()
+    assert trial.error <= allowed
+    assert 0 < trial.steps <= trial.tangents <= tangents
+
+
+@pytest.mark.parametrize("gap", [1e-3, 0.2])
+def test_tangent_to_a_turning_roller(gap: float) -> None:
+    """D1: the drag is no more than the cone of the faint pressure, and 0 out of reach."""
+    trial = strips.tangent(gap=gap)
+    right(trial, 1e-6, 40)
+    assert (trial.found == 0.0) is (gap == 0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stiffness", [1e7, 1e12])
+def test_stiff_contact(stiffness: float) -> None:
+    """D2: no friction, no difference of tension, at any K."""
+    right(strips.smooth_roller(stiffness), 1e-3, 200)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "hard",
+    [{"omega": 1e-10}, {"q": 0.3}, {"q": 0.01}, {"speed": 1e-7}, {"thickness": 1e-5}],
+    ids=str,
+)
+def test_capstan(hard: dict[str, Any]) -> None:
+    """D3, D12, D17: e^(f_eff θ) less bending, however sharp the law or thin the strip."""
+    right(strips.capstan(**hard), 5e-3 if "thickness" in hard else 5e-4, 1000)
+
+
+@pytest.mark.slow
+def test_capstan_of_a_shell() -> None:
+    right(strips.capstan("shell", q=0.01, omega=1e-4, refined=0.1), 5e-3, 1000)
+
+
+@pytest.mark.slow
+def test_long_hold() -> None:
+    """D4: the roller still holds 5 % of tension after 1000 s, and the report says what creeps."""
+    trial, run = strips.hold()
+    right(trial, 5e-2, 1000)
+    reading, cost = end_of(run).rollers["r1"], end_of(run).regularisation["r1"]
+    assert 0.0 < cost.sticking_creep <= reading.max_slip < 1e-9
+
+
+@pytest.mark.parametrize("depth", [0.1, -0.1])
+def test_grazing(depth: float) -> None:
+    """D9: back to 1e-10."""
+    right(strips.graze(depth), 1e-10, 30)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("level", ["section", "shell"])
+def test_tension_lowered_to_nothing(level: str) -> None:
+    """D11: arc, line, and a little below zero: no crash, and one outcome if it ends there."""
+    trial = strips.lowered(level)
+    assert trial.tangents < 1000
+    assert trial.outcome == "done" or trial.outcome.startswith("Stopped in stage less")
+    assert trial.error <= 1.0
+
+
+@pytest.mark.slow
+def test_driven_roller() -> None:
+    """D12: creep of the order of V_c on top of (T1 − T2)/(E t)."""
+    right(strips.driven(1e-4), 5.0, 2000)
+
+
+@pytest.mark.slow
+def test_ironing() -> None:
+    """D13: drag = f_eff R_N; the ripple from passing nodes falls like h², and does not grow."""
+    (coarse, rough), (fine, smooth) = (strips.ironed(h) for h in (0.1, 0.05))
+    right(coarse, 5e-3, 3000)
+    right(fine, 5e-3, 3000)
+    assert smooth < 0.4 * rough
+
+
+@pytest.mark.slow
+def test_other_units() -> None:
+    """D16: the same steps, the same dimensionless answer."""
+    (metres, times), (millimetres, same) = (strips.in_units(a) for a in (1.0, 1e3))
+    right(metres, 0.0, 300)
+    assert millimetres.tangents == metres.tangents
+    assert same == pytest.approx(times, rel=1e-8)
+    assert millimetres.found == pytest.approx(metres.found, rel=1e-9)
+
+
+@pytest.mark.parametrize(("elements", "thickness"), [(1, 1e-3), (10_000, 1e-3), (100, 1e-5)])
+def test_slender(elements: int, thickness: float) -> None:
+    """D17: one to ten thousand elements, 1 cm to 10 µm."""
+    right(strips.slender(elements, thickness), 1e-7, 5)
+
+
+# numbering -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("level", ["section", pytest.param("shell", marks=pytest.mark.slow)])
+def test_numbering_does_not_matter(level: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same answers to 1e-9 with nodes numbered at random."""
+
+    def forces(shuffled: bool) -> list[float]:
+        if shuffled:
+            monkeypatch.setattr("anmstrip.scene.build.strip_mesh", renumbered)
+        tables = tables_of(PULL, LAY, turning(duration=0.02), level=level, refined=0.4)
+        tables["solver"]["tolerance"] = 1e-6
+        run, _ = ran(tables)
+        assert run.outcome.done
+        reading = end_of(run).rollers["r1"]
+        return [reading.normal_force, reading.tension_in, reading.drag, float(run.steps)]
+
+    assert forces(shuffled=True) == pytest.approx(forces(shuffled=False), rel=1e-9)
+
+
+def renumbered(scene: Scene, thread: Any) -> Any:
+    """The mesh with its nodes in another order."""
+    from anmstrip.scene.meshing import strip_mesh  # noqa: PLC0415
+
+    mesh = strip_mesh(scene, thread)
+    order = np.random.default_rng(1).permutation(mesh.p.shape[1])
+    place = np.argsort(order)
+    low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
+    edges = {"entry": (0, low), "exit": (0, high), "right": (1, low), "left": (1, high)}
+    return type(mesh)(mesh.p[:, order], place[mesh.t], sort_t=False).with_boundaries(
+        {
+            name: lambda x, c=c, at=at: np.isclose(x[c], at[c])
+            for name, (c, at) in edges.items()
+            if c < len(low)
+        }
+    )
+
+
+def test_far_points_do_not_overflow() -> None:
+    """A roller a thousand kilometres away, pressed on by a law that decays."""
+    tables = tables_of(PULL)
+    tables["rollers"][0]["centre"] = [0.0, 0.0, -1e6]
+    run = Run(Scene.model_validate(tables))
+    assert list(run)
+    assert run.outcome.done
+    assert end_of(run).rollers["r1"].normal_force == 0.0
+
+
+def test_a_strip_that_ran_away_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step that holds a snap is counted, dated and measured, in the message as well."""
+    through = March._in_time
+
+    def snapping(march: March, plan: Any, settings: Any) -> Iterator[Arrival]:
+        for k, arrival in enumerate(through(march, plan, settings)):
+            yield replace(arrival, snap=k == 1)
+
+    monkeypatch.setattr(March, "_in_time", snapping)
+    run, steps = ran(tables_of(PULL, turning(duration=0.01), refined=0.4))
+    (snap,) = run.snaps
+    second = [step for step in steps if step.stage == "turn"][1]
+    assert (snap["stage"], snap["time"]) == ("turn", second.time)
+    assert 0.0 <= snap["distance"] < 1e-3
+    assert "the strip ran away by" in run.message
+    assert run.facts()["snaps"] == run.snaps
