@@ -4,7 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from io import BytesIO
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 Bars = Sequence[tuple[str, Mapping[str, float]]]
 
@@ -19,7 +24,6 @@ def stacked(panels: Mapping[str, Bars], unit: str) -> bytes:
     unit : str
         Of the axis; the parts are drawn in thousandths.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(4.0 * len(panels), 3.6), dpi=130, layout="constrained")
@@ -36,6 +40,58 @@ def stacked(panels: Mapping[str, Bars], unit: str) -> bytes:
         axes.spines[["top", "right"]].set_visible(False)
     handles, shown = axes.get_legend_handles_labels()
     figure.legend(handles, shown, frameon=False, loc="outside right upper", fontsize=8)
+    return _png(figure)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A line, or points where ``mark`` says which.
+
+    Attributes
+    ----------
+    label : str
+        Shown once for all panels if it is that of points.
+    x, y : ndarray
+    mark : str
+        As matplotlib names it; empty for a line.
+    """
+
+    label: str
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    mark: str = ""
+
+
+def curves(panels: Mapping[str, Sequence[Curve]], x: str, y: str) -> bytes:
+    """Curves, one panel beside the other; a PNG.
+
+    Parameters
+    ----------
+    panels : mapping
+        Title → curves; points take the colour of the line before them.
+    x, y : str
+        Labels of the axes.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(3.2 * len(panels), 3.4), dpi=130, layout="constrained")
+    for axes, (title, lines) in zip(figure.subplots(1, len(panels)), panels.items(), strict=True):
+        colour = -1
+        for line in lines:
+            colour += not line.mark
+            style = {"marker": line.mark, "linestyle": "none", "markersize": 4}
+            axes.plot(line.x, line.y, color=f"C{colour}", **(style if line.mark else {}),
+                      label=None if line.mark and colour else line.label)  # fmt: skip
+        axes.set_title(title, fontsize=9)
+        axes.set(xlabel=x, ylabel=y)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.legend(frameon=False, fontsize=7)
+    return _png(figure)
+
+
+def _png(figure: Any) -> bytes:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
     stream = BytesIO()
     FigureCanvasAgg(figure).print_png(stream)
     return stream.getvalue()

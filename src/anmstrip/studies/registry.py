@@ -14,7 +14,7 @@ from anmstrip.scene.errors import InputError, Mistake
 from anmstrip.scene.wording import nearest
 from anmstrip.studies.reports import StudyReport
 
-STUDIES = {"effects": "anmstrip.studies.effects"}
+STUDIES = {"effects": "anmstrip.studies.effects", "shells": "anmstrip.studies.shells"}
 """Name → module."""
 
 
