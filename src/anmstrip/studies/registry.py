@@ -14,7 +14,11 @@ from anmstrip.scene.errors import InputError, Mistake
 from anmstrip.scene.wording import nearest
 from anmstrip.studies.reports import StudyReport
 
-STUDIES = {"effects": "anmstrip.studies.effects", "shells": "anmstrip.studies.shells"}
+STUDIES = {
+    "effects": "anmstrip.studies.effects",
+    "shells": "anmstrip.studies.shells",
+    "wrinkles": "anmstrip.studies.wrinkles",
+}
 """Name → module."""
 
 
