@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from dense import DenseEquations
 
+from anmstrip.series.branch_switching import switched
 from anmstrip.series.continuation import Pace, Settings, follow
 from anmstrip.series.expansion import Cost, Parameter, expand, size
 from anmstrip.series.linear_solvers import DenseSolver
@@ -11,7 +12,7 @@ from anmstrip.series.outcome import Outcome, PathStopped
 from anmstrip.series.path import Branch
 from anmstrip.series.progressions import cleared, progression
 from anmstrip.series.range_of_validity import validated
-from anmstrip.series.singular_points import Kind, Remembering, SingularPoint, switched, watched
+from anmstrip.series.singular_points import Kind, Remembering, SingularPoint, watched
 
 FOLD = 2.0 / 3.0**1.5
 
@@ -80,6 +81,17 @@ def test_the_last_step_is_looked_at_before_a_stop():
             seen += points
     assert stopped.value.outcome is Outcome.FOLD
     assert sorted(p.kind.value for p in seen) == ["bifurcation", "limit point"]
+
+
+def test_only_the_first_is_looked_for():
+    """Of two in one step, and of a bifurcation before a limit point."""
+    settings, equations = Settings(order=15, arclength=True), DenseEquations(snapping)
+    solver = Remembering(DenseSolver())
+    start = {"start": -1.2 + 1.2**3, "target": -1.0, "solver": solver, "settings": settings}
+    steps = follow(equations, np.array([-1.2, 0.0]), **start)
+    *_, (_, points) = watched(equations, steps, solver, settings, stop=True)
+    assert [p.kind for p in points] == [Kind.LIMIT]
+    assert points[0].control == pytest.approx(-FOLD, abs=1e-9)
 
 
 @pytest.mark.parametrize("longest", [0.3, 0.1])

@@ -20,15 +20,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum
+from itertools import islice
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .continuation import Pace, Settings, Step
+from .continuation import Settings, Step
 from .expansion import Cost, Equations, Parameter, Recurrence, expand, size
 from .linear_solvers import Factors, LinearSolver
-from .outcome import Outcome, PathStopped
+from .outcome import PathStopped
 from .path import Branch
 
 Array = NDArray[np.float64]
@@ -106,6 +107,8 @@ def watched(
     solver: Remembering,
     settings: Settings,
     cost: Cost | None = None,
+    *,
+    stop: bool = False,
 ) -> Iterator[tuple[Step, list[SingularPoint]]]:
     """Steps of a path with the singular points in each.
 
@@ -119,6 +122,8 @@ def watched(
         Those of the path.
     cost : Cost, optional
         Counters for the tangents that singular points take, and for the one at the end.
+    stop : bool
+        End with the step that holds the first singular point, and look for no other.
 
     Raises
     ------
@@ -126,18 +131,29 @@ def watched(
         As the steps do, after the last of them.
     """
     finder = _Finder(equations, solver.solver, settings, Cost() if cost is None else cost)
+    for step, before, after in _spanned(steps, solver, finder):
+        found = list(islice(finder.points(step, before, after), 1 if stop else None))
+        yield step, found
+        if stop and found:
+            return
+
+
+def _spanned(
+    steps: Iterable[Step], solver: Remembering, finder: _Finder
+) -> Iterator[tuple[Step, int, int]]:
+    """Steps with the negative eigenvalues at both ends."""
     held: tuple[Step, int] | None = None
     stopped: PathStopped | None = None
     try:
         for step in steps:
             now = solver.negatives
             if held is not None:
-                yield held[0], finder.points(*held, now)
+                yield *held, now
             held = (step, now)
     except PathStopped as end:
         stopped = end
     if held is not None:
-        yield held[0], finder.points(*held, finder.negatives(*held[0].branch.end))
+        yield *held, finder.negatives(*held[0].branch.end)
     if stopped is not None:
         raise stopped
 
@@ -156,26 +172,39 @@ class _Finder:
         self.cost.factorisations += 1
         return self.solver.factorise(self.equations.recurrence(u, control, 1).tangent()).negatives
 
-    def points(self, step: Step, before: int, after: int) -> list[SingularPoint]:
-        """Limit points, and bifurcations where those do not account for the change of inertia."""
+    def points(self, step: Step, before: int, after: int) -> Iterator[SingularPoint]:
+        """In their order; bifurcations where limit points do not account for the inertia."""
         branch, folds = step.branch, step.branch.folds
-        found = [SingularPoint(Kind.LIMIT, *self._limit(branch, a), before, after) for a in folds]
         change = abs(after - before)
-        if change > len(folds) or (change - len(folds)) % 2:
-            for (low, n), (high, m) in self._between(branch, before, after):
-                if n != m:
-                    where = self._bifurcation(branch, low, high, n)
-                    found.append(SingularPoint(Kind.BIFURCATION, *where, n, m))
-        return found
-
-    def _between(self, branch: Branch, before: int, after: int) -> Iterator[tuple[Mark, Mark]]:
-        """Pieces of a branch between its limit points, with the inertia at their ends."""
+        hidden = change > len(folds) or bool((change - len(folds)) % 2)
+        low = (0.0, before)
         aside = ASIDE * branch.length
-        marks = [(0.0, before)]
-        for fold in branch.folds:
-            marks += [(a, self.negatives(*branch(a))) for a in (fold - aside, fold + aside)]
-        marks.append((branch.length, after))
-        yield from zip(marks[::2], marks[1::2], strict=True)
+        for fold in folds:
+            if hidden:
+                yield from self._bifurcations(branch, low, self._mark(branch, fold - aside))
+                low = self._mark(branch, fold + aside)
+            yield SingularPoint(Kind.LIMIT, *self._limit(branch, fold), before, after)
+        if hidden:
+            yield from self._bifurcations(branch, low, (branch.length, after))
+
+    def _mark(self, branch: Branch, a: float) -> Mark:
+        return a, self.negatives(*branch(a))
+
+    def _bifurcations(self, branch: Branch, low: Mark, high: Mark) -> Iterator[SingularPoint]:
+        """Those in a piece of a branch whose inertia is known at both ends."""
+        if low[1] == high[1]:
+            return
+        a, u, control, mode = self._bifurcation(branch, low[0], high[0], low[1])
+        below, above = low, high
+        if abs(low[1] - high[1]) > 1:
+            aside = ASIDE * branch.length
+            below = self._mark(branch, a - aside) if a - aside > low[0] else low
+            above = self._mark(branch, a + aside) if a + aside < high[0] else high
+        if below != low:
+            yield from self._bifurcations(branch, low, below)
+        yield SingularPoint(Kind.BIFURCATION, u, control, mode, below[1], above[1])
+        if above != high:
+            yield from self._bifurcations(branch, above, high)
 
     def _limit(self, branch: Branch, a: float) -> tuple[Array, float, Array]:
         """State, control and mode where the control turns back."""
@@ -187,8 +216,8 @@ class _Finder:
 
     def _bifurcation(
         self, branch: Branch, low: float, high: float, before: int
-    ) -> tuple[Array, float, Array]:
-        """State, control and mode at a pole of the response, kept between signs of inertia."""
+    ) -> tuple[float, Array, float, Array]:
+        """Parameter, state, control and mode at a pole of the response."""
         a = 0.5 * (low + high)
         for _ in range(MOST_ITERATIONS):
             here = self._about(branch, a)
@@ -196,11 +225,12 @@ class _Finder:
             response = self._response(here)
             pole = self.equations.inner(*response) / self.equations.inner(response[1], response[1])
             if abs(pole) < NEAR * branch.length:
+                here = Branch(here.u[:3], here.control[:3], 1.0, here.residual)
                 break
             a = a + pole if low < a + pole < high else 0.5 * (low + high)
-        few = Branch(here.u[:3], here.control[:3], 1.0, here.residual)
-        u, control = few(pole) if abs(pole) < NEAR * branch.length else branch(a)
-        return u, control, response[1] / size(self.equations, response[1])
+            pole = 0.0
+        u, control = here(pole)
+        return a + pole, u, control, response[1] / size(self.equations, response[1])
 
     def _about(self, branch: Branch, a: float) -> Branch:
         """Series about a point of a branch, which is brought into equilibrium before.
@@ -270,45 +300,3 @@ class _Pushed:
 
     def imbalance(self, residual: Array) -> float:
         return self.equations.imbalance(residual)
-
-
-def switched(
-    equations: Equations,
-    point: SingularPoint,
-    distance: float,
-    solver: LinearSolver,
-    tolerance: float,
-    cost: Cost | None = None,
-) -> tuple[Array, Pace]:
-    """A state on the path that crosses another at a bifurcation, and the pace to go on with.
-
-    By Newton's method among the states that are ``distance`` from the bifurcation along its
-    mode; the sign chooses the side.
-
-    Parameters
-    ----------
-    distance : float
-        In the equations' own scales.
-    tolerance : float
-        Imbalance of the state.
-
-    Raises
-    ------
-    PathStopped
-        If the method does not converge.
-    """
-    cost = Cost() if cost is None else cost
-    u, control = point.u + distance * point.mode, point.control
-    for _ in range(MOST_ITERATIONS):
-        recurrence = equations.recurrence(u, control, 1)
-        if equations.imbalance(recurrence.residual) <= tolerance:
-            forward = (np.sign(distance) * point.mode, 0.0)
-            return u, Pace(control, abs(distance), arclength=True, forward=forward)
-        factors = solver.factorise(recurrence.tangent())
-        cost.factorisations += 1
-        free = -factors.solve(recurrence.residual)
-        per_control = -factors.solve(recurrence.control_derivative())
-        missing = distance - equations.inner(point.mode, u + free - point.u)
-        change = missing / equations.inner(point.mode, per_control)
-        u, control = u + free + change * per_control, control + change
-    raise PathStopped(Outcome.STALLED, control, "no state found on the other path")

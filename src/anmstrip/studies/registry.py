@@ -32,6 +32,8 @@ STUDIES = {
         "peers": "peers",
         "stiff": "stiff",
         "stability": "stability",
+        "shells": "shells",
+        "wrinkles": "wrinkles",
     }.items()
 }
 """Name → module."""
