@@ -79,7 +79,6 @@ class Trial:
 
 def study(quick: bool = False) -> StudyReport:
     """All programs at all stiffnesses."""
-    begin, at_work = time.perf_counter(), time.process_time() + _children()
     limit = 12.0 if quick else 300.0
     programs = [p for p in PROGRAMS if (p.quick or not quick) and _there(p)]
     trials = [tried(program, factor, limit) for program in programs for factor in FACTORS]
@@ -87,11 +86,8 @@ def study(quick: bool = False) -> StudyReport:
     return StudyReport(
         name="peers",
         title="The capstan by other programs",
-        command=f"anmstrip study peers{' --quick' if quick else ''}",
         data=Sheet("All trials", COLUMNS, rows),
         sheets=(Sheet("Capstan in full slip", COLUMNS, rows, _note(limit)),),
-        seconds=time.perf_counter() - begin,
-        processor=time.process_time() + _children() - at_work,
     )
 
 
@@ -116,12 +112,6 @@ def tried(program: Program, stiffer: float, limit: float) -> Trial:
 
 def _there(program: Program) -> bool:
     return not program.module or installed(program.module)
-
-
-def _children() -> float:
-    """Processor time of the processes that have ended (s)."""
-    times = os.times()
-    return times.children_user + times.children_system
 
 
 def _note(limit: float) -> str:

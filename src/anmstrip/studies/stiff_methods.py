@@ -141,7 +141,8 @@ def heyoka(epsilon: float, tolerance: float) -> Solved:
     system = [(u, epsilon * s / hy.sqrt((1.0 - s) * (1.0 + s)))]
     grid = np.linspace(0.0, END, 2001)
     found = hy.taylor_adaptive(system, [0.0], tol=tolerance).propagate_grid(grid)
-    return Solved(grid[1:], found[-1][1:, 0], found[3], None, 0)
+    states = found[-1][1:, 0]
+    return Solved(grid[1 : len(states) + 1], states, found[3], None, 0)
 
 
 @dataclass(frozen=True)

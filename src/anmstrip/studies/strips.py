@@ -124,6 +124,23 @@ def capstan(
     )
 
 
+def pressed(refined: float, tolerance: float) -> Scene:
+    """A section pulled down over a roller at one end, without friction."""
+    down = {"entry": {"move": [0.0, 0.0, -1.0]}, "exit": {"force": [TENSION, 0.0, -5773.5]}}
+    strip = {"length": 4.0, "width": 1.0, "thickness": 1.0e-3, "cells": [16, 2]}
+    return Scene.model_validate(
+        {
+            "strip": {**strip, "refined": refined, "kinematics": "section"},
+            "material": MATERIAL,
+            "contact": CONTACT,
+            "rollers": [{"name": "r1", "radius": RADIUS, "centre": [0.0, 0.0, -RADIUS - 1e-3]}],
+            "edges": {"entry": {"fixed": ["x", "z"], "centred": True}},
+            "stages": [_pull(), {"name": "press", "duration": 1.0, **down}],
+            "solver": {"tolerance": tolerance},
+        }
+    )
+
+
 def lightly_wrapped(level: str, degrees: float, cells: tuple[int, int], refined: float) -> Scene:
     """A strip between two ends that a roller lifts in the middle, without friction."""
     lifted = 2.0 * float(np.tan(0.5 * np.radians(degrees))) + 1e-3
