@@ -15,7 +15,6 @@ from anmstrip.series.continuation import follow
 from anmstrip.series.expansion import Cost
 from anmstrip.series.functions import FunctionEquations
 from anmstrip.series.linear_solvers import DenseSolver
-from anmstrip.series.outcome import PathStopped
 from anmstrip.studies.newton import NewtonPath, NewtonSettings, load_steps
 from anmstrip.studies.newton_study import LONG, PLAIN
 from anmstrip.studies.strips import capstan, pressed
@@ -34,11 +33,6 @@ def cubic(u, load):
     return u + u * u * u - load
 
 
-def saturating(u, load):
-    """Newton's full steps overshoot: arctan-like."""
-    return u * (u * u + 1e-4) ** -0.5 - 0.49 * load
-
-
 @pytest.mark.parametrize("part", [{"degree": 1}, {"degree": 3}, {"kept": 0.05}, {"halvings": 5}])
 def test_every_part_leads_to_the_same_state(part):
     found, _ = solved(cubic, replace(NewtonSettings(tolerance=1e-10), **part))
@@ -50,15 +44,6 @@ def test_a_guess_and_kept_tangents_save_factorisations():
     _, without = solved(cubic, plain)
     assert solved(cubic, replace(plain, degree=2))[1] < 0.7 * without
     assert solved(cubic, replace(plain, kept=0.2))[1] < 0.9 * without
-
-
-def test_a_line_search_saves_steps_that_overshoot():
-    plain = NewtonSettings(first=1.0, most=60, shortest=1e-3)
-    found, searched = solved(saturating, replace(plain, halvings=10))
-    assert found == pytest.approx(0.98 / np.sqrt(1 - 0.98**2) * 0.01, rel=1e-6)
-    with pytest.raises(PathStopped):
-        solved(saturating, replace(plain, most=3, wanted=1))
-    assert searched <= 10
 
 
 def reading(scene, method):
