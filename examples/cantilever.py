@@ -11,18 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anmstrip.mechanics.bending import isometric_bending
-from anmstrip.mechanics.cells import Pattern
-from anmstrip.mechanics.loads import edge_force
-from anmstrip.mechanics.membrane import Membrane
-from anmstrip.mechanics.strip import Material, Strip, grid
-from anmstrip.model import Controls, Equilibrium, Model, Scales, Supports
+from anmstrip.model import Equilibrium
 from anmstrip.series.continuation import Settings, follow
 from anmstrip.series.expansion import Cost
 from anmstrip.series.linear_solvers import SparseSolver
+from anmstrip.studies.cantilever import cantilever
 from anmstrip.studies.newton import load_steps
-
-LENGTH, FORCE = 10.0, 4.0
 
 
 @dataclass(frozen=True)
@@ -34,25 +28,6 @@ class Bent:
 
     def __str__(self) -> str:
         return f"U = {self.tip[0]:.6f} m, W = {self.tip[1]:.6f} m, {self.tangents} tangents"
-
-
-def cantilever(cells: int = 16, thickness: float = 0.1) -> Equilibrium:
-    """Equations of the strip, clamped at its entry and pulled up at its exit.
-
-    Another thickness changes E so that the bending stiffness stays.
-    """
-    mesh = grid(np.linspace(0.0, LENGTH, cells + 1), np.array([-0.5, 0.5]))
-    strip = Strip(mesh, thickness, Material(young=1200.0 / thickness**3, poisson=0.0))
-    pattern = Pattern(strip)
-    effects = [
-        Membrane(strip),
-        isometric_bending(strip, pattern),
-        edge_force(strip, "exit"),
-    ]
-    model = Model(strip, pattern, effects, Scales(LENGTH, FORCE, FORCE))
-    supports = Supports.at_rest(strip.unknowns, strip.clamp("entry"))
-    force = Controls({"exit.force": np.zeros(3)}, {"exit.force": np.array([0.0, 0.0, FORCE])})
-    return Equilibrium(model, supports, force)
 
 
 def bent(equations: Equilibrium, *, newton: bool = False, tolerance: float = 1e-4) -> Bent:

@@ -77,7 +77,7 @@ def test_what_newton_counts(equations):
 
 def test_newton_halves_steps_that_fail(equations):
     cost = Cost()
-    settings = NewtonSettings(first=1.0, most=8, few=4)
+    settings = NewtonSettings(first=1.0, most=8, wanted=4)
     u = np.zeros(len(equations.supports.free))
     steps = list(load_steps(equations, u, solver=SparseSolver(), settings=settings, cost=cost))
     assert steps[-1].control == 1.0

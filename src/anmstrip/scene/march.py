@@ -18,7 +18,7 @@ from anmstrip.scene.schema import StageSpec
 from anmstrip.scene.stages import Course, Plan, stretched
 from anmstrip.series import backward_differences, implicit_dae
 from anmstrip.series.backward_differences import Memory
-from anmstrip.series.continuation import Pace, Settings, follow
+from anmstrip.series.continuation import Pace, PathSolver, Settings, follow
 from anmstrip.series.expansion import Cost
 from anmstrip.series.linear_solvers import SparseSolver
 from anmstrip.series.path import Branch
@@ -97,9 +97,12 @@ class March:
         The stage before.
     feed : Feed or None
         Of fresh strip.
+    follow : callable
+        Follows paths; by series unless somebody compares.
     """
 
     def __init__(self, assembly: Assembly) -> None:
+        self.follow: PathSolver = follow
         self.assembly, self.scene = assembly, assembly.scene
         self.course, self.solver = Course(assembly), SparseSolver()
         self.cost = Cost(most=assembly.scene.solver.max_tangents)
@@ -152,7 +155,7 @@ class March:
     def _rate_free(self, plan: Plan, settings: Settings) -> Iterator[Arrival]:
         u, equations = self._start(plan)
         settings = replace(settings, tolerance=min(settings.tolerance, LOOSEST))
-        for step in follow(
+        for step in self.follow(
             equations, u, solver=self.solver, settings=settings, pace=self.pace, cost=self.cost
         ):
             u, control = step.branch.end
@@ -230,7 +233,9 @@ class March:
             plan.start + plan.duration,
             solver=self.solver,
             settings=settings,
-            stepping=implicit_dae.Stepping(sum(stages), solver.time_order, solver.time_step),
+            stepping=implicit_dae.Stepping(
+                sum(stages), solver.time_order, solver.time_step, self.follow
+            ),
             cost=self.cost,
         )
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,6 +114,24 @@ class Step:
     imbalance: float
     pace: Pace
     fold: float | None = None
+
+
+class PathSolver(Protocol):
+    """What follows a path: :func:`follow`, or what it is compared with."""
+
+    def __call__(
+        self,
+        equations: Equations,
+        u: Array,
+        *,
+        solver: LinearSolver,
+        settings: Settings,
+        start: float = 0.0,
+        target: float = 1.0,
+        pace: Pace | None = None,
+        cost: Cost | None = None,
+    ) -> Iterator[Step]:
+        """Accepted steps of the path from (u, start) to the control ``target``."""
 
 
 def follow(

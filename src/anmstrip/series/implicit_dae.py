@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .backward_differences import AffineVelocity, Memory, formula, predicted
-from .continuation import Settings, Step, follow
+from .continuation import PathSolver, Settings, Step, follow
 from .expansion import Cost, Equations
 from .linear_solvers import Factors, LinearSolver
 from .outcome import Evidence, Outcome, PathStopped
@@ -103,11 +103,14 @@ class Stepping:
     fixed : float or None
         Length of all steps, of the highest order that the past allows; their error in time
         is estimated but not controlled.
+    follow : callable
+        What leads from λ = 0 to 1.
     """
 
     whole: float
     order: int = 2
     fixed: float | None = None
+    follow: PathSolver = follow
 
 
 @dataclass(frozen=True)
@@ -236,7 +239,7 @@ class _Integrator:
     ) -> None:
         self.equations, self.solver, self.settings = equations, _LastFactors(solver), settings
         self.whole, self.time_order = stepping.whole, stepping.order
-        self.fixed, self.cost = stepping.fixed, cost
+        self.fixed, self.follow, self.cost = stepping.fixed, stepping.follow, cost
         self.path_settings = Settings(
             order=settings.order,
             tolerance=RESIDUAL_SHARE * settings.tolerance,
@@ -338,7 +341,7 @@ class _Integrator:
     def _followed(self, path: StepEquations, size: int) -> Step:
         """Last step of the path of the increment from λ = 0 to 1."""
         zero, settings = np.zeros(size), self.path_settings
-        *_, last = follow(path, zero, solver=self.solver, settings=settings, cost=self.cost)
+        *_, last = self.follow(path, zero, solver=self.solver, settings=settings, cost=self.cost)
         return last
 
     def _trial(self, memory: Memory, new: float, order: int) -> _Trial:

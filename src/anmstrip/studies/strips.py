@@ -97,15 +97,20 @@ def _pull() -> dict[str, Any]:
     return {"name": "pull", "duration": 1.0, "exit": {"force": [TENSION, 0.0, 0.0]}}
 
 
-def capstan(level: str, across: int, refined: float, tolerance: float) -> Scene:
-    """A strip held at its entry while the roller turns under it for 0.6 s."""
+def capstan(
+    level: str, across: int, refined: float, tolerance: float, *, stiffer: float = 1.0
+) -> Scene:
+    """A strip held at its entry while the roller turns under it for 0.6 s.
+
+    ``stiffer`` is a factor on the stiffness of contact.
+    """
     strip = {"length": 4.0, "width": 1.0, "thickness": 1.0e-3, "cells": [16, across]}
     wrap = {"entry": {"move": [0.0, 0.0, -0.45]}, "exit": {"force": [TENSION, 0.0, -5773.5]}}
     return Scene.model_validate(
         {
             "strip": {**strip, "refined": refined, "kinematics": level},
             "material": MATERIAL,
-            "contact": CONTACT,
+            "contact": {**CONTACT, "stiffness": stiffer * CONTACT["stiffness"]},
             "friction": FRICTION,
             "rollers": [{"name": "r1", "radius": RADIUS, "centre": [0.0, 0.0, -RADIUS - 1e-3]}],
             "edges": {"entry": {"fixed": ["x", "z"], "centred": True}},
@@ -114,6 +119,23 @@ def capstan(level: str, across: int, refined: float, tolerance: float) -> Scene:
                 {"name": "wrap", "duration": 1.0, "friction": False, **wrap},
                 {"name": "turn", "duration": 0.6, "rollers": {"r1": {"surface_speed": 1.0}}},
             ],
+            "solver": {"tolerance": tolerance},
+        }
+    )
+
+
+def pressed(refined: float, tolerance: float) -> Scene:
+    """A section pulled down over a roller at one end, without friction."""
+    down = {"entry": {"move": [0.0, 0.0, -1.0]}, "exit": {"force": [TENSION, 0.0, -5773.5]}}
+    strip = {"length": 4.0, "width": 1.0, "thickness": 1.0e-3, "cells": [16, 2]}
+    return Scene.model_validate(
+        {
+            "strip": {**strip, "refined": refined, "kinematics": "section"},
+            "material": MATERIAL,
+            "contact": CONTACT,
+            "rollers": [{"name": "r1", "radius": RADIUS, "centre": [0.0, 0.0, -RADIUS - 1e-3]}],
+            "edges": {"entry": {"fixed": ["x", "z"], "centred": True}},
+            "stages": [_pull(), {"name": "press", "duration": 1.0, **down}],
             "solver": {"tolerance": tolerance},
         }
     )

@@ -1,0 +1,169 @@
+"""Series beside Newton's method, on the same equations, to the same final error.
+
+Newton's method is given what is known to help, one thing after the other: a guess from the last
+two states, a line search, steps as long as they converge, tangents that are kept.  In time both
+follow the same backward differences with the same error control; only the path of each step
+differs.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from anmstrip.scene.run import Run
+from anmstrip.scene.schema import Scene
+from anmstrip.series.continuation import PathSolver, Settings, follow
+from anmstrip.series.expansion import Cost
+from anmstrip.series.linear_solvers import SparseSolver
+from anmstrip.series.outcome import Outcome
+from anmstrip.studies.cantilever import cantilever, tip
+from anmstrip.studies.newton import NewtonPath, NewtonSettings
+from anmstrip.studies.reports import Cell, Sheet, StudyReport
+from anmstrip.studies.strips import capstan, pressed
+
+PLAIN = NewtonSettings(tolerance=1e-6)
+GUESSED = replace(PLAIN, degree=1)
+SEARCHED = replace(GUESSED, halvings=8)
+LONG = replace(SEARCHED, wanted=40, most=100)
+
+METHODS: dict[str, PathSolver] = {
+    "series": follow,
+    "Newton": NewtonPath(PLAIN),
+    "+ guess": NewtonPath(GUESSED),
+    "+ line search": NewtonPath(SEARCHED),
+    "+ long steps": NewtonPath(LONG),
+    "+ tangents kept": NewtonPath(replace(LONG, kept=0.05)),
+}
+"""Every line has what the ones before have."""
+
+BENT: dict[str, PathSolver] = {
+    **{name: METHODS[name] for name in ("series", "Newton", "+ guess")},
+    "at once": NewtonPath(replace(PLAIN, first=1.0, most=50)),
+}
+"""For the cantilever: its imbalance has to grow before it falls, so a line search stops it."""
+
+TOLERANCE = 1e-5
+"""Of the series, and of the steps in time."""
+
+COLUMNS = ("problem", "method", "steps", "factorisations", "residuals", "seconds", "error")
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One method on one problem.
+
+    Attributes
+    ----------
+    steps : int
+        Accepted, of load and of time.
+    cost : Cost
+    seconds : float
+        Of the processor.
+    value : float
+        What the answer is judged by.
+    outcome : Outcome
+    """
+
+    steps: int
+    cost: Cost
+    seconds: float
+    value: float
+    outcome: Outcome
+
+    def row(self, problem: str, method: str, exact: float) -> tuple[Cell, ...]:
+        """Cells of the columns."""
+        counts = (self.steps, self.cost.factorisations, self.cost.residuals, self.seconds)
+        error = abs(self.value / exact - 1.0) if self.outcome.done else np.inf
+        return (problem, method, *counts, error)
+
+
+Problem = Callable[[PathSolver, float], Trial]
+"""Solved by a method, to a tolerance."""
+
+
+def study(quick: bool = False) -> StudyReport:
+    """All methods on all problems."""
+    refined = 0.1 if quick else 0.025
+    problems: dict[str, Problem] = {
+        "cantilever": lambda by, eps: bent(by, eps, 8 if quick else 16),
+        "press": of_scene(lambda eps: pressed(refined, eps), _normal_force),
+        "capstan": of_scene(lambda eps: capstan("section", 2, refined, eps), _tension_ratio),
+    }
+    rows = [row for name, problem in problems.items() for row in _rows(name, problem, quick)]
+    return StudyReport(
+        name="newton",
+        title="Series beside Newton's method",
+        data=Sheet("All trials", COLUMNS, tuple(rows)),
+        sheets=(Sheet("Cost", COLUMNS, tuple(rows), NOTE), _quotients(rows)),
+    )
+
+
+NOTE = (
+    "Seconds of the processor. Error: relative, of the tip's deflection, the roller's normal force "
+    f"and the ratio of tensions, inf where it stopped. Series and steps in time to {TOLERANCE:g}, "
+    f"Newton's iterations to {PLAIN.tolerance:g} of the forces; both follow the same backward "
+    "differences."
+)
+
+
+def _rows(name: str, problem: Problem, quick: bool) -> list[tuple[Cell, ...]]:
+    methods, settings = (BENT, PLAIN) if name == "cantilever" else (METHODS, LONG)
+    if quick and methods is METHODS:  # the two that take longest
+        methods = {n: by for n, by in METHODS.items() if n not in ("Newton", "+ guess")}
+    exact = problem(NewtonPath(replace(settings, tolerance=1e-10)), 0.01 * TOLERANCE).value
+    return [problem(by, TOLERANCE).row(name, method, exact) for method, by in methods.items()]
+
+
+def _quotients(rows: list[tuple[Cell, ...]]) -> Sheet:
+    """The best of Newton's lines over the series."""
+    found: list[tuple[Cell, ...]] = []
+    for problem in dict.fromkeys(row[0] for row in rows):
+        own, *others = (row for row in rows if row[0] == problem)
+        good: list[Any] = [row for row in others if row[-1] != np.inf]
+        fewest, fastest = (min(row[i] for row in good) for i in (3, 5))
+        found.append((problem, fewest / own[3], fastest / own[5]))
+    columns = ("problem", "factorisations", "seconds")
+    return Sheet("Best of Newton's method over the series", columns, tuple(found))
+
+
+# problems ------------------------------------------------------------------------
+
+
+def bent(method: PathSolver, tolerance: float, cells: int) -> Trial:
+    """The cantilever; the series follow the arc."""
+    equations, cost = cantilever(cells), Cost()
+    settings = Settings(tolerance=tolerance, arclength=method is follow)
+    begin, u = time.process_time(), np.zeros(len(equations.supports.free))
+    steps = list(method(equations, u, solver=SparseSolver(), settings=settings, cost=cost))
+    seconds = time.process_time() - begin
+    across = float(tip(equations, steps[-1].branch.end[0])[1])
+    return Trial(len(steps), cost, seconds, across, Outcome.DONE)
+
+
+def of_scene(scene: Callable[[float], Scene], value: Callable[[Run], float]) -> Problem:
+    """A scene as a problem."""
+
+    def solved(method: PathSolver, tolerance: float) -> Trial:
+        run = Run(scene(tolerance))
+        run.march.follow = method
+        begin = time.process_time()
+        steps = sum(1 for _ in run)
+        seconds = time.process_time() - begin
+        return Trial(steps, run.cost, seconds, value(run), run.outcome)
+
+    return solved
+
+
+def _normal_force(run: Run) -> float:
+    assert run.state is not None
+    return run.state.rollers["r1"].normal_force
+
+
+def _tension_ratio(run: Run) -> float:
+    assert run.state is not None
+    return run.state.rollers["r1"].tension_ratio or np.nan

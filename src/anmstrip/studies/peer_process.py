@@ -1,0 +1,32 @@
+"""One program on the capstan, in a process of its own.
+
+``python -m anmstrip.studies.peer_process NAME FACTOR`` prints the answer as one line of JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict
+from importlib import import_module
+
+from anmstrip.studies.peer_capstan import Answer, ours
+
+
+def solved(name: str, stiffer: float) -> Answer:
+    """By the program of that name, with contact so much stiffer."""
+    if name == "section":
+        return ours("section", 2, 1e-4)(stiffer)
+    if name == "shell":
+        return ours("shell", 10, 1e-4)(stiffer)
+    found: Answer = import_module(f"anmstrip.studies.peer_{name}").solved(stiffer)
+    return found
+
+
+def main() -> None:
+    """Solve what the command line says."""
+    print(json.dumps(asdict(solved(sys.argv[1], float(sys.argv[2])))))
+
+
+if __name__ == "__main__":
+    main()
