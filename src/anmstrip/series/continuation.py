@@ -203,7 +203,9 @@ class _Follower:
         if self.settings.give_way and _gives_way(pace.shrinking):
             pace = replace(pace, arclength=True)
         parameter = self._parameter(u, pace)
-        branch = cleared(self.equations, self._expanded(u, pace.control, parameter))
+        branch = self._expanded(u, pace.control, parameter)
+        if pace.arclength:
+            branch = cleared(self.equations, branch)
         tolerance, reach = self.settings.tolerance, parameter.reach
         branch, imbalance = validated(self.equations, branch, tolerance, reach, self.cost)
         if self.settings.rational:

@@ -67,28 +67,12 @@ class Controlled(Generic[T]):
     passes: int
 
 
-def growth_rate(residual: Residual, u: Array, v: Array, t: float) -> float:
-    """Rate at which neighbouring solutions drift apart (negative: come together).
-
-    Of the error, the driven part obeys c' = −κ c, where the algebraic part has
-    been eliminated; the rate is the largest eigenvalue of the symmetric part of
-    −κ.  The turning of the directions during a step is neglected.
-    """
-    point = Point.at(residual, u, v, t)
-    rows, P = point.driven
-    if not len(rows):
-        return -np.inf
-    whole = np.stack([p + point.algebraic_part(point.stiffness @ p) for p in P.T], axis=1)
-    kappa = np.linalg.solve(rows @ point.damping @ P, rows @ point.stiffness @ whole)
-    return float(np.linalg.eigvalsh(-0.5 * (kappa + kappa.T))[-1])
-
-
 def estimated(residual: Residual, path: TimePath) -> Array:
     """Estimated error of u at the knots of a path, shape (m + 1,)."""
     total, errors = 0.0, [0.0]
     for start, end, error in zip(path.knots[:-1], path.knots[1:], path.errors, strict=True):
         times = start + (end - start) * NODES
-        rates = np.array([growth_rate(residual, *path(t), t) for t in times])
+        rates = np.array([Point.at(residual, *path(t), t).growth_rate for t in times])
         grown = np.exp(min((end - start) * float(WEIGHTS @ rates), 700.0))
         total = total * grown + error
         errors.append(total)

@@ -86,6 +86,21 @@ class Point:
         shift = self.algebraic_part(self.residual.value)
         return shift, self.driven_part(self.residual.value + self.stiffness @ shift)
 
+    @property
+    def growth_rate(self) -> float:
+        """Rate at which neighbouring solutions drift apart (1/s; negative: come together).
+
+        Of the error, the driven part obeys c' = −κ c, where the algebraic part has
+        been eliminated; the rate is the largest eigenvalue of the symmetric part of
+        −κ.  The turning of the directions during a step is neglected.
+        """
+        rows, P = self.driven
+        if not len(rows):
+            return -np.inf
+        whole = np.stack([p + self.algebraic_part(self.stiffness @ p) for p in P.T], axis=1)
+        kappa = np.linalg.solve(rows @ self.damping @ P, rows @ self.stiffness @ whole)
+        return float(np.linalg.eigvalsh(-0.5 * (kappa + kappa.T))[-1])
+
 
 def consistent(
     residual: Residual,

@@ -115,7 +115,7 @@ def against(panels: Curves, across: str, up: str) -> bytes:
 
 
 @dataclass(frozen=True)
-class Curve:
+class Profile:
     """A line, or points where ``mark`` says which.
 
     Attributes
@@ -133,7 +133,7 @@ class Curve:
     mark: str = ""
 
 
-def profiles(panels: Mapping[str, Sequence[Curve]], x: str, y: str) -> bytes:
+def drawn(panels: Mapping[str, Sequence[Profile]], x: str, y: str) -> bytes:
     """Curves on linear axes, one panel beside the other; a PNG.
 
     Parameters

@@ -16,8 +16,7 @@ from anmstrip.studies.benchmarks import (
     hinged_roof,
     slit_plate,
 )
-from anmstrip.studies.figures import Curve
-from anmstrip.studies.figures import profiles as drawn_profiles
+from anmstrip.studies.figures import Profile, drawn
 from anmstrip.studies.reports import Cell, Sheet, StudyReport
 from anmstrip.studies.shell_runs import Followed, Iterated, followed, iterated, miss, settings
 
@@ -62,7 +61,7 @@ def study(quick: bool = False) -> StudyReport:
         sheets=sheets,
         seconds=time.perf_counter() - begin,
         processor=time.process_time() - at_work,
-        figures={"shells.png": drawn_profiles(_panels(compared), "displacement", "share of the load")},
+        figures={"shells.png": drawn(_panels(compared), "displacement", "share of the load")},
     )
 
 
@@ -238,15 +237,15 @@ def _tip(cells: int, curved: bool, thickness: float = 0.1) -> np.ndarray:
 # figure --------------------------------------------------------------------------
 
 
-def _panels(compared: list[Compared]) -> dict[str, list[Curve]]:
+def _panels(compared: list[Compared]) -> dict[str, list[Profile]]:
     """Load over displacement: path, ends of steps, table."""
     panels = {}
     for c in compared:
         table = c.benchmark.published
         lines = []
         for i, label in enumerate(c.benchmark.labels, start=1):
-            lines.append(Curve(label, c.series.curve[:, i], c.series.curve[:, 0]))
-            lines.append(Curve("steps", c.series.ends[:, i], c.series.ends[:, 0], "o"))
-            lines.append(Curve("table", table[:, i], table[:, 0], "x"))
+            lines.append(Profile(label, c.series.curve[:, i], c.series.curve[:, 0]))
+            lines.append(Profile("steps", c.series.ends[:, i], c.series.ends[:, 0], "o"))
+            lines.append(Profile("table", table[:, i], table[:, 0], "x"))
         panels[f"{c.benchmark.name}: {c.series.tangents} tangents"] = lines
     return panels

@@ -33,8 +33,7 @@ from anmstrip.series.expansion import Cost
 from anmstrip.series.linear_solvers import SparseSolver
 from anmstrip.series.outcome import PathStopped
 from anmstrip.series.singular_points import Remembering, SingularPoint, watched
-from anmstrip.studies.figures import Curve
-from anmstrip.studies.figures import profiles as drawn_profiles
+from anmstrip.studies.figures import Profile, drawn
 from anmstrip.studies.reports import Cell, Sheet, StudyReport
 from anmstrip.studies.shell_runs import settings
 
@@ -195,7 +194,7 @@ def study(quick: bool = False) -> StudyReport:
         sheets=(main, _mesh_sheet(thin, cells), _imperfection_sheet(thin, cells[0])),
         seconds=time.perf_counter() - begin,
         processor=time.process_time() - at_work,
-        figures={"wrinkles.png": drawn_profiles(profiles, "y / W", "z / t")},
+        figures={"wrinkles.png": drawn(profiles, "y / W", "z / t")},
     )
 
 
@@ -208,9 +207,9 @@ def _ended(sheet: Stretched) -> tuple[SingularPoint, Array, float, Cost]:
 
 def _thickness_sheet(
     stretches: list[tuple[float, float]], cells: tuple[int, int]
-) -> tuple[Sheet, dict[str, list[Curve]]]:
+) -> tuple[Sheet, dict[str, list[Profile]]]:
     rows: list[tuple[Cell, ...]] = []
-    panels: dict[str, list[Curve]] = {}
+    panels: dict[str, list[Profile]] = {}
     for thickness, beyond in stretches:
         sheet = sheet_of(thickness, cells, beyond)
         point, cost = onset(sheet), Cost()
@@ -227,7 +226,7 @@ def _thickness_sheet(
                          None if first else cost.factorisations))  # fmt: skip
         y = np.linspace(0.0, WIDTH / 2, 200)
         panels[f"t / W = {thickness:g}, {beyond:g} × onset"] = [
-            Curve("end", y, sheet.heights(path[-1][0])(y) / thickness)
+            Profile("end", y, sheet.heights(path[-1][0])(y) / thickness)
         ]
     columns = ("thickness", "at", "strain", "wavelength", "wrinkled length", "off, whole (%)",
                "off, own (%)", "amplitude / t", "tangents")  # fmt: skip
