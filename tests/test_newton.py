@@ -67,7 +67,7 @@ def test_a_run_by_newton_ends_where_one_by_series_does(scene):
 @pytest.mark.slow
 def test_the_best_is_far_better_than_the_plain():
     scene = pressed(0.1, 1e-5)
-    assert reading(scene, NewtonPath(LONG))[2] < 0.3 * reading(scene, NewtonPath(PLAIN))[2]
+    assert reading(scene, NewtonPath(LONG))[2] < 0.5 * reading(scene, NewtonPath(PLAIN))[2]
 
 
 @pytest.mark.slow
@@ -78,6 +78,6 @@ def test_the_study(tmp_path: Path) -> None:
     assert "anmstrip study newton --quick" in report
     for problem in ("cantilever", "press", "capstan"):
         lines = [line for line in report.splitlines() if line.startswith(f"| {problem} |")]
-        assert len(lines) == 5
+        assert len(lines) == (5 if problem == "cantilever" else 7)
         errors = [float(line.split("|")[-2]) for line in lines[:-1]]
         assert max(errors) < 1e-3

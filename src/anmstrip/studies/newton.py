@@ -156,11 +156,12 @@ class _Iteration:
         self, u: Array, change: Array, control: float, imbalance: float
     ) -> tuple[Array, Array, float]:
         """The corrected state, with as much of the correction as does not make it worse."""
-        for _ in range(self.settings.halvings + 1):
-            residual, found = self._residual(u - change, control)
+        residual, found = self._residual(u - change, control)
+        for _ in range(self.settings.halvings):
             if found < imbalance:
                 break
             change = 0.5 * change
+            residual, found = self._residual(u - change, control)
         return u - change, residual, found
 
     def _residual(self, u: Array, control: float) -> tuple[Array, float]:
