@@ -214,16 +214,16 @@ def test_rejected_step_leaves_no_trace() -> None:
 
 
 def test_a_short_stage_that_comes_late() -> None:
-    """Steps do not become shorter than the last digit of time, and time goes on."""
+    """Steps do not become shorter than the last digit of time; what needs them is told."""
     begin = 1e6
 
     def kinked(u: Any, v: Any, t: Any) -> Any:
         return v - np.sqrt((t - (begin + 1e-9)) ** 2 + 1e-40) * 1e9
 
     motion = moved(kinked, np.zeros(1), (begin, begin + 1e-8), tolerance=1e-12)
-    assert motion.outcome == "done"
+    assert motion.outcome.startswith("steps became too short")
     assert np.diff(motion.path.times).min() > 0.0
-    assert motion.path.times[-1] == begin + 1e-8
+    assert np.isfinite(motion.end).all()
 
 
 def test_beyond_existence() -> None:
