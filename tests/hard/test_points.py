@@ -213,6 +213,19 @@ def test_rejected_step_leaves_no_trace() -> None:
     assert at_once.u == pytest.approx(tried.u, rel=1e-12)
 
 
+def test_a_short_stage_that_comes_late() -> None:
+    """Steps do not become shorter than the last digit of time; what needs them is told."""
+    begin = 1e6
+
+    def kinked(u: Any, v: Any, t: Any) -> Any:
+        return v - np.sqrt((t - (begin + 1e-9)) ** 2 + 1e-40) * 1e9
+
+    motion = moved(kinked, np.zeros(1), (begin, begin + 1e-8), tolerance=1e-12)
+    assert motion.outcome.startswith("steps became too short")
+    assert np.diff(motion.path.times).min() > 0.0
+    assert np.isfinite(motion.end).all()
+
+
 def test_beyond_existence() -> None:
     """D18: found where Coulomb's law has no solution from 1.805 s on, and passed."""
     case = RotatingCircle()

@@ -51,6 +51,9 @@ SHORTEST, SHORTEST_IN_A_SNAP = 1e-13, 1e-100
 """Shortest steps, as fractions of the whole: what is left of the digits of t; and in a snap,
 where the first step counts from zero."""
 
+DIGITS_OF_TIME = 8.0
+"""Shortest steps in units of the last digit of t: a short stage may come late."""
+
 FAST, SLOW = 1e-6, 1e-9
 """A state snaps where it would move by its own size within the first of these fractions of the
 whole, and has found its place where steps are longer than the second."""
@@ -277,7 +280,7 @@ class _Integrator:
                 raise failed from None
             spent, memory = spent + step.end, step.memory
             if memory.step > SLOW * self.whole and not self._runs_away(memory):
-                new = begin + spent
+                new = max(begin + spent, float(np.nextafter(begin, np.inf)))
                 times = tuple(t - step.end + new for t in memory.times)
                 past = _unfolded(replace(memory, times=times))
                 branches = self.cost.expansions - before
@@ -294,11 +297,12 @@ class _Integrator:
     def tried(self, memory: Memory, end: float, shortest: float) -> TimeStep:
         """Try, estimate, and shorten until the error is allowed."""
         t = memory.times[0]
-        h, barred = min(self.fixed or memory.step, end - t), False
+        least = max(shortest * self.whole, DIGITS_OF_TIME * np.spacing(t))
+        h, barred = min(self.fixed or max(memory.step, 2.0 * least), end - t), False
         rising = memory.order if self.fixed is None else self.time_order
         order = min(rising, self.time_order, memory.available)
         failed = PathStopped(Outcome.STALLED, t)
-        while h > shortest * self.whole:
+        while h > least:
             new = end if h >= (end - t) * (1.0 - 1e-10) else t + h
             try:
                 trial = self._trial(memory, new, order)
@@ -327,7 +331,9 @@ class _Integrator:
         """
         try:
             still = self._at_rest(memory)
-            trial = self._trial(still, still.times[0] + SETTLING * memory.step, 1)
+            t = memory.times[0]
+            instant = max(SETTLING * memory.step, DIGITS_OF_TIME * np.spacing(t))
+            trial = self._trial(still, t + instant, 1)
         except PathStopped:
             return memory
         return replace(still, v=trial.v)
