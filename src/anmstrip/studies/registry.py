@@ -31,6 +31,7 @@ STUDIES = {
         "newton": "newton_study",
         "peers": "peers",
         "stiff": "stiff",
+        "shells": "shells",
     }.items()
 }
 """Name → module."""
