@@ -33,6 +33,9 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
     ("cells = [16, 2]", "cells = 16", "strip.cells", "two integers"),
     ("refined = 0.025", "refined = 0.0", "strip.refined", "above 0 (m)"),
     ("refined = 0.025", 'kinematics = "beam"', "strip.kinematics", '"shell"'),
+    ("refined = 0.025", 'bending = "stiff"', "strip.bending", "kirchhoff-love"),
+    ("refined = 0.025", "bending = 1", "strip.bending", "true, false"),
+    ("= 0.6", '= 0.6\nexit.moment = "no"', "stages.turn.exit.moment", "number"),
     ("refined = 0.025", 'kinematics = "plate"', "strip.kinematics", "nothing rubs"),
     ("refined = 0.025", 'kinematics = "solid"', "strip.kinematics", '"shell"'),
     ("refined = 0.025", 'mesh = "strip.msh"', "strip.mesh", "a file that exists"),
@@ -164,6 +167,7 @@ WRONG_PLATE = [
     ("= 0.6", "= 0.6\nentry.velocity = [1, 0, 0]", "stages.turn.entry.velocity", '"section"'),
     ("= 0.6", "= 0.6\nexit.force = [1e4, 1, 0]", "stages.turn.exit.force",
      "exit.force = [10000.0, 0.0, 0.0]"),
+    ("= 0.6", "= 0.6\nexit.moment = 1.0", "stages.turn.exit.moment", '"section"'),
     ("= 0.6", "= 0.6\nleft.force = [0, 1, 0]", "stages.turn.left.force", "0 along y"),
     ("= 0.6", "= 0.6\ngravity = [1, 1, -9]", "stages.turn.gravity", "0 along x and y"),
 ]  # fmt: skip
@@ -354,3 +358,9 @@ def test_zeros_are_no_motion_and_no_force(tmp_path: Path) -> None:
     zeros = "duration = 0.6\nentry.force = [0, 1, 0]\nexit.move = [0, 0, 0]"
     path.write_text(GOOD.replace("duration = 0.6", zeros), encoding="utf-8")
     assert Scene.load(path).stages[-1].edges["exit"].move == (0.0, 0.0, 0.0)
+
+
+def test_moment_needs_bending(tmp_path: Path) -> None:
+    text = GOOD.replace("refined = 0.025", "bending = false")
+    found = mistakes_of(tmp_path, text.replace("= 0.6", "= 0.6\nexit.moment = 1.0", 1))
+    assert "bending = true" in found["stages.turn.exit.moment"]

@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear
 
 from anmstrip.mechanics import loads
 from anmstrip.mechanics.cells import Pattern
-from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect
+from anmstrip.mechanics.effects import Effect, LawEffect
 from anmstrip.mechanics.kinematics import KINEMATICS, PLATE, Kinematics
 from anmstrip.mechanics.membrane import Membrane
 from anmstrip.mechanics.roller import Roller
@@ -101,10 +101,15 @@ class Assembly:
         return None if self.kinematics is PLATE else Membrane(self.strip)
 
     @cached_property
-    def bending(self) -> LinearEffect | None:
-        """If the strip resists it."""
-        if not self.scene.strip.bending:
+    def bending(self) -> Effect | None:
+        """If the strip resists it; a plate's slopes are small, for which all energies agree."""
+        choice = self.scene.strip.bending
+        if not choice:
             return None
+        if choice == "kirchhoff-love" and self.kinematics is not PLATE:
+            from anmstrip.mechanics.kirchhoff_love import KirchhoffLove  # noqa: PLC0415
+
+            return KirchhoffLove(self.strip)
         from anmstrip.mechanics.bending import isometric_bending  # noqa: PLC0415
 
         return isometric_bending(self.strip, self.pattern)
@@ -215,8 +220,8 @@ class Assembly:
             return loads.weight(self.strip)
         if kind == "pressure":
             return loads.pressure(self.strip)
-        make = loads.edge_tension if kind == "tension" else loads.edge_force
-        return make(self.strip, edge)
+        make = {"tension": loads.edge_tension, "moment": loads.edge_moment}
+        return make.get(kind, loads.edge_force)(self.strip, edge)
 
     def frictional(self, stage: StageSpec) -> bool:
         """Whether friction acts in a stage, so that it runs in time."""
@@ -232,7 +237,7 @@ class Assembly:
 
 
 def _is_load(control: str) -> bool:
-    return control.rpartition(".")[2] in ("force", "tension", "gravity", "pressure")
+    return control.rpartition(".")[2] in ("force", "tension", "moment", "gravity", "pressure")
 
 
 def _check(scene: Scene, strip: Strip, rollers: tuple[Roller, ...]) -> None:

@@ -139,6 +139,8 @@ def _left_out(assembly: Assembly, plans: list[Plan]) -> Iterator[str]:
         yield "pressure (no stage has it)."
     if not any(name.startswith("tension on") for name in active):
         yield "tension that follows the strip (no stage has entry.tension or exit.tension)."
+    if not any(name.startswith("moment on") for name in active):
+        yield "moments on edges (no stage has entry.moment or exit.moment)."
     yield "inertia, plasticity, heat: not modelled."
 
 

@@ -23,6 +23,11 @@ class EdgeControl(Table):
         description="force along the strip's own direction per length of edge, a number (N/m)",
         examples=["1.0e4"],
     )
+    moment: Number | None = Field(
+        None,
+        description="moment about the edge per length, towards the upper side, a number (N)",
+        examples=["10.0"],
+    )
     move: Vector | None = Field(
         None,
         description="displacement from the initial position, three numbers (m)",

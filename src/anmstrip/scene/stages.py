@@ -173,6 +173,8 @@ class Course:
                 end[f"{name}.tension"] = np.array(edge.tension, dtype=float)
                 if edge.force is None and f"{name}.force" in end:
                     end[f"{name}.force"] = np.zeros(3)
+            if edge.moment is not None:
+                end[f"{name}.moment"] = np.array(edge.moment, dtype=float)
         if stage.gravity is not None:
             end["gravity"] = np.array(stage.gravity, dtype=float)
         if stage.pressure is not None:

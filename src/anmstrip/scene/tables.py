@@ -15,6 +15,7 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
+    PlainValidator,
     StrictBool,
     model_validator,
 )
@@ -39,6 +40,13 @@ class Table(BaseModel):
     def _check(self, mistakes: Iterable[Mistake]) -> None:
         if found := tuple(mistakes):
             raise InputError(found)
+
+
+def _bending(value: object) -> bool | str:
+    """True, false or the name of an energy; 1 is not true."""
+    if isinstance(value, bool) or value == "kirchhoff-love":
+        return value
+    raise ValueError
 
 
 class StripSpec(Table):
@@ -71,10 +79,10 @@ class StripSpec(Table):
         description='level of description, "shell", "section" or "plate" (text)',
         examples=['"shell"'],
     )
-    bending: StrictBool = Field(
+    bending: Annotated[bool | str, PlainValidator(_bending)] = Field(
         True,
-        description="whether the strip resists bending (true or false)",
-        examples=["false"],
+        description='whether the strip resists bending, true, false or "kirchhoff-love" (text)',
+        examples=['"kirchhoff-love"'],
     )
     feed: StrictBool = Field(
         False,

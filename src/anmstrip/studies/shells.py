@@ -51,7 +51,7 @@ def study(quick: bool = False) -> StudyReport:
         _whole_sheet(4 if quick else 8),
         _order_sheet([c.benchmark for c in compared], (20,) if quick else (20, 30, 40)),
         _mesh_sheet((4, 8, 16) if quick else (4, 8, 16, 32)),
-        _strain_sheet(),
+        _strain_sheet(32 if quick else 64),
     )
     return StudyReport(
         name="shells",
@@ -215,21 +215,24 @@ def _mesh_sheet(meshes: tuple[int, ...]) -> Sheet:
     return Sheet("Convergence on the elastica", columns, tuple(rows), note)
 
 
-def _strain_sheet() -> Sheet:
+def _strain_sheet(cells: int) -> Sheet:
     """Difference of the two bending energies against the membrane strain."""
-    rows = []
-    for thickness in (0.2, 0.1, 0.05):
-        tips = [_tip(16, curved, thickness) for curved in (True, False)]
+    rows: list[tuple[Cell, ...]] = []
+    for thickness in (0.8, 0.4, 0.2, 0.1):
+        tips = [_tip(cells, curved, thickness) for curved in (True, False)]
         gap, strain = float(np.abs(tips[0] - tips[1]).max()) / 10.0, 4.0 * thickness**2 / 1200.0
         rows.append((thickness, strain, gap, gap / strain))
     columns = ("thickness", "membrane strain F/Et", "difference of the tips / L", "ratio")
-    note = "At the same bending stiffness; the last column tends to a constant."
+    note = (
+        "At the same bending stiffness. The energies differ by D |r,a · r,bc|² / 2, hence by the "
+        "square of the gradient of the membrane strain: the difference falls faster than it."
+    )
     return Sheet("Kirchhoff–Love beside isometric bending", columns, tuple(rows), note)
 
 
 def _tip(cells: int, curved: bool, thickness: float = 0.1) -> np.ndarray:
     benchmark = end_shear(cells, curved=curved, thickness=thickness)
-    last = followed(benchmark, settings(tolerance=1e-9)).steps[-1]
+    last = followed(benchmark, settings(tolerance=1e-7)).steps[-1]
     return benchmark.reading(last.branch.end[0])
 
 

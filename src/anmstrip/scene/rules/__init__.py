@@ -39,6 +39,7 @@ RULES: tuple[tuple[Callable[..., Iterable[Mistake]], tuple[str, ...]], ...] = (
     (levels.rollers_of_a_section, ("strip", "rollers")),
     (levels.directions, ("strip", "stages")),
     (levels.tension_of_a_plate, ("strip", "stages")),
+    (levels.moments, ("strip", "stages")),
     (edges.held_components, ("edges", "stages")),
     (edges.tensions, ("stages",)),
     (partners.gravity_has_density, ("material", "stages")),

@@ -80,6 +80,19 @@ def _unseen(
     yield Mistake("", key, value, expected, f"{short} = {kept}, or {OTHER[level]}")
 
 
+def moments(strip: StripSpec, stages: tuple[StageSpec, ...]) -> Iterator[Mistake]:
+    """Yield moments on a strip that does not resist bending, or does not turn far."""
+    if strip.bending and strip.kinematics != "plate":
+        return
+    expected = 'nothing: a strip without bending has no moments, a "plate" takes none'
+    hint = OTHER["plate"] if strip.bending else "bending = true"
+    for stage in stages:
+        for name, control in stage.edges.items():
+            if control.moment is not None:
+                key = f"stages.{stage.name}.{name}.moment"
+                yield Mistake("", key, control.moment, expected, hint)
+
+
 def tension_of_a_plate(strip: StripSpec, stages: tuple[StageSpec, ...]) -> Iterator[Mistake]:
     """Yield tensions that a plate does not look at: its own is that of exit.force."""
     if strip.kinematics != "plate":
