@@ -52,6 +52,10 @@ _DOORS = {
     "Path": "anmstrip.series.path",
     "Settings": "anmstrip.series.continuation",
     "follow": "anmstrip.series.continuation",
+    "mapped": "anmstrip.mapping",
+    "Remembering": "anmstrip.series.singular_points",
+    "watched": "anmstrip.series.singular_points",
+    "switched": "anmstrip.series.branch_switching",
 }
 
 __all__ = sorted(_DOORS)  # noqa: PLE0605 (a sorted list of the names above)

@@ -5,7 +5,7 @@ import pytest
 from levels import free_equations, random_unknowns, strip_of
 from shapes import linear, rolled, rotation
 
-from anmstrip.mapped import mapped
+from anmstrip.mapping import mapped
 from anmstrip.mechanics.bending import isometric_bending
 from anmstrip.mechanics.cells import Pattern
 from anmstrip.mechanics.kirchhoff_love import KirchhoffLove

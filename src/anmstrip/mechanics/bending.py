@@ -1,7 +1,8 @@
 """Bending of a flat reference: the isometric energy, quadratic in the deformation.
 
-½ D ∫ [(1 − ν) ∇²r : ∇²r + ν |Δr|²], exact for isometric deformations, off by the
-order of the membrane strain otherwise (1e-4 for steel).  Source: Bartels,
+½ D ∫ [(1 − ν) ∇²r : ∇²r + ν |Δr|²], exact for isometric deformations.  Otherwise it has
+more than Kirchhoff–Love by the tangential parts r,a · r,bc, derivatives of the membrane strain,
+squared.  Source: Bartels,
 *Approximation of large bending isometries with discrete Kirchhoff triangles*,
 SIAM J. Numer. Anal. 51 (2013).
 """

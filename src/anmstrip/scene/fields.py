@@ -71,7 +71,7 @@ class Surface:
         """Values of the elements' own degrees of freedom, (dofs, elements, components)."""
         return full.reshape(-1, self.strip.count)[self.strip.basis.element_dofs]
 
-    def _interpolated(self, full: Array) -> Array:
+    def interpolated(self, full: Array) -> Array:
         """Vectors in space, shape (points, 3)."""
         own = self._averaged(np.einsum("nep,nec->cep", self.value, self._dofs(full)))
         return self.kinematics.embed(own.T).T
@@ -90,8 +90,8 @@ class Surface:
         """All fields of a state, by name, points first."""
         velocity = np.zeros_like(state.full) if state.velocity is None else state.velocity
         return {
-            "displacement": self._interpolated(state.full),
-            "velocity": self._interpolated(velocity),
+            "displacement": self.interpolated(state.full),
+            "velocity": self.interpolated(velocity),
             **self._contact_fields(state),
             **self._stress_fields(state),
         }

@@ -25,10 +25,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .continuation import Pace, Settings, Step
+from .continuation import Settings, Step
 from .expansion import Cost, Equations, Parameter, Recurrence, expand, size
 from .linear_solvers import Factors, LinearSolver
-from .outcome import Outcome, PathStopped
+from .outcome import PathStopped
 from .path import Branch
 
 Array = NDArray[np.float64]
@@ -162,11 +162,26 @@ class _Finder:
         found = [SingularPoint(Kind.LIMIT, *self._limit(branch, a), before, after) for a in folds]
         change = abs(after - before)
         if change > len(folds) or (change - len(folds)) % 2:
-            for (low, n), (high, m) in self._between(branch, before, after):
-                if n != m:
-                    where = self._bifurcation(branch, low, high, n)
-                    found.append(SingularPoint(Kind.BIFURCATION, *where, n, m))
+            for low, high in self._between(branch, before, after):
+                found += self._bifurcations(branch, low, high)
         return found
+
+    def _bifurcations(self, branch: Branch, low: Mark, high: Mark) -> list[SingularPoint]:
+        """Those in a piece of a branch whose inertia is known at both ends."""
+        if low[1] == high[1]:
+            return []
+        a, u, control, mode = self._bifurcation(branch, low[0], high[0], low[1])
+        marks = [low, high]
+        if abs(low[1] - high[1]) > 1:
+            aside = ASIDE * branch.length
+            sides = [b for b in (a - aside, a + aside) if low[0] < b < high[0]]
+            marks = [low, *((b, self.negatives(*branch(b))) for b in sides), high]
+        first = sum(mark[0] < a for mark in marks)
+        below, above = marks[first - 1], marks[first]
+        point = SingularPoint(Kind.BIFURCATION, u, control, mode, below[1], above[1])
+        before = self._bifurcations(branch, low, below) if below != low else []
+        beyond = self._bifurcations(branch, above, high) if above != high else []
+        return [*before, point, *beyond]
 
     def _between(self, branch: Branch, before: int, after: int) -> Iterator[tuple[Mark, Mark]]:
         """Pieces of a branch between its limit points, with the inertia at their ends."""
@@ -187,8 +202,8 @@ class _Finder:
 
     def _bifurcation(
         self, branch: Branch, low: float, high: float, before: int
-    ) -> tuple[Array, float, Array]:
-        """State, control and mode at a pole of the response, kept between signs of inertia."""
+    ) -> tuple[float, Array, float, Array]:
+        """Parameter, state, control and mode at a pole of the response."""
         a = 0.5 * (low + high)
         for _ in range(MOST_ITERATIONS):
             here = self._about(branch, a)
@@ -196,11 +211,12 @@ class _Finder:
             response = self._response(here)
             pole = self.equations.inner(*response) / self.equations.inner(response[1], response[1])
             if abs(pole) < NEAR * branch.length:
+                here = Branch(here.u[:3], here.control[:3], 1.0, here.residual)
                 break
             a = a + pole if low < a + pole < high else 0.5 * (low + high)
-        few = Branch(here.u[:3], here.control[:3], 1.0, here.residual)
-        u, control = few(pole) if abs(pole) < NEAR * branch.length else branch(a)
-        return u, control, response[1] / size(self.equations, response[1])
+            pole = 0.0
+        u, control = here(pole)
+        return a + pole, u, control, response[1] / size(self.equations, response[1])
 
     def _about(self, branch: Branch, a: float) -> Branch:
         """Series about a point of a branch, which is brought into equilibrium before.
@@ -270,45 +286,3 @@ class _Pushed:
 
     def imbalance(self, residual: Array) -> float:
         return self.equations.imbalance(residual)
-
-
-def switched(
-    equations: Equations,
-    point: SingularPoint,
-    distance: float,
-    solver: LinearSolver,
-    tolerance: float,
-    cost: Cost | None = None,
-) -> tuple[Array, Pace]:
-    """A state on the path that crosses another at a bifurcation, and the pace to go on with.
-
-    By Newton's method among the states that are ``distance`` from the bifurcation along its
-    mode; the sign chooses the side.
-
-    Parameters
-    ----------
-    distance : float
-        In the equations' own scales.
-    tolerance : float
-        Imbalance of the state.
-
-    Raises
-    ------
-    PathStopped
-        If the method does not converge.
-    """
-    cost = Cost() if cost is None else cost
-    u, control = point.u + distance * point.mode, point.control
-    for _ in range(MOST_ITERATIONS):
-        recurrence = equations.recurrence(u, control, 1)
-        if equations.imbalance(recurrence.residual) <= tolerance:
-            forward = (np.sign(distance) * point.mode, 0.0)
-            return u, Pace(control, abs(distance), arclength=True, forward=forward)
-        factors = solver.factorise(recurrence.tangent())
-        cost.factorisations += 1
-        free = -factors.solve(recurrence.residual)
-        per_control = -factors.solve(recurrence.control_derivative())
-        missing = distance - equations.inner(point.mode, u + free - point.u)
-        change = missing / equations.inner(point.mode, per_control)
-        u, control = u + free + change * per_control, control + change
-    raise PathStopped(Outcome.STALLED, control, "no state found on the other path")

@@ -134,9 +134,7 @@ def _table_sheet(compared: list[Compared]) -> Sheet:
     """The published tables, from the finer mesh and from ours."""
     rows: list[tuple[Cell, ...]] = []
     for c in compared:
-        table = c.benchmark.published[:, :3]
-        if c.benchmark.name == "end moment":
-            table = c.benchmark.published[:, [0, 2, 4]]
+        table = c.benchmark.published
         shear = None
         if c.benchmark.snaps:
             thickness = c.benchmark.equations.model.strip.thickness
