@@ -45,7 +45,7 @@ def whole(cells: int, directory: Path) -> SingularPoint:
     first = found.points[0]
     assert first.kind is Kind.BIFURCATION
     directory.mkdir(parents=True, exist_ok=True)
-    write_shape(directory / "mode.vtu", roof, first.u, {"mode": first.mode})
+    write_shape(directory / "mode.vtu", roof.equations, first.u, {"mode": first.mode})
     loads = aside(roof, first, directory)
     assert max(loads) < first.control
     return first
@@ -60,7 +60,7 @@ def aside(roof: Benchmark, point: SingularPoint, directory: Path, steps: int = 4
     for number, step in enumerate(islice(path, steps)):
         u, load = step.branch.end
         loads.append(load)
-        write_shape(directory / f"aside_{number}.vtu", roof, u)
+        write_shape(directory / f"aside_{number}.vtu", roof.equations, u)
     print(f"  aside: {', '.join(f'{load:.4f}' for load in loads)}")
     return loads
 

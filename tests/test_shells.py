@@ -127,7 +127,7 @@ def test_whole_roof_buckles_to_one_side(tmp_path):
         for image in (strip.mesh.p * [[1.0], [-1.0]], strip.mesh.p * [[-1.0], [1.0]])
     )
     assert odd < 1e-6 * np.abs(mode).max()
-    write_shape(tmp_path / "mode.vtu", roof, first.u, {"mode": first.mode})
+    write_shape(tmp_path / "mode.vtu", roof.equations, first.u, {"mode": first.mode})
     surface = read_surface(tmp_path / "mode.vtu")
     assert surface.points[:, 2].max() < 2540.0
     written = surface.fields["mode"]

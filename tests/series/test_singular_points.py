@@ -83,6 +83,17 @@ def test_the_last_step_is_looked_at_before_a_stop():
     assert sorted(p.kind.value for p in seen) == ["bifurcation", "limit point"]
 
 
+def test_only_the_first_is_looked_for():
+    """Of two in one step, and of a bifurcation before a limit point."""
+    settings, equations = Settings(order=15, arclength=True), DenseEquations(snapping)
+    solver = Remembering(DenseSolver())
+    start = {"start": -1.2 + 1.2**3, "target": -1.0, "solver": solver, "settings": settings}
+    steps = follow(equations, np.array([-1.2, 0.0]), **start)
+    *_, (_, points) = watched(equations, steps, solver, settings, stop=True)
+    assert [p.kind for p in points] == [Kind.LIMIT]
+    assert points[0].control == pytest.approx(-FOLD, abs=1e-9)
+
+
 @pytest.mark.parametrize("longest", [0.3, 0.1])
 def test_two_bifurcations_that_lie_close(longest):
     """Seen when a step ends between them; together they leave the inertia as it was."""

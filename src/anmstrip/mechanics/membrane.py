@@ -39,16 +39,21 @@ class Membrane:
     Parameters
     ----------
     strip : Strip
+    imperfection : ndarray, shape (unknowns,), optional
+        Small displacement of the reference that makes no stress; unknowns count from it.
     """
 
     name = "membrane"
     rate_dependent = False
 
-    def __init__(self, strip: Strip) -> None:
+    def __init__(self, strip: Strip, imperfection: Array | None = None) -> None:
         self.operator = gradients(strip)
         self.stiffness = plane_stress(strip)
         self.flat = strip.frames().tangents
         self.metric = np.eye(strip.kinematics.directions)[:, :, None]
+        if imperfection is not None:
+            self.flat = self.flat + self.operator.apply(imperfection)
+            self.metric = np.einsum("iap,ibp->abp", self.flat, self.flat)
 
     def near(self, full: Array, controls: Mapping[str, Any]) -> Membrane:
         """Everywhere."""

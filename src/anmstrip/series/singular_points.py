@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -106,6 +107,8 @@ def watched(
     solver: Remembering,
     settings: Settings,
     cost: Cost | None = None,
+    *,
+    stop: bool = False,
 ) -> Iterator[tuple[Step, list[SingularPoint]]]:
     """Steps of a path with the singular points in each.
 
@@ -119,6 +122,8 @@ def watched(
         Those of the path.
     cost : Cost, optional
         Counters for the tangents that singular points take, and for the one at the end.
+    stop : bool
+        End with the step that holds the first singular point, and look for no other.
 
     Raises
     ------
@@ -126,18 +131,29 @@ def watched(
         As the steps do, after the last of them.
     """
     finder = _Finder(equations, solver.solver, settings, Cost() if cost is None else cost)
+    for step, before, after in _spanned(steps, solver, finder):
+        found = list(islice(finder.points(step, before, after), 1 if stop else None))
+        yield step, found
+        if stop and found:
+            return
+
+
+def _spanned(
+    steps: Iterable[Step], solver: Remembering, finder: _Finder
+) -> Iterator[tuple[Step, int, int]]:
+    """Steps with the negative eigenvalues at both ends."""
     held: tuple[Step, int] | None = None
     stopped: PathStopped | None = None
     try:
         for step in steps:
             now = solver.negatives
             if held is not None:
-                yield held[0], finder.points(*held, now)
+                yield *held, now
             held = (step, now)
     except PathStopped as end:
         stopped = end
     if held is not None:
-        yield held[0], finder.points(*held, finder.negatives(*held[0].branch.end))
+        yield *held, finder.negatives(*held[0].branch.end)
     if stopped is not None:
         raise stopped
 
@@ -156,41 +172,39 @@ class _Finder:
         self.cost.factorisations += 1
         return self.solver.factorise(self.equations.recurrence(u, control, 1).tangent()).negatives
 
-    def points(self, step: Step, before: int, after: int) -> list[SingularPoint]:
-        """Limit points, and bifurcations where those do not account for the change of inertia."""
+    def points(self, step: Step, before: int, after: int) -> Iterator[SingularPoint]:
+        """In their order; bifurcations where limit points do not account for the inertia."""
         branch, folds = step.branch, step.branch.folds
-        found = [SingularPoint(Kind.LIMIT, *self._limit(branch, a), before, after) for a in folds]
         change = abs(after - before)
-        if change > len(folds) or (change - len(folds)) % 2:
-            for low, high in self._between(branch, before, after):
-                found += self._bifurcations(branch, low, high)
-        return found
+        hidden = change > len(folds) or bool((change - len(folds)) % 2)
+        low = (0.0, before)
+        aside = ASIDE * branch.length
+        for fold in folds:
+            if hidden:
+                yield from self._bifurcations(branch, low, self._mark(branch, fold - aside))
+                low = self._mark(branch, fold + aside)
+            yield SingularPoint(Kind.LIMIT, *self._limit(branch, fold), before, after)
+        if hidden:
+            yield from self._bifurcations(branch, low, (branch.length, after))
 
-    def _bifurcations(self, branch: Branch, low: Mark, high: Mark) -> list[SingularPoint]:
+    def _mark(self, branch: Branch, a: float) -> Mark:
+        return a, self.negatives(*branch(a))
+
+    def _bifurcations(self, branch: Branch, low: Mark, high: Mark) -> Iterator[SingularPoint]:
         """Those in a piece of a branch whose inertia is known at both ends."""
         if low[1] == high[1]:
-            return []
+            return
         a, u, control, mode = self._bifurcation(branch, low[0], high[0], low[1])
-        marks = [low, high]
+        below, above = low, high
         if abs(low[1] - high[1]) > 1:
             aside = ASIDE * branch.length
-            sides = [b for b in (a - aside, a + aside) if low[0] < b < high[0]]
-            marks = [low, *((b, self.negatives(*branch(b))) for b in sides), high]
-        first = sum(mark[0] < a for mark in marks)
-        below, above = marks[first - 1], marks[first]
-        point = SingularPoint(Kind.BIFURCATION, u, control, mode, below[1], above[1])
-        before = self._bifurcations(branch, low, below) if below != low else []
-        beyond = self._bifurcations(branch, above, high) if above != high else []
-        return [*before, point, *beyond]
-
-    def _between(self, branch: Branch, before: int, after: int) -> Iterator[tuple[Mark, Mark]]:
-        """Pieces of a branch between its limit points, with the inertia at their ends."""
-        aside = ASIDE * branch.length
-        marks = [(0.0, before)]
-        for fold in branch.folds:
-            marks += [(a, self.negatives(*branch(a))) for a in (fold - aside, fold + aside)]
-        marks.append((branch.length, after))
-        yield from zip(marks[::2], marks[1::2], strict=True)
+            below = self._mark(branch, a - aside) if a - aside > low[0] else low
+            above = self._mark(branch, a + aside) if a + aside < high[0] else high
+        if below != low:
+            yield from self._bifurcations(branch, low, below)
+        yield SingularPoint(Kind.BIFURCATION, u, control, mode, below[1], above[1])
+        if above != high:
+            yield from self._bifurcations(branch, above, high)
 
     def _limit(self, branch: Branch, a: float) -> tuple[Array, float, Array]:
         """State, control and mode where the control turns back."""

@@ -32,6 +32,7 @@ STUDIES = {
         "peers": "peers",
         "stiff": "stiff",
         "shells": "shells",
+        "wrinkles": "wrinkles",
     }.items()
 }
 """Name → module."""

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from anmstrip.model import Equilibrium
 from anmstrip.output.vtk import write_surface
 from anmstrip.scene.fields import Surface
-from anmstrip.studies.benchmarks import Benchmark
 
 Array = NDArray[np.float64]
 
 
 def write_shape(
-    path: str | Path, benchmark: Benchmark, u: Array, modes: Mapping[str, Array] | None = None
+    path: str | Path, equations: Equilibrium, u: Array, modes: Mapping[str, Array] | None = None
 ) -> None:
     """Write a deformed shell with its displacement, and modes as further vectors.
 
@@ -24,13 +24,13 @@ def write_shape(
     ----------
     path : path
         The `.vtu` file.
-    benchmark : Benchmark
+    equations : Equilibrium
     u : ndarray, shape (free,)
     modes : mapping of str to ndarray, shape (free,), optional
         Directions, such as :attr:`anmstrip.series.singular_points.SingularPoint.mode`.
     """
-    surface = Surface(benchmark.equations.model.strip, None, None)
-    supports = benchmark.equations.supports
+    surface = Surface(equations.model.strip, None, None)
+    supports = equations.supports
     moved = surface.interpolated(supports.full(u, 0.0))
     fields = {"displacement": moved} | {
         name: surface.interpolated(supports.change(mode, 0.0))
