@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -41,7 +40,6 @@ class Compared:
 
 def study(quick: bool = False) -> StudyReport:
     """Follow all benchmarks, and what belongs to them."""
-    begin, at_work = time.perf_counter(), time.process_time()
     compared = [_compared(*pair) for pair in (_coarse() if quick else _full())]
     main = _main_sheet(compared)
     sheets = (
@@ -56,11 +54,8 @@ def study(quick: bool = False) -> StudyReport:
     return StudyReport(
         name="shells",
         title="Large deflections of shells, beside published tables and Newton's method",
-        command=f"anmstrip study shells{' --quick' if quick else ''}",
         data=main,
         sheets=sheets,
-        seconds=time.perf_counter() - begin,
-        processor=time.process_time() - at_work,
         figures={"shells.png": drawn(_panels(compared), "displacement", "share of the load")},
     )
 
