@@ -14,8 +14,15 @@ from anmstrip.series.continuation import follow
 from anmstrip.series.expansion import Cost
 from anmstrip.series.linear_solvers import SparseSolver
 from anmstrip.series.singular_points import Kind
-from anmstrip.studies.shell_runs import settings
-from anmstrip.studies.wrinkles import LENGTH, Stretched, imperfect, onset, sheet_of, wrinkled
+from anmstrip.studies.wrinkles import (
+    CHOICES,
+    LENGTH,
+    Stretched,
+    imperfect,
+    onset,
+    sheet_of,
+    wrinkled,
+)
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -59,7 +66,7 @@ def test_imperfect_sheet_ends_on_the_wrinkled_path(buckled):
     for share in (1e-2, 1e-1):
         bent = imperfect(sheet, point, share * sheet.thickness)
         steps = list(follow(bent.equations, bent.start, solver=SparseSolver(),
-                            settings=settings(15, 1e-5)))  # fmt: skip
+                            settings=CHOICES))  # fmt: skip
         heights.append(bent.amplitude(steps[-1].branch.end[0]))
         assert np.diff([step.branch.end[1] for step in steps]).min() > 0.0
     perfect = sheet.amplitude(states[-1][0])

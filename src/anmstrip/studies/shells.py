@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -16,8 +15,8 @@ from anmstrip.studies.benchmarks import (
     hinged_roof,
     slit_plate,
 )
-from anmstrip.studies.figures import Profile, drawn
 from anmstrip.studies.reports import Cell, Sheet, StudyReport
+from anmstrip.studies.shell_figure import Line, drawn
 from anmstrip.studies.shell_runs import Followed, Iterated, followed, iterated, miss, settings
 
 ROOFS = (12.7, 6.35)
@@ -41,7 +40,6 @@ class Compared:
 
 def study(quick: bool = False) -> StudyReport:
     """Follow all benchmarks, and what belongs to them."""
-    begin, at_work = time.perf_counter(), time.process_time()
     compared = [_compared(*pair) for pair in (_coarse() if quick else _full())]
     main = _main_sheet(compared)
     sheets = (
@@ -56,11 +54,8 @@ def study(quick: bool = False) -> StudyReport:
     return StudyReport(
         name="shells",
         title="Large deflections of shells, beside published tables and Newton's method",
-        command=f"anmstrip study shells{' --quick' if quick else ''}",
         data=main,
         sheets=sheets,
-        seconds=time.perf_counter() - begin,
-        processor=time.process_time() - at_work,
         figures={"shells.png": drawn(_panels(compared), "displacement", "share of the load")},
     )
 
@@ -237,15 +232,15 @@ def _tip(cells: int, curved: bool, thickness: float = 0.1) -> np.ndarray:
 # figure --------------------------------------------------------------------------
 
 
-def _panels(compared: list[Compared]) -> dict[str, list[Profile]]:
+def _panels(compared: list[Compared]) -> dict[str, list[Line]]:
     """Load over displacement: path, ends of steps, table."""
     panels = {}
     for c in compared:
         table = c.benchmark.published
         lines = []
         for i, label in enumerate(c.benchmark.labels, start=1):
-            lines.append(Profile(label, c.series.curve[:, i], c.series.curve[:, 0]))
-            lines.append(Profile("steps", c.series.ends[:, i], c.series.ends[:, 0], "o"))
-            lines.append(Profile("table", table[:, i], table[:, 0], "x"))
+            lines.append(Line(label, c.series.curve[:, i], c.series.curve[:, 0]))
+            lines.append(Line("steps", c.series.ends[:, i], c.series.ends[:, 0], "o"))
+            lines.append(Line("table", table[:, i], table[:, 0], "x"))
         panels[f"{c.benchmark.name}: {c.series.tangents} tangents"] = lines
     return panels
