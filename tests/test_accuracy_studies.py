@@ -206,3 +206,16 @@ def test_cases_study() -> None:
         own = [row for row in rows if row["line"] == line]
         assert all(row["error"] < row["tolerance"] for row in own)
         assert own[0]["error"] > own[-1]["error"]
+
+
+# the tolerance ----------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_the_tolerance_is_the_error() -> None:
+    """Within a factor of ten upwards and of a hundred downwards, on both problems."""
+    _, rows = quick("tolerance")
+    ratios = np.array([row["error"] / row["tolerance"] for row in rows])
+    assert len(ratios) == 10
+    assert ratios.max() < 10.0
+    assert ratios.min() > 0.01

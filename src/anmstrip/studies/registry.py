@@ -22,6 +22,7 @@ STUDIES = {
     name: f"anmstrip.studies.{module}"
     for name, module in {
         "effects": "effects",
+        "tolerance": "tolerance",
         "cases": "case_accuracy",
         "friction": "friction",
         "contact": "contact",
