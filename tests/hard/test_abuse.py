@@ -216,3 +216,9 @@ def test_results_below_a_file(tmp_path: Path) -> None:
     assert result.exit_code in (1, 2)
     assert isinstance(result.exception, SystemExit)
     assert "Not a directory" in result.stderr
+
+
+def test_as_many_points_near_rollers_as_there_are_rollers() -> None:
+    """Compiled kernels must not take rollers for points where both are two."""
+    end = ending_of(from_seed(3038))
+    assert (end.status, end.faults) == ("done", ())

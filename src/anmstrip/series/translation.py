@@ -255,6 +255,8 @@ def _picked(t: Translation, rows: Rows, index: tuple[Any, ...]) -> Rows:
         raise UntranslatableError("an index by arrays")
     masks = np.stack([index[1] == r for r in range(rows.shape[-1])]).astype(float)
     choice = t.constant(masks).reshape(-1) if t.points > 1 else masks.ravel()
+    if len(choice) != len(masks):
+        raise UntranslatableError("an index on as many rows as there are points")
     leading = rows.reshape(-1, rows.shape[-1])
     found = [t.combination(list(zip(choice, row.tolist(), strict=True))) for row in leading]
     return np.array(found, dtype=np.int64).reshape((*rows.shape[:-1], 1))
