@@ -24,13 +24,14 @@ Step = TypeVar("Step")
 FIRST_STEP = 1e-3
 """First step of the implicit scheme, as a fraction of the time span."""
 
-MOST_STEPS = 200_000
+FAST = 4.0
+"""Speed over V_c above which an error counts along the curve, in the explicit scheme.
 
-AIM = 0.5
-"""Share of the tolerance that the steps of the explicit scheme may add up to.
-
-The other half is for what they make where errors fade.
+In a snap an error along the curve is a larger one at equal times.  At V_c itself the third case
+keeps 1e-4 m along the curve, and is off by 2.7e-4 m in a row of ``case.csv``.
 """
+
+MOST_STEPS = 200_000
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ def solved(case: MassSpring, scheme: str, *, order: int, tolerance: float) -> So
         A key of :data:`SCHEMES`.
     order : int
     tolerance : float
-        m, at all times; motion faster than V_c counts along the curve in (V_c t, u).
+        m, at all times; motion much faster than V_c counts along the curve in (V_c t, u).
 
     Raises
     ------
@@ -83,7 +84,7 @@ def solved(case: MassSpring, scheme: str, *, order: int, tolerance: float) -> So
         return path
 
     found: Controlled[TimePath] = controlled(
-        run, case.residual, tolerance, speed=case.parameters.V_c
+        run, case.residual, tolerance, speed=FAST * case.parameters.V_c
     )
     return Solved(found.path, found.error, found.passes, cost, reasons[-1])
 
@@ -100,8 +101,8 @@ def taylor(
             rest,
             (0.0, p.t_end),
             order=order,
-            tolerance=AIM * tolerance,
-            speed=p.V_c,
+            tolerance=tolerance,
+            speed=FAST * p.V_c,
             cost=cost,
         )
     )
