@@ -78,6 +78,20 @@ def test_it_stops_before_a_pole():
     assert not roots_within(further.denominator, further.length)
 
 
+def test_it_does_not_leap_over_a_pole(monkeypatch):
+    """Not even where both sides meet the tolerance: (1 − a/2) u / (1 − a/2)."""
+    equations = DenseEquations(lambda u, control: u - control)
+    u = np.zeros((5, 5))
+    u[1] = 1.0
+    branch = Branch(u, u[:, 0].copy(), 0.5, np.zeros(5))
+    factor = np.array([1.0, -0.5, 0.0, 0.0, 0.0])
+    product = np.convolve(factor, branch.control)[:5]
+    candidate = Branch(np.tile(product[:, None], 5), product, 0.5, np.zeros(5), denominator=factor)
+    monkeypatch.setattr("anmstrip.series.rational.rational", lambda *_: candidate)
+    found, _ = stretched(equations, branch, 0.0, 1e-6, 10.0, Cost())
+    assert 1.5 < found.length < 2.0
+
+
 @pytest.mark.parametrize(("length", "unknowns"), [(0.3, N), (0.2, 5)])
 def test_what_has_arrived_or_has_no_basis_is_left_alone(length, unknowns):
     equations = DenseEquations(lambda u, control: u + u * u - control)
