@@ -8,7 +8,7 @@ from anmstrip.series.expansion import Cost, Parameter, expand
 from anmstrip.series.linear_solvers import DenseSolver
 from anmstrip.series.path import Branch, roots_within
 from anmstrip.series.range_of_validity import validated
-from anmstrip.series.rational import rational, stretched
+from anmstrip.series.rational import rational, stretched, triangle
 
 N = 20
 STIFFNESS = 1.0 + np.arange(N) / N
@@ -36,7 +36,7 @@ def test_orders_are_those_of_the_series():
     """Coefficients of the quotient, by long division."""
     equations = DenseEquations(resonant)
     branch = expanded(equations, np.zeros(N), arclength=True)
-    quotient = rational(equations, branch)
+    quotient = rational(branch, triangle(equations, branch))
     d = quotient.denominator
     assert d[0] == 1.0
     assert len(d) == branch.order
