@@ -3,8 +3,8 @@
 Radius 2540 mm, length 508 mm, half angle 0.1, thickness 12.7 and 6.35 mm, E = 3102.75 N/mm²,
 ν = 0.3 (Sze, Liu & Lo 2004, §3.8).  Expected, in shares of 3000 N: a quarter of the thick roof has
 limit points at 0.7418 and 0.1702, of the thin one at 0.1950 and −0.1288 with a loop in
-displacement between; 5 and 10 tangents of order 20.  The whole thin roof loses its symmetry at
-0.1743 already, before that limit point; the mode leans to one side, and the path that crosses
+displacement between; 6 and 10 tangents of order 20.  The whole thin roof loses its symmetry at
+0.1744 already, before that limit point; the mode leans to one side, and the path that crosses
 there goes down from it.  Shapes and modes are written for ParaView.
 """
 

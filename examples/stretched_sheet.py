@@ -2,7 +2,7 @@
 
 2.5 × 1, thickness 4e-4, ν = 0.45.  Expected: flat up to a strain of 0.0050, then wrinkles along
 the pull, 0.195 apart at the onset and 0.140 at four times that strain, some 6.5 thicknesses high.
-Cerda and Mahadevan's 2 √π (D/T)^(1/4) √L gives these within 5 % when L is the length of the
+Cerda and Mahadevan's 2 √π (D/T)^(1/4) √L gives these within 6 % when L is the length of the
 wrinkles, and 15 to 18 % more with the length between the grips.  The wrinkled quarter and the
 buckling mode are written for ParaView.
 """

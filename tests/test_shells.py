@@ -144,6 +144,14 @@ def test_newton_along_the_arc_needs_several_times_the_tangents():
     assert miss(series, rows[rows[:, 0] < roof.target]) < 1e-3
 
 
+def test_newton_along_the_arc_does_not_leap():
+    """On this mesh it would, from one side of the snap to the other."""
+    roof = hinged_roof(12.7, 4)
+    newton = iterated(roof)
+    assert newton.steps[-1].control >= roof.target
+    assert min(step.control for step in newton.steps) > 0.0
+
+
 def test_newton_along_the_arc_gives_up_with_a_name():
     roof = roof_of(12.7)
     for choices in (RiksSettings(max_steps=3), RiksSettings(most=0)):

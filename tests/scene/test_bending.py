@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from anmstrip import Scene
+from anmstrip.mechanics.kirchhoff_love import KirchhoffLove
 
 ROLLED = """
 [strip]
@@ -46,6 +47,7 @@ def test_strip_is_rolled_up(tmp_path: Path, level: str, bending: str) -> None:
     *_, last = run
     assert run.outcome.done, run.message
     strip = run.assembly.strip
+    assert isinstance(run.assembly.bending, KirchhoffLove) is ("kirchhoff" in bending)
     u = last.state.full.reshape(-1, strip.count)[strip.node_values]
     x = strip.mesh.p[0] - strip.mesh.p[0].min()
     assert u[x == 12.0][:, 0] == pytest.approx(24.0 / np.pi - 12.0, abs=0.01)

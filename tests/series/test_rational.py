@@ -8,7 +8,7 @@ from anmstrip.series.expansion import Cost, Parameter, expand
 from anmstrip.series.linear_solvers import DenseSolver
 from anmstrip.series.path import Branch, roots_within
 from anmstrip.series.range_of_validity import validated
-from anmstrip.series.rational import rational, stretched
+from anmstrip.series.rational import rational, stretched, triangle
 
 N = 20
 STIFFNESS = 1.0 + np.arange(N) / N
@@ -36,7 +36,7 @@ def test_orders_are_those_of_the_series():
     """Coefficients of the quotient, by long division."""
     equations = DenseEquations(resonant)
     branch = expanded(equations, np.zeros(N), arclength=True)
-    quotient = rational(equations, branch)
+    quotient = rational(branch, triangle(equations, branch))
     d = quotient.denominator
     assert d[0] == 1.0
     assert len(d) == branch.order
@@ -76,6 +76,20 @@ def test_it_stops_before_a_pole():
     further, _ = stretched(equations, held, imbalance, 1e-6, 50.0, Cost())
     assert further.length < 1.0
     assert not roots_within(further.denominator, further.length)
+
+
+def test_it_does_not_leap_over_a_pole(monkeypatch):
+    """Not even where both sides meet the tolerance: (1 − a/2) u / (1 − a/2)."""
+    equations = DenseEquations(lambda u, control: u - control)
+    u = np.zeros((5, 5))
+    u[1] = 1.0
+    branch = Branch(u, u[:, 0].copy(), 0.5, np.zeros(5))
+    factor = np.array([1.0, -0.5, 0.0, 0.0, 0.0])
+    product = np.convolve(factor, branch.control)[:5]
+    candidate = Branch(np.tile(product[:, None], 5), product, 0.5, np.zeros(5), denominator=factor)
+    monkeypatch.setattr("anmstrip.series.rational.rational", lambda *_: candidate)
+    found, _ = stretched(equations, branch, 0.0, 1e-6, 10.0, Cost())
+    assert 1.5 < found.length < 2.0
 
 
 @pytest.mark.parametrize(("length", "unknowns"), [(0.3, N), (0.2, 5)])

@@ -35,6 +35,12 @@ def twice(u, control):
     return np.stack([y + 0.3 * y * y - control, (0.5 - y) * (0.8 - y) * x + x**3])
 
 
+def doubly(u, control):
+    """Two modes of their own, at u = 0.5 and u = 0.8."""
+    y, x, z = u[0], u[1], u[2]
+    return np.stack([y + 0.3 * y * y - control, (0.5 - y) * x + x**3, (0.8 - y) * z + z**3])
+
+
 def found(law, start, control, target, settings=None):
     equations = DenseEquations(law)
     settings = settings or Settings(order=15, tolerance=1e-9, arclength=True)
@@ -81,6 +87,28 @@ def test_the_last_step_is_looked_at_before_a_stop():
             seen += points
     assert stopped.value.outcome is Outcome.FOLD
     assert sorted(p.kind.value for p in seen) == ["bifurcation", "limit point"]
+
+
+@pytest.mark.parametrize("start", [0.0, 0.2, 0.45])
+def test_several_in_one_step_are_told_apart(start):
+    """In their order, whichever is the nearer one to the middle of the step."""
+    settings = Settings(order=20, tolerance=1e-3, arclength=True)
+    points = found(doubly, [start, 0.0, 0.0], start + 0.3 * start**2, 3.0, settings)
+    exact = [u + 0.3 * u * u for u in (0.5, 0.8)]
+    assert [p.control for p in points] == pytest.approx(exact, abs=1e-9)
+    assert [(p.before, p.after) for p in points] == [(0, 1), (1, 2)]
+    np.testing.assert_allclose(np.abs([p.mode for p in points]), np.eye(3)[1:], atol=1e-8)
+
+
+def test_what_limit_points_cost():
+    """Two tangents for each, and one at the end of the path."""
+    equations, solver, cost = DenseEquations(lambda u, c: u - u**3 - c), DenseSolver(), Cost()
+    remembering, settings = Remembering(solver), Settings(order=15, arclength=True)
+    start = -1.2 + 1.2**3
+    steps = follow(equations, np.array([-1.2]), solver=remembering, settings=settings,
+                   start=start, target=-1.0)  # fmt: skip
+    assert [p for _, ps in watched(equations, steps, remembering, settings, cost) for p in ps]
+    assert cost.factorisations == 5
 
 
 def test_only_the_first_is_looked_for():

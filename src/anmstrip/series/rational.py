@@ -27,6 +27,9 @@ Array = NDArray[np.float64]
 GROWTH = 1.2
 """Ratio of a length to the one before it at which the residual was looked at."""
 
+TRIED = 3
+"""Last orders N with which it is tried: a pole that has no meaning comes with one of them."""
+
 NOTHING = 1e-14
 """Share of a vector outside the span of others that is round-off."""
 
@@ -54,26 +57,25 @@ def stretched(
     """
     if not 2 < branch.order <= len(branch.residual) or branch.length >= reach:
         return branch, imbalance
-    candidate = rational(equations, branch)
-    if not np.isfinite(candidate.u).all():
-        return branch, imbalance
     limit = min(reach, without_overshoot(equations, branch, tolerance))
-    found, length = (branch, imbalance), branch.length
-    for _ in range(TRIALS):
-        length = min(GROWTH * length, limit)
-        if length <= found[0].length or first_root(candidate.denominator, length) is not None:
-            break
-        error, imbalance = errors(equations, candidate, length, cost, tolerance)
-        if error > tolerance:
-            break
-        found = (candidate.cut(length), imbalance)
+    found, alpha = (branch, imbalance), triangle(equations, branch)
+    for order in range(branch.order, max(branch.order - TRIED, 2), -1):
+        candidate = rational(branch, alpha[:order, :order])
+        length = found[0].length
+        for _ in range(TRIALS):
+            length = min(GROWTH * length, limit)
+            if length <= found[0].length or first_root(candidate.denominator, length) is not None:
+                break
+            error, imbalance = errors(equations, candidate, length, cost, tolerance)
+            if error > tolerance:
+                break
+            found = (candidate.cut(length), imbalance)
     return found
 
 
-def rational(equations: Equations, branch: Branch) -> Branch:
-    """Fractions with the same orders 0 … N − 1 as a series."""
-    alpha = _triangle(equations, branch)
-    n = branch.order
+def rational(branch: Branch, alpha: Array) -> Branch:
+    """Fractions with the orders 0 … N − 1 of a series, from its :func:`triangle` of N orders."""
+    n = len(alpha)
     d = np.zeros(n)
     d[0] = 1.0
     for j in range(1, n):
@@ -86,7 +88,7 @@ def rational(equations: Equations, branch: Branch) -> Branch:
     return replace(branch, u=u, control=control, denominator=d)
 
 
-def _triangle(equations: Equations, branch: Branch) -> Array:
+def triangle(equations: Equations, branch: Branch) -> Array:
     """α_ki of orders k + 1 = 1 … N by Gram and Schmidt, twice."""
     n = branch.order
     alpha = np.zeros((n, n))
