@@ -51,10 +51,10 @@ def test_what_is_not_installed_is_left_out(monkeypatch: pytest.MonkeyPatch) -> N
 
     monkeypatch.setattr(peers, "tried", asked_for)
     report = peers.study(quick=True)
-    assert set(asked) == {"section"}
+    assert set(asked) == {"section", "threaded-section"}
     assert "Left out, not installed: exudyn, felupe" in report.sheets[0].note
     assert "CalculiX 2.20" in report.sheets[0].note
-    assert len(report.data.rows) == 3
+    assert len(report.data.rows) == 6
 
 
 @pytest.mark.slow

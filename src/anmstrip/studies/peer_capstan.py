@@ -14,13 +14,15 @@ from typing import Any
 
 import numpy as np
 
+from anmstrip.scene.schema import Scene
 from anmstrip.studies.comparisons import Finished
-from anmstrip.studies.strips import FRICTION, MATERIAL, RADIUS, capstan
+from anmstrip.studies.strips import FRICTION, MATERIAL, RADIUS
 
 YOUNG, POISSON, THICKNESS = MATERIAL["young"], MATERIAL["poisson"], 1.0e-3
 LENGTH, DOWN, PULL = 4.0, -0.45, -5773.5
 BENDING = YOUNG * THICKNESS**3 / (12.0 * (1.0 - POISSON**2))
 COEFFICIENT = FRICTION["coefficient"]
+TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -64,11 +66,13 @@ def answer(
     return Answer(high / low, off, seconds, *counts)
 
 
-def ours(level: str, across: int, tolerance: float) -> Callable[[float], Answer]:
-    """This program at a level of kinematics."""
+def ours(
+    scene_of: Callable[..., Scene], level: str, across: int, refined: float
+) -> Callable[[float], Answer]:
+    """This program at a level of kinematics, from a strip at rest or from a threaded one."""
 
     def solved(stiffer: float) -> Answer:
-        scene = capstan(level, across, 0.025, tolerance, stiffer=stiffer)
+        scene = scene_of(level, across, refined, TOLERANCE, stiffer=stiffer)
         found: list[Finished] = []
         seconds = timed(lambda: found.append(Finished.of(scene)))
         run, state = found[0].run, found[0].run.state

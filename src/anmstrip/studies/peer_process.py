@@ -11,14 +11,22 @@ from dataclasses import asdict
 from importlib import import_module
 
 from anmstrip.studies.peer_capstan import Answer, ours
+from anmstrip.studies.strips import capstan, threaded
+
+
+OURS = {
+    "section": (capstan, "section", 2, 0.05),
+    "threaded-section": (threaded, "section", 2, 0.05),
+    "shell": (capstan, "shell", 10, 0.025),
+    "threaded-shell": (threaded, "shell", 10, 0.025),
+}
+"""Name → scene, level of kinematics, elements across, their length over the roller (m)."""
 
 
 def solved(name: str, stiffer: float) -> Answer:
     """By the program of that name, with contact so much stiffer."""
-    if name == "section":
-        return ours("section", 2, 1e-4)(stiffer)
-    if name == "shell":
-        return ours("shell", 10, 1e-4)(stiffer)
+    if name in OURS:
+        return ours(*OURS[name])(stiffer)
     found: Answer = import_module(f"anmstrip.studies.peer_{name}").solved(stiffer)
     return found
 

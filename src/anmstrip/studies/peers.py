@@ -51,7 +51,9 @@ class Program:
 
 PROGRAMS = (
     Program("section", "ours, section"),
+    Program("threaded-section", "ours, section, threaded"),
     Program("shell", "ours, shell", quick=False),
+    Program("threaded-shell", "ours, shell, threaded", quick=False),
     Program("exudyn", "EXUDYN, planar cable", module="exudyn"),
     Program("felupe", "FElupe, plane solids", quick=False, module="felupe"),
 )

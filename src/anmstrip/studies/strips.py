@@ -124,6 +124,22 @@ def capstan(
     )
 
 
+def threaded(
+    level: str, across: int, refined: float, tolerance: float, *, stiffer: float = 1.0
+) -> Scene:
+    """The same capstan, the strip laid around the roller at once instead of pulled down on it."""
+    whole = capstan(level, across, refined, tolerance, stiffer=stiffer).to_dict()
+    down = np.radians(30.0)
+    leaves = RADIUS * np.array([np.sin(down), 0.0, np.cos(down) - 1.0])
+    end = leaves + 1.65 * np.array([np.cos(down), 0.0, -np.sin(down)])
+    ends = {"entry": [-2.0, 0.0, -0.45], "exit": end.round(4).tolist()}
+    whole["strip"].pop("length")
+    whole["rollers"][0].update(centre=[0.0, 0.0, -RADIUS], wrap="over")
+    whole["threading"] = {"tension": TENSION / np.cos(down), **ends}
+    whole["stages"] = whole["stages"][2:]
+    return Scene.model_validate(whole)
+
+
 def pressed(refined: float, tolerance: float) -> Scene:
     """A section pulled down over a roller at one end, without friction."""
     down = {"entry": {"move": [0.0, 0.0, -1.0]}, "exit": {"force": [TENSION, 0.0, -5773.5]}}
