@@ -54,7 +54,7 @@ def whole(cells: int, directory: Path) -> SingularPoint:
 def aside(roof: Benchmark, point: SingularPoint, directory: Path, steps: int = 4) -> list[float]:
     """Some steps on the other path; loads at their ends."""
     equations, solver = roof.equations, SparseSolver()
-    u, pace = switched(equations, point, 0.05, solver, 1e-8)
+    u, pace = switched(equations, point, 0.02, solver, 1e-8)
     path = follow(equations, u, solver=solver, settings=settings(tolerance=1e-6), pace=pace)
     loads = [pace.control]
     for number, step in enumerate(islice(path, steps)):
