@@ -13,7 +13,6 @@ from importlib import import_module
 from anmstrip.studies.peer_capstan import Answer, ours
 from anmstrip.studies.strips import capstan, threaded
 
-
 OURS = {
     "section": (capstan, "section", 2, 0.05),
     "threaded-section": (threaded, "section", 2, 0.05),
