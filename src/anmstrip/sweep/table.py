@@ -55,5 +55,13 @@ def row_of(summary: Mapping[str, Any]) -> dict[str, Any]:
     for edge, values in summary.get("edges", {}).items():
         row[f"{edge}_tension"] = values["tension"]
     for roller, values in summary.get("rollers", {}).items():
-        row |= {f"{roller}_{name}": value for name, value in values.items()}
+        row |= _flat(roller, values)
     return row
+
+
+def _flat(name: str, value: Any) -> dict[str, Any]:
+    """Columns of a value, one for each number that it holds."""
+    if not isinstance(value, Mapping):
+        return {name: value}
+    parts = [_flat(f"{name}_{key}", inner) for key, inner in value.items()]
+    return {key: inner for part in parts for key, inner in part.items()}
