@@ -15,7 +15,6 @@ from anmstrip.scene.interrupts import unbroken
 from anmstrip.scene.measures import State
 from anmstrip.scene.rules import THREADING
 from anmstrip.scene.schema import StageSpec
-from anmstrip.scene.softening import softened
 from anmstrip.scene.stages import Course, Plan, stretched
 from anmstrip.series import backward_differences, implicit_dae
 from anmstrip.series.backward_differences import Memory
@@ -173,22 +172,11 @@ class March:
         if plan.name == THREADING and self.reached is None:
             assert self.assembly.thread is not None
             u = self.assembly.thread.guess(self.assembly.strip, self.assembly.pattern)[free]
-            u = self._softly(plan, u)
         elif tension := self._slack(plan):
             self.slack, u = True, stretched(self.assembly, tension)[free]
         if self.slack:
             return u, Equilibrium(plan.model, *plan.held_at_end)
         return u, Equilibrium(plan.model, plan.supports, plan.controls)
-
-    def _softly(self, plan: Plan, u: Array) -> Array:
-        """A guess that has come to rest on softer contact, where contact is very stiff."""
-        radius = min(roller.radius for roller in self.assembly.rollers)
-        settings = Settings(order=self.scene.solver.order, tolerance=LOOSEST)
-        for model in softened(plan.model, radius):
-            soft = Equilibrium(model, plan.supports, plan.controls)
-            *_, last = self.follow(soft, u, solver=self.solver, settings=settings, cost=self.cost)
-            u = last.branch.end[0]
-        return u
 
     def _slack(self, plan: Plan) -> float:
         """Tension at the end of a stage that first pulls a flat slack strip, else 0.
