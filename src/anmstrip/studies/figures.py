@@ -8,9 +8,6 @@ from dataclasses import dataclass
 from io import BytesIO
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -112,52 +109,6 @@ def against(panels: Curves, across: str, up: str) -> bytes:
         columns = {name: (x, y) for name, (x, y) in pairs.items()}
         plots.append(Plot(across, up, columns, title=title))
     return curves(*plots)
-
-
-@dataclass(frozen=True)
-class Profile:
-    """A line, or points where ``mark`` says which.
-
-    Attributes
-    ----------
-    label : str
-        Shown once for all panels if it is that of points.
-    x, y : ndarray
-    mark : str
-        As matplotlib names it; empty for a line.
-    """
-
-    label: str
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    mark: str = ""
-
-
-def drawn(panels: Mapping[str, Sequence[Profile]], x: str, y: str) -> bytes:
-    """Curves on linear axes, one panel beside the other; a PNG.
-
-    Parameters
-    ----------
-    panels : mapping
-        Title → curves; points take the colour of the line before them.
-    x, y : str
-        Labels of the axes.
-    """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(3.2 * len(panels), 3.4), dpi=130, layout="constrained")
-    for axes, (title, lines) in zip(figure.subplots(1, len(panels)), panels.items(), strict=True):
-        colour = -1
-        for line in lines:
-            colour += not line.mark
-            style = {"marker": line.mark, "linestyle": "none", "markersize": 4}
-            axes.plot(line.x, line.y, color=f"C{colour}", **(style if line.mark else {}),
-                      label=None if line.mark and colour else line.label)  # fmt: skip
-        axes.set_title(title, fontsize=9)
-        axes.set(xlabel=x, ylabel=y)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.legend(frameon=False, fontsize=7)
-    return _png(figure)
 
 
 def _png(figure: Figure) -> bytes:
