@@ -178,7 +178,7 @@ def test_mesh_study() -> None:
 
 
 def test_solvers_study() -> None:
-    """All solvers solve; one is chosen for each tangent; growth is told, of seconds not asserted."""
+    """All solvers solve; one is chosen for each tangent; growth in seconds is told."""
     report, rows = quick("solvers")
     assert all(row["residual"] < 1e-13 for row in rows)
     for n in {row["unknowns"] for row in rows}:
