@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from answers import right
 
 from anmstrip.mechanics.friction import NortonHoff
 from anmstrip.mechanics.mass_spring import RotatingCircle
@@ -20,15 +21,7 @@ from anmstrip.series.linear_solvers import DenseSolver
 from anmstrip.studies import hard_nodes as nodes
 from anmstrip.studies.case_runs import solved
 from anmstrip.studies.hard_nodes import CONTACT
-from anmstrip.studies.motions import Trial, moved
-
-
-def right(trial: Trial, allowed: float, tangents: int) -> None:
-    """What holds for all: the end is reached, at the answer, with bounded work."""
-    assert trial.outcome == "done"
-    assert np.isfinite([trial.found, trial.exact]).all()
-    assert trial.error <= allowed
-    assert 0 < trial.steps <= trial.tangents <= tangents
+from anmstrip.studies.motions import moved
 
 
 @pytest.mark.parametrize("omega", [1e-2, 1e-10])

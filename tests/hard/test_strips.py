@@ -8,21 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from answers import right
 
 from anmstrip.scene.march import Arrival, March
 from anmstrip.scene.run import Run
 from anmstrip.scene.schema import Scene
 from anmstrip.studies import hard_strips as strips
 from anmstrip.studies.hard_strips import LAY, PULL, end_of, ran, tables_of, turning
-from anmstrip.studies.motions import Trial
-
-
-def right(trial: Trial, allowed: float, tangents: int) -> None:
-    """What holds for all: the end is reached, at the answer, with bounded work."""
-    assert trial.outcome == "done"
-    assert np.isfinite([trial.found, trial.exact]).all()
-    assert trial.error <= allowed
-    assert 0 < trial.steps <= trial.tangents <= tangents
 
 
 @pytest.mark.parametrize("gap", [1e-3, 0.2])
