@@ -45,6 +45,7 @@ class FakeRun:
     end: BaseException | None = None
     done: bool = True
     message: str = "Reached the end."
+    warnings: tuple[str, ...] = ("The strip is compressed.",)
     saved: list[bool] = field(default_factory=list)
 
     @property

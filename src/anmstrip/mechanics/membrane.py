@@ -40,7 +40,7 @@ class Membrane:
     ----------
     strip : Strip
     imperfection : ndarray, shape (unknowns,), optional
-        Small displacement of the reference that makes no stress; unknowns count from it.
+        Displacement of the reference that makes no stress.
     """
 
     name = "membrane"
@@ -52,8 +52,8 @@ class Membrane:
         self.flat = strip.frames().tangents
         self.metric = np.eye(strip.kinematics.directions)[:, :, None]
         if imperfection is not None:
-            self.flat = self.flat + self.operator.apply(imperfection)
-            self.metric = np.einsum("iap,ibp->abp", self.flat, self.flat)
+            natural = self.flat + self.operator.apply(imperfection)
+            self.metric = np.einsum("iap,ibp->abp", natural, natural)
 
     def near(self, full: Array, controls: Mapping[str, Any]) -> Membrane:
         """Everywhere."""

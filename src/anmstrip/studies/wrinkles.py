@@ -22,6 +22,7 @@ from scipy.interpolate import CubicHermiteSpline
 from anmstrip.mechanics.bending import isometric_bending
 from anmstrip.mechanics.cells import Pattern
 from anmstrip.mechanics.effects import Effect
+from anmstrip.mechanics.kirchhoff_love import KirchhoffLove
 from anmstrip.mechanics.membrane import Membrane
 from anmstrip.mechanics.strip import Material, Strip, grid
 from anmstrip.mechanics.supports import Scales, Supports, gripped, mirrored
@@ -84,7 +85,7 @@ class Stretched:
         """Of the free unknowns."""
         strip, pattern = self.strip, Pattern(self.strip)
         membrane = Membrane(strip, self.imperfection)
-        effects: list[Effect] = [membrane, isometric_bending(strip, pattern)]
+        effects: list[Effect] = [membrane, self._bending(pattern)]
         tension = self.thickness * self.strain
         model = Model(strip, pattern, effects, Scales(WIDTH, tension * WIDTH, tension))
         symmetry = [mirrored(strip, "exit", 0), mirrored(strip, "right", 1)]
@@ -94,10 +95,17 @@ class Stretched:
         slope[3 * strip.edges["entry"].values] = -self.strain * LENGTH / 2
         return Equilibrium(model, Supports(rest.free, rest.start, slope), Controls({}))
 
+    def _bending(self, pattern: Pattern) -> Effect:
+        """That of an imperfect sheet knows what it is bent by without moments."""
+        if self.imperfection is None:
+            return isometric_bending(self.strip, pattern)
+        return KirchhoffLove(self.strip, self.imperfection)
+
     @property
     def start(self) -> Array:
         """The slack state, shape (free,)."""
-        return np.zeros(len(self.equations.supports.free))
+        whole = np.zeros(self.strip.unknowns) if self.imperfection is None else self.imperfection
+        return whole[self.equations.supports.free]
 
     def heights(self, u: Array) -> CubicHermiteSpline:
         """z(y) in the middle of the sheet, as the elements have it."""
