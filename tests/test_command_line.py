@@ -119,6 +119,7 @@ def test_run_that_is_done(fakes: Fakes) -> None:
     assert (result.exit_code, result.stderr) == (0, "")
     assert result.stdout.splitlines() == [
         "Reached the end.",
+        "Warning: The strip is compressed.",
         "Results in results/capstan. Next: anmstrip render results/capstan",
     ]
 

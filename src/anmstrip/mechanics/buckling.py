@@ -20,7 +20,7 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from .cells import Pattern
-from .membrane import Membrane
+from .membrane import Membrane, principal
 
 Array = NDArray[np.float64]
 
@@ -39,20 +39,9 @@ class Factorised(Protocol):
         """Solution of K x = right."""
 
 
-def principal(forces: Array) -> tuple[Array, Array]:
-    """Principal membrane forces (N/m), ascending, (points, d), and directions (points, d, d).
-
-    Parameters
-    ----------
-    forces : ndarray, shape (d, d, points)
-    """
-    found = np.linalg.eigh(np.moveaxis(forces, -1, 0))
-    return found.eigenvalues, found.eigenvectors
-
-
 def compressive_stiffness(membrane: Membrane, full: Array, pattern: Pattern) -> Array:
     """Blocks of G, see :class:`~anmstrip.mechanics.cells.Pattern`."""
-    values, vectors = principal(membrane.forces(membrane.operator.apply(full) + membrane.flat))
+    values, vectors = principal(membrane.at(full))
     part = np.einsum("pak,pk,pbk->abp", vectors, -np.minimum(values, 0.0), vectors)
     m, blocks = pattern.count, pattern.zeros()
     derivative = np.einsum("ij,bap->jbiap", np.eye(m), part)

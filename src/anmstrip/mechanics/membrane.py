@@ -64,6 +64,10 @@ class Membrane:
         strain = (np.einsum("ia...,ib...->ab...", tangents, tangents) - self.metric) * 0.5
         return np.einsum("abcd,cd...->ab...", self.stiffness, strain)
 
+    def at(self, full: Array) -> Array:
+        """N (N/m) of a state at the quadrature points, shape (d, d, points)."""
+        return np.asarray(self.forces(self.operator.apply(full) + self.flat))
+
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """First Piola stress (N/m) from the displacement gradient, (components, d, points)."""
         tangents = x + self.flat
@@ -74,3 +78,14 @@ class Membrane:
         tangents = self.operator.apply(full) + self.flat
         product = np.einsum("ia...,ib...->ab...", tangents, self.operator.apply(change))
         return np.einsum("abcd,cd...->ab...", self.stiffness, product)
+
+
+def principal(forces: Array) -> tuple[Array, Array]:
+    """Principal membrane forces (N/m), ascending, (points, d), and directions (points, d, d).
+
+    Parameters
+    ----------
+    forces : ndarray, shape (d, d, points)
+    """
+    found = np.linalg.eigh(np.moveaxis(forces, -1, 0))
+    return found.eigenvalues, found.eigenvectors

@@ -10,15 +10,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.mechanics.buckling import buckling_modes, compressive_stiffness, principal
+from anmstrip.mechanics.buckling import buckling_modes, compressive_stiffness
 from anmstrip.mechanics.cells import jets
 from anmstrip.mechanics.projection import projected
 from anmstrip.model import Equilibrium
 from anmstrip.scene.build import Assembly
 from anmstrip.scene.errors import InputError, Mistake
 from anmstrip.scene.march import March
+from anmstrip.scene.measures import State
 from anmstrip.scene.schema import Scene
-from anmstrip.scene.stages import Plan
+from anmstrip.series.linear_solvers import SparseSolver
 from anmstrip.series.outcome import PathStopped
 
 Array = NDArray[np.float64]
@@ -36,63 +37,63 @@ def imperfection_of(scene: Scene) -> Array:
         The perfect strip does not reach the end of the first stage, or is not compressed there.
     """
     assert scene.strip.imperfection is not None
-    march, plan = _perfect(scene)
-    _, modes = buckling(march, plan, scene.strip.imperfection.mode)
-    return flattened(march, plan.supports.change(modes[:, -1], 0.0)) * (
-        scene.strip.imperfection.amplitude
-    )
+    state = _perfect(scene)
+    _, modes = buckling(state, scene.strip.imperfection.mode)
+    return flattened(state, modes[:, -1]) * scene.strip.imperfection.amplitude
 
 
-def _perfect(scene: Scene) -> tuple[March, Plan]:
+def _perfect(scene: Scene) -> State:
     """The perfect strip at the end of the first stage."""
     strip = scene.strip.model_copy(update={"imperfection": None})
     perfect = scene.model_copy(update={"strip": strip})
     march = March(Assembly(perfect))
     plan = march.planned(perfect.course[0].model_copy(update={"friction": False}), None)
     try:
-        for arrival in march.through(plan, scene.solver.max_steps):
-            march.accept(arrival)
+        *_, last = march.through(plan, scene.solver.max_steps)
     except PathStopped as stopped:
         raise _refused(scene, f"without imperfection it stops: {stopped}") from stopped
-    membrane = march.assembly.membrane
-    assert membrane is not None
-    forces = membrane.forces(membrane.operator.apply(march.full) + membrane.flat)
-    if principal(forces)[0].min() > -NOTHING * march.assembly.scales.tension:
+    if last.state.principal_forces.min() > -NOTHING * march.assembly.scales.tension:
         raise _refused(scene, "nothing compresses it")
-    return march, plan
+    return last.state
 
 
-def buckling(march: March, plan: Plan, count: int) -> tuple[Array, Array]:
-    """Factors and modes at the end of a rate-free stage, see :func:`buckling_modes`."""
-    assembly, free = march.assembly, plan.supports.free
-    assert assembly.membrane is not None
-    equations = Equilibrium(plan.model, *plan.held_at_end)
-    tangent = equations.recurrence(march.full[free], 0.0, 1).tangent()
-    blocks = compressive_stiffness(assembly.membrane, march.full, assembly.pattern)
-    compressive = plan.model.restriction(free).matrix(blocks)
-    return buckling_modes(tangent, compressive, march.solver, count)
+def buckling(state: State, count: int) -> tuple[Array, Array]:
+    """Factors and modes of a state without friction, see :func:`buckling_modes`.
+
+    Returns
+    -------
+    factors : ndarray, shape (count,)
+    modes : ndarray, shape (free, count)
+    """
+    plan, model, free = state.plan, state.plan.model, state.plan.supports.free
+    equations = Equilibrium(model, plan.supports, plan.controls)
+    tangent = equations.recurrence(state.full[free], state.control, 1).tangent()
+    assert state.membrane is not None
+    blocks = compressive_stiffness(state.membrane, state.full, model.pattern)
+    return buckling_modes(tangent, model.restriction(free).matrix(blocks), SparseSolver(), count)
 
 
-def flattened(march: March, change: Array) -> Array:
-    """A displacement of a state, along its normals, as heights of the flat strip; 1 m the largest.
+def flattened(state: State, mode: Array) -> Array:
+    """A change of a state, along its normals, as heights of the flat strip; 1 m the largest.
 
     Parameters
     ----------
-    change : ndarray, shape (unknowns,)
+    mode : ndarray, shape (free,)
 
     Returns
     -------
     ndarray, shape (unknowns,)
         Upwards where the height is largest.
     """
-    strip, operator = march.assembly.strip, jets(march.assembly.strip)
-    tangents = operator.apply(march.full)[:, 1:] + strip.kinematics.flat
+    strip, change = state.plan.model.strip, state.plan.supports.change(mode, 0.0)
+    operator = jets(strip)
+    tangents = operator.apply(state.full)[:, 1:] + strip.kinematics.flat
     normal = np.cross(tangents[:, 0], tangents[:, 1], axis=0)
     normal /= np.linalg.norm(normal, axis=0)
     height = np.einsum("ip,ip->p", normal, operator.apply(change)[:, 0])
     lifted = np.zeros_like(normal)
     lifted[2] = height / height[np.abs(height).argmax()]
-    return projected(strip, march.assembly.pattern, lifted)
+    return projected(strip, state.plan.model.pattern, lifted)
 
 
 def _refused(scene: Scene, found: str) -> InputError:

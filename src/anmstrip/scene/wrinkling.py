@@ -18,8 +18,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.mechanics.buckling import principal
-from anmstrip.mechanics.membrane import Membrane
 from anmstrip.mechanics.patches import shape_of
 from anmstrip.mechanics.projection import quadrature_points
 from anmstrip.scene.fields import Surface
@@ -101,18 +99,9 @@ class Wrinkling:
         near = [span for span in self.spans if span.compression > CLOSE * span.bearable]
         return [f"The strip is {span}" for span in near]
 
-    @cached_property
-    def _forces(self) -> tuple[Array, Array]:
-        """Reference x and principal forces at the quadrature points."""
-        effects = self.state.plan.model.effects
-        membrane = next(e for e in effects if isinstance(e, Membrane))
-        tangents = membrane.operator.apply(self.state.full) + membrane.flat
-        x = quadrature_points(self.state.plan.model.strip)[0]
-        return x, principal(membrane.forces(tangents))[0]
-
     def _span(self, before: str, after: str, start: float, end: float) -> Span:
         strip = self.state.plan.model.strip
-        x, forces = self._forces
+        x, forces = quadrature_points(strip)[0], self.state.principal_forces
         inside = (start <= x) & (x <= end)
         if not inside.any():
             return Span(before, after, start, end, 0.0, np.inf, 0.0)
@@ -127,11 +116,10 @@ class Wrinkling:
         compression = max(-float(low[worst]), 0.0)
         return Span(before, after, start, end, compression, float(bearable), float(share))
 
-    def amplitude(self, surface: Surface | None = None) -> float | None:
+    def amplitudes(self, surface: Surface | None = None) -> list[float] | None:
         """Largest distance, along the normal, from the parabola nearest to a line across (m).
 
-        Of all lines of points x = const in the free spans; ``None`` on triangles, which have
-        none.
+        For every span, of its lines of points x = const; ``None`` on triangles, which have none.
 
         Parameters
         ----------
@@ -144,10 +132,15 @@ class Wrinkling:
         surface = Surface(strip, None, None) if surface is None else surface
         lines = _lines(surface, self.state.full, strip.cell_sizes[0].min())
         x = np.array([line.x for line in lines])
-        free = np.any([(s.start <= x) & (x <= s.end) for s in self.spans], axis=0)
         along = np.gradient(np.stack([line.middle for line in lines]), x, axis=0)
-        heights = [line.height(t) for line, t, f in zip(lines, along, free, strict=True) if f]
-        return max(heights, default=0.0)
+        heights = np.array([line.height(t) for line, t in zip(lines, along, strict=True)])
+        inside = ((span.start <= x) & (x <= span.end) for span in self.spans)
+        return [float(heights[part].max(initial=0.0)) for part in inside]
+
+    def amplitude(self, surface: Surface | None = None) -> float | None:
+        """The largest of them (m)."""
+        found = self.amplitudes(surface)
+        return None if found is None else max(found, default=0.0)
 
 
 @dataclass(frozen=True)

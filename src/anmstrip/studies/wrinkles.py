@@ -143,7 +143,7 @@ class Stretched:
         membrane = self.equations.model.effects[0]
         assert isinstance(membrane, Membrane)
         full = self.equations.supports.full(u, control)
-        forces = membrane.forces(membrane.operator.apply(full) + membrane.flat)[0, 0]
+        forces = membrane.at(full)[0, 0]
         weights = membrane.operator.weights
         return float(forces @ weights / weights.sum())
 
