@@ -20,6 +20,12 @@ LENGTH, WIDTH, THICKNESS = 1.0, 0.6, 1e-3
 
 def plate_modes(along: float, across: float, count: int):
     """Factors and modes of a plate, all sides held in z, under membrane forces (N/m)."""
+    strip, supports, tangent, compressive = matrices(along, across)
+    return strip, supports, *buckling_modes(tangent, compressive, SparseSolver(), count)
+
+
+def matrices(along: float, across: float):
+    """Strip, supports, tangent and what compression takes off it."""
     mesh = grid(np.linspace(0.0, LENGTH, 13), np.linspace(0.0, WIDTH, 13))
     strip = Strip(mesh, THICKNESS, Material(2e11, 0.3))
     pattern, membrane = Pattern(strip), Membrane(strip)
@@ -37,9 +43,7 @@ def plate_modes(along: float, across: float, count: int):
     equations = Equilibrium(model, supports, Controls({}))
     tangent = equations.recurrence(full[supports.free], 0.0, 1).tangent()
     blocks = compressive_stiffness(membrane, full, pattern)
-    compressive = model.restriction(supports.free).matrix(blocks)
-    found = buckling_modes(tangent, compressive, SparseSolver(), count)
-    return strip, supports, *found
+    return strip, supports, tangent, model.restriction(supports.free).matrix(blocks)
 
 
 def bearable(strip: Strip, tension: float, waves: tuple[int, int]) -> float:
@@ -72,3 +76,12 @@ def test_tension_is_no_compression():
     points = quadrature_points(strip)
     full = projected(strip, pattern, 1e-3 * np.stack([points[0], points[1], 0.0 * points[0]]))
     assert np.abs(compressive_stiffness(membrane, full, pattern)).max() == 0.0
+
+
+def test_factors_below_one_are_the_negative_eigenvalues():
+    """Of a plate that is pressed beyond five of its limits."""
+    strip, *_ = plate_modes(0.0, -100.0, 1)
+    limits = sorted(bearable(strip, 0.0, (m, n)) for m in range(1, 9) for n in range(1, 9))
+    tangent, compressive = matrices(0.0, -0.5 * (limits[4] + limits[5]))[2:]
+    factors, _ = buckling_modes(tangent, compressive, SparseSolver(), 8)
+    assert (factors < 1.0).sum() == SparseSolver().factorise(tangent).negatives == 5

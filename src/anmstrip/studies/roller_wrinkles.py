@@ -15,9 +15,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
 from anmstrip.mechanics.cells import jets
@@ -83,10 +85,11 @@ class Onset:
     @property
     def profile(self) -> tuple[Array, Array]:
         """y and height across the strip where the mode is highest."""
-        strip = self.state.plan.model.strip
-        z = self.heights.reshape(-1, 3)[strip.node_values, 2]
-        there = np.isclose(strip.nodes[0], strip.nodes[0][np.abs(z).argmax()])
-        return strip.nodes[1][there], z[there]
+        strip, z = self.state.plan.model.strip, self.heights.reshape(-1, 3)[:, 2]
+        value, slope = (z[strip.dofs(name)] for name in ("u", "u_y"))
+        there = np.isclose(strip.nodes[0], strip.nodes[0][np.abs(value).argmax()])
+        y = np.linspace(strip.nodes[1].min(), strip.nodes[1].max(), 300)
+        return y, CubicHermiteSpline(strip.nodes[1][there], value[there], slope[there])(y)
 
 
 def onset(scene: Scene) -> Onset:
@@ -164,15 +167,15 @@ class Ended:
         return float(np.abs(z[here] - z[there]).max()) / strip.thickness
 
 
-def ended(scene: Scene) -> Ended:
-    """Run a scene to its end.
+def ended(scene: Scene, directory: Path | None = None) -> Ended:
+    """Run a scene to its end, and write it if a directory is given.
 
     Raises
     ------
     RuntimeError
         If it stops before.
     """
-    run = scene.run()
+    run = scene.run(directory)
     *_, last = run
     if not run.outcome.done:
         raise RuntimeError(run.message)
