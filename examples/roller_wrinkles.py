@@ -5,7 +5,7 @@ kN/m, and as the tension is lowered, about to wrinkle at 18.0 kN/m, 0.16 m apart
 2 √π (D/T)^(1/4) √L says within 2 %.  A strip of 0.5 m × 0.1 mm that is led straight onto a roller
 5 mrad out of line: with friction it is carried to the side, sheared, and after 0.03 m it wrinkles
 askew, 1.7 thicknesses high after 0.04 m; without friction it stays smooth.  The second is written
-for ParaView, with a picture of its curvature.
+for ParaView, with a picture of the moment across.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def skewed(mesh: Mesh, way: float, directory: Path) -> None:
         print(f"{name} friction: {found.heights[0]:.3f} t high")
     for warning in rubbed.wrinkling.warnings:
         print(warning)
-    print(*render(directory, "mean_curvature"))
+    print(*render(directory, "bending_moment.yy"))
 
 
 if __name__ == "__main__":

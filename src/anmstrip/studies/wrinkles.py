@@ -39,7 +39,7 @@ from anmstrip.studies.shell_runs import settings
 
 Array = NDArray[np.float64]
 
-LENGTH, WIDTH, POISSON = 2.5, 1.0, 0.45
+LENGTH, WIDTH, POISSON = 3.5, 1.0, 0.45
 """Of the sheet between its grips (m, m, 1); E = 1 Pa does not matter."""
 
 CHOICES = settings(15, 1e-6)
@@ -48,8 +48,11 @@ CHOICES = settings(15, 1e-6)
 BEYOND = 4.0
 """Strain at the end of a path, over that at the onset."""
 
-CRITICAL = 3.1e4
+CRITICAL = 5.9e4
 """Strain at the onset over (t/W)², for the first guess."""
+
+THIN = 2e-4
+"""Thickness (m) at which meshes and imperfections are compared."""
 
 
 @dataclass(frozen=True)
@@ -189,16 +192,15 @@ def wrinkled(sheet: Stretched, point: SingularPoint, cost: Cost) -> Iterator[tup
 
 def study(quick: bool = False) -> StudyReport:
     """Wrinkles over a factor of ten in thickness, on three meshes, and with an imperfection."""
-    thin = 4e-4
-    cells = ((8, 12), (10, 16), (12, 20)) if quick else ((12, 18), (16, 24), (24, 36))
-    stretches = [(1e-3, BEYOND), (thin, BEYOND), (1e-4, BEYOND), (1e-4, 30.0)]
+    cells = ((12, 14), (12, 16), (14, 18)) if quick else ((14, 18), (16, 24), (24, 36))
+    stretches = [(4e-4, BEYOND), (1e-4, BEYOND), (4e-5, BEYOND), (4e-5, 20.0)]
     shown = stretches[:2] if quick else stretches
-    main, profiles = _thickness_sheet(shown, (10, 16) if quick else (16, 32))
+    main, profiles = _thickness_sheet(shown, cells[-1] if quick else (16, 32))
     return StudyReport(
         name="wrinkles",
         title="Wrinkles of a stretched sheet",
         data=main,
-        sheets=(main, _mesh_sheet(thin, cells), _imperfection_sheet(thin, cells[0])),
+        sheets=(main, _mesh_sheet(THIN, cells), _imperfection_sheet(THIN, cells[0])),
         figures={"wrinkles.png": drawn(profiles, "y / W", "z / t")},
     )
 
@@ -237,8 +239,8 @@ def _thickness_sheet(
                "off, own (%)", "amplitude / t", "tangents")  # fmt: skip
     note = (
         f"Quarter of a sheet of {LENGTH:g} × {WIDTH:g}, ν = {POISSON:g}, {cells[0]} × {cells[1]} "
-        "elements. Wrinkles do not reach the grips, which the formula with the whole length "
-        "between these does not know; with the wrinkles' own length it holds."
+        "elements. Off the formula with the whole length between the grips, which wrinkles do "
+        "not reach, the less so at the onset; and with the wrinkles' own length."
     )
     return Sheet("Onset and wavelength by thickness", columns, tuple(rows), note), panels
 
