@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from anmstrip.series.expansion import Cost, Equations
 from anmstrip.series.linear_solvers import Factors, LinearSolver, SingularTangentError
+from anmstrip.series.newton import Corrected
 from anmstrip.series.outcome import Outcome, PathStopped
-from anmstrip.studies.newton import LoadStep
 
 Array = NDArray[np.float64]
 Direction = tuple[Array, float]
@@ -64,7 +64,7 @@ def arc_steps(
     settings: RiksSettings | None = None,
     target: float = 1.0,
     cost: Cost | None = None,
-) -> Iterator[LoadStep]:
+) -> Iterator[Corrected]:
     """Converged states from (u, 0) until the control has reached ``target``.
 
     Parameters
@@ -138,7 +138,7 @@ def _corrected(
     solver: LinearSolver,
     settings: RiksSettings,
     cost: Cost,
-) -> LoadStep | None:
+) -> Corrected | None:
     """Newton's iteration in the plane across; None if it does not converge."""
     u, control = u + length * along[0], control + length * along[1]
     for iteration in range(settings.most + 1):
@@ -147,7 +147,7 @@ def _corrected(
         cost.residuals += 1
         imbalance = equations.imbalance(recurrence.residual)
         if imbalance <= settings.tolerance:
-            return LoadStep(u, control, iteration, imbalance)
+            return Corrected(u, control, iteration, imbalance)
         if not np.isfinite(imbalance) or iteration == settings.most:
             return None
         try:
