@@ -280,13 +280,13 @@ def test_contact_may_be_of_any_stiffness(stiffer: float) -> None:
 
 
 def test_where_the_guess_leads_nowhere_the_path_is_followed(monkeypatch) -> None:
-    """The same equilibrium, with more tangents."""
+    """The same equilibrium, with more work."""
     found = []
     for most in (0, march.MOST_CORRECTIONS):
         monkeypatch.setattr(march, "MOST_CORRECTIONS", most)
         run, state = ended(scene_of(ONE))
         (reading,) = state.rollers.values()
-        found.append((reading.normal_force, run.cost.factorisations))
+        found.append((reading.normal_force, run.cost.solves))
     (path, more), (newton, less) = found
     assert path == pytest.approx(newton, rel=1e-6)
-    assert less < more
+    assert less < 0.2 * more

@@ -149,7 +149,7 @@ class March:
         PathStopped
         """
         settings = Settings(
-            order=self.scene.solver.order,
+            order=self.assembly.order,
             tolerance=self.scene.solver.tolerance,
             max_steps=steps,
             rational=not self.scene.output.events,
