@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import toeplitz
+from scipy.linalg import qr, toeplitz
 
 from .expansion import Cost, Equations
 from .path import Branch, first_root
@@ -39,9 +39,6 @@ FURTHER = 4.0
 
 DAMPING = 1e-12
 """Of the denominator's coefficients, over the largest term there."""
-
-NOTHING = 1e-14
-"""Share of a vector outside the span of others that is round-off."""
 
 TRIALS = 12
 """Lengths that are looked at beyond the series' own."""
@@ -84,7 +81,7 @@ def rational(equations: Equations, branch: Branch) -> Branch:
     """The same orders as a quotient."""
     size = branch.order + 1
     denominator = np.zeros(size)
-    found = _denominator(triangle(equations, branch), FURTHER * branch.length)
+    found = _denominator(coordinates(equations, branch), FURTHER * branch.length)
     denominator[: len(found)] = found
     product = toeplitz(denominator, np.zeros(size))
     with np.errstate(all="ignore"):
@@ -94,10 +91,10 @@ def rational(equations: Equations, branch: Branch) -> Branch:
 
 def _denominator(alpha: Array, scale: float) -> Array:
     """Coefficients 1, d_1 … d_m, from orders 1 … N in coordinates (rows)."""
-    n = len(alpha)
+    n, width = alpha.shape
     degree, last = min(POLES, n - 1), min(LAST, n - 1)
     powers = scale ** np.arange(n + 1.0)
-    terms = np.vstack([np.zeros((degree, n)), alpha * powers[1:, None]])
+    terms = np.vstack([np.zeros((degree, width)), alpha * powers[1:, None]])
     columns = [terms[degree + n - last - j : degree + n - j].ravel() for j in range(degree + 1)]
     damping = DAMPING * np.linalg.norm(terms, axis=1).max()
     matrix = np.vstack([np.stack(columns[1:], axis=1), damping * np.eye(degree)])
@@ -106,21 +103,8 @@ def _denominator(alpha: Array, scale: float) -> Array:
     return np.concatenate([[1.0], d / powers[1 : degree + 1]])
 
 
-def triangle(equations: Equations, branch: Branch) -> Array:
-    """α_ki of orders k + 1 = 1 … N by Gram and Schmidt, twice."""
-    n = branch.order
-    alpha = np.zeros((n, n))
-    basis: list[tuple[Array, float]] = []
-    for k in range(n):
-        u, control = branch.u[k + 1].copy(), float(branch.control[k + 1])
-        for _ in range(2):
-            for i, (q, c) in enumerate(basis):
-                share = equations.inner(q, u) + c * control
-                alpha[k, i] += share
-                u, control = u - share * q, control - share * c
-        norm = np.sqrt(max(equations.inner(u, u) + control**2, 0.0))
-        if norm > NOTHING * np.abs(alpha[k]).max():
-            alpha[k, k] = norm
-        unit = 1.0 / norm if alpha[k, k] > 0.0 else 0.0
-        basis.append((u * unit, control * unit))
-    return alpha
+def coordinates(equations: Equations, branch: Branch) -> Array:
+    """Orders 1 … N (rows) in an orthonormal basis of what they span, with the control."""
+    motion = branch.u[1:] * np.sqrt(equations.metric)
+    both = np.column_stack([motion, branch.control[1:]]).T
+    return np.asarray(qr(both, mode="r", check_finite=False)[0][: branch.order].T)
