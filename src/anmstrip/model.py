@@ -127,7 +127,12 @@ class Equilibrium:
         size = model.scales
         self.free_units = 1.0 / model.units[supports.free]
         self.is_value = np.isin(supports.free, model.value_unknowns)
-        self.metric = self.is_value / (size.length**2 * len(model.strip.node_values))
+        self._metric = self.is_value / (size.length**2 * len(model.strip.node_values))
+
+    @property
+    def metric(self) -> Array:
+        """Of the mean over the nodes of squared changes of position, over the length scale."""
+        return self._metric
 
     def full_velocity(self, u: Array, control: float) -> Array | None:
         """Velocity of all unknowns, or ``None`` where nothing depends on it."""
@@ -159,10 +164,6 @@ class Equilibrium:
                 force = series.derivative(still, moved, 0.0)
                 total += 0.0 if force is None else force
         return total[self.supports.free]
-
-    def inner(self, u: Array, w: Array) -> float:
-        """Mean over the nodes of the product of positions, over the length scale squared."""
-        return float((u * self.metric) @ w)
 
     def imbalance(self, residual: Array) -> float:
         """Norm of nodal forces (moments over element size) over the force scale."""

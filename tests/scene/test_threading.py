@@ -13,10 +13,12 @@ from anmstrip.mechanics.belt import Point, belt
 from anmstrip.mechanics.guide import Guide
 from anmstrip.mechanics.membrane import Membrane
 from anmstrip.model import Equilibrium
-from anmstrip.scene import InputError
+from anmstrip.scene import InputError, march
 from anmstrip.scene.build import Assembly
 from anmstrip.scene.stages import Course
 from anmstrip.scene.threading import stretches
+from anmstrip.studies.comparisons import Finished
+from anmstrip.studies.strips import threaded
 
 SCENES = {"one": ONE, "bridle": BRIDLE, "tower": TOWER, "leveller": LEVELLER}
 
@@ -265,3 +267,26 @@ def test_impossible_ways_are_refused(name: str) -> None:
     assert mistake.key == key
     assert words in str(mistake)
     assert "circle" not in str(mistake)
+
+
+@pytest.mark.parametrize("stiffer", [1e-4, 1.0, 1e4])
+def test_contact_may_be_of_any_stiffness(stiffer: float) -> None:
+    """Full slip: the capstan formula, here 1.2510 within 2e-4 where little is sunk in."""
+    finished = Finished.of(threaded("section", 2, 0.05, 1e-3, stiffer=stiffer))
+    assert finished.run.state is not None
+    ratio = finished.run.state.rollers["r1"].tension_ratio
+    assert ratio == pytest.approx(1.25094, rel=2e-4 if stiffer >= 1.0 else 2e-2)
+    assert finished.run.cost.factorisations <= 60
+
+
+def test_where_the_guess_leads_nowhere_the_path_is_followed(monkeypatch) -> None:
+    """The same equilibrium, with more work."""
+    found = []
+    for most in (0, march.MOST_CORRECTIONS):
+        monkeypatch.setattr(march, "MOST_CORRECTIONS", most)
+        run, state = ended(scene_of(ONE))
+        (reading,) = state.rollers.values()
+        found.append((reading.normal_force, run.cost.solves))
+    (path, more), (newton, less) = found
+    assert path == pytest.approx(newton, rel=1e-6)
+    assert less < 0.2 * more

@@ -25,8 +25,9 @@ class DenseEquations:
     def residual(self, u, control):
         return self.force * self.law(u / self.length, control)
 
-    def inner(self, u, w):
-        return float(u @ w) / self.length**2
+    @property
+    def metric(self):
+        return self.length**-2
 
     def imbalance(self, residual):
         return float(np.abs(residual).max()) / self.force

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from dense import DenseEquations, coupled, one
 
-from anmstrip.series.expansion import Cost, Parameter, expand, size, term_range
+from anmstrip.series.expansion import Cost, Parameter, expand, inner, size, term_range
 from anmstrip.series.linear_solvers import DenseSolver, SingularTangentError
 
 
@@ -53,12 +53,12 @@ def test_arclength_identity(scale, forward):
     parameter = Parameter(scale, arclength=True, forward=forward)
     branch = branch_of(equations, [0.0, 0.0], order=12, parameter=parameter)
     u, control = branch.direction(0.0)
-    assert equations.inner(u, u) + control**2 == pytest.approx(scale**2, rel=1e-13)
+    assert inner(equations, u, u) + control**2 == pytest.approx(scale**2, rel=1e-13)
     sense = -1.0 if forward is not None and forward[1] < 0.0 else 1.0
     assert np.sign(control) == sense
     for a in (0.1, 0.4, 1.0):
         state, value = branch(a)
-        along = equations.inner(u, state - branch.u[0]) + control * (value - branch.control[0])
+        along = inner(equations, u, state - branch.u[0]) + control * (value - branch.control[0])
         assert along / scale == pytest.approx(scale * a, rel=1e-12)
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from anmstrip.series.backward_differences import AffineVelocity
 from anmstrip.series.continuation import Settings, follow
+from anmstrip.series.expansion import inner
 from anmstrip.series.functions import FunctionEquations, FunctionRateEquations
 from anmstrip.series.linear_solvers import DenseSolver
 
@@ -30,7 +31,7 @@ def test_a_path_meets_its_equations_everywhere(tolerance):
 
 def test_scales_are_units():
     equations = FunctionEquations(cubic, scale=2.0, force=10.0)
-    assert equations.inner(np.array([2.0, 4.0]), np.array([2.0, 0.0])) == 1.0
+    assert inner(equations, np.array([2.0, 4.0]), np.array([2.0, 0.0])) == 1.0
     assert equations.imbalance(np.array([1.0, -5.0])) == 0.5
 
 

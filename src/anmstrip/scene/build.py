@@ -19,6 +19,7 @@ from anmstrip.mechanics.membrane import Membrane
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.strip import Material, Strip
 from anmstrip.model import Scales
+from anmstrip.scene.costs import cheapest_order, size_of
 from anmstrip.scene.errors import InputError, Mistake
 from anmstrip.scene.mesh_file import read_mesh
 from anmstrip.scene.meshing import largest_force, strip_mesh
@@ -78,6 +79,15 @@ class Assembly:
     def kinematics(self) -> Kinematics:
         """Which displacements are unknown."""
         return KINEMATICS[self.scene.strip.kinematics]
+
+    @cached_property
+    def order(self) -> int:
+        """Of the series: the scene's, or the cheapest."""
+        if self.scene.solver.order is not None:
+            return self.scene.solver.order
+        size = size_of(self, self.kinematics)
+        assert size is not None
+        return cheapest_order(size, self.scene.solver.tolerance)
 
     @cached_property
     def thread(self) -> Thread | None:

@@ -91,7 +91,7 @@ def _table(title: str, *columns: str) -> Table:
 
 def _effect_table(assembly: Assembly, plans: list[Plan]) -> Table:
     table = _table("Effects", "effect", "points", "unknowns", "memory (MB)", "in stages")
-    order = assembly.scene.solver.order
+    order = assembly.order
     found: dict[str, tuple[Effect, list[Plan]]] = {}
     for plan in plans:
         for effect in plan.model.effects:
@@ -219,10 +219,11 @@ def _blind(rungs: list[Rung], own: str) -> Iterator[str]:
 
 def _scale_line(assembly: Assembly) -> str:
     s, solver = assembly.scales, assembly.scene.solver
+    chosen = ", the cheapest" if solver.order is None else ""
     return (
         f"Errors are relative to {s.length:g} m (positions), {s.force:g} N (imbalance) and "
         f"{s.tension:g} N/m (membrane forces); "
-        f"tolerance {solver.tolerance:g}, order {solver.order}."
+        f"tolerance {solver.tolerance:g}, order {assembly.order}{chosen}."
     )
 
 

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anmstrip.mechanics.kinematics import KINEMATICS, PLATE, SECTION, Kinematics
+from anmstrip.mechanics.kinematics import KINEMATICS, Kinematics
 from anmstrip.scene.build import Assembly
+from anmstrip.scene.costs import size_of
 from anmstrip.scene.stages import Course, Plan
 from anmstrip.scene.taut import ENDS, Way, way
 
@@ -65,7 +66,7 @@ def walked(assembly: Assembly) -> Iterator[tuple[Plan, Way]]:
 
 def ladder(assembly: Assembly, ways: list[Way]) -> list[Rung]:
     """The three levels, the cheapest first."""
-    sizes = {name: _size(assembly, level) for name, level in KINEMATICS.items()}
+    sizes = {name: size_of(assembly, level) for name, level in KINEMATICS.items()}
     own = sizes[assembly.kinematics.name]
     assert own is not None
     slope = max((w.slope for w in ways), default=0.0)
@@ -77,7 +78,7 @@ def ladder(assembly: Assembly, ways: list[Way]) -> list[Rung]:
         if size is None:
             rungs.append(Rung(KINEMATICS[name], None, None, None, against[name], lost))
             continue
-        cost = size.seconds / own.seconds
+        cost = size.seconds(assembly.order) / own.seconds(assembly.order)
         rungs.append(Rung(KINEMATICS[name], size.unknowns, size.points, cost, against[name], lost))
     return rungs
 
@@ -96,56 +97,6 @@ def _edges(assembly: Assembly) -> str:
     if not radii or not assembly.scene.strip.bending:
         return ""
     return f" (about √(r t) = {np.sqrt(min(radii) * assembly.strip.thickness):.2g} m wide)"
-
-
-# what it costs ---------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Size:
-    """Counts of a level, and the seconds of an expansion that they stand for.
-
-    The shares per count were measured at order 20, from 100 to 6000 unknowns, on one core;
-    they matter for ratios only.
-    """
-
-    unknowns: int
-    points: int
-    values: int
-    band: int
-    order: int
-
-    @property
-    def seconds(self) -> float:
-        """Calls, series of all values, tangent; factorisation; back-substitutions."""
-        calls, series = self.order / 20.0, (self.order / 20.0) ** 2
-        laws = 6e-3 * calls + (1.1e-6 * series + 6e-7) * self.values
-        factors = self.unknowns * (6e-7 + 8.5e-11 * self.band**2)
-        return laws + factors + 8e-10 * self.order * self.unknowns * self.band
-
-
-def _size(assembly: Assembly, level: Kinematics) -> Size | None:
-    """Counts of a level on the scene's own lines of nodes."""
-    strip, spec = assembly.strip, assembly.scene.strip
-    lines = len(np.unique(np.round(strip.mesh.p[0] / strip.length, 9)))
-    if level is SECTION:
-        if spec.mesh is not None:
-            return None
-        scalars, quadrature, touched = 2 * lines, 4 * (lines - 1), 2 * lines - 1
-    elif assembly.kinematics is not SECTION:
-        scalars, quadrature = strip.scalars, strip.basis.dx.size
-        touched = 4 * strip.mesh.nelements
-    else:
-        assert spec.cells is not None
-        across = spec.cells[1]
-        scalars, quadrature = 4 * lines * (across + 1), 16 * (lines - 1) * across
-        touched = (2 * lines - 1) * (2 * across + 1)
-    rubbed = 2 if assembly.scene.friction is not None and level is not PLATE else 1
-    touched *= 0 if assembly.scene.contact is None or not assembly.rollers else rubbed
-    m, per_line = level.count, scalars / lines
-    values = m * (level.directions * quadrature + touched)
-    band, order = int(m * (per_line + 8)), assembly.scene.solver.order
-    return Size(m * scalars, quadrature + touched, values, band, order)
 
 
 # what it cannot see ------------------------------------------------------------

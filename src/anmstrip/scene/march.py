@@ -28,6 +28,9 @@ Array = NDArray[np.float64]
 LOOSEST = 1e-4
 """Largest imbalance on a rate-free path: the first touch of a roller must be seen."""
 
+MOST_CORRECTIONS = 100
+"""Of the guess of a threaded strip, after which its path is followed."""
+
 FIRST_STEP = 0.01
 """First time step, of the shortest stage in time; the error control corrects it."""
 
@@ -146,9 +149,10 @@ class March:
         PathStopped
         """
         settings = Settings(
-            order=self.scene.solver.order,
+            order=self.assembly.order,
             tolerance=self.scene.solver.tolerance,
             max_steps=steps,
+            rational=not self.scene.output.events,
         )
         yield from (self._in_time if plan.in_time else self._rate_free)(plan, settings)
 
@@ -172,11 +176,20 @@ class March:
         if plan.name == THREADING and self.reached is None:
             assert self.assembly.thread is not None
             u = self.assembly.thread.guess(self.assembly.strip, self.assembly.pattern)[free]
+            u = self._corrected(Equilibrium(plan.model, plan.supports, plan.controls), u)
         elif tension := self._slack(plan):
             self.slack, u = True, stretched(self.assembly, tension)[free]
         if self.slack:
             return u, Equilibrium(plan.model, *plan.held_at_end)
         return u, Equilibrium(plan.model, plan.supports, plan.controls)
+
+    def _corrected(self, equations: Equilibrium, guess: Array) -> Array:
+        """The state near a guess; the guess itself, with a path still to go, if there is none."""
+        from anmstrip.series.newton import Corrections, Newton  # noqa: PLC0415 (only for guesses)
+
+        settings = Corrections(self.scene.solver.tolerance, most=MOST_CORRECTIONS, halvings=8)
+        found = Newton(equations, self.solver, settings, self.cost).corrected(guess, 0.0)
+        return guess if found is None else found.u
 
     def _slack(self, plan: Plan) -> float:
         """Tension at the end of a stage that first pulls a flat slack strip, else 0.

@@ -124,8 +124,10 @@ class StageSpec(Table):
 class SolverSpec(Table):
     """The asymptotic numerical method."""
 
-    order: Annotated[int, Field(strict=True, ge=2, le=60)] = Field(
-        20, description="order of the series, an integer from 2 to 60 (1)", examples=["20"]
+    order: Annotated[int, Field(strict=True, ge=2, le=60)] | None = Field(
+        None,
+        description="order of the series, an integer from 2 to 60, else the cheapest (1)",
+        examples=["20"],
     )
     tolerance: Annotated[Number, Field(ge=1e-12, le=1e-1)] = Field(
         1e-6,

@@ -5,8 +5,9 @@ circles in which its plane y = const cuts the rollers, uniformly stretched by th
 and pressed in as deep as the contact law asks for.  Fibres of different lengths, on rollers
 that are crowned or out of line, shear and compress the strip far beyond its buckling; it
 then slides along this surface until its membrane is at rest.  What is missing to
-equilibrium, the bending where the strip lifts off above all, is taken away by a path
-without friction.
+equilibrium, the bending where the strip lifts off above all, is taken away without friction:
+by Newton's iteration, for a guess is not on a path; where that finds nothing, by a path along
+which the imbalance fades.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .continuation import Pace
-from .expansion import Cost, Equations
+from .expansion import Cost, Equations, inner
 from .linear_solvers import LinearSolver
 from .outcome import Outcome, PathStopped
 from .singular_points import SingularPoint
@@ -52,7 +52,7 @@ def switched(
         cost.factorisations += 1
         free = -factors.solve(recurrence.residual)
         per_control = -factors.solve(recurrence.control_derivative())
-        missing = distance - equations.inner(point.mode, u + free - point.u)
-        change = missing / equations.inner(point.mode, per_control)
+        missing = distance - inner(equations, point.mode, u + free - point.u)
+        change = missing / inner(equations, point.mode, per_control)
         u, control = u + free + change * per_control, control + change
     raise PathStopped(Outcome.STALLED, control, "no state found on the other path")

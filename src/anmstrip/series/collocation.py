@@ -172,6 +172,8 @@ class Stages:
     residual is measured by the change of u that takes it away.
     """
 
+    metric = 1.0
+
     def __init__(self, residual: Residual, rule: Rule, u: Array, t: float, h: float) -> None:
         self.function, self.u, self.shape = residual, u[:, None], (len(u), len(rule.points))
         self.times, self.derivative = t + h * rule.points, rule.derivative / h
@@ -191,10 +193,6 @@ class Stages:
     def residual(self, u: Array, control: float) -> Array:
         """R in all points, one after the other."""
         return np.ravel(self._stacked(u.reshape(self.shape), control))
-
-    def inner(self, u: Array, w: Array) -> float:
-        """Product of two changes."""
-        return float(u @ w)
 
     def imbalance(self, residual: Array) -> float:
         """Largest change of u that takes a residual away."""

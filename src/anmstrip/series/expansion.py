@@ -63,14 +63,15 @@ class Recurrence(Protocol):
 class Equations(Protocol):
     """R(u, λ) = 0 and the scales in which its user measures errors."""
 
+    @property
+    def metric(self) -> Array | float:
+        """Weights of the unknowns in the dimensionless inner product of changes of state."""
+
     def recurrence(self, u: Array, control: float, order: int) -> Recurrence:
         """Start the series at a point."""
 
     def residual(self, u: Array, control: float) -> Array:
         """R(u, λ) in plain numbers."""
-
-    def inner(self, u: Array, w: Array) -> float:
-        """Dimensionless inner product of two changes of state."""
 
     def imbalance(self, residual: Array) -> float:
         """Size of a residual in units of the problem's own forces."""
@@ -234,20 +235,20 @@ class _Border:
         self.arclength = parameter.arclength
         if not self.arclength:
             return
-        norm = np.sqrt(equations.inner(per_control, per_control) + 1.0)
+        norm = np.sqrt(inner(equations, per_control, per_control) + 1.0)
         if parameter.forward is not None:
             forward_u, forward_control = parameter.forward
-            if equations.inner(forward_u, per_control) + forward_control < 0.0:
+            if inner(equations, forward_u, per_control) + forward_control < 0.0:
                 norm = -norm
         self.t_u, self.t_control = per_control / norm, 1.0 / norm
-        self.along = equations.inner(self.t_u, per_control) + self.t_control
+        self.along = inner(equations, self.t_u, per_control) + self.t_control
 
     def control(self, k: int, free: Array) -> float:
         """λ_k, when u_k = free + λ_k û."""
         imposed = self.scale if k == 1 else 0.0
         if not self.arclength:
             return imposed
-        return (imposed - self.equations.inner(self.t_u, free)) / self.along
+        return (imposed - inner(self.equations, self.t_u, free)) / self.along
 
 
 def _visible(left_out: float, k: int, reach: float, tolerance: float) -> bool:
@@ -257,9 +258,14 @@ def _visible(left_out: float, k: int, reach: float, tolerance: float) -> bool:
     return bool(np.log(left_out) + k * np.log(reach) > np.log(max(0.1 * tolerance, TINY)))
 
 
+def inner(equations: Equations, u: Array, w: Array) -> float:
+    """Dimensionless inner product of two changes of state."""
+    return float((u * equations.metric) @ w)
+
+
 def size(equations: Equations, u: Array) -> float:
     """Length of a change of state in the equations' own scales."""
-    return float(np.sqrt(max(equations.inner(u, u), 0.0)))
+    return float(np.sqrt(max(inner(equations, u, u), 0.0)))
 
 
 def term_range(branch: Branch, tolerance: float) -> float:

@@ -105,9 +105,10 @@ class FunctionEquations:
         """R(u, λ)."""
         return np.asarray(self.function(u, np.float64(control)))
 
-    def inner(self, u: Array, w: Array) -> float:
-        """Product of two changes of state, in units of ``scale``."""
-        return float(u @ w) / self.scale**2
+    @property
+    def metric(self) -> float:
+        """Of changes in units of ``scale``."""
+        return self.scale**-2
 
     def imbalance(self, residual: Array) -> float:
         """Largest entry of a residual, in units of ``force``."""
@@ -194,9 +195,10 @@ class StepEquations:
         """R at a point of the step."""
         return np.asarray(self._function(u, np.float64(control)))
 
-    def inner(self, u: Array, w: Array) -> float:
-        """Product of two changes of state, in units of what the step may err."""
-        return float(u @ w) / self.unit**2
+    @property
+    def metric(self) -> float:
+        """Of changes in units of what the step may err."""
+        return self.unit**-2
 
     def imbalance(self, residual: Array) -> float:
         """Change of u that takes a residual away, in units of what the step may err."""

@@ -249,6 +249,7 @@ class _Integrator:
             max_steps=200,
             shortest=1e-6,
             give_way=False,
+            rational=settings.rational,
         )
 
     def step(self, memory: Memory, end: float) -> TimeStep:

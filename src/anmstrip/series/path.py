@@ -43,6 +43,8 @@ class Branch:
         last, at a = 1.
     denominator : ndarray
         Coefficients, the first of them 1, at least two.
+    aim : float or None
+        Control at the end, where it is known: a quotient has it to round-off of large terms only.
     """
 
     u: Array
@@ -52,6 +54,7 @@ class Branch:
     carried_over: float = 1.0
     forces: tuple[float, float] = (0.0, 0.0)
     denominator: Array = field(default_factory=lambda: np.array([1.0, 0.0]))
+    aim: float | None = None
 
     @property
     def order(self) -> int:
@@ -66,7 +69,8 @@ class Branch:
     @property
     def end(self) -> tuple[Array, float]:
         """State and control at the end of the range."""
-        return self(self.length)
+        u, control = self(self.length)
+        return u, control if self.aim is None else self.aim
 
     def direction(self, a: float) -> tuple[Array, float]:
         """Derivatives of state and control with respect to a."""
@@ -77,7 +81,7 @@ class Branch:
 
     def cut(self, length: float) -> Branch:
         """The same series on another range."""
-        return replace(self, length=length)
+        return replace(self, length=length, aim=None)
 
     def reaches(self, control: float) -> float | None:
         """Smallest a in (0, length] at which the control has the given value."""
@@ -108,10 +112,10 @@ class Branch:
         return np.asarray(slope, dtype=np.float64)
 
     def landed(self, control: float) -> Branch:
-        """The same branch with an end control that has the given value to the last digit."""
-        moved = replace(self, control=self.control.copy())
+        """The same branch with an end control that has the given value."""
+        moved = replace(self, control=self.control.copy(), aim=control)
         for _ in range(2):
-            miss = control - moved.end[1]
+            miss = control - moved(self.length)[1]
             moved.control[1] += miss * horner(self.denominator, self.length) / self.length
         return moved
 

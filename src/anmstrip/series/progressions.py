@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .expansion import Equations, size
+from .expansion import Equations, inner, size
 from .path import Branch
 
 LOOKED_AT = 4
@@ -33,10 +33,10 @@ FAINT = 1e-5
 def progression(equations: Equations, branch: Branch) -> float | None:
     """Ratio a_c of the last orders, signed, if they are a progression that began faintly."""
     last, count = branch.u[-1], LOOKED_AT
-    norm = equations.inner(last, last)
+    norm = inner(equations, last, last)
     if branch.order < 2 * count or not 0.0 < norm < np.inf:
         return None
-    shares = [equations.inner(u, last) / norm for u in branch.u[-2 : -count - 1 : -1]]
+    shares = [inner(equations, u, last) / norm for u in branch.u[-2 : -count - 1 : -1]]
     ratio = shares[0]
     if ratio == 0.0:
         return None

@@ -1,13 +1,14 @@
 """Branches as quotients of polynomials, which reach beyond the circle of convergence.
 
-A series that is limited by poles off the path is turned into fractions with one common
-denominator for all unknowns.  With u_k = Σ_i α_ki q_i in an orthonormal basis, the denominator
-1 + d_1 a + … + d_{N−1} a^{N−1} is the one for which orders N − j of the components q_{N−1−j}
-vanish; numerators are the products with the series, cut off at order N − 1.
+A series that is limited by poles and branch points off the path is turned into fractions with one
+common denominator q = 1 + d_1 a + … + d_m a^m for all unknowns.  The products q u have no higher
+orders than the series if Σ_j d_j u_{k−j} = 0; d is what comes nearest to that in the last orders k,
+in the mean square, weighted as at a = 4 times the length of the series.  A damping above round-off
+keeps d, and with it the steps, the same where the last digits of the series are not.
 
 Source: Najah, Cochelin, Damil & Potier-Ferry, *A critical review of asymptotic numerical
-methods*, Arch. Comput. Methods Eng. 5 (1998); Elhage-Hussein, Potier-Ferry & Damil, *A numerical
-continuation method based on Padé approximants*, Int. J. Solids Struct. 37 (2000).
+methods*, Arch. Comput. Methods Eng. 5 (1998), for common denominators; Gonnet, Güttel &
+Trefethen, *Robust Padé approximation via SVD*, SIAM Review 55 (2013), for least squares.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import toeplitz
+from scipy.linalg import qr, toeplitz
 
 from .expansion import Cost, Equations
 from .path import Branch, first_root
@@ -27,11 +28,17 @@ Array = NDArray[np.float64]
 GROWTH = 1.2
 """Ratio of a length to the one before it at which the residual was looked at."""
 
-TRIED = 3
-"""Last orders N with which it is tried: a pole that has no meaning comes with one of them."""
+POLES = 12
+"""Largest degree of the denominator."""
 
-NOTHING = 1e-14
-"""Share of a vector outside the span of others that is round-off."""
+LAST = 6
+"""Orders of the product that are to vanish."""
+
+FURTHER = 4.0
+"""Where they are weighted, over the length of the series."""
+
+DAMPING = 1e-12
+"""Of the denominator's coefficients, over the largest term there."""
 
 TRIALS = 12
 """Lengths that are looked at beyond the series' own."""
@@ -50,59 +57,54 @@ def stretched(
     Returns
     -------
     branch : Branch
-        At least as long as before, at most ``reach``, with no pole inside; the given one
-        where the orders are more than the unknowns, and have no basis.
+        At least as long as before, at most ``reach``, with no pole inside.
     imbalance : float
         Residual at its end.
     """
-    if not 2 < branch.order <= len(branch.residual) or branch.length >= reach:
+    if branch.order < 3 or branch.length >= reach:
         return branch, imbalance
     limit = min(reach, without_overshoot(equations, branch, tolerance))
-    found, alpha = (branch, imbalance), triangle(equations, branch)
-    for order in range(branch.order, max(branch.order - TRIED, 2), -1):
-        candidate = rational(branch, alpha[:order, :order])
-        length = found[0].length
-        for _ in range(TRIALS):
-            length = min(GROWTH * length, limit)
-            if length <= found[0].length or first_root(candidate.denominator, length) is not None:
-                break
-            error, imbalance = errors(equations, candidate, length, cost, tolerance)
-            if error > tolerance:
-                break
-            found = (candidate.cut(length), imbalance)
+    quotient, length = rational(equations, branch), branch.length
+    found = branch, imbalance
+    for _ in range(TRIALS):
+        longer = min(GROWTH * length, limit)
+        if longer <= length or first_root(quotient.denominator, longer) is not None:
+            break
+        error, imbalance = errors(equations, quotient, longer, cost, tolerance)
+        if error > tolerance:
+            break
+        found, length = (quotient.cut(longer), imbalance), longer
     return found
 
 
-def rational(branch: Branch, alpha: Array) -> Branch:
-    """Fractions with the orders 0 … N − 1 of a series, from its :func:`triangle` of N orders."""
-    n = len(alpha)
-    d = np.zeros(n)
-    d[0] = 1.0
-    for j in range(1, n):
-        i = n - 1 - j
-        if alpha[i, i] > 0.0:
-            d[j] = -(d[:j] @ alpha[n - 1 : i : -1, i]) / alpha[i, i]
-    product = toeplitz(d, np.zeros(n))
+def rational(equations: Equations, branch: Branch) -> Branch:
+    """The same orders as a quotient."""
+    size = branch.order + 1
+    denominator = np.zeros(size)
+    found = _denominator(coordinates(equations, branch), FURTHER * branch.length)
+    denominator[: len(found)] = found
+    product = toeplitz(denominator, np.zeros(size))
     with np.errstate(all="ignore"):
-        u, control = product @ branch.u[:n], product @ branch.control[:n]
-    return replace(branch, u=u, control=control, denominator=d)
+        u, control = product @ branch.u, product @ branch.control
+    return replace(branch, u=u, control=control, denominator=found)
 
 
-def triangle(equations: Equations, branch: Branch) -> Array:
-    """α_ki of orders k + 1 = 1 … N by Gram and Schmidt, twice."""
-    n = branch.order
-    alpha = np.zeros((n, n))
-    basis: list[tuple[Array, float]] = []
-    for k in range(n):
-        u, control = branch.u[k + 1].copy(), float(branch.control[k + 1])
-        for _ in range(2):
-            for i, (q, c) in enumerate(basis):
-                share = equations.inner(q, u) + c * control
-                alpha[k, i] += share
-                u, control = u - share * q, control - share * c
-        norm = np.sqrt(max(equations.inner(u, u) + control**2, 0.0))
-        if norm > NOTHING * np.abs(alpha[k]).max():
-            alpha[k, k] = norm
-        unit = 1.0 / norm if alpha[k, k] > 0.0 else 0.0
-        basis.append((u * unit, control * unit))
-    return alpha
+def _denominator(alpha: Array, scale: float) -> Array:
+    """Coefficients 1, d_1 … d_m, from orders 1 … N in coordinates (rows)."""
+    n, width = alpha.shape
+    degree, last = min(POLES, n - 1), min(LAST, n - 1)
+    powers = scale ** np.arange(n + 1.0)
+    terms = np.vstack([np.zeros((degree, width)), alpha * powers[1:, None]])
+    columns = [terms[degree + n - last - j : degree + n - j].ravel() for j in range(degree + 1)]
+    damping = DAMPING * np.linalg.norm(terms, axis=1).max()
+    matrix = np.vstack([np.stack(columns[1:], axis=1), damping * np.eye(degree)])
+    wanted = -np.concatenate([columns[0], np.zeros(degree)])
+    d = np.linalg.lstsq(matrix, wanted, rcond=None)[0]
+    return np.concatenate([[1.0], d / powers[1 : degree + 1]])
+
+
+def coordinates(equations: Equations, branch: Branch) -> Array:
+    """Orders 1 … N (rows) in an orthonormal basis of what they span, with the control."""
+    motion = branch.u[1:] * np.sqrt(equations.metric)
+    both = np.column_stack([motion, branch.control[1:]]).T
+    return np.asarray(qr(both, mode="r", check_finite=False)[0][: branch.order].T)

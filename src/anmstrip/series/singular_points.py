@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .continuation import Settings, Step
-from .expansion import Cost, Equations, Parameter, Recurrence, expand, size
+from .expansion import Cost, Equations, Parameter, Recurrence, expand, inner, size
 from .linear_solvers import Factors, LinearSolver
 from .outcome import PathStopped
 from .path import Branch
@@ -223,7 +223,9 @@ class _Finder:
             here = self._about(branch, a)
             low, high = (a, high) if self.solver.negatives == before else (low, a)
             response = self._response(here)
-            pole = self.equations.inner(*response) / self.equations.inner(response[1], response[1])
+            pole = inner(self.equations, *response) / inner(
+                self.equations, response[1], response[1]
+            )
             if abs(pole) < NEAR * branch.length:
                 here = Branch(here.u[:3], here.control[:3], 1.0, here.residual)
                 break
@@ -241,7 +243,7 @@ class _Finder:
         direction = branch.direction(a)
         for order, moving in ((CORRECTING, 0.0), (self.settings.order, 1.0)):
             scale = moving * np.sqrt(
-                self.equations.inner(direction[0], direction[0]) + direction[1] ** 2
+                inner(self.equations, direction[0], direction[0]) + direction[1] ** 2
             )
             parameter = Parameter(scale, arclength=True, forward=direction)
             here = expand(
@@ -295,8 +297,9 @@ class _Pushed:
     def residual(self, u: Array, control: float) -> Array:
         return self.equations.residual(u, control)
 
-    def inner(self, u: Array, w: Array) -> float:
-        return self.equations.inner(u, w)
+    @property
+    def metric(self) -> Array | float:
+        return self.equations.metric
 
     def imbalance(self, residual: Array) -> float:
         return self.equations.imbalance(residual)

@@ -178,7 +178,7 @@ def graze(depth: float = 0.1, delta: float = 1e-3) -> Trial:
     tables = tables_of(PULL, there, {**back, "rollers": {"r1": {"move": [0.0, 0.0, 0.0]}}})
     del tables["friction"]
     tables["edges"]["exit"] = {"fixed": ["z"]}
-    tables["solver"]["tolerance"] = 1e-9
+    tables["solver"]["tolerance"] = 3e-10
     run, steps = ran(tables)
     first = next(step.state.full for step in reversed(steps) if step.stage == "pull")
     values = run.march.course.assembly.strip.unknowns_of(run.assembly.strip.node_values)

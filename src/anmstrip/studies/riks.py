@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.series.expansion import Cost, Equations
+from anmstrip.series.expansion import Cost, Equations, inner
 from anmstrip.series.linear_solvers import Factors, LinearSolver, SingularTangentError
+from anmstrip.series.newton import Corrected
 from anmstrip.series.outcome import Outcome, PathStopped
-from anmstrip.studies.newton import LoadStep
 
 Array = NDArray[np.float64]
 Direction = tuple[Array, float]
@@ -64,7 +64,7 @@ def arc_steps(
     settings: RiksSettings | None = None,
     target: float = 1.0,
     cost: Cost | None = None,
-) -> Iterator[LoadStep]:
+) -> Iterator[Corrected]:
     """Converged states from (u, 0) until the control has reached ``target``.
 
     Parameters
@@ -112,16 +112,16 @@ def _tangent(
     """Unit tangent of the path, in the sense of the last step."""
     recurrence = equations.recurrence(u, control, 1)
     per_control = -_factorised(recurrence, solver, cost).solve(recurrence.control_derivative())
-    norm = np.sqrt(equations.inner(per_control, per_control) + 1.0)
-    if equations.inner(forward[0], per_control) + forward[1] < 0.0:
+    norm = np.sqrt(inner(equations, per_control, per_control) + 1.0)
+    if inner(equations, forward[0], per_control) + forward[1] < 0.0:
         norm = -norm
     return per_control / norm, 1.0 / norm
 
 
 def _cosine(equations: Equations, secant: Direction, unit: Direction) -> float:
     """Of the angle between a step and a unit tangent."""
-    size = np.sqrt(equations.inner(secant[0], secant[0]) + secant[1] ** 2)
-    return float((equations.inner(secant[0], unit[0]) + secant[1] * unit[1]) / size)
+    size = np.sqrt(inner(equations, secant[0], secant[0]) + secant[1] ** 2)
+    return float((inner(equations, secant[0], unit[0]) + secant[1] * unit[1]) / size)
 
 
 def _factorised(recurrence: Any, solver: LinearSolver, cost: Cost) -> Factors:
@@ -138,7 +138,7 @@ def _corrected(
     solver: LinearSolver,
     settings: RiksSettings,
     cost: Cost,
-) -> LoadStep | None:
+) -> Corrected | None:
     """Newton's iteration in the plane across; None if it does not converge."""
     u, control = u + length * along[0], control + length * along[1]
     for iteration in range(settings.most + 1):
@@ -147,7 +147,7 @@ def _corrected(
         cost.residuals += 1
         imbalance = equations.imbalance(recurrence.residual)
         if imbalance <= settings.tolerance:
-            return LoadStep(u, control, iteration, imbalance)
+            return Corrected(u, control, iteration, imbalance)
         if not np.isfinite(imbalance) or iteration == settings.most:
             return None
         try:
@@ -156,7 +156,7 @@ def _corrected(
             return None
         free = -factors.solve(recurrence.residual)
         per_control = -factors.solve(recurrence.control_derivative())
-        across = equations.inner(along[0], free)
-        change = -across / (equations.inner(along[0], per_control) + along[1])
+        across = inner(equations, along[0], free)
+        change = -across / (inner(equations, along[0], per_control) + along[1])
         u, control = u + free + change * per_control, control + change
     return None

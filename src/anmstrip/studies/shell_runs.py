@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from anmstrip.series.continuation import Settings, Step, follow
 from anmstrip.series.expansion import Cost
 from anmstrip.series.linear_solvers import SparseSolver
+from anmstrip.series.newton import Corrected
 from anmstrip.series.path import Path
 from anmstrip.series.singular_points import Remembering, SingularPoint, watched
 from anmstrip.studies.benchmarks import Benchmark
-from anmstrip.studies.newton import LoadStep
 from anmstrip.studies.riks import RiksSettings, arc_steps
 
 Array = NDArray[np.float64]
@@ -103,12 +103,12 @@ class Iterated:
 
     Attributes
     ----------
-    steps : tuple of LoadStep
+    steps : tuple of Corrected
     tangents : int
     seconds : float
     """
 
-    steps: tuple[LoadStep, ...]
+    steps: tuple[Corrected, ...]
     tangents: int
     seconds: float
 
