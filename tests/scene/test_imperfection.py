@@ -11,7 +11,7 @@ import pytest
 from threaded import ONE, ended, scene_of
 
 from anmstrip.mechanics.projection import projected, quadrature_points
-from anmstrip.scene import Scene
+from anmstrip.scene import Scene, imperfection
 from anmstrip.scene.errors import InputError
 from anmstrip.scene.explain import explain
 from anmstrip.scene.fields import Surface
@@ -81,6 +81,15 @@ def test_nothing_that_compresses_is_refused():
     with pytest.raises(InputError, match="nothing compresses") as error:
         pressed(-0.5, imperfection=bent()).run()
     assert error.value.mistakes[0].key == "strip.imperfection"
+
+
+def test_compression_far_from_buckling_is_refused(monkeypatch):
+    """Half of Euler's force has to grow twofold."""
+    monkeypatch.setattr(imperfection, "FARTHEST", 1.9)
+    with pytest.raises(InputError, match="would take 2 times as much to buckle it"):
+        pressed(0.5, imperfection=bent()).run()
+    monkeypatch.setattr(imperfection, "FARTHEST", 2.1)
+    assert pressed(0.5, imperfection=bent()).run().assembly.imperfection is not None
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,9 @@ Array = NDArray[np.float64]
 NOTHING = 1e-9
 """Compression, over the scale of tension, that is round-off."""
 
+FARTHEST = 1e4
+"""Growth of a compression up to which it is one, and no imprecision."""
+
 
 def imperfection_of(scene: Scene) -> Array:
     """Displacement of the flat strip that makes no stress, shape (unknowns,).
@@ -34,11 +37,13 @@ def imperfection_of(scene: Scene) -> Array:
     Raises
     ------
     InputError
-        The perfect strip does not reach the end of the first stage, or is not compressed there.
+        The perfect strip does not reach the end of the first stage, or hardly is compressed there.
     """
     assert scene.strip.imperfection is not None
     state = _perfect(scene)
-    _, modes = buckling(state, scene.strip.imperfection.mode)
+    factors, modes = buckling(state, scene.strip.imperfection.mode)
+    if factors[-1] > FARTHEST:
+        raise _refused(scene, f"it would take {factors[-1]:.1g} times as much to buckle it")
     return flattened(state, modes[:, -1]) * scene.strip.imperfection.amplitude
 
 
