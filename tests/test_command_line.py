@@ -45,6 +45,7 @@ class FakeRun:
     end: BaseException | None = None
     done: bool = True
     message: str = "Reached the end."
+    warnings: tuple[str, ...] = ("The strip is compressed.",)
     saved: list[bool] = field(default_factory=list)
 
     @property
@@ -118,6 +119,7 @@ def test_run_that_is_done(fakes: Fakes) -> None:
     assert (result.exit_code, result.stderr) == (0, "")
     assert result.stdout.splitlines() == [
         "Reached the end.",
+        "Warning: The strip is compressed.",
         "Results in results/capstan. Next: anmstrip render results/capstan",
     ]
 

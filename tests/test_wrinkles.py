@@ -17,6 +17,7 @@ from anmstrip.series.singular_points import Kind
 from anmstrip.studies.wrinkles import (
     CHOICES,
     LENGTH,
+    THIN,
     Stretched,
     imperfect,
     onset,
@@ -30,7 +31,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 @pytest.fixture(scope="module")
 def buckled():
     """A sheet, its onset, and the states of its wrinkled path."""
-    sheet = sheet_of(4e-4, (8, 12))
+    sheet = sheet_of(THIN, (14, 18))
     point, cost = onset(sheet), Cost()
     return sheet, point, list(wrinkled(sheet, point, cost)), cost
 
@@ -39,7 +40,7 @@ def test_flat_sheet_bifurcates(buckled):
     sheet, point, _, _ = buckled
     assert point.kind is Kind.BIFURCATION
     assert (point.before, point.after) == (0, 1)
-    assert point.control * sheet.strain == pytest.approx(0.0050, rel=0.01)
+    assert point.control * sheet.strain == pytest.approx(0.00235, rel=0.01)
     lifted = sheet.equations.supports.full(point.u, point.control).reshape(-1, 3)[:, 2]
     assert np.abs(lifted).max() < 1e-9
     mode = sheet.equations.supports.change(point.mode, 0.0).reshape(-1, 3)
@@ -47,19 +48,20 @@ def test_flat_sheet_bifurcates(buckled):
 
 
 def test_wavelength_is_that_of_the_formula(buckled):
-    """With the wrinkles' own length within 8 %, with that between the grips within 20 %."""
+    """With the wrinkles' own length within 4 %; with that between the grips 15 % at the end."""
     sheet, point, states, cost = buckled
     assert cost.factorisations < 40
     u, control = states[-1]
     assert control == pytest.approx(1.0, rel=1e-14)
     for state, height, share in ((point.u, point.mode, point.control), (u, u, control)):
         wave, length = sheet.wavelength(height), sheet.wrinkled_length(height)
-        assert 0.7 * LENGTH < length < LENGTH
-        assert wave == pytest.approx(sheet.formula(state, share, length), rel=0.08)
-        assert wave == pytest.approx(sheet.formula(state, share), rel=0.2)
-    assert sheet.amplitude(u) == pytest.approx(5.8 * sheet.thickness, rel=0.05)
+        assert 0.69 * LENGTH < length < LENGTH
+        assert wave == pytest.approx(sheet.formula(state, share, length), rel=0.04)
+    assert wave == pytest.approx(sheet.formula(u, control), rel=0.15)
+    assert sheet.amplitude(u) == pytest.approx(13.1 * sheet.thickness, rel=0.05)
 
 
+@pytest.mark.slow
 def test_imperfect_sheet_ends_on_the_wrinkled_path(buckled):
     sheet, point, states, _ = buckled
     heights = []
@@ -79,9 +81,9 @@ def test_imperfection_makes_no_stress_of_its_own(buckled):
     sheet, point, _, _ = buckled
     bent = imperfect(sheet, point, sheet.thickness)
     residual = bent.equations.residual(bent.start, 0.0)
-    assert np.abs(residual).max() == 0.0
-    crest = bent.imperfection.reshape(-1, 3)[sheet.strip.node_values, 2]
-    assert np.abs(crest).max() == pytest.approx(sheet.thickness, rel=1e-2)
+    flattened = bent.equations.residual(0.0 * bent.start, 0.0)
+    assert np.abs(residual).max() < 1e-12 * np.abs(flattened).max()
+    assert bent.amplitude(bent.start) == pytest.approx(sheet.thickness, rel=1e-12)
 
 
 def test_thick_sheet_stays_flat():
@@ -98,6 +100,6 @@ def test_study_writes_its_report(tmp_path):
 
 
 def test_example(tmp_path, capsys):
-    runpy.run_path(str(EXAMPLES / "stretched_sheet.py"))["main"]((8, 12), tmp_path)
+    runpy.run_path(str(EXAMPLES / "stretched_sheet.py"))["main"]((14, 18), tmp_path)
     assert "onset" in capsys.readouterr().out
     assert (tmp_path / "wrinkles.vtu").exists()

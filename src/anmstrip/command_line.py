@@ -92,6 +92,8 @@ def run(
         click.echo(f"Next: anmstrip run {scene} -o {running.directory} --resume")
         sys.exit(STOPPED)
     click.echo(running.message)
+    for warning in running.warnings:
+        click.echo(f"Warning: {warning}")
     click.echo(f"Results in {running.directory}. Next: anmstrip render {running.directory}")
     if not running.outcome.done:
         sys.exit(STOPPED)

@@ -30,19 +30,22 @@ class KirchhoffLove:
     ----------
     strip : Strip
         A shell or a section.
+    imperfection : ndarray, shape (unknowns,), optional
+        Displacement of the reference that makes no moment.
     """
 
     name = "bending"
     rate_dependent = False
 
-    def __init__(self, strip: Strip) -> None:
+    def __init__(self, strip: Strip, imperfection: Array | None = None) -> None:
         frames = strip.frames()
         self.operator = bends(strip)
         self.normals = normals(strip.kinematics)
         self.directions = strip.kinematics.directions
         self.stiffness = stiffness(strip)
         self.reference = np.concatenate([frames.tangents, frames.seconds], axis=1)
-        self.curvature = self.bent(self.reference)
+        natural = 0.0 if imperfection is None else self.operator.apply(imperfection)
+        self.curvature = self.bent(self.reference + natural)
 
     def near(self, full: Array, controls: Mapping[str, Any]) -> KirchhoffLove:
         """Everywhere."""

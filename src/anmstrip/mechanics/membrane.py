@@ -40,7 +40,7 @@ class Membrane:
     ----------
     strip : Strip
     imperfection : ndarray, shape (unknowns,), optional
-        Small displacement of the reference that makes no stress; unknowns count from it.
+        Displacement of the reference that makes no stress.
     """
 
     name = "membrane"
@@ -52,8 +52,8 @@ class Membrane:
         self.flat = strip.frames().tangents
         self.metric = np.eye(strip.kinematics.directions)[:, :, None]
         if imperfection is not None:
-            self.flat = self.flat + self.operator.apply(imperfection)
-            self.metric = np.einsum("iap,ibp->abp", self.flat, self.flat)
+            natural = self.flat + self.operator.apply(imperfection)
+            self.metric = np.einsum("iap,ibp->abp", natural, natural)
 
     def near(self, full: Array, controls: Mapping[str, Any]) -> Membrane:
         """Everywhere."""
@@ -63,6 +63,10 @@ class Membrane:
         """N (N/m), shape (d, d, points), from tangent vectors (components, d, points)."""
         strain = (np.einsum("ia...,ib...->ab...", tangents, tangents) - self.metric) * 0.5
         return np.einsum("abcd,cd...->ab...", self.stiffness, strain)
+
+    def at(self, full: Array) -> Array:
+        """N (N/m) of a state at the quadrature points, shape (d, d, points)."""
+        return np.asarray(self.forces(self.operator.apply(full) + self.flat))
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """First Piola stress (N/m) from the displacement gradient, (components, d, points)."""
@@ -74,3 +78,14 @@ class Membrane:
         tangents = self.operator.apply(full) + self.flat
         product = np.einsum("ia...,ib...->ab...", tangents, self.operator.apply(change))
         return np.einsum("abcd,cd...->ab...", self.stiffness, product)
+
+
+def principal(forces: Array) -> tuple[Array, Array]:
+    """Principal membrane forces (N/m), ascending, (points, d), and directions (points, d, d).
+
+    Parameters
+    ----------
+    forces : ndarray, shape (d, d, points)
+    """
+    found = np.linalg.eigh(np.moveaxis(forces, -1, 0))
+    return found.eigenvalues, found.eigenvectors

@@ -48,6 +48,9 @@ class Assembly:
     Parameters
     ----------
     scene : Scene
+    imperfection : ndarray, shape (unknowns,), optional
+        Displacement of the flat strip that makes no stress, see
+        :mod:`anmstrip.scene.imperfection`.
 
     Raises
     ------
@@ -56,6 +59,7 @@ class Assembly:
     """
 
     scene: Scene
+    imperfection: Array | None = None
 
     @cached_property
     def rollers(self) -> tuple[Roller, ...]:
@@ -107,18 +111,22 @@ class Assembly:
     @cached_property
     def membrane(self) -> Membrane | None:
         """Of all but a plate, which has a given tension instead."""
-        return None if self.kinematics is PLATE else Membrane(self.strip)
+        return None if self.kinematics is PLATE else Membrane(self.strip, self.imperfection)
 
     @cached_property
     def bending(self) -> Effect | None:
-        """If the strip resists it; a plate's slopes are small, for which all energies agree."""
-        choice = self.scene.strip.bending
-        if not choice:
+        """If the strip resists it; a plate's slopes are small, for which all energies agree.
+
+        Curvature without moments turns with the strip, as Kirchhoff and Love have it.
+        """
+        spec = self.scene.strip
+        if not spec.bending:
             return None
-        if choice == "kirchhoff-love" and self.kinematics is not PLATE:
+        turns = spec.bending == "kirchhoff-love" or spec.imperfection is not None
+        if turns and self.kinematics is not PLATE:
             from anmstrip.mechanics.kirchhoff_love import KirchhoffLove  # noqa: PLC0415
 
-            return KirchhoffLove(self.strip)
+            return KirchhoffLove(self.strip, self.imperfection)
         from anmstrip.mechanics.bending import isometric_bending  # noqa: PLC0415
 
         return isometric_bending(self.strip, self.pattern)

@@ -54,6 +54,9 @@ def explain(scene: Scene) -> str:
     console.print(scene.title or scene.name, markup=False)
     console.print(_strip_line(assembly), markup=False)
     console.print(_effect_table(assembly, plans))
+    if (bent := scene.strip.imperfection) is not None:
+        words = f"by mode {bent.mode} of buckling at the end of stage {scene.course[0].name}"
+        console.print(f"Bent without stress by {bent.amplitude:g} m, {words}.", markup=False)
     for line in _left_out(assembly, plans):
         console.print(f"Left out: {line}", markup=False)
     if scene.rollers:

@@ -47,8 +47,10 @@ class Surface:
         membrane: Membrane | None,
         contact: ContactOperator | None,
         bends: bool = True,
+        imperfection: Array | None = None,
     ) -> None:
         self.strip, self.membrane, self.contact, self.bends = strip, membrane, contact, bends
+        self.imperfection = imperfection
         self.kind, self.kinematics = shape_of(strip), strip.kinematics
         patch = patches(strip, POINTS[self.kind])
         self.own = patch.cells
@@ -119,12 +121,12 @@ class Surface:
 
     def _stress_fields(self, state: State) -> dict[str, Array]:
         """Membrane forces, moments, von Mises stress of the top surface, mean curvature."""
-        dofs = self._dofs(state.full)
-        tangents = self.kinematics.flat[..., None] + np.einsum("naep,nec->caep", self.grad, dofs)
-        hessian = np.einsum("nabep,nec->cabep", self.hess, dofs)
+        tangents, curvature = self._bent(state.full)
         membrane = self._membrane(tangents, state)
-        curvature = _curvature(self._in_space(tangents), self.kinematics.embed(hessian))
-        moments = np.einsum("xy,yep->xep", self._moduli(), curvature)
+        bending = curvature
+        if self.imperfection is not None:
+            bending = curvature - self._bent(self.imperfection)[1]
+        moments = np.einsum("xy,yep->xep", self._moduli(), bending)
         t = self.strip.thickness
         sx, sy, sxy = membrane / t + 6.0 * moments / t**2
         return {
@@ -133,6 +135,13 @@ class Surface:
             "von_mises": self._averaged(np.sqrt(sx**2 - sx * sy + sy**2 + 3.0 * sxy**2)),
             "mean_curvature": self._averaged(0.5 * (curvature[0] + curvature[1])),
         }
+
+    def _bent(self, full: Array) -> tuple[Array, Array]:
+        """Tangent vectors, and curvature as (xx, yy, xy)."""
+        dofs = self._dofs(full)
+        tangents = self.kinematics.flat[..., None] + np.einsum("naep,nec->caep", self.grad, dofs)
+        hessian = np.einsum("nabep,nec->cabep", self.hess, dofs)
+        return tangents, _curvature(self._in_space(tangents), self.kinematics.embed(hessian))
 
     def _membrane(self, tangents: Array, state: State) -> Array:
         """N as (xx, yy, xy); of a plate the tension that it is under."""

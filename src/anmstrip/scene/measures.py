@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.mechanics.loads import Following
+from anmstrip.mechanics.membrane import Membrane, principal
 from anmstrip.scene.readings import ContactState, RollerReading, reading_of
 from anmstrip.scene.regularisation import Regularisation, regularisation_of
 from anmstrip.scene.stages import Plan
@@ -81,6 +82,17 @@ class State:
     def controls(self) -> dict[str, Array]:
         """Values of the controls."""
         return self.plan.controls.at(self.control)
+
+    @property
+    def membrane(self) -> Membrane | None:
+        """Of the strip; a plate has none."""
+        return next((e for e in self.plan.model.effects if isinstance(e, Membrane)), None)
+
+    @cached_property
+    def principal_forces(self) -> Array:
+        """Membrane forces (N/m), ascending, at the quadrature points, shape (points, d)."""
+        assert self.membrane is not None
+        return principal(self.membrane.at(self.full))[0]
 
     @cached_property
     def imbalance(self) -> Array:

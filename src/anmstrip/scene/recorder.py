@@ -77,8 +77,8 @@ class Recorder:
         self.events = self._events(resumed)
         self.due = [t for t in assembly.scene.output.times or () if t > reached]
         touching = None if assembly.contact is None else assembly.contact_operator
-        bends = assembly.bending is not None
-        self.surface = Surface(assembly.strip, assembly.membrane, touching, bends)
+        bends, bent = assembly.bending is not None, assembly.imperfection
+        self.surface = Surface(assembly.strip, assembly.membrane, touching, bends, bent)
         nothing = dict.fromkeys((r.name for r in assembly.rollers), 0.0)
         self.turned = nothing if resumed is None else dict(resumed["turned"])
         self.last_checkpoint = 0.0

@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from anmstrip.mechanics.kinematics import SHELL
 from anmstrip.output import checkpoint
 from anmstrip.scene.build import Assembly
 from anmstrip.scene.checkpoints import packed, unpack
@@ -26,6 +28,8 @@ from anmstrip.series.outcome import Outcome, PathStopped
 
 if TYPE_CHECKING:
     from anmstrip.scene.events import Event, EventWatch
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -76,11 +80,14 @@ class Run:
         How the run ended; ``DONE`` only after the last step.
     message : str
         The same in a sentence.
+    warnings : list of str
+        What the last state of a written run gives cause for.
 
     Raises
     ------
     InputError
-        The scene's mesh or rollers cannot be used, or there is no checkpoint to resume.
+        The scene's mesh or rollers cannot be used, nothing buckles that should be imperfect,
+        or there is no checkpoint to resume.
     """
 
     def __init__(
@@ -88,7 +95,7 @@ class Run:
     ) -> None:
         self.scene = scene
         self.directory = None if directory is None else Path(directory)
-        self.assembly = Assembly(scene)
+        self.assembly = Assembly(scene, _imperfection(scene))
         self.march = March(self.assembly)
         self.steps, self.first_stage = 0, 0
         self.effects: dict[str, dict[str, Any]] = {}
@@ -96,6 +103,7 @@ class Run:
         self.snaps: list[dict[str, Any]] = []
         self.state: State | None = None
         self.outcome, self.message = Outcome.TOO_MANY_STEPS, "The run has not ended."
+        self.warnings: list[str] = []
         self.begun, self.spent = time.perf_counter(), 0.0
         resumed = self._restored() if resume else None
         self.watch = _watch(self.assembly)
@@ -248,7 +256,23 @@ class Run:
             return
         if self.state is not None and self._end_is_missing(self.state.time):
             self.recorder.write_state(self.state)
-        self.recorder.summary(self.facts(), self.state)
+        told = {} if self.state is None else self._wrinkling(self.state)
+        self.recorder.summary({**self.facts(), **told}, self.state)
+
+    def _wrinkling(self, state: State) -> dict[str, Any]:
+        """What a shell's wrinkles are like at the end; other levels have none."""
+        if self.assembly.kinematics is not SHELL:
+            return {}
+        from anmstrip.scene.wrinkling import Wrinkling  # noqa: PLC0415 (only for shells)
+
+        found = Wrinkling(state)
+        self.warnings = found.warnings
+        assert self.recorder is not None
+        return {
+            "wrinkle_amplitude": found.amplitude(self.recorder.surface),
+            "compressive_membrane_force": found.compression,
+            "warnings": found.warnings,
+        }
 
     def _end_is_missing(self, time: float) -> bool:
         """Whether the last state is not on disk: of a run that will not be gone on with."""
@@ -305,6 +329,14 @@ class Run:
         arrays, facts = checkpoint.load(self.directory / "checkpoint.npz")
         unpack(self, arrays, facts)
         return facts
+
+
+def _imperfection(scene: Scene) -> Array | None:
+    if scene.strip.imperfection is None:
+        return None
+    from anmstrip.scene.imperfection import imperfection_of  # noqa: PLC0415 (only if asked for)
+
+    return imperfection_of(scene)
 
 
 def _watch(assembly: Assembly) -> EventWatch | None:

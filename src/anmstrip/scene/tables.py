@@ -49,6 +49,22 @@ def _bending(value: object) -> bool | str:
     raise ValueError
 
 
+class ImperfectionSpec(Table):
+    """How the strip is bent, without stress, before anything happens to it.
+
+    By a mode in which it would buckle where the first stage leaves it, or threading.
+    """
+
+    mode: Annotated[Count, Field(le=100)] = Field(
+        1,
+        description="number of the buckling mode, an integer from 1 to 100 (1)",
+        examples=["1"],
+    )
+    amplitude: Positive = Field(
+        description="largest height, a number above 0 (m)", examples=["1.0e-4"]
+    )
+
+
 class StripSpec(Table):
     """The strip: a rectangle centred at the origin, or a mesh file."""
 
@@ -88,6 +104,11 @@ class StripSpec(Table):
         False,
         description="whether fresh strip follows what has left (true or false)",
         examples=["true"],
+    )
+    imperfection: ImperfectionSpec | None = Field(
+        None,
+        description="how the strip is bent without stress, a table (m)",
+        examples=["{ mode = 1, amplitude = 1.0e-4 }"],
     )
 
     @model_validator(mode="after")

@@ -36,6 +36,7 @@ STUDIES = {
         "stability": "stability",
         "shells": "shells",
         "wrinkles": "wrinkles",
+        "roller_wrinkles": "roller_wrinkles",
     }.items()
 }
 """Name → module."""

@@ -16,7 +16,29 @@ if TYPE_CHECKING:
 
 
 def strip(table: StripSpec) -> Iterator[Mistake]:
-    """Yield what is wrong with a strip: neither or both of rectangle and mesh file."""
+    """Yield what is wrong with a strip."""
+    yield from _outline(table)
+    yield from _imperfection(table)
+
+
+def _imperfection(table: StripSpec) -> Iterator[Mistake]:
+    """Yield what cannot be with a strip that is bent before it is loaded."""
+    if table.imperfection is None:
+        return
+    bent = "with an imperfection"
+    if table.kinematics != "shell":
+        expected, hint = f'"shell" {bent}: others do not wrinkle', 'kinematics = "shell"'
+        yield Mistake("", "kinematics", table.kinematics, expected, hint)
+    if not table.bending:
+        expected = f"true {bent}, which without bending does nothing"
+        yield Mistake("", "bending", table.bending, expected, "bending = true")
+    if table.feed:
+        expected = f"false {bent}: fresh strip is flat"
+        yield Mistake("", "feed", table.feed, expected, "feed = false")
+
+
+def _outline(table: StripSpec) -> Iterator[Mistake]:
+    """Yield neither or both of rectangle and mesh file."""
     if table.mesh is None:
         needed = ("width", "cells")
         yield from (missing(type(table), key) for key in needed if getattr(table, key) is None)

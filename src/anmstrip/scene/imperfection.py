@@ -1,0 +1,108 @@
+"""The imperfection of a scene's strip: a buckling mode of the perfect one.
+
+The perfect strip goes through the first stage, threading if there is one, without friction.  What
+its compression, were there more of it, would buckle the strip into is a displacement φ there;
+φ · n, which has turned with the normal n, is the height by which the flat strip is bent.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anmstrip.mechanics.buckling import buckling_modes, compressive_stiffness
+from anmstrip.mechanics.cells import jets
+from anmstrip.mechanics.projection import projected
+from anmstrip.model import Equilibrium
+from anmstrip.scene.build import Assembly
+from anmstrip.scene.errors import InputError, Mistake
+from anmstrip.scene.march import March
+from anmstrip.scene.measures import State
+from anmstrip.scene.schema import Scene
+from anmstrip.series.linear_solvers import SparseSolver
+from anmstrip.series.outcome import PathStopped
+
+Array = NDArray[np.float64]
+
+NOTHING = 1e-9
+"""Compression, over the scale of tension, that is round-off."""
+
+
+def imperfection_of(scene: Scene) -> Array:
+    """Displacement of the flat strip that makes no stress, shape (unknowns,).
+
+    Raises
+    ------
+    InputError
+        The perfect strip does not reach the end of the first stage, or is not compressed there.
+    """
+    assert scene.strip.imperfection is not None
+    state = _perfect(scene)
+    _, modes = buckling(state, scene.strip.imperfection.mode)
+    return flattened(state, modes[:, -1]) * scene.strip.imperfection.amplitude
+
+
+def _perfect(scene: Scene) -> State:
+    """The perfect strip at the end of the first stage."""
+    strip = scene.strip.model_copy(update={"imperfection": None})
+    perfect = scene.model_copy(update={"strip": strip})
+    march = March(Assembly(perfect))
+    plan = march.planned(perfect.course[0].model_copy(update={"friction": False}), None)
+    try:
+        *_, last = march.through(plan, scene.solver.max_steps)
+    except PathStopped as stopped:
+        raise _refused(scene, f"without imperfection it stops: {stopped}") from stopped
+    if last.state.principal_forces.min() > -NOTHING * march.assembly.scales.tension:
+        raise _refused(scene, "nothing compresses it")
+    return last.state
+
+
+def buckling(state: State, count: int) -> tuple[Array, Array]:
+    """Factors and modes of a state without friction, see :func:`buckling_modes`.
+
+    Returns
+    -------
+    factors : ndarray, shape (count,)
+    modes : ndarray, shape (free, count)
+    """
+    plan, model, free = state.plan, state.plan.model, state.plan.supports.free
+    equations = Equilibrium(model, plan.supports, plan.controls)
+    tangent = equations.recurrence(state.full[free], state.control, 1).tangent()
+    assert state.membrane is not None
+    blocks = compressive_stiffness(state.membrane, state.full, model.pattern)
+    return buckling_modes(tangent, model.restriction(free).matrix(blocks), SparseSolver(), count)
+
+
+def flattened(state: State, mode: Array) -> Array:
+    """A change of a state, along its normals, as heights of the flat strip; 1 m the largest.
+
+    Parameters
+    ----------
+    mode : ndarray, shape (free,)
+
+    Returns
+    -------
+    ndarray, shape (unknowns,)
+        Upwards where the height is largest.
+    """
+    strip, change = state.plan.model.strip, state.plan.supports.change(mode, 0.0)
+    operator = jets(strip)
+    tangents = operator.apply(state.full)[:, 1:] + strip.kinematics.flat
+    normal = np.cross(tangents[:, 0], tangents[:, 1], axis=0)
+    normal /= np.linalg.norm(normal, axis=0)
+    height = np.einsum("ip,ip->p", normal, operator.apply(change)[:, 0])
+    lifted = np.zeros_like(normal)
+    lifted[2] = height / height[np.abs(height).argmax()]
+    return projected(strip, state.plan.model.pattern, lifted)
+
+
+def _refused(scene: Scene, found: str) -> InputError:
+    """The scene has no buckling mode to be bent by."""
+    spec = scene.strip.imperfection
+    assert spec is not None
+    value = {"mode": spec.mode, "amplitude": spec.amplitude}
+    expected = f"a first stage, threading included, that ends compressed across or along; {found}"
+    hint = "no imperfection, or a first stage in which the strip is compressed"
+    return InputError(
+        [Mistake(str(scene.source or "scene"), "strip.imperfection", value, expected, hint)]
+    )

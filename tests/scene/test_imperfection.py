@@ -1,0 +1,176 @@
+"""Strips that are bent by their buckling mode, and what is told of wrinkles."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from threaded import ONE, ended, scene_of
+
+from anmstrip.mechanics.projection import projected, quadrature_points
+from anmstrip.scene import Scene
+from anmstrip.scene.errors import InputError
+from anmstrip.scene.explain import explain
+from anmstrip.scene.fields import Surface
+from anmstrip.scene.imperfection import imperfection_of
+from anmstrip.scene.wrinkling import Wrinkling
+
+LENGTH, WIDTH, THICKNESS, YOUNG = 1.0, 0.4, 1e-3, 2e11
+EULER = np.pi**2 * YOUNG * THICKNESS**3 / 12.0 / LENGTH**2
+"""Of the strip as a beam, N/m; ν is 0."""
+
+HEIGHT = 1e-6
+
+
+def pressed(share: float, **strip: object) -> Scene:
+    """A strip between two edges that are held in z, pressed by a share of Euler's force."""
+    force = [-share * EULER, 0.0, 0.0]
+    return Scene.model_validate(
+        {
+            "strip": {
+                "length": LENGTH, "width": WIDTH, "thickness": THICKNESS, "cells": [8, 2], **strip
+            },
+            "material": {"young": YOUNG, "poisson": 0.0},
+            "edges": {"entry": {"fixed": ["x", "z"], "centred": True},
+                      "exit": {"fixed": ["z"], "centred": True}},
+            "stages": [{"name": "press", "duration": 1.0, "exit": {"force": force}}],
+        }
+    )  # fmt: skip
+
+
+def bent(mode: int = 1, amplitude: float = HEIGHT) -> dict[str, object]:
+    return {"mode": mode, "amplitude": amplitude}
+
+
+def middle(full, strip) -> float:
+    """Largest height of the nodes (m)."""
+    return float(np.abs(full.reshape(-1, 3)[strip.node_values, 2]).max())
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
+def test_imperfection_grows_as_the_load_nears_its_limit(share):
+    """Height a / (1 − N/N_c): mean curvature a q² makes moments that N amplifies."""
+    run, state = ended(pressed(share, imperfection=bent()))
+    height = middle(state.full, run.assembly.strip)
+    assert height == pytest.approx(HEIGHT / (1.0 - share), rel=1e-3)
+
+
+@pytest.mark.parametrize("mode", [1, 2, 3])
+def test_shape_is_a_mode_of_the_amplitude_that_was_asked_for(mode):
+    scene = pressed(0.5, imperfection=bent(mode, 3e-4))
+    shape = imperfection_of(scene).reshape(-1, 3)
+    strip = scene.run().assembly.strip
+    nodes = shape[strip.node_values]
+    assert np.abs(shape[:, :2]).max() == 0.0
+    assert np.abs(nodes[:, 2]).max() == pytest.approx(3e-4, rel=0.02)
+    waves = np.sin(mode * np.pi * (strip.nodes[0] / LENGTH + 0.5))
+    expected = waves * np.sign(waves @ nodes[:, 2]) * 3e-4
+    np.testing.assert_allclose(nodes[:, 2], expected, atol=0.02 * 3e-4)
+
+
+def test_perfect_strip_stays_flat_and_bends_isometrically():
+    run, state = ended(pressed(0.9))
+    assert middle(state.full, run.assembly.strip) == 0.0
+    assert run.assembly.imperfection is None
+
+
+def test_nothing_that_compresses_is_refused():
+    with pytest.raises(InputError, match="nothing compresses") as error:
+        pressed(-0.5, imperfection=bent()).run()
+    assert error.value.mistakes[0].key == "strip.imperfection"
+
+
+@pytest.mark.parametrize(
+    ("others", "words"),
+    [
+        ({"kinematics": "section"}, "others do not wrinkle"),
+        ({"bending": False}, "without bending does nothing"),
+        ({"feed": True}, "fresh strip is flat"),
+        ({"imperfection": {"amplitude": 0.0}}, "strip.imperfection.amplitude"),
+        ({"imperfection": {"mode": 0, "amplitude": 1e-4}}, "strip.imperfection.mode"),
+    ],
+)
+def test_what_cannot_be_is_refused(others, words):
+    with pytest.raises(ValueError, match=words):
+        pressed(0.5, **({"imperfection": bent()} | others))
+
+
+def test_explain_names_the_imperfection_and_solves_nothing():
+    text = explain(pressed(0.5, imperfection=bent(2, 1e-4)))
+    assert "Bent without stress by 0.0001 m, by mode 2 of buckling" in text
+    assert "Bent" not in explain(pressed(0.5))
+
+
+def test_moments_count_from_the_imperfect_strip():
+    """N times the height in the middle, of a strip that is bent without moments."""
+    run, state = ended(pressed(0.6, imperfection=bent()))
+    surface = Surface(
+        run.assembly.strip, run.assembly.membrane, None, imperfection=run.assembly.imperfection
+    )
+    moments = np.abs(surface.fields(state)["bending_moment"][:, 0])
+    assert moments.max() == pytest.approx(0.6 * EULER * HEIGHT / 0.4, rel=0.02)
+
+
+# what is told -----------------------------------------------------------------------
+
+
+def wavy(height: float, waves: int = 4):
+    """A flat strip at rest, lifted by waves across that fade along, tilted and bowed."""
+    run = pressed(0.5, cells=[8, 24]).run()
+    *_, last = run
+    strip = run.assembly.strip
+    x, y, _ = quadrature_points(strip)
+    wave = height * np.cos(2.0 * waves * np.pi * y / WIDTH) * np.cos(np.pi * x / LENGTH)
+    lifted = np.stack([0.0 * x, 0.0 * x, wave + 0.1 * x + 0.01 * y + 0.02 * y**2])
+    return replace(last.state, full=projected(strip, run.assembly.pattern, lifted))
+
+
+def test_amplitude_is_that_of_the_waves_alone():
+    assert Wrinkling(wavy(1e-4)).amplitude() == pytest.approx(1e-4, rel=0.1)
+    assert Wrinkling(wavy(0.0)).amplitude() < 1e-12
+
+
+def test_span_is_told_with_its_compression():
+    """Along, all of the width; the bearable force is that of a plate held at all sides."""
+    _, state = ended(pressed(0.9))
+    (span,) = Wrinkling(state).spans
+    assert (span.before, span.after) == ("the entry", "the exit")
+    assert span.compression == pytest.approx(0.9 * EULER, rel=1e-3)
+    assert span.share == pytest.approx(1.0)
+    assert span.bearable == pytest.approx(4.0 * EULER, rel=1e-3)
+    assert Wrinkling(state).warnings == []
+    _, near = ended(pressed(2.5))
+    assert "wrinkles are likely above" in Wrinkling(near).warnings[0]
+
+
+def test_spans_lie_between_rollers():
+    _, state = ended(scene_of(ONE, "shell", strip={"cells": (16, 2), "refined": 0.02}))
+    spans = Wrinkling(state).spans
+    assert [(s.before, s.after) for s in spans] == [("the entry", "a"), ("a", "the exit")]
+    assert spans[0].end < spans[1].start
+    assert Wrinkling(state).warnings == []
+
+
+def test_summary_of_a_shell_tells_of_wrinkles(tmp_path):
+    run = pressed(2.5).run(tmp_path)
+    for _ in run:
+        pass
+    summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    assert summary["wrinkle_amplitude"] == pytest.approx(0.0, abs=1e-12)
+    assert summary["compressive_membrane_force"] == pytest.approx(2.5 * EULER, rel=1e-3)
+    assert summary["warnings"] == run.warnings
+    assert len(run.warnings) == 1
+
+
+def test_section_does_not_pay(tmp_path):
+    """Neither in words nor in modules."""
+    for name in [name for name in sys.modules if name.endswith((".wrinkling", ".buckling"))]:
+        del sys.modules[name]
+    for _ in pressed(0.5, kinematics="section").run(tmp_path):
+        pass
+    assert "anmstrip.scene.wrinkling" not in sys.modules
+    assert "anmstrip.mechanics.buckling" not in sys.modules
+    assert "warnings" not in json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))

@@ -1,0 +1,110 @@
+"""Strips that wrinkle before a roller: onset, imperfection, friction."""
+
+from __future__ import annotations
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anmstrip.scene.explain import explain
+from anmstrip.scene.imperfection import buckling
+from anmstrip.studies.registry import run_study
+from anmstrip.studies.roller_wrinkles import COARSE, EASED, ended, onset
+from anmstrip.studies.wrinkling_scenes import Crowned, Mesh, Skewed
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+def test_slight_crown_leaves_the_strip_smooth():
+    with pytest.raises(ValueError, match="stays smooth"):
+        onset(Crowned(1e-5, 2e4, Mesh((6, 4), 0.03)).eased(1.9e4))
+
+
+def test_scenes_are_explained():
+    """Before anything is solved."""
+    for scene in (Crowned(8e-4, 2e4, COARSE).conveyed(0.05, 0.3), Skewed(5e-3, 1e4, COARSE)
+                  .conveyed(0.04, 0.3)):  # fmt: skip
+        assert "implicit in time" in explain(scene)
+
+
+@pytest.mark.slow
+def test_onset_grows_with_the_square_of_the_crown():
+    """The compression grows with the crown, and √T with what the strip bears."""
+    found = [(crown, onset(Crowned(crown, tension, COARSE).eased(end)))
+             for crown, tension, end in EASED[:2]]  # fmt: skip
+    low, high = (point.tension / crown**2 for crown, point in found)
+    assert high == pytest.approx(low, rel=0.03)
+    for _, point in found:
+        assert point.wavelengths[1] == pytest.approx(point.formula, rel=0.08)
+
+
+@pytest.mark.slow
+def test_meshes_agree_on_the_onset():
+    crown, tension, end = EASED[1]
+    coarse, fine = (onset(Crowned(crown, tension, mesh).eased(end))
+                    for mesh in (COARSE, Mesh((16, 16), 7.5e-3)))  # fmt: skip
+    assert coarse.tension == pytest.approx(fine.tension, rel=0.05)
+    assert fine.wavelengths[1] == pytest.approx(fine.formula, rel=0.03)
+
+
+@pytest.mark.slow
+def test_imperfect_strip_grows_by_what_its_compression_lacks():
+    """Height a s / (1 − 1/μ), with the share s of bending in what resists the mode.
+
+    Tension resists the height itself, bending what is added to the imperfection.
+    """
+    crown, tension, _ = EASED[1]
+    case, amplitude = Crowned(crown, tension, COARSE), 1e-3 * Crowned.thickness
+    perfect = ended(case.eased(tension))
+    (factor,), modes = buckling(perfect.state, 1)
+    assert 1.05 < factor < 1.3
+    plan = perfect.state.plan
+    mode = plan.supports.change(modes[:, 0], 0.0)  # of unit energy
+    bending = next(effect for effect in plan.model.effects if effect.name == "bending")
+    share = mode @ bending.force(mode)
+    assert 0.4 < share < 0.5
+    bent = ended(case.eased(tension, imperfection={"mode": 1, "amplitude": amplitude}))
+    change = (bent.state.full - perfect.state.full).reshape(-1, 3)[plan.model.strip.node_values]
+    height = np.linalg.norm(change, axis=1).max()
+    assert height == pytest.approx(amplitude * share / (1.0 - 1.0 / factor), rel=0.05)
+
+
+@pytest.mark.slow
+def test_friction_on_a_crown_raises_wrinkles_and_keeps_symmetry():
+    case = Crowned(6e-4, 2e4, COARSE)
+    smooth, rubbed = ended(case.eased(case.tension)), ended(case.conveyed(0.03, 0.3))
+    assert smooth.heights[0] < 0.05
+    assert rubbed.heights[0] > 10.0 * smooth.heights[0]
+    assert rubbed.wrinkling.compression > 1.5 * smooth.wrinkling.spans[0].compression
+    assert smooth.lean < 1e-6
+    assert rubbed.lean < 1e-6
+
+
+@pytest.mark.slow
+def test_roller_out_of_line_compresses_only_what_sticks():
+    case = Skewed(5e-3, 1e4, Mesh((10, 8), 2e-2))
+    smooth, rubbed = ended(case.conveyed(0.02, 0.0)), ended(case.conveyed(0.02, 0.3))
+    assert smooth.wrinkling.warnings == []
+    assert smooth.wrinkling.compression < 0.2 * smooth.wrinkling.spans[0].bearable
+    assert "between the entry and r1" in rubbed.wrinkling.warnings[0]
+    assert rubbed.wrinkling.compression > rubbed.wrinkling.spans[0].bearable
+
+
+@pytest.mark.slow
+def test_study_writes_its_report(tmp_path):
+    report = run_study("roller_wrinkles", quick=True, directory=tmp_path)
+    assert [sheet.title for sheet in report.sheets] == [
+        "Onset by crown", "Friction on a crown", "A roller out of line"
+    ]  # fmt: skip
+    assert (tmp_path / "roller_wrinkles.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_example(tmp_path, capsys):
+    functions = runpy.run_path(str(EXAMPLES / "roller_wrinkles.py"))
+    functions["crowned"](COARSE)
+    functions["skewed"](Mesh((8, 6), 2e-2), 0.01, tmp_path)
+    assert "by the formula" in capsys.readouterr().out
+    assert (tmp_path / "picture.png").exists()
