@@ -40,7 +40,20 @@ def test_stiff_contact(stiffness: float) -> None:
 )
 def test_capstan(hard: dict[str, Any]) -> None:
     """D3, D12, D17: e^(f_eff θ) less bending, however sharp the law or thin the strip."""
-    right(strips.capstan(**hard), 5e-3 if "thickness" in hard else 5e-4, 1000)
+    right(strips.capstan(**hard), 1e-4, 1000)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("thickness", [1e-2, 5e-3])
+def test_thick_strip_turns_about_a_line(thickness: float) -> None:
+    """D17: too stiff for an arc; two elasticas meet where it slips."""
+    right(strips.capstan(thickness=thickness, refined=0.025), 1e-3, 1000)
+
+
+def test_line_without_friction_or_with_little_turn() -> None:
+    assert strips.line_ratio(0.0, 0.7) == pytest.approx(1.0)
+    small = strips.line_ratio(0.3, 1e-3)  # forces balance: 1 + f θ, to the next order
+    assert small == pytest.approx(np.exp(0.3e-3), rel=1e-7)
 
 
 @pytest.mark.slow
@@ -49,12 +62,12 @@ def test_capstan_of_a_shell() -> None:
 
 
 @pytest.mark.slow
-def test_long_hold() -> None:
-    """D4: the roller still holds 5 % of tension after 1000 s, and the report says what creeps."""
-    trial, run = strips.hold()
-    right(trial, 5e-2, 1000)
-    reading, cost = end_of(run).rollers["r1"], end_of(run).regularisation["r1"]
-    assert 0.0 < cost.sticking_creep <= reading.max_slip < 1e-9
+@pytest.mark.parametrize("refined", [0.05, 0.025])
+def test_long_hold(refined: float) -> None:
+    """D4: it drifts at V_c ρ^(1/q) for 1000 s, and the report says how fast."""
+    trial, run = strips.hold(refined=refined)
+    right(trial, 1e-2, 1000)
+    assert end_of(run).regularisation["r1"].sticking_creep == pytest.approx(trial.found, rel=1e-3)
 
 
 @pytest.mark.parametrize("depth", [0.1, -0.1])
@@ -75,8 +88,8 @@ def test_tension_lowered_to_nothing(level: str) -> None:
 
 @pytest.mark.slow
 def test_driven_roller() -> None:
-    """D12: creep of the order of V_c on top of (T1 − T2)/(E t)."""
-    right(strips.driven(1e-4), 5.0, 2000)
+    """D12: the mean creep, to a fiftieth of (T1 − T2)/(E t)."""
+    right(strips.driven(1e-4), 0.02, 2000)
 
 
 @pytest.mark.slow
@@ -93,12 +106,21 @@ def test_ironing() -> None:
 
 @pytest.mark.slow
 def test_other_units() -> None:
-    """D16: the same steps, the same dimensionless answer."""
-    (metres, times), (millimetres, same) = (strips.in_units(a) for a in (1.0, 1e3))
+    """D16: the same steps, the same dimensionless answer; to the last bit in a unit of 2^10 per m.
+
+    A thousand per metre rounds the data, by 1e-16.  On the rate-free way on to the roller every
+    step begins where the last one ended, so that a difference of its length grows by 1.5 from
+    step to step, in 70 steps to 2e-6; an ulp of the unit of length does the same.  Where the
+    stage ends it has gone (1e-15 of the displacement), and steps in time agree to 1e-10.
+    """
+    (metres, times), (binary, alike), (millimetres, same) = map(strips.in_units, (1.0, 1024.0, 1e3))
     right(metres, 0.0, 300)
+    assert (alike, binary.tangents, binary.found) == (times, metres.tangents, metres.found)
     assert millimetres.tangents == metres.tangents
-    assert same == pytest.approx(times, rel=1e-5)  # round-off chooses the last digits
-    assert millimetres.found == pytest.approx(metres.found, rel=1e-9)
+    led = [t for t in times if t <= 2.0]
+    assert same[: len(led)] == pytest.approx(led, rel=1e-5)
+    assert same[len(led) :] == pytest.approx(times[len(led) :], rel=1e-9)
+    assert millimetres.found == pytest.approx(metres.found, rel=1e-11)
 
 
 @pytest.mark.parametrize(("elements", "thickness"), [(1, 1e-3), (10_000, 1e-3), (100, 1e-5)])

@@ -76,7 +76,7 @@ class CentredMixin(ElementGlobal):
     def gbasis(self, mapping: Any, X: Array, i: int, tind: Any = None) -> Any:
         """Value, gradient and Hessian of basis function ``i`` at reference points."""
         if self.V is None:
-            self.V = np.linalg.inv(self._eval_dofs(mapping.mesh))
+            self.V = inverse(self._eval_dofs(mapping.mesh))
         chosen = np.arange(mapping.mesh.t.shape[1]) if tind is None else tind
         centre, extent = self.centre[:, chosen, None], self.extent[:, chosen, None]
         table = powers((mapping.F(X, tind=chosen) - centre) / extent, self.highest)
@@ -93,6 +93,12 @@ class CentredMixin(ElementGlobal):
                     part += weight * differentiated(exponents, orders, table)
             part /= np.prod(extent[list(orders)], axis=0)
         return (DiscreteField(value=parts[0], grad=parts[1], hess=parts[2]),)
+
+
+def inverse(dofs: Array) -> Array:
+    """Inverses of matrices whose rows have units of their own, which must not choose pivots."""
+    units = np.abs(dofs).max(axis=2, keepdims=True)
+    return np.linalg.inv(dofs / units) / units.swapaxes(1, 2)
 
 
 def powers(x: Array, highest: int) -> Array:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 
 def regular_norm(v: Any, floor: float) -> Any:
@@ -100,6 +99,8 @@ def cone_speed(law: FrictionLaw) -> float:
 
 def _speed_where(law: FrictionLaw, excess: Callable[[float, float], float]) -> float:
     """Where an increasing function of |R_T|/(f R_N) and |v|/V_c vanishes."""
+    from scipy.optimize import brentq  # noqa: PLC0415 (a quarter of a second)
+
     unit = replace(law, coefficient=1.0)
 
     def value(logarithm: float) -> float:

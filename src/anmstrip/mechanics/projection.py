@@ -38,6 +38,6 @@ def projected(strip: Strip, pattern: Pattern, displacement: Array) -> Array:
     block = np.zeros(pattern.couplings)
     operator.add_bilinear(values, pattern, block)
     units = strip.dof_lengths
-    scaled = block / (units[pattern.row] * units[pattern.column])
-    right = operator.gather(stress).reshape(-1, strip.count) / units[:, None]
-    return (splu(pattern.scalar_matrix(scaled)).solve(right) / units[:, None]).ravel()
+    scaled = block * units[pattern.row] * units[pattern.column]
+    right = operator.gather(stress).reshape(-1, strip.count) * units[:, None]
+    return np.ravel(splu(pattern.scalar_matrix(scaled)).solve(right) * units[:, None])

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from anmstrip.mechanics import loads
 from anmstrip.mechanics.cells import Pattern
@@ -290,11 +289,25 @@ def _check(scene: Scene, strip: Strip, rollers: tuple[Roller, ...]) -> None:
 
 def flat_gap(strip: Strip, roller: Roller) -> float:
     """Least gap (m) between a roller, where it begins, and the flat strip's rectangle."""
-    across = roller.frame[:2].T @ roller.frame[:2]
-    p = strip.nodes[:2]
-    low, high = p.min(axis=1), np.maximum(p.max(axis=1), p.min(axis=1) + 1e-9)
-    nearest = lsq_linear(across[:, :2], across @ np.asarray(roller.centre), (low, high))
-    return float(np.linalg.norm(nearest.fun)) - roller.radius
+    low, high = strip.nodes[:2].min(axis=1), strip.nodes[:2].max(axis=1)
+    (west, south), (east, north) = low, high
+    corners = np.array([[west, south], [east, south], [east, north], [west, north]])
+    from_axis = np.column_stack([corners, np.zeros(4)]) - roller.centre
+    from_axis -= np.outer(from_axis @ roller.unit_axis, roller.unit_axis)
+    along = np.roll(from_axis, -1, axis=0) - from_axis
+    squared = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
+    share = np.clip(-(from_axis * along).sum(axis=1) / squared, 0.0, 1.0)
+    nearest = np.linalg.norm(from_axis + share[:, None] * along, axis=1).min()
+    return float(0.0 if _meets(roller, low, high) else nearest) - roller.radius
+
+
+def _meets(roller: Roller, low: Array, high: Array) -> bool:
+    """Whether the axis goes through a rectangle in the plane z = 0."""
+    slope = roller.unit_axis[2]
+    if slope == 0.0:
+        return False
+    place = np.asarray(roller.centre) - roller.unit_axis * (roller.centre[2] / slope)
+    return bool(((low <= place[:2]) & (place[:2] <= high)).all())
 
 
 def middle_node(strip: Strip, name: str) -> int | None:

@@ -59,6 +59,8 @@ class Settings:
         Change to arclength where steps in the control keep shrinking.
     rational : bool
         Let branches go on as quotients of polynomials where the series end.
+    unhurried : float
+        Share of the way ahead over which a small imbalance is taken away at least.
     """
 
     order: int = 20
@@ -68,6 +70,7 @@ class Settings:
     arclength: bool = False
     give_way: bool = True
     rational: bool = False
+    unhurried: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -226,7 +229,7 @@ class _Follower:
             forward = pace.forward or (np.zeros_like(u), self.whole)
             return Parameter(pace.last, np.inf, True, forward)
         scale = np.copysign(min(pace.last, abs(remaining)), remaining)
-        return Parameter(scale, remaining / scale)
+        return Parameter(scale, remaining / scale, unhurried=self.settings.unhurried)
 
     def _expanded(self, u: Array, control: float, parameter: Parameter) -> Branch:
         try:

@@ -114,12 +114,15 @@ class Parameter:
         Follow pseudo-arclength instead of the control.
     forward : tuple or None
         Direction (u, λ) of travel so far, to keep the sense along an arc.
+    unhurried : float
+        Share of the reach over which even a small imbalance is taken away at least.
     """
 
     scale: float
     reach: float = np.inf
     arclength: bool = False
     forward: tuple[Array, float] | None = None
+    unhurried: float = 0.0
 
 
 def expand(
@@ -151,7 +154,7 @@ def expand(
         Largest imbalance that is wanted.  Where two successive orders would leave
         less than a tenth of it at ``parameter.reach``, the series ends.  An initial
         imbalance above it is taken away over the whole reach, a smaller one up to
-        a = 1.
+        a = 1, or as far as ``parameter.unhurried`` says.
     cost : Cost, optional
         Counters to add to.
 
@@ -170,8 +173,10 @@ def expand(
     cost = Cost() if cost is None else cost
     recurrence, solve = _prepared(equations, u, control, order, solver, cost)
     per_control = -solve(recurrence.control_derivative())
-    away = equations.imbalance(recurrence.residual) > tolerance and np.isfinite(parameter.reach)
-    carried_over = parameter.reach if away else 1.0
+    away = equations.imbalance(recurrence.residual) > tolerance
+    carried_over = 1.0
+    if np.isfinite(parameter.reach):
+        carried_over = max(1.0, parameter.reach * (1.0 if away else parameter.unhurried))
     border = _Border(equations, per_control, parameter)
     u_orders, control_orders, forces, unseen = [u], [control], [0.0], 0
     for k in range(1, order + 1):

@@ -47,6 +47,13 @@ BDF-formulas*, Numer. Math. 57, 1990).
 RESIDUAL_SHARE = 0.01
 """Tolerance of the residual over that of the error in time, in which it must not be seen."""
 
+UNHURRIED = 0.03
+"""Share of what is left of a step over which a small imbalance is taken away at least.
+
+Friction of faint pressure cannot carry what the tolerance leaves: taken away within a short
+stretch of λ it asks for fast motion there, so that the stretches shrank for good.
+"""
+
 SHORTEST, SHORTEST_IN_A_SNAP = 1e-13, 1e-100
 """Shortest steps, as fractions of the whole: what is left of the digits of t; and in a snap,
 where the first step counts from zero."""
@@ -250,6 +257,7 @@ class _Integrator:
             shortest=1e-6,
             give_way=False,
             rational=settings.rational,
+            unhurried=UNHURRIED,
         )
 
     def step(self, memory: Memory, end: float) -> TimeStep:

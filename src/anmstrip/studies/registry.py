@@ -41,15 +41,25 @@ STUDIES = {
 }
 """Name → module."""
 
+PAGE = "README.md"
+
 
 def run_all(*, quick: bool, directory: Path) -> Iterator[StudyReport]:
     """Do all studies into one directory, with a page that names them."""
-    lines = ["# Studies", "    anmstrip study all"]
     for name in STUDIES:
         report = run_study(name, quick=quick, directory=directory)
-        lines.append(f"* [{report.title}]({name}.md): `{report.command}`")
+        _write_page(directory)
         yield report
-    with replaced(directory / "README.md") as temporary:
+
+
+def _write_page(directory: Path) -> None:
+    """A page that names the reports that are there."""
+    lines = ["# Studies", "    anmstrip study all"]
+    for name in STUDIES:
+        if (report := directory / f"{name}.md").exists():
+            title, command = report.read_text(encoding="utf-8").split("\n\n")[:2]
+            lines.append(f"* [{title.removeprefix('# ')}]({name}.md): `{command.strip()}`")
+    with replaced(directory / PAGE) as temporary:
         temporary.write_text("\n\n".join(lines) + "\n", encoding="utf-8")
 
 
@@ -86,7 +96,10 @@ def run_study(
         seconds=time.perf_counter() - begin,
         processor=_at_work() - at_work,
     )
-    files = report.write(Path(directory or f"results/study-{name}"))
+    where = Path(directory or f"results/study-{name}")
+    files = report.write(where)
+    if (where / PAGE).exists():
+        _write_page(where)
     return replace(report, files=files)
 
 

@@ -2,8 +2,8 @@
 
 Every row of the table is a sweep of one quantity in one case: its range, the worst error beside
 the answer in closed form, steps and tangents from one end of the range to the other, and how it
-ended.  A sweep fails where one run does not get to its end, or where tangents grow faster than
-with the logarithm of the quantity.
+ended.  A sweep fails where one run does not get to its end, or where steps or tangents grow faster
+than with the logarithm of the quantity.
 """
 
 from __future__ import annotations
@@ -28,8 +28,9 @@ COLUMNS = (
 
 LONG = ("case", "level", "quantity", "value", "found", "exact", "error", "steps", "tangents")
 
-PER_DECADE = 200.0
-"""Tangents that a decade of any quantity may add."""
+PER_DECADE = 1.0
+"""Steps, and tangents, that a decade of any quantity may add for each step of the cheapest run:
+a corner that is a decade sharper may ask every step for one branch more."""
 
 
 @dataclass(frozen=True)
@@ -90,14 +91,14 @@ SWEEPS = (
     Sweep("D3", "sharp corner", "node", "V_c",
           lambda v: nodes.sharp_corner(1e-2, 0.1, v), SPEEDS, 1e-5),
     Sweep("D3", "capstan", "section", "ω",
-          lambda w: strips.capstan(omega=w), DECADES, 5e-4, quick=False),
+          lambda w: strips.capstan(omega=w), DECADES, 1e-4, quick=False),
     Sweep("D3", "capstan", "section", "q",
-          lambda q: strips.capstan(q=q), EXPONENTS, 5e-4, quick=False),
+          lambda q: strips.capstan(q=q), EXPONENTS, 1e-4, quick=False),
     Sweep("D12", "capstan", "section", "V_c",
-          lambda v: strips.capstan(speed=v), SPEEDS, 5e-4, quick=False),
+          lambda v: strips.capstan(speed=v), SPEEDS, 1e-4, quick=False),
     Sweep("D4", "hold", "node", "q", nodes.held, EXPONENTS, 1e-9),
-    Sweep("D4", "hold", "section", "s", strips.hold, (1.0, 1e3), 5e-2, quick=False),
-    Sweep("D5", "reversal", "node", "q", nodes.reversal, (0.1, 0.03, 0.01), 3e-2,
+    Sweep("D4", "hold", "section", "s", strips.hold, (10.0, 1e3, 1e5), 2e-2, quick=False),
+    Sweep("D5", "reversal", "node", "q", nodes.reversal, (0.1, 0.03, 0.01), 1e-5,
           quick=False),
     Sweep("D6", "beyond the cone", "node", "tan α/f",
           lambda r: nodes.beyond_the_cone(0.1, r), (1.2, 2.0), 1e-6),
@@ -112,14 +113,14 @@ SWEEPS = (
     Sweep("D11", "tension lowered", "section", "N/m",
           lambda t: strips.lowered(last=t), (1.0, -0.1), 1.0, quick=False),
     Sweep("D12", "driven roller", "section", "V_c",
-          strips.driven, (1e-2, 1e-4, 1e-6), 5.0, quick=False),
+          strips.driven, (1e-2, 1e-4, 1e-6), 2e-2, quick=False),
     Sweep("D13", "ironing", "section", "element", strips.ironed, (0.1, 0.05), 5e-3, quick=False),
     Sweep("D14", "uneven links", "node", "ratio",
           lambda r: nodes.many_turns(2.0, 20, r), (1.0, 1e3, 1e6), 1e-4, quick=False),
     Sweep("D16", "other units", "section", "unit per m",
           strips.in_units, (1.0, 1e3), 1e-9, quick=False),
     Sweep("D17", "thin, capstan", "section", "thickness",
-          lambda t: strips.capstan(thickness=t), (2e-3, *THICKNESSES[1:]), 1e-2, quick=False),
+          lambda t: strips.capstan(thickness=t, refined=0.025), THICKNESSES, 1e-3, quick=False),
     Sweep("D17", "thin, smooth roller", "section", "thickness",
           lambda t: strips.smooth_roller(thickness=t), THICKNESSES, 5e-3, quick=False),
     Sweep("D17", "fine", "section", "elements",
@@ -162,12 +163,12 @@ def _row(sweep: Sweep, trials: list[tuple[float, Trial]]) -> tuple[Cell, ...]:
     )  # fmt: skip
 
 
-def growth(trials: list[tuple[float, Trial]]) -> float | None:
-    """Tangents that a decade adds, between the cheapest and the dearest run, if it spans one."""
-    low, high = (f(trials, key=lambda pair: pair[1].tangents) for f in (min, max))
+def growth(trials: list[tuple[float, Trial]], of: str = "tangents") -> float | None:
+    """What a decade adds, between the cheapest and the dearest run, if they span one."""
+    counts = [getattr(trial, of) for _, trial in trials]
     values = [value for value, _ in trials if value > 0.0]
     decades = float(np.log10(max(values) / min(values))) if values else 0.0
-    return (high[1].tangents - low[1].tangents) / decades if decades >= 1.0 else None
+    return (max(counts) - min(counts)) / decades if decades >= 1.0 else None
 
 
 def outcome(sweep: Sweep, trials: list[tuple[float, Trial]]) -> str:
@@ -177,9 +178,12 @@ def outcome(sweep: Sweep, trials: list[tuple[float, Trial]]) -> str:
             return f"{sweep.quantity} = {value:g}: {trial.outcome}"
         if not trial.error <= sweep.allowed:
             return f"{sweep.quantity} = {value:g}: error {trial.error:.2g}"
-    more = growth(trials)
-    steep = more is not None and more > PER_DECADE
-    return f"{more:.0f} tangents more per decade" if steep else "done"
+    least = min(trial.steps for _, trial in trials)
+    for of in ("steps", "tangents"):
+        more = growth(trials, of)
+        if more is not None and more > PER_DECADE * least:
+            return f"{more:.0f} {of} more per decade"
+    return "done"
 
 
 def _long(found: list[tuple[Sweep, list[tuple[float, Trial]]]]) -> Sheet:
