@@ -168,10 +168,11 @@ def test_sweeps_say_what_is_wrong() -> None:
     """A sweep fails by an outcome, by an error, or by growing work."""
     good = Trial(1.0, 1.0, 1e-9, 5, 10, "done")
     trials = {
-        "done": [good, replace(good, tangents=20)],
+        "done": [good, replace(good, tangents=15)],
         "x = 10: it stopped": [good, replace(good, outcome="it stopped")],
         "x = 10: error 0.1": [good, replace(good, error=0.1)],
         "1990 tangents more per decade": [good, replace(good, tangents=2000)],
+        "6 steps more per decade": [good, replace(good, steps=11)],
     }
     for words, (first, last) in trials.items():
         found = {1.0: first, 10.0: last}

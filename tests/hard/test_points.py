@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from answers import right
 
-from anmstrip.mechanics.friction import NortonHoff
+from anmstrip.mechanics.friction import NortonHoff, Tanh
 from anmstrip.mechanics.mass_spring import RotatingCircle
 from anmstrip.mechanics.nodes import CoupledNode, Slider, WrappedLinks
 from anmstrip.series import backward_differences, implicit_dae
@@ -106,6 +106,20 @@ def test_beyond_the_critical_coefficient_it_jumps_and_says_so(f: float) -> None:
         assert 500.0 < found.start < found.end < 600.0  # W from 1.1 to 1.3, creeping before 1.5
         assert "negative pivot" in str(found)
         assert "no equilibrium to follow" in str(found)
+
+
+@pytest.mark.parametrize("speed", [1e-3, 1e-5])
+def test_a_bounded_law_ends_where_nothing_balances(speed: float) -> None:
+    """D7: |R_T| ≤ f R_N at any velocity, so that a snap with tanh has no motion to follow.
+
+    The end is told, before the load exceeds the cone and after creep has set in; at V_c of 1e-2
+    and more a step of time reaches the other equilibrium.
+    """
+    node = CoupledNode(Tanh(1.5, 1e-3, speed), CONTACT, (0.0, 2.2e-3))
+    motion = moved(node.residual, np.zeros(2), (0.0, 1e3), tolerance=1e-3, speed=1e-4)
+    assert motion.outcome.startswith("steps became too short")
+    assert 600.0 < motion.steps[-1].end < 1e3 * 1.5 / 2.2
+    assert motion.cost.factorisations < 1000
 
 
 def test_below_the_critical_coefficient_nothing_is_said() -> None:

@@ -93,15 +93,19 @@ def test_driven_roller() -> None:
 
 
 @pytest.mark.slow
-def test_ironing() -> None:
+@pytest.mark.parametrize(("eta", "share"), [(1e3, 0.3), (10.0, 0.5)])
+def test_ironing(eta: float, share: float) -> None:
     """D13: drag = f_eff R_N; the ripple from passing nodes falls with h, and does not grow.
 
-    Measured 1.14, 0.49, 0.21 % for elements of 0.1, 0.05, 0.025 m: like h^1.2, not like h².
+    Measured for elements of 0.1, 0.05, 0.025 m: 0.50, 0.14, 0.034 % with an onset of contact as
+    wide as these (η = 1 kPa), like h²; 1.14, 0.49, 0.21 % with one that falls between points
+    of contact (10 Pa), like h^1.2: where the strip lifts off pressure is not smooth.  Without
+    friction it is the same: h^2.2 and h^1.5 down to 0.0125 m.
     """
-    (coarse, rough), (fine, smooth) = (strips.ironed(h) for h in (0.1, 0.05))
+    (coarse, rough), (fine, smooth) = (strips.ironed(h, eta) for h in (0.1, 0.05))
     right(coarse, 5e-3, 3000)
     right(fine, 5e-3, 3000)
-    assert smooth < 0.5 * rough
+    assert smooth < share * rough
 
 
 @pytest.mark.slow

@@ -300,7 +300,7 @@ def _creep(run: Run) -> tuple[float, float]:
     return float(mean), (high - low) / stiffness
 
 
-def ironed(refined: float = 0.05) -> tuple[Trial, float]:
+def ironed(refined: float = 0.05, eta: float = 10.0) -> tuple[Trial, float]:
     """D13: a roller dragged along a held strip: drag = f_eff times the normal force.
 
     Returns
@@ -317,7 +317,7 @@ def ironed(refined: float = 0.05) -> tuple[Trial, float]:
     )
     tables["strip"]["cells"] = [round(4.0 / refined), 2]
     tables["edges"]["exit"] = {"fixed": ["z"]}
-    tables["solver"]["tolerance"] = 1e-4
+    tables["contact"]["eta"] = eta
     run, steps = ran(tables)
     assert run.assembly.friction is not None
     f = run.assembly.friction.effective(1.0)
