@@ -152,7 +152,7 @@ class March:
             order=self.assembly.order,
             tolerance=self.scene.solver.tolerance,
             max_steps=steps,
-            rational=not self.scene.output.events,
+            rational=not self.scene.output.events,  # events are roots of polynomials
         )
         yield from (self._in_time if plan.in_time else self._rate_free)(plan, settings)
 

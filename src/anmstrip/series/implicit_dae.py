@@ -256,7 +256,6 @@ class _Integrator:
             max_steps=200,
             shortest=1e-6,
             give_way=False,
-            rational=settings.rational,
             unhurried=UNHURRIED,
         )
 
