@@ -256,6 +256,7 @@ class _Integrator:
             max_steps=200,
             shortest=1e-6,
             give_way=False,
+            rational=settings.rational,
             unhurried=UNHURRIED,
         )
 
@@ -336,6 +337,8 @@ class _Integrator:
         is not mistaken for motion.  Then stick and elasticity settle, within
         (friction slope)/(stiffness), about a microsecond for steel: the velocity
         jumps there, the state does not.
+        The path to rest is one of polynomials: a quotient may end in the core of sharp
+        friction, which is too stiff to leave at rest.
         """
         try:
             still = self._at_rest(memory)
@@ -349,12 +352,13 @@ class _Integrator:
     def _at_rest(self, memory: Memory) -> Memory:
         t, u = memory.times[0], memory.states[0]
         velocity = AffineVelocity(1.0 / self.whole, memory.v, np.zeros_like(u))
-        found = self._followed(self.equations.during(t, 0.0, velocity, u), len(u))
+        path = self.equations.during(t, 0.0, velocity, u)
+        found = self._followed(path, len(u), replace(self.path_settings, rational=False))
         return replace(memory, states=(u + found.branch.end[0],))
 
-    def _followed(self, path: StepEquations, size: int) -> Step:
+    def _followed(self, path: StepEquations, size: int, settings: Settings) -> Step:
         """Last step of the path of the increment from λ = 0 to 1."""
-        zero, settings = np.zeros(size), self.path_settings
+        zero = np.zeros(size)
         *_, last = self.follow(path, zero, solver=self.solver, settings=settings, cost=self.cost)
         return last
 
@@ -367,7 +371,7 @@ class _Integrator:
         velocity = AffineVelocity(rate, memory.v, w - memory.v)
         before = self.cost.expansions
         path = self.equations.during(t, new - t, velocity, u)
-        last = self._followed(path, len(u))
+        last = self._followed(path, len(u), self.path_settings)
         increment = last.branch.end[0]
         v, spent = velocity(increment, 1.0), self.cost.expansions - before
         return _Trial(u + increment, v, last.imbalance, spent, path, increment, rate)
