@@ -17,7 +17,7 @@ OURS = {
     "section": (capstan, "section", 2, 0.05),
     "threaded-section": (threaded, "section", 2, 0.05),
     "shell": (capstan, "shell", 10, 0.025),
-    "threaded-shell": (threaded, "shell", 10, 0.025),
+    "threaded-shell": (threaded, "shell", 18, 0.025),
 }
 """Name → scene, level of kinematics, elements across, their length over the roller (m)."""
 
