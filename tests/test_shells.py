@@ -174,7 +174,7 @@ def test_study_writes_its_report(tmp_path):
     assert result.exit_code == 0, result.output
     assert sorted(p.name for p in tmp_path.iterdir()) == ["shells.csv", "shells.md", "shells.png"]
     report = (tmp_path / "shells.md").read_text(encoding="utf-8")
-    assert report.count("\n## ") == 7
+    assert report.count("\n## ") == 8
     assert (tmp_path / "shells.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -7,14 +7,9 @@ its own on one core, within a time limit, with settings that contact's stiffness
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
-import time
 from dataclasses import dataclass
 
-from anmstrip.studies.optional import installed, left_out
+from anmstrip.studies.optional import asked, installed, left_out
 from anmstrip.studies.peer_capstan import Answer
 from anmstrip.studies.reports import Cell, Sheet, StudyReport
 
@@ -24,8 +19,6 @@ FACTORS = (1.0, 1e2, 1e4)
 COUNTS = ("seconds", "steps", "tangents", "unknowns")
 
 COLUMNS = ("program", "stiffness", "outcome", *COUNTS, "ratio", "off (%)")
-
-ONE_CORE = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 @dataclass(frozen=True)
@@ -95,21 +88,9 @@ def study(quick: bool = False) -> StudyReport:
 
 def tried(program: Program, stiffer: float, limit: float) -> Trial:
     """A program in a process of its own; what goes wrong there is the outcome."""
-    command = [sys.executable, "-m", "anmstrip.studies.peer_process", program.name, str(stiffer)]
-    begin = time.perf_counter()
-    try:
-        environment = {**os.environ, **ONE_CORE}
-        done = subprocess.run(
-            command, check=False, capture_output=True, text=True, timeout=limit, env=environment
-        )
-    except subprocess.TimeoutExpired:
-        return Trial(program, stiffer, None, f"not done in {limit:g} s", limit)
-    spent = time.perf_counter() - begin
-    if done.returncode != 0:
-        said = done.stderr.strip().splitlines() or [f"exit status {done.returncode}"]
-        return Trial(program, stiffer, None, f"failed: {said[-1][:80]}", spent)
-    found = Answer(**json.loads(done.stdout.strip().splitlines()[-1]))
-    return Trial(program, stiffer, found, "done", spent)
+    reply = asked("anmstrip.studies.peer_process", program.name, str(stiffer), limit=limit)
+    answer = None if reply.said is None else Answer(**reply.said)
+    return Trial(program, stiffer, answer, reply.outcome, reply.seconds)
 
 
 def _there(program: Program) -> bool:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from anmstrip.studies import shell_peers
 from anmstrip.studies.benchmarks import (
     ROOF_LOAD,
     Benchmark,
@@ -42,9 +43,11 @@ def study(quick: bool = False) -> StudyReport:
     """Follow all benchmarks, and what belongs to them."""
     compared = [_compared(*pair) for pair in (_coarse() if quick else _full())]
     main = _main_sheet(compared)
+    limit = 10.0 if quick else 300.0
     sheets = (
         main,
         _table_sheet(compared),
+        shell_peers.sheet([c.finer for c in (compared[:1] if quick else compared)], limit),
         _limit_sheet(4 if quick else 8),
         _whole_sheet(4 if quick else 8),
         _order_sheet([c.benchmark for c in compared], (20,) if quick else (20, 30, 40)),
