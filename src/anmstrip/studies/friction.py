@@ -59,7 +59,7 @@ SLIPS = {
 }
 """The roller slips when friction begins, comes to rest, and has just begun to turn back."""
 
-TOLERANCE = {"mass": 1e-3, "strip": 1e-4}
+TOLERANCE = {"mass": 1e-3, "strip": 1e-5}
 
 FINEST = 2**13
 """Steps after which fixed steps are given up."""
