@@ -84,7 +84,7 @@ class Bending:
 
     def __call__(self, order: int, tolerance: float) -> tuple[Array, int]:
         """Tip over the length, and tangents."""
-        settings = Settings(tolerance=tolerance, arclength=True)
+        settings = Settings(tolerance=tolerance, arclength=True, max_steps=100_000)
         settings = settings if order == CHOSEN else replace(settings, order=order)
         cost, u = Cost(), np.zeros(len(self.equations.supports.free))
         *_, last = follow(self.equations, u, solver=SparseSolver(), settings=settings, cost=cost)
