@@ -15,6 +15,7 @@ from anmstrip.series.continuation import follow
 from anmstrip.series.expansion import Cost
 from anmstrip.series.functions import FunctionEquations
 from anmstrip.series.linear_solvers import DenseSolver
+from anmstrip.series.newton import Corrections, Newton
 from anmstrip.studies.newton import NewtonPath, NewtonSettings, load_steps
 from anmstrip.studies.newton_study import LONG, PLAIN
 from anmstrip.studies.strips import capstan, pressed
@@ -81,3 +82,10 @@ def test_the_study(tmp_path: Path) -> None:
         assert len(lines) == (5 if problem == "cantilever" else 7)
         errors = [float(line.split("|")[-2]) for line in lines[:-1]]
         assert max(errors) < 1e-3
+
+
+def test_a_spent_allowance_of_tangents_ends_the_iteration():
+    equations, cost = FunctionEquations(cubic), Cost(most=2)
+    newton = Newton(equations, DenseSolver(), Corrections(tolerance=1e-12), cost)
+    assert newton.corrected(np.zeros(1), 2.0) is None
+    assert cost.factorisations == 2

@@ -116,6 +116,8 @@ class Newton:
         return residual, self.equations.imbalance(residual)
 
     def _factorised(self, u: Array, control: float) -> Factors | None:
+        if self.cost.expansions >= self.cost.most:
+            return None
         with self.cost.timed("tangent"):
             matrix = self.equations.recurrence(u, control, 1).tangent()
         self.cost.expansions += 1

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,9 @@ CHOICES = settings(15, 1e-6)
 
 FROM_SLACK = settings(15, 1e-7)
 """Of the path of a bent sheet: it begins slack, where all forces are far below those at the end."""
+
+VISIBLE = 0.02
+"""Share of the highest crest from which on another one is counted."""
 
 BEYOND = 4.0
 """Strain at the end of a path, over that at the onset."""
@@ -253,17 +257,25 @@ def _mesh_sheet(thickness: float, meshes: tuple[tuple[int, int], ...]) -> Sheet:
     for cells in meshes:
         sheet = sheet_of(thickness, cells)
         point, u, _, _ = _ended(sheet)
-        zeros = len(sheet.heights(u).roots(extrapolate=False))
         rows.append((f"{cells[0]} × {cells[1]}", point.control * sheet.strain, sheet.wavelength(u),
-                     sheet.amplitude(u) / thickness, zeros))  # fmt: skip
+                     sheet.amplitude(u) / thickness, _crests(sheet, u)))  # fmt: skip
     columns = (
         "elements",
         "strain at the onset",
         "wavelength",
         "amplitude / t",
-        "zeros, half width",
+        "crests, half width",
     )
-    return Sheet("Three meshes", columns, tuple(rows), f"Thickness {thickness:g}.")
+    note = f"Thickness {thickness:g}. Crests and troughs above {VISIBLE:g} of the highest."
+    return Sheet("Three meshes", columns, tuple(rows), note)
+
+
+def _crests(sheet: Stretched, u: Array) -> int:
+    """Crests and troughs in half the width that can be seen; near the edge they fade."""
+    heights = sheet.heights(u)
+    ends = [0.0, *heights.roots(extrapolate=False), WIDTH / 2]
+    highest = [np.abs(heights(np.linspace(a, b, 50))).max() for a, b in pairwise(ends)]
+    return int((np.array(highest) > VISIBLE * max(highest)).sum())
 
 
 def _imperfection_sheet(thickness: float, cells: tuple[int, int]) -> Sheet:
