@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from anmstrip.mechanics.friction import NortonHoff, Tanh
 from anmstrip.series.outcome import PathStopped
 from anmstrip.studies import hard_nodes as nodes
 from anmstrip.studies import hard_strips as strips
@@ -103,7 +104,15 @@ SWEEPS = (
     Sweep("D6", "beyond the cone", "node", "tan α/f",
           lambda r: nodes.beyond_the_cone(0.1, r), (1.2, 2.0), 1e-6),
     Sweep("D7", "coupled node", "node", "f",
-          lambda f: nodes.coupled(f, 2.2), (1.3, 1.5, 1.8), 1e-3),
+          lambda f: nodes.coupled(NortonHoff(f, 0.1, 1e-3, 0.1)), (1.3, 1.5, 1.8), 1e-3),
+    Sweep("D7", "coupled node", "node", "q",
+          lambda q: nodes.coupled(NortonHoff(1.5, q, 1e-3, 0.1)), EXPONENTS, 1e-3),
+    Sweep("D7", "coupled node", "node", "V_c",
+          lambda v: nodes.coupled(NortonHoff(1.5, 0.1, 1e-3, v), 6.0), SPEEDS, 1e-3, quick=False),
+    Sweep("D7", "coupled node", "node", "ω",
+          lambda w: nodes.coupled(NortonHoff(1.5, 0.1, w, 0.1)), DECADES, 1e-3, quick=False),
+    Sweep("D7", "coupled node, tanh", "node", "V_c",
+          lambda v: nodes.coupled(Tanh(1.5, 1e-3, v)), SPEEDS, 1e-3),
     Sweep("D8", "near critical", "node", "1 − f/f_c",
           nodes.near_critical, (0.5, 1e-1, 1e-2, 1e-4, 1e-6), 1e-6),
     Sweep("D9", "grazing", "node", "K", lambda K: nodes.grazing(0.1, K), STIFFNESSES, 1e-10),
