@@ -54,8 +54,9 @@ Friction of faint pressure cannot carry what the tolerance leaves: taken away wi
 stretch of λ it asks for fast motion there, so that the stretches shrank for good.
 """
 
-SHORTEST = 1e-13
-"""Shortest step, as a fraction of the whole: what is left of the digits of t."""
+BRIEF, SHORTEST = 1e-9, 1e-13
+"""Shortest steps, as fractions of the whole: before a snap is looked for, and at all, which is what
+is left of the digits of t."""
 
 DIGITS_OF_TIME = 8.0
 """Shortest steps in units of the last digit of t: a short stage may come late."""
@@ -63,6 +64,9 @@ DIGITS_OF_TIME = 8.0
 LEAST_SHARE = 1e-6
 """Of the tolerance, that any step may add: a layer at the start of a long stage, in which the
 velocity changes at once and hardly anything moves, need not be resolved."""
+
+MOST_BRANCHES = 60
+"""Of one step: a shorter one is cheaper."""
 
 SETTLING = 0.01
 """First instant after a start, as a fraction of the first step."""
@@ -233,7 +237,7 @@ class _Integrator:
         self.path_settings = Settings(
             order=settings.order,
             tolerance=RESIDUAL_SHARE * settings.tolerance,
-            max_steps=200,
+            max_steps=MOST_BRANCHES,
             shortest=1e-6,
             give_way=False,
             rational=settings.rational,
@@ -243,27 +247,30 @@ class _Integrator:
     def step(self, memory: Memory, end: float) -> TimeStep:
         """The next step, in which the state may also snap to another place."""
         try:
-            return self.tried(memory, end)
+            return self.tried(memory, end, BRIEF)
         except PathStopped as stopped:
             if stopped.outcome is not Outcome.STALLED or self.fixed is not None:
                 raise
-            snap = self._snapped(memory, end)
-            if snap is None:
-                raise
-            return snap
+            briefer = replace(memory, step=min(memory.step, BRIEF * self.whole))
+            return self._snapped(memory, end) or self.tried(briefer, end, SHORTEST)
 
     def _snapped(self, memory: Memory, end: float) -> TimeStep | None:
         """Steps with drag, as a single one, if that is what is missing."""
-        t, u, lasting = memory.times[0], memory.states[0], LASTING * self.whole
-        dragged = self.equations.dragged(t, u, memory.v, lasting)
+        found = (self._dragged(memory, end, share * self.whole) for share in LASTING)
+        return next((step for step in found if step is not None), None)
+
+    def _dragged(self, memory: Memory, end: float, lasting: float) -> TimeStep | None:
+        """The same with a drag that lasts so long."""
+        t, u, v = memory.times[0], memory.states[0], memory.v
+        dragged = self.equations.dragged(t, u, v, lasting)
         if dragged is None or DIGITS_OF_TIME * np.spacing(t) > FIRST * lasting:
             return None
         other = self._with(dragged)
-        slowed = min(1.0, float(np.abs(u).max() / np.abs(memory.v).max()) / lasting)
-        begin = start(t, u, slowed * memory.v, FIRST * lasting)
+        slowed = min(1.0, float(np.abs(u).max() / np.abs(v).max()) / lasting)
+        begin = start(t, u, slowed * v, FIRST * lasting)
         try:
             begin = replace(begin, v=other._trial(begin, t + begin.step, 1).v)
-            return snapped(lambda now: other.tried(now, end), begin, lasting)
+            return snapped(lambda now: other.tried(now, end, SHORTEST), begin, lasting)
         except PathStopped:
             return None
 
@@ -273,10 +280,10 @@ class _Integrator:
         other.equations = equations
         return other
 
-    def tried(self, memory: Memory, end: float) -> TimeStep:
+    def tried(self, memory: Memory, end: float, shortest: float) -> TimeStep:
         """Try, estimate, and shorten until the error is allowed."""
         t = memory.times[0]
-        least = max(SHORTEST * self.whole, DIGITS_OF_TIME * np.spacing(t))
+        least = max(shortest * self.whole, DIGITS_OF_TIME * np.spacing(t))
         h, barred = min(self.fixed or max(memory.step, 2.0 * least), end - t), False
         rising = memory.order if self.fixed is None else self.time_order
         order = min(rising, self.time_order, memory.available)

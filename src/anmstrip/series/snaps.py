@@ -23,8 +23,9 @@ from .backward_differences import Memory
 if TYPE_CHECKING:
     from .implicit_dae import TimeStep
 
-LASTING = 1e-6
-"""Time in which forces overcome the drag of motions as large as the problem, over the whole."""
+LASTING = (1e-6, 1e-4)
+"""Times in which forces overcome the drag of motions as large as the problem, over the whole: the
+second for snaps of single points of a stiff strip, which the first does not slow down."""
 
 CALM, RAN = 1e-2, 3.0
 """A state rests again where its velocity changes by less than the first of these parts of its way
