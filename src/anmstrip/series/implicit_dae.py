@@ -245,14 +245,24 @@ class _Integrator:
         )
 
     def step(self, memory: Memory, end: float) -> TimeStep:
-        """The next step, in which the state may also snap to another place."""
+        """The next step, in which the state may also snap to another place.
+
+        That is looked for early where the series fail in brief steps, and last of all where
+        only the error in time asks for steps as short as can be.
+        """
+        brief = BRIEF * self.whole
         try:
-            return self.tried(memory, end, BRIEF)
+            return self.tried(memory, end, BRIEF if memory.step > brief else SHORTEST)
         except PathStopped as stopped:
             if stopped.outcome is not Outcome.STALLED or self.fixed is not None:
                 raise
-            briefer = replace(memory, step=min(memory.step, BRIEF * self.whole))
-            return self._snapped(memory, end) or self.tried(briefer, end, SHORTEST)
+            timed = memory.step > brief and stopped.evidence.motion is not None
+            snap = None if timed else self._snapped(memory, end)
+            if snap is None and memory.step > brief:
+                return self.step(replace(memory, step=brief), end)
+            if snap is None:
+                raise
+            return snap
 
     def _snapped(self, memory: Memory, end: float) -> TimeStep | None:
         """Steps with drag, as a single one, if that is what is missing."""
