@@ -11,6 +11,9 @@ from anmstrip.scene import Scene
 from anmstrip.scene.build import Assembly
 from anmstrip.scene.forewarnings import serious, warnings
 
+PULL = {
+    "name": "pull", "duration": 1.0, "friction": False, "exit": {"force": [1e4, 0.0, 0.0]},
+}  # fmt: skip
 LAY = {
     "name": "lay", "duration": 1.0,
     "entry": {"move": [0.0, 0.0, -0.8]}, "exit": {"force": [1e4, 0.0, -4e3]},
@@ -23,7 +26,7 @@ TABLES: dict[str, Any] = {
     "friction": {"coefficient": 0.3, "speed": 1.0},
     "rollers": [{"name": "r1", "radius": 0.3, "centre": [0.0, 0.0, -0.301]}],
     "edges": {"entry": {"fixed": ["x", "z"]}},
-    "stages": [{"name": "pull", "duration": 1.0, "exit": {"force": [1e4, 0.0, 0.0]}}, LAY],
+    "stages": [PULL, LAY],
 }  # fmt: skip
 
 
@@ -83,3 +86,11 @@ def test_what_has_no_equilibrium(
     (found,) = doubts(last=last, friction=friction)
     assert words in found
     assert hint in found
+
+
+def test_a_slack_strip_is_pulled_before_it_rubs() -> None:
+    rubbing = {**PULL, "friction": True}
+    tables = {**copy.deepcopy(TABLES), "stages": [rubbing, LAY]}
+    (found,) = serious(Assembly(Scene.model_validate(tables)))
+    assert "pulls a slack strip" in found
+    assert "stages.pull.friction=false" in found

@@ -41,7 +41,8 @@ def serious(assembly: Assembly, plans: Sequence[Plan] = (), ways: Sequence[Way] 
     if largest_force(assembly.scene) == 0.0:
         return []
     found = [*_roller_doubts(assembly, ways)] if assembly.scene.contact is not None else []
-    return [*found, *_not_held(assembly, plans), *_slack(assembly, plans), *_heavy(assembly, plans)]
+    found += [*_pulled_slack(assembly, plans), *_not_held(assembly, plans)]
+    return [*found, *_slack(assembly, plans), *_heavy(assembly, plans)]
 
 
 def _roller_doubts(assembly: Assembly, ways: Sequence[Way]) -> Iterator[str]:
@@ -66,6 +67,17 @@ def _roller_doubts(assembly: Assembly, ways: Sequence[Way]) -> Iterator[str]:
                 f"into roller {roller.name}, of radius {roller.radius:.2g} m. Try "
                 f"--set contact.stiffness={100.0 * tension / roller.radius**2:.1g}."
             )
+
+
+def _pulled_slack(assembly: Assembly, plans: Sequence[Plan]) -> Iterator[str]:
+    """A first stage that pulls the slack strip while it may rub, in time from no stiffness on."""
+    first = plans[0]
+    ends = [first.controls.at(share).get("exit.force", np.zeros(3)) for share in (0.0, 1.0)]
+    if assembly.thread is None and first.in_time and not np.any(ends[0]) and np.any(ends[1]):
+        yield (
+            f"stage {first.name} pulls a slack strip, which has no stiffness across, while it may "
+            f"rub. Try --set stages.{first.name}.friction=false, to pull it before."
+        )
 
 
 def _not_held(assembly: Assembly, plans: Sequence[Plan]) -> Iterator[str]:
