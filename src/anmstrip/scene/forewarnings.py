@@ -47,8 +47,7 @@ def serious(assembly: Assembly, plans: Sequence[Plan] = (), ways: Sequence[Way] 
 
 def _roller_doubts(assembly: Assembly, ways: Sequence[Way]) -> Iterator[str]:
     """Elements that cannot follow a roller, and contact into which the strip sinks."""
-    contact, tension = assembly.scene.contact, largest_force(assembly.scene)
-    assert contact is not None
+    tension = largest_force(assembly.scene)
     x = assembly.strip.mesh.p[0, assembly.strip.mesh.t].mean(axis=0)
     for roller in assembly.rollers:
         turn = max((way.turns.get(roller.name, 0.0) for way in ways), default=0.0)
@@ -60,7 +59,7 @@ def _roller_doubts(assembly: Assembly, ways: Sequence[Way]) -> Iterator[str]:
                 f"{h:.2g} m cannot follow its radius of {roller.radius:.2g} m. "
                 f"Try --set strip.refined={least:.1g}."
             )
-        depth = tension / roller.radius / contact.stiffness
+        depth = -float(assembly.signorini.gap(np.float64(tension / roller.radius)))
         if depth > SUNK * roller.radius and turn > SUNK:
             yield (
                 f"pressed by T/r = {tension / roller.radius:.2g} Pa the strip sinks {depth:.2g} m "
