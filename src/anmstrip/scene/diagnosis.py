@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from anmstrip.mechanics.roller import Roller
 from anmstrip.model import Equilibrium
 from anmstrip.scene.build import Assembly
-from anmstrip.scene.forewarnings import serious
-from anmstrip.scene.ladder import walked
 from anmstrip.scene.measures import ContactState, State
 from anmstrip.scene.meshing import QUARTER
 from anmstrip.scene.places import Place, place_of
@@ -202,6 +200,9 @@ def _more_tension(failure: Failure) -> str:
 
 def forewarned(failure: Failure) -> str | None:
     """What could be told before the run, of this stage and those before it."""
+    from anmstrip.scene.forewarnings import serious  # noqa: PLC0415 (only for a run that stops)
+    from anmstrip.scene.ladder import walked  # noqa: PLC0415
+
     plans, ways = (list(found) for found in zip(*walked(failure.assembly), strict=True))
     until = 1 + next(k for k, plan in enumerate(plans) if plan.name == failure.stage.name)
     found = serious(failure.assembly, plans[:until], ways[:until])
