@@ -15,10 +15,10 @@ from anmstrip.mechanics.nodes import CoupledNode, Slider, WrappedLinks
 from anmstrip.series import backward_differences, implicit_dae
 from anmstrip.series.continuation import Settings
 from anmstrip.series.functions import FunctionRateEquations
-from anmstrip.series.implicit_dae import TimeStep
 from anmstrip.series.instability import instabilities, pivot
 from anmstrip.series.linear_solvers import DenseSolver
 from anmstrip.series.outcome import PathStopped
+from anmstrip.series.time_steps import TimeStep
 from anmstrip.studies import hard_nodes as nodes
 from anmstrip.studies.case_runs import solved
 from anmstrip.studies.hard_nodes import CONTACT

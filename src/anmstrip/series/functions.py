@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .backward_differences import AffineVelocity
-from .implicit_dae import TimeStep
 from .index_one import stretch
 from .path import HermitePath
 from .power_series import Series, Tape, taylor
+from .time_steps import TimeStep
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ import numpy as np
 from .backward_differences import Memory
 
 if TYPE_CHECKING:
-    from .implicit_dae import TimeStep
+    from .time_steps import TimeStep
 
 LASTING = (1e-6, 1e-4)
 """Times in which forces overcome the drag of motions as large as the problem, over the whole: the

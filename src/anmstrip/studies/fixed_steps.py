@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.series.backward_differences import AffineVelocity
-from anmstrip.series.implicit_dae import RateEquations, StepEquations
 from anmstrip.series.linear_solvers import LinearSolver, SingularTangentError
+from anmstrip.series.time_steps import RateEquations, StepEquations
 
 Array = NDArray[np.float64]
 

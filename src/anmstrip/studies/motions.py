@@ -13,10 +13,10 @@ from anmstrip.series import backward_differences, implicit_dae
 from anmstrip.series.continuation import Settings
 from anmstrip.series.expansion import Cost
 from anmstrip.series.functions import FunctionRateEquations, ImplicitSolution
-from anmstrip.series.implicit_dae import TimeStep
 from anmstrip.series.index_one import consistent
 from anmstrip.series.linear_solvers import DenseSolver
 from anmstrip.series.outcome import PathStopped
+from anmstrip.series.time_steps import TimeStep
 
 Array = NDArray[np.float64]
 Residual = Callable[[Any, Any, Any], Any]
