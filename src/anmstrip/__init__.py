@@ -20,6 +20,7 @@ h       gap                   distance to a roller, negative inside       m     
 R_N     pressure, reaction    R (R/K + h) = η δ or η (δ − h), eq. (5c)    Pa, N   signorini
 K       stiffness             of contact                                  Pa/m    signorini
 η, δ    eta, delta            regularisation of contact                   Pa, m   signorini
+p₀, w   pressure, onset       R_N = p₀ (√(h² + w²) − h)² / w²             Pa, m   signorini
 R_T     traction              −f R_N |v_s|^(q−1) v_s / V_c^q, (2), (5d)   Pa, N   friction
 v_s     slip                  tangential velocity relative to a surface   m/s     contact
 f, q    coefficient, exponent of friction                                 1       friction
@@ -43,6 +44,7 @@ _DOORS = {
     "grid": "anmstrip.mechanics.strip",
     "Signorini": "anmstrip.mechanics.signorini",
     "RepulsiveSignorini": "anmstrip.mechanics.signorini",
+    "GradedSignorini": "anmstrip.mechanics.signorini",
     "NortonHoff": "anmstrip.mechanics.friction",
     "Tanh": "anmstrip.mechanics.friction",
     "Series": "anmstrip.series.power_series",

@@ -88,7 +88,7 @@ def test_absurd_sizes_are_refused_before_they_fill_the_memory(
 
 def test_threaded_strip_that_would_sink_through_its_roller_is_refused() -> None:
     example = Path(__file__).parents[2] / "examples" / "bridle.toml"
-    soft = Scene.load(example, ["contact.stiffness=1e4", "contact.eta=1.0"])
+    soft = Scene.load(example, ["contact.stiffness=1e4", "contact.eta=1.0", "contact.delta=1e-3"])
     with pytest.raises(InputError, match=r"sink .* m into roller upper"):
         Assembly(soft).thread  # noqa: B018 - looks for the way
 

@@ -102,3 +102,15 @@ def test_laws_are_sharpened_until_it_is_not_seen(tmp_path: Path) -> None:
 def test_sharpening_is_not_resumed() -> None:
     with pytest.raises(InputError, match="without --resume"):
         Scene.model_validate(capstan(regularisation="auto")).run("nowhere", resume=True)
+
+
+@pytest.mark.slow
+def test_the_onset_of_contact_is_narrowed_until_it_is_not_seen() -> None:
+    tables = capstan(speed=1.0, omega=1e-3, regularisation="auto")
+    tables["contact"] = {"onset": 2e-3}
+    run = Scene.model_validate(tables).run()
+    assert isinstance(run, SharpenedRun)
+    assert list(run)
+    assert run.effect <= 1e-3 < run.passes[0].effect
+    assert run.passes[-1].laws["contact"]["onset"] < 0.5 * 2e-3
+    assert "an onset of" in run.message

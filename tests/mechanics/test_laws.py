@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anmstrip.mechanics.friction import NortonHoff, Tanh
-from anmstrip.mechanics.signorini import RepulsiveSignorini, Signorini
+from anmstrip.mechanics.signorini import GradedSignorini, RepulsiveSignorini, Signorini
 from anmstrip.series.power_series import taylor
 
 STIFFNESSES = 10.0 ** np.arange(3, 13)
@@ -55,6 +55,43 @@ def test_the_papers_law_vanishes_at_delta_and_tends_to_minus_eta():
 def test_the_repulsive_law_is_positive_and_decays():
     law = RepulsiveSignorini(1e3, eta=0.01, delta=1.0)
     assert law(np.array([1.0, 10.0])) == pytest.approx([0.01, 0.001], rel=2e-5)
+
+
+GRADED = GradedSignorini(pressure=2e4, width=1e-4)
+
+
+def test_graded_contact_bears_its_pressure_on_the_surface():
+    assert GRADED(0.0) == pytest.approx(2e4, rel=1e-14)
+    assert GRADED.gap(2e4) == 0.0
+
+
+@given(gap=st.floats(-1e-2, 1.0))
+def test_the_graded_law_is_its_root_squared(gap):
+    h, w = mpmath.mpf(gap), mpmath.mpf(GRADED.width)
+    exact = 2e4 * ((mpmath.sqrt(h * h + w * w) - h) / w) ** 2
+    assert GRADED(gap) == pytest.approx(float(exact), rel=1e-12)
+
+
+def test_the_inverse_graded_law_gives_the_reaction_back():
+    reaction = np.geomspace(1e-4, 1e8, 60)
+    assert GRADED(GRADED.gap(reaction)) == pytest.approx(reaction, rel=1e-9)
+
+
+def test_graded_contact_decays_with_the_square_of_the_gap():
+    assert GRADED(1e-2) == pytest.approx(2e4 * (1e-4 / 2e-2) ** 2, rel=1e-3)
+    assert GRADED(1e-2) / GRADED(1e-1) == pytest.approx(100.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("gap", [-3e-4, 0.0, 5e-4])
+def test_orders_of_the_graded_law(gap):
+    def exact(a):
+        h, w = gap + a * mpmath.mpf(GRADED.width), mpmath.mpf(GRADED.width)
+        return 2e4 * ((mpmath.sqrt(h * h + w * w) - h) / w) ** 2
+
+    path = np.zeros(13)
+    path[:2] = gap, GRADED.width
+    wanted = np.array(derivatives(exact, 12))
+    assert taylor(GRADED, path) == pytest.approx(wanted, rel=1e-9, abs=1e-12 * abs(wanted).max())
 
 
 def derivatives(function, order):

@@ -85,6 +85,8 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
     ("[edges.entry]", "[edges.entree]", "edges.entree", "entry (the nearest"),
     # between fields
     ("eta = 10.0", "eta = 1.0e7", "contact.eta", "below stiffness × delta = 1e+07 (Pa)"),
+    ("eta = 10.0\n", "", "contact.eta", "stiffness, eta and delta together, or none of them"),
+    ("eta = 10.0", "eta = 10.0\nonset = 1e-4", "contact.onset", "which are another law"),
     ("[contact]", "[[nothing]]", "contact", "[friction]"),
     ("rollers.r1.surface_speed", "rollers.r2.surface_speed", "stages.turn.rollers.r2", "r1"),
     ('name = "turn"', 'name = "wrap"', "stages.wrap.name", 'name = "wrap_2"'),

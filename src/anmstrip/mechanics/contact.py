@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from .kinematics import SHELL, Kinematics
 from .points import ContactOperator
 from .roller import Place, Roller, Rollers
-from .signorini import RepulsiveSignorini
+from .signorini import GradedSignorini, RepulsiveSignorini
 
 if TYPE_CHECKING:
     from .friction import FrictionLaw
@@ -39,7 +39,7 @@ class Contact:
     Attributes
     ----------
     roller : Roller or Rollers
-    signorini : RepulsiveSignorini
+    signorini : RepulsiveSignorini or GradedSignorini
         In pressures.
     operator : ContactOperator
         At the points, once for every roller.
@@ -50,7 +50,7 @@ class Contact:
     """
 
     roller: Roller | Rollers
-    signorini: RepulsiveSignorini
+    signorini: RepulsiveSignorini | GradedSignorini
     operator: ContactOperator
     reach: float | Sequence[float] = np.inf
     kinematics: Kinematics = SHELL

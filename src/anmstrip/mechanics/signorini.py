@@ -1,8 +1,12 @@
 """Regularised unilateral contact: reaction as a function of the gap.
 
-Both laws are closed roots of a quadratic and run on floats and on series.  The
+All laws are closed roots of a quadratic and run on floats and on series.  The
 stiffness K and the constant η are forces per length and forces for a single
 node, or pressures per length and pressures for a surface.
+
+What lets a strip touch a roller point by point costs one corner of the path each, and the more
+tangents the sharper it is; an onset that lies between two points is not resolved either, and the
+pressure alternates.  :class:`GradedSignorini` is given the width of its onset.
 """
 
 from __future__ import annotations
@@ -83,3 +87,57 @@ class RepulsiveSignorini:
     def gap(self, reaction: Any) -> Any:
         """Inverse law: h = η δ/R − R/K."""
         return self.eta * self.delta / reaction - reaction / self.stiffness
+
+    @property
+    def width(self) -> float:
+        """Gap (m) over which the reaction sets in."""
+        return 2.0 * float(np.sqrt(self.eta * self.delta / self.stiffness))
+
+    @property
+    def faint(self) -> float:
+        """Reaction below which nothing counts as touching."""
+        return self.eta
+
+    @property
+    def words(self) -> str:
+        """For a report."""
+        return f"K = {self.stiffness:.3g} Pa/m"
+
+
+@dataclass(frozen=True)
+class GradedSignorini:
+    """R = p₀ σ² with σ = (√(h² + w²) − h)/w, for surfaces: an onset of contact of given width.
+
+    A strip pressed by p₀ lies on the surface, h = 0.  The reaction decays like p₀ (w/2h)², so
+    that friction does not reach far, and grows like p₀ (2h/w)² with the depth.
+
+    Attributes
+    ----------
+    pressure : float
+        p₀ (Pa).
+    width : float
+        w (m).
+    """
+
+    pressure: float
+    width: float
+
+    def __call__(self, gap: Any) -> Any:
+        """Reaction at a gap."""
+        root = root_reaction(gap, gap * 0.0 + 0.5 * self.width, 2.0 / self.width)
+        return root * root * self.pressure
+
+    def gap(self, reaction: Any) -> Any:
+        """Inverse law: h = w (1/σ − σ)/2, σ = √(R/p₀)."""
+        root = np.sqrt(reaction / self.pressure)
+        return 0.5 * self.width * (1.0 / root - root)
+
+    @property
+    def faint(self) -> float:
+        """Reaction below which nothing counts as touching: at gaps of 5 w."""
+        return 0.01 * self.pressure
+
+    @property
+    def words(self) -> str:
+        """For a report."""
+        return f"without penetration at {self.pressure:.3g} Pa"

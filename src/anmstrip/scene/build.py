@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from anmstrip.mechanics.contact import Contact, Friction
     from anmstrip.mechanics.friction import FrictionLaw
     from anmstrip.mechanics.points import ContactOperator
-    from anmstrip.mechanics.signorini import RepulsiveSignorini
+    from anmstrip.mechanics.signorini import GradedSignorini, RepulsiveSignorini
 
 Array = NDArray[np.float64]
 
@@ -173,13 +173,38 @@ class Assembly:
         return Friction(contact, law, [law.coefficient if f is None else f for f in own])
 
     @cached_property
-    def signorini(self) -> RepulsiveSignorini:
+    def signorini(self) -> RepulsiveSignorini | GradedSignorini:
         """The scene's contact law."""
         c = self.scene.contact
         assert c is not None
-        from anmstrip.mechanics.signorini import RepulsiveSignorini  # noqa: PLC0415
+        from anmstrip.mechanics import signorini  # noqa: PLC0415
 
-        return RepulsiveSignorini(c.stiffness, c.eta, c.delta)
+        if c.constants is not None:
+            return signorini.RepulsiveSignorini(*c.constants)
+        return signorini.GradedSignorini(
+            c.pressure or self._working_pressure, c.onset or self._resolved_onset
+        )
+
+    @property
+    def _mean_radius(self) -> float:
+        """Of the rollers, geometric (m)."""
+        return float(np.exp(np.mean(np.log([roller.radius for roller in self.rollers]))))
+
+    @property
+    def _working_pressure(self) -> float:
+        """Of the taut strip on its rollers, or of its weight if that is more (Pa)."""
+        mass = (self.scene.material.density or 0.0) * self.strip.thickness
+        gravity = [float(np.linalg.norm(stage.gravity or (0.0,))) for stage in self.scene.course]
+        return max(self.scales.tension / self._mean_radius, mass * max(gravity))
+
+    @property
+    def _resolved_onset(self) -> float:
+        """Gap (m) of a straight strip half a spacing of contact points beyond where it lifts off.
+
+        The points are two to an element.
+        """
+        half = 0.25 * float(self.strip.cell_sizes[0].min())
+        return half**2 / (2.0 * self._mean_radius)
 
     def _contact(self, reaches: list[float]) -> Contact | None:
         """Contact of every point with every roller, up to the given gaps."""

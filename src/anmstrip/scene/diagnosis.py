@@ -135,7 +135,7 @@ def squeezed(failure: Failure) -> str | None:
         distance = float(np.linalg.norm(across))
         overlap = a.radius + b.radius - distance
         if overlap > 0.0 or (contacts[a.name].touching & contacts[b.name].touching).any():
-            away = 1.1 * max(overlap, failure.assembly.signorini.delta) / distance * across
+            away = 1.1 * max(overlap, failure.assembly.strip.thickness) / distance * across
             return (
                 f"Rollers {a.name} and {b.name} are {-overlap:.3g} m apart and squeeze the strip. "
                 f"Try {_put(failure, b, centre + away)}."

@@ -106,7 +106,7 @@ class EventWatch:
         assert self.contact is not None
         law, tension = self.contact.signorini, self.assembly.scales.tension
         found = [
-            float(law.gap(max(TOUCHING * tension / roller.radius, law.eta)))
+            float(law.gap(max(TOUCHING * tension / roller.radius, law.faint)))
             for roller in self.assembly.rollers
         ]
         return self._of(found)
@@ -115,8 +115,7 @@ class EventWatch:
     def margin(self) -> float:
         """Distance (m) from contact that counts as grazing."""
         assert self.contact is not None
-        law = self.contact.signorini
-        return float(2.0 * np.sqrt(law.eta * law.delta / law.stiffness))
+        return self.contact.signorini.width
 
     @cached_property
     def which(self) -> Index:

@@ -65,6 +65,8 @@ def explain(scene: Scene) -> str:
     console.print(_ladder_table(rungs, assembly.kinematics.name))
     for line in _verdict(rungs, assembly.kinematics.name):
         console.print(line, markup=False)
+    if scene.contact is not None and scene.rollers:
+        console.print(_contact_line(assembly), markup=False)
     console.print(_scale_line(assembly), markup=False)
     for line in [*_blind(rungs, assembly.kinematics.name), *warnings(assembly)]:
         console.print(f"Warning: {line}", markup=False)
@@ -224,6 +226,13 @@ def _blind(rungs: list[Rung], own: str) -> Iterator[str]:
     for rung in rungs:
         if rung.level.name == own and rung.against:
             yield f"kinematics {own} does not see that {'; '.join(rung.against)}."
+
+
+def _contact_line(assembly: Assembly) -> str:
+    law, spec = assembly.signorini, assembly.scene.contact
+    assert spec is not None
+    own = "" if spec.constants or spec.onset else ", as the mesh resolves"
+    return f"Contact: {law.words}, setting in over {law.width:.3g} m{own}."
 
 
 def _scale_line(assembly: Assembly) -> str:

@@ -46,13 +46,13 @@ class ContactState:
 
     @cached_property
     def touching(self) -> NDArray[np.bool_]:
-        """Points in contact: pressed by more than η, and a tenth of the mean pressure.
+        """Points in contact: by more than what is faint, and a tenth of the mean pressure.
 
         The mean is weighted by force.
         """
         force = self.pressure * self.area
         mean = float((force * self.pressure).sum()) / max(float(force.sum()), 1e-300)
-        return self.pressure > max(TOUCHING * mean, self.contact.signorini.eta)
+        return self.pressure > max(TOUCHING * mean, self.contact.signorini.faint)
 
     @property
     def area(self) -> Array:

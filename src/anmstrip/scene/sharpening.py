@@ -4,8 +4,8 @@ The scene is run with its laws as they are given; what their regularisation cost
 read off at the end of every stage, and the scene is run again with sharper ones until its
 estimated effect on the tensions is below the tolerance.  Each part has its own remedy: a smaller
 V_c for the creep of what sticks, a smaller exponent for friction beyond the cone, a stiffer
-contact and a smaller η for penetration.  How much is needed follows from the estimate, so that
-one or two more runs do.
+contact and a smaller η, or a narrower onset, for penetration.  How much is needed follows from
+the estimate, so that one or two more runs do.
 """
 
 from __future__ import annotations
@@ -31,23 +31,24 @@ LEAST_EXPONENT, LEAST_OMEGA_SPEED, STIFFEST = 1e-7, 1e-13, 1e14
 """Sharpest laws: q, ω V_c (m/s) near the last digit of positions, and K (Pa/m)."""
 
 
+Laws = dict[str, dict[str, float]]
+
+
 @dataclass(frozen=True)
 class Pass:
     """One run on the way.
 
     Attributes
     ----------
-    exponent, speed, stiffness, eta : float
-        q, V_c (m/s), K (Pa/m) and η (Pa) that it was done with.
+    laws : dict
+        Table → keys and values that it was done with: q and V_c (m/s); K (Pa/m) and η (Pa), or
+        the onset of contact (m).
     effect : float
         Largest estimated effect of the regularisation on a tension.
     tangents : int
     """
 
-    exponent: float
-    speed: float
-    stiffness: float
-    eta: float
+    laws: Laws
     effect: float
     tangents: int
 
@@ -99,7 +100,11 @@ class SharpenedRun(Run):
 
     def facts(self) -> dict[str, Any]:
         """Counters of the run, and what was done to sharpen its laws."""
-        return {**super().facts(), "sharpened": [vars(done) for done in self.passes]}
+        passes = [
+            {**p.laws["friction"], **p.laws["contact"], "effect": p.effect, "tangents": p.tangents}
+            for p in self.passes
+        ]
+        return {**super().facts(), "sharpened": passes}
 
     @property
     def effect(self) -> float:
@@ -108,32 +113,31 @@ class SharpenedRun(Run):
 
     def _is_sharp(self) -> bool:
         """Count this run, and say whether it is good enough, or the last that makes sense."""
-        f, c, spent = self.scene.friction, self.scene.contact, self.cost.expansions
-        assert f is not None and c is not None
-        done = Pass(f.exponent, f.speed, c.stiffness, c.eta, self.effect, spent)
+        laws = self._tables()
+        done = Pass(laws, self.effect, self.cost.expansions)
         self.passes.append(done)
         tolerance = self.scene.solver.tolerance
         sharp = done.effect <= tolerance
-        last = len(self.passes) == MOST_RUNS or self._tables() == self._sharper()
+        last = len(self.passes) == MOST_RUNS or laws == self._sharper()
         words = "below" if sharp else "above"
         self.message += (
             f" Regularisation changes tensions by about {done.effect:.1g}, {words} the tolerance "
-            f"of {tolerance:g}, with q = {f.exponent:.2g}, V_c = {f.speed:.2g} m/s, "
-            f"K = {c.stiffness:.2g} Pa/m and η = {c.eta:.2g} Pa after {len(self.passes)} run(s)."
+            f"of {tolerance:g}, with {_named(laws)} after {len(self.passes)} run(s)."
         )
         if sharp or last:
             self._finish()
         return sharp or last
 
-    def _tables(self) -> dict[str, dict[str, float]]:
+    def _tables(self) -> Laws:
         f, c = self.scene.friction, self.scene.contact
         assert f is not None and c is not None
-        return {
-            "friction": {"exponent": f.exponent, "speed": f.speed},
-            "contact": {"stiffness": c.stiffness, "eta": c.eta},
-        }
+        if c.constants is None:
+            contact = {"onset": self.assembly.signorini.width}
+        else:
+            contact = {"stiffness": c.constants[0], "eta": c.constants[1]}
+        return {"friction": {"exponent": f.exponent, "speed": f.speed}, "contact": contact}
 
-    def _sharper(self) -> dict[str, dict[str, float]]:
+    def _sharper(self) -> Laws:
         """Laws that bring every part of the effect to its share of the tolerance."""
         assert self.scene.friction is not None
         now, goal = self._tables(), AIM * self.scene.solver.tolerance
@@ -141,17 +145,14 @@ class SharpenedRun(Run):
             min(1.0, goal / max([1e-300, *(getattr(cost, part) for cost in self.worst)]))
             for part in ("by_creep", "by_cone", "by_penetration")
         )
-        f, c = now["friction"], now["contact"]
+        f = now["friction"]
         least = LEAST_OMEGA_SPEED / self.scene.friction.omega
         return {
             "friction": {
                 "exponent": max(f["exponent"] * cone, min(f["exponent"], LEAST_EXPONENT)),
                 "speed": max(f["speed"] * creep, min(f["speed"], least)),
             },
-            "contact": {
-                "stiffness": min(c["stiffness"] / depth, max(c["stiffness"], STIFFEST)),
-                "eta": c["eta"] * depth,
-            },
+            "contact": _closer(now["contact"], depth),
         }
 
     def _sharpened(self) -> Scene:
@@ -161,3 +162,27 @@ class SharpenedRun(Run):
         scene = Scene.model_validate(tables)
         scene._source = self.scene.source
         return scene
+
+
+def _closer(contact: dict[str, float], depth: float) -> dict[str, float]:
+    """A law of contact whose gaps are so many times as deep."""
+    if "onset" in contact:
+        return {"onset": contact["onset"] * depth}
+    stiffness = contact["stiffness"]
+    return {
+        "stiffness": min(stiffness / depth, max(stiffness, STIFFEST)),
+        "eta": contact["eta"] * depth,
+    }
+
+
+def _named(laws: Laws) -> str:
+    """Symbols, values and units, as they stand in a message."""
+    signs = {
+        "exponent": ("q", ""), "speed": ("V_c", " m/s"), "stiffness": ("K", " Pa/m"),
+        "eta": ("η", " Pa"), "onset": ("an onset of", " m"),
+    }  # fmt: skip
+    parts = []
+    for key, value in {**laws["friction"], **laws["contact"]}.items():
+        name, unit = signs[key]
+        parts.append(f"{name} {'' if key == 'onset' else '= '}{value:.2g}{unit}")
+    return f"{', '.join(parts[:-1])} and {parts[-1]}"

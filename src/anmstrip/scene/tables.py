@@ -139,19 +139,42 @@ class MaterialSpec(Table):
 
 
 class ContactSpec(Table):
-    """Regularised unilateral contact, per unit of the strip's area."""
+    """Regularised unilateral contact, per unit of the strip's area.
 
-    stiffness: Positive = Field(
-        description="contact stiffness K, a number above 0 (Pa/m)", examples=["1.0e10"]
+    With stiffness, eta and delta it is a penalty; without them its onset is as wide as the mesh
+    can resolve, unless ``onset`` and ``pressure`` say otherwise.
+    """
+
+    stiffness: Positive | None = Field(
+        None, description="contact stiffness K, a number above 0 (Pa/m)", examples=["1.0e10"]
     )
-    eta: Positive = Field(
+    eta: Positive | None = Field(
+        None,
         description="regularisation η, a number above 0 and below stiffness × delta (Pa)",
         examples=["10.0"],
     )
-    delta: Positive = Field(
+    delta: Positive | None = Field(
+        None,
         description="distance δ at which contact begins, a number above 0 (m)",
         examples=["1.0e-3"],
     )
+    onset: Positive | None = Field(
+        None,
+        description="gap over which contact sets in, a number above 0 (m)",
+        examples=["1.0e-4"],
+    )
+    pressure: Positive | None = Field(
+        None,
+        description="pressure under which the strip lies on the surface, a number above 0 (Pa)",
+        examples=["2.0e4"],
+    )
+
+    @property
+    def constants(self) -> tuple[float, float, float] | None:
+        """K, η and δ of the penalty, if it is one."""
+        if self.stiffness is None or self.eta is None or self.delta is None:
+            return None
+        return self.stiffness, self.eta, self.delta
 
     @model_validator(mode="after")
     def _consistent(self) -> ContactSpec:

@@ -261,11 +261,13 @@ def _depth(scene: Scene, roller: Roller) -> float:
     from anmstrip.mechanics.signorini import RepulsiveSignorini  # noqa: PLC0415
 
     assert scene.threading is not None and scene.contact is not None
-    c, m, t = scene.contact, scene.material, scene.strip.thickness
+    if scene.contact.constants is None:
+        return 0.0  # such a law carries the tension on the surface
+    m, t = scene.material, scene.strip.thickness
     bending = m.young * t**3 / (12.0 * (1.0 - m.poisson**2)) if scene.strip.bending else 0.0
     line_force = scene.threading.tension - bending / (2.0 * roller.radius**2)
     pressure = max(line_force, 0.1 * scene.threading.tension) / roller.radius
-    gap = float(RepulsiveSignorini(c.stiffness, c.eta, c.delta).gap(pressure))
+    gap = float(RepulsiveSignorini(*scene.contact.constants).gap(pressure))
     if gap < -DEEPEST * roller.radius:
         raise _too_soft(scene, roller, pressure, -gap)
     return gap

@@ -52,14 +52,14 @@ class Program:
         self.points = points
         self.blocks = -(-points // BLOCK)
         self.lanes = -(-points // self.blocks)
-        from .translation import Translation  # noqa: PLC0415 (imports numba)
+        from .translation_rules import Translation, translate  # noqa: PLC0415 (imports numba)
 
         translation = Translation(points)
         for series in tape.inputs:
             translation.input(series)
         self.rows = dict(translation.rows)
         for series, operation in tape.computed:
-            translation.translate(series, operation)
+            translate(translation, series, operation)
         self.output, self.output_rows = output, translation.rows[output].ravel()
         self.inputs = np.concatenate([r.ravel() for r in self.rows.values()])
         self.code, self.parameters = translation.tables()

@@ -10,7 +10,7 @@ Arrays: ``w`` (blocks, rows, order + 1, lanes), ``constants`` (numbers, blocks, 
 (instructions,): a number that belongs to each.
 """
 
-# ruff: noqa: PLR0912, PLR0913, PLR0915, PLR0917 (a kernel is one switch, and takes arrays, not objects)
+# ruff: noqa: PLR0913, PLR0917 (kernels take arrays, not objects)
 
 from __future__ import annotations
 
@@ -80,146 +80,143 @@ def square(c, a, k, first):
 
 
 @compiled
+def combined(kind, w, k, out, first, second, s, constants, block):
+    """Order k of a row that is linear in others, for kinds up to SELECT."""
+    c, a = w[out, k], w[first, k]
+    n = c.shape[0]
+    if kind == SCALE:
+        for i in range(n):
+            c[i] = s * a[i]
+    elif kind == ADD:
+        b = w[second, k]
+        for i in range(n):
+            c[i] = a[i] + s * b[i]
+    elif kind == COMBINE:
+        for i in range(n):
+            c[i] += s * a[i]
+    elif kind == SCALE_ROW:
+        f = constants[second, block]
+        for i in range(n):
+            c[i] = f[i] * a[i]
+    elif kind == COMBINE_ROW:
+        f = constants[second, block]
+        for i in range(n):
+            c[i] += f[i] * a[i]
+    else:
+        f, b = constants[int(s), block], w[second, k]
+        for i in range(n):
+            c[i] = a[i] if f[i] != 0.0 else b[i]
+
+
+@compiled
+def multiplied(kind, c, a, b, k, same):
+    """Order k of c = a b or c += a b; ``same`` says that b is a."""
+    if kind == MULTIPLY:
+        c[k] = 0.0
+    if same:
+        square(c[k], a, k, 0)
+    else:
+        cauchy(c[k], a, b, k, 0, k + 1)
+
+
+@compiled
+def inverted(kind, c, a, b, s, k):
+    """Order k of c that is a / b, √a, a^s, exp a or log a, by c's own lower orders."""
+    ck, n = c[k], c.shape[1]
+    ck[:] = 0.0
+    if kind == DIVIDE:
+        cauchy(ck, b, c, k, 1, k)
+        for i in range(n):
+            ck[i] = (a[k, i] - ck[i] - b[k, i] * c[0, i]) / b[0, i]
+    elif kind == ROOT:
+        square(ck, c, k, 1)
+        for i in range(n):
+            ck[i] = 0.5 * (a[k, i] - ck[i]) / c[0, i]
+    elif kind == POWER:
+        weighted(ck, a, c, k, k + 1, s + 1.0, -float(k))
+        for i in range(n):
+            ck[i] /= k * a[0, i]
+    elif kind == EXP:
+        weighted(ck, a, c, k, k + 1, 1.0 / k, 0.0)
+    else:
+        weighted(ck, c, a, k, k, 1.0 / k, 0.0)
+        for i in range(n):
+            ck[i] = (a[k, i] - ck[i]) / a[0, i]
+
+
+@compiled
+def paired(kind, c, a, slope, k):
+    """Order k of c = f(a) and of its companion f'(a), for tanh, sine and cosine."""
+    ck, d = c[k], slope[k]
+    ck[:] = 0.0
+    weighted(ck, a, slope, k, k + 1, 1.0 / k, 0.0)
+    d[:] = 0.0
+    if kind == TANH:
+        square(d, c, k, 0)
+        for i in range(d.shape[0]):
+            d[i] = -d[i]
+    else:
+        weighted(d, a, c, k, k + 1, -1.0 / k, 0.0)
+
+
+@compiled
 def order_k(code, parameters, constants, block, w, k):
     """Order k ≥ 1 of all rows of a block, the inputs' as it stands."""
-    n = w.shape[2]
     for m in range(code.shape[0]):
         kind, out, first, second = code[m, 0], code[m, 1], code[m, 2], code[m, 3]
         s = parameters[m]
-        result = w[out]
-        c, a = result[k], w[first]
-        if kind == SCALE:
-            for i in range(n):
-                c[i] = s * a[k, i]
-        elif kind == ADD:
-            b = w[second]
-            for i in range(n):
-                c[i] = a[k, i] + s * b[k, i]
-        elif kind == COMBINE:
-            for i in range(n):
-                c[i] += s * a[k, i]
-        elif kind == SCALE_ROW:
-            f = constants[second, block]
-            for i in range(n):
-                c[i] = f[i] * a[k, i]
-        elif kind == COMBINE_ROW:
-            f = constants[second, block]
-            for i in range(n):
-                c[i] += f[i] * a[k, i]
-        elif kind == SELECT:
-            f, b = constants[int(s), block], w[second]
-            for i in range(n):
-                c[i] = a[k, i] if f[i] != 0.0 else b[k, i]
-        elif kind in (MULTIPLY, PRODUCT):
-            if kind == MULTIPLY:
-                c[:] = 0.0
-            if first == second:
-                square(c, a, k, 0)
-            else:
-                cauchy(c, a, w[second], k, 0, k + 1)
-        elif kind == DIVIDE:
-            b = w[second]
-            c[:] = 0.0
-            cauchy(c, b, result, k, 1, k)
-            for i in range(n):
-                c[i] = (a[k, i] - c[i] - b[k, i] * result[0, i]) / b[0, i]
-        elif kind == ROOT:
-            c[:] = 0.0
-            square(c, result, k, 1)
-            for i in range(n):
-                c[i] = 0.5 * (a[k, i] - c[i]) / result[0, i]
-        elif kind == POWER:
-            c[:] = 0.0
-            weighted(c, a, result, k, k + 1, s + 1.0, -float(k))
-            for i in range(n):
-                c[i] /= k * a[0, i]
-        elif kind == EXP:
-            c[:] = 0.0
-            weighted(c, a, result, k, k + 1, 1.0 / k, 0.0)
-        elif kind == LOG:
-            c[:] = 0.0
-            weighted(c, result, a, k, k, 1.0 / k, 0.0)
-            for i in range(n):
-                c[i] = (a[k, i] - c[i]) / a[0, i]
-        elif kind == TANH:
-            companion = w[second]
-            c[:] = 0.0
-            weighted(c, a, companion, k, k + 1, 1.0 / k, 0.0)
-            d = companion[k]
-            d[:] = 0.0
-            square(d, result, k, 0)
-            for i in range(n):
-                d[i] = -d[i]
-        elif kind in (SINE, COSINE):
-            companion = w[second]
-            c[:] = 0.0
-            weighted(c, a, companion, k, k + 1, 1.0 / k, 0.0)
-            companion[k][:] = 0.0
-            weighted(companion[k], a, result, k, k + 1, -1.0 / k, 0.0)
+        if kind <= SELECT:
+            combined(kind, w, k, out, first, second, s, constants, block)
+        elif kind <= PRODUCT:
+            multiplied(kind, w[out], w[first], w[second], k, first == second)
+        elif kind <= LOG:
+            inverted(kind, w[out], w[first], w[second], s, k)
+        else:
+            paired(kind, w[out], w[first], w[second], k)
+
+
+@compiled
+def changed(kind, w, d, out, first, second, s):  # noqa: PLR0912 (one switch)
+    """First change d (rows, 1, lanes) of a row that is not linear in others."""
+    c, a, b = d[out, 0], d[first, 0], d[second, 0]
+    v, a0, b0 = w[out, 0], w[first, 0], w[second, 0]
+    n = c.shape[0]
+    if kind == MULTIPLY:
+        for i in range(n):
+            c[i] = a0[i] * b[i] + a[i] * b0[i]
+    elif kind == PRODUCT:
+        for i in range(n):
+            c[i] += a0[i] * b[i] + a[i] * b0[i]
+    elif kind == DIVIDE:
+        for i in range(n):
+            c[i] = (a[i] - v[i] * b[i]) / b0[i]
+    elif kind == ROOT:
+        for i in range(n):
+            c[i] = 0.5 * a[i] / v[i]
+    elif kind == POWER:
+        for i in range(n):
+            c[i] = s * v[i] / a0[i] * a[i]
+    elif kind == EXP:
+        for i in range(n):
+            c[i] = v[i] * a[i]
+    elif kind == LOG:
+        for i in range(n):
+            c[i] = a[i] / a0[i]
+    else:
+        for i in range(n):
+            c[i] = b0[i] * a[i]
+            b[i] = -2.0 * v[i] * c[i] if kind == TANH else -v[i] * a[i]
 
 
 @compiled
 def linear(code, parameters, constants, block, w, d):
-    """Carry changes d (rows, lanes) of the inputs' order through all rows of a block."""
-    n = d.shape[1]
+    """Carry changes d (rows, 1, lanes) of the inputs' order through all rows of a block."""
     for m in range(code.shape[0]):
         kind, out, first, second = code[m, 0], code[m, 1], code[m, 2], code[m, 3]
-        s = parameters[m]
-        c, a, v = d[out], d[first], w[out, 0]
-        if kind == SCALE:
-            for i in range(n):
-                c[i] = s * a[i]
-        elif kind == ADD:
-            b = d[second]
-            for i in range(n):
-                c[i] = a[i] + s * b[i]
-        elif kind == COMBINE:
-            for i in range(n):
-                c[i] += s * a[i]
-        elif kind == SCALE_ROW:
-            f = constants[second, block]
-            for i in range(n):
-                c[i] = f[i] * a[i]
-        elif kind == COMBINE_ROW:
-            f = constants[second, block]
-            for i in range(n):
-                c[i] += f[i] * a[i]
-        elif kind == SELECT:
-            f, b = constants[int(s), block], d[second]
-            for i in range(n):
-                c[i] = a[i] if f[i] != 0.0 else b[i]
-        elif kind == MULTIPLY:
-            b, a0, b0 = d[second], w[first, 0], w[second, 0]
-            for i in range(n):
-                c[i] = a0[i] * b[i] + a[i] * b0[i]
-        elif kind == PRODUCT:
-            b, a0, b0 = d[second], w[first, 0], w[second, 0]
-            for i in range(n):
-                c[i] += a0[i] * b[i] + a[i] * b0[i]
-        elif kind == DIVIDE:
-            b, b0 = d[second], w[second, 0]
-            for i in range(n):
-                c[i] = (a[i] - v[i] * b[i]) / b0[i]
-        elif kind == ROOT:
-            for i in range(n):
-                c[i] = 0.5 * a[i] / v[i]
-        elif kind == POWER:
-            a0 = w[first, 0]
-            for i in range(n):
-                c[i] = s * v[i] / a0[i] * a[i]
-        elif kind == EXP:
-            for i in range(n):
-                c[i] = v[i] * a[i]
-        elif kind == LOG:
-            a0 = w[first, 0]
-            for i in range(n):
-                c[i] = a[i] / a0[i]
-        elif kind in (TANH, SINE, COSINE):
-            slope, e = w[second, 0], d[second]
-            back = -2.0 if kind == TANH else -1.0
-            for i in range(n):
-                c[i] = slope[i] * a[i]
-                e[i] = back * v[i] * (c[i] if kind == TANH else a[i])
+        if kind <= SELECT:
+            combined(kind, d, 0, out, first, second, parameters[m], constants, block)
+        else:
+            changed(kind, w, d, out, first, second, parameters[m])
 
 
 @compiled
@@ -230,16 +227,16 @@ def advanced(code, parameters, constants, w, k, inputs, changes, pending, output
     """
     blocks, rows, lanes = w.shape[0], w.shape[1], w.shape[3]
     found = np.empty((len(outputs), blocks, lanes))
-    d = np.zeros((rows, lanes))
+    d = np.zeros((rows, 1, lanes))
     for block in range(blocks):
         part = w[block]
         if pending:
             for r in range(len(inputs)):
-                d[inputs[r]] = changes[r, block]
+                d[inputs[r], 0] = changes[r, block]
             linear(code, parameters, constants, block, part, d)
             for r in range(rows):
                 for i in range(lanes):
-                    part[r, k - 1, i] += d[r, i]
+                    part[r, k - 1, i] += d[r, 0, i]
         for r in range(len(inputs)):
             part[inputs[r], k] = 0.0
         order_k(code, parameters, constants, block, part, k)
@@ -253,12 +250,12 @@ def derivatives(code, parameters, constants, w, inputs, seeds, outputs):
     """Changes (seeds, outputs, blocks, lanes) that seeds (seeds, inputs, blocks, lanes) make."""
     blocks, rows, lanes = w.shape[0], w.shape[1], w.shape[3]
     found = np.empty((len(seeds), len(outputs), blocks, lanes))
-    d = np.zeros((rows, lanes))
+    d = np.zeros((rows, 1, lanes))
     for block in range(blocks):
         for q in range(len(seeds)):
             for r in range(len(inputs)):
-                d[inputs[r]] = seeds[q, r, block]
+                d[inputs[r], 0] = seeds[q, r, block]
             linear(code, parameters, constants, block, w[block], d)
             for r in range(len(outputs)):
-                found[q, r, block] = d[outputs[r]]
+                found[q, r, block] = d[outputs[r], 0]
     return found

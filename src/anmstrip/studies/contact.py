@@ -1,4 +1,4 @@
-"""Stiffness K and regularisation η of contact: tangents, penetration, errors.
+"""Laws of contact: stiffness K and regularisation η of the penalty, width w of the graded law.
 
 A section strip is pressed on a roller, and then the roller turns under it.
 """
@@ -6,25 +6,26 @@ A section strip is pressed on a roller, and then the roller turns under it.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, fields
 
 import numpy as np
 
-from anmstrip.mechanics.signorini import RepulsiveSignorini
 from anmstrip.scene.measures import State
 from anmstrip.scene.run import Run
 from anmstrip.scene.schema import Scene
 from anmstrip.studies.figures import Plot, curves
 from anmstrip.studies.reports import Sheet, StudyReport
 from anmstrip.studies.strips import RADIUS, capstan
-from anmstrip.studies.turning import altered
 
 STIFFNESSES = tuple(10.0**k for k in range(6, 13))
 """K (Pa/m), at η = 10 Pa."""
 
 REGULARISATIONS = tuple(10.0**k for k in range(3, -1, -1))
 """η (Pa), at K = 1e10 Pa/m."""
+
+ONSETS = tuple(4.0**k for k in range(-3, 3))
+"""w, over what the program chooses."""
 
 
 @dataclass(frozen=True)
@@ -33,38 +34,42 @@ class Pressed:
 
     Attributes
     ----------
-    stiffness, eta : float
-        Pa/m, Pa.
+    stiffness, eta : float or None
+        Pa/m, Pa, of the penalty.
+    onset : float
+        Gap over which contact sets in (m).
     pressing, turning : int
         Tangents of either stage.
     penetration : float
         In the middle of the arc (m); negative where a gap is left.
-    off_law : float
-        Its difference from the law's at the pressure there, over δ.
-    pressure_error, ratio_error : float
-        Of the pressure in the middle of the arc against (T − D/2R²)/R, and of the tension
-        ratio against the capstan formula with bending.
+    pressure_error, alternation, ratio_error : float
+        Of the pressure in the middle of the arc against (T − D/2R²)/R, its standard deviation
+        there over its mean, and the error of the tension ratio against the capstan formula with
+        bending.
     seconds : float
         Of the processor.
     """
 
-    stiffness: float
-    eta: float
+    stiffness: float | None
+    eta: float | None
+    onset: float
     pressing: int
     turning: int
     penetration: float
-    off_law: float
     pressure_error: float
+    alternation: float
     ratio_error: float
     seconds: float
 
 
 def study(quick: bool = False) -> StudyReport:
-    """Both sweeps."""
+    """All sweeps."""
     every, refined = (slice(None, None, 3), 0.1) if quick else (slice(None), 0.05)
     base = capstan("section", 1, refined, 1e-5)
-    stiff = [pressed(base, K, 10.0) for K in STIFFNESSES[every]]
-    soft = [pressed(base, 1e10, eta) for eta in REGULARISATIONS[every]]
+    stiff = [pressed(base, penalty(K, 10.0)) for K in STIFFNESSES[every]]
+    soft = [pressed(base, penalty(1e10, eta)) for eta in REGULARISATIONS[every]]
+    chosen = pressed(base, {})
+    graded = [pressed(base, {"onset": factor * chosen.onset}) for factor in ONSETS[every]]
     names = tuple(field.name.replace("_", " ") for field in fields(Pressed))
     note = (
         "Tangents of pressing (without friction) and of turning (with it). Pressure and tension "
@@ -73,15 +78,21 @@ def study(quick: bool = False) -> StudyReport:
     sheets = (
         Sheet("Stiffness K", names, tuple(astuple(p) for p in stiff), note),
         Sheet("Regularisation η", names, tuple(astuple(p) for p in soft)),
+        Sheet(
+            "Graded contact: as the mesh resolves it, and other widths",
+            names,
+            tuple(astuple(p) for p in [chosen, *graded]),
+        ),
     )
     return StudyReport(
         name="contact",
-        title="Stiffness and regularisation of contact: tangents, penetration, errors",
-        data=Sheet("", names, tuple(astuple(p) for p in [*stiff, *soft])),
+        title="Laws of contact: tangents, penetration, errors",
+        data=Sheet("", names, tuple(astuple(p) for p in [*stiff, *soft, chosen, *graded])),
         sheets=sheets,
         figures={
-            "contact-stiffness.png": _figure("K (Pa/m)", stiff, [p.stiffness for p in stiff]),
-            "contact-eta.png": _figure("η (Pa)", soft, [p.eta for p in soft]),
+            "contact-stiffness.png": _figure("K (Pa/m)", stiff, STIFFNESSES[every]),
+            "contact-eta.png": _figure("η (Pa)", soft, REGULARISATIONS[every]),
+            "contact-onset.png": _figure("w (m)", graded, [p.onset for p in graded]),
         },
     )
 
@@ -100,41 +111,46 @@ def _figure(x: str, runs: Sequence[Pressed], at: Sequence[float]) -> bytes:
     return curves(counts, Plot(x, "relative", errors))
 
 
-def pressed(base: Scene, stiffness: float, eta: float) -> Pressed:
+def penalty(stiffness: float, eta: float) -> dict[str, float]:
+    """Table of a contact with K and η, δ = 1 mm."""
+    return {"stiffness": stiffness, "eta": eta, "delta": 1e-3}
+
+
+def pressed(base: Scene, contact: Mapping[str, float]) -> Pressed:
     """Run a scene with another law of contact."""
-    scene = altered(base, {"contact.stiffness": stiffness, "contact.eta": eta})
+    scene = Scene.model_validate({**base.to_dict(), "contact": dict(contact)})
     begin, run, states = time.process_time(), Run(scene), {}
     for step in run:
         states[step.stage] = step.state
     assert run.outcome.done, run.message
     spent = time.process_time() - begin
-    penetration, pressure, tension = _middle(states["wrap"])
-    assert scene.contact is not None
-    law = RepulsiveSignorini(stiffness, eta, scene.contact.delta)
+    penetration, pressure, alternation, tension = _middle(states["wrap"])
     bending = run.assembly.strip.bending_stiffness / (2.0 * RADIUS**2)
     return Pressed(
-        stiffness,
-        eta,
+        contact.get("stiffness"),
+        contact.get("eta"),
+        run.assembly.signorini.width,
         run.stages["wrap"]["tangents"],
         run.stages["turn"]["tangents"],
         penetration,
-        (law.gap(pressure) + penetration) / law.delta,
         pressure * RADIUS / (tension - bending) - 1.0,
+        alternation,
         ratio_error(run),
         spent,
     )
 
 
-def _middle(state: State) -> tuple[float, float, float]:
-    """Penetration (m) and pressure (Pa) in the middle third of the arc, tension (N/m)."""
+def _middle(state: State) -> tuple[float, float, float, float]:
+    """Penetration (m), pressure (Pa) and its alternation in the middle third, tension (N/m)."""
     contact = state.contacts["r1"]
     begin, end = contact.arc
     x = contact.contact.operator.reference[0]
     middle = np.abs(x - contact.middle) <= (end - begin) / 6.0
-    weights = contact.area[middle]
-    pressure = float(contact.pressure[middle] @ weights / weights.sum())
-    gap = float(contact.gap[middle] @ weights / weights.sum())
-    return -gap, pressure, state.rollers["r1"].tension_in
+    weights = contact.area[middle] / contact.area[middle].sum()
+    pressure = float(contact.pressure[middle] @ weights)
+    spread = np.sqrt((contact.pressure[middle] - pressure) ** 2 @ weights)
+    gap = float(contact.gap[middle] @ weights)
+    return -gap, pressure, float(spread) / pressure, state.rollers["r1"].tension_in
 
 
 def ratio_error(run: Run) -> float:

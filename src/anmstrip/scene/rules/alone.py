@@ -64,11 +64,24 @@ def _is_file(path: Path) -> bool:
 
 
 def contact(table: ContactSpec) -> Iterator[Mistake]:
-    """Yield what is wrong with the contact: the law (5c) needs η < K δ."""
-    bound = table.stiffness * table.delta
-    if not table.eta < bound:
+    """Yield what is wrong with the contact: half a law, two, or one without η < K δ."""
+    penalty = {"stiffness": "1.0e10", "eta": "10.0", "delta": "1.0e-3"}
+    given = [key for key in penalty if getattr(table, key) is not None]
+    if given:
+        for key in penalty.keys() - set(given):
+            expected = "stiffness, eta and delta together, or none of them"
+            yield Mistake("", key, None, expected, f"{key} = {penalty[key]}")
+        for key in ("onset", "pressure"):
+            if (value := getattr(table, key)) is not None:
+                expected = f"no {key} beside stiffness, eta and delta, which are another law"
+                yield Mistake("", key, value, expected, f"either {key} or {', '.join(given)}")
+    if table.constants is None:
+        return
+    stiffness, eta, delta = table.constants
+    bound = stiffness * delta
+    if not eta < bound:
         expected = f"eta below stiffness × delta = {bound:g} (Pa)"
-        yield Mistake("", "eta", table.eta, expected, f"eta = {bound / 1e6:g}")
+        yield Mistake("", "eta", eta, expected, f"eta = {bound / 1e6:g}")
 
 
 def roller(table: RollerSpec) -> Iterator[Mistake]:

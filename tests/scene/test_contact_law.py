@@ -1,0 +1,75 @@
+"""Contact whose onset follows from the mesh, beside a penalty that is given."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from anmstrip.mechanics.signorini import GradedSignorini
+from anmstrip.scene.build import Assembly
+from anmstrip.scene.run import Run
+from anmstrip.scene.schema import Scene
+from anmstrip.studies.contact import pressed as under
+from anmstrip.studies.strips import capstan, pressed
+
+
+def built(contact: dict[str, Any], **more: Any) -> tuple[GradedSignorini, float]:
+    """The law, and the length of the elements over rollers."""
+    tables = {**pressed(0.1, 1e-4).to_dict(), "contact": contact, **more}
+    assembly = Assembly(Scene.model_validate(tables))
+    law = assembly.signorini
+    assert isinstance(law, GradedSignorini)
+    return law, float(assembly.strip.cell_sizes[0].min())
+
+
+def test_it_fits_the_tension_the_roller_and_the_mesh() -> None:
+    """Under T/r on the surface; w: the gap of a straight strip half a spacing, h/4, further on."""
+    law, h = built({})
+    assert law.pressure == pytest.approx((1e4**2 + 5773.5**2) ** 0.5 / 0.5, rel=1e-12)
+    assert law.width == pytest.approx((h / 4.0) ** 2 / (2.0 * 0.5), rel=1e-12)
+
+
+def test_what_is_given_is_taken() -> None:
+    assert built({"onset": 1e-5, "pressure": 3e4})[0] == GradedSignorini(3e4, 1e-5)
+
+
+def test_weight_counts_where_it_is_more_than_tension() -> None:
+    heavy = {"gravity": [0.0, 0.0, -9.81e4], "duration": 1.0}
+    material = {"young": 2e11, "poisson": 0.3, "density": 7850.0}
+    stages = [*pressed(0.1, 1e-4).to_dict()["stages"], heavy]
+    law, _ = built({}, stages=stages, material=material)
+    assert law.pressure == pytest.approx(7850.0 * 1e-3 * 9.81e4, rel=1e-12)
+
+
+def test_several_rollers_share_a_law_for_their_mean_radius() -> None:
+    rollers = [
+        {"name": name, "radius": r, "centre": [x, 0.0, -r - 1e-3]}
+        for name, r, x in (("r1", 0.2, -1.0), ("r2", 0.8, 1.0))
+    ]
+    law, h = built({}, rollers=rollers)
+    assert law.width == pytest.approx((h / 4.0) ** 2 / (2.0 * 0.4), rel=1e-12)
+
+
+def test_it_takes_fewer_tangents_and_presses_more_evenly() -> None:
+    """Beside the penalty of steel on steel, which the points of this mesh do not resolve."""
+    base = capstan("section", 1, 0.05, 1e-4)
+    stiff, graded = under(base, {"stiffness": 1e10, "eta": 10.0, "delta": 1e-3}), under(base, {})
+    assert graded.pressing < 0.6 * stiff.pressing
+    assert graded.alternation < 0.2 * stiff.alternation
+    assert abs(graded.pressure_error) < 0.5 * abs(stiff.pressure_error)
+    assert abs(graded.ratio_error) < 2e-4
+
+
+def test_it_tends_to_rigid_contact_with_the_mesh() -> None:
+    """No penetration is left in the arc, and the roller bears what a stiff penalty makes it bear."""
+    found = []
+    for contact in ({}, {"stiffness": 1e11, "eta": 1.0, "delta": 1e-3}):
+        scene = Scene.model_validate({**pressed(0.0125, 1e-5).to_dict(), "contact": contact})
+        run = Run(scene)
+        for _ in run:
+            pass
+        assert run.outcome.done, run.message
+        assert run.state is not None
+        found.append(run.state.rollers["r1"].normal_force)
+    assert found[0] == pytest.approx(found[1], rel=1e-4)
