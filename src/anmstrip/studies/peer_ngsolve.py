@@ -12,26 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from importlib import import_module
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anmstrip.series.expansion import Cost
 from anmstrip.studies.peer_capstan import timed
-from anmstrip.studies.peer_plates import (
-    ALONG,
-    MOST,
-    TOLERANCE,
-    Array,
-    Bent,
-    Plate,
-    limits,
-    ramped,
-)
-from anmstrip.studies.riks import arc_steps
+from anmstrip.studies.peer_ngsolve_arc import snapped
+from anmstrip.studies.peer_plates import MOST, TOLERANCE, Bent, Plate, ramped
 
 ORDER = 3
 
@@ -49,8 +37,8 @@ def solved(name: str, plate: Plate) -> Bent:
     ng = import_module("ngsolve")
     ng.SetNumThreads(1)
     if plate.force:
-        return _snapped(ng, name, plate)
-    found: list[tuple[_Shell, tuple[int, int]]] = []
+        return snapped(lambda: _built(ng, plate, CELLS[name]), plate)
+    found: list[tuple[Shell, tuple[int, int]]] = []
 
     def work() -> None:
         shell = _built(ng, plate, CELLS[name])
@@ -63,104 +51,8 @@ def solved(name: str, plate: Plate) -> Bent:
     return Bent(plate.readings(tip).tolist(), *counts, sum(shell.free), seconds)
 
 
-def _snapped(ng: Any, name: str, plate: Plate) -> Bent:
-    """Around the limit points of the load, by our arc on its equations, with its linear solver."""
-    cost, path = Cost(), [(0.0, 0.0)]
-    found: list[Any] = []
-    own: Any = _Own()
-
-    def work() -> None:
-        equations: Any = _Snapping(_built(ng, plate, CELLS[name]), plate)
-        found.append(equations)
-        steps = arc_steps(equations, np.zeros(len(equations.rows)), solver=own,
-                          settings=ALONG, target=plate.end, cost=cost)  # fmt: skip
-        for step in steps:
-            path.append((step.control, -float(step.u[equations.loaded])))
-            equations.shell.average()
-
-    seconds, steps = timed(work), len(path) - 1
-    return Bent(limits(*zip(*path, strict=True)), steps, cost.factorisations,
-                sum(found[0].shell.free), seconds)  # fmt: skip
-
-
 @dataclass(frozen=True)
-class _Snapping:
-    """What :func:`~anmstrip.studies.riks.arc_steps` asks of a shell with a force at a corner."""
-
-    shell: _Shell
-    plate: Plate
-
-    @cached_property
-    def rows(self) -> NDArray[np.int64]:
-        """Unknowns, those that are eliminated too."""
-        return np.flatnonzero(list(self.shell.state.space.FreeDofs()))
-
-    @cached_property
-    def loaded(self) -> int:
-        """Row of the displacement under the force."""
-        return int(np.searchsorted(self.rows, self.shell.state.space.Range(2).start))
-
-    @cached_property
-    def metric(self) -> Array:
-        """Displacements in units of 10."""
-        return np.where(self.rows < self.shell.state.space.Range(3).start, 1e-2, 0.0)
-
-    def recurrence(self, u: Array, control: float, order: int) -> _Linear:
-        """Residual, and what its derivatives are made of."""
-        shell, residual = self.shell, self.shell.state.vec.CreateVector()
-        shell.state.vec.FV().NumPy()[self.rows] = u
-        shell.energy.AssembleLinearization(shell.state.vec)
-        shell.energy.Apply(shell.state.vec, residual)
-        force = np.zeros(len(self.rows))
-        force[self.loaded] = self.plate.force
-        return _Linear(self, residual.FV().NumPy()[self.rows] - control * force, force)
-
-    def imbalance(self, residual: Array) -> float:
-        """Forces over the full one; angles that do not fit, over 0.1."""
-        forces = self.metric > 0.0
-        sizes = np.linalg.norm(residual[forces]), np.linalg.norm(residual[~forces])
-        return float(sizes[0] / abs(self.plate.force) + sizes[1] / 10.0)
-
-
-@dataclass(frozen=True)
-class _Linear:
-    """A state's imbalance and its derivatives."""
-
-    equations: _Snapping
-    residual: Array
-    force: Array
-
-    def tangent(self) -> _Snapping:
-        """Its own matrices are those of the state."""
-        return self.equations
-
-    def control_derivative(self) -> Array:
-        return -self.force
-
-
-class _Own:
-    """Its linear solver."""
-
-    def factorise(self, equations: _Snapping) -> _Factors:
-        return _Factors(equations, equations.shell.inverse())
-
-
-@dataclass(frozen=True)
-class _Factors:
-    equations: _Snapping
-    inverse: Any
-
-    def solve(self, right: Array) -> Array:
-        """The whole solution of a system, what is eliminated too."""
-        shell, rows = self.equations.shell, self.equations.rows
-        residual = shell.state.vec.CreateVector()
-        residual[:] = 0.0
-        residual.FV().NumPy()[rows] = right
-        return np.array(shell.solved(self.inverse, residual).FV().NumPy()[rows])
-
-
-@dataclass(frozen=True)
-class _Shell:
+class Shell:
     """Energy of a state under a load, without what is eliminated in each element."""
 
     ng: Any
@@ -218,7 +110,7 @@ def _surface(ng: Any, plate: Plate, shape: Any) -> tuple[Any, Any]:
     return gradient, ng.Normalize(ng.Cross(gradient[:, 0], gradient[:, 1]))
 
 
-def _built(ng: Any, plate: Plate, cells: tuple[int, int]) -> _Shell:
+def _built(ng: Any, plate: Plate, cells: tuple[int, int]) -> Shell:
     """Mesh of curved quadrilaterals, spaces, energy."""
     make = import_module("ngsolve.meshes").MakeStructured2DMesh
     mesh = make(nx=cells[0], ny=cells[1], secondorder=True, mapping=plate.place)
@@ -238,7 +130,7 @@ def _built(ng: Any, plate: Plate, cells: tuple[int, int]) -> _Shell:
     energy += ng.Variation(-load * works[0] * ng.ds(LOADED))
     lifted = works[1] * ng.ds(LOADED)
     free = space.FreeDofs(True)
-    return _Shell(ng, state, energy, free, load, lambda: ng.Integrate(lifted, mesh), average)
+    return Shell(ng, state, energy, free, load, lambda: ng.Integrate(lifted, mesh), average)
 
 
 def _split(state: Any) -> tuple[Any, Any]:
