@@ -54,7 +54,7 @@ def test_what_is_not_installed_is_left_out(monkeypatch: pytest.MonkeyPatch) -> N
     assert set(asked) == {"section", "threaded-section"}
     assert "Left out, not installed: exudyn, felupe" in report.sheets[0].note
     assert "CalculiX 2.20" in report.sheets[0].note
-    assert len(report.data.rows) == 6
+    assert len(report.data.rows) == 8
 
 
 @pytest.mark.slow
@@ -63,6 +63,13 @@ def test_ours_does_not_mind_the_stiffness_of_contact(stiffer: float) -> None:
     found = solved("section", stiffer)
     assert abs(found.off) < 2e-4
     assert found.tangents is not None and found.tangents < 250
+
+
+def test_contact_left_to_the_mesh_takes_half_the_tangents() -> None:
+    found, stiff = solved("section", None), solved("section", 1.0)
+    assert abs(found.off) < 2e-4
+    assert found.tangents is not None and stiff.tangents is not None
+    assert found.tangents < 0.6 * stiff.tangents
 
 
 @pytest.mark.slow

@@ -107,10 +107,10 @@ def test_sharpening_is_not_resumed() -> None:
 @pytest.mark.slow
 def test_the_onset_of_contact_is_narrowed_until_it_is_not_seen() -> None:
     tables = capstan(speed=1.0, omega=1e-3, regularisation="auto")
-    tables["contact"] = {"onset": 2e-3}
+    tables["contact"] = {"onset": 8e-3}
     run = Scene.model_validate(tables).run()
     assert isinstance(run, SharpenedRun)
     assert list(run)
     assert run.effect <= 1e-3 < run.passes[0].effect
-    assert run.passes[-1].laws["contact"]["onset"] < 0.5 * 2e-3
+    assert run.passes[-1].laws["contact"]["onset"] < 0.5 * 8e-3
     assert "an onset of" in run.message

@@ -62,7 +62,7 @@ def test_it_takes_fewer_tangents_and_presses_more_evenly() -> None:
 
 
 def test_it_tends_to_rigid_contact_with_the_mesh() -> None:
-    """No penetration is left in the arc, and the roller bears what a stiff penalty makes it bear."""
+    """The roller bears what a stiff penalty makes it bear."""
     found = []
     for contact in ({}, {"stiffness": 1e11, "eta": 1.0, "delta": 1e-3}):
         scene = Scene.model_validate({**pressed(0.0125, 1e-5).to_dict(), "contact": contact})

@@ -423,7 +423,7 @@ def test_finished_run_that_is_resumed_stays_what_it_was(small: Finished, tmp_pat
     assert found["rollers"]["r1"]["normal_force"] > 0.0
 
 
-@pytest.mark.parametrize("most", [2, 5])
+@pytest.mark.parametrize("most", [3, 6])
 def test_run_that_stops_early_says_where(tmp_path: Path, most: int) -> None:
     ended = command("run", CAPSTAN, "-o", tmp_path, *options([*SMALL, f"solver.max_steps={most}"]))
     assert ended.returncode == 1

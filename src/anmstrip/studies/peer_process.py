@@ -1,6 +1,7 @@
 """One program on the capstan, in a process of its own.
 
-``python -m anmstrip.studies.peer_process NAME FACTOR`` prints the answer as one line of JSON.
+``python -m anmstrip.studies.peer_process NAME FACTOR`` prints the answer as one line of JSON; for
+this program the factor may be ``mesh``: contact as sharp as the mesh resolves.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ OURS = {
 """Name → scene, level of kinematics, elements across, their length over the roller (m)."""
 
 
-def solved(name: str, stiffer: float) -> Answer:
-    """By the program of that name, with contact so much stiffer."""
+def solved(name: str, stiffer: float | None) -> Answer:
+    """By the program of that name, with contact so much stiffer, or left to the mesh."""
     if name in OURS:
         return ours(*OURS[name])(stiffer)
     found: Answer = import_module(f"anmstrip.studies.peer_{name}").solved(stiffer)
@@ -32,7 +33,8 @@ def solved(name: str, stiffer: float) -> Answer:
 
 def main() -> None:
     """Solve what the command line says."""
-    print(json.dumps(asdict(solved(sys.argv[1], float(sys.argv[2])))))
+    factor = None if sys.argv[2] == "mesh" else float(sys.argv[2])
+    print(json.dumps(asdict(solved(sys.argv[1], factor))))
 
 
 if __name__ == "__main__":

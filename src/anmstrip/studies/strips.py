@@ -98,11 +98,11 @@ def _pull() -> dict[str, Any]:
 
 
 def capstan(
-    level: str, across: int, refined: float, tolerance: float, *, stiffer: float = 1.0
+    level: str, across: int, refined: float, tolerance: float, *, stiffer: float | None = 1.0
 ) -> Scene:
     """A strip held at its entry while the roller turns under it for 0.6 s.
 
-    ``stiffer`` is a factor on the stiffness of contact.
+    ``stiffer`` is a factor on the stiffness of contact; None leaves contact to the mesh.
     """
     strip = {"length": 4.0, "width": 1.0, "thickness": 1.0e-3, "cells": [16, across]}
     wrap = {"entry": {"move": [0.0, 0.0, -0.45]}, "exit": {"force": [TENSION, 0.0, -5773.5]}}
@@ -110,7 +110,7 @@ def capstan(
         {
             "strip": {**strip, "refined": refined, "kinematics": level},
             "material": MATERIAL,
-            "contact": {**CONTACT, "stiffness": stiffer * CONTACT["stiffness"]},
+            "contact": _contact(stiffer),
             "friction": FRICTION,
             "rollers": [{"name": "r1", "radius": RADIUS, "centre": [0.0, 0.0, -RADIUS - 1e-3]}],
             "edges": {"entry": {"fixed": ["x", "z"], "centred": True}},
@@ -124,8 +124,14 @@ def capstan(
     )
 
 
+def _contact(stiffer: float | None) -> dict[str, float]:
+    if stiffer is None:
+        return {}
+    return {**CONTACT, "stiffness": stiffer * CONTACT["stiffness"]}
+
+
 def threaded(
-    level: str, across: int, refined: float, tolerance: float, *, stiffer: float = 1.0
+    level: str, across: int, refined: float, tolerance: float, *, stiffer: float | None = 1.0
 ) -> Scene:
     """The same capstan, the strip laid around the roller at once instead of pulled down on it."""
     whole = capstan(level, across, refined, tolerance, stiffer=stiffer).to_dict()
