@@ -162,10 +162,8 @@ def dates(events):
 def test_events_of_the_circle(reports):
     """Coulomb: contact at 1, stick from 1.107 on, no quasi-static solution after 1.8054.
 
-    As all regularisations shrink to 1/2, 1/4 ... 1/64, stick is dated 1.156, 1.157, 1.150,
-    1.141, 1.134, 1.128: the law creeps at V_c ρ^(1/q), which passes a speed v only when ρ has
-    fallen by q ln(V_c/v), and ρ falls slowly (0.2 per second) after Coulomb's stick.  A fifth of
-    V_c would give 1.113, 1.115, 1.114, 1.113, 1.112, but does not vanish with q alone.
+    Stick is dated where sliding at the cone would have to turn round; the creep of the law comes
+    to the middle of its corner at 1.1142, and at 1.15 where V_c is sharpened as well.
     """
     report = reports("rotating-circle")
     found = dates(report.events)
@@ -211,7 +209,7 @@ def sharper(e):
 
 @pytest.mark.slow
 def test_dates_tend_to_coulombs():
-    """Contact and loss of existence, with all regularisations sharpened together."""
+    """Contact, stick and loss of existence, with all regularisations sharpened together."""
     errors = []
     for e in (1.0, 0.25):
         path, _ = taylor(sharper(e), 19, 1e-3, Cost())
@@ -221,6 +219,20 @@ def test_dates_tend_to_coulombs():
     assert np.abs(errors[0]) == pytest.approx([0.0, 0.0], abs=0.01)
     assert np.abs(errors[1][0]) < 0.3 * np.abs(errors[0][0])
     assert np.abs(errors[1]) == pytest.approx([0.0, 0.0], abs=2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("slower", [False, True])
+def test_stick_tends_to_coulombs(slower):
+    """1.1071 s: within 0.01 at any sharpness, whether V_c is sharpened with the rest or not."""
+    errors = []
+    for e in (1.0, 0.5, 0.25) if slower else (1.0, 0.25, 1 / 16):
+        p = sharper(e).parameters
+        case = RotatingCircle(replace(p, t_end=1.3, V_c=e * p.V_c if slower else p.V_c))
+        path = solved(case, "implicit", order=19, tolerance=1e-3).path
+        errors.append(abs(dates(events_of(case, path.polynomials()))["stick"] - 1.10711))
+    assert errors[0] < 0.01
+    assert errors[-1] < (0.3 if slower else 0.15) * errors[0]
 
 
 def test_speeds_that_separate_stick_slip_and_the_cone():

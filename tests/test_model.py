@@ -176,6 +176,21 @@ def test_motion_puts_supports_and_controls_in_time():
     np.testing.assert_allclose(step.moving, base.supports.slope / 4.0)
 
 
+def test_drag_takes_its_power_from_a_rigid_motion():
+    """c v² A, with c = T τ/L²."""
+    base = equations_of("support", True)
+    controls = Controls(CONTROLS)
+    motion = Motion(base.model, base.supports, controls, start=2.0, duration=4.0)
+    free = np.ones(len(base.supports.free))
+    dragged = motion.dragged(2.0, free, free, time=1e-3)
+    rigid = np.zeros(base.model.strip.unknowns)
+    rigid[3 * base.model.strip.node_values] = 0.7
+    full, at = np.zeros_like(rigid), controls.at(0.0)
+    left = dragged.model.force(full, rigid, at) - base.model.force(full, rigid, at)
+    assert rigid @ left == pytest.approx(TENSION * 1e-3 / 2.0**2 * 0.7**2 * 1.2, rel=1e-6)
+    assert motion.dragged(2.0, free, 0.0 * free, time=1e-3) is None
+
+
 @pytest.mark.parametrize("friction", [False, True])
 def test_effects_report_their_time_and_their_need_of_velocity(friction):
     model = model_of(friction)

@@ -260,6 +260,18 @@ class Motion:
         moving = self.supports.rate(begin + share) / self.duration
         return Equilibrium(self.model, supports, controls, velocity, moving)
 
+    def dragged(self, t: float, u: Array, v: Array, time: float) -> Motion | None:
+        """The same with a drag as large as tension/length at a speed of length/time."""
+        if not v.any():
+            return None
+        from .mechanics.drag import Drag  # noqa: PLC0415 (only snaps need it)
+        from .mechanics.points import ContactOperator  # noqa: PLC0415
+
+        model, size = self.model, self.model.scales
+        drag = Drag(ContactOperator(model.strip), size.tension * time / size.length**2)
+        slowed = Model(model.strip, model.pattern, [*model.effects, drag], size)
+        return Motion(slowed, self.supports, self.controls, self.start, self.duration)
+
     def error(self, u: Array, change: Array) -> float:
         """Largest error in position over the length scale: it is carried along."""
         moved = np.zeros(self.model.strip.unknowns)

@@ -27,12 +27,13 @@ import numpy as np
 from anmstrip.model import Equilibrium
 from anmstrip.output.vtk import read_surface
 from anmstrip.scene import InputError
+from anmstrip.scene.forewarnings import serious
 from anmstrip.scene.loading import scene_of
 from anmstrip.scene.run import Run
 
 Option = TypeVar("Option")
 
-MOST_TANGENTS = 400
+MOST_TANGENTS = 1500
 """Of one run."""
 
 
@@ -78,6 +79,8 @@ class Ending:
     seconds : float
     faults : tuple of str
         What must not be.
+    forewarned : bool
+        Whether doubts were told before it ran.
     """
 
     status: str
@@ -85,6 +88,7 @@ class Ending:
     tangents: int
     seconds: float
     faults: tuple[str, ...] = ()
+    forewarned: bool = False
 
 
 def tables_of(dice: Dice) -> dict[str, Any]:
@@ -217,7 +221,7 @@ def ending_of(tables: dict[str, Any]) -> Ending:
         message, tangents = run.message, run.cost.expansions
         faults = tuple(faults_of(directory, run))
     status = "done" if run.outcome.done else run.outcome.name.lower()
-    return Ending(status, message, tangents, seconds, faults)
+    return Ending(status, message, tangents, seconds, faults, bool(serious(run.assembly)))
 
 
 def faults_of(directory: Path, run: Run) -> Iterator[str]:
@@ -282,11 +286,14 @@ def main() -> int:
             end = ending_of(from_seed(seed))
         except Exception as error:
             end = Ending("raised", "", 0, 0.0, (f"{type(error).__name__}: {error}",))
-        tally[end.status] += 1
+        tally[f"{end.status}{', forewarned' if end.forewarned else ''}"] += 1
         tally["faults"] += bool(end.faults)
         said = end.faults or ((end.message,) if end.status != "done" else ())
         print(
-            f"{seed}: {end.status}, {end.tangents} tangents, {end.seconds:.1f} s", *said, flush=True
+            f"{seed}: {end.status}{', forewarned' if end.forewarned else ''}, "
+            f"{end.tangents} tangents, {end.seconds:.1f} s",
+            *said,
+            flush=True,
         )
     print(dict(tally))
     return 1 if tally["faults"] else 0

@@ -222,3 +222,21 @@ def test_as_many_points_near_rollers_as_there_are_rollers() -> None:
     """Compiled kernels must not take rollers for points where both are two."""
     end = ending_of(from_seed(3038))
     assert (end.status, end.faults) == ("done", ())
+
+
+def test_doubts_are_told_with_the_end_of_the_tangents(tmp_path: Path) -> None:
+    """More tangents alone would not help a strip of elements as long as its roller is wide."""
+    tables = from_seed(97)
+    tables["solver"]["max_tangents"] = 30
+    run = scene_of(tables, tmp_path / "scene.toml").run()
+    assert list(run)
+    assert "then --resume. But roller r" in run.message
+    assert "cannot follow its radius" in run.message
+
+
+@pytest.mark.slow
+def test_point_of_a_strip_that_snaps() -> None:
+    """Friction of 0.67 on one point, with no equilibrium beside its neighbours: passed and told."""
+    end = ending_of(from_seed(4))
+    assert (end.status, end.faults) == ("done", ())
+    assert "the strip ran away by" in end.message

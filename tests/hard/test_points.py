@@ -18,6 +18,7 @@ from anmstrip.series.functions import FunctionRateEquations
 from anmstrip.series.implicit_dae import TimeStep
 from anmstrip.series.instability import instabilities, pivot
 from anmstrip.series.linear_solvers import DenseSolver
+from anmstrip.series.outcome import PathStopped
 from anmstrip.studies import hard_nodes as nodes
 from anmstrip.studies.case_runs import solved
 from anmstrip.studies.hard_nodes import CONTACT
@@ -96,7 +97,7 @@ def test_three_equilibria() -> None:
 @pytest.mark.parametrize("f", [1.3, 1.5])
 def test_beyond_the_critical_coefficient_it_jumps_and_says_so(f: float) -> None:
     """D7, D8: ramped past stick it ends separated; the report has date and pivot 1 − c f."""
-    trial, node, motion = nodes.coupled(f, 2.2)
+    trial, node, motion = nodes.coupled(NortonHoff(f, 0.1, 1e-3, 0.1))
     right(trial, 1e-3, 1500)
     assert motion.end == pytest.approx(node.separated(2.2), abs=1e-3)
     assert pivot(node.residual, *motion.path(1e3), 1e3)[0] > 0.0
@@ -108,18 +109,35 @@ def test_beyond_the_critical_coefficient_it_jumps_and_says_so(f: float) -> None:
         assert "no equilibrium to follow" in str(found)
 
 
-@pytest.mark.parametrize("speed", [1e-3, 1e-5])
-def test_a_bounded_law_ends_where_nothing_balances(speed: float) -> None:
-    """D7: |R_T| ≤ f R_N at any velocity, so that a snap with tanh has no motion to follow.
+@pytest.mark.parametrize(("speed", "early"), [(1e-3, 40.0), (1e-5, 0.5), (1e-7, 0.1)])
+def test_a_bounded_law_snaps_where_nothing_balances(speed: float, early: float) -> None:
+    """D7: |R_T| ≤ f R_N at any velocity, so that there tanh has no motion to follow.
 
-    The end is told, before the load exceeds the cone and after creep has set in; at V_c of 1e-2
-    and more a step of time reaches the other equilibrium.
+    It snaps at the top of the cone, W = f P, the earlier the more it has crept.
     """
-    node = CoupledNode(Tanh(1.5, 1e-3, speed), CONTACT, (0.0, 2.2e-3))
-    motion = moved(node.residual, np.zeros(2), (0.0, 1e3), tolerance=1e-3, speed=1e-4)
-    assert motion.outcome.startswith("steps became too short")
-    assert 600.0 < motion.steps[-1].end < 1e3 * 1.5 / 2.2
-    assert motion.cost.factorisations < 1000
+    trial, node, motion = nodes.coupled(Tanh(1.5, 1e-3, speed))
+    right(trial, 1e-3, 700)
+    assert motion.end == pytest.approx(node.separated(2.2), abs=1e-3)
+    (snap,) = [step for step in motion.steps if step.snap]
+    assert snap.start == pytest.approx(1e3 * 1.5 / 2.2, abs=early)
+    assert snap.end - snap.start < 0.2
+    assert snap.branches > 10
+    assert all(a.end == b.start for a, b in zip(motion.steps, motion.steps[1:], strict=False))
+
+
+@pytest.mark.parametrize("q", [0.3, 0.05, 0.03, 0.01])
+def test_a_sharp_power_law_snaps(q: float) -> None:
+    """D7: the velocity would grow like V_c ratio^(1/q), to 1e100 m/s and more."""
+    trial, node, motion = nodes.coupled(NortonHoff(1.5, q, 1e-3, 0.1))
+    right(trial, 1e-3, 600)
+    assert motion.end == pytest.approx(node.separated(2.2), abs=1e-3)
+    assert sum(step.snap for step in motion.steps) == (q < 0.1)
+
+
+@pytest.mark.parametrize("speed", [1e-3, 1e-7])
+def test_a_slow_power_law_snaps(speed: float) -> None:
+    """D7: at the same rate of loading, against a cone that is left at (v/V_c)^q f."""
+    right(nodes.coupled(NortonHoff(1.5, 0.1, 1e-3, speed), 6.0)[0], 1e-3, 600)
 
 
 def test_below_the_critical_coefficient_nothing_is_said() -> None:
@@ -135,17 +153,15 @@ def test_response_near_the_critical_coefficient(distance: float) -> None:
     right(nodes.near_critical(distance), 1e-8, 20)
 
 
-def test_a_snap_faster_than_steps_of_time_can_tell_is_passed() -> None:
-    """The sharper the law, the faster: here up to 1e10 m/s, in one step that is marked."""
+def test_a_snap_of_hardly_any_repulsion() -> None:
+    """The fainter the reaction of a node that is off, the faster: a step that is marked."""
     faint = replace(CONTACT, eta=1e-4)
     node = CoupledNode(NortonHoff(1.5, 0.2, 1e-3, 0.1), faint, (0.0, 0.018))
     motion = moved(node.residual, np.zeros(2), (0.0, 100.0), tolerance=1e-3, speed=1e-3)
     assert motion.outcome == "done"
     assert motion.end == pytest.approx(node.separated(1.8), abs=1e-3)
     (snap,) = [step for step in motion.steps if step.snap]
-    assert snap.end - snap.start < 1e-4
-    assert snap.branches > 10
-    assert all(a.end == b.start for a, b in zip(motion.steps, motion.steps[1:], strict=False))
+    assert snap.end - snap.start < 2e-2
 
 
 # contact, chains -------------------------------------------------------------------
@@ -226,12 +242,10 @@ def test_a_short_stage_that_comes_late() -> None:
     begin = 1e6
 
     def kinked(u: Any, v: Any, t: Any) -> Any:
-        return v - np.sqrt((t - (begin + 1e-9)) ** 2 + 1e-40) * 1e9
+        return v - np.sqrt((t - (begin + 6e-9)) ** 2 + 1e-40) * 1e9
 
-    motion = moved(kinked, np.zeros(1), (begin, begin + 1e-8), tolerance=1e-12)
-    assert motion.outcome.startswith("steps became too short")
-    assert np.diff(motion.path.times).min() > 0.0
-    assert np.isfinite(motion.end).all()
+    with pytest.raises(PathStopped, match="steps became too short"):
+        moved(kinked, np.zeros(1), (begin, begin + 1e-8), tolerance=1e-12)
 
 
 def test_beyond_existence() -> None:

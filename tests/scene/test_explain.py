@@ -10,7 +10,8 @@ import pytest
 
 from anmstrip.scene import Scene
 from anmstrip.scene.build import Assembly
-from anmstrip.scene.explain import explain, warnings
+from anmstrip.scene.explain import explain
+from anmstrip.scene.forewarnings import warnings
 from anmstrip.scene.ladder import Rung, justified, ladder, walked
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

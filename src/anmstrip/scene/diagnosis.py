@@ -94,7 +94,9 @@ def too_many_steps(failure: Failure) -> str | None:
     key = keys.get(failure.stopped.outcome)
     if key is None:
         return None
-    return f"Try --set solver.{key}={2 * getattr(failure.scene.solver, key)}, then --resume."
+    doubt = forewarned(failure)
+    more = f"Try --set solver.{key}={2 * getattr(failure.scene.solver, key)}, then --resume."
+    return more if doubt is None else f"{more} But {doubt[0].lower()}{doubt[1:]}"
 
 
 def not_held(failure: Failure) -> str | None:
@@ -196,6 +198,17 @@ def _more_tension(failure: Failure) -> str:
     return f"--set 'stages.{failure.scene.stages[0].name}.exit.force=[{tension:.3g}, 0.0, 0.0]'"
 
 
+def forewarned(failure: Failure) -> str | None:
+    """What could be told before the run, of this stage and those before it."""
+    from anmstrip.scene.forewarnings import serious  # noqa: PLC0415 (only for a run that stops)
+    from anmstrip.scene.ladder import walked  # noqa: PLC0415
+
+    plans, ways = (list(found) for found in zip(*walked(failure.assembly), strict=True))
+    until = 1 + next(k for k, plan in enumerate(plans) if plan.name == failure.stage.name)
+    found = serious(failure.assembly, plans[:until], ways[:until])
+    return f"{found[0][0].upper()}{found[0][1:]}" if found else None
+
+
 def round_off(failure: Failure) -> str | None:
     """A tolerance that the last digits of the state do not allow."""
     plan, scene = failure.plan, failure.scene
@@ -290,6 +303,7 @@ CAUSES: tuple[Callable[[Failure], str | None], ...] = (
     not_held,
     squeezed,
     round_off,
+    forewarned,
     slack,
     coarse,
     stiff_friction,

@@ -6,15 +6,14 @@ from collections.abc import Iterator
 from io import StringIO
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
 from anmstrip.mechanics.effects import Effect, LinearEffect, LoadEffect
 from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.build import Assembly, flat_gap
+from anmstrip.scene.forewarnings import warnings
 from anmstrip.scene.ladder import Rung, justified, ladder, walked
-from anmstrip.scene.meshing import QUARTER, boundary_layer, largest_force
 from anmstrip.scene.schema import Scene
 from anmstrip.scene.stages import Plan
 from anmstrip.scene.taut import Way
@@ -68,7 +67,7 @@ def explain(scene: Scene) -> str:
     if scene.contact is not None and scene.rollers:
         console.print(_contact_line(assembly), markup=False)
     console.print(_scale_line(assembly), markup=False)
-    for line in [*_blind(rungs, assembly.kinematics.name), *warnings(assembly)]:
+    for line in [*_blind(rungs, assembly.kinematics.name), *warnings(assembly, plans, ways)]:
         console.print(f"Warning: {line}", markup=False)
     return stream.getvalue().rstrip()
 
@@ -243,71 +242,3 @@ def _scale_line(assembly: Assembly) -> str:
         f"{s.tension:g} N/m (membrane forces); "
         f"tolerance {solver.tolerance:g}, order {assembly.order}{chosen}."
     )
-
-
-def warnings(assembly: Assembly) -> list[str]:
-    """What a user should know before running."""
-    return [*_mesh_warnings(assembly), *_friction_warnings(assembly), *_stress_warnings(assembly)]
-
-
-def _mesh_warnings(assembly: Assembly) -> Iterator[str]:
-    layer = boundary_layer(assembly.scene)
-    if assembly.scene.contact is None or not np.isfinite(layer):
-        return
-    x = assembly.strip.mesh.p[0, assembly.strip.mesh.t].mean(axis=0)
-    coarse: dict[str, list[str]] = {}
-    for roller in assembly.rollers:
-        over = _over(assembly, roller, x)
-        if over.any() and (h := assembly.strip.cell_sizes[0, over].max()) > 1.01 * QUARTER * layer:
-            coarse.setdefault(f"{h:.3g} m", []).append(roller.name)
-    for size, names in coarse.items():
-        yield (
-            f"elements over {', '.join(names)} are {size} long; a quarter of the boundary layer "
-            f"√(D/T) = {layer:.3g} m would be {QUARTER * layer:.3g} m (strip.refined)."
-        )
-
-
-def _over(assembly: Assembly, roller: Roller, x: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Elements, by their middles x in the reference, that come to lie on a roller."""
-    if assembly.thread is None:
-        return np.abs(x - roller.centre[0]) <= 0.5 * np.pi * roller.radius
-    if roller.name not in assembly.thread.arcs:
-        return np.zeros(x.shape, dtype=bool)
-    if assembly.scene.strip.feed:
-        return np.ones(x.shape, dtype=bool)
-    first, last = assembly.thread.arcs[roller.name]
-    return (first <= x) & (x <= last)
-
-
-def _friction_warnings(assembly: Assembly) -> Iterator[str]:
-    law, tension = assembly.friction, largest_force(assembly.scene)
-    if law is None or tension == 0.0:
-        return
-    speeds = [
-        abs(control.surface_speed)
-        for stage in assembly.scene.stages
-        for control in stage.rollers.values()
-        if control.surface_speed
-    ]
-    stiffness = assembly.material.young * assembly.strip.thickness
-    creep = max(speeds, default=0.0) * law.coefficient * tension / stiffness
-    if creep and law.speed > 10.0 * creep:
-        yield (
-            f"friction.speed V_c = {law.speed:g} m/s is far above the elastic creep of a driven "
-            f"strip, about {creep:.2g} m/s: rollers will slip visibly "
-            f"(V_c = {creep:.1g} is honest)."
-        )
-
-
-def _stress_warnings(assembly: Assembly) -> Iterator[str]:
-    limit = assembly.scene.material.yield_stress
-    m, t = assembly.material, assembly.strip.thickness
-    if limit is None or assembly.scene.contact is None or not assembly.scene.strip.bending:
-        return
-    for roller in assembly.rollers:
-        stress = m.young * t / (2.0 * roller.radius * (1.0 - m.poisson**2))
-        if stress > limit:
-            yield (
-                f"bending over {roller.name} gives {stress / 1e6:.0f} MPa at the surface, "
-                f"above the yield stress {limit / 1e6:.0f} MPa; plasticity is not modelled."
-            )

@@ -20,6 +20,7 @@ from anmstrip.series import backward_differences, implicit_dae
 from anmstrip.series.backward_differences import Memory
 from anmstrip.series.continuation import Pace, PathSolver, Settings, follow
 from anmstrip.series.expansion import Cost
+from anmstrip.series.implicit_dae import UNHURRIED
 from anmstrip.series.linear_solvers import SparseSolver
 from anmstrip.series.path import Branch
 
@@ -158,7 +159,9 @@ class March:
 
     def _rate_free(self, plan: Plan, settings: Settings) -> Iterator[Arrival]:
         u, equations = self._start(plan)
-        settings = replace(settings, tolerance=min(settings.tolerance, LOOSEST))
+        settings = replace(
+            settings, tolerance=min(settings.tolerance, LOOSEST), unhurried=UNHURRIED
+        )
         for step in self.follow(
             equations, u, solver=self.solver, settings=settings, pace=self.pace, cost=self.cost
         ):

@@ -145,6 +145,17 @@ class FunctionRateEquations:
         self.latest = (about, velocity)
         return StepEquations(self, t, h, velocity, about)
 
+    def dragged(self, t: float, u: Array, v: Array, time: float) -> FunctionRateEquations | None:
+        """The same with a drag as large as friction at a speed of 1 in this time, if it moves."""
+        if not v.any():
+            return None
+        fast = v / (np.abs(v).max() * time)
+        friction = self.function(u, fast, t) - self.function(u, -fast, t)
+        drag = 0.5 * float(friction @ fast) / float(fast @ fast)
+        return FunctionRateEquations(
+            lambda u, v, t: self.function(u, v, t) + v * drag, self.whole, self.speed
+        )
+
     def error(self, u: Array, change: Array) -> float:
         """Largest change of the state, as a distance of curves."""
         assert self.latest is not None

@@ -21,17 +21,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .backward_differences import AffineVelocity, Memory, formula, predicted
+from .backward_differences import AffineVelocity, Memory, formula, predicted, start
 from .continuation import PathSolver, Settings, Step, follow
 from .expansion import Cost, Equations
 from .linear_solvers import Factors, LinearSolver
 from .outcome import Evidence, Outcome, PathStopped
+from .snaps import FIRST, LASTING, snapped
 
 Array = NDArray[np.float64]
 
@@ -54,22 +54,19 @@ Friction of faint pressure cannot carry what the tolerance leaves: taken away wi
 stretch of λ it asks for fast motion there, so that the stretches shrank for good.
 """
 
-SHORTEST, SHORTEST_IN_A_SNAP = 1e-13, 1e-100
-"""Shortest steps, as fractions of the whole: what is left of the digits of t; and in a snap,
-where the first step counts from zero."""
+BRIEF, SHORTEST = 1e-9, 1e-13
+"""Shortest steps, as fractions of the whole: before a snap is looked for, and at all, which is what
+is left of the digits of t."""
 
 DIGITS_OF_TIME = 8.0
 """Shortest steps in units of the last digit of t: a short stage may come late."""
-
-FAST, SLOW = 1e-6, 1e-9
-"""A state snaps where it would move by its own size within the first of these fractions of the
-whole, and has found its place where steps are longer than the second."""
 
 LEAST_SHARE = 1e-6
 """Of the tolerance, that any step may add: a layer at the start of a long stage, in which the
 velocity changes at once and hardly anything moves, need not be resolved."""
 
-MOST_IN_A_SNAP = 3000
+MOST_BRANCHES = 60
+"""Of one step: a shorter one is cheaper."""
 
 SETTLING = 0.01
 """First instant after a start, as a fraction of the first step."""
@@ -92,6 +89,10 @@ class RateEquations(Protocol):
         step it is far smaller than the state, whose round-off divided by h would be seen
         in the velocity.  For h = 0 nothing given moves, and λ only takes an imbalance away.
         """
+
+    def dragged(self, t: float, u: Array, v: Array, time: float) -> RateEquations | None:
+        """The same with a drag that lasts so long: as large as the problem's forces where a
+        motion as large as the problem takes this time; None if none can be told."""
 
     def error(self, u: Array, change: Array) -> float:
         """Size of an error ``change`` of the state u that lasts, in the problem's scales."""
@@ -143,7 +144,7 @@ class TimeStep:
     memory : Memory
         What a later call needs to go on as if never interrupted.
     snap : bool
-        Whether it holds a motion too fast to be dated, see :meth:`_Integrator._snapped`.
+        Whether it holds a motion that time does not tell, see :mod:`anmstrip.series.snaps`.
     """
 
     start: float
@@ -209,23 +210,6 @@ class _Trial:
     rate: float
 
 
-@dataclass(frozen=True)
-class _Later:
-    """The same equations with another origin of time."""
-
-    equations: RateEquations
-    origin: float
-
-    def during(self, t: float, h: float, velocity: AffineVelocity, about: Array) -> StepEquations:
-        return self.equations.during(self.origin + t, h, velocity, about)
-
-    def error(self, u: Array, change: Array) -> float:
-        return self.equations.error(u, change)
-
-    def fading_error(self, u: Array, change: Array) -> float:
-        return self.equations.fading_error(u, change)
-
-
 class _LastFactors:
     """A linear solver that remembers what it has factorised last."""
 
@@ -253,7 +237,7 @@ class _Integrator:
         self.path_settings = Settings(
             order=settings.order,
             tolerance=RESIDUAL_SHARE * settings.tolerance,
-            max_steps=200,
+            max_steps=MOST_BRANCHES,
             shortest=1e-6,
             give_way=False,
             rational=settings.rational,
@@ -261,41 +245,44 @@ class _Integrator:
         )
 
     def step(self, memory: Memory, end: float) -> TimeStep:
-        """The next step, in which the state may also snap to another place."""
-        try:
-            return self.tried(memory, end, SHORTEST)
-        except PathStopped as stopped:
-            if stopped.outcome is not Outcome.STALLED or not self._runs_away(memory):
-                raise
-            return self._snapped(memory, end, stopped)
+        """The next step, in which the state may also snap to another place.
 
-    def _runs_away(self, memory: Memory) -> bool:
-        """Whether the state moves faster than steps of time can tell."""
-        fastest = float(np.abs(memory.v).max()) * FAST * self.whole
-        return fastest > float(np.abs(memory.states[0]).max())
-
-    def _snapped(self, memory: Memory, end: float, failed: PathStopped) -> TimeStep:
-        """Steps of any shortness, with time counted from where each begins, as a single one.
-
-        They end where the motion is slow again.
+        That is looked for early where the series fail in brief steps, and last of all where
+        only the error in time asks for steps as short as can be.
         """
-        begin, spent, before = memory.times[0], 0.0, self.cost.expansions
-        for _ in range(MOST_IN_A_SNAP):
-            now = replace(memory, times=tuple(t - memory.times[0] for t in memory.times))
-            later = _Later(self.equations, begin + spent)
-            try:
-                step = self._with(later).tried(now, end - begin, SHORTEST_IN_A_SNAP)
-            except PathStopped:
-                raise failed from None
-            spent, memory = spent + step.end, step.memory
-            if memory.step > SLOW * self.whole and not self._runs_away(memory):
-                new = max(begin + spent, float(np.nextafter(begin, np.inf)))
-                times = tuple(t - step.end + new for t in memory.times)
-                past = _unfolded(replace(memory, times=times))
-                branches = self.cost.expansions - before
-                facts = (step.order, 0.0, step.imbalance, branches)
-                return TimeStep(begin, new, step.u, step.v, *facts, past, snap=True)
-        raise failed
+        brief = BRIEF * self.whole
+        try:
+            return self.tried(memory, end, BRIEF if memory.step > brief else SHORTEST)
+        except PathStopped as stopped:
+            if stopped.outcome is not Outcome.STALLED or self.fixed is not None:
+                raise
+            timed = memory.step > brief and stopped.evidence.motion is not None
+            snap = None if timed else self._snapped(memory, end)
+            if snap is None and memory.step > brief:
+                return self.step(replace(memory, step=brief), end)
+            if snap is None:
+                raise
+            return snap
+
+    def _snapped(self, memory: Memory, end: float) -> TimeStep | None:
+        """Steps with drag, as a single one, if that is what is missing."""
+        found = (self._dragged(memory, end, share * self.whole) for share in LASTING)
+        return next((step for step in found if step is not None), None)
+
+    def _dragged(self, memory: Memory, end: float, lasting: float) -> TimeStep | None:
+        """The same with a drag that lasts so long."""
+        t, u, v = memory.times[0], memory.states[0], memory.v
+        dragged = self.equations.dragged(t, u, v, lasting)
+        if dragged is None or DIGITS_OF_TIME * np.spacing(t) > FIRST * lasting:
+            return None
+        other = self._with(dragged)
+        slowed = min(1.0, float(np.abs(u).max() / np.abs(v).max()) / lasting)
+        begin = start(t, u, slowed * v, FIRST * lasting)
+        try:
+            begin = replace(begin, v=other._trial(begin, t + begin.step, 1).v)
+            return snapped(lambda now: other.tried(now, end, SHORTEST), begin, lasting)
+        except PathStopped:
+            return None
 
     def _with(self, equations: RateEquations) -> _Integrator:
         """The same with other equations."""
@@ -457,16 +444,6 @@ class _Integrator:
             memory.times[0], new, trial.u, trial.v, order, error, trial.imbalance,
             trial.branches, following,
         )  # fmt: skip
-
-
-def _unfolded(memory: Memory) -> Memory:
-    """The past as far as its instants can be told apart."""
-    last = next(
-        (k for k, (a, b) in enumerate(pairwise(memory.times), start=1) if not a > b),
-        len(memory.times),
-    )
-    order = min(memory.order, max(1, last - 1))
-    return replace(memory, times=memory.times[:last], states=memory.states[:last], order=order)
 
 
 def _given_up(failed: PathStopped, t: float) -> PathStopped:

@@ -7,7 +7,10 @@ event says what it is a root of:
   It holds where Coulomb's unregularised problem is in contact, whatever K, η and δ are, so
   long as only the spring resists (the criterion of active sets, with k as their constant);
 * stick and slip, while in contact: the slip speed in the middle of the law's corner, see
-  :func:`anmstrip.mechanics.friction.corner_speed`;
+  :func:`anmstrip.mechanics.friction.corner_speed`.  Before a regularised law creeps so slowly,
+  q ln(V_c/v) of its force must go, however sharp it is, and that may take long.  So stick, once it
+  has come, is dated back to where sliding at the cone would have had to turn round to keep
+  equilibrium (see :func:`coulomb_slip`), if it would: this depends on the state, not on the law;
 * cone left: the speed at which friction is f R_N; Norton and Hoff's grows beyond it;
 * existence lost: the cone is left, and sliding in Coulomb's sense would have to go the other
   way to keep equilibrium (see :func:`coulomb_slip`);
@@ -22,6 +25,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from anmstrip.mechanics.friction import cone_speed, corner_speed
 from anmstrip.mechanics.mass_spring import MassSpring, Parameters, PressedPlane
@@ -37,6 +41,9 @@ KINDS = (
     ("law left", "law regained"),
 )
 """Names of the events, where a function rises through zero and where it falls."""
+
+SAMPLES = 9
+"""Instants of a piece at which the sense of sliding is looked at."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +81,8 @@ def events_of(case: MassSpring, pieces: Iterator[tuple[float, float, Array]]) ->
     pieces : iterable of (start, length, coefficients)
         Polynomials of u in the time since their start, shape (order + 1, n).
     """
-    watch, found = Watch(), []
-    for start, length, u in pieces:
+    whole, watch, found = list(pieces), Watch(), list[CaseEvent]()
+    for start, length, u in whole:
         t = np.zeros(len(u))
         t[:2] = start, 1.0
         v = np.concatenate([derivative_coefficients(u), np.zeros((1, u.shape[1]))])
@@ -88,10 +95,38 @@ def events_of(case: MassSpring, pieces: Iterator[tuple[float, float, Array]]) ->
             value = float(case.slip(x, speed) if which in (1, 2) else case.gap(x))
             kind = KINDS[which][0 if sense > 0 else 1]
             ux, uy = (*map(float, x), 0.0)[:2]
-            found.append(CaseEvent(float(start + a), kind, ux, uy, value))
+            event = CaseEvent(float(start + a), kind, ux, uy, value)
+            since = found[-1].time if found else whole[0][0]
+            found.append(_dated_back(case, event, whole, since) if kind == "stick" else event)
             if kind == "cone left":
                 found += _existence(case, found[-1], x)
     return found
+
+
+def _dated_back(
+    case: MassSpring, stick: CaseEvent, pieces: list[tuple[float, float, Array]], since: float
+) -> CaseEvent:
+    """The latest instant, since the last event, at which sliding at the cone turned round."""
+    sense = float(np.sign(stick.value))
+
+    def sliding(t: float, u: Array, start: float) -> float:
+        return sense * coulomb_slip(case, horner(u, t - start), t, sense)
+
+    for start, length, u in reversed(pieces):
+        first, last = max(start, since), min(start + length, stick.time)
+        if not last > first:
+            continue
+        times = np.linspace(first, last, SAMPLES)
+        ahead = [sliding(t, u, start) > 0.0 for t in times]
+        if ahead[-1]:
+            return stick
+        if any(ahead):
+            k = SAMPLES - 1 - ahead[::-1].index(True)
+            t = float(brentq(sliding, times[k], times[k + 1], args=(u, start), xtol=1e-12))
+            x, v = horner(u, t - start), horner(derivative_coefficients(u), t - start)
+            ux, uy = (*map(float, x), 0.0)[:2]
+            return CaseEvent(t, "stick", ux, uy, float(case.slip(x, v)))
+    return stick
 
 
 def _functions(case: MassSpring, u: Any, v: Any) -> Any:

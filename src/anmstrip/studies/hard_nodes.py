@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from anmstrip.mechanics.coulomb import coulomb
-from anmstrip.mechanics.friction import NortonHoff
+from anmstrip.mechanics.friction import FrictionLaw, NortonHoff
 from anmstrip.mechanics.mass_spring import RotatingCircle
 from anmstrip.mechanics.nodes import CoupledNode, Slider, WrappedLinks
 from anmstrip.mechanics.references import slip_at
@@ -139,12 +139,12 @@ CONTACT = RepulsiveSignorini(1e6, 1e-2, 1e-2)
 """Of the coupled node: nearly rigid beside its springs of 1 N/m."""
 
 
-def coupled(f: float = 1.5, load: float = 1.8, q: float = 0.1) -> tuple[Trial, CoupledNode, Motion]:
-    """D7: the coupled node, its load ramped far past stick, slowly beside V_c.
+def coupled(law: FrictionLaw, load: float = 2.2) -> tuple[Trial, CoupledNode, Motion]:
+    """D7: the coupled node, its load ramped to a last one far past stick.
 
     Beyond f = 1/c it ends separated; below, for u_x < 1/c, it slides.
     """
-    node = CoupledNode(NortonHoff(f, q, 1e-3, 0.1), CONTACT, (0.0, load / 1e3))
+    node = CoupledNode(law, CONTACT, (0.0, load / 1e3))
     motion = moved(node.residual, np.zeros(2), (0.0, 1e3), tolerance=1e-3, speed=1e-4)
     exact = node.separated(load)[0]
     return Trial.of(motion, float(motion.end[0]), float(exact)), node, motion

@@ -110,11 +110,14 @@ def tangent(speed: float = 1.0, gap: float = 1e-3) -> Trial:
 
 
 def smooth_roller(stiffness: float = 1e10, thickness: float = 1e-3) -> Trial:
-    """D2, D17: without friction both tensions are the same, however stiff or thin."""
+    """D2, D17: without friction both tensions are the same, however stiff or thin.
+
+    The tension goes with the thickness, and with K where it would sink in by more than 2 mm.
+    """
     tables = tables_of(PULL, LAY)
     del tables["friction"]
+    scaled = min(thickness / 1e-3, stiffness / 1e7)
     tables["contact"] |= {"stiffness": stiffness, "eta": min(10.0, 1e-4 * stiffness)}
-    scaled = thickness / 1e-3
     tables["strip"]["thickness"] = thickness
     for stage in tables["stages"]:
         stage["exit"]["force"] = [scaled * force for force in stage["exit"]["force"]]

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from anmstrip.mechanics.friction import NortonHoff, Tanh
 from anmstrip.series.outcome import PathStopped
 from anmstrip.studies import hard_nodes as nodes
 from anmstrip.studies import hard_strips as strips
@@ -84,7 +85,8 @@ SWEEPS = (
     Sweep("D1", "tangent", "section", "V_c", strips.tangent, (1.0, 1e-3, 1e-6), 1e-6),
     Sweep("D2", "penetration", "node", "K", nodes.penetration, STIFFNESSES, 1e-10),
     Sweep("D2", "smooth roller", "section", "K",
-          strips.smooth_roller, (1e7, 1e8, 1e10, 1e12), 1e-3),
+          lambda K: strips.smooth_roller(K, 1e-5 if K < 1e7 else 1e-3),
+          (1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e10, 1e12), 1e-3),
     Sweep("D3", "sharp corner", "node", "ω", nodes.sharp_corner, DECADES, 1e-5),
     Sweep("D3", "sharp corner", "node", "q",
           lambda q: nodes.sharp_corner(1e-4, q), EXPONENTS, 1e-5),
@@ -103,7 +105,20 @@ SWEEPS = (
     Sweep("D6", "beyond the cone", "node", "tan α/f",
           lambda r: nodes.beyond_the_cone(0.1, r), (1.2, 2.0), 1e-6),
     Sweep("D7", "coupled node", "node", "f",
-          lambda f: nodes.coupled(f, 2.2), (1.3, 1.5, 1.8), 1e-3),
+          lambda f: nodes.coupled(NortonHoff(f, 0.1, 1e-3, 0.1)), (1.3, 1.5, 1.8), 1e-3),
+    Sweep("D7", "coupled node, gliding off", "node", "q",
+          lambda q: nodes.coupled(NortonHoff(1.5, q, 1e-3, 0.1)), (0.3, 0.2), 1e-3),
+    Sweep("D7", "coupled node, snapping", "node", "q",
+          lambda q: nodes.coupled(NortonHoff(1.5, q, 1e-3, 0.1)),
+          (0.1, 0.07, 0.05, 0.03, 0.02, 0.01), 1e-3),
+    Sweep("D7", "coupled node", "node", "V_c",
+          lambda v: nodes.coupled(NortonHoff(1.5, 0.1, 1e-3, v), 6.0), SPEEDS, 1e-3, quick=False),
+    Sweep("D7", "coupled node", "node", "ω",
+          lambda w: nodes.coupled(NortonHoff(1.5, 0.1, w, 0.1)), DECADES, 1e-3, quick=False),
+    Sweep("D7", "coupled node, tanh, gliding off", "node", "V_c",
+          lambda v: nodes.coupled(Tanh(1.5, 1e-3, v)), SPEEDS[:3], 1e-3),
+    Sweep("D7", "coupled node, tanh, snapping", "node", "V_c",
+          lambda v: nodes.coupled(Tanh(1.5, 1e-3, v)), SPEEDS[3:], 1e-3),
     Sweep("D8", "near critical", "node", "1 − f/f_c",
           nodes.near_critical, (0.5, 1e-1, 1e-2, 1e-4, 1e-6), 1e-6),
     Sweep("D9", "grazing", "node", "K", lambda K: nodes.grazing(0.1, K), STIFFNESSES, 1e-10),
