@@ -87,7 +87,7 @@ def test_friction_on_a_crown_compresses_more_and_keeps_symmetry():
     case = SMOOTH
     smooth, rubbed = ended(case.eased(case.tension)), ended(case.conveyed(0.06, 0.3))
     before, rubbing = (found.wrinkling.spans[-1].compression for found in (smooth, rubbed))
-    assert rubbing > 1.5 * before
+    assert rubbing > 1.3 * before
     assert smooth.lean < 1e-6
     assert rubbed.lean < 1e-6
 
