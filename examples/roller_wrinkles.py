@@ -14,7 +14,8 @@ import argparse
 from pathlib import Path
 
 from anmstrip.output.pictures import render
-from anmstrip.studies.roller_wrinkles import COARSE, EASED, FULL, ended, onset
+from anmstrip.studies.roller_wrinkles import COARSE, EASED, FULL
+from anmstrip.studies.wrinkle_onset import ended, onset
 from anmstrip.studies.wrinkling_scenes import Crowned, Mesh, Skewed
 
 

@@ -142,16 +142,21 @@ def test_levelling_rollers_take_their_share() -> None:
         assert abs(reading.drag) == pytest.approx(f * reading.normal_force, rel=2e-3)
 
 
-def test_crown_makes_the_middle_carry_more() -> None:
-    """On the roller 23.7 kN/m in the middle, 12.1 at the edges; symmetric; nothing rubs."""
-    run, last = ended("crowned.toml")
+@pytest.mark.parametrize(
+    ("scene", "tensions"),
+    [("crowned", {0.0: 23.7e3, 0.5: 12.1e3}), ("tapered", {0.0: 22.6e3, 0.125: 22.9e3, 0.5: 11e3})],
+)
+def test_profile_makes_the_middle_carry_more(scene: str, tensions: dict[float, float]) -> None:
+    """On the roller more in the middle than at the edges; symmetric; nothing rubs."""
+    run, last = ended(f"{scene}.toml")
     strip, state = run.assembly.strip, last.state
     surface = Surface(strip, run.assembly.membrane, run.assembly.contact_operator)
     force = surface.fields(state)["membrane_force"][:, 0]
     x, y, _ = surface.reference
     on = np.abs(x) < 0.1
-    for place, expected in ((0.0, 23.7e3), (0.5, 12.1e3), (-0.5, 12.1e3)):
-        line = on & np.isclose(y, place)
-        assert line.sum() > 10
-        assert force[line].mean() == pytest.approx(expected, rel=0.02)
+    for place, expected in tensions.items():
+        for side in (place, -place):
+            line = on & np.isclose(y, side)
+            assert line.sum() > 10
+            assert force[line].mean() == pytest.approx(expected, rel=0.02)
     assert state.tension("entry") == pytest.approx(state.tension("exit"), rel=1e-5)

@@ -10,17 +10,21 @@ import pytest
 from anmstrip.studies import optional, shell_peers
 from anmstrip.studies.benchmarks import end_shear
 from anmstrip.studies.optional import Reply
-from anmstrip.studies.peer_plates import FIRST, GROWTH, MOST, PLATES, WANTED, ramped
-from anmstrip.studies.shell_peers import BENCHMARKS, PROGRAMS, solved
+from anmstrip.studies.peer_plates import FIRST, GROWTH, MOST, PLATES, WANTED, limits, ramped
+from anmstrip.studies.shell_peers import KNOWN, PROGRAMS, solved
 from anmstrip.studies.shell_runs import followed, settings
 
-THIN = {"end shear": [3.28954, 6.69988], "slit annular plate": [13.8416, 17.4793]}
-"""Ours on twice the elements."""
+THIN = {
+    "end shear": [3.28954, 6.69988], "end moment": [12.0, 0.0],
+    "slit annular plate": [13.8416, 17.4793],
+    "hinged roof, t = 12.7": [0.74180, 0.17027], "hinged roof, t = 6.35": [0.19496, -0.12883],
+}  # fmt: skip
+"""Ours on twice the elements; the circle."""
 
 
 def test_plates_are_those_of_the_benchmarks() -> None:
     across = np.array([0.0, 1.0])
-    for name, make in BENCHMARKS.items():
+    for name, make in KNOWN.items():
         strip, plate = make().equations.model.strip, PLATES[name]
         assert plate.young == pytest.approx(strip.material.young, rel=1e-12)
         assert plate.thickness == strip.thickness
@@ -74,10 +78,21 @@ def test_ours(program: str) -> None:
 @pytest.mark.parametrize("name", list(THIN))
 @pytest.mark.parametrize("program", [p for p in PROGRAMS if p.module], ids=lambda p: p.name)
 def test_a_peer(program: shell_peers.Program, name: str) -> None:
-    """Each finds the displacements of a thin shell within 0.12 %, on its mesh of the study."""
+    """Each finds what a thin shell does within 0.15 %, on its mesh of the study."""
+    if program.name == "kratos" and "6.35" in name:
+        pytest.skip("pushed down it leaps where the roof snaps back")
     if find_spec(program.module) is None:
         pytest.skip(f"{program.module} is not installed")
     reply = optional.asked("anmstrip.studies.shell_peers", program.name, name, limit=300.0)
     assert reply.said is not None, reply.outcome
-    assert reply.said["readings"] == pytest.approx(THIN[name], rel=1.2e-3)
+    allowed = 1.5e-3 * max(THIN[name])
+    assert reply.said["readings"] == pytest.approx(THIN[name], abs=allowed)
     assert 30 < reply.said["solves"] < 250
+
+
+def test_limit_points_are_read_off_a_path() -> None:
+    """A cubic in the reading: extremes at 1 and 3."""
+    w = np.linspace(0.0, 4.0, 25)
+    assert limits((w**3 / 3.0 - 2.0 * w**2 + 3.0 * w).tolist(), w.tolist()) == pytest.approx(
+        [4.0 / 3.0, 0.0], abs=2e-3
+    )

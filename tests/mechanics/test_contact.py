@@ -12,7 +12,7 @@ from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.friction import NortonHoff, Tanh
 from anmstrip.mechanics.loads import weight
 from anmstrip.mechanics.points import ContactOperator
-from anmstrip.mechanics.roller import Roller, together
+from anmstrip.mechanics.roller import Roller, Sides, together
 from anmstrip.mechanics.signorini import RepulsiveSignorini
 from anmstrip.mechanics.strip import Material, Strip, grid
 from anmstrip.model import Controls, Equilibrium, Model, Scales, Supports
@@ -285,7 +285,7 @@ def test_contact_orders_are_its_derivatives(contact):
 THREE = (
     Roller("a", RADIUS, (0.0, 0.0, -RADIUS)),
     Roller("b", 0.3, (0.1, 0.0, 0.31), axis=(0.1, 1.0, 0.0)),
-    Roller("c", 0.25, (-0.2, 0.0, -0.26), crown=(0.0, -0.05)),
+    Roller("c", 0.25, (-0.2, 0.0, -0.26), crown=(0.0, -0.05), sides=Sides(0.1, 0.05, 0.02)),
 )
 SEVERAL = {
     f"rollers.{roller.name}.{key}": np.asarray(value)

@@ -10,21 +10,27 @@ from shapes import linear, rolled, rotation
 
 from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.points import ContactOperator
-from anmstrip.mechanics.roller import Roller, polynomial
+from anmstrip.mechanics.roller import Roller, Sides, polynomial
 
 number = st.floats(-1.0, 1.0)
 axes = st.tuples(number, number, number).filter(lambda a: np.linalg.norm(a) > 1e-3)
-PROFILES = {"cylinder": (), "taper": (0.1,), "crown": (0.0, -0.2), "odd": (0.05, 0.1, -0.3)}
+SIDES = Sides(0.3, 0.2, 0.1)
+PROFILES = {
+    "cylinder": ((),), "taper": ((0.1,),), "crown": ((0.0, -0.2),), "odd": ((0.05, 0.1, -0.3),),
+    "sides": ((), SIDES), "all": ((0.1, -0.2), SIDES),
+}  # fmt: skip
 
 
 @pytest.fixture(params=PROFILES.values(), ids=PROFILES)
 def roller(request):
-    return Roller("r", 0.5, (0.0, 0.0, 0.0), (0.3, 1.0, -0.2), request.param)
+    return Roller("r", 0.5, (0.0, 0.0, 0.0), (0.3, 1.0, -0.2), *request.param)
 
 
 def surface(roller, angle, s):
     """Point of the surface in the roller's frame, from its profile."""
     radius = roller.radius + sum(c * s**k for k, c in enumerate(roller.crown, start=1))
+    if roller.sides is not None:
+        radius -= 0.15 * sum(np.hypot(s - b, 0.1) - np.hypot(b, 0.1) for b in (0.2, -0.2))
     return np.array([radius * np.cos(angle), radius * np.sin(angle), s])
 
 
@@ -78,7 +84,7 @@ def test_gap_is_the_distance_to_first_order(roller, sign):
         found = place_of(roller, point).gap[0]
         assert abs(found) == pytest.approx(distance(roller, point), abs=0.2 * gap**2 + 1e-7)
         errors.append(abs(found - sign * gap))
-    if len(roller.crown) < 2:
+    if len(roller.crown) < 2 and roller.sides is None:
         assert max(errors) < 1e-9
     else:
         assert errors[1] == pytest.approx(1e-2 * errors[0], rel=0.5)
@@ -117,6 +123,34 @@ def test_polynomial_is_horner():
     np.testing.assert_allclose(roller.slope_at(s), difference, rtol=1e-8)
 
 
+@pytest.mark.parametrize("profile", PROFILES.values(), ids=PROFILES)
+def test_slope_is_that_of_the_radius(profile):
+    roller, s, h = (
+        Roller("r", 0.5, (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), *profile),
+        np.array([0.3]),
+        1e-6,
+    )
+    difference = (roller.radius_at(s + h) - roller.radius_at(s - h)) / (2 * h)
+    np.testing.assert_allclose(roller.slope_at(s), difference, rtol=1e-8)
+
+
+@given(alpha=st.floats(-0.5, 0.5), rho=st.floats(0.1, 2.0), s=st.floats(-1.0, 1.0))
+def test_gap_to_a_cone_is_exact_at_any_distance(alpha, rho, s):
+    """(ρ − r) cos α − s sin α, with tan α = taper: the distance to a straight generator."""
+    cone = Roller("r", 0.6, (0.0, 0.0, 0.0), crown=(np.tan(alpha),))
+    found = cone.seen(np.array([[0.6 * rho], [0.8 * rho], [s]])).gap[0]
+    assert found == pytest.approx((rho - 0.6) * np.cos(alpha) - s * np.sin(alpha), abs=1e-14)
+
+
+def test_sides_are_cones_beside_a_cylinder():
+    """Rounded over 1 mm they are within half of that, and of its slope, of sharp ones."""
+    roller = Roller("r", 0.5, (0.0, 0.0, 0.0), sides=Sides(0.1, 0.3, 1e-3))
+    s = np.linspace(-1.0, 1.0, 41)
+    sharp = 0.5 - 0.1 * np.maximum(np.abs(s) - 0.3, 0.0)
+    np.testing.assert_allclose(roller.radius_at(s), sharp, rtol=0.0, atol=0.05 * 1e-3 + 1e-7)
+    assert roller.radius_at(np.zeros(1))[0] == 0.5
+
+
 def contact_with(strip, roller):
     return Contact(roller, LAW, ContactOperator(strip))
 
@@ -129,18 +163,18 @@ def controls_of(roller, velocity, speed=0.7):
     }
 
 
-@pytest.mark.parametrize("crown", PROFILES.values(), ids=PROFILES)
-def test_surface_velocity_is_that_of_a_rigid_body(crown):
+@pytest.mark.parametrize("profile", PROFILES.values(), ids=PROFILES)
+def test_surface_velocity_is_that_of_a_rigid_body(profile):
     """V = ċ + ω × (x − c) on the surface: a point that moves so does not slip."""
     strip = strip_of("shell")
-    roller = Roller("r", 0.4, (0.02, -0.1, -0.4), (0.1, 1.0, 0.2), crown)
+    roller = Roller("r", 0.4, (0.02, -0.1, -0.4), (0.1, 1.0, 0.2), *profile)
     contact = contact_with(strip, roller)
     x = contact.operator.apply(rolled(strip, 0.4))
     away = contact.operator.reference + x - np.array(roller.centre)[:, None]
     controls = controls_of(roller, [0.1, 0.3, -0.2])
     place = contact.seen(x, controls)
     on_surface = away - place.gap * contact.normal(place)
-    if crown:  # straight down, where the gap is only of first order
+    if not roller.is_cylinder:  # straight down, where the gap is only of first order
         s = roller.unit_axis @ away
         radial = roller.frame[:2].T @ place.radial
         on_surface = np.outer(roller.unit_axis, s) + radial * roller.radius_at(s)
@@ -166,9 +200,9 @@ def test_turned_world_has_turned_forces(seed, profile):
     """Strip and roller turned together: contact and friction turn with them, for any axis."""
     strip, rng = strip_of("shell"), np.random.default_rng(seed)
     q = rotation(rng)
-    roller = Roller("r", 0.4, (0.01, 0.02, -0.4), (0.1, 1.0, 0.05), PROFILES[profile])
+    roller = Roller("r", 0.4, (0.01, 0.02, -0.4), (0.1, 1.0, 0.05), *PROFILES[profile])
     assume(abs(roller.unit_axis[1]) > 0.5)
-    other = Roller("r", 0.4, tuple(q @ roller.centre), tuple(q @ roller.axis), roller.crown)
+    other = Roller("r", 0.4, tuple(q @ roller.centre), tuple(q @ roller.axis), *PROFILES[profile])
     full = rolled(strip, 0.4) + 2e-3 * random_unknowns(strip, seed)
     v, velocity = random_unknowns(strip, seed + 1), rng.standard_normal(3)
     forces = []

@@ -205,6 +205,17 @@ def test_a_cylinder_is_closed_and_faces_outwards():
     assert np.linalg.norm(areas, axis=1).sum() == pytest.approx(mantle + 2.0 * end)
 
 
+def test_a_profile_is_drawn():
+    """A frustum of radii 0.4 and 0.6: volume π h (a² + a b + b²)/3 by the divergence theorem."""
+    cone = cylinder_surface(
+        Cylinder((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.5, 2.0, profile=lambda s: 0.5 + 0.1 * s)
+    )
+    areas = triangle_areas(cone.points, cone.cells)
+    middles = cone.points[cone.cells].mean(axis=1)
+    assert np.abs(areas.sum(axis=0)).max() < 1e-14
+    assert (areas * middles).sum() / 3.0 == pytest.approx(np.pi * 2.0 * 0.76 / 3.0, rel=2e-3)
+
+
 @pytest.mark.parametrize("axis", [(0.0, 1.0, 0.0), (0.1, 1.0, 0.2), (0.0, 0.0, 1.0)])
 def test_a_cylinder_turns_right_handed_and_carries_its_paint(axis):
     still = cylinder_surface(Cylinder((0.0, 0.0, 0.0), axis, 0.5, 1.2))

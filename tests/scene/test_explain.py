@@ -94,7 +94,11 @@ def test_a_plate_needs_small_slopes(degrees: float, plate: bool) -> None:
 
 @pytest.mark.parametrize(
     ("roller", "words"),
-    [({"crown": [0.0, -2e-3]}, "crowned"), ({"axis": [0.02, 1.0, 0.0]}, "not along y")],
+    [
+        ({"crown": [0.0, -2e-3]}, "crowned"),
+        ({"taper": 2e-3}, "tapered"),
+        ({"axis": [0.02, 1.0, 0.0]}, "not along y"),
+    ],
 )
 def test_crown_and_misalignment_need_a_width(roller: dict[str, Any], words: str) -> None:
     name, rungs = judged(pressed(1.0, **roller))

@@ -129,6 +129,12 @@ WRONG_THREADED = [
     ("radius = 0.5", "radius = 0.5\ncrown = [-2.0]", "rollers.r1.crown", "all across"),
     ("radius = 0.5", "radius = 0.5\ncrown = [0.0, -2.1]", "rollers.r1.crown", "falls to"),
     ("radius = 0.5", 'radius = 0.5\ncrown = ["a"]', "rollers.r1.crown", "numbers"),
+    ("radius = 0.5", "radius = 0.5\ntaper = -1.1", "rollers.r1.taper", "falls to -0.05"),
+    ("radius = 0.5", "radius = 0.5\ntaper = [1e-3]", "rollers.r1.taper", "taper = 1.0e-3"),
+    ("radius = 0.5", "radius = 0.5\nsides = { taper = 2.0, flat = 0.1, rounding = 0.01 }",
+     "rollers.r1.sides", "sides = { taper = 0.0005, flat"),
+    ("radius = 0.5", "radius = 0.5\nsides = { taper = 1e-3, flat = 0.1 }",
+     "rollers.r1.sides.rounding", "rounding = 0.05"),
     ("duration = 0.6", "duration = 0.6\nleft.tension = 1.0", "stages.turn.left.tension", "ends"),
     ("entry = [-2, 0, -1]", "entry = [-2, 0.1, -1]", "threading.entry", "entry = [-2, 0.0, -1]"),
     ("exit = [2, 0, -1]", "exit = [2, 1, -1]", "threading.exit", "in the plane y = 0"),
@@ -139,6 +145,13 @@ WRONG_THREADED = [
 
 WRONG_SECTION = [
     ("radius = 0.5", "radius = 0.5\ncrown = [0.0, -1e-3]", "rollers.r1.crown", "no width"),
+    ("radius = 0.5", "radius = 0.5\ntaper = 1e-3", "rollers.r1.taper", "no width"),
+    (
+        "radius = 0.5",
+        "radius = 0.5\nsides = { taper = 1e-3, flat = 0, rounding = 0.1 }",
+        "rollers.r1.sides",
+        "no width",
+    ),
     ("axis = [0.0, 1.0, 0.0]", "axis = [0.001, 1.0, 0.0]", "rollers.r1.axis", "no width"),
     ("axis = [0.0, 1.0, 0.0]", "axis = [1.0, 0.0, 0.0]", "rollers.r1.axis", "no width"),
     ("[edges.entry]", '[edges.left]\nfixed = ["z"]\n[edges.entry]', "edges.left", "no sides"),

@@ -161,7 +161,8 @@ def moved_one(**others: Any) -> dict[str, Any]:
 
 UNEVEN = {
     "crown": {"crown": (0.0, -2e-4)},
-    "taper": {"crown": (1e-3,)},
+    "taper": {"taper": 1e-3},
+    "sides": {"sides": {"taper": 2e-4, "flat": 0.4, "rounding": 0.1}},
     "yawed": {"axis": (0.003, 1.0, 0.0)},
     "rolled": {"axis": (0.0, 1.0, 0.003)},
 }

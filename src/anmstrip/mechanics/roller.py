@@ -1,18 +1,20 @@
 """A rigid roller that turns about its axis and may be moved; cylindrical, tapered or crowned.
 
 Seen in its own frame: two directions across the axis, and the axis.  A profile
-R(s) = r + Σ c_k s^k along the axis, s measured from the centre, gives the surface
+R(s) = r + Σ c_k s^k − α (d(s − b) + d(s + b) − 2 d(b))/2 along the axis, s measured from the
+centre, d(x) = √(x² + w²), gives the surface
 
     ρ = R(s),  gap h = (ρ − R)/w,  normal (e_ρ − R' a)/w,  meridian (R' e_ρ + a)/w
 
 with w = √(1 + R'²): exact normal, and a gap that is exact to first order in the
-distance (for cylinders at any distance).
+distance (for cylinders and cones at any distance).  The last terms are conical sides, of slope
+α beyond |s| = b, that go over into a cylinder over the length w.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import cached_property
 from typing import Any
 
@@ -21,6 +23,41 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Sides:
+    """Conical sides, the same on both: numbers, or one for each point.
+
+    Attributes
+    ----------
+    slope : float, or ndarray of shape (points,)
+        α, by which the radius falls for each metre.
+    begin : float, or ndarray
+        b (m): half the length of the cylinder between them.
+    rounding : float, or ndarray
+        w (m).
+    """
+
+    slope: Any
+    begin: Any
+    rounding: Any
+
+    def fall(self, s: Any) -> Any:
+        """By how much the radius is smaller at s than at the centre (m)."""
+        here = self._distance(s - self.begin) + self._distance(s + self.begin)
+        return (here - 2.0 * self._distance(self.begin)) * (0.5 * self.slope)
+
+    def rate(self, s: Any) -> Any:
+        """Derivative of it."""
+        ends = (s - self.begin, s + self.begin)
+        return sum(x / self._distance(x) for x in ends) * (0.5 * self.slope)
+
+    def _distance(self, x: Any) -> Any:
+        return np.sqrt(x * x + self.rounding * self.rounding)
+
+
+NO_SIDES = Sides(0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -54,18 +91,27 @@ class Revolved:
         r (m).
     crown : sequence of float, or of ndarray
         c_1, c_2, …
+    sides : Sides or None
     """
 
     radius: Any
     crown: Sequence[Any]
+    sides: Sides | None
+
+    @property
+    def is_cylinder(self) -> bool:
+        """Whether the radius is the same everywhere."""
+        return self.sides is None and not self.crown
 
     def radius_at(self, s: Any) -> Any:
         """R(s) (m)."""
-        return polynomial((self.radius, *self.crown), s)
+        radius = polynomial((self.radius, *self.crown), s)
+        return radius if self.sides is None else radius - self.sides.fall(s)
 
     def slope_at(self, s: Any) -> Any:
         """R'(s)."""
-        return polynomial([k * c for k, c in enumerate(self.crown, start=1)], s)
+        slope = polynomial([k * c for k, c in enumerate(self.crown, start=1)] or [0.0], s)
+        return slope if self.sides is None else slope - self.sides.rate(s)
 
     def seen(self, y: Any) -> Place:
         """Gap and directions of points.
@@ -73,12 +119,12 @@ class Revolved:
         Parameters
         ----------
         y : array or Series, shape (2 or 3, points)
-            Position relative to the centre in the roller's frame; the third is needed with
-            a crown.
+            Position relative to the centre in the roller's frame; only a cylinder does without
+            the third.
         """
-        across = y[:2] if self.crown else y
+        across = y if self.is_cylinder else y[:2]
         distance = np.sqrt(np.einsum("i...,i...->...", across, across))
-        if not self.crown:
+        if self.is_cylinder:
             return Place(distance - self.radius, across / distance)
         radius, slope = self.radius_at(y[2]), self.slope_at(y[2])
         gap = (distance - radius) / np.sqrt(slope * slope + 1.0)
@@ -87,7 +133,7 @@ class Revolved:
     @property
     def rows(self) -> int:
         """How many directions of its frame the gap depends on."""
-        return 3 if self.crown else 2
+        return 2 if self.is_cylinder else 3
 
     def normal(self, place: Place) -> Any:
         """Unit normal in the frame, shape (rows, points)."""
@@ -137,7 +183,9 @@ class Roller(Revolved):
         Direction a, any length, right-handed: a positive surface speed moves
         the top of a roller along y towards +x.
     crown : tuple of float
-        c_1, c_2, … (m, per metre, …): the radius at s is r + c_1 s + c_2 s² + …
+        c_1, c_2, … (1, per metre, …): the radius at s is r + c_1 s + c_2 s² + …
+    sides : Sides or None
+        Conical sides, by which it is smaller.
     """
 
     name: str
@@ -145,6 +193,7 @@ class Roller(Revolved):
     centre: tuple[float, float, float]
     axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
     crown: tuple[float, ...] = ()
+    sides: Sides | None = None
 
     @cached_property
     def unit_axis(self) -> Array:
@@ -202,6 +251,14 @@ class Rollers(Revolved):
         most = max(len(roller.crown) for roller in self.members)
         padded = [(*r.crown, *(most - len(r.crown)) * (0.0,)) for r in self.members]
         return [np.asarray(self.of(c)) for c in zip(*padded, strict=True)]
+
+    @cached_property
+    def sides(self) -> Sides | None:  # type: ignore[override]
+        """Of each point's roller, level where it has none."""
+        if all(roller.sides is None for roller in self.members):
+            return None
+        given = [astuple(roller.sides or NO_SIDES) for roller in self.members]
+        return Sides(*(np.asarray(self.of(values)) for values in zip(*given, strict=True)))
 
     @cached_property
     def frame(self) -> Array:

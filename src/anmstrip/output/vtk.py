@@ -8,7 +8,7 @@ nodes, are written as they are.  How many nodes a cell has says which of the fou
 """
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import meshio
@@ -28,6 +28,9 @@ TRIANGLE_ORDER = np.array(
     [0, 5, 20, 1, 2, 3, 4, 10, 14, 17, 19, 18, 15, 11, 6, 7, 9, 16, 8, 13, 12]
 )
 """Lattice index of each node of a cell of type 69: corners, edges, interior as a triangle again."""
+
+RINGS = 49
+"""Circles by which a roller is drawn that is no cylinder."""
 
 _KINDS = {
     3: ("triangle", np.arange(3)),
@@ -196,6 +199,8 @@ class Cylinder:
         In metres.
     angle : float
         How far the roller has turned about its axis, right-handed, in radians.
+    profile : callable, optional
+        Radius at places along the axis, from the centre, if it is not the same everywhere.
     """
 
     centre: Sequence[float]
@@ -203,6 +208,7 @@ class Cylinder:
     radius: float
     length: float
     angle: float = 0.0
+    profile: Callable[[Points], Points] | None = None
 
 
 def roller_length(width: float) -> float:
@@ -226,17 +232,21 @@ def cylinder_surface(cylinder: Cylinder, *, sectors: int = 96) -> Surface:
     -------
     Surface
         4 (sectors + 1) points, 3 sectors quadrilaterals: one end, the mantle, the other end.
+        With a profile the mantle has more rings.
     """
     along, first, second = _frame(np.asarray(cylinder.axis, dtype=float))
     painted = np.linspace(0.0, 2.0 * np.pi, sectors + 1)
     turned = painted[:, None, None] + cylinder.angle
-    height = 0.5 * cylinder.length * np.array([-1.0, -1.0, 1.0, 1.0])[:, None]
-    radius = cylinder.radius * np.array([0.0, 1.0, 1.0, 0.0])[:, None]
+    rings = np.linspace(-0.5, 0.5, 2 if cylinder.profile is None else RINGS) * cylinder.length
+    mantle = cylinder.profile or (lambda s: np.full(len(s), cylinder.radius))
+    height = np.pad(rings, 1, mode="edge")[:, None]
+    radius = np.pad(mantle(rings), 1)[:, None]
     radial = np.cos(turned) * first + np.sin(turned) * second
     points = np.asarray(cylinder.centre, dtype=float) + height * along + radius * radial
-    start = 4 * np.arange(sectors)[:, None] + np.arange(3)
-    cells = np.stack([start, start + 4, start + 5, start + 1], axis=-1).reshape(-1, 4)
-    return Surface(points.reshape(-1, 3), cells, {"surface_angle": np.repeat(painted, 4)})
+    count = len(height)
+    start = count * np.arange(sectors)[:, None] + np.arange(count - 1)
+    cells = np.stack([start, start + count, start + count + 1, start + 1], axis=-1).reshape(-1, 4)
+    return Surface(points.reshape(-1, 3), cells, {"surface_angle": np.repeat(painted, count)})
 
 
 def _frame(axis: Points) -> tuple[Points, Points, Points]:

@@ -64,9 +64,7 @@ class Assembly:
     @cached_property
     def rollers(self) -> tuple[Roller, ...]:
         """Geometry of the rollers."""
-        return tuple(
-            Roller(r.name, r.radius, r.centre, r.axis, r.crown) for r in self.scene.rollers
-        )
+        return tuple(r.shape for r in self.scene.rollers)
 
     @cached_property
     def material(self) -> Material:

@@ -155,9 +155,18 @@ def _roller_table(assembly: Assembly, ways: list[Way]) -> Table:
         centre = ", ".join(f"{c:g}" for c in roller.centre)
         axis = ", ".join(f"{c:.3g}" for c in roller.unit_axis)
         table.add_row(
-            roller.name, f"{roller.radius:g}", centre, axis, _wrapping(assembly, roller, ways)
+            roller.name, _radius(assembly, roller), centre, axis, _wrapping(assembly, roller, ways)
         )
     return table
+
+
+def _radius(assembly: Assembly, roller: Roller) -> str:
+    """The radius; below the strip's sides too where it is another there."""
+    if roller.is_cylinder:
+        return f"{roller.radius:g}"
+    left, right = (assembly.strip.nodes[1].min(), assembly.strip.nodes[1].max())
+    low, high = (roller.radius_at(y - roller.centre[1]) for y in (left, right))
+    return f"{roller.radius:g}; {low:g} at y = {left:g} m, {high:g} at y = {right:g} m"
 
 
 def _wrapping(assembly: Assembly, roller: Roller, ways: list[Way]) -> str:

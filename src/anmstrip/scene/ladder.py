@@ -110,8 +110,8 @@ def _across(assembly: Assembly) -> Iterator[str]:
     for roller in scene.rollers:
         if roller.axis[0] or roller.axis[2]:
             yield f"the axis of {roller.name} is not along y"
-        if any(roller.crown):
-            yield f"{roller.name} is crowned"
+        if roller.profile:
+            yield f"{roller.name} is crowned or tapered"
     for stage in scene.stages:
         if stage.gravity is not None and stage.gravity[1]:
             yield f"stage {stage.name} has gravity across the strip"

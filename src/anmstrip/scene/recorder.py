@@ -151,6 +151,7 @@ class Recorder:
                 r.radius,
                 length,
                 self.turned[r.name] / r.radius,
+                None if r.is_cylinder else r.radius_at,
             )
             for r in self.assembly.rollers
         ]

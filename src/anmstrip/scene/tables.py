@@ -8,6 +8,7 @@ know about is in :mod:`anmstrip.scene.rules`.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -20,6 +21,7 @@ from pydantic import (
     model_validator,
 )
 
+from anmstrip.mechanics.roller import Roller, Sides
 from anmstrip.scene import rules
 from anmstrip.scene.errors import InputError, Mistake
 from anmstrip.scene.wording import LARGEST, SMALLEST
@@ -207,8 +209,25 @@ class FrictionSpec(Table):
     )
 
 
+class SidesSpec(Table):
+    """Conical sides of a roller, the same on both, beside a cylinder in its middle."""
+
+    taper: Number = Field(
+        description="by which the radius falls for each metre along a side, a number (m/m)",
+        examples=["2.0e-3"],
+    )
+    flat: Annotated[Number, Field(ge=0)] = Field(
+        description="length of the cylinder between the sides, about the centre, at least 0 (m)",
+        examples=["0.6"],
+    )
+    rounding: Positive = Field(
+        description="length over which the corners are rounded, a number above 0 (m)",
+        examples=["0.05"],
+    )
+
+
 class RollerSpec(Table):
-    """A rigid cylinder."""
+    """A rigid roller: a cylinder, or another profile along its axis."""
 
     name: Name = Field(description="name, of letters, digits, - and _ (text)", examples=['"r1"'])
     radius: Positive = Field(description="radius, a number above 0 (m)", examples=["0.5"])
@@ -226,6 +245,16 @@ class RollerSpec(Table):
         examples=["[0.0, -2.0e-3]"],
         max_length=8,
     )
+    taper: Number = Field(
+        0.0,
+        description="a cone: radius + taper s at s along the axis, besides a crown, a number (m/m)",
+        examples=["1.0e-3"],
+    )
+    sides: SidesSpec | None = Field(
+        None,
+        description="conical sides, a table of taper (m/m), flat and rounding (m)",
+        examples=["{ taper = 2.0e-3, flat = 0.6, rounding = 0.05 }"],
+    )
     friction: Annotated[Number, Field(ge=0)] | None = Field(
         None,
         description="coefficient f on this roller; left out: that of [friction], at least 0 (1)",
@@ -241,6 +270,23 @@ class RollerSpec(Table):
     def _consistent(self) -> RollerSpec:
         self._check(rules.roller(self))
         return self
+
+    @property
+    def profile(self) -> dict[str, object]:
+        """What makes it another body than a cylinder, key by key."""
+        sides = self.sides and self.sides.model_dump()
+        given = {"crown": any(self.crown) and self.crown, "taper": self.taper, "sides": sides}
+        return {key: value for key, value in given.items() if value}
+
+    @cached_property
+    def shape(self) -> Roller:
+        """Its geometry."""
+        crown = self.crown
+        if self.taper:
+            crown = (self.taper + sum(crown[:1]), *crown[1:])
+        given = self.sides
+        sides = None if given is None else Sides(given.taper, 0.5 * given.flat, given.rounding)
+        return Roller(self.name, self.radius, self.centre, self.axis, crown, sides)
 
 
 class ThreadingSpec(Table):

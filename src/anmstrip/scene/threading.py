@@ -151,7 +151,7 @@ class Thread:
     @property
     def _is_uneven(self) -> bool:
         """Whether fibres go ways of different lengths."""
-        return any(r.crown or r.unit_axis[0] or r.unit_axis[2] for r in self.rollers)
+        return any(not r.is_cylinder or r.unit_axis[0] or r.unit_axis[2] for r in self.rollers)
 
     def _relaxed(self, strip: Strip, pattern: Pattern, full: Array) -> Array:
         """Let a shell slide along its own surface, between entry and exit, to equilibrium."""

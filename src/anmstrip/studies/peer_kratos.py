@@ -1,11 +1,14 @@
-"""Flat shells bent by Kratos Multiphysics: thin corotational triangles, Newton with load steps.
+"""Shells bent by Kratos Multiphysics: thin corotational triangles, Newton with load steps.
 
 Elements of three nodes, DKT in bending and with drilling rotations in the membrane.  Loads are
-dead forces at nodes.
+dead forces at nodes, and moments about y.  A roof is pressed down by a displacement: with its
+strategy along an arc it comes to the first limit point and goes to and fro there.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
@@ -13,12 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.studies.peer_capstan import timed
-from anmstrip.studies.peer_plates import MOST, TOLERANCE, Bent, Plate, ramped
+from anmstrip.studies.peer_plates import MOST, TOLERANCE, Bent, Plate, limits, ramped
 
 ELEMENT = "ShellThinElementCorotational3D3N"
 
-CELLS = {"end shear": (1, 16), "slit annular plate": (10, 80)}
+CELLS = {
+    "end shear": (1, 16), "end moment": (1, 16), "slit annular plate": (10, 80),
+    "hinged roof, t = 12.7": (16, 16), "hinged roof, t = 6.35": (16, 16),
+}  # fmt: skip
 """Across and along, each of two triangles."""
+
+LONGEST = 0.02
+"""Largest step of a roof's displacement, so that limit points can be read off the path."""
 
 
 def solved(name: str, plate: Plate) -> Bent:
@@ -28,65 +37,78 @@ def solved(name: str, plate: Plate) -> Bent:
     kratos.Logger.GetDefaultOutput().SetSeverity(kratos.Logger.Severity.WARNING)
     model = kratos.Model()
     part = model.CreateModelPart("plate")
-    counts: list[tuple[int, int]] = []
+    found: list[Bent] = []
 
     def work() -> None:
         forces = _built(kratos, shells, part, plate, CELLS[name])
-        strategy = _strategy(kratos, part)
-        counts.append(ramped(lambda load: _advanced(kratos, shells, strategy, forces, load)))
+        strategy = _strategy(kratos, part, bool(plate.force))
+        if plate.force:
+            found.append(_pushed(kratos, strategy, plate))
+            return
+        load = _loading(shells, forces)
+        counts = ramped(lambda share: _advanced(kratos, strategy, load, share))
+        corners = [part.GetNode(i) for i in (1, CELLS[name][0] + 1)]
+        tip = np.array([list(n.GetSolutionStepValue(kratos.DISPLACEMENT)) for n in corners])
+        unknowns = 6 * part.NumberOfNodes()
+        found.append(Bent(plate.readings(tip).tolist(), *counts, unknowns, 0.0))
 
     seconds = timed(work)
-    corners = [part.GetNode(i) for i in (1, CELLS[name][0] + 1)]
-    tip = np.array([list(n.GetSolutionStepValue(kratos.DISPLACEMENT)) for n in corners])
-    unknowns = 6 * (CELLS[name][0] + 1) * CELLS[name][1]
-    return Bent(plate.readings(tip).tolist(), *counts[0], unknowns, seconds)
+    return replace(found[0], seconds=seconds)
 
 
 def _built(
     kratos: Any, shells: Any, part: Any, plate: Plate, cells: tuple[int, int]
-) -> list[tuple[Any, float]]:
-    """Nodes, elements and supports; nodes that are pulled, each with its force."""
+) -> list[tuple[Any, float, float]]:
+    """Nodes, elements and supports; nodes that are loaded, with force along z and moment."""
     part.SetBufferSize(2)
     for name in ("DISPLACEMENT", "ROTATION", "REACTION", "REACTION_MOMENT", "VOLUME_ACCELERATION"):
         part.AddNodalSolutionStepVariable(getattr(kratos, name))
     part.AddNodalSolutionStepVariable(shells.POINT_LOAD)
+    part.AddNodalSolutionStepVariable(shells.POINT_MOMENT)
     section = _section(kratos, shells, part, plate)
     across, along = cells[0] + 1, cells[1] + 1
     ids = np.arange(1, across * along + 1).reshape(along, across)
     b, a = np.meshgrid(np.linspace(0, 1, along), np.linspace(0, 1, across), indexing="ij")
-    x, y = plate.place(a, b)
-    for node, *point in zip(ids.flat, x.flat, y.flat, strict=True):
-        part.CreateNewNode(int(node), *map(float, point), 0.0)
-    _freedoms(kratos, part, ids[-1])
+    points = plate.in_space(*plate.place(a, b))
+    for node, *point in zip(ids.flat, *(x.flat for x in points), strict=True):
+        part.CreateNewNode(int(node), *map(float, point))
+    _freedoms(kratos, part, plate, ids)
     for number, nodes in enumerate(_triangles(ids), start=1):
         part.CreateNewElement(ELEMENT, number, nodes.tolist(), section)
-    shares = np.full(across, plate.pull * plate.width / cells[0])
+    shares = np.full(across, plate.width / cells[0])
     shares[[0, -1]] *= 0.5
     for node in ids[0].tolist():
-        part.CreateNewCondition("PointLoadCondition3D1N", node, [node], section)
-    return [(part.GetNode(int(i)), float(f)) for i, f in zip(ids[0], shares, strict=True)]
+        for kind, number in (("Load", node), ("Moment", node + ids.size)):
+            part.CreateNewCondition(f"Point{kind}Condition3D1N", number, [node], section)
+    forces = plate.pull * shares
+    forces[0] += plate.force
+    loads = zip(ids[0].tolist(), forces, plate.moment * shares, strict=True)
+    return [(part.GetNode(i), float(force), float(moment)) for i, force, moment in loads]
 
 
 def _section(kratos: Any, shells: Any, part: Any, plate: Plate) -> Any:
     """Thickness and material."""
     section = part.CreateNewProperties(1)
     section.SetValue(kratos.YOUNG_MODULUS, plate.young)
-    section.SetValue(kratos.POISSON_RATIO, 0.0)
+    section.SetValue(kratos.POISSON_RATIO, plate.poisson)
     section.SetValue(kratos.THICKNESS, plate.thickness)
     section.SetValue(kratos.DENSITY, 1.0)
     section.SetValue(kratos.CONSTITUTIVE_LAW, shells.LinearElasticPlaneStress2DLaw())
     return section
 
 
-def _freedoms(kratos: Any, part: Any, clamped: NDArray[np.int64]) -> None:
-    """Displacements and rotations, held at the clamped nodes."""
+def _freedoms(kratos: Any, part: Any, plate: Plate, ids: NDArray[np.int64]) -> None:
+    """Displacements and rotations, held along sides."""
+    sides = {"top": ids[-1], "bottom": ids[0], "left": ids[:, 0], "right": ids[:, -1]}
     for kind, reaction in (("DISPLACEMENT", "REACTION"), ("ROTATION", "REACTION_MOMENT")):
         for axis in "XYZ":
             freedom = getattr(kratos, f"{kind}_{axis}")
             back = getattr(kratos, f"{reaction}_{axis}")
             kratos.VariableUtils().AddDof(freedom, back, part)
-            for node in clamped.tolist():
-                part.GetNode(node).Fix(freedom)
+            what = axis if kind == "ROTATION" else axis.lower()
+            for side in plate.sides(what):
+                for node in sides[side].tolist():
+                    part.GetNode(node).Fix(freedom)
 
 
 def _triangles(ids: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -96,15 +118,20 @@ def _triangles(ids: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.concatenate([np.stack([low, right, far], 1), np.stack([low, far, up], 1)])
 
 
-def _strategy(kratos: Any, part: Any) -> Any:
-    """Newton's method with a sparse LU of each tangent; the imbalance is over that of the step."""
+def _strategy(kratos: Any, part: Any, pushed: bool) -> Any:
+    """Newton's method with a sparse LU of each tangent; the imbalance is over that of the step.
+
+    Where a displacement is prescribed its reaction would count as imbalance: the change counts.
+    """
     solver = import_module("KratosMultiphysics.LinearSolversApplication").SparseLUSolver()
+    kind = kratos.DisplacementCriteria if pushed else kratos.ResidualCriteria
+    criterion = kind(TOLERANCE, 1e-9)
     strategy = kratos.ResidualBasedNewtonRaphsonStrategy(
         part,
         kratos.ResidualBasedIncrementalUpdateStaticScheme(),
-        kratos.ResidualCriteria(TOLERANCE, 1e-9),
+        criterion,
         kratos.ResidualBasedBlockBuilderAndSolver(solver),
-        MOST, False, False, True,
+        MOST, True, False, True,
     )  # fmt: skip
     strategy.SetEchoLevel(0)
     strategy.Check()
@@ -112,14 +139,44 @@ def _strategy(kratos: Any, part: Any) -> Any:
     return strategy
 
 
+def _loading(shells: Any, loads: list[tuple[Any, float, float]]) -> Callable[[float], None]:
+    """What sets a share of the load."""
+
+    def load(share: float) -> None:
+        for node, force, moment in loads:
+            node.SetSolutionStepValue(shells.POINT_LOAD, 0, [0.0, 0.0, share * force])
+            node.SetSolutionStepValue(shells.POINT_MOMENT, 0, [0.0, -share * moment, 0.0])
+
+    return load
+
+
+def _pushed(kratos: Any, strategy: Any, plate: Plate) -> Bent:
+    """The corner goes down as far as it does under the full load."""
+    part, path = strategy.GetModelPart(), [(0.0, 0.0)]
+    corner = part.GetNode(1)
+    corner.Fix(kratos.DISPLACEMENT_Z)
+
+    def push(share: float) -> None:
+        corner.SetSolutionStepValue(kratos.DISPLACEMENT_Z, 0, -share * plate.depth)
+
+    def advance(share: float) -> tuple[bool, int]:
+        there, spent = _advanced(kratos, strategy, push, share)
+        if there:
+            load = corner.GetSolutionStepValue(kratos.REACTION_Z) / plate.force
+            path.append((load, share * plate.depth))
+        return there, spent
+
+    counts = ramped(advance, LONGEST)
+    return Bent(limits(*zip(*path, strict=True)), *counts, 6 * part.NumberOfNodes(), 0.0)
+
+
 def _advanced(
-    kratos: Any, shells: Any, strategy: Any, forces: list[tuple[Any, float]], load: float
+    kratos: Any, strategy: Any, load: Callable[[float], None], share: float
 ) -> tuple[bool, int]:
     """Go to a share of the load, or stay."""
     part = strategy.GetModelPart()
-    part.CloneTimeStep(load)
-    for node, force in forces:
-        node.SetSolutionStepValue(shells.POINT_LOAD, 0, [0.0, 0.0, load * force])
+    part.CloneTimeStep(share)
+    load(share)
     strategy.InitializeSolutionStep()
     strategy.Predict()
     there = bool(strategy.SolveSolutionStep())

@@ -1,4 +1,4 @@
-"""Flat shells bent by NGSolve: a mixed method with moments as unknowns, Newton with load steps.
+"""Shells bent by NGSolve: a mixed method with moments as unknowns, Newton with load steps.
 
 Displacements are continuous and cubic.  Moments have a continuous normal-normal part, which
 hybrid angles on the edges see to; they work on the curvature in each element and on the angles
@@ -18,21 +18,27 @@ from typing import Any
 import numpy as np
 
 from anmstrip.studies.peer_capstan import timed
+from anmstrip.studies.peer_ngsolve_arc import snapped
 from anmstrip.studies.peer_plates import MOST, TOLERANCE, Bent, Plate, ramped
 
 ORDER = 3
 
-CELLS = {"end shear": (1, 8), "slit annular plate": (3, 24)}
+CELLS = {
+    "end shear": (1, 8), "end moment": (1, 8), "slit annular plate": (3, 24),
+    "hinged roof, t = 12.7": (4, 4), "hinged roof, t = 6.35": (4, 4),
+}  # fmt: skip
 """Across and along."""
 
-PULLED, CLAMPED = "bottom", "top"
+LOADED = "bottom"
 
 
 def solved(name: str, plate: Plate) -> Bent:
     """Build, solve, read."""
     ng = import_module("ngsolve")
     ng.SetNumThreads(1)
-    found: list[tuple[_Shell, tuple[int, int]]] = []
+    if plate.force:
+        return snapped(lambda: _built(ng, plate, CELLS[name]), plate)
+    found: list[tuple[Shell, tuple[int, int]]] = []
 
     def work() -> None:
         shell = _built(ng, plate, CELLS[name])
@@ -46,7 +52,7 @@ def solved(name: str, plate: Plate) -> Bent:
 
 
 @dataclass(frozen=True)
-class _Shell:
+class Shell:
     """Energy of a state under a load, without what is eliminated in each element."""
 
     ng: Any
@@ -75,43 +81,68 @@ class _Shell:
     def _iterated(self) -> float:
         """One iteration of Newton's method; its work."""
         energy = self.energy
-        residual, change = (self.state.vec.CreateVector() for _ in range(2))
+        residual = self.state.vec.CreateVector()
         energy.AssembleLinearization(self.state.vec)
         energy.Apply(self.state.vec, residual)
-        residual.data += energy.harmonic_extension_trans * residual
-        change.data = energy.mat.Inverse(self.free, inverse="sparsecholesky") * residual
-        change.data += energy.harmonic_extension * change
-        change.data += energy.inner_solve * residual
+        change = self.solved(self.inverse(), residual)
         self.state.vec.data -= change
         return abs(float(self.ng.InnerProduct(change, residual)))
 
+    def inverse(self) -> Any:
+        """Of the condensed matrix."""
+        return self.energy.mat.Inverse(self.free, inverse="sparsecholesky")
 
-def _surface(ng: Any, shape: Any) -> tuple[Any, Any]:
+    def solved(self, inverse: Any, residual: Any) -> Any:
+        """Solution of a linear system, whose right side is condensed in place."""
+        energy, change = self.energy, self.state.vec.CreateVector()
+        residual.data += energy.harmonic_extension_trans * residual
+        change.data = inverse * residual
+        change.data += energy.harmonic_extension * change
+        change.data += energy.inner_solve * residual
+        return change
+
+
+def _surface(ng: Any, plate: Plate, shape: Any) -> tuple[Any, Any]:
     """Gradient of the position, shape (3, 2), and the normal."""
-    flat = ng.CF((1, 0, 0, 1, 0, 0), dims=(3, 2))
-    gradient = flat + ng.CF(tuple(ng.grad(part) for part in shape), dims=(3, 2))
+    angle = ng.y / plate.radius
+    unloaded = ng.CF((1, 0, 0, ng.cos(angle), 0, -ng.sin(angle)), dims=(3, 2))
+    gradient = unloaded + ng.CF(tuple(ng.grad(part) for part in shape), dims=(3, 2))
     return gradient, ng.Normalize(ng.Cross(gradient[:, 0], gradient[:, 1]))
 
 
-def _built(ng: Any, plate: Plate, cells: tuple[int, int]) -> _Shell:
+def _built(ng: Any, plate: Plate, cells: tuple[int, int]) -> Shell:
     """Mesh of curved quadrilaterals, spaces, energy."""
     make = import_module("ngsolve.meshes").MakeStructured2DMesh
     mesh = make(nx=cells[0], ny=cells[1], secondorder=True, mapping=plate.place)
-    place = ng.H1(mesh, order=ORDER, dirichlet=CLAMPED)
+    held = ["|".join(plate.sides(what)) for what in ("x", "y", "z", "XY")]
+    places = [ng.H1(mesh, order=ORDER, dirichlet=sides) for sides in held[:3]]
     moments = ng.HDivDiv(mesh, order=ORDER - 1, discontinuous=True)
-    angles = ng.NormalFacetFESpace(mesh, order=ORDER - 1, dirichlet=CLAMPED)
-    space = place * place * place * moments * angles
+    angles = ng.NormalFacetFESpace(mesh, order=ORDER - 1, dirichlet=held[3])
+    space = ng.FESpace([*places, moments, angles])
     state, load = ng.GridFunction(space), ng.Parameter(0.0)
-    mean, average = _normals(ng, mesh, state)
+    mean, average = _normals(ng, plate, mesh, state)
     *shape, moment, turn = space.TrialFunction()
     stretched, bent, hinged = _energies(ng, plate, shape, moment, turn, mean)
     energy = ng.BilinearForm(space, symmetric=True, condense=True)
     energy += ng.Variation((stretched + bent).Compile() * ng.dx)
     energy += ng.Variation(hinged.Compile() * ng.dx(element_boundary=True))
-    energy += ng.Variation(-load * plate.pull * shape[2] * ng.ds(PULLED))
-    lifted = plate.pull * state.components[2] * ng.ds(PULLED)
+    works = [_work(ng, plate, fields) for fields in ((shape, turn.Trace()), _split(state))]
+    energy += ng.Variation(-load * works[0] * ng.ds(LOADED))
+    lifted = works[1] * ng.ds(LOADED)
     free = space.FreeDofs(True)
-    return _Shell(ng, state, energy, free, load, lambda: ng.Integrate(lifted, mesh), average)
+    return Shell(ng, state, energy, free, load, lambda: ng.Integrate(lifted, mesh), average)
+
+
+def _split(state: Any) -> tuple[Any, Any]:
+    """Displacements and angles of a state."""
+    *shape, _, turn = state.components
+    return shape, turn
+
+
+def _work(ng: Any, plate: Plate, fields: tuple[Any, Any]) -> Any:
+    """Of the full load, per length of the loaded edge."""
+    shape, turn = fields
+    return plate.pull * shape[2] + plate.moment * turn * ng.specialcf.normal(2)
 
 
 def _energies(
@@ -119,15 +150,19 @@ def _energies(
 ) -> tuple[Any, Any, Any]:
     """Of stretch and of moments, per area; of moments on angles, per length of an element's edge.
 
-    E t |½ (Fᵀ F − 1)|² / 2,   M : (n · ∇²r) − 6 |M|² / (E t³),   (turn − angle) Mₙₙ.
+    E t |½ (Fᵀ F − 1)|² / 2,   M : (n · ∇²r) − 6 |M|² / (E t³),   (turn − angle) Mₙₙ, for ν = 0.
     """
-    gradient, normal = _surface(ng, shape)
+    gradient, normal = _surface(ng, plate, shape)
     strain = 0.5 * (gradient.trans * gradient - ng.Id(2))
-    stretched = 0.5 * plate.young * plate.thickness * ng.InnerProduct(strain, strain)
+    nu, angle = plate.poisson, ng.y / plate.radius
+    stiffness = plate.young * plate.thickness / (1.0 - nu**2)
+    stretched = 0.5 * stiffness * _isotropic(ng, strain, 1.0 - nu, nu)
     x, y, z = (part.Operator("hesse") for part in shape)
     curvature = normal[0] * x + normal[1] * y + normal[2] * z
+    rolled = -(normal[1] * ng.sin(angle) + normal[2] * ng.cos(angle)) + 1.0
+    curvature += ng.CF((0, 0, 0, rolled / plate.radius), dims=(2, 2))
     softness = 6.0 / (plate.young * plate.thickness**3)
-    bent = ng.InnerProduct(moment, curvature) - softness * ng.InnerProduct(moment, moment)
+    bent = ng.InnerProduct(moment, curvature) - softness * _isotropic(ng, moment, 1.0 + nu, -nu)
     out = ng.specialcf.normal(2)
     edge = ng.Normalize(gradient * ng.CF((-out[1], out[0])))
     across = mean - (mean * edge) * edge
@@ -135,18 +170,24 @@ def _energies(
     return stretched, bent, (turn * out - angle) * ng.InnerProduct(moment * out, out)
 
 
-def _normals(ng: Any, mesh: Any, state: Any) -> tuple[Any, Callable[[], None]]:
-    """Mean of the normals beside an edge, and what updates it where it is not clamped."""
+def _isotropic(ng: Any, tensor: Any, own: float, trace: float) -> Any:
+    """Of a symmetric tensor A: own |A|² + trace (tr A)²."""
+    return own * ng.InnerProduct(tensor, tensor) + trace * ng.Trace(tensor) ** 2
+
+
+def _normals(ng: Any, plate: Plate, mesh: Any, state: Any) -> tuple[Any, Callable[[], None]]:
+    """Mean of the normals beside an edge, and what updates it where it is not held."""
     space = ng.FacetFESpace(mesh, order=ORDER - 1) ** 3
     trial, test = (ng.CF(tuple(part)) for part in space.TnT())
     edges = ng.dx(element_boundary=True)
     mass = ng.BilinearForm(trial * test * edges).Assemble()
-    _, normal = _surface(ng, state.components[:3])
+    _, normal = _surface(ng, plate, state.components[:3])
     form = ng.LinearForm(normal * test * edges).Assemble()
     inverse = mass.mat.Inverse(inverse="sparsecholesky")
     mean = ng.GridFunction(space)
     mean.vec.data = inverse * form.vec
-    held = np.flatnonzero(list(space.GetDofs(mesh.Boundaries(CLAMPED))))
+    sides = mesh.Boundaries("|".join(plate.sides("XY")))
+    held = np.flatnonzero(list(space.GetDofs(sides)))
     kept = mean.vec.FV().NumPy()[held].copy()
 
     def average() -> None:

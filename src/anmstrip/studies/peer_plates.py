@@ -1,17 +1,27 @@
-"""Two flat shells that other programs are asked to bend far, and how their load grows.
+"""Shells that other programs are asked to bend far, and how their load grows.
 
-A plate is an image of the unit square: ``across`` runs along the edge that is pulled, ``along``
-from there to the clamped edge.  Full loads and units are those of
-:mod:`anmstrip.studies.benchmarks`; Poisson's ratio is zero.
+A shell is an image of the unit square: ``across`` runs along the edge that is loaded, ``along``
+from there to the opposite one.  Full loads and units are those of
+:mod:`anmstrip.studies.benchmarks`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from anmstrip.studies.benchmarks import (
+    GRADING,
+    ROOF_ANGLE,
+    ROOF_HALF_LENGTH,
+    ROOF_LOAD,
+    ROOF_RADIUS,
+)
+from anmstrip.studies.riks import RiksSettings
 
 Array = NDArray[np.float64]
 
@@ -25,21 +35,36 @@ TOLERANCE = 1e-4
 """Of the imbalance over the load, as in the rest of the study."""
 
 
+ALONG = RiksSettings(tolerance=TOLERANCE, longest=0.25)
+"""Of paths that snap; with steps short enough to read limit points off them."""
+
+
 @dataclass(frozen=True)
 class Plate:
-    """A flat shell, clamped along one edge and pulled at the opposite one.
+    """A shell that is flat, or a part of a cylinder along x, rolled out.
 
     Attributes
     ----------
     place : callable
-        (across, along) in the unit square → x, y.
+        (across, along) in the unit square → x, y of the flat shell.
     width : float
-        Of the pulled edge.
+        Of the loaded edge, along = 0.
     pull : float
         Dead force along z per length of that edge.
     young, thickness : float
     readings : callable
-        Displacements of the pulled edge's corners, shape (2, 3) → those that the table lists.
+        Displacements of the loaded edge's corners, shape (2, 3) → those that the table lists.
+    moment : float
+        Per length of that edge; lifts it.
+    held : dict
+        Side → what is held there, of displacements ``xyz`` and rotations ``XYZ``.
+    radius : float
+        Of the cylinder.
+    force : float
+        Along z, at the corner across = along = 0.
+    poisson : float
+    end, depth : float
+        Share of the full load to go to under that force, and how deep it then is.
     """
 
     place: Callable[[Array, Array], tuple[Array, Array]]
@@ -48,6 +73,24 @@ class Plate:
     young: float
     thickness: float
     readings: Callable[[Array], Array]
+    moment: float = 0.0
+    held: Mapping[str, str] = field(default_factory=lambda: {"top": "xyzXYZ"})
+    radius: float = np.inf
+    force: float = 0.0
+    poisson: float = 0.0
+    end: float = 1.0
+    depth: float = 0.0
+
+    def sides(self, held: str) -> list[str]:
+        """Sides where one of these is held."""
+        return [side for side, what in self.held.items() if set(held) & set(what)]
+
+    def in_space(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Points of the shell, of those of the flat one."""
+        if np.isinf(self.radius):
+            return x, y, 0.0 * y
+        angle = y / self.radius
+        return x, self.radius * np.sin(angle), self.radius * np.cos(angle)
 
 
 @dataclass(frozen=True)
@@ -75,7 +118,27 @@ class Bent:
     seconds: float
 
 
+def _roof(thickness: float, end: float, depth: float) -> Plate:
+    """A quarter: middle at across = along = 0, hinged along the top, free at the right."""
+    held = {"top": "xyz", "left": "xYZ", "bottom": "yXZ"}
+    return Plate(
+        lambda across, along: (
+            ROOF_HALF_LENGTH * across**GRADING, ROOF_RADIUS * ROOF_ANGLE * along**GRADING
+        ),
+        ROOF_HALF_LENGTH, 0.0, 3102.75, thickness, lambda tip: -tip[:1, 2], held=held,
+        radius=ROOF_RADIUS, force=-0.25 * ROOF_LOAD, poisson=0.3, end=end,
+        depth=depth,
+    )  # fmt: skip
+
+
 PLATES = {
+    "end moment": Plate(
+        lambda across, along: (12.0 * (1.0 - along), across - 0.5),
+        1.0, 0.0, 1.2e6, 0.1, lambda tip: tip[:, [0, 2]].mean(axis=0) * [-1.0, 1.0],
+        moment=2.0 * np.pi * 100.0 / 12.0,
+    ),
+    "hinged roof, t = 12.7": _roof(12.7, 1.0835, 29.0),
+    "hinged roof, t = 6.35": _roof(6.35, 1.0313, 38.0),
     "end shear": Plate(
         lambda across, along: (10.0 * (1.0 - along), across - 0.5),
         1.0, 4.0, 1.2e6, 0.1, lambda tip: tip[:, [0, 2]].mean(axis=0) * [-1.0, 1.0],
@@ -91,7 +154,16 @@ PLATES = {
 """By the benchmark's name."""
 
 
-def ramped(advance: Callable[[float], tuple[bool, int]]) -> tuple[int, int]:
+def limits(loads: Sequence[float], readings: Sequence[float]) -> list[float]:
+    """Loads at both limit points of a path that snaps, by a spline along it."""
+    path = np.array([loads, readings])
+    arcs = np.linalg.norm(np.diff(path / np.ptp(path, axis=1)[:, None], axis=1), axis=0)
+    spline = CubicSpline(np.concatenate([[0.0], np.cumsum(arcs)]), path[0])
+    turns = spline.derivative().roots(extrapolate=False)
+    return [float(load) for load in spline(turns[:2])]
+
+
+def ramped(advance: Callable[[float], tuple[bool, int]], longest: float = 1.0) -> tuple[int, int]:
     """Take the load to its full value; steps, and tangents that they took.
 
     ``advance`` goes to a share of the load and says whether it came there, and with how many
@@ -103,7 +175,7 @@ def ramped(advance: Callable[[float], tuple[bool, int]]) -> tuple[int, int]:
         solves += spent
         if there:
             load, steps = min(1.0, load + step), steps + 1
-            step *= GROWTH if spent <= WANTED else 1.0
+            step = min(step * (GROWTH if spent <= WANTED else 1.0), longest)
         else:
             step *= 0.5
         if step < SMALLEST:

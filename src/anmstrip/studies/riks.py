@@ -34,8 +34,8 @@ class RiksSettings:
     ----------
     tolerance : float
         Largest imbalance of a converged state, in units of the problem's forces.
-    first, shortest : float
-        First and smallest step along the arc.
+    first, shortest, longest : float
+        First, smallest and largest step along the arc.
     sharpest : float
         Cosine of the largest angle between a step and the path at its ends; without a bound
         the method leaps to other parts of the path, or goes back.
@@ -49,6 +49,7 @@ class RiksSettings:
     tolerance: float = 1e-6
     first: float = 0.1
     shortest: float = 1e-6
+    longest: float = np.inf
     sharpest: float = 0.5
     wanted: int = 5
     most: int = 12
@@ -94,7 +95,7 @@ def arc_steps(
             continue
         u, control, along = step.u, step.control, ahead
         ratio = np.sqrt(settings.wanted / max(step.iterations, 1))
-        length *= float(min(ratio, settings.growth))
+        length = min(length * float(min(ratio, settings.growth)), settings.longest)
         yield step
         if control >= target:
             return

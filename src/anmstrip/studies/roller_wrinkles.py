@@ -2,10 +2,13 @@
 
 *Crown.*  The middle goes a longer way than the edges and carries more; away from the roller the
 tension spreads again to the width of the strip.  That takes compression across, which comes from
-the crown whatever the tension is, while it is tension that holds the strip smooth.  So it wrinkles
-where the tension falls below an onset, which grows with the square of the crown: the strip bears
-2 q √(D T).  A roller that turns and rubs brings more strip to where its surface goes, towards the
-middle, and the compression grows with the way.
+the crown whatever the tension is, once the strip lies on all of the roller, while it is tension
+that holds the strip smooth.  So it wrinkles where the tension falls below an onset, which grows
+with the square of the crown: the strip bears 2 q √(D T).  At low tension it lies on the middle of
+the roller alone, compression is a share of the tension, and there is another onset, above which it
+wrinkles: T against √(D T) makes it depend on D, and hardly on the crown.  A lesser crown than that
+at which both meet makes no wrinkles at any tension.  A roller that turns and rubs brings more strip
+to where its surface goes, towards the middle, and the compression grows with the way.
 
 *Out of line.*  A strip that may slide does so, and nothing happens.  One that sticks is carried to
 the side and sheared: N_xy² / T is compression across, and wrinkles lie askew.
@@ -13,178 +16,21 @@ the side and sheared: N_xy² / T is compression across, and wrinkles lie askew.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
-from pathlib import Path
+from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
-from scipy.optimize import brentq
-
-from anmstrip.mechanics.cells import jets
-from anmstrip.scene.build import Assembly
-from anmstrip.scene.imperfection import buckling, flattened
-from anmstrip.scene.march import Arrival, March
-from anmstrip.scene.measures import State
 from anmstrip.scene.schema import Scene
-from anmstrip.scene.wrinkling import Wrinkling
 from anmstrip.studies.reports import Cell, Sheet, StudyReport
 from anmstrip.studies.shell_figure import Line, drawn
+from anmstrip.studies.wrinkle_onset import Onset, ended, onset
 from anmstrip.studies.wrinkling_scenes import Crowned, Mesh, Skewed
 
-Array = NDArray[np.float64]
-
-ONSET = 1.01
-"""Growth of the compression that is called the onset.
-
-A strip leans into those wrinkles that its roller has bent it a little towards, and holds the
-factor just above 1.
-"""
-
-DATED = 1e-3
-"""Error of an onset, as a share of the step that it lies in."""
-
-MOST_STEPS = 500
-
-
-@dataclass(frozen=True)
-class Onset:
-    """Where the strip begins to wrinkle.
-
-    Attributes
-    ----------
-    state : State
-    tension : float
-        N/m.
-    compression : float
-        N/m.
-    heights : ndarray, shape (unknowns,)
-        The mode, along the normals, as heights of the flat strip.
-    """
-
-    state: State
-    tension: float
-    compression: float
-    heights: Array
-
-    @cached_property
-    def wavelengths(self) -> tuple[float, float]:
-        """2π times the mean height over the mean slope, along and across (m)."""
-        operator = jets(self.state.plan.model.strip)
-        height, *slopes = operator.apply(self.heights)[2] ** 2 @ operator.weights
-        along, across = (2.0 * np.pi * np.sqrt(height / slope) for slope in slopes)
-        return float(along), float(across)
-
-    @property
-    def formula(self) -> float:
-        """2 √π (D/T)^(1/4) √L with half a wavelength along as the length of the wrinkles."""
-        stiffness = self.state.plan.model.strip.bending_stiffness / self.tension
-        return float(2.0 * np.sqrt(0.5 * np.pi * self.wavelengths[0]) * stiffness**0.25)
-
-    @property
-    def profile(self) -> tuple[Array, Array]:
-        """y and height across the strip where the mode is highest."""
-        strip, z = self.state.plan.model.strip, self.heights.reshape(-1, 3)[:, 2]
-        value, slope = (z[strip.dofs(name)] for name in ("u", "u_y"))
-        there = np.isclose(strip.nodes[0], strip.nodes[0][np.abs(value).argmax()])
-        y = np.linspace(strip.nodes[1].min(), strip.nodes[1].max(), 300)
-        return y, CubicHermiteSpline(strip.nodes[1][there], value[there], slope[there])(y)
-
-
-def onset(scene: Scene) -> Onset:
-    """First state after threading in which the strip is about to buckle.
-
-    Raises
-    ------
-    PathStopped
-        From the path.
-    ValueError
-        If the strip stays smooth, or is wrinkled from the beginning.
-    """
-    march = March(Assembly(scene))
-    for stage in scene.course:
-        plan = march.planned(stage, None)
-        for arrival in march.through(plan, MOST_STEPS):
-            march.accept(arrival)
-            if stage is not scene.course[0] and _excess(arrival.state) < 0.0:
-                return _dated(arrival)
-        if stage is scene.course[0] and _excess(arrival.state) < 0.0:
-            raise ValueError("the strip is wrinkled when threaded; take a higher tension")
-        march.finish(stage, plan)
-    raise ValueError("the strip stays smooth")
-
-
-def _excess(state: State) -> float:
-    return float(buckling(state, 1)[0][0]) - ONSET
-
-
-def _dated(arrival: Arrival) -> Onset:
-    """The onset inside a step."""
-    branch, plan = arrival.branch, arrival.plan
-    assert branch is not None
-
-    def state(a: float) -> State:
-        u, control = branch(a)
-        full, time = plan.supports.full(u, control), plan.start + control * plan.duration
-        return replace(arrival.state, full=full, control=float(control), time=time)
-
-    found = state(brentq(lambda a: _excess(state(a)), 0.0, branch.length,
-                         xtol=DATED * branch.length))  # fmt: skip
-    heights = flattened(found, buckling(found, 1)[1][:, 0])
-    return Onset(found, found.tension("exit"), Wrinkling(found).compression, heights)
-
-
-@dataclass(frozen=True)
-class Ended:
-    """How a strip has come out.
-
-    Attributes
-    ----------
-    state : State
-    wrinkling : Wrinkling
-    tangents : int
-    """
-
-    state: State
-    wrinkling: Wrinkling
-    tangents: int
-
-    @property
-    def heights(self) -> list[float]:
-        """Of the wrinkles in every span, over the thickness."""
-        found = self.wrinkling.amplitudes()
-        assert found is not None
-        return [height / self.state.plan.model.strip.thickness for height in found]
-
-    @property
-    def lean(self) -> float:
-        """Largest difference in height between both sides of the strip, over the thickness."""
-        strip = self.state.plan.model.strip
-        z = self.state.full.reshape(-1, 3)[strip.node_values, 2]
-        here, there = (np.lexsort(np.round([side * strip.nodes[1], strip.nodes[0]], 9))
-                       for side in (1.0, -1.0))  # fmt: skip
-        return float(np.abs(z[here] - z[there]).max()) / strip.thickness
-
-
-def ended(scene: Scene, directory: Path | None = None) -> Ended:
-    """Run a scene to its end, and write it if a directory is given.
-
-    Raises
-    ------
-    RuntimeError
-        If it stops before.
-    """
-    run = scene.run(directory)
-    *_, last = run
-    if not run.outcome.done:
-        raise RuntimeError(run.message)
-    return Ended(last.state, Wrinkling(last.state), run.cost.expansions)
-
-
-# report --------------------------------------------------------------------------
-
 FULL, COARSE = Mesh((16, 16), 7.5e-3), Mesh((12, 12), 1e-2)
+
+THICK = 4e-4
+"""Of the strip that is pulled harder and harder (m)."""
+
+CONES = 0.4
+"""Length of the cylinder between conical sides (m)."""
 
 EASED = ((6e-4, 1.5e4, 7e3), (8e-4, 2.2e4, 1.5e4), (1e-3, 3.6e4, 2.5e4))
 """Crown (m), tension of the threaded strip and tension to which it is lowered (N/m)."""
@@ -195,8 +41,9 @@ def study(quick: bool = False) -> StudyReport:
     crowns, panels = _crown_sheet(EASED[:2] if quick else EASED, COARSE if quick else FULL)
     sheets = [crowns]
     sheets += [] if quick else [_mesh_sheet((COARSE, FULL, Mesh((20, 20), 6e-3)))]
-    conveyed = (0.03, COARSE) if quick else (0.05, COARSE)
-    sheets.append(_friction_sheet(*conveyed, (0.3,) if quick else (0.1, 0.3)))
+    sheets.append(_rise_sheet((1e-3, 1.6e-3) if quick else (1.2e-3, 1.4e-3, 1.6e-3, 2e-3)))
+    sheets.append(_friction_sheet((6e3,) if quick else (6e3, 1.2e4), 0.3, 0.03 if quick else 0.28))
+    sheets += [] if quick else [_tension_sheet(0.3, 0.05, (3e3, 6e3, 1.2e4, 2.4e4))]
     skewed = Mesh((10, 8), 2e-2) if quick else Mesh((14, 12), 1.2e-2)
     sheets.append(_skew_sheet(0.02 if quick else 0.04, skewed, quick))
     return StudyReport(
@@ -241,24 +88,70 @@ def _mesh_sheet(meshes: tuple[Mesh, ...]) -> Sheet:
     return Sheet("Three meshes", ("mesh", *ONSET_COLUMNS), rows, f"Crown {1e3 * crown:g} mm.")
 
 
-def _friction_sheet(way: float, mesh: Mesh, coefficients: tuple[float, ...]) -> Sheet:
-    """The same crown and tension: as threaded, and conveyed with friction."""
-    case = Crowned(6e-4, 2e4, mesh)
-    scenes = [(0.0, case.eased(case.tension))]
-    scenes += [(f, case.conveyed(way, f)) for f in coefficients]
+def risen(case: Crowned, tension: float) -> Onset | None:
+    """Where a strip that is pulled harder begins to wrinkle, if it does."""
+    try:
+        return onset(case.eased(tension))
+    except ValueError:
+        return None
+
+
+def _rise_sheet(crowns: tuple[float, ...]) -> Sheet:
+    """Onset from below, over parabolas and over conical sides."""
     rows: list[tuple[Cell, ...]] = []
-    for friction, scene in scenes:
-        found = ended(scene)
-        before = found.wrinkling.spans[0]
-        rows.append((friction, before.compression, before.bearable, *found.heights, found.lean,
-                     found.tangents))  # fmt: skip
-    columns = ("friction", "compression (N/m)", "bearable (N/m)", "height / t before", "behind",
-               "lean / t", "tangents")  # fmt: skip
+    for flat, profile in ((None, "parabola"), (CONES, "conical sides")):
+        for crown in crowns:
+            found = risen(Crowned(crown, 2.5e3, COARSE, THICK, flat), 1e4)
+            row = (None,) * len(ONSET_COLUMNS) if found is None else _row(found)
+            rows.append((profile, 1e3 * crown, *row))
+    columns = ("profile", "crown (mm)", *ONSET_COLUMNS)
     note = (
-        f"Crown {1e3 * case.crown:g} mm, {1e-3 * case.tension:g} kN/m, mesh {mesh}: as threaded, "
-        f"and conveyed by {way:g} m. Before the roller; lean is what both sides differ by."
+        f"{1e3 * THICK:g} mm thick, pulled by 2.5 to 10 kN/m, mesh {COARSE}. Nothing rubs; below "
+        "the onset, or without one, the strip is smooth. Conical sides begin "
+        f"{0.5 * CONES:g} m from the middle and are as much thinner at the strip's edges."
     )
+    return Sheet("Onset as the tension rises", columns, tuple(rows), note)
+
+
+SMOOTH = Crowned(8e-4, 6e3, Mesh((8, 12), 2e-2), THICK)
+"""Over a crown that makes no wrinkles without friction, at any tension."""
+
+FRICTION_COLUMNS = ("compression (N/m)", "bearable (N/m)", "height / t before", "behind",
+                    "lean / t", "tangents")  # fmt: skip
+
+
+def _pressed(scene: Scene) -> tuple[Cell, ...]:
+    """Before the roller, which is towards the exit, and behind it."""
+    found = ended(scene)
+    before, (behind, *_, height) = found.wrinkling.spans[-1], found.heights
+    return before.compression, before.bearable, height, behind, found.lean, found.tangents
+
+
+def _friction_sheet(tensions: tuple[float, ...], friction: float, way: float) -> Sheet:
+    """The same crown and tension: as threaded, and conveyed with friction."""
+    rows: list[tuple[Cell, ...]] = []
+    for tension in tensions:
+        case, head = replace(SMOOTH, tension=tension), 1e-3 * tension
+        rows.append((head, 0.0, 0.0, *_pressed(case.eased(tension))))
+        rows.append((head, friction, way, *_pressed(case.conveyed(way, friction))))
+    note = (
+        f"Crown {1e3 * SMOOTH.crown:g} mm, {1e3 * THICK:g} mm thick, mesh {SMOOTH.mesh}: as "
+        "threaded, and conveyed. Lean is what both sides differ by."
+    )
+    columns = ("tension (kN/m)", "friction", "way (m)", *FRICTION_COLUMNS)
     return Sheet("Friction on a crown", columns, rows=tuple(rows), note=note)
+
+
+def _tension_sheet(friction: float, way: float, tensions: tuple[float, ...]) -> Sheet:
+    """What friction adds at other tensions."""
+    rows: list[tuple[Cell, ...]] = []
+    for tension in tensions:
+        case = replace(SMOOTH, tension=tension)
+        smooth = ended(case.eased(tension)).wrinkling.spans[-1].compression
+        rows.append((1e-3 * tension, smooth, *_pressed(case.conveyed(way, friction))))
+    columns = ("tension (kN/m)", "threaded: compression (N/m)", *FRICTION_COLUMNS)
+    note = f"As above, conveyed by {way:g} m with f = {friction:g}."
+    return Sheet("Friction and tension", columns, tuple(rows), note)
 
 
 def _skew_sheet(way: float, mesh: Mesh, quick: bool) -> Sheet:

@@ -32,7 +32,7 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Crowned:
-    """A strip 1 m wide and 0.2 mm thick, 0.8 m of it before and behind a crowned roller.
+    """A strip 1 m wide, 0.8 m of it before and behind a roller that is thicker in the middle.
 
     Attributes
     ----------
@@ -41,24 +41,43 @@ class Crowned:
     tension : float
         Of the threaded strip (N/m).
     mesh : Mesh
+    thickness : float
+        m.
+    flat : float, optional
+        Length (m) of the cylinder in the middle, beside conical sides; left out: a parabola.
     """
 
     crown: float
     tension: float
     mesh: Mesh
+    thickness: float = 2e-4
+    flat: float | None = None
 
-    width, thickness, radius, free, wrap = 1.0, 2e-4, 0.4, 0.8, np.radians(10.0)
+    width, radius, free, wrap = 1.0, 0.4, 0.8, np.radians(10.0)
+
+    @property
+    def profile(self) -> dict[str, Any]:
+        """Of the roller."""
+        half = 0.5 * self.width
+        if self.flat is None:
+            return {"crown": [0.0, -self.crown / half**2]}
+        taper = self.crown / (half - 0.5 * self.flat)
+        return {"sides": {"taper": taper, "flat": self.flat, "rounding": 0.1 * self.width}}
 
     def eased(self, tension: float, **strip: Any) -> Scene:
-        """The tension is lowered; nothing rubs."""
+        """The tension is lowered, or raised; nothing rubs."""
         force = [float(tension * np.cos(0.5 * self.wrap)), 0.0, 0.0]
         solver = {"tolerance": 1e-6, "order": 15}
         ease = {"name": "ease", "duration": 1.0, "exit": {"force": force}}
         return self._scene([ease], strip, solver=solver)
 
     def conveyed(self, way: float, friction: float) -> Scene:
-        """The roller takes the strip along by a way (m), 0.025 m of it to come to speed."""
-        turn = {"rollers": {"r1": {"surface_speed": SPEED}}}
+        """The roller takes the strip along by a way (m), 0.025 m of it to come to speed.
+
+        From exit to entry: the exit is pulled where it is held up; what has passed the roller is
+        free at the entry.
+        """
+        turn = {"rollers": {"r1": {"surface_speed": -SPEED}}}
         start = {"name": "start", "duration": 0.1, "entry": {"release": True}, **turn}
         run = {"name": "run", "duration": way / SPEED - 0.05, **turn}
         return self._scene([{"name": "hold", "duration": 0.1}, start, run], {}, **rubbing(friction))
@@ -67,7 +86,7 @@ class Crowned:
         half = 0.5 * self.wrap
         x = self.radius * np.sin(half) + self.free * np.cos(half)
         z = self.radius * (np.cos(half) - 1.0) - self.free * np.sin(half)
-        roller = {"radius": self.radius, "crown": [0.0, -4.0 * self.crown / self.width**2]}
+        roller = {"radius": self.radius, **self.profile}
         return _made(
             {"width": self.width, "thickness": self.thickness, **strip},
             self.mesh,

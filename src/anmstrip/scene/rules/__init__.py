@@ -53,7 +53,7 @@ RULES: tuple[tuple[Callable[..., Iterable[Mistake]], tuple[str, ...]], ...] = (
     (threading.ends, ("threading",)),
     (threading.bearable, ("threading", "strip", "material")),
     (threading.wrapped_axes, ("rollers",)),
-    (rollers.crowns, ("strip", "rollers")),
+    (rollers.profiles, ("strip", "rollers")),
     (rollers.apart, ("rollers",)),
 )
 """Rules between the tables of a scene, each with the tables that it needs.

@@ -43,10 +43,9 @@ def rollers_of_a_section(strip: StripSpec, rollers: tuple[RollerSpec, ...]) -> I
     if strip.kinematics != "section":
         return
     for roller in rollers:
-        if roller.crown:
-            expected = 'no crown, since "section" has no width'
-            hint = OTHER["section"]
-            yield Mistake("", f"rollers.{roller.name}.crown", roller.crown, expected, hint)
+        for key, value in roller.profile.items():
+            expected = f'no {key}, since "section" has no width'
+            yield Mistake("", f"rollers.{roller.name}.{key}", value, expected, OTHER["section"])
         if roller.axis[0] or roller.axis[2]:
             expected = 'an axis along y, since "section" has no width'
             hint = "axis = [0.0, 1.0, 0.0]"

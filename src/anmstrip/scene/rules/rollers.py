@@ -14,23 +14,28 @@ if TYPE_CHECKING:
 
 Vector = tuple[float, ...]
 
+GENTLE = {
+    "crown": "crown = [0.0, -{:g}]",
+    "taper": "taper = {:g}",
+    "sides": "sides = {{ taper = {:g}, flat = 0.5, rounding = 0.05 }}",
+}
+"""Profiles, with one to type instead."""
+
 PARALLEL = 0.99
 """Least cosine of the angle between axes that count as parallel."""
 
 
-def crowns(strip: StripSpec, rollers: tuple[RollerSpec, ...]) -> Iterator[Mistake]:
+def profiles(strip: StripSpec, rollers: tuple[RollerSpec, ...]) -> Iterator[Mistake]:
     """Yield profiles without a radius somewhere across the strip."""
     half = 0.5 * (strip.width or 0.0)
     for roller in rollers:
         places = [(2.0 * i / 32 - 1.0) * half - roller.centre[1] for i in range(33)]
-        least = min(
-            roller.radius + sum(c * s**k for k, c in enumerate(roller.crown, start=1))
-            for s in places
-        )
+        least = min(float(roller.shape.radius_at(s)) for s in places)
         if not least > 0.0:
+            key, value = next(iter(roller.profile.items()))
             expected = f"a radius above 0 all across the strip; it falls to {least:.3g} (m)"
-            hint = f"crown = [0.0, {-1e-3 * roller.radius:g}]"
-            yield Mistake("", f"rollers.{roller.name}.crown", roller.crown, expected, hint)
+            hint = GENTLE[key].format(1e-3 * roller.radius)
+            yield Mistake("", f"rollers.{roller.name}.{key}", value, expected, hint)
 
 
 def apart(rollers: tuple[RollerSpec, ...]) -> Iterator[Mistake]:
