@@ -59,6 +59,14 @@ class Model:
         """Whether any effect looks at the velocity."""
         return any(getattr(effect, "rate_dependent", False) for effect in self.effects)
 
+    @property
+    def without_rates(self) -> Model:
+        """The effects that do not look at the velocity."""
+        if not self.rate_dependent:
+            return self
+        still = [e for e in self.effects if not getattr(e, "rate_dependent", False)]
+        return Model(self.strip, self.pattern, still, self.scales)
+
     def restriction(self, free: Index) -> Restriction:
         """Assembler over the free unknowns, remembered."""
         key = free.tobytes()

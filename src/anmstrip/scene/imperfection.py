@@ -63,14 +63,15 @@ def _perfect(scene: Scene) -> State:
 
 
 def buckling(state: State, count: int) -> tuple[Array, Array]:
-    """Factors and modes of a state without friction, see :func:`buckling_modes`.
+    """Factors and modes of a state, as if nothing rubbed, see :func:`buckling_modes`.
 
     Returns
     -------
     factors : ndarray, shape (count,)
     modes : ndarray, shape (free, count)
     """
-    plan, model, free = state.plan, state.plan.model, state.plan.supports.free
+    plan, free = state.plan, state.plan.supports.free
+    model = plan.model.without_rates
     equations = Equilibrium(model, plan.supports, plan.controls)
     tangent = equations.recurrence(state.full[free], state.control, 1).tangent()
     assert state.membrane is not None

@@ -17,12 +17,13 @@ the side and sheared: N_xy² / T is compression across, and wrinkles lie askew.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 from anmstrip.scene.schema import Scene
 from anmstrip.studies.reports import Cell, Sheet, StudyReport
 from anmstrip.studies.shell_figure import Line, drawn
 from anmstrip.studies.wrinkle_onset import Onset, ended, onset
-from anmstrip.studies.wrinkling_scenes import Crowned, Mesh, Skewed
+from anmstrip.studies.wrinkling_scenes import SPEED, Crowned, Mesh, Skewed
 
 FULL, COARSE = Mesh((16, 16), 7.5e-3), Mesh((12, 12), 1e-2)
 
@@ -42,8 +43,8 @@ def study(quick: bool = False) -> StudyReport:
     sheets = [crowns]
     sheets += [] if quick else [_mesh_sheet((COARSE, FULL, Mesh((20, 20), 6e-3)))]
     sheets.append(_rise_sheet((1e-3, 1.6e-3) if quick else (1.2e-3, 1.4e-3, 1.6e-3, 2e-3)))
-    sheets.append(_friction_sheet((6e3,) if quick else (6e3, 1.2e4), 0.3, 0.03 if quick else 0.28))
-    sheets += [] if quick else [_tension_sheet(0.3, 0.05, (3e3, 6e3, 1.2e4, 2.4e4))]
+    rubbed = ((8e-4, 6e3),) if quick else tuple(product((6e-4, 8e-4, 1e-3), (3e3, 6e3, 1.2e4)))
+    sheets.append(_friction_sheet(rubbed, 0.3, 0.03 if quick else 0.15))
     skewed = Mesh((10, 8), 2e-2) if quick else Mesh((14, 12), 1.2e-2)
     sheets.append(_skew_sheet(0.02 if quick else 0.04, skewed, quick))
     return StudyReport(
@@ -116,42 +117,35 @@ def _rise_sheet(crowns: tuple[float, ...]) -> Sheet:
 SMOOTH = Crowned(8e-4, 6e3, Mesh((8, 12), 2e-2), THICK)
 """Over a crown that makes no wrinkles without friction, at any tension."""
 
-FRICTION_COLUMNS = ("compression (N/m)", "bearable (N/m)", "height / t before", "behind",
-                    "lean / t", "tangents")  # fmt: skip
+FRICTION_COLUMNS = (
+    "crown (mm)", "tension (kN/m)", "friction", "way (m)", "factor", "compression (N/m)",
+    "height / t before", "behind", "lean / t", "tangents", "outcome",
+)  # fmt: skip
 
 
-def _pressed(scene: Scene) -> tuple[Cell, ...]:
-    """Before the roller, which is towards the exit, and behind it."""
-    found = ended(scene)
-    before, (behind, *_, height) = found.wrinkling.spans[-1], found.heights
-    return before.compression, before.bearable, height, behind, found.lean, found.tangents
-
-
-def _friction_sheet(tensions: tuple[float, ...], friction: float, way: float) -> Sheet:
-    """The same crown and tension: as threaded, and conveyed with friction."""
+def _friction_sheet(cases: tuple[tuple[float, float], ...], friction: float, way: float) -> Sheet:
+    """The same crowns and tensions: as threaded, and conveyed with friction."""
     rows: list[tuple[Cell, ...]] = []
-    for tension in tensions:
-        case, head = replace(SMOOTH, tension=tension), 1e-3 * tension
-        rows.append((head, 0.0, 0.0, *_pressed(case.eased(tension))))
-        rows.append((head, friction, way, *_pressed(case.conveyed(way, friction))))
+    for crown, tension in cases:
+        case, head = replace(SMOOTH, crown=crown, tension=tension), (1e3 * crown, 1e-3 * tension)
+        rows.append((*head, 0.0, *_pressed(case.eased(tension), 0.0)))
+        rows.append((*head, friction, *_pressed(case.conveyed(way, friction), way)))
     note = (
-        f"Crown {1e3 * SMOOTH.crown:g} mm, {1e3 * THICK:g} mm thick, mesh {SMOOTH.mesh}: as "
-        "threaded, and conveyed. Lean is what both sides differ by."
+        f"{1e3 * THICK:g} mm thick, mesh {SMOOTH.mesh}: as threaded, and conveyed. By the factor "
+        "the compression would have to grow for the strip to buckle. Before the roller, which is "
+        "towards the exit, and behind it. Lean is what both sides differ by."
     )
-    columns = ("tension (kN/m)", "friction", "way (m)", *FRICTION_COLUMNS)
-    return Sheet("Friction on a crown", columns, rows=tuple(rows), note=note)
+    return Sheet("Friction on a crown", FRICTION_COLUMNS, rows=tuple(rows), note=note)
 
 
-def _tension_sheet(friction: float, way: float, tensions: tuple[float, ...]) -> Sheet:
-    """What friction adds at other tensions."""
-    rows: list[tuple[Cell, ...]] = []
-    for tension in tensions:
-        case = replace(SMOOTH, tension=tension)
-        smooth = ended(case.eased(tension)).wrinkling.spans[-1].compression
-        rows.append((1e-3 * tension, smooth, *_pressed(case.conveyed(way, friction))))
-    columns = ("tension (kN/m)", "threaded: compression (N/m)", *FRICTION_COLUMNS)
-    note = f"As above, conveyed by {way:g} m with f = {friction:g}."
-    return Sheet("Friction and tension", columns, tuple(rows), note)
+def _pressed(scene: Scene, way: float) -> tuple[Cell, ...]:
+    """How far it has come, and what stands in the columns after that."""
+    found = ended(scene)
+    if not found.outcome.done:
+        way -= SPEED * (sum(stage.duration for stage in scene.course) - found.state.time)
+    compression, (behind, *_, height) = found.wrinkling.spans[-1].compression, found.heights
+    wrinkles = (found.factor, compression, height, behind, found.lean)
+    return round(way, 3), *wrinkles, found.tangents, found.outcome.value
 
 
 def _skew_sheet(way: float, mesh: Mesh, quick: bool) -> Sheet:

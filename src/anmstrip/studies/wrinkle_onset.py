@@ -18,6 +18,7 @@ from anmstrip.scene.march import Arrival, March
 from anmstrip.scene.measures import State
 from anmstrip.scene.schema import Scene
 from anmstrip.scene.wrinkling import Wrinkling
+from anmstrip.series.outcome import Outcome
 
 Array = NDArray[np.float64]
 
@@ -130,11 +131,19 @@ class Ended:
     state : State
     wrinkling : Wrinkling
     tangents : int
+    outcome : Outcome
+        Of the run, which may have stopped before its end.
     """
 
     state: State
     wrinkling: Wrinkling
     tangents: int
+    outcome: Outcome = Outcome.DONE
+
+    @property
+    def factor(self) -> float:
+        """By which the compression would have to grow for the strip to buckle."""
+        return float(buckling(self.state, 1)[0][0])
 
     @property
     def heights(self) -> list[float]:
@@ -154,15 +163,7 @@ class Ended:
 
 
 def ended(scene: Scene, directory: Path | None = None) -> Ended:
-    """Run a scene to its end, and write it if a directory is given.
-
-    Raises
-    ------
-    RuntimeError
-        If it stops before.
-    """
+    """Run a scene as far as it goes, and write it if a directory is given."""
     run = scene.run(directory)
     *_, last = run
-    if not run.outcome.done:
-        raise RuntimeError(run.message)
-    return Ended(last.state, Wrinkling(last.state), run.cost.expansions)
+    return Ended(last.state, Wrinkling(last.state), run.cost.expansions, run.outcome)

@@ -74,11 +74,13 @@ class Crowned:
     def conveyed(self, way: float, friction: float) -> Scene:
         """The roller takes the strip along by a way (m), 0.025 m of it to come to speed.
 
-        From exit to entry: the exit is pulled where it is held up; what has passed the roller is
-        free at the entry.
+        From exit to entry: the exit is pulled where it is held up, and the entry is drawn away as
+        fast as the roller turns.
         """
         turn = {"rollers": {"r1": {"surface_speed": -SPEED}}}
-        start = {"name": "start", "duration": 0.1, "entry": {"release": True}, **turn}
+        half = 0.5 * self.wrap
+        away = {"velocity": [-SPEED * float(np.cos(half)), 0.0, -SPEED * float(np.sin(half))]}
+        start = {"name": "start", "duration": 0.1, "entry": away, **turn}
         run = {"name": "run", "duration": way / SPEED - 0.05, **turn}
         return self._scene([{"name": "hold", "duration": 0.1}, start, run], {}, **rubbing(friction))
 
