@@ -22,7 +22,7 @@ from itertools import product
 from anmstrip.scene.schema import Scene
 from anmstrip.studies.reports import Cell, Sheet, StudyReport
 from anmstrip.studies.shell_figure import Line, drawn
-from anmstrip.studies.wrinkle_onset import Onset, ended, onset
+from anmstrip.studies.wrinkle_onset import Ended, Onset, ended, onset
 from anmstrip.studies.wrinkling_scenes import SPEED, Crowned, Mesh, Skewed
 
 FULL, COARSE = Mesh((16, 16), 7.5e-3), Mesh((12, 12), 1e-2)
@@ -141,11 +141,15 @@ def _friction_sheet(cases: tuple[tuple[float, float], ...], friction: float, way
 def _pressed(scene: Scene, way: float) -> tuple[Cell, ...]:
     """How far it has come, and what stands in the columns after that."""
     found = ended(scene)
-    if not found.outcome.done:
-        way -= SPEED * (sum(stage.duration for stage in scene.course) - found.state.time)
     compression, (behind, *_, height) = found.wrinkling.spans[-1].compression, found.heights
     wrinkles = (found.factor, compression, height, behind, found.lean)
-    return round(way, 3), *wrinkles, found.tangents, found.outcome.value
+    return _gone(scene, found, way), *wrinkles, found.tangents, found.outcome.value
+
+
+def _gone(scene: Scene, found: Ended, way: float) -> float:
+    """The part of a way (m) that it has come."""
+    missing = sum(stage.duration for stage in scene.course) - found.state.time
+    return round(way - SPEED * missing, 4) if way else 0.0
 
 
 def _skew_sheet(way: float, mesh: Mesh, quick: bool) -> Sheet:
@@ -154,12 +158,13 @@ def _skew_sheet(way: float, mesh: Mesh, quick: bool) -> Sheet:
     ]  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
     for yaw, friction in cases:
-        found = ended(Skewed(yaw, 1e4, mesh).conveyed(way, friction))
-        before = found.wrinkling.spans[0]
-        rows.append((1e3 * yaw, friction, before.compression, before.bearable, found.heights[0],
-                     found.tangents))  # fmt: skip
-    columns = ("yaw (mrad)", "friction", "compression (N/m)", "bearable (N/m)", "height / t",
-               "tangents")  # fmt: skip
+        scene = Skewed(yaw, 1e4, mesh).conveyed(way, friction)
+        found = ended(scene)
+        before, gone = found.wrinkling.spans[0], _gone(scene, found, way if friction else 0.0)
+        rows.append((1e3 * yaw, friction, gone, before.compression, before.bearable,
+                     found.heights[0], found.tangents, found.outcome.value))  # fmt: skip
+    columns = ("yaw (mrad)", "friction", "way (m)", "compression (N/m)", "bearable (N/m)",
+               "height / t", "tangents", "outcome")  # fmt: skip
     note = (
         f"{Skewed.width:g} m wide, {1e3 * Skewed.thickness:g} mm thick, 10 kN/m, mesh {mesh}: as "
         f"threaded, and with friction conveyed by {way:g} m. Before the roller."
