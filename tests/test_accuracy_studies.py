@@ -140,15 +140,18 @@ def test_friction_study() -> None:
 
 @pytest.mark.slow
 def test_contact_study() -> None:
-    """Penetration falls with K, tangents hardly change, the law holds."""
+    """Penetration falls with K; what the mesh resolves is cheaper than the stiffest."""
     _, rows = quick("contact")
     stiff = rows[: len(contact.STIFFNESSES[::3])]
     assert [row["penetration"] for row in stiff] == sorted(
         (row["penetration"] for row in stiff), reverse=True
     )
-    assert max(row["pressing"] for row in rows) < 5 * min(row["pressing"] for row in rows)
-    for row in rows:
-        assert abs(row["off law"]) < 1e-3
+    assert max(row["pressing"] for row in stiff) < 5 * min(row["pressing"] for row in stiff)
+    soft = len(contact.REGULARISATIONS[::3])
+    chosen, *graded = rows[len(stiff) + soft :]
+    assert chosen["pressing"] < 0.6 * max(row["pressing"] for row in stiff)
+    assert [row["onset"] for row in graded] == sorted(row["onset"] for row in graded)
+    for row in (*stiff, chosen):
         assert abs(row["ratio error"]) < 5e-3
 
 

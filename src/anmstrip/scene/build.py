@@ -22,7 +22,7 @@ from anmstrip.scene.costs import cheapest_order, size_of
 from anmstrip.scene.errors import InputError, Mistake
 from anmstrip.scene.mesh_file import read_mesh
 from anmstrip.scene.meshing import largest_force, strip_mesh
-from anmstrip.scene.schema import Scene, StageSpec
+from anmstrip.scene.schema import RollerSpec, Scene, StageSpec
 from anmstrip.scene.threading import Thread, thread_of
 
 if TYPE_CHECKING:
@@ -32,6 +32,9 @@ if TYPE_CHECKING:
     from anmstrip.mechanics.signorini import GradedSignorini, RepulsiveSignorini
 
 Array = NDArray[np.float64]
+
+UNSEEN = 0.02
+"""Stretch that the onset of contact may make, over the elastic one."""
 
 FAINT = 1e-4
 """Share of the pressure T/r of a wrapped strip below which there is no friction.
@@ -201,10 +204,15 @@ class Assembly:
     def _resolved_onset(self) -> float:
         """Gap (m) of a straight strip half a spacing of contact points beyond where it lifts off.
 
-        The points are two to an element.
+        The points are two to an element.  Where rollers make the tension vary across, a gap
+        stretches fibres by its share of the radius, which must not be seen beside T/(E t).
         """
-        half = 0.25 * float(self.strip.cell_sizes[0].min())
-        return half**2 / (2.0 * self._mean_radius)
+        half, radius = 0.25 * float(self.strip.cell_sizes[0].min()), self._mean_radius
+        resolved = half**2 / (2.0 * radius)
+        if self.kinematics.count < 3 or not any(map(_varies, self.scene.rollers)):
+            return resolved
+        strain = self.scales.tension / (self.material.young * self.strip.thickness)
+        return min(resolved, UNSEEN * strain * radius)
 
     def _contact(self, reaches: list[float]) -> Contact | None:
         """Contact of every point with every roller, up to the given gaps."""
@@ -274,6 +282,12 @@ class Assembly:
         if tension == 0.0:
             tension = self.strip.bending_stiffness / self.strip.length**2
         return Scales(self.strip.length, tension * self.strip.width, tension)
+
+
+def _varies(roller: RollerSpec) -> bool:
+    """Whether the strip's fibres go different ways over a roller."""
+    across = np.abs(roller.axis) / np.linalg.norm(roller.axis)
+    return bool(roller.crown or roller.taper or roller.sides or across[1] < 1.0)
 
 
 def _is_load(control: str) -> bool:
