@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from threaded import ONE, scene_of
+
 from anmstrip.scene import Scene
 from anmstrip.scene.build import Assembly
 from anmstrip.scene.stages import Course, Plan
@@ -86,3 +88,38 @@ def test_what_jumps_begins_anew() -> None:
     )
     assert not second.continues(first)
     assert not third.continues(second)
+
+
+@pytest.mark.parametrize(
+    ("begin", "others", "back", "ahead"),
+    [
+        ({"entry": {"velocity": [-0.4, 0.0, 0.0]}}, {}, 0.1, 0.0),
+        ({"exit": {"velocity": [0.3, 0.0, 0.4]}}, {"exit": {"fixed": ["x", "z"]}}, 0.0, 0.125),
+        ({"rollers": {"a": {"surface_speed": 0.4}}}, {}, 0.0, 0.0),
+        ({"entry": {"release": True}, "rollers": {"a": {"surface_speed": 0.4}}}, {}, 0.0, 0.1),
+    ],
+)
+def test_mesh_is_fine_where_strip_comes_to_lie_on_a_roller(
+    begin: dict[str, Any], others: dict[str, Any], back: float, ahead: float
+) -> None:
+    """It goes with the edges that are held, else with the rollers; 0.1 s to come to speed."""
+    tables = {
+        "rollers": [{**ONE["rollers"][0], "centre": (0.2, 0.0, -0.5)}],
+        "edges": {"entry": {"fixed": ["x", "z"]}, **others},
+        "friction": {"coefficient": 0.3, "speed": 1e-3},
+        "strip": {"cells": [16, 1], "refined": 0.025},
+    }
+    rest, moved = (
+        Assembly(scene_of({**ONE, **tables, "stages": stages}))
+        for stages in ([{"duration": 0.3}], [{"duration": 0.1, **begin}, {"duration": 0.2}])
+    )
+    (lo, hi), (low, high) = (_fine_stretch(each) for each in (rest, moved))
+    assert lo - low == pytest.approx(ahead, abs=1e-9)
+    assert high - hi == pytest.approx(back, abs=1e-9)
+
+
+def _fine_stretch(assembly: Assembly) -> tuple[float, float]:
+    """Where the finest elements of a strip begin and end."""
+    x = np.unique(assembly.strip.nodes[0])
+    fine = np.flatnonzero(np.diff(x) < 0.03)
+    return float(x[fine[0]]), float(x[fine[-1] + 1])

@@ -11,6 +11,7 @@ from skfem import MeshLine, MeshQuad
 from anmstrip.mechanics.strip import grid, line
 from anmstrip.scene.errors import InputError, Mistake
 from anmstrip.scene.schema import Scene
+from anmstrip.scene.stage_tables import EdgeControl
 from anmstrip.scene.threading import Thread
 
 Array = NDArray[np.float64]
@@ -126,16 +127,34 @@ def fine_zones(scene: Scene, thread: Thread | None, half: float) -> list[tuple[f
 
 
 def _carried(scene: Scene, name: str) -> tuple[float, float]:
-    """Largest travel of a roller's surface, backwards and forwards (m)."""
+    """Largest travel of the strip over a roller, backwards and forwards (m).
+
+    That of the edges that are held, or of the roller's surface where none is or it is let go.
+    """
+    held = [edge for edge, spec in scene.edges.items() if spec.fixed]
+    if not held or any(c.release for stage in scene.stages for c in stage.edges.values()):
+        rollers = [stage.rollers.get(name) for stage in scene.stages]
+        return _travel(scene, [None if r is None else r.surface_speed for r in rollers])
+    speeds = ([_along(stage.edges.get(edge)) for stage in scene.stages] for edge in held)
+    back, ahead = zip(*(_travel(scene, each) for each in speeds), strict=True)
+    return max(back), max(ahead)
+
+
+def _along(control: EdgeControl | None) -> float | None:
+    """Speed of an edge towards the exit (m/s), if it is given another."""
+    if control is None or control.velocity is None:
+        return None
+    return float(np.copysign(np.linalg.norm(control.velocity), control.velocity[0]))
+
+
+def _travel(scene: Scene, speeds: list[float | None]) -> tuple[float, float]:
+    """Farthest backwards and forwards (m), by the speeds at the ends of the stages."""
     speed = travel = lowest = highest = 0.0
-    for stage in scene.stages:
-        control = stage.rollers.get(name)
-        new = speed if control is None or control.surface_speed is None else control.surface_speed
+    for stage, given in zip(scene.stages, speeds, strict=True):
+        new = speed if given is None else given
         travel += 0.5 * (speed + new) * stage.duration
         speed, lowest, highest = new, min(lowest, travel), max(highest, travel)
-    held = any(edge.fixed for edge in scene.edges.values())
-    let_go = any(c.release for stage in scene.stages for c in stage.edges.values())
-    return (0.0, 0.0) if held and not let_go else (-lowest, highest)
+    return -lowest, highest
 
 
 def _united(zones: list[tuple[float, float]]) -> list[tuple[float, float]]:
