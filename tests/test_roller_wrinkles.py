@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import runpy
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,9 @@ import pytest
 from anmstrip.scene.explain import explain
 from anmstrip.scene.imperfection import buckling
 from anmstrip.studies.registry import run_study
-from anmstrip.studies.roller_wrinkles import COARSE, CONES, EASED, SMOOTH, THICK, risen
-from anmstrip.studies.wrinkle_onset import ended, onset
+from anmstrip.studies.roller_wrinkles import COARSE, CONES, EASED, risen
+from anmstrip.studies.rubbed_wrinkles import LEVELS, SMOOTH, THICK, askew, likened, pulled
+from anmstrip.studies.wrinkle_onset import ended, onset, onsets
 from anmstrip.studies.wrinkling_scenes import Crowned, Mesh, Skewed
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -103,13 +105,52 @@ def test_roller_out_of_line_compresses_only_what_sticks():
 
 
 @pytest.mark.slow
+def test_friction_lowers_the_onset_which_falls_with_the_crown():
+    """Of a strip that is pulled harder and harder while it runs."""
+    tensions = []
+    for crown, friction in ((1.2e-3, 0.0), (1.2e-3, 0.3), (1.6e-3, 0.3)):
+        (found,) = onsets(pulled(replace(SMOOTH, crown=crown), friction), LEVELS[:1])
+        tensions.append(found.tension)
+    smooth, rubbed, higher = tensions
+    assert rubbed < 0.95 * smooth
+    assert higher < 0.9 * rubbed
+
+
+@pytest.mark.slow
+def test_friction_raises_the_wrinkles_before_a_crown():
+    case = replace(SMOOTH, crown=1.2e-3)
+    smooth, rubbed = (ended(pulled(case, friction)) for friction in (0.0, 0.3))
+    assert rubbed.outcome.done
+    assert rubbed.lean < 1e-6
+    assert rubbed.heights[-1] > 1.3 * smooth.heights[-1]
+
+
+@pytest.mark.slow
+def test_roller_out_of_line_wrinkles_what_sticks_below_a_tension():
+    """That grows with the yaw; askew towards where the strip is carried; 0.1 m apart."""
+    tensions = []
+    for yaw in (5e-3, 1e-2):
+        case = Skewed(yaw, 2e4, Mesh((10, 8), 2e-2))
+        found, way = askew(case, 0.3)
+        tensions.append(likened(2e4, way))
+        wave, angle = found.crests
+        assert found.place == "the entry to r1"
+        assert found.count >= 4
+        assert wave == pytest.approx(0.1, rel=0.1)
+        assert -0.2 < angle < -0.05
+    assert 2.0 < tensions[1] / tensions[0] < 3.0
+    assert buckling(ended(case.conveyed(0.0, 0.0)).state, 1)[0][0] > 10.0
+
+
+@pytest.mark.slow
 def test_study_writes_its_report(tmp_path):
     report = run_study("roller_wrinkles", quick=True, directory=tmp_path)
     assert [sheet.title for sheet in report.sheets] == [
         "Onset by crown", "Onset as the tension rises", "Friction on a crown",
-        "A roller out of line",
+        "A roller out of line", "Onset out of line with friction",
     ]  # fmt: skip
-    assert (tmp_path / "roller_wrinkles.png").stat().st_size > 10_000
+    for name in ("roller_wrinkles.png", "roller_wrinkles_askew.png"):
+        assert (tmp_path / name).stat().st_size > 10_000
 
 
 @pytest.mark.slow

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from threaded import ONE, scene_of
 
 from anmstrip.scene import Scene

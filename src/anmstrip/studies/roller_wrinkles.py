@@ -16,25 +16,50 @@ the side and sheared: N_xy² / T is compression across, and wrinkles lie askew.
 
 from __future__ import annotations
 
-from dataclasses import replace
-from itertools import product
-
-from anmstrip.scene.schema import Scene
 from anmstrip.studies.reports import Cell, Sheet, StudyReport
-from anmstrip.studies.shell_figure import Line, drawn
-from anmstrip.studies.wrinkle_onset import Ended, Onset, ended, onset
-from anmstrip.studies.wrinkling_scenes import SPEED, Crowned, Mesh, Skewed
+from anmstrip.studies.rubbed_wrinkles import (
+    SMOOTH,
+    THICK,
+    friction_sheet,
+    height_sheet,
+    onset_sheet,
+    skew_sheet,
+    yaw_sheet,
+)
+from anmstrip.studies.shell_figure import Line, Map, drawn, mapped
+from anmstrip.studies.wrinkle_onset import Onset, onset
+from anmstrip.studies.wrinkling_scenes import Crowned, Mesh
 
 FULL, COARSE = Mesh((16, 16), 7.5e-3), Mesh((12, 12), 1e-2)
 
-THICK = 4e-4
-"""Of the strip that is pulled harder and harder (m)."""
+SKEWED = Mesh((14, 12), 1.2e-2)
+"""Of strips over a roller out of line."""
 
 CONES = 0.4
 """Length of the cylinder between conical sides (m)."""
 
 EASED = ((6e-4, 1.5e4, 7e3), (8e-4, 2.2e4, 1.5e4), (1e-3, 3.6e4, 2.5e4))
 """Crown (m), tension of the threaded strip and tension to which it is lowered (N/m)."""
+
+HELD = ((8e-4, 6e3), (1e-3, 3e3), (1e-3, 6e3), (1e-3, 1.2e4))
+"""Crown (m) and tension (N/m) of strips that are conveyed with friction at constant tension."""
+
+PULLED_CASES = (
+    *((crown, SMOOTH.mesh, friction)
+      for friction in (0.0, 0.3) for crown in (1e-3, 1.2e-3, 1.4e-3, 1.6e-3)),
+    (1.4e-3, Mesh((8, 10), 2.5e-2), 0.3),
+    (1.4e-3, Mesh((10, 14), 1.6e-2), 0.3),
+)  # fmt: skip
+"""Crown (m), mesh and friction of strips that are pulled harder and harder."""
+
+YAWS = ((5e-3, 0.0), (5e-3, 0.1), (2.5e-3, 0.3), (5e-3, 0.3), (1e-2, 0.3))
+"""Yaw (rad) and friction of strips that are conveyed under one tension."""
+
+ASKEW = (
+    (2.5e-3, 5.3e3, 0.3), (5e-3, 1.9e4, 0.3), (7.5e-3, 3.6e4, 0.3), (1e-2, 5.7e4, 0.3),
+    (1e-2, 1e4, 0.1),
+)  # fmt: skip
+"""Yaw (rad), tension (N/m) and friction of strips that are conveyed until they wrinkle."""
 
 
 def study(quick: bool = False) -> StudyReport:
@@ -43,17 +68,33 @@ def study(quick: bool = False) -> StudyReport:
     sheets = [crowns]
     sheets += [] if quick else [_mesh_sheet((COARSE, FULL, Mesh((20, 20), 6e-3)))]
     sheets.append(_rise_sheet((1e-3, 1.6e-3) if quick else (1.2e-3, 1.4e-3, 1.6e-3, 2e-3)))
-    rubbed = ((8e-4, 6e3),) if quick else tuple(product((6e-4, 8e-4, 1e-3), (3e3, 6e3, 1.2e4)))
-    sheets.append(_friction_sheet(rubbed, 0.3, 0.03 if quick else 0.15))
-    skewed = Mesh((10, 8), 2e-2) if quick else Mesh((14, 12), 1.2e-2)
-    sheets.append(_skew_sheet(0.02 if quick else 0.04, skewed, quick))
+    rubbed, maps = _rubbed(quick)
     return StudyReport(
         name="roller_wrinkles",
         title="Wrinkles before a roller",
         data=crowns,
-        sheets=tuple(sheets),
-        figures={"roller_wrinkles.png": drawn(panels, "y (m)", "height")},
+        sheets=(*sheets, *rubbed),
+        figures={
+            "roller_wrinkles.png": drawn(panels, "y (m)", "height"),
+            "roller_wrinkles_askew.png": mapped(maps, "x (m)", "y (m)"),
+        },
     )
+
+
+def _rubbed(quick: bool) -> tuple[list[Sheet], dict[str, Map]]:
+    """Sheets of what friction adds, and modes on a roller out of line."""
+    mesh = Mesh((10, 8), 2e-2) if quick else SKEWED
+    askew, maps = yaw_sheet(((1e-2, 1e4, 0.3),) if quick else ASKEW, mesh)
+    if quick:
+        way, held, yaws = 0.03, ((8e-4, 6e3),), ((5e-3, 0.0), (5e-3, 0.3))
+        return [friction_sheet(held, 0.3, way), skew_sheet(yaws, 0.02, mesh), askew], maps
+    return [
+        friction_sheet(HELD, 0.3, 0.15),
+        onset_sheet(PULLED_CASES),
+        height_sheet(1.2e-3, (0.0, 0.15, 0.3), 0.1 * THICK),
+        skew_sheet(YAWS, 0.04, mesh),
+        askew,
+    ], maps
 
 
 def _row(found: Onset) -> tuple[Cell, ...]:
@@ -112,61 +153,3 @@ def _rise_sheet(crowns: tuple[float, ...]) -> Sheet:
         f"{0.5 * CONES:g} m from the middle and are as much thinner at the strip's edges."
     )
     return Sheet("Onset as the tension rises", columns, tuple(rows), note)
-
-
-SMOOTH = Crowned(8e-4, 6e3, Mesh((8, 12), 2e-2), THICK)
-"""Over a crown that makes no wrinkles without friction, at any tension."""
-
-FRICTION_COLUMNS = (
-    "crown (mm)", "tension (kN/m)", "friction", "way (m)", "factor", "compression (N/m)",
-    "height / t before", "behind", "lean / t", "tangents", "outcome",
-)  # fmt: skip
-
-
-def _friction_sheet(cases: tuple[tuple[float, float], ...], friction: float, way: float) -> Sheet:
-    """The same crowns and tensions: as threaded, and conveyed with friction."""
-    rows: list[tuple[Cell, ...]] = []
-    for crown, tension in cases:
-        case, head = replace(SMOOTH, crown=crown, tension=tension), (1e3 * crown, 1e-3 * tension)
-        rows.append((*head, 0.0, *_pressed(case.eased(tension), 0.0)))
-        rows.append((*head, friction, *_pressed(case.conveyed(way, friction), way)))
-    note = (
-        f"{1e3 * THICK:g} mm thick, mesh {SMOOTH.mesh}: as threaded, and conveyed. By the factor "
-        "the compression would have to grow for the strip to buckle. Before the roller, which is "
-        "towards the exit, and behind it. Lean is what both sides differ by."
-    )
-    return Sheet("Friction on a crown", FRICTION_COLUMNS, rows=tuple(rows), note=note)
-
-
-def _pressed(scene: Scene, way: float) -> tuple[Cell, ...]:
-    """How far it has come, and what stands in the columns after that."""
-    found = ended(scene)
-    compression, (behind, *_, height) = found.wrinkling.spans[-1].compression, found.heights
-    wrinkles = (found.factor, compression, height, behind, found.lean)
-    return _gone(scene, found, way), *wrinkles, found.tangents, found.outcome.value
-
-
-def _gone(scene: Scene, found: Ended, way: float) -> float:
-    """The part of a way (m) that it has come."""
-    missing = sum(stage.duration for stage in scene.course) - found.state.time
-    return round(way - SPEED * missing, 4) if way else 0.0
-
-
-def _skew_sheet(way: float, mesh: Mesh, quick: bool) -> Sheet:
-    cases = [(5e-3, 0.0), (5e-3, 0.3)] if quick else [
-        (5e-3, 0.0), (5e-3, 0.1), (2.5e-3, 0.3), (5e-3, 0.3), (1e-2, 0.3)
-    ]  # fmt: skip
-    rows: list[tuple[Cell, ...]] = []
-    for yaw, friction in cases:
-        scene = Skewed(yaw, 1e4, mesh).conveyed(way, friction)
-        found = ended(scene)
-        before, gone = found.wrinkling.spans[0], _gone(scene, found, way if friction else 0.0)
-        rows.append((1e3 * yaw, friction, gone, before.compression, before.bearable,
-                     found.heights[0], found.tangents, found.outcome.value))  # fmt: skip
-    columns = ("yaw (mrad)", "friction", "way (m)", "compression (N/m)", "bearable (N/m)",
-               "height / t", "tangents", "outcome")  # fmt: skip
-    note = (
-        f"{Skewed.width:g} m wide, {1e3 * Skewed.thickness:g} mm thick, 10 kN/m, mesh {mesh}: as "
-        f"threaded, and with friction conveyed by {way:g} m. Before the roller."
-    )
-    return Sheet("A roller out of line", columns, tuple(rows), note)

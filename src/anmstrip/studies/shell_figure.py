@@ -30,6 +30,46 @@ class Line:
     mark: str = ""
 
 
+@dataclass(frozen=True)
+class Map:
+    """Heights over a flat strip.
+
+    Attributes
+    ----------
+    x, y, height : ndarray, shape (points,)
+    """
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    height: NDArray[np.float64]
+
+
+def mapped(panels: Mapping[str, Map], x: str, y: str) -> bytes:
+    """Heights in colours, red up and blue down, one panel above the other; a PNG.
+
+    Parameters
+    ----------
+    panels : mapping
+        Title → heights.
+    x, y : str
+        Labels of the axes.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 2.6 * len(panels)), dpi=130, layout="constrained")
+    grid = figure.subplots(len(panels), 1, squeeze=False)
+    for axes, (title, found) in zip(grid[:, 0], panels.items(), strict=True):
+        top = np.abs(found.height).max()
+        levels = np.linspace(-top, top, 20)
+        axes.tricontourf(found.x, found.y, found.height, levels=levels, cmap="RdBu_r")
+        axes.set_title(title, fontsize=9)
+        axes.set(xlabel=x, ylabel=y, aspect="equal")
+    stream = BytesIO()
+    FigureCanvasAgg(figure).print_png(stream)
+    return stream.getvalue()
+
+
 def drawn(panels: Mapping[str, Sequence[Line]], x: str, y: str) -> bytes:
     """Lines, one panel beside the other, each with axes of its own; a PNG.
 

@@ -66,23 +66,32 @@ class Crowned:
 
     def eased(self, tension: float, **strip: Any) -> Scene:
         """The tension is lowered, or raised; nothing rubs."""
-        force = [float(tension * np.cos(0.5 * self.wrap)), 0.0, 0.0]
         solver = {"tolerance": 1e-6, "order": 15}
-        ease = {"name": "ease", "duration": 1.0, "exit": {"force": force}}
+        ease = {"name": "ease", "duration": 1.0, "exit": {"force": self._pull(tension)}}
         return self._scene([ease], strip, solver=solver)
 
-    def conveyed(self, way: float, friction: float) -> Scene:
+    def conveyed(
+        self, way: float, friction: float, pulled: float | None = None, **strip: Any
+    ) -> Scene:
         """The roller takes the strip along by a way (m), 0.025 m of it to come to speed.
 
-        From exit to entry: the exit is pulled where it is held up, and the entry is drawn away as
-        fast as the roller turns.
+        Over another such way it is pulled harder, if that is given (N/m).  From exit to entry: the
+        exit is pulled where it is held up, and the entry is drawn away as fast as the roller turns.
         """
         turn = {"rollers": {"r1": {"surface_speed": -SPEED}}}
         half = 0.5 * self.wrap
         away = {"velocity": [-SPEED * float(np.cos(half)), 0.0, -SPEED * float(np.sin(half))]}
         start = {"name": "start", "duration": 0.1, "entry": away, **turn}
         run = {"name": "run", "duration": way / SPEED - 0.05, **turn}
-        return self._scene([{"name": "hold", "duration": 0.1}, start, run], {}, **rubbing(friction))
+        stages = [{"name": "hold", "duration": 0.1}, start, run]
+        if pulled is not None:
+            harder = {"exit": {"force": self._pull(pulled)}, **turn}
+            stages.append({"name": "pull", "duration": way / SPEED, **harder})
+        return self._scene(stages, strip, **rubbing(friction))
+
+    def _pull(self, tension: float) -> list[float]:
+        """Force at the exit (N/m), which is held up."""
+        return [float(tension * np.cos(0.5 * self.wrap)), 0.0, 0.0]
 
     def _scene(self, stages: list[dict[str, Any]], strip: dict[str, Any], **others: Any) -> Scene:
         half = 0.5 * self.wrap
