@@ -25,6 +25,12 @@ def test_slight_crown_leaves_the_strip_smooth():
         onset(Crowned(1e-5, 2e4, Mesh((6, 4), 0.03)).eased(1.9e4))
 
 
+@pytest.mark.slow
+def test_strip_that_is_wrinkled_when_threaded_is_refused():
+    with pytest.raises(ValueError, match="before the last stage"):
+        onset(Crowned(8e-4, 1.2e4, SMOOTH.mesh).eased(1e4))
+
+
 def test_scenes_are_explained():
     """Before anything is solved."""
     for scene in (Crowned(8e-4, 2e4, COARSE).conveyed(0.05, 0.3), Skewed(5e-3, 1e4, COARSE)

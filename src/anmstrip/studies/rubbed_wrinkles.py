@@ -6,7 +6,7 @@ slide, over lesser crowns too.
 
 *Out of line.*  What sticks is carried to the side by the yaw ψ times the way w: a shear force
 N_xy ∝ ψ w, whatever the tension is.  N_xy² / T reaches 2 q √(D T) at a tension T ∝ (ψ w)^(4/3),
-below which the strip wrinkles.
+below which the strip wrinkles; it falls faster with ψ where so low a tension lets the strip slip.
 """
 
 from __future__ import annotations
@@ -44,16 +44,10 @@ RUN = 0.1
 # A crown -------------------------------------------------------------------------
 
 
-def pulled(case: Crowned, friction: float, imperfection: float = 0.0) -> Scene:
-    """Pulled from one tension to the other: conveyed with friction, or nothing rubs.
-
-    The imperfection (m), if any, is the second mode, which is highest before the roller.
-    """
+def pulled(case: Crowned, friction: float) -> Scene:
+    """Pulled from one tension to the other: conveyed with friction, or nothing rubs."""
     case = replace(case, tension=PULLED)
-    strip = {"imperfection": {"mode": 2, "amplitude": imperfection}} if imperfection else {}
-    if not friction:
-        return case.eased(HARDEST, **strip)
-    return case.conveyed(RUN, friction, HARDEST, **strip)
+    return case.conveyed(RUN, friction, HARDEST) if friction else case.eased(HARDEST)
 
 
 def onset_sheet(cases: tuple[tuple[float, Mesh, float], ...]) -> Sheet:
@@ -122,17 +116,13 @@ def _gone(scene: Scene, found: Ended | Onset, way: float) -> float:
     return round(way - SPEED * missing, 4) if way else 0.0
 
 
-def height_sheet(crown: float, frictions: tuple[float, ...], imperfection: float) -> Sheet:
-    """How high an imperfect strip wrinkles that was pulled harder and harder."""
+def height_sheet(crown: float, frictions: tuple[float, ...]) -> Sheet:
+    """How high a strip wrinkles that was pulled harder and harder."""
     rows: list[tuple[Cell, ...]] = []
     for friction in frictions:
-        scene = pulled(replace(SMOOTH, crown=crown), friction, imperfection)
+        scene = pulled(replace(SMOOTH, crown=crown), friction)
         rows.append((friction, *_pressed(scene, 2.0 * RUN if friction else 0.0)))
-    note = (
-        f"Crown {1e3 * crown:g} mm, pulled as above, at {1e-3 * HARDEST:g} kN/m, with an "
-        f"imperfection of {imperfection / THICK:g} t: the second mode of the threaded strip, which "
-        "is highest before the roller."
-    )
+    note = f"Crown {1e3 * crown:g} mm, pulled as above, at {1e-3 * HARDEST:g} kN/m."
     return Sheet("Heights with friction", FRICTION_COLUMNS[2:], tuple(rows), note)
 
 

@@ -70,9 +70,7 @@ class Crowned:
         ease = {"name": "ease", "duration": 1.0, "exit": {"force": self._pull(tension)}}
         return self._scene([ease], strip, solver=solver)
 
-    def conveyed(
-        self, way: float, friction: float, pulled: float | None = None, **strip: Any
-    ) -> Scene:
+    def conveyed(self, way: float, friction: float, pulled: float | None = None) -> Scene:
         """The roller takes the strip along by a way (m), 0.025 m of it to come to speed.
 
         Over another such way it is pulled harder, if that is given (N/m).  From exit to entry: the
@@ -87,7 +85,7 @@ class Crowned:
         if pulled is not None:
             harder = {"exit": {"force": self._pull(pulled)}, **turn}
             stages.append({"name": "pull", "duration": way / SPEED, **harder})
-        return self._scene(stages, strip, **rubbing(friction))
+        return self._scene(stages, {}, **rubbing(friction))
 
     def _pull(self, tension: float) -> list[float]:
         """Force at the exit (N/m), which is held up."""
