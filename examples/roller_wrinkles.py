@@ -4,7 +4,7 @@ A strip of 1 m × 0.2 mm over a roller that is 0.8 mm thinner at the strip's edg
 kN/m, and as the tension is lowered, about to wrinkle at 18.0 kN/m, 0.16 m apart, as
 2 √π (D/T)^(1/4) √L says within 2 %.  A strip of 0.5 m × 0.1 mm that is led straight onto a roller
 5 mrad out of line: with friction it is carried to the side, sheared, and after 0.03 m it wrinkles
-askew, 1.7 thicknesses high after 0.04 m; without friction it stays smooth.  The second is written
+askew, 2.0 thicknesses high after 0.04 m; without friction it stays smooth.  The second is written
 for ParaView, with a picture of the moment across.
 """
 
