@@ -19,7 +19,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 def built(contact: dict[str, Any], **more: Any) -> tuple[GradedSignorini, float]:
     """The law, and the length of the elements over rollers."""
-    tables = {**pressed(0.1, 1e-4).to_dict(), "contact": contact, **more}
+    tables = {**pressed("section", 2, 0.1, 1e-4).to_dict(), "contact": contact, **more}
     assembly = Assembly(Scene.model_validate(tables))
     law = assembly.signorini
     assert isinstance(law, GradedSignorini)
@@ -40,7 +40,7 @@ def test_what_is_given_is_taken() -> None:
 def test_weight_counts_where_it_is_more_than_tension() -> None:
     heavy = {"gravity": [0.0, 0.0, -9.81e4], "duration": 1.0}
     material = {"young": 2e11, "poisson": 0.3, "density": 7850.0}
-    stages = [*pressed(0.1, 1e-4).to_dict()["stages"], heavy]
+    stages = [*pressed("section", 2, 0.1, 1e-4).to_dict()["stages"], heavy]
     law, _ = built({}, stages=stages, material=material)
     assert law.pressure == pytest.approx(7850.0 * 1e-3 * 9.81e4, rel=1e-12)
 
@@ -68,7 +68,7 @@ def test_it_tends_to_rigid_contact_with_the_mesh() -> None:
     """The roller bears what a stiff penalty makes it bear."""
     found = []
     for contact in ({}, {"stiffness": 1e11, "eta": 1.0, "delta": 1e-3}):
-        scene = Scene.model_validate({**pressed(0.0125, 1e-5).to_dict(), "contact": contact})
+        scene = Scene.model_validate({**pressed("section", 2, 0.0125, 1e-5).to_dict(), "contact": contact})
         run = Run(scene)
         for _ in run:
             pass

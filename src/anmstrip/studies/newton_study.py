@@ -38,6 +38,7 @@ METHODS: dict[str, PathSolver] = {
     "+ line search": NewtonPath(SEARCHED),
     "+ long steps": NewtonPath(LONG),
     "+ tangents kept": NewtonPath(replace(LONG, kept=0.05)),
+    "+ loose": NewtonPath(replace(LONG, kept=0.05, tolerance=1e-4)),
 }
 """Every line has what the ones before have."""
 
@@ -47,8 +48,8 @@ BENT: dict[str, PathSolver] = {
 }
 """For the cantilever: its imbalance has to grow before it falls, so a line search only delays."""
 
-TOLERANCE = 1e-5
-"""Of the series, and of the steps in time."""
+TOLERANCE = 1e-3
+"""Of the series, and of the steps in time; final states are nearer to the reference."""
 
 STRICT = 1e-8
 """Of the iterations of the reference: round-off leaves E t/T times the last digit, 1e-10."""
@@ -93,11 +94,14 @@ def study(quick: bool = False) -> StudyReport:
     """All methods on all problems."""
     refined = 0.1 if quick else 0.025
     mesh = ("section", 2, refined)
+    shell = ("shell", 2 if quick else 8, refined)
     problems: dict[str, Problem] = {
         "cantilever": lambda by, eps: bent(by, eps, 8 if quick else 16),
-        "press": of_scene(lambda eps: graded(pressed(refined, eps)), _normal_force),
-        "capstan": of_scene(lambda eps: graded(capstan(*mesh, eps)), _tension_ratio),
-        "press, penalty": of_scene(lambda eps: pressed(refined, eps), _normal_force),
+        "press, section": of_scene(lambda eps: graded(pressed(*mesh, eps)), _normal_force),
+        "press, shell": of_scene(lambda eps: graded(pressed(*shell, eps)), _normal_force),
+        "capstan, section": of_scene(lambda eps: graded(capstan(*mesh, eps)), _tension_ratio),
+        "capstan, shell": of_scene(lambda eps: graded(capstan(*shell, eps)), _tension_ratio),
+        "press, penalty": of_scene(lambda eps: pressed(*mesh, eps), _normal_force),
         "capstan, penalty": of_scene(lambda eps: capstan(*mesh, eps), _tension_ratio),
         "threaded": of_scene(lambda eps: threaded(*mesh, eps), _tension_ratio),
     }
@@ -111,13 +115,14 @@ def study(quick: bool = False) -> StudyReport:
 
 
 NOTE = (
-    "A strip pulled down over a roller, without and with friction, on contact as sharp as the mesh "
-    "resolves and on a penalty of 1e10 Pa/m, and one that is threaded: its "
+    "A strip pulled down over a roller, without and with friction, as a section and as a shell of "
+    "eight elements across, on contact as sharp as the mesh "
+    "resolves and, the section, on a penalty of 1e10 Pa/m, and one that is threaded: its "
     "guess comes to rest by Newton's iteration in all lines. Seconds of the processor. Error: "
     "relative, of the tip's deflection, the roller's normal force "
     f"and the ratio of tensions, inf where it stopped. Series and steps in time to {TOLERANCE:g}, "
-    f"Newton's iterations to {PLAIN.tolerance:g} of the forces; both follow the same backward "
-    "differences."
+    f"Newton's iterations to {PLAIN.tolerance:g} of the forces, to 1e-4 in the last line of each; "
+    "both follow the same backward differences."
 )
 
 

@@ -146,13 +146,13 @@ def threaded(
     return Scene.model_validate(whole)
 
 
-def pressed(refined: float, tolerance: float) -> Scene:
-    """A section pulled down over a roller at one end, without friction."""
+def pressed(level: str, across: int, refined: float, tolerance: float) -> Scene:
+    """A strip pulled down over a roller at one end, without friction."""
     down = {"entry": {"move": [0.0, 0.0, -1.0]}, "exit": {"force": [TENSION, 0.0, -5773.5]}}
-    strip = {"length": 4.0, "width": 1.0, "thickness": 1.0e-3, "cells": [16, 2]}
+    strip = {"length": 4.0, "width": 1.0, "thickness": 1.0e-3, "cells": [16, across]}
     return Scene.model_validate(
         {
-            "strip": {**strip, "refined": refined, "kinematics": "section"},
+            "strip": {**strip, "refined": refined, "kinematics": level},
             "material": MATERIAL,
             "contact": CONTACT,
             "rollers": [{"name": "r1", "radius": RADIUS, "centre": [0.0, 0.0, -RADIUS - 1e-3]}],
