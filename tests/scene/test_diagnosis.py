@@ -132,6 +132,8 @@ def test_stage_time_node_and_roller_are_named() -> None:
     assert message.startswith("Stopped in stage turn at t = 2.01 s: ")
     assert "a detail; worst at x = 0 m (in z, at roller r1)." in message
     assert "finer mesh over roller r1: --set strip.refined=0.049" in message
+    fine = scene(**pulled(100.0), strip={**TABLES["strip"], "refined": 0.04})
+    assert "strip.refined=0.02" in told(run, stalled(place), fine)  # not of a long neighbour
     far = told(run, stalled(imbalance_at(run, 2.0, 0)))
     assert "worst at x = 2 m (in x)." in far
     assert "stages.turn.rollers.r1.surface_speed: try a smaller change" in far

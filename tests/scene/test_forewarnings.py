@@ -67,6 +67,22 @@ def test_what_cannot_lie_on_a_roller(key: str, value: float, words: str, hint: s
 
 
 @pytest.mark.parametrize(
+    ("contact", "refined", "hint"),
+    [({"onset": 0.05}, 0.1, "contact.onset=0.003"), ({}, 2.0, "strip.refined=0.07")],
+)
+def test_contact_that_is_felt_far_from_a_roller(
+    contact: dict[str, float], refined: float, hint: str
+) -> None:
+    """A wide onset, given or of a coarse mesh, where the strip hardly turns."""
+    tables = copy.deepcopy(TABLES) | {"contact": contact, "stages": TABLES["stages"][:1]}
+    tables["strip"] |= {"cells": [2, 1], "refined": refined}
+    (found,) = serious(Assembly(Scene.model_validate(tables)))
+    assert "m away from roller r1, of radius 0.3 m" in found
+    assert hint in found
+    assert doubts() == []
+
+
+@pytest.mark.parametrize(
     ("contact", "hint"),
     [({"pressure": 1.0}, "contact.pressure=3.6e+04"), ({"onset": 0.1}, "contact.onset=0.005")],
 )

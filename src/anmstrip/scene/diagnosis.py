@@ -273,7 +273,8 @@ def still_coarse(failure: Failure) -> str | None:
     place = failure.place
     if place is None or not place.roller or failure.stopped.outcome is Outcome.FOLD:
         return None
-    return f"Try a finer mesh over roller {place.roller}: {_finer(failure, 0.5 * place.element)}."
+    element = min(place.element, failure.scene.strip.refined or np.inf)
+    return f"Try a finer mesh over roller {place.roller}: {_finer(failure, 0.5 * element)}."
 
 
 def asked_too_much(failure: Failure) -> str:
