@@ -18,7 +18,8 @@ from anmstrip.output.collection import read as listed
 from anmstrip.output.vtk import read_surface
 from anmstrip.scene import Scene
 from anmstrip.scene import march as running
-from anmstrip.scene.diagnosis import Failure, diagnosis
+from anmstrip.scene.build import Assembly
+from anmstrip.scene.diagnosis import Failure, diagnosis, still_coarse
 from anmstrip.scene.overrides import Override
 from anmstrip.scene.run import Run
 from anmstrip.series.outcome import NO_EVIDENCE, Evidence, Outcome, PathStopped
@@ -132,8 +133,10 @@ def test_stage_time_node_and_roller_are_named() -> None:
     assert message.startswith("Stopped in stage turn at t = 2.01 s: ")
     assert "a detail; worst at x = 0 m (in z, at roller r1)." in message
     assert "finer mesh over roller r1: --set strip.refined=0.049" in message
-    fine = scene(**pulled(100.0), strip={**TABLES["strip"], "refined": 0.04})
-    assert "strip.refined=0.02" in told(run, stalled(place), fine)  # not of a long neighbour
+    fine = scene(strip={**TABLES["strip"], "refined": 0.04})
+    assert run.state is not None
+    beside = Failure(Assembly(fine), fine.stages[-1], run.state, stalled(place))
+    assert "strip.refined=0.02" in str(still_coarse(beside))  # finer than asked for
     far = told(run, stalled(imbalance_at(run, 2.0, 0)))
     assert "worst at x = 2 m (in x)." in far
     assert "stages.turn.rollers.r1.surface_speed: try a smaller change" in far
