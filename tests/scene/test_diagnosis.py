@@ -114,6 +114,7 @@ def all_messages() -> Iterator[str]:
     yield told(run, stalled(), scene(friction={"coefficient": 0.3, "speed": 1e-12}))
     yield told(run, stalled(), scene(solver={"tolerance": 1e-11}))
     yield told(run, PathStopped(Outcome.FOLD, 0.5))
+    yield told(run, stalled(), scene(solver={"order": 4}))
     yield free_in("x")
     yield free_in("z")
 
@@ -226,6 +227,12 @@ def test_friction_that_is_too_steep() -> None:
     message = told(wrapped(), stalled(), scene(friction={"coefficient": 0.3, "speed": 1e-12}))
     assert "Friction turns round within 1e-13 m/s" in message
     assert typed(message) == ["friction.speed=9e-08"]
+
+
+def test_series_of_few_terms() -> None:
+    message = told(wrapped(), stalled(), scene(solver={"order": 4}))
+    assert "Series of order 4 are short. Try --set solver.order=" in message
+    assert "Series" not in told(wrapped(), stalled(), scene(solver={"order": 12}))
 
 
 def test_tolerance_near_round_off() -> None:
