@@ -236,7 +236,10 @@ def test_doubts_are_told_with_the_end_of_the_tangents(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_point_of_a_strip_that_snaps() -> None:
-    """Friction of 0.67 on one point, with no equilibrium beside its neighbours: passed and told."""
+    """Friction of 0.67 on one point, with no equilibrium beside its neighbours: passed.
+
+    It moves by 6e-10 m, where the run may err by 6e-5 m, and is not told.
+    """
     end = ending_of(from_seed(4, graded=0.0))
     assert (end.status, end.faults) == ("done", ())
-    assert "the strip ran away by" in end.message
+    assert "ran away" not in end.message

@@ -110,17 +110,19 @@ def test_beyond_the_critical_coefficient_it_jumps_and_says_so(f: float) -> None:
         assert "no equilibrium to follow" in str(found)
 
 
-@pytest.mark.parametrize(("speed", "early"), [(1e-3, 40.0), (1e-5, 0.5), (1e-7, 0.1)])
-def test_a_bounded_law_snaps_where_nothing_balances(speed: float, early: float) -> None:
+@pytest.mark.parametrize(("speed", "late"), [(1e-3, 1.0), (1e-5, 0.05), (1e-7, 1e-3)])
+def test_a_bounded_law_snaps_where_nothing_balances(speed: float, late: float) -> None:
     """D7: |R_T| ≤ f R_N at any velocity, so that there tanh has no motion to follow.
 
-    It snaps at the top of the cone, W = f P, the earlier the more it has crept.
+    It snaps at the top of the cone, W = f P, the earlier the more it has crept, when Radau's
+    method has it.
     """
     trial, node, motion = nodes.coupled(Tanh(1.5, 1e-3, speed))
-    right(trial, 1e-3, 700)
+    right(trial, 1e-5, 700)
     assert motion.end == pytest.approx(node.separated(2.2), abs=1e-3)
     (snap,) = [step for step in motion.steps if step.snap]
-    assert snap.start == pytest.approx(1e3 * 1.5 / 2.2, abs=early)
+    assert snap.start == pytest.approx(nodes.crept(node, 1e3)[0], abs=late)
+    assert snap.start == pytest.approx(1e3 * 1.5 / 2.2, abs=4e4 * speed + 0.1)
     assert snap.end - snap.start < 120.0 * LASTING[0] * 1e3
     assert snap.branches > 10
     assert all(a.end == b.start for a, b in zip(motion.steps, motion.steps[1:], strict=False))
@@ -221,13 +223,13 @@ def test_formula_of_equal_turns(angle: float, n: int) -> None:
 @pytest.mark.parametrize(("ratio", "points"), [(2.0, 20), (18.4, 80)])
 def test_many_turns(ratio: float, points: int) -> None:
     """D10: up to e^(fθ) = 1e8."""
-    right(nodes.many_turns(ratio, points), 1e-3, 2000)
+    right(nodes.many_turns(ratio, points), 2e-4, 2000)
 
 
 @pytest.mark.slow
 def test_neighbours_of_very_different_stiffness() -> None:
     """D14: every other link 1e6 times as stiff."""
-    right(nodes.many_turns(2.0, 20, links=1e6), 1e-4, 2000)
+    right(nodes.many_turns(2.0, 20, links=1e6), 1e-7, 2000)
 
 
 # rejected steps, restarts ------------------------------------------------------------
@@ -286,6 +288,6 @@ def test_beyond_existence() -> None:
     found = solved(case, "taylor", order=19, tolerance=1e-4)
     assert found.stopped is None
     stretch = max(instabilities(case.residual, found.path), key=lambda s: s.distance)
-    assert stretch.start == pytest.approx(1.805, abs=0.03)
+    assert stretch.start == pytest.approx(1.805, abs=0.01)
     assert stretch.pivot < -0.3
     assert stretch.distance > 0.5

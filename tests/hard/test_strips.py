@@ -32,7 +32,7 @@ def test_tangent_to_a_turning_roller(gap: float) -> None:
 )
 def test_stiff_and_soft_contact(stiffness: float, thickness: float) -> None:
     """D2: no friction, no difference of tension, at any K; the soft with a foil pulled faintly."""
-    right(strips.smooth_roller(stiffness, thickness), 1e-3, 200)
+    right(strips.smooth_roller(stiffness, thickness), 3e-4, 200)
 
 
 @pytest.mark.slow
@@ -43,7 +43,7 @@ def test_stiff_and_soft_contact(stiffness: float, thickness: float) -> None:
 )
 def test_capstan(hard: dict[str, Any]) -> None:
     """D3, D12, D17: e^(f_eff θ) less bending, however sharp the law or thin the strip."""
-    right(strips.capstan(**hard), 1e-4, 1000)
+    right(strips.capstan(**hard), 1e-4 if "thickness" in hard else 5e-5, 1000)
 
 
 @pytest.mark.slow
@@ -112,8 +112,8 @@ def test_ironing(eta: float, share: float) -> None:
     friction it is the same: h^2.2 and h^1.5 down to 0.0125 m.
     """
     (coarse, rough), (fine, smooth) = (strips.ironed(h, eta) for h in (0.1, 0.05))
-    right(coarse, 5e-3, 3000)
-    right(fine, 5e-3, 3000)
+    right(coarse, 2e-3, 3000)
+    right(fine, 2e-3, 3000)
     assert smooth < share * rough
 
 

@@ -150,50 +150,52 @@ def coupled(
     node = CoupledNode(law, CONTACT, (0.0, load / 1e3))
     motion = moved(node.residual, np.zeros(2), (0.0, 1e3), tolerance=tolerance, speed=1e-4)
     apart = float(node.separated(load)[0])
-    exact = crept(node, 1e3)[1] if isinstance(law, NortonHoff) else apart
-    return Trial.of(motion, float(motion.end[0]), exact, apart), node, motion
+    return Trial.of(motion, float(motion.end[0]), crept(node, 1e3)[1], apart), node, motion
 
 
-FASTEST = 1e3
-"""Velocity (m/s) of the coupled node that no step of its time can tell."""
+FASTEST, FULL = 1e3, 1.0 - 1e-9
+"""Velocity (m/s) that no step of the coupled node can tell, and the share of a cone that never
+ends at which it goes nowhere else."""
 
 
 def crept(node: CoupledNode, end: float) -> tuple[float, float]:
     """When the coupled node runs away, nan if it does not, and u_x at the end, by Radau's method.
 
-    What has run away goes on from where it would be without contact.
+    What has run away glides on behind where it would be without contact, as fast as that moves.
     """
-    assert isinstance(node.law, NortonHoff)
+    law, most = node.law, node.law.coefficient * FULL
+    most = law.effective(FASTEST) if isinstance(law, NortonHoff) else most
 
     def gone(t: float, u: Array) -> float:
-        return float(_velocity(node, t, u)[0]) - FASTEST
+        return _ratio(node, t, float(u[0])) - most
 
-    def solution(start: float, u: float, **more: Any) -> Any:
-        return solve_ivp(
-            lambda t, u: _velocity(node, t, u),
-            (start, end), [u], method="Radau", rtol=1e-6, atol=1e-9, **more,
-        )  # fmt: skip
+    def velocity(t: float, u: Array) -> Array:
+        ratio = float(np.clip(_ratio(node, t, float(u[0])), -most, most))
+        if isinstance(law, NortonHoff):
+            return np.atleast_1d(slip_at(law, ratio))
+        return np.array([law.speed * np.arctanh(ratio / law.coefficient)])
 
     gone.terminal = True  # type: ignore[attr-defined]
-    found, date = solution(0.0, 0.0, events=gone), np.nan
-    if found.status == 1:
-        date = float(found.t[-1])
-        found = solution(date, node.separated(node.load[0] + node.load[1] * date)[0])
-    return date, float(found.y[0, -1])
+    found = solve_ivp(
+        velocity, (0.0, end), [0.0], method="Radau", rtol=1e-6, atol=1e-9, events=gone
+    )
+    if found.status != 1:
+        return np.nan, float(found.y[0, -1])
+    last, before = (node.separated(node.load[0] + node.load[1] * t)[0] for t in (end, end - 1.0))
+    drawn = law.effective(last - before)
+    place = brentq(lambda x: _ratio(node, end, x) - drawn, last - 0.1, last, xtol=1e-14)
+    return float(found.t[-1]), float(place)
 
 
-def _velocity(node: CoupledNode, t: float, u: Array) -> Array:
-    """Of u_x, with N (N/K + u_z) = η δ and N = k u_z − c u_x + P solved for u_z."""
-    law, contact, k = node.law, node.contact, node.lift
-    assert isinstance(law, NortonHoff)
-    pull = node.coupling * u[0] - node.pressing
+def _ratio(node: CoupledNode, t: float, x: float) -> float:
+    """−R_T/R_N in equilibrium, with N (N/K + u_z) = η δ and N = k u_z − c u_x + P."""
+    contact, k, pull = node.contact, node.lift, node.coupling * x - node.pressing
     half = 0.5 * pull * (2.0 * k / contact.stiffness + 1.0)
     a = k * (k / contact.stiffness + 1.0)
     rest = pull**2 / contact.stiffness - contact.eta * contact.delta
     z = (half + np.sqrt(half**2 - a * rest)) / a
-    driving = node.load[0] + node.load[1] * t + node.coupling * z - u[0]
-    most = law.effective(10.0 * FASTEST)
-    return np.atleast_1d(slip_at(law, np.clip(driving / (k * z - pull), -most, most)))
+    driving = node.load[0] + node.load[1] * t + node.coupling * z - x
+    return float(driving / (k * z - pull))
 
 
 def near_critical(distance: float = 1e-2) -> Trial:
