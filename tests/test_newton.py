@@ -57,7 +57,9 @@ def reading(scene, method):
     return roller.normal_force, roller.tension_ratio, run.cost.factorisations
 
 
-@pytest.mark.parametrize("scene", [pressed("section", 2, 0.1, 1e-5), capstan("section", 2, 0.1, 1e-4)])
+@pytest.mark.parametrize(
+    "scene", [pressed("section", 2, 0.1, 1e-5), capstan("section", 2, 0.1, 1e-4)]
+)
 def test_a_run_by_newton_ends_where_one_by_series_does(scene):
     force, ratio, _ = reading(scene, NewtonPath(LONG))
     expected = reading(scene, follow)

@@ -68,7 +68,9 @@ def test_it_tends_to_rigid_contact_with_the_mesh() -> None:
     """The roller bears what a stiff penalty makes it bear."""
     found = []
     for contact in ({}, {"stiffness": 1e11, "eta": 1.0, "delta": 1e-3}):
-        scene = Scene.model_validate({**pressed("section", 2, 0.0125, 1e-5).to_dict(), "contact": contact})
+        scene = Scene.model_validate(
+            {**pressed("section", 2, 0.0125, 1e-5).to_dict(), "contact": contact}
+        )
         run = Run(scene)
         for _ in run:
             pass

@@ -219,7 +219,7 @@ def round_off(failure: Failure) -> str | None:
         return None
     return (
         f"The tolerance is near round-off: the last digit of the positions is worth {floor:.1g} "
-        f"of the forces. Try --set solver.tolerance={20.0 * floor / CLEAR / share:.0e}."
+        f"of the forces. Try --set solver.tolerance={2.0 * floor / CLEAR / share:.0e}."
     )
 
 

@@ -254,7 +254,7 @@ class March:
             solver=self.solver,
             settings=settings,
             stepping=implicit_dae.Stepping(
-                sum(stages), solver.time_order, solver.time_step, self.follow
+                sum(stages), solver.highest_time_order, solver.time_step, self.follow
             ),
             cost=self.cost,
         )

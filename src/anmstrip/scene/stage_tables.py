@@ -145,9 +145,19 @@ class SolverSpec(Table):
         description="fixed step in time, without control of its error, a number above 0 (s)",
         examples=["1.0e-3"],
     )
-    time_order: Annotated[int, Field(strict=True, ge=1, le=5)] = Field(
-        2, description="highest order of the formula in time, from 1 to 5 (1)", examples=["2"]
+    time_order: Annotated[int, Field(strict=True, ge=1, le=5)] | None = Field(
+        None,
+        description="highest order of the formula in time, from 1 to 5, else 2, or 5 for "
+        "tolerances below 1e-4 (1)",
+        examples=["2"],
     )
+
+    @property
+    def highest_time_order(self) -> int:
+        """Of the formula in time: where kinks are smaller than the tolerance two orders do."""
+        if self.time_order is not None:
+            return self.time_order
+        return 5 if self.tolerance < 1e-4 and self.time_step is None else 2
 
 
 class OutputSpec(Table):
