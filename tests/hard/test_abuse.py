@@ -243,3 +243,10 @@ def test_point_of_a_strip_that_snaps() -> None:
     end = ending_of(from_seed(4, graded=0.0))
     assert (end.status, end.faults) == ("done", ())
     assert "ran away" not in end.message
+
+
+@pytest.mark.slow
+def test_the_last_tangent_in_a_snap_that_was_looked_for() -> None:
+    """It is told as such, not as steps that became too short."""
+    end = ending_of(from_seed(30522, 60))
+    assert (end.status, end.tangents, end.faults) == ("too_many_tangents", 60, ())

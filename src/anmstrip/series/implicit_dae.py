@@ -199,7 +199,9 @@ class _Integrator:
         try:
             begin = replace(begin, v=other._trial(begin, t + begin.step, 1).v)
             return snapped(lambda now: other.tried(now, end, SHORTEST), begin, lasting)
-        except PathStopped:
+        except PathStopped as stopped:
+            if stopped.outcome is Outcome.TOO_MANY_TANGENTS:
+                raise
             return None
 
     def _with(self, equations: RateEquations) -> _Integrator:
