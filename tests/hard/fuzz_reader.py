@@ -2,7 +2,7 @@
 
 Every input is an example of this project that was damaged as files get damaged (cut short,
 lines lost or doubled, bytes flipped) or as people mistype (numbers that are none, wrong units,
-values of another type, keys of another table)::
+values of another type, keys of another table or law)::
 
     python tests/hard/fuzz_reader.py --count 1000000 --seed 0
 """
@@ -48,7 +48,16 @@ JUNK = (
 
 KEYS = (
     "strip.width", "rollers.r1.radius", "stages.turn.exit.force", "friction", "a.b", "", ".",
+    "contact", "contact.onset", "contact.pressure", "contact.eta", "rollers.r1.crown",
+    "rollers.r1.taper", "rollers.r1.sides", "rollers.r1.sides.flat",
 )  # fmt: skip
+"""Of settings."""
+
+LINES = (
+    "onset = ", "pressure = ", "stiffness = ", "eta = ", "delta = ", "crown = ", "taper = ",
+    "sides = ", "sides.taper = ", "sides.flat = ", "sides.rounding = ",
+)  # fmt: skip
+"""Keys of contact laws and profiles, which exclude or need each other."""
 
 
 @dataclass(frozen=True)
@@ -118,6 +127,21 @@ def _other_units(text: str, dice: random.Random) -> str:
     return "\n".join(lines)
 
 
+def _keyed(text: str, dice: random.Random) -> str:
+    """A key more at the begin of a table, its own or any other, with some value."""
+    lines = text.splitlines()
+    tables = [i for i, line in enumerate(lines) if line.startswith("[")]
+    if not tables:
+        return text
+    key = dice.choice(LINES)
+    head = "[contact]" if key in LINES[:5] else "[[rollers]]"
+    own = [i for i in tables if lines[i] == head]
+    at = dice.choice(own if own and dice.random() < 0.8 else tables)
+    value = dice.choice(NUMBERS) if dice.random() < 0.5 else f"{10.0 ** dice.randrange(-6, 11)!r}"
+    lines.insert(at + 1, key + value)
+    return "\n".join(lines)
+
+
 def _is_number(text: str) -> bool:
     try:
         float(text.partition("#")[0])
@@ -128,6 +152,7 @@ def _is_number(text: str) -> bool:
 
 DAMAGES: tuple[Callable[[str, random.Random], str], ...] = (
     _cut, _flipped, _littered, _lines_moved, _mistyped, _mistyped, _other_units, _other_units,
+    _keyed,
 )  # fmt: skip
 
 
@@ -153,16 +178,7 @@ def _spoil(tables: dict[str, Any], dice: random.Random) -> None:
 
 def setting_of(dice: random.Random) -> str:
     """A ``--set`` that may be wrong in key and value."""
-    keys = (
-        "strip.width",
-        "rollers.r1.radius",
-        "stages.turn.exit.force",
-        "friction",
-        "a.b",
-        "",
-        ".",
-    )
-    key = _flipped(dice.choice(keys), dice) if dice.random() < 0.3 else dice.choice(keys)
+    key = _flipped(dice.choice(KEYS), dice) if dice.random() < 0.3 else dice.choice(KEYS)
     return f"{key}{dice.choice(('=', '=', '==', ''))}{dice.choice(NUMBERS)}"
 
 

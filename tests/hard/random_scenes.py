@@ -34,7 +34,7 @@ from anmstrip.scene.run import Run
 Option = TypeVar("Option")
 
 MOST_TANGENTS = 1500
-"""Of one run."""
+"""Of one run, unless it is told otherwise."""
 
 
 @dataclass
@@ -91,8 +91,15 @@ class Ending:
     forewarned: bool = False
 
 
-def tables_of(dice: Dice) -> dict[str, Any]:
-    """A small section over rollers or without any: always a scene that the reader takes."""
+def tables_of(dice: Dice, graded: float = 0.5) -> dict[str, Any]:
+    """A small section over rollers or without any: always a scene that the reader takes.
+
+    Parameters
+    ----------
+    dice : Dice
+    graded : float
+        Share of the scenes with rollers whose contact is no penalty.
+    """
     thickness, young = dice.decades(1e-5, 1e-2), dice.decades(1e9, 4e11)
     tension = young * thickness * dice.decades(1e-6, 2e-3)
     span = dice.decades(0.5, 20.0)
@@ -128,6 +135,8 @@ def tables_of(dice: Dice) -> dict[str, Any]:
     names = [roller["name"] for roller in tables.get("rollers", ())]
     rubs = "friction" in tables
     tables["stages"] = list(_stages(dice, tension, span, names, threaded, rubs))
+    if rolled and dice.chance(graded):
+        tables["contact"] = _graded(dice, tension, span)
     return tables
 
 
@@ -163,6 +172,15 @@ def _rolled(dice: Dice, span: float, pressure: float, threaded: bool) -> dict[st
             "speed": dice.decades(1e-6, 1.0),
         }
     return tables
+
+
+def _graded(dice: Dice, tension: float, span: float) -> dict[str, float]:
+    """Contact without a penalty: as sharp as the mesh resolves, or of a given onset or pressure."""
+    given = {
+        "onset": span * dice.decades(1e-6, 1e-2),
+        "pressure": tension / span * dice.decades(1e-1, 1e3),
+    }
+    return {key: value for key, value in given.items() if dice.chance(0.3)}
 
 
 def _stages(
@@ -201,9 +219,11 @@ def _stages(
         yield stage
 
 
-def from_seed(seed: int) -> dict[str, Any]:
-    """The scene of a seed."""
-    return tables_of(Dice(np.random.default_rng(seed).random))
+def from_seed(seed: int, tangents: int = MOST_TANGENTS, *, graded: float = 0.5) -> dict[str, Any]:
+    """The scene of a seed, which may take so many tangents."""
+    tables = tables_of(Dice(np.random.default_rng(seed).random), graded)
+    tables["solver"]["max_tangents"] = tangents
+    return tables
 
 
 def ending_of(tables: dict[str, Any]) -> Ending:
@@ -229,7 +249,7 @@ def faults_of(directory: Path, run: Run) -> Iterator[str]:
     facts = json.loads((directory / "summary.json").read_text(encoding="utf-8"))
     if not facts["status"] or not facts["message"].endswith("."):
         yield f"no outcome: {facts['status']}, {facts['message']}"
-    if run.cost.expansions > MOST_TANGENTS:
+    if run.cost.expansions > run.scene.solver.max_tangents:
         yield f"{run.cost.expansions} tangents"
     yield from _no_numbers(facts, "summary.json")
     yield from _not_at_rest(run)
@@ -278,12 +298,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--tangents", type=int, default=MOST_TANGENTS, help="of one run at most")
     given = parser.parse_args()
     warnings.simplefilter("error")
     tally: Counter[str] = Counter()
     for seed in range(given.seed, given.seed + given.count):
         try:
-            end = ending_of(from_seed(seed))
+            end = ending_of(from_seed(seed, given.tangents))
         except Exception as error:
             end = Ending("raised", "", 0, 0.0, (f"{type(error).__name__}: {error}",))
         tally[f"{end.status}{', forewarned' if end.forewarned else ''}"] += 1

@@ -220,7 +220,7 @@ def test_results_below_a_file(tmp_path: Path) -> None:
 
 def test_as_many_points_near_rollers_as_there_are_rollers() -> None:
     """Compiled kernels must not take rollers for points where both are two."""
-    end = ending_of(from_seed(3038))
+    end = ending_of(from_seed(3038, graded=0.0))
     assert (end.status, end.faults) == ("done", ())
 
 
@@ -236,7 +236,17 @@ def test_doubts_are_told_with_the_end_of_the_tangents(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_point_of_a_strip_that_snaps() -> None:
-    """Friction of 0.67 on one point, with no equilibrium beside its neighbours: passed and told."""
-    end = ending_of(from_seed(4))
+    """Friction of 0.67 on one point, with no equilibrium beside its neighbours: passed.
+
+    It moves by 6e-10 m, where the run may err by 6e-5 m, and is not told.
+    """
+    end = ending_of(from_seed(4, graded=0.0))
     assert (end.status, end.faults) == ("done", ())
-    assert "the strip ran away by" in end.message
+    assert "ran away" not in end.message
+
+
+@pytest.mark.slow
+def test_the_last_tangent_in_a_snap_that_was_looked_for() -> None:
+    """It is told as such, not as steps that became too short."""
+    end = ending_of(from_seed(30522, 60))
+    assert (end.status, end.tangents, end.faults) == ("too_many_tangents", 60, ())

@@ -18,6 +18,7 @@ from anmstrip.series.functions import FunctionRateEquations
 from anmstrip.series.instability import instabilities, pivot
 from anmstrip.series.linear_solvers import DenseSolver
 from anmstrip.series.outcome import PathStopped
+from anmstrip.series.snaps import LASTING
 from anmstrip.series.time_steps import TimeStep
 from anmstrip.studies import hard_nodes as nodes
 from anmstrip.studies.case_runs import solved
@@ -98,7 +99,7 @@ def test_three_equilibria() -> None:
 def test_beyond_the_critical_coefficient_it_jumps_and_says_so(f: float) -> None:
     """D7, D8: ramped past stick it ends separated; the report has date and pivot 1 − c f."""
     trial, node, motion = nodes.coupled(NortonHoff(f, 0.1, 1e-3, 0.1))
-    right(trial, 1e-3, 1500)
+    right(trial, 1e-6, 300)
     assert motion.end == pytest.approx(node.separated(2.2), abs=1e-3)
     assert pivot(node.residual, *motion.path(1e3), 1e3)[0] > 0.0
     if f == 1.5:
@@ -109,18 +110,20 @@ def test_beyond_the_critical_coefficient_it_jumps_and_says_so(f: float) -> None:
         assert "no equilibrium to follow" in str(found)
 
 
-@pytest.mark.parametrize(("speed", "early"), [(1e-3, 40.0), (1e-5, 0.5), (1e-7, 0.1)])
-def test_a_bounded_law_snaps_where_nothing_balances(speed: float, early: float) -> None:
+@pytest.mark.parametrize(("speed", "late"), [(1e-3, 1.0), (1e-5, 0.05), (1e-7, 1e-3)])
+def test_a_bounded_law_snaps_where_nothing_balances(speed: float, late: float) -> None:
     """D7: |R_T| ≤ f R_N at any velocity, so that there tanh has no motion to follow.
 
-    It snaps at the top of the cone, W = f P, the earlier the more it has crept.
+    It snaps at the top of the cone, W = f P, the earlier the more it has crept, when Radau's
+    method has it.
     """
     trial, node, motion = nodes.coupled(Tanh(1.5, 1e-3, speed))
-    right(trial, 1e-3, 700)
+    right(trial, 1e-5, 700)
     assert motion.end == pytest.approx(node.separated(2.2), abs=1e-3)
     (snap,) = [step for step in motion.steps if step.snap]
-    assert snap.start == pytest.approx(1e3 * 1.5 / 2.2, abs=early)
-    assert snap.end - snap.start < 0.2
+    assert snap.start == pytest.approx(nodes.crept(node, 1e3)[0], abs=late)
+    assert snap.start == pytest.approx(1e3 * 1.5 / 2.2, abs=4e4 * speed + 0.1)
+    assert snap.end - snap.start < 120.0 * LASTING[0] * 1e3
     assert snap.branches > 10
     assert all(a.end == b.start for a, b in zip(motion.steps, motion.steps[1:], strict=False))
 
@@ -129,15 +132,43 @@ def test_a_bounded_law_snaps_where_nothing_balances(speed: float, early: float) 
 def test_a_sharp_power_law_snaps(q: float) -> None:
     """D7: the velocity would grow like V_c ratio^(1/q), to 1e100 m/s and more."""
     trial, node, motion = nodes.coupled(NortonHoff(1.5, q, 1e-3, 0.1))
-    right(trial, 1e-3, 600)
+    right(trial, 1e-6, 600)
     assert motion.end == pytest.approx(node.separated(2.2), abs=1e-3)
     assert sum(step.snap for step in motion.steps) == (q < 0.1)
 
 
+@pytest.mark.parametrize("load", [2.2, 6.0])
 @pytest.mark.parametrize("speed", [1e-3, 1e-7])
-def test_a_slow_power_law_snaps(speed: float) -> None:
-    """D7: at the same rate of loading, against a cone that is left at (v/V_c)^q f."""
-    right(nodes.coupled(NortonHoff(1.5, 0.1, 1e-3, speed), 6.0)[0], 1e-3, 600)
+def test_a_slow_power_law(speed: float, load: float) -> None:
+    """D7: at the same rate of loading, against a cone that is left at (v/V_c)^q f.
+
+    With V_c = 1e-7 m/s it still bears 2.2 N at the end, at fifty times V_c; both are as Radau's
+    method has them.
+    """
+    trial, _, motion = nodes.coupled(NortonHoff(1.5, 0.1, 1e-3, speed), load)
+    bears = (speed, load) == (1e-7, 2.2)
+    right(trial, 1e-3 if bears else 1e-6, 600)
+    assert bears == (trial.found < 1e-2)
+    assert sum(step.snap for step in motion.steps) == (not bears)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5, 1e-6])
+def test_a_snap_is_dated_to_the_tolerance(tolerance: float) -> None:
+    """D7: until then errors grow as the motion does; the date of Radau's method is 789.401 s."""
+    trial, node, motion = nodes.coupled(NortonHoff(1.5, 0.1, 1e-3, 1e-3), tolerance=tolerance)
+    right(trial, 1e-6, 4000)
+    (snap,) = [step for step in motion.steps if step.snap]
+    date, _ = nodes.crept(node, 1e3)
+    assert snap.start == pytest.approx(date, abs=1.2e3 * tolerance)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5])
+def test_what_creeps_before_it_snaps(tolerance: float) -> None:
+    """D7: to the tolerance, though the motion is unstable."""
+    trial, _, motion = nodes.coupled(NortonHoff(1.5, 0.1, 1e-3, 1e-5), tolerance=tolerance)
+    right(trial, tolerance, 300)
+    assert not any(step.snap for step in motion.steps)
 
 
 def test_below_the_critical_coefficient_nothing_is_said() -> None:
@@ -154,14 +185,17 @@ def test_response_near_the_critical_coefficient(distance: float) -> None:
 
 
 def test_a_snap_of_hardly_any_repulsion() -> None:
-    """The fainter the reaction of a node that is off, the faster: a step that is marked."""
+    """The fainter the reaction of a node that is off, the faster: a step that is marked.
+
+    It lasts as long as the drag needs, some ten times what forces need to overcome it.
+    """
     faint = replace(CONTACT, eta=1e-4)
     node = CoupledNode(NortonHoff(1.5, 0.2, 1e-3, 0.1), faint, (0.0, 0.018))
     motion = moved(node.residual, np.zeros(2), (0.0, 100.0), tolerance=1e-3, speed=1e-3)
     assert motion.outcome == "done"
     assert motion.end == pytest.approx(node.separated(1.8), abs=1e-3)
     (snap,) = [step for step in motion.steps if step.snap]
-    assert snap.end - snap.start < 2e-2
+    assert snap.end - snap.start < 20.0 * LASTING[0] * 100.0
 
 
 # contact, chains -------------------------------------------------------------------
@@ -189,13 +223,13 @@ def test_formula_of_equal_turns(angle: float, n: int) -> None:
 @pytest.mark.parametrize(("ratio", "points"), [(2.0, 20), (18.4, 80)])
 def test_many_turns(ratio: float, points: int) -> None:
     """D10: up to e^(fθ) = 1e8."""
-    right(nodes.many_turns(ratio, points), 1e-3, 2000)
+    right(nodes.many_turns(ratio, points), 2e-4, 2000)
 
 
 @pytest.mark.slow
 def test_neighbours_of_very_different_stiffness() -> None:
     """D14: every other link 1e6 times as stiff."""
-    right(nodes.many_turns(2.0, 20, links=1e6), 1e-4, 2000)
+    right(nodes.many_turns(2.0, 20, links=1e6), 1e-7, 2000)
 
 
 # rejected steps, restarts ------------------------------------------------------------
@@ -254,6 +288,6 @@ def test_beyond_existence() -> None:
     found = solved(case, "taylor", order=19, tolerance=1e-4)
     assert found.stopped is None
     stretch = max(instabilities(case.residual, found.path), key=lambda s: s.distance)
-    assert stretch.start == pytest.approx(1.805, abs=0.03)
+    assert stretch.start == pytest.approx(1.805, abs=0.01)
     assert stretch.pivot < -0.3
     assert stretch.distance > 0.5

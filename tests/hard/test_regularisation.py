@@ -6,9 +6,11 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from anmstrip.scene import InputError
+from anmstrip.scene.regularisation import Regularisation
 from anmstrip.scene.run import Run
 from anmstrip.scene.schema import Scene
 from anmstrip.scene.sharpening import SharpenedRun
@@ -66,6 +68,33 @@ def test_penetration_is_that_of_the_law() -> None:
     deepest = float(-contact.gap.min())
     assert cost.penetration == pytest.approx(deepest)
     assert cost.by_penetration == pytest.approx(deepest / 0.5)
+
+
+def crowned(contact: dict[str, float], crown: float = -2e-4) -> tuple[float, Regularisation]:
+    """Mean pressure in the middle of a crowned roller, under a shell, and what contact costs."""
+    example = Path(__file__).parents[2] / "examples" / "crowned.toml"
+    tables = Scene.load(example).to_dict() | {"contact": contact}
+    tables["strip"] |= {"cells": [12, 4], "refined": 0.04}
+    tables["rollers"][0]["crown"] = [0.0, crown]
+    run = Scene.model_validate(tables).run()
+    assert list(run)
+    assert run.outcome.done
+    state = end_of(run).contacts["r1"]
+    middle = state.touching & (np.abs(state.contact.operator.reference[1]) < 0.3)
+    pressure = np.average(state.pressure[middle], weights=state.area[middle])
+    return float(pressure), end_of(run).regularisation["r1"]
+
+
+def test_gaps_over_a_crown_stretch_fibres() -> None:
+    """Soft contact lets the middle carry less: by the gap over r T/(E t), not over r alone."""
+    soft = {"stiffness": 1e9, "eta": 10.0, "delta": 1e-3}
+    (pressed, cost), (sharp, little) = crowned(soft), crowned({})
+    error = 1.0 - pressed / sharp
+    assert error > 0.1
+    assert cost.penetration / 0.5 < 2e-3 * error
+    assert cost.by_penetration == pytest.approx(error, rel=0.5)
+    assert little.by_penetration < 0.01
+    assert crowned(soft, 0.0)[1].by_penetration < 0.4 * cost.by_penetration
 
 
 def test_summary(tmp_path: Path) -> None:

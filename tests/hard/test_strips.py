@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ def test_tangent_to_a_turning_roller(gap: float) -> None:
 )
 def test_stiff_and_soft_contact(stiffness: float, thickness: float) -> None:
     """D2: no friction, no difference of tension, at any K; the soft with a foil pulled faintly."""
-    right(strips.smooth_roller(stiffness, thickness), 1e-3, 200)
+    right(strips.smooth_roller(stiffness, thickness), 3e-4, 200)
 
 
 @pytest.mark.slow
@@ -42,7 +43,7 @@ def test_stiff_and_soft_contact(stiffness: float, thickness: float) -> None:
 )
 def test_capstan(hard: dict[str, Any]) -> None:
     """D3, D12, D17: e^(f_eff θ) less bending, however sharp the law or thin the strip."""
-    right(strips.capstan(**hard), 1e-4, 1000)
+    right(strips.capstan(**hard), 1e-4 if "thickness" in hard else 5e-5, 1000)
 
 
 @pytest.mark.slow
@@ -64,11 +65,16 @@ def test_capstan_of_a_shell() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("refined", [0.05, 0.025])
-def test_long_hold(refined: float) -> None:
-    """D4: it drifts at V_c ρ^(1/q) for 1000 s, and the report says how fast."""
+@pytest.mark.parametrize(("refined", "allowed"), [(0.042, 6e-3), (0.0125, 1.2e-3)])
+def test_long_hold(refined: float, allowed: float) -> None:
+    """D4: it drifts at V_c ρ^(1/q) for 1000 s, and the report says how fast.
+
+    Drift goes with the tenth power of friction.  Where the strip lifts off between two points
+    makes it err to either side: for five meshes each of about 0.045, 0.022, 0.011 m by
+    2.6e-3, 2.4e-3, 4e-4 (root mean square).
+    """
     trial, run = strips.hold(refined=refined)
-    right(trial, 1e-2, 1000)
+    right(trial, allowed, 1000)
     assert end_of(run).regularisation["r1"].sticking_creep == pytest.approx(trial.found, rel=1e-3)
 
 
@@ -89,9 +95,10 @@ def test_tension_lowered_to_nothing(level: str) -> None:
 
 
 @pytest.mark.slow
-def test_driven_roller() -> None:
-    """D12: the mean creep, to a fiftieth of (T1 − T2)/(E t)."""
-    right(strips.driven(1e-4), 0.02, 2000)
+@pytest.mark.parametrize(("refined", "allowed"), [(0.1, 1.5e-2), (0.025, 8e-3), (0.0125, 5e-3)])
+def test_driven_roller(refined: float, allowed: float) -> None:
+    """D12: the mean creep, in units of (T1 − T2)/(E t)."""
+    right(strips.driven(1e-4, refined), allowed, 600)
 
 
 @pytest.mark.slow
@@ -105,8 +112,8 @@ def test_ironing(eta: float, share: float) -> None:
     friction it is the same: h^2.2 and h^1.5 down to 0.0125 m.
     """
     (coarse, rough), (fine, smooth) = (strips.ironed(h, eta) for h in (0.1, 0.05))
-    right(coarse, 5e-3, 3000)
-    right(fine, 5e-3, 3000)
+    right(coarse, 2e-3, 3000)
+    right(fine, 2e-3, 3000)
     assert smooth < share * rough
 
 
@@ -184,18 +191,28 @@ def test_far_points_do_not_overflow() -> None:
 
 
 def test_a_strip_that_ran_away_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A step that holds a snap is counted, dated and measured, in the message as well."""
+    """Steps that hold a snap are dated and measured, in the message as well.
+
+    Unless they move less than the error that the run may make.
+    """
     through = March._in_time
 
     def snapping(march: March, plan: Any, settings: Any) -> Iterator[Arrival]:
-        for k, arrival in enumerate(through(march, plan, settings)):
-            yield replace(arrival, snap=k == 1)
+        for arrival in through(march, plan, settings):
+            yield replace(arrival, snap=True)
 
     monkeypatch.setattr(March, "_in_time", snapping)
-    run, steps = ran(tables_of(PULL, turning(duration=0.01), refined=0.4))
-    (snap,) = run.snaps
-    second = [step for step in steps if step.stage == "turn"][1]
-    assert (snap["stage"], snap["time"]) == ("turn", second.time)
-    assert 0.0 <= snap["distance"] < 1e-3
-    assert "the strip ran away by" in run.message
+    lift = {"name": "lift", "duration": 1.0, "entry": {"move": [0.0, 0.0, 4.7e-3]}}
+    run, steps = ran(tables_of(PULL, lift, refined=0.4))
+    allowed = run.scene.solver.tolerance * 4.0
+    heights = [step.state.full.reshape(-1, 2)[:, 1] for step in steps]
+    values = run.assembly.strip.node_values
+    ways = [np.abs(b - a)[values].max() for a, b in pairwise(heights)]
+    late = [(step.time, way) for step, way in zip(steps[1:], ways, strict=True) if step.time > 1.0]
+    told = [(time, way) for time, way in late if way > allowed]
+    assert 0 < len(told) < len(late)
+    found = np.array([(snap["time"], snap["distance"]) for snap in run.snaps])
+    assert found == pytest.approx(np.array(told), rel=1e-2)
+    assert {snap["stage"] for snap in run.snaps} == {"lift"}
+    assert run.message.count("the strip ran away by") == len(told)
     assert run.facts()["snaps"] == run.snaps

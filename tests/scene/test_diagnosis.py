@@ -18,7 +18,8 @@ from anmstrip.output.collection import read as listed
 from anmstrip.output.vtk import read_surface
 from anmstrip.scene import Scene
 from anmstrip.scene import march as running
-from anmstrip.scene.diagnosis import Failure, diagnosis
+from anmstrip.scene.build import Assembly
+from anmstrip.scene.diagnosis import Failure, diagnosis, still_coarse
 from anmstrip.scene.overrides import Override
 from anmstrip.scene.run import Run
 from anmstrip.series.outcome import NO_EVIDENCE, Evidence, Outcome, PathStopped
@@ -113,6 +114,7 @@ def all_messages() -> Iterator[str]:
     yield told(run, stalled(), scene(friction={"coefficient": 0.3, "speed": 1e-12}))
     yield told(run, stalled(), scene(solver={"tolerance": 1e-11}))
     yield told(run, PathStopped(Outcome.FOLD, 0.5))
+    yield told(run, stalled(), scene(solver={"order": 4}))
     yield free_in("x")
     yield free_in("z")
 
@@ -132,6 +134,10 @@ def test_stage_time_node_and_roller_are_named() -> None:
     assert message.startswith("Stopped in stage turn at t = 2.01 s: ")
     assert "a detail; worst at x = 0 m (in z, at roller r1)." in message
     assert "finer mesh over roller r1: --set strip.refined=0.049" in message
+    fine = scene(strip={**TABLES["strip"], "refined": 0.04})
+    assert run.state is not None
+    beside = Failure(Assembly(fine), fine.stages[-1], run.state, stalled(place))
+    assert "strip.refined=0.02" in str(still_coarse(beside))  # finer than asked for
     far = told(run, stalled(imbalance_at(run, 2.0, 0)))
     assert "worst at x = 2 m (in x)." in far
     assert "stages.turn.rollers.r1.surface_speed: try a smaller change" in far
@@ -221,6 +227,12 @@ def test_friction_that_is_too_steep() -> None:
     message = told(wrapped(), stalled(), scene(friction={"coefficient": 0.3, "speed": 1e-12}))
     assert "Friction turns round within 1e-13 m/s" in message
     assert typed(message) == ["friction.speed=9e-08"]
+
+
+def test_series_of_few_terms() -> None:
+    message = told(wrapped(), stalled(), scene(solver={"order": 4}))
+    assert "Series of order 4 are short. Try --set solver.order=" in message
+    assert "Series" not in told(wrapped(), stalled(), scene(solver={"order": 12}))
 
 
 def test_tolerance_near_round_off() -> None:

@@ -67,6 +67,41 @@ def test_what_cannot_lie_on_a_roller(key: str, value: float, words: str, hint: s
 
 
 @pytest.mark.parametrize(
+    ("contact", "refined", "hint"),
+    [({"onset": 0.05}, 0.1, "contact.onset=0.003"), ({}, 2.0, "strip.refined=0.07")],
+)
+def test_contact_that_is_felt_far_from_a_roller(
+    contact: dict[str, float], refined: float, hint: str
+) -> None:
+    """A wide onset, given or of a coarse mesh, where the strip hardly turns."""
+    tables = copy.deepcopy(TABLES) | {"contact": contact, "stages": TABLES["stages"][:1]}
+    tables["strip"] |= {"cells": [2, 1], "refined": refined}
+    (found,) = serious(Assembly(Scene.model_validate(tables)))
+    assert "m away from roller r1, of radius 0.3 m" in found
+    assert hint in found
+    assert doubts() == []
+
+
+@pytest.mark.parametrize(
+    ("contact", "hint"),
+    [({"pressure": 1.0}, "contact.pressure=3.6e+04"), ({"onset": 0.1}, "contact.onset=0.005")],
+)
+def test_graded_contact_is_made_harder_by_keys_of_its_own(
+    contact: dict[str, float], hint: str
+) -> None:
+    """A pressure far below T/r; an onset that is wide beside the smaller of two rollers."""
+    tables = copy.deepcopy(TABLES) | {"contact": contact}
+    tables["rollers"].append({"name": "r2", "radius": 3.0, "centre": [0.0, 0.0, -9.0]})
+    found = [told for told in serious(Assembly(Scene.model_validate(tables))) if "r1" in told]
+    assert len(found) == 1
+    assert "into roller r1" in found[0]
+    assert hint in found[0]
+    key, _, value = hint.removeprefix("contact.").partition("=")
+    tables["contact"][key] = float(value)
+    assert serious(Assembly(Scene.model_validate(tables))) == []
+
+
+@pytest.mark.parametrize(
     ("last", "friction", "words", "hint"),
     [
         ({"entry": {"release": True}}, False, "nothing holds the strip in x", "entry.release"),

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from anmstrip.mechanics.roller import Roller
 from anmstrip.model import Equilibrium
 from anmstrip.scene.build import Assembly
+from anmstrip.scene.costs import cheapest_order, size_of
 from anmstrip.scene.measures import ContactState, State
 from anmstrip.scene.meshing import QUARTER
 from anmstrip.scene.places import Place, place_of
@@ -268,12 +269,25 @@ def stiff_friction(failure: Failure) -> str | None:
     )
 
 
+def low_order(failure: Failure) -> str | None:
+    """Series of few terms, asked for: their steps may shrink where those of more do not."""
+    given, assembly = failure.scene.solver.order, failure.assembly
+    size = size_of(assembly, assembly.kinematics)
+    if given is None or size is None or failure.stopped.outcome is not Outcome.STALLED:
+        return None
+    order = cheapest_order(size, failure.scene.solver.tolerance)
+    if 2 * given > order:
+        return None
+    return f"Series of order {given} are short. Try --set solver.order={order}."
+
+
 def still_coarse(failure: Failure) -> str | None:
     """Nothing else is known, but it is at a roller, where the mesh decides."""
     place = failure.place
     if place is None or not place.roller or failure.stopped.outcome is Outcome.FOLD:
         return None
-    return f"Try a finer mesh over roller {place.roller}: {_finer(failure, 0.5 * place.element)}."
+    element = min(place.element, failure.scene.strip.refined or np.inf)
+    return f"Try a finer mesh over roller {place.roller}: {_finer(failure, 0.5 * element)}."
 
 
 def asked_too_much(failure: Failure) -> str:
@@ -307,6 +321,7 @@ CAUSES: tuple[Callable[[Failure], str | None], ...] = (
     slack,
     coarse,
     stiff_friction,
+    low_order,
     still_coarse,
     asked_too_much,
 )

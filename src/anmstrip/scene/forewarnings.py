@@ -46,7 +46,7 @@ def serious(assembly: Assembly, plans: Sequence[Plan] = (), ways: Sequence[Way] 
 
 
 def _roller_doubts(assembly: Assembly, ways: Sequence[Way]) -> Iterator[str]:
-    """Elements that cannot follow a roller, and contact into which the strip sinks."""
+    """Elements that cannot follow a roller, contact that sets in far out or lets the strip sink."""
     tension = largest_force(assembly.scene)
     x = assembly.strip.mesh.p[0, assembly.strip.mesh.t].mean(axis=0)
     for roller in assembly.rollers:
@@ -63,9 +63,37 @@ def _roller_doubts(assembly: Assembly, ways: Sequence[Way]) -> Iterator[str]:
         if depth > SUNK * roller.radius and turn > SUNK:
             yield (
                 f"pressed by T/r = {tension / roller.radius:.2g} Pa the strip sinks {depth:.2g} m "
-                f"into roller {roller.name}, of radius {roller.radius:.2g} m. Try "
-                f"--set contact.stiffness={100.0 * tension / roller.radius**2:.1g}."
+                f"into roller {roller.name}, of radius {roller.radius:.2g} m. "
+                f"Try --set {_harder(assembly, roller, tension / roller.radius, depth)}."
             )
+        elif (width := _onset(assembly)) > SUNK * roller.radius:
+            given = assembly.scene.contact is not None and assembly.scene.contact.onset is not None
+            keys = f"strip.refined={least:.1g}", f"contact.onset={SUNK**2 * roller.radius:.1g}"
+            yield (
+                f"contact sets in {width:.2g} m away from roller {roller.name}, of radius "
+                f"{roller.radius:.2g} m. Try --set {keys[given]}."
+            )
+
+
+def _onset(assembly: Assembly) -> float:
+    """Gap (m) over which contact without a penalty sets in."""
+    contact = assembly.scene.contact
+    return assembly.signorini.width if contact is not None and contact.constants is None else 0.0
+
+
+def _harder(assembly: Assembly, roller: Roller, pressure: float, depth: float) -> str:
+    """Setting of the scene's own law with which the strip sinks in by a hundredth of the radius.
+
+    The gap of a graded law goes with its onset, and is 0 at the pressure that it is given.
+    """
+    contact, least = assembly.scene.contact, SUNK**2 * roller.radius
+    assert contact is not None
+    if contact.constants is not None:
+        return f"contact.stiffness={pressure / least:.1g}"
+    if contact.pressure is not None and contact.pressure < pressure:
+        return f"contact.pressure={pressure:.2g}"
+    width = assembly.signorini.width
+    return f"contact.onset={width * least / depth:.1g}"
 
 
 def _pulled_slack(assembly: Assembly, plans: Sequence[Plan]) -> Iterator[str]:

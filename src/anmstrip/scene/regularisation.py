@@ -3,6 +3,10 @@
 Regularised friction lets creep what sticks, and Norton and Hoff's is not bounded by f; a
 regularised roller is softer than steel.  Each has an effect on the tension of the strip, which
 is estimated here as a share of it; the estimates are of the order of the errors, not bounds.
+
+A gap that is the same all across is another radius.  One that differs between two fibres of a
+shell, over a crown for instance, lets them go ways of different length, and stretches one by the
+difference over the radius, beside T/(E t).
 """
 
 from __future__ import annotations
@@ -15,6 +19,9 @@ from anmstrip.scene.readings import ContactState, RollerReading
 
 STICKS = 0.95
 """Share of the cone f R_N up to which a point counts as sticking."""
+
+FIBRES = 16
+"""Stripes of the width, along each of which gaps are averaged."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +39,8 @@ class Regularisation:
     by_cone : float
         Friction beyond f R_N, likewise.
     by_penetration : float
-        Penetration over the radius: the moment and the way of the strip go with the radius.
+        Penetration over the radius: the moment and the way of the strip go with the radius; and
+        the strain of the fibre whose gap is farthest from the others', in units of the tension's.
     """
 
     sticking_creep: float
@@ -78,8 +86,19 @@ def regularisation_of(
         penetration=penetration,
         by_creep=creep * stay / arc * stiffness / tension if creep else 0.0,
         by_cone=excess / (tension * state.width) if excess else 0.0,
-        by_penetration=penetration / state.roller.radius,
+        by_penetration=penetration / state.roller.radius + _uneven(state, tension / stiffness),
     )
+
+
+def _uneven(state: ContactState, strain: float) -> float:
+    """Strain of a fibre by its mean gap beside that of all fibres, over the tension's strain."""
+    touching = state.touching
+    y = state.contact.operator.reference[1, touching]
+    _, fibre = np.unique(np.round(FIBRES * y / state.width), return_inverse=True)
+    if strain <= 0.0 or not fibre.any():
+        return 0.0
+    gaps = np.bincount(fibre, state.gap[touching]) / np.bincount(fibre)
+    return float(np.abs(gaps - gaps.mean()).max()) / state.roller.radius / strain
 
 
 def _beyond(state: ContactState) -> tuple[float, float]:

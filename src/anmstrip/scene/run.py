@@ -173,8 +173,8 @@ class Run:
 
     def _accepted(self, arrival: Arrival) -> Step:
         before, self.state = self._labelled(arrival.plan), arrival.state
-        if arrival.snap:
-            self.snaps.append(self._snap(arrival))
+        if arrival.snap and (snap := self._snap(arrival))["distance"] > self._resolved:
+            self.snaps.append(snap)
         self.march.accept(arrival)
         self.steps += 1
         self._count(arrival.plan)
@@ -244,6 +244,11 @@ class Run:
             "time": arrival.state.time,
             "distance": float(moved.max()),
         }
+
+    @property
+    def _resolved(self) -> float:
+        """Distance (m) below which a place is not known: error that the run may make."""
+        return self.scene.solver.tolerance * self.assembly.scales.length
 
     def _judge(self, plan: Plan) -> None:
         """How well conditioned the last tangent of a stage was: four back-substitutions."""

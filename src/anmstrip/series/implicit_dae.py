@@ -66,6 +66,9 @@ LEAST_SHARE = 1e-6
 """Of the tolerance, that any step may add: a layer at the start of a long stage, in which the
 velocity changes at once and hardly anything moves, need not be resolved."""
 
+ROUGH = 1e-4
+"""Least error in time of a snap: its way depends on the drag, only where it rests does not."""
+
 MOST_BRANCHES = 60
 """Of one step: a shorter one is cheaper."""
 
@@ -190,12 +193,15 @@ class _Integrator:
         if dragged is None or DIGITS_OF_TIME * np.spacing(t) > FIRST * lasting:
             return None
         other = self._with(dragged)
+        other.settings = replace(self.settings, tolerance=max(self.settings.tolerance, ROUGH))
         slowed = min(1.0, float(np.abs(u).max() / np.abs(v).max()) / lasting)
         begin = start(t, u, slowed * v, FIRST * lasting)
         try:
             begin = replace(begin, v=other._trial(begin, t + begin.step, 1).v)
             return snapped(lambda now: other.tried(now, end, SHORTEST), begin, lasting)
-        except PathStopped:
+        except PathStopped as stopped:
+            if stopped.outcome is Outcome.TOO_MANY_TANGENTS:
+                raise
             return None
 
     def _with(self, equations: RateEquations) -> _Integrator:
