@@ -79,9 +79,9 @@ def test_the_study(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     report = (tmp_path / "newton.md").read_text(encoding="utf-8")
     assert "anmstrip study newton --quick" in report
-    for problem in ("cantilever", "press", "capstan"):
+    for problem in ("cantilever", "press, section", "press, shell", "capstan, shell"):
         lines = [line for line in report.splitlines() if line.startswith(f"| {problem} |")]
-        assert len(lines) == (5 if problem == "cantilever" else 7)
+        assert len(lines) == (5 if problem == "cantilever" else 8)
         errors = [float(line.split("|")[-2]) for line in lines[:-1]]
         assert max(errors) < 1e-3
 
