@@ -15,6 +15,7 @@ from anmstrip.studies.contact import pressed as under
 from anmstrip.studies.strips import capstan, pressed
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
+PENALTY = {"stiffness": 1e10, "eta": 10.0, "delta": 1e-3}
 
 
 def built(contact: dict[str, Any], **more: Any) -> tuple[GradedSignorini, float]:
@@ -104,3 +105,20 @@ def test_it_gives_the_tensions_of_a_crowned_roller_that_a_stiff_penalty_gives() 
         forces = run.state.principal_forces
         tensions.append((forces.max(), forces.min()))
     assert tensions[0] == pytest.approx(tensions[1], rel=0.01)
+
+
+@pytest.mark.parametrize(("contact", "fewer"), [({}, True), (PENALTY, False)])
+def test_only_a_gradual_onset_is_followed_to_a_loose_tolerance(
+    contact: dict[str, Any], fewer: bool
+) -> None:
+    """The first touch of a penalty must be seen: its paths keep to 1e-4."""
+    tangents = []
+    for tolerance in (1e-2, 1e-4):
+        tables = {**pressed("section", 2, 0.1, tolerance).to_dict(), "contact": contact}
+        tables["solver"] = {"tolerance": tolerance, "order": 13}
+        run = Run(Scene.model_validate(tables))
+        for _ in run:
+            pass
+        assert run.outcome.done
+        tangents.append(run.cost.expansions)
+    assert (tangents[0] < tangents[1]) is fewer

@@ -15,6 +15,7 @@ from anmstrip.scene.measures import State
 from anmstrip.scene.run import Run, Step
 from anmstrip.scene.schema import Scene
 from anmstrip.scene.threading import stretches
+from anmstrip.studies.bent_capstan import arc_ratio, lift_off, line_ratio, line_tension
 from anmstrip.studies.motions import Trial
 from anmstrip.studies.strips import CONTACT, MATERIAL, RADIUS, TENSION
 
@@ -170,50 +171,9 @@ def _ratios(run: Run) -> tuple[float, float]:
     high, low, angle = ends_of(run)
     f = friction.effective(end_of(run).rollers["r1"].creep_speed)
     bending = run.assembly.strip.bending_stiffness
-    if low < _line(bending, angle):
+    if low < line_tension(bending, angle):
         return high / low, line_ratio(f, angle)
     return high / low, arc_ratio(f, angle, bending / low / RADIUS**2)
-
-
-def arc_ratio(f: float, angle: float, stiff: float) -> float:
-    """Ratio of tensions in full slip around an arc, with bending, D/(T2 R²) = ``stiff``.
-
-    Beyond the arc elasticas turn by α = 2 asin(√(D/T)/2R), to its curvature, and lean on its ends
-    with T sin α; so that T1 (cos α1 − f sin α1) = T2 (cos α2 + f sin α2) e^(f (θ − α1 − α2)).
-    """
-
-    def excess(ratio: float) -> float:
-        first, second = _lift_off(np.array([stiff / ratio, stiff]))
-        low = (np.cos(second) + f * np.sin(second)) * np.exp(f * (angle - first - second))
-        return float(ratio * (np.cos(first) - f * np.sin(first)) - low)
-
-    return brentq(excess, 0.5, 2.0 * np.exp(f * angle), xtol=1e-14)
-
-
-def _lift_off(stiff: Array) -> Array:
-    """Angles α = 2 asin(√(D/T)/2R) that an elastica turns to an arc's curvature; D/(T R²) given."""
-    return np.asarray(2.0 * np.arcsin(0.5 * np.sqrt(stiff)))
-
-
-def _line(bending: float, angle: float) -> float:
-    """Tension (N/m) below which the arc of contact is a line, D/(4R² sin²(θ/4))."""
-    return float(bending / (4.0 * RADIUS**2 * np.sin(0.25 * angle) ** 2))
-
-
-def line_ratio(f: float, angle: float) -> float:
-    """Ratio of tensions where a strip turns by an angle about one line and slips there.
-
-    Elasticas with the tensions T1, T2 turn by α1, α2 up to the line, with equal moments
-    2 √(D T) sin(α/2); the reaction leans by f: T1 cos α1 − T2 cos α2 = f (T1 sin α1 + T2 sin α2).
-    """
-
-    def leaning(first: float) -> tuple[float, float]:
-        second = angle - first
-        ratio = (np.sin(0.5 * second) / np.sin(0.5 * first)) ** 2
-        pulled = ratio * (np.cos(first) - f * np.sin(first))
-        return float(ratio), float(pulled - np.cos(second) - f * np.sin(second))
-
-    return leaning(brentq(lambda a: leaning(a)[1], 0.1 * angle, 0.5 * angle, xtol=1e-14))[0]
 
 
 def hold(duration: float = 1e3, refined: float = 0.0125) -> tuple[Trial, Run]:
@@ -267,7 +227,7 @@ def lowered(level: str = "section", last: float = -0.1) -> Trial:
     tables = tables_of(PULL, LAY, {**less, "exit": end}, level=level)
     del tables["friction"]
     run, steps = ran(tables)
-    line = _line(run.assembly.strip.bending_stiffness, 0.75)
+    line = line_tension(run.assembly.strip.bending_stiffness, 0.75)
     tensions = [np.linalg.norm(step.state.edge_force("exit")) for step in steps]
     return trial(run, float(min(tensions)), 0.0, 0.1 * line)
 
@@ -310,7 +270,7 @@ def _creep(run: Run) -> tuple[float, float]:
     stiffness, poisson = run.assembly.strip.tensile_stiffness, run.assembly.material.poisson
     stretch, _ = stretches(float(ends.mean()), stiffness, poisson)
     stiffness *= stretch * (1.5 * stretch**2 - 0.5)  # λ dT/dλ by Green's strain
-    lift = _lift_off(run.assembly.strip.bending_stiffness / ends / RADIUS**2)
+    lift = lift_off(run.assembly.strip.bending_stiffness / ends / RADIUS**2)
     first, last = ends * np.cos(lift)
     fall = np.concatenate([[0.0], np.geomspace(1e-12, 1.0, 2001)]) * (first - last)
 
