@@ -181,6 +181,8 @@ def hold(duration: float = 1e3, refined: float = 0.0125) -> tuple[Trial, Run]:
 
     It creeps as a whole, at V_c ρ^(1/q), where ρ f is the friction that this ratio of tensions
     takes.  Contact is as sharp as the mesh resolves; what rubs lacks the faint pressure.
+    Before, what the slackening left behind relaxes: 100 times this drift at first, 1.25 times after
+    5 s; its last half is steady to 1e-3 from holds of 30 s on.
     """
     less = {"force": [0.9 * TENSION, 0.0, -0.9 * 5773.5]}
     slacken = {"name": "slacken", "duration": 1.0, "exit": less}
