@@ -9,7 +9,8 @@ look at velocities.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from .mechanics.membrane import Membrane
 from .mechanics.strip import Strip
 from .mechanics.supports import Scales, Supports
 from .series.backward_differences import AffineVelocity
+from .series.path import Branch
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -160,18 +162,44 @@ class Equilibrium:
         forces = self.model.force(full, self.full_velocity(u, control), self.controls.at(control))
         return forces[self.supports.free]
 
-    def resistance(self, u: Array, control: float, change: Array) -> Array:
-        """∂R/∂v times a change of the free unknowns' velocity."""
-        full, velocity = self.supports.full(u, control), self.full_velocity(u, control)
-        still, moved = np.zeros_like(full), np.zeros_like(full)
-        moved[self.supports.free] = change
-        total = np.zeros_like(full)
+    def hidden(self, branch: Branch) -> float | None:
+        """Where on a branch the strip crosses a roller that neither end shows, if it does."""
         for effect in self.model.effects:
-            if getattr(effect, "rate_dependent", False):
-                series = series_of(effect, 1, full, velocity, control, self.controls)
-                force = series.derivative(still, moved, 0.0)
+            if not hasattr(effect, "passed"):
+                continue
+            share = effect.passed(partial(self._places, effect, branch))
+            if share is not None:
+                return share * branch.length
+        return None
+
+    def _places(self, contact: Any, branch: Branch, shares: Array) -> Array:
+        """Positions in the rollers' frames along a branch, (shares, rows, points)."""
+        found = []
+        for u, control in zip(*branch.many(shares * branch.length), strict=True):
+            x = contact.operator.apply(self.supports.full(u, control))
+            found.append(contact.position(x, self.controls.at(control)))
+        return np.array(found)
+
+    def resistance(self, u: Array, control: float) -> Callable[[Array], Array]:
+        """∂R/∂v at a state, applied to changes of the free unknowns' velocity."""
+        full, velocity = self.supports.full(u, control), self.full_velocity(u, control)
+        parts = [
+            series_of(effect, 1, full, velocity, control, self.controls)
+            for effect in self.model.effects
+            if getattr(effect, "rate_dependent", False)
+        ]
+        still = np.zeros_like(full)
+
+        def applied(change: Array) -> Array:
+            moved = np.zeros_like(full)
+            moved[self.supports.free] = change
+            total = still.copy()
+            for part in parts:
+                force = part.derivative(still, moved, 0.0)
                 total += 0.0 if force is None else force
-        return total[self.supports.free]
+            return total[self.supports.free]
+
+        return applied
 
     def imbalance(self, residual: Array) -> float:
         """Norm of nodal forces (moments over element size) over the force scale."""

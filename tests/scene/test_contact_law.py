@@ -83,13 +83,13 @@ def test_it_tends_to_rigid_contact_with_the_mesh() -> None:
 
 @pytest.mark.parametrize("profile", [{"crown": [0.0, -2e-4]}, {"axis": [3e-3, 1.0, 0.0]}])
 def test_it_is_sharper_where_gaps_would_stretch_fibres_unevenly(profile: dict[str, Any]) -> None:
-    """On a shell over such a roller: 0.02 of the elastic stretch, on the radius."""
+    """On a shell over such a roller: 0.01 of the elastic stretch, on the radius."""
     tables = capstan("shell", 4, 0.1, 1e-3, stiffer=None).to_dict()
     plain = Assembly(Scene.model_validate(tables)).signorini
     tables["rollers"][0].update(profile)
     law = Assembly(Scene.model_validate(tables)).signorini
     strain = 11547.0 / (2e11 * 1e-3)
-    assert law.width == pytest.approx(0.02 * strain * 0.5, rel=1e-3)
+    assert law.width == pytest.approx(0.01 * strain * 0.5, rel=1e-3)
     assert law.width < 0.01 * plain.width
 
 

@@ -10,7 +10,7 @@ and for all of them at once: a pair of a point and a roller is a point of its ow
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -100,11 +100,21 @@ class Contact:
         """Reference positions in the frames, shape (rows, points)."""
         return np.asarray(mapped(self.roller.frame[: self.roller.rows], self.operator.reference))
 
-    def seen(self, x: Any, controls: Mapping[str, Any]) -> Place:
-        """Where displaced points are, on arrays or series."""
+    def position(self, x: Any, controls: Mapping[str, Any]) -> Any:
+        """Displaced points in the rollers' frames, (rows, points), on arrays or series."""
         centre = control_of(self.roller, controls, "centre")
         offset = self.origin - mapped(self.roller.frame[: self.roller.rows], centre)
-        return self.roller.seen(mapped(self.view, x) + offset)
+        return mapped(self.view, x) + offset
+
+    def seen(self, x: Any, controls: Mapping[str, Any]) -> Place:
+        """Where displaced points are, on arrays or series."""
+        return self.roller.seen(self.position(x, controls))
+
+    def passed(self, places: Callable[[Array], Array]) -> float | None:
+        """Share of a way at which it crosses a roller, see :mod:`anmstrip.mechanics.passing`."""
+        from .passing import deepest  # noqa: PLC0415
+
+        return deepest(self, places)
 
     def near(self, full: Array, controls: Mapping[str, Any]) -> Contact:
         """The same effect on the points within reach."""

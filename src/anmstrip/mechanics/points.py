@@ -29,6 +29,10 @@ is carried without bending: cubics in each coordinate, quintics on triangles.
 """
 
 
+REMEMBERED = 4
+"""Latest choices of points, for what is near a roller hardly changes within a step."""
+
+
 class ContactOperator:
     """Values at the points where contact is looked at, with areas as weights.
 
@@ -68,12 +72,22 @@ class ContactOperator:
         self.matrix = csr_matrix((rows.ravel(), index), shape=(len(first), strip.scalars))
         self.matrix.eliminate_zeros()
         self.transposed = self.matrix.T.tocsr()
+        self.parts: dict[bytes, ContactOperator] = {}
 
     def restricted(self, points: Index) -> ContactOperator:
         """The same on some of the points, also several times; it keeps the cells of all."""
         if np.array_equal(points, np.arange(len(self.chosen))):
             return self
+        key = points.tobytes()
+        if key not in self.parts:
+            while len(self.parts) >= REMEMBERED:
+                self.parts.pop(next(iter(self.parts)))
+            self.parts[key] = self._part(points)
+        return self.parts[key]
+
+    def _part(self, points: Index) -> ContactOperator:
         part = copy(self)
+        part.parts = {}
         part.chosen = self.chosen[points]
         part.reference, part.weights = self.reference[:, points], self.weights[points]
         part.matrix = self.matrix[points]

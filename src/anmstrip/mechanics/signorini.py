@@ -1,8 +1,8 @@
 """Regularised unilateral contact: reaction as a function of the gap.
 
-All laws are closed roots of a quadratic and run on floats and on series.  The
-stiffness K and the constant η are forces per length and forces for a single
-node, or pressures per length and pressures for a surface.
+All laws run on floats and on series.  Those of a penalty are closed roots of a quadratic; their
+stiffness K and constant η are forces per length and forces for a single node, or pressures per
+length and pressures for a surface.
 
 What lets a strip touch a roller point by point costs one corner of the path each, and the more
 tangents the sharper it is; an onset that lies between two points is not resolved either, and the
@@ -106,10 +106,10 @@ class RepulsiveSignorini:
 
 @dataclass(frozen=True)
 class GradedSignorini:
-    """R = p₀ σ² with σ = (√(h² + w²) − h)/w, for surfaces: an onset of contact of given width.
+    """R = p₀ exp(−h/w), for surfaces: an onset of contact of given width.
 
-    A strip pressed by p₀ lies on the surface, h = 0.  The reaction decays like p₀ (w/2h)², so
-    that friction does not reach far, and grows like p₀ (2h/w)² with the depth.
+    A strip pressed by p₀ lies on the surface, h = 0, and sinks by w for every factor of e in the
+    pressure.  The law has no singularity anywhere, and friction does not reach far.
 
     Attributes
     ----------
@@ -124,17 +124,15 @@ class GradedSignorini:
 
     def __call__(self, gap: Any) -> Any:
         """Reaction at a gap."""
-        root = root_reaction(gap, gap * 0.0 + 0.5 * self.width, 2.0 / self.width)
-        return root * root * self.pressure
+        return np.exp(gap * (-1.0 / self.width)) * self.pressure
 
     def gap(self, reaction: Any) -> Any:
-        """Inverse law: h = w (1/σ − σ)/2, σ = √(R/p₀)."""
-        root = np.sqrt(reaction / self.pressure)
-        return 0.5 * self.width * (1.0 / root - root)
+        """Inverse law: h = −w log(R/p₀)."""
+        return np.log(reaction / self.pressure) * -self.width
 
     @property
     def faint(self) -> float:
-        """Reaction below which nothing counts as touching: at gaps of 5 w."""
+        """Reaction below which nothing counts as touching: at gaps of 4.6 w."""
         return 0.01 * self.pressure
 
     @property

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-UNSEEN = 0.02
+UNSEEN = 0.01
 """Stretch that the onset of contact may make, over the elastic one."""
 
 FAINT = 1e-4

@@ -84,14 +84,12 @@ def _onset(assembly: Assembly) -> float:
 def _harder(assembly: Assembly, roller: Roller, pressure: float, depth: float) -> str:
     """Setting of the scene's own law with which the strip sinks in by a hundredth of the radius.
 
-    The gap of a graded law goes with its onset, and is 0 at the pressure that it is given.
+    The gap of a graded law goes with its onset.
     """
     contact, least = assembly.scene.contact, SUNK**2 * roller.radius
     assert contact is not None
     if contact.constants is not None:
         return f"contact.stiffness={pressure / least:.1g}"
-    if contact.pressure is not None and contact.pressure < pressure:
-        return f"contact.pressure={pressure:.2g}"
     width = assembly.signorini.width
     return f"contact.onset={width * least / depth:.1g}"
 

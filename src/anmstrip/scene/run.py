@@ -45,8 +45,6 @@ class Step:
         Of the whole run.
     step, tangents : int
         Counted over the whole run.
-    tension_ratio : float or None
-        Tension before the first roller over that after it; at the edges without roller.
     state : State
     events : tuple of Event
         What happened in it, if the scene asks for events.
@@ -58,9 +56,14 @@ class Step:
     fraction: float
     step: int
     tangents: int
-    tension_ratio: float | None
     state: State
     events: tuple[Event, ...] = ()
+
+    @property
+    def tension_ratio(self) -> float | None:
+        """Tension before the first roller over that after it, or None without a roller."""
+        readings = self.state.rollers.values()
+        return next((reading.tension_ratio for reading in readings), None)
 
 
 class Run:
@@ -187,7 +190,6 @@ class Run:
             self.state.time / self.end_time,
             self.steps,
             self.cost.expansions,
-            _ratio(self.state),
             self.state,
             events,
         )
@@ -350,9 +352,3 @@ def _watch(assembly: Assembly) -> EventWatch | None:
     from anmstrip.scene.events import EventWatch  # noqa: PLC0415 (only if asked for)
 
     return EventWatch(assembly)
-
-
-def _ratio(state: State) -> float | None:
-    for reading in state.rollers.values():
-        return reading.tension_ratio
-    return None

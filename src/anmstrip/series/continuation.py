@@ -209,12 +209,7 @@ class _Follower:
         branch = self._expanded(u, pace.control, parameter)
         if pace.arclength:
             branch = cleared(self.equations, branch)
-        tolerance, reach = self.settings.tolerance, parameter.reach
-        branch, imbalance = validated(self.equations, branch, tolerance, reach, self.cost)
-        if self.settings.rational:
-            branch, imbalance = stretched(
-                self.equations, branch, imbalance, tolerance, reach, self.cost
-            )
+        branch, imbalance = self._accepted(branch, parameter.reach)
         if pace.arclength:
             branch, imbalance = self._cut_at_target(branch, imbalance)
         elif branch.length == parameter.reach:
@@ -248,6 +243,25 @@ class _Follower:
             outcome = Outcome.SINGULAR if finite else Outcome.NOT_FINITE
             evidence = Evidence(unknown=error.unknown)
             raise PathStopped(outcome, control, str(error), evidence) from error
+
+    def _accepted(self, series: Branch, reach: float) -> tuple[Branch, float]:
+        """The branch up to where it holds, inside and at its end."""
+        tolerance = self.settings.tolerance
+        while True:
+            branch, imbalance = validated(self.equations, series, tolerance, reach, self.cost)
+            if self.settings.rational:
+                branch, imbalance = stretched(
+                    self.equations, branch, imbalance, tolerance, reach, self.cost
+                )
+            hidden = getattr(self.equations, "hidden", None)
+            inside = None if hidden is None else hidden(branch)
+            if inside is None or self._holds(branch, inside):
+                return branch, imbalance
+            reach = inside
+
+    def _holds(self, branch: Branch, a: float) -> bool:
+        tolerance = self.settings.tolerance
+        return errors(self.equations, branch, a, self.cost, tolerance)[0] <= tolerance
 
     def _cut_at_target(self, branch: Branch, imbalance: float) -> tuple[Branch, float]:
         a = branch.reaches(self.target)

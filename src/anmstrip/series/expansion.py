@@ -61,7 +61,11 @@ class Recurrence(Protocol):
 
 
 class Equations(Protocol):
-    """R(u, λ) = 0 and the scales in which its user measures errors."""
+    """R(u, λ) = 0 and the scales in which its user measures errors.
+
+    They may tell where inside a branch to look at the balance too: ``hidden(branch)`` gives a
+    parameter at which something acts that is not seen at either end, or None.
+    """
 
     @property
     def metric(self) -> Array | float:

@@ -197,10 +197,10 @@ class StepEquations:
         self.unit = self.share * stretch(v, self.problem.speed)
         return recurrence
 
-    def resistance(self, u: Array, control: float, change: Array) -> Array:
-        """∂R/∂v times a change of the velocity."""
+    def resistance(self, u: Array, control: float) -> Callable[[Array], Array]:
+        """∂R/∂v at a state, applied to changes of the velocity."""
         state, t, v = u + self.about, control * self.h + self.t, self.velocity(u, control)
-        return taylor(lambda series: self.problem.function(state, series, t), [v, change])[1]
+        return lambda change: taylor(lambda s: self.problem.function(state, s, t), [v, change])[1]
 
     def residual(self, u: Array, control: float) -> Array:
         """R at a point of the step."""

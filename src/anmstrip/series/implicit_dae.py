@@ -18,9 +18,10 @@ over the whole time (error per unit of time).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -125,6 +126,11 @@ class _Trial:
     path: StepEquations
     increment: Array
     rate: float
+
+    @cached_property
+    def resistance(self) -> Callable[[Array], Array]:
+        """∂R/∂v at its end."""
+        return self.path.resistance(self.increment, 1.0)
 
 
 class _LastFactors:
@@ -319,8 +325,7 @@ class _Integrator:
         assert self.solver.factors is not None
         self.cost.solves += 1
         with self.cost.timed("error in time"):
-            force = trial.path.resistance(trial.increment, 1.0, error)
-            return self.solver.factors.solve(force)
+            return self.solver.factors.solve(trial.resistance(error))
 
     def _ratio(self, error: float, order: int) -> float:
         return GROWTH[0] if error == 0.0 else float((0.5 / error) ** (1.0 / order))

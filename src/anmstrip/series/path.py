@@ -66,6 +66,12 @@ class Branch:
         q = horner(self.denominator, a)
         return horner(self.u, a) / q, float(horner(self.control, a) / q)
 
+    def many(self, a: Array) -> tuple[Array, Array]:
+        """States (m, n) and controls (m,) at parameters ``a``."""
+        q = np.polynomial.polynomial.polyval(a, self.denominator)
+        powers = np.vander(a, self.order + 1, increasing=True) / q[:, None]
+        return powers @ self.u, powers @ self.control
+
     @property
     def end(self) -> tuple[Array, float]:
         """State and control at the end of the range."""

@@ -84,9 +84,10 @@ def errors(
     cost.residuals += 1
     with cost.timed("residual"), np.errstate(over="ignore", invalid="ignore"):
         residual = equations.residual(*branch(a))
-    error = imbalance = equations.imbalance(residual)
-    if equations.imbalance(branch.residual) > tolerance:
-        error = equations.imbalance(residual - branch.residual * (1.0 - a / branch.carried_over))
+        error = imbalance = equations.imbalance(residual)
+        if equations.imbalance(branch.residual) > tolerance:
+            rest = branch.residual * (1.0 - a / branch.carried_over)
+            error = equations.imbalance(residual - rest)
     return (error if np.isfinite(error) else np.inf), imbalance
 
 

@@ -19,30 +19,39 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr, toeplitz
 
-from .expansion import Cost, Equations
+from .expansion import TINY, Cost, Equations
 from .path import Branch, first_root
 from .range_of_validity import errors, without_overshoot
 
 Array = NDArray[np.float64]
 
-GROWTH = 1.2
-"""Ratio of a length to the one before it at which the residual was looked at."""
+FIRST = 1.5
+"""First length that is tried, over that of the series: most quotients hold up to there."""
+
+WORTH = 1.04
+"""Ratio to the longest that holds, below which a length is not tried."""
+
+TRIALS = 4
+"""Lengths that are tried."""
+
+AIM = 0.7
+"""Share of the tolerance that the next one aims at."""
+
+SHORT_OF_POLE = 0.95
+"""Longest length, over that of a pole."""
 
 POLES = 12
 """Largest degree of the denominator."""
 
-LAST = 6
+LAST = 4
 """Orders of the product that are to vanish."""
 
 FURTHER = 4.0
-"""Where they are weighted, over the length of the series."""
+"""Where they are weighted, and the longest that is tried, over the length of the series."""
 
 DAMPING = 1e-9
 """Of the denominator's coefficients, over the largest term there.  With 1e-12 steps in mm and in m
 are of other lengths, by 1e-2 after 70 of them; tangents are hardly fewer."""
-
-TRIALS = 12
-"""Lengths that are looked at beyond the series' own."""
 
 
 def stretched(
@@ -55,6 +64,8 @@ def stretched(
 ) -> tuple[Branch, float]:
     """The rational form of a validated branch, if it meets the tolerance further on.
 
+    Its error is taken for a power of the length, which the lengths that are tried tell.
+
     Returns
     -------
     branch : Branch
@@ -64,18 +75,37 @@ def stretched(
     """
     if branch.order < 3 or branch.length >= reach:
         return branch, imbalance
-    limit = min(reach, without_overshoot(equations, branch, tolerance))
-    quotient, length = rational(equations, branch), branch.length
-    found = branch, imbalance
+    quotient, found = rational(equations, branch), (branch, imbalance)
+    limit = min(reach, without_overshoot(equations, branch, tolerance), FURTHER * branch.length)
+    pole = first_root(quotient.denominator, limit)
+    limit = limit if pole is None else SHORT_OF_POLE * pole
+    length, power = min(FIRST * branch.length, limit), branch.order + 1.0
+    last = (np.inf, np.inf)
     for _ in range(TRIALS):
-        longer = min(GROWTH * length, limit)
-        if longer <= length or first_root(quotient.denominator, longer) is not None:
+        if length < WORTH * found[0].length:
             break
-        error, imbalance = errors(equations, quotient, longer, cost, tolerance)
-        if error > tolerance:
-            break
-        found, length = (quotient.cut(longer), imbalance), longer
+        error, imbalance = errors(equations, quotient, length, cost, tolerance)
+        if error <= tolerance:
+            found = quotient.cut(length), imbalance
+        else:
+            limit = length
+        power = _power(last, (length, error)) or power
+        last = length, error
+        length = min(length * _growth(AIM * tolerance / max(error, TINY), power), limit)
     return found
+
+
+def _power(before: tuple[float, float], now: tuple[float, float]) -> float | None:
+    """Power of the length with which the error grows, of two trials if they are finite."""
+    (a, first), (b, second) = before, now
+    if a == b or not (0.0 < first < np.inf and 0.0 < second < np.inf):
+        return None
+    return max(float(np.log(second / first) / np.log(b / a)), 1.0)
+
+
+def _growth(allowed: float, power: float) -> float:
+    """Ratio of the next length to one whose error may grow so much."""
+    return float(np.clip(allowed ** (1.0 / power), 0.5, 2.0))
 
 
 def rational(equations: Equations, branch: Branch) -> Branch:

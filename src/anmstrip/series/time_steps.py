@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -18,8 +19,8 @@ Array = NDArray[np.float64]
 class StepEquations(Equations, Protocol):
     """The equations of one time step."""
 
-    def resistance(self, u: Array, control: float, change: Array) -> Array:
-        """∂R/∂v times a change of the velocity, shape (n,)."""
+    def resistance(self, u: Array, control: float) -> Callable[[Array], Array]:
+        """∂R/∂v at a state: from a change of the velocity to one of R, shape (n,) both."""
 
 
 class RateEquations(Protocol):
