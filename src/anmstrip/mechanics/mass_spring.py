@@ -90,7 +90,7 @@ class PressedPlane:
     def sliding(self, u: Any, t: Any, share: float) -> Any:
         """Equilibrium with the friction ``share`` f R_N, whatever the velocity."""
         p = self.parameters
-        return share * p.f * p.R_N - u * p.k
+        return share * p.f * p.R_N - u * p.k + t * 0.0
 
 
 @dataclass(frozen=True)

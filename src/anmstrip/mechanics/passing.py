@@ -41,14 +41,17 @@ def deepest(contact: Contact, places: Callable[[Array], Array]) -> float | None:
     while (more := _chords(contact, y)) > 1.0 and len(shares) < MOST:
         shares = np.linspace(0.0, 1.0, min(int(np.ceil(more * (len(shares) - 1))), MOST) + 1)
         y = places(shares)
-    ends = np.minimum(*(contact.roller.seen(place).gap for place in (y[0], y[-1])))
-    nearest = _nearest(y)
-    dips = [ends - contact.roller.seen(y[j] + s * (y[j + 1] - y[j])).gap for j, s in nearest]
-    dip = np.array(dips)
+    ends, nearest = np.minimum(_gap(contact, y[0]), _gap(contact, y[-1])), _nearest(y)
+    dip = np.array([ends - _gap(contact, y[j] + s * (y[j + 1] - y[j])) for j, s in nearest])
     if not dip.max() > contact.signorini.width:
         return None
     j, point = np.unravel_index(dip.argmax(), dip.shape)
     return float(shares[j] + nearest[j][1][point] * (shares[j + 1] - shares[j]))
+
+
+def _gap(contact: Contact, place: Array) -> Array:
+    with np.errstate(invalid="ignore"):  # on the axis there is no direction
+        return np.asarray(contact.roller.seen(place).gap)
 
 
 def _chords(contact: Contact, y: Array) -> float:

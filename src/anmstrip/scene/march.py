@@ -26,11 +26,8 @@ from anmstrip.series.path import Branch
 
 Array = NDArray[np.float64]
 
-LOOSEST = 1e-4
-"""Largest imbalance on a rate-free path, for the first touch of a roller must be seen."""
-
-LOOSEST_GRADED = 1e-2
-"""The same where contact sets in gradually, felt before it is touched; at 0.1 some paths stall."""
+LOOSEST = 1e-2
+"""Largest imbalance on a rate-free path; at 0.1 some paths stall."""
 
 MOST_CORRECTIONS = 100
 """Of the guess of a threaded strip, after which its path is followed."""
@@ -162,9 +159,7 @@ class March:
 
     def _rate_free(self, plan: Plan, settings: Settings) -> Iterator[Arrival]:
         u, equations = self._start(plan)
-        contact = self.scene.contact
-        graded = contact is not None and contact.constants is None
-        tolerance = min(settings.tolerance, LOOSEST_GRADED if graded else LOOSEST)
+        tolerance = min(settings.tolerance, LOOSEST)
         settings = replace(settings, tolerance=tolerance, unhurried=UNHURRIED)
         for step in self.follow(
             equations, u, solver=self.solver, settings=settings, pace=self.pace, cost=self.cost

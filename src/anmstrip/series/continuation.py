@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -219,12 +220,12 @@ class _Follower:
         return Step(branch, imbalance, self._adapted(branch, parameter, pace), passed)
 
     def _parameter(self, u: Array, pace: Pace) -> Parameter:
-        remaining = self.target - pace.control
+        remaining, unhurried = self.target - pace.control, self.settings.unhurried
         if pace.arclength:
             forward = pace.forward or (np.zeros_like(u), self.whole)
-            return Parameter(pace.last, np.inf, True, forward)
+            return Parameter(pace.last, np.inf, True, forward, unhurried, abs(remaining))
         scale = np.copysign(min(pace.last, abs(remaining)), remaining)
-        return Parameter(scale, remaining / scale, unhurried=self.settings.unhurried)
+        return Parameter(scale, remaining / scale, unhurried=unhurried)
 
     def _expanded(self, u: Array, control: float, parameter: Parameter) -> Branch:
         try:
@@ -299,8 +300,9 @@ class _Follower:
 
 
 def _gives_way(shrinking: tuple[tuple[float, float], ...]) -> bool:
-    """Whether steps shrink, and the path steepens, as before a limit point."""
+    """Whether steps shrink, and the path steepens step by step, as before a limit point."""
     if len(shrinking) <= PATIENCE:
         return False
-    (first, flat), (last, steep) = shrinking[0], shrinking[-1]
-    return last < SHRUNK * first and steep > STEEPER * flat
+    lengths, slopes = zip(*shrinking, strict=True)
+    steeper = all(b > a for a, b in pairwise(slopes[-PATIENCE - 1 :]))
+    return lengths[-1] < SHRUNK * lengths[0] and steeper and slopes[-1] > STEEPER * slopes[0]

@@ -119,7 +119,10 @@ class Parameter:
     forward : tuple or None
         Direction (u, λ) of travel so far, to keep the sense along an arc.
     unhurried : float
-        Share of the reach over which even a small imbalance is taken away at least.
+        Share of the reach, or of what is ahead, over which even a small imbalance is taken
+        away at least.
+    ahead : float
+        What is left of the control, where an arc is followed.
     """
 
     scale: float
@@ -127,6 +130,7 @@ class Parameter:
     arclength: bool = False
     forward: tuple[Array, float] | None = None
     unhurried: float = 0.0
+    ahead: float = 0.0
 
 
 def expand(
@@ -178,10 +182,8 @@ def expand(
     recurrence, solve = _prepared(equations, u, control, order, solver, cost)
     per_control = -solve(recurrence.control_derivative())
     away = equations.imbalance(recurrence.residual) > tolerance
-    carried_over = 1.0
-    if np.isfinite(parameter.reach):
-        carried_over = max(1.0, parameter.reach * (1.0 if away else parameter.unhurried))
     border = _Border(equations, per_control, parameter)
+    carried_over = border.carried_over(parameter, away)
     u_orders, control_orders, forces, unseen = [u], [control], [0.0], 0
     for k in range(1, order + 1):
         if k == 1:
@@ -251,6 +253,14 @@ class _Border:
                 norm = -norm
         self.t_u, self.t_control = per_control / norm, 1.0 / norm
         self.along = inner(equations, self.t_u, per_control) + self.t_control
+
+    def carried_over(self, parameter: Parameter, away: bool) -> float:
+        """Range over which an initial imbalance is taken away."""
+        if not self.arclength:
+            whole = parameter.reach if np.isfinite(parameter.reach) else 1.0
+            return max(1.0, whole * (1.0 if away else parameter.unhurried))
+        share = 0.0 if away else parameter.unhurried * parameter.ahead
+        return max(1.0, share / max(abs(self.t_control) * self.scale, TINY))
 
     def control(self, k: int, free: Array) -> float:
         """λ_k, when u_k = free + λ_k û."""

@@ -113,7 +113,7 @@ class Newton:
         self.cost.residuals += 1
         with self.cost.timed("residual"), np.errstate(over="ignore", invalid="ignore"):
             residual = self.equations.residual(u, control)
-        return residual, self.equations.imbalance(residual)
+            return residual, self.equations.imbalance(residual)
 
     def _factorised(self, u: Array, control: float) -> Factors | None:
         if self.cost.expansions >= self.cost.most:

@@ -25,11 +25,12 @@ from .range_of_validity import errors, without_overshoot
 
 Array = NDArray[np.float64]
 
-FIRST = 1.5
-"""First length that is tried, over that of the series: most quotients hold up to there."""
+RUNG = 1.05
+"""Lengths that are tried are powers of this, times that of the series: what round-off changes in
+an error does not change them."""
 
-WORTH = 1.04
-"""Ratio to the longest that holds, below which a length is not tried."""
+FIRST = 10
+"""Rung that is tried first: most quotients hold up to there."""
 
 TRIALS = 4
 """Lengths that are tried."""
@@ -49,9 +50,9 @@ LAST = 4
 FURTHER = 4.0
 """Where they are weighted, and the longest that is tried, over the length of the series."""
 
-DAMPING = 1e-9
-"""Of the denominator's coefficients, over the largest term there.  With 1e-12 steps in mm and in m
-are of other lengths, by 1e-2 after 70 of them; tangents are hardly fewer."""
+DAMPING = 1e-7
+"""Of the denominator's coefficients, over the largest term there.  With 1e-9 steps in mm and in m
+are of other lengths, by 4e-3 after 50 of them, with 1e-7 by 5e-9; tangents are hardly fewer."""
 
 
 def stretched(
@@ -79,19 +80,20 @@ def stretched(
     limit = min(reach, without_overshoot(equations, branch, tolerance), FURTHER * branch.length)
     pole = first_root(quotient.denominator, limit)
     limit = limit if pole is None else SHORT_OF_POLE * pole
-    length, power = min(FIRST * branch.length, limit), branch.order + 1.0
+    rung, best, least, power = FIRST, 0, np.inf, branch.order + 1.0
     last = (np.inf, np.inf)
     for _ in range(TRIALS):
-        if length < WORTH * found[0].length:
+        length = min(branch.length * RUNG**rung, limit)
+        if not best < rung < least or length <= found[0].length:
             break
         error, imbalance = errors(equations, quotient, length, cost, tolerance)
         if error <= tolerance:
-            found = quotient.cut(length), imbalance
+            found, best = (quotient.cut(length), imbalance), rung
         else:
-            limit = length
+            least = rung
         power = _power(last, (length, error)) or power
         last = length, error
-        length = min(length * _growth(AIM * tolerance / max(error, TINY), power), limit)
+        rung += _rungs(AIM * tolerance / max(error, TINY), power)
     return found
 
 
@@ -103,9 +105,9 @@ def _power(before: tuple[float, float], now: tuple[float, float]) -> float | Non
     return max(float(np.log(second / first) / np.log(b / a)), 1.0)
 
 
-def _growth(allowed: float, power: float) -> float:
-    """Ratio of the next length to one whose error may grow so much."""
-    return float(np.clip(allowed ** (1.0 / power), 0.5, 2.0))
+def _rungs(allowed: float, power: float) -> int:
+    """How many rungs on or back an error may grow so much."""
+    return int(np.floor(np.clip(np.log(max(allowed, TINY)) / power, -0.7, 0.7) / np.log(RUNG)))
 
 
 def rational(equations: Equations, branch: Branch) -> Branch:

@@ -30,6 +30,12 @@ Array = NDArray[np.float64]
 
 MOST_STEPS = 200_000
 
+HASTE = 1.5
+"""Largest error per time over that which would use the tolerance up evenly.
+
+What is left near the end would allow any velocity there.
+"""
+
 
 @dataclass(frozen=True)
 class TimeSeries:
@@ -103,10 +109,11 @@ def integrate(
     with the derivatives there) is still small.  Its algebraic part is the error
     of the algebraic unknowns.  Its driven part Δv is the defect u' − v(u, t) of
     the series, which grows like a^N along the step a: the step adds
-    |Δv| a/(N + 1) to the error of u.  That may be ``tolerance`` a/T in a span T,
-    so |Δv| ≤ (N + 1) ``tolerance``/T for all steps alike; in motion faster than V
-    by √(1 + |v|²/V²) more, for an error along the way is a shift in time, and
-    counted as such.
+    |Δv| a/(N + 1) to the error of u.  That may be ε a/T, where T is the time that is
+    left and ε what the steps before have left of ``tolerance``, so |Δv| ≤ (N + 1) ε/T,
+    or half as much again as an even share if that is less; in motion faster than V by
+    √(1 + |v|²/V²) more, for an error along the way is a shift in time, and counted as
+    such.
 
     Guaranteed, as far as these leading terms go: in a problem whose solutions
     do not drift apart (∂R/∂u and ∂R/∂v of one sign) the error of u stays below
@@ -137,10 +144,12 @@ def integrate(
     """
     cost = Cost() if cost is None else cost
     stepper = _Stepper(residual, order, tolerance, span[1] - span[0], speed, cost)
-    t, end = span
+    left, (t, end) = tolerance, span
     for _ in range(MOST_STEPS):
-        piece = stepper.step(u, v, t, end)
+        rate = min(left / (end - t), HASTE * tolerance / stepper.whole)
+        piece = replace(stepper, rate=rate).step(u, v, t, end)
         yield piece
+        left -= piece.error / stretch(piece(piece.end)[1], speed)
         t = piece.end
         if t >= end:
             return
@@ -150,7 +159,7 @@ def integrate(
 
 @dataclass(frozen=True)
 class _Stepper:
-    """Expand and validate, with the allowed corrections of u and of v."""
+    """Expand and validate, with the allowed corrections of u, and of u per time by those of v."""
 
     residual: Residual
     order: int
@@ -158,10 +167,11 @@ class _Stepper:
     whole: float
     speed: float
     cost: Cost
+    rate: float = 0.0
 
     def allowed(self, v: Array) -> float:
         """Largest |Δv| at the velocity v."""
-        return (self.order + 1) * self.tolerance / self.whole * stretch(v, self.speed)
+        return (self.order + 1) * self.rate * stretch(v, self.speed)
 
     def step(self, u: Array, v: Array, t: float, end: float) -> TimeSeries:
         """The longest series from t on that keeps the tolerance."""
@@ -174,8 +184,8 @@ class _Stepper:
         while length > 1e-12 * self.whole:
             stop = end if length >= (end - t) * (1.0 - 1e-12) else t + length
             piece = self.judged(TimeSeries(u_orders, t, stop))
-            share = (stop - t) / self.whole * stretch(piece(stop)[1], self.speed)
-            excess = max(piece.passing, piece.error / share) / self.tolerance
+            share = (stop - t) * self.rate * stretch(piece(stop)[1], self.speed)
+            excess = max(piece.passing / self.tolerance, piece.error / share)
             if excess <= 1.0:
                 return piece
             shorter = (0.5 / excess) ** (1.0 / self.order) if np.isfinite(excess) else 0.0

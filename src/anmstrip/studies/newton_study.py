@@ -144,12 +144,12 @@ def _rows(name: str, problem: Problem) -> list[tuple[Cell, ...]]:
     ]
 
 
-def _quotients(rows: list[tuple[Cell, ...]]) -> Sheet:
+def _quotients(rows: list[tuple[Any, ...]]) -> Sheet:
     """The best of Newton's lines that come to the same state, over the series."""
     found: list[tuple[Cell, ...]] = []
     for problem in dict.fromkeys(row[0] for row in rows):
         own, *others = (row for row in rows if row[0] == problem)
-        good: list[Any] = [row for row in others if row[-1] <= TOLERANCE]
+        good = [row for row in others if row[-1] <= TOLERANCE]
         fewest, fastest = (min(row[i] for row in good) for i in (3, 5))
         found.append((problem, fewest / own[3], fastest / own[5]))
     columns = ("problem", "factorisations", "seconds")

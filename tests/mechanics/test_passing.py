@@ -1,0 +1,76 @@
+"""Rollers that points cross between the ends of a way."""
+
+import numpy as np
+import pytest
+
+from anmstrip.mechanics.contact import Contact
+from anmstrip.mechanics.passing import MOST, deepest
+from anmstrip.mechanics.points import ContactOperator
+from anmstrip.mechanics.roller import Roller, together
+from anmstrip.mechanics.signorini import GradedSignorini
+from anmstrip.mechanics.strip import Material, Strip, grid
+
+LAW = GradedSignorini(pressure=2e4, width=1e-4)
+RADIUS = 0.25
+
+
+@pytest.fixture(scope="module")
+def operator():
+    xs, ys = np.linspace(-0.1, 0.1, 3), np.array([-0.1, 0.1])
+    return ContactOperator(Strip(grid(xs, ys), 1e-3, Material(2e9, 0.3, 1000.0)))
+
+
+def contact_of(operator, *rollers):
+    count = operator.points
+    points = np.tile(np.arange(count), len(rollers))
+    return Contact(together(rollers, count), LAW, operator.restricted(points))
+
+
+def way(contact, start, end, sag=0.0):
+    """The whole strip moved from one height to another, straight but for a sag in the middle."""
+    names = [roller.name for roller in contact.roller.members]
+    here = {f"rollers.{name}.centre": np.zeros(3) for name in names}
+
+    def places(shares):
+        moved = [start + s * (end - start) - 4.0 * s * (1.0 - s) * sag for s in shares]
+        shift = [np.array([0.0, 0.0, z])[:, None] * np.ones(contact.operator.points) for z in moved]
+        return np.array([contact.position(x, here) for x in shift])
+
+    return places
+
+
+def test_what_ends_on_the_other_side_has_crossed(operator):
+    contact = contact_of(operator, Roller("r", RADIUS, (0.0, 0.0, 0.0)))
+    assert deepest(contact, way(contact, 0.3, -0.5)) == pytest.approx(0.3 / 0.8, abs=1e-12)
+
+
+def test_what_comes_to_rest_on_it_has_not(operator):
+    contact = contact_of(operator, Roller("r", RADIUS, (0.0, 0.0, 0.0)))
+    assert deepest(contact, way(contact, 0.3, RADIUS)) is None
+    assert deepest(contact, way(contact, RADIUS, 0.3)) is None
+
+
+@pytest.mark.parametrize(("sag", "found"), [(0.5e-4, False), (2e-4, True)])
+def test_a_dip_counts_from_the_width_of_the_onset_on(operator, sag, found):
+    contact = contact_of(operator, Roller("r", RADIUS, (0.0, 0.0, 0.0)))
+    share = deepest(contact, way(contact, RADIUS, RADIUS, sag))
+    assert share == (0.5 if found else None)
+
+
+def test_a_small_roller_on_a_long_way_is_seen(operator):
+    small = Roller("r", 0.01, (0.0, 0.0, 0.0))
+    contact = contact_of(operator, small)
+    share = deepest(contact, way(contact, 0.7, -1.9))
+    assert share == pytest.approx(0.7 / 2.6, abs=1.0 / MOST)
+
+
+def test_every_roller_is_looked_at(operator):
+    rollers = [Roller("a", 0.2, (0.0, 0.0, 9.0)), Roller("b", 0.2, (0.0, 0.0, 0.0))]
+    contact = contact_of(operator, *rollers)
+
+    def places(shares):
+        here = {"rollers.a.centre": np.array([0.0, 0.0, 9.0]), "rollers.b.centre": np.zeros(3)}
+        shift = [np.array([0.0, 0.0, 0.3 - s])[:, None] + np.zeros(operator.points) for s in shares]
+        return np.array([contact.position(np.tile(x, 2), here) for x in shift])
+
+    assert deepest(contact, places) == pytest.approx(0.3, abs=1e-12)
