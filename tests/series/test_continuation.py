@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from dense import DenseEquations, coupled, followed, one
 
-from anmstrip.series.continuation import Settings, follow
+from anmstrip.series.continuation import Settings, _gives_way, follow
 from anmstrip.series.expansion import Cost, Parameter, expand
 from anmstrip.series.linear_solvers import DenseSolver
 from anmstrip.series.outcome import Outcome, PathStopped
@@ -310,3 +310,17 @@ def test_more_steps_than_allowed():
     with pytest.raises(PathStopped) as stopped:
         followed(one(cubic), [-1.2], start=-0.528, target=1.0, arclength=True, max_steps=2)
     assert stopped.value.outcome is Outcome.TOO_MANY_STEPS
+
+
+@pytest.mark.parametrize(
+    ("slopes", "told"),
+    [
+        ((1.0, 1.3, 1.7, 2.2, 2.8), True),  # a limit point
+        ((1.0, 1.0, 16.0, 1.0, 30.0), False),  # ends of series where points come into contact
+        ((1.0, 1.01, 1.02, 1.03, 1.04), False),
+    ],
+)
+def test_a_limit_point_is_told_by_a_path_that_steepens_in_every_step(slopes, told):
+    lengths = (1.0, 0.7, 0.5, 0.4, 0.3)
+    assert _gives_way(tuple(zip(lengths, slopes, strict=True))) is told
+    assert not _gives_way(tuple(zip((1.0, 0.9, 0.8, 0.7, 0.6), slopes, strict=True)))

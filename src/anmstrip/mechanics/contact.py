@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+Moment = tuple[Array, Array, Mapping[str, Any]]
+"""All unknowns, their velocities, and the controls."""
 
 
 @dataclass(frozen=True)
@@ -219,6 +221,24 @@ class Friction:
         turning = np.eye(len(self.frame) - 1)[0][:, None]
         surface = (turning if place.ratio is None else place.ratio * turning) * speed
         return np.einsum("ki...,i...->k...", tangents, relative) - surface
+
+    def turned(self, before: Moment, after: Moment) -> bool:
+        """Whether a point slips one way before and the other after, at half the cone or more."""
+        effect = self.near(after[0], after[2])
+        first, second = (effect.slip_at(moment) for moment in (before, after))
+        against = np.einsum("kp,kp->p", first, second) < 0.0
+        if not against.any():
+            return False
+        slower = np.minimum(*(np.linalg.norm(slip, axis=0) for slip in (first, second)))
+        unit = replace(self.law_of_slip, coefficient=1.0)
+        return unit.effective(float(slower[against].max())) > 0.5
+
+    def slip_at(self, moment: Moment) -> Array:
+        """Slip (m/s) at all points, (components of slip, points)."""
+        full, velocity, controls = moment
+        place = self.contact.seen(self.operator.apply(full), controls)
+        v = self.operator.apply(velocity)
+        return np.asarray(self.slip(place, self.tangents(place), v, controls))
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Residual per area: minus the traction of the roller, (components, points)."""

@@ -30,10 +30,10 @@ SHRUNK = 0.4
 """Fraction of its length to which a step shrinks, ever shorter, before the control is given up."""
 
 PATIENCE = 3
-"""Steps in a row, each shorter than the last, that this takes at least."""
+"""Steps in a row, each shorter and steeper than the last, that this takes at least."""
 
 STEEPER = 1.25
-"""Growth of |du/dλ| over these steps that tells a limit point from a contact being made.
+"""Growth of |du/dλ| over all shortened steps that tells a limit point from a contact being made.
 
 Near a limit point |du/dλ| grows like the inverse root of the distance, by 1.6 when
 the steps shrink to SHRUNK.

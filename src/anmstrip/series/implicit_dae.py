@@ -132,6 +132,11 @@ class _Trial:
         """∂R/∂v at its end."""
         return self.path.resistance(self.increment, 1.0)
 
+    @cached_property
+    def turned(self) -> bool:
+        """Whether slip has turned round."""
+        return self.path.turned(self.increment)
+
 
 class _LastFactors:
     """A linear solver that remembers what it has factorised last."""
@@ -309,11 +314,13 @@ class _Integrator:
         """Local error over what is allowed.
 
         What lasts may add up to the tolerance over the whole time; what fades may
-        be as large as the tolerance in every step.
+        be as large as the tolerance in every step.  Where slip turns round in a step, its
+        end does not tell what resisted in between: there nothing is taken to have faded.
         """
         share = max((new - memory.times[0]) / self.whole, LEAST_SHARE)
         lasting = self.equations.error(trial.u, local) / share
-        fading = self.equations.fading_error(trial.u, self._answered(trial, trial.rate * local))
+        answer = local if trial.turned else self._answered(trial, trial.rate * local)
+        fading = self.equations.fading_error(trial.u, answer)
         return max(lasting, fading) / self.settings.tolerance
 
     def _answered(self, trial: _Trial, error: Array) -> Array:

@@ -22,6 +22,9 @@ class StepEquations(Equations, Protocol):
     def resistance(self, u: Array, control: float) -> Callable[[Array], Array]:
         """∂R/∂v at a state: from a change of the velocity to one of R, shape (n,) both."""
 
+    def turned(self, u: Array) -> bool:
+        """Whether slip turns round within the step, past all that resists in between."""
+
 
 class RateEquations(Protocol):
     """A problem whose residual depends on velocities."""
