@@ -157,7 +157,7 @@ def test_contact_study() -> None:
 
 @pytest.mark.slow
 def test_order_study() -> None:
-    """A higher order needs fewer tangents, down to those of time; every problem has its best one."""
+    """A higher order needs fewer tangents, down to those of time; all problems have a best one."""
     report, rows = quick("order")
     assert len(sheet_of(report, "The best order")) == 3
     for line in {row["line"] for row in rows}:
