@@ -353,3 +353,20 @@ def test_every_roller_may_have_its_own_friction(strip, operator):
         np.testing.assert_allclose(found[:, k], expected, rtol=1e-12, atol=1e-9)
         assert many.singles[roller.name].law_of_slip.coefficient == f
     assert np.abs(found[:, 1]).max() > 0.0
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "turned"),
+    [(1.0, -0.3, True), (1.0, 0.3, False), (1.0, -1e-3, False), (-1e-3, 0.5, False)],
+)
+@pytest.mark.parametrize("law", [HOFF, TANH])
+def test_slip_turns_round_only_where_friction_is_near_its_cone_before_and_after(
+    strip, contact, law, before, after, turned
+):
+    """At rest the strip slips against the surface by its speed; ω V_c is 0.05 m/s."""
+    still = np.zeros(strip.unknowns)
+    friction = Friction(contact, law)
+    speeds = (np.array(speed * 1.0) for speed in (before, after))
+    here = {"rollers.r.centre": np.array([0.0, 0.0, -RADIUS]), "rollers.r.velocity": np.zeros(3)}
+    moments = [(still, still, {**here, "rollers.r.surface_speed": s}) for s in speeds]
+    assert friction.turned(*moments) is turned
