@@ -201,15 +201,14 @@ class Equilibrium:
 
         return applied
 
-    def turned(self, u: Array) -> bool:
-        """Whether a point slips the other way at λ = 1 than at λ = 0, with u there."""
-        still = np.zeros_like(u)
-        before, after = (
+    def turned(self, u: Array) -> float:
+        """Friction that may be wrong for slip that turns round until λ = 1, u, over all forces."""
+        moments = [
             (self.supports.full(w, c), self.full_velocity(w, c), self.controls.at(c))
-            for w, c in ((still, 0.0), (u, 1.0))
-        )
+            for w, c in ((np.zeros_like(u), 0.0), (u, 1.0))
+        ]
         rubbing = (e for e in self.model.effects if hasattr(e, "turned"))
-        return any(effect.turned(before, after) for effect in rubbing)
+        return sum(effect.turned(*moments) for effect in rubbing) / self.model.scales.force
 
     def imbalance(self, residual: Array) -> float:
         """Norm of nodal forces (moments over element size) over the force scale."""

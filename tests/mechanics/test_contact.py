@@ -369,4 +369,12 @@ def test_slip_turns_round_only_where_friction_is_near_its_cone_before_and_after(
     speeds = (np.array(speed * 1.0) for speed in (before, after))
     here = {"rollers.r.centre": np.array([0.0, 0.0, -RADIUS]), "rollers.r.velocity": np.zeros(3)}
     moments = [(still, still, {**here, "rollers.r.surface_speed": s}) for s in speeds]
-    assert friction.turned(*moments) is turned
+    twice = (
+        2.0
+        * 0.3
+        * (
+            contact.pressure(contact.seen(0.0 * contact.operator.reference, here))
+            @ contact.operator.weights
+        )
+    )
+    assert friction.turned(*moments) == pytest.approx(twice if turned else 0.0, rel=1e-12)

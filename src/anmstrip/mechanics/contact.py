@@ -222,23 +222,26 @@ class Friction:
         surface = (turning if place.ratio is None else place.ratio * turning) * speed
         return np.einsum("ki...,i...->k...", tangents, relative) - surface
 
-    def turned(self, before: Moment, after: Moment) -> bool:
-        """Whether a point slips one way before and the other after, at half the cone or more."""
-        effect = self.near(after[0], after[2])
-        first, second = (effect.slip_at(moment) for moment in (before, after))
-        against = np.einsum("kp,kp->p", first, second) < 0.0
-        if not against.any():
-            return False
-        slower = np.minimum(*(np.linalg.norm(slip, axis=0) for slip in (first, second)))
-        unit = replace(self.law_of_slip, coefficient=1.0)
-        return unit.effective(float(slower[against].max())) > 0.5
+    def turned(self, before: Moment, after: Moment) -> float:
+        """Friction (N) by which the strip may be off where points slip the other way than before.
 
-    def slip_at(self, moment: Moment) -> Array:
-        """Slip (m/s) at all points, (components of slip, points)."""
+        Of a point that slips at half the cone or more before and after, and touches both times,
+        that is twice its friction; one that sticks in between tells of it.
+        """
+        effect = self.near(after[0], after[2])
+        (slip, pressure), (now, pressure_now) = (effect._sliding(m) for m in (before, after))
+        slower = np.minimum(np.linalg.norm(slip, axis=0), np.linalg.norm(now, axis=0))
+        bearing = np.clip(np.minimum(pressure, pressure_now), 0.0, None) * effect.operator.weights
+        law = effect.acting
+        sure = (np.einsum("kp,kp->p", slip, now) < 0.0) & (law.share(slower) > 0.5)
+        return float((2.0 * law.coefficient * bearing * sure).sum())
+
+    def _sliding(self, moment: Moment) -> tuple[Array, Array]:
+        """Slip (m/s), (components of slip, points), and pressure (Pa) of all points."""
         full, velocity, controls = moment
         place = self.contact.seen(self.operator.apply(full), controls)
-        v = self.operator.apply(velocity)
-        return np.asarray(self.slip(place, self.tangents(place), v, controls))
+        slip = self.slip(place, self.tangents(place), self.operator.apply(velocity), controls)
+        return np.asarray(slip), np.asarray(self.contact.pressure(place))
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Residual per area: minus the traction of the roller, (components, points)."""

@@ -48,10 +48,14 @@ class NortonHoff:
         strength = normal * magnitude ** (self.exponent - 1.0)
         return slip * strength * (-self.coefficient / self.speed)
 
+    def share(self, slip: Any) -> Any:
+        """|R_T|/(f R_N) in steady slip at given speeds."""
+        s = np.abs(slip) / self.speed
+        return s * (s * s + self.omega**2) ** ((self.exponent - 1.0) / 2.0)
+
     def effective(self, slip: float) -> float:
         """Ratio |R_T|/R_N in steady slip at the given speed."""
-        s = abs(slip) / self.speed
-        return self.coefficient * s * (s * s + self.omega**2) ** ((self.exponent - 1.0) / 2.0)
+        return float(self.coefficient * self.share(slip))
 
 
 @dataclass(frozen=True)
@@ -72,11 +76,15 @@ class Tanh:
         strength = normal * np.tanh(magnitude) / magnitude
         return slip * strength * (-self.coefficient / self.speed)
 
+    def share(self, slip: Any) -> Any:
+        """|R_T|/(f R_N) in steady slip at given speeds."""
+        s = np.abs(slip) / self.speed
+        m = np.hypot(s, self.omega)
+        return np.tanh(m) * s / m
+
     def effective(self, slip: float) -> float:
         """Ratio |R_T|/R_N in steady slip at the given speed."""
-        s = abs(slip) / self.speed
-        m = float(np.hypot(s, self.omega))
-        return float(self.coefficient * np.tanh(m) * s / m)
+        return float(self.coefficient * self.share(slip))
 
 
 FrictionLaw = NortonHoff | Tanh

@@ -202,9 +202,9 @@ class StepEquations:
         state, t, v = u + self.about, control * self.h + self.t, self.velocity(u, control)
         return lambda change: taylor(lambda s: self.problem.function(state, s, t), [v, change])[1]
 
-    def turned(self, u: Array) -> bool:
-        """Never: every error lasts."""
-        return False
+    def turned(self, u: Array) -> float:
+        """Nothing: every error lasts."""
+        return 0.0
 
     def residual(self, u: Array, control: float) -> Array:
         """R at a point of the step."""

@@ -133,8 +133,8 @@ class _Trial:
         return self.path.resistance(self.increment, 1.0)
 
     @cached_property
-    def turned(self) -> bool:
-        """Whether slip has turned round."""
+    def turned(self) -> float:
+        """Resistance of what slips the other way than before."""
         return self.path.turned(self.increment)
 
 
@@ -315,11 +315,12 @@ class _Integrator:
 
         What lasts may add up to the tolerance over the whole time; what fades may
         be as large as the tolerance in every step.  Where slip turns round in a step, its
-        end does not tell what resisted in between: there nothing is taken to have faded.
+        end does not tell what resisted in between: if that may be seen, nothing has faded.
         """
         share = max((new - memory.times[0]) / self.whole, LEAST_SHARE)
         lasting = self.equations.error(trial.u, local) / share
-        answer = local if trial.turned else self._answered(trial, trial.rate * local)
+        told = trial.turned <= self.settings.tolerance
+        answer = self._answered(trial, trial.rate * local) if told else local
         fading = self.equations.fading_error(trial.u, answer)
         return max(lasting, fading) / self.settings.tolerance
 

@@ -22,8 +22,8 @@ class StepEquations(Equations, Protocol):
     def resistance(self, u: Array, control: float) -> Callable[[Array], Array]:
         """∂R/∂v at a state: from a change of the velocity to one of R, shape (n,) both."""
 
-    def turned(self, u: Array) -> bool:
-        """Whether slip turns round within the step, past all that resists in between."""
+    def turned(self, u: Array) -> float:
+        """Resistance that may be wrong, for slip turns round within the step, in units of force."""
 
 
 class RateEquations(Protocol):
