@@ -106,8 +106,9 @@ def _power(before: tuple[float, float], now: tuple[float, float]) -> float | Non
 
 
 def _rungs(allowed: float, power: float) -> int:
-    """How many rungs on or back an error may grow so much."""
-    return int(np.floor(np.clip(np.log(max(allowed, TINY)) / power, -0.7, 0.7) / np.log(RUNG)))
+    """Rungs, down to half and up to twice the length, over which an error may grow so much."""
+    growth = np.clip(np.log(max(allowed, TINY)) / power, -np.log(2.0), np.log(2.0))
+    return int(np.floor(growth / np.log(RUNG)))
 
 
 def rational(equations: Equations, branch: Branch) -> Branch:
