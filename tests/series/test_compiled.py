@@ -40,6 +40,12 @@ LAWS = {
 SUMS_OVER_POINTS = {"sum"}
 
 
+@pytest.fixture(autouse=True)
+def several_blocks(monkeypatch):
+    """Three of them, the last with lanes to spare."""
+    monkeypatch.setattr(compiled, "BLOCK", 64)
+
+
 def started(law, order=ORDER, points=POINTS):
     """Inputs, output and tape of a law at a random state."""
     rng = np.random.default_rng(3)
@@ -117,3 +123,9 @@ def test_products_are_computed_once():
     """The nine entries of a Gram matrix have six different rows."""
     tape, _, _, out = started(lambda x, s: np.einsum("i...,j...->ij...", x, x))
     assert len(set(Program(tape, out, POINTS).output_rows.tolist())) == 6
+
+
+def test_only_what_lower_orders_are_needed_of_is_kept():
+    """Of N F and E = F·F: F and N, not E, not the input itself, not the result."""
+    tape, _, _, out = started(lambda x, s: (x + 1.0) * (np.sum(np.square(x + 1.0), 0) * 2.0 - 1.0))
+    assert Program(tape, out, POINTS).w.shape[1] == 4

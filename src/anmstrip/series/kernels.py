@@ -2,12 +2,16 @@
 
 A program is a list of scalar instructions on rows; a row is one truncated series per
 point.  The kernels go through it block of points by block, so that what one instruction
-writes is still in the cache when the next reads it.  Only this module imports numba; what
-it computes agrees with :mod:`anmstrip.series.recurrences` to round-off.
+writes is still in the cache when the next reads it.  Between two orders all unknowns are
+solved for, and by then the caches have forgotten: an order costs what is read again from
+memory.  Only the rows whose lower orders are needed are therefore kept, operands of products
+and results of functions; of all others there is only the order at hand.  Only this module
+imports numba; what it computes agrees with :mod:`anmstrip.series.recurrences` to round-off.
 
-Arrays: ``w`` (blocks, rows, order + 1, lanes), ``constants`` (numbers, blocks, lanes),
-``code`` (instructions, 4): kind, result, first and second operand; ``parameters``
-(instructions,): a number that belongs to each.
+Arrays: ``w`` (blocks, kept rows, order + 1, lanes); ``now`` (rows, lanes), one order of all
+rows of a block; ``kept`` (rows,), the place of a row in ``w``, −1 where it has none;
+``constants`` (numbers, blocks, lanes); ``code`` (instructions, 4): kind, result, first and
+second operand; ``parameters`` (instructions,): a number that belongs to each.
 """
 
 # ruff: noqa: PLR0913, PLR0917 (kernels take arrays, not objects)
@@ -80,15 +84,15 @@ def square(c, a, k, first):
 
 
 @compiled
-def combined(kind, w, k, out, first, second, s, constants, block):
-    """Order k of a row that is linear in others, for kinds up to SELECT."""
-    c, a = w[out, k], w[first, k]
+def combined(kind, now, out, first, second, s, constants, block):
+    """One order of a row that is linear in others, for kinds up to SELECT."""
+    c, a = now[out], now[first]
     n = c.shape[0]
     if kind == SCALE:
         for i in range(n):
             c[i] = s * a[i]
     elif kind == ADD:
-        b = w[second, k]
+        b = now[second]
         for i in range(n):
             c[i] = a[i] + s * b[i]
     elif kind == COMBINE:
@@ -103,20 +107,20 @@ def combined(kind, w, k, out, first, second, s, constants, block):
         for i in range(n):
             c[i] += f[i] * a[i]
     else:
-        f, b = constants[int(s), block], w[second, k]
+        f, b = constants[int(s), block], now[second]
         for i in range(n):
             c[i] = a[i] if f[i] != 0.0 else b[i]
 
 
 @compiled
 def multiplied(kind, c, a, b, k, same):
-    """Order k of c = a b or c += a b; ``same`` says that b is a."""
+    """Order k of a product into c, or added to it; ``same`` says that b is a."""
     if kind == MULTIPLY:
-        c[k] = 0.0
+        c[:] = 0.0
     if same:
-        square(c[k], a, k, 0)
+        square(c, a, k, 0)
     else:
-        cauchy(c[k], a, b, k, 0, k + 1)
+        cauchy(c, a, b, k, 0, k + 1)
 
 
 @compiled
@@ -160,26 +164,31 @@ def paired(kind, c, a, slope, k):
 
 
 @compiled
-def order_k(code, parameters, constants, block, w, k):
+def order_k(code, parameters, constants, block, w, kept, now, k):
     """Order k ≥ 1 of all rows of a block, the inputs' as it stands."""
     for m in range(code.shape[0]):
         kind, out, first, second = code[m, 0], code[m, 1], code[m, 2], code[m, 3]
-        s = parameters[m]
+        s, place = parameters[m], kept[out]
         if kind <= SELECT:
-            combined(kind, w, k, out, first, second, s, constants, block)
+            combined(kind, now, out, first, second, s, constants, block)
         elif kind <= PRODUCT:
-            multiplied(kind, w[out], w[first], w[second], k, first == second)
+            multiplied(kind, now[out], w[kept[first]], w[kept[second]], k, first == second)
         elif kind <= LOG:
-            inverted(kind, w[out], w[first], w[second], s, k)
+            inverted(kind, w[place], w[kept[first]], w[kept[second]], s, k)
         else:
-            paired(kind, w[out], w[first], w[second], k)
+            paired(kind, w[place], w[kept[first]], w[kept[second]], k)
+            now[second] = w[kept[second], k]
+        if kind > PRODUCT:
+            now[out] = w[place, k]
+        elif place >= 0:
+            w[place, k] = now[out]
 
 
 @compiled
-def changed(kind, w, d, out, first, second, s):  # noqa: PLR0912 (one switch)
-    """First change d (rows, 1, lanes) of a row that is not linear in others."""
-    c, a, b = d[out, 0], d[first, 0], d[second, 0]
-    v, a0, b0 = w[out, 0], w[first, 0], w[second, 0]
+def changed(kind, w, kept, d, out, first, second, s):  # noqa: PLR0912 (one switch)
+    """First change d (rows, lanes) of a row that is not linear in others."""
+    c, a, b = d[out], d[first], d[second]
+    v, a0, b0 = w[kept[out], 0], w[kept[first], 0], w[kept[second], 0]
     n = c.shape[0]
     if kind == MULTIPLY:
         for i in range(n):
@@ -209,53 +218,63 @@ def changed(kind, w, d, out, first, second, s):  # noqa: PLR0912 (one switch)
 
 
 @compiled
-def linear(code, parameters, constants, block, w, d):
-    """Carry changes d (rows, 1, lanes) of the inputs' order through all rows of a block."""
+def linear(code, parameters, constants, block, w, kept, d):
+    """Carry changes d (rows, lanes) of the inputs' order through all rows of a block."""
     for m in range(code.shape[0]):
         kind, out, first, second = code[m, 0], code[m, 1], code[m, 2], code[m, 3]
         if kind <= SELECT:
-            combined(kind, d, 0, out, first, second, parameters[m], constants, block)
+            combined(kind, d, out, first, second, parameters[m], constants, block)
         else:
-            changed(kind, w, d, out, first, second, parameters[m])
+            changed(kind, w, kept, d, out, first, second, parameters[m])
 
 
 @compiled
-def advanced(code, parameters, constants, w, k, inputs, changes, pending, outputs):
+def completed(code, parameters, constants, block, w, kept, d, k):
+    """Add changes d of the inputs' order k, and what follows from them, to a block's order k."""
+    linear(code, parameters, constants, block, w, kept, d)
+    for r in range(kept.shape[0]):
+        if kept[r] >= 0:
+            c = w[kept[r], k]
+            for i in range(c.shape[0]):
+                c[i] += d[r, i]
+
+
+@compiled
+def advanced(code, parameters, constants, w, kept, k, inputs, changes, pending, outputs):
     """Complete order k − 1 by the inputs' changes if they are pending, then find order k.
 
     ``changes`` has the shape (inputs, blocks, lanes), the result (outputs, blocks, lanes).
     """
-    blocks, rows, lanes = w.shape[0], w.shape[1], w.shape[3]
+    blocks, lanes = w.shape[0], w.shape[3]
     found = np.empty((len(outputs), blocks, lanes))
-    d = np.zeros((rows, 1, lanes))
+    d = np.zeros((len(kept), lanes))
+    now = np.zeros((len(kept), lanes))
     for block in range(blocks):
         part = w[block]
         if pending:
             for r in range(len(inputs)):
-                d[inputs[r], 0] = changes[r, block]
-            linear(code, parameters, constants, block, part, d)
-            for r in range(rows):
-                for i in range(lanes):
-                    part[r, k - 1, i] += d[r, 0, i]
+                d[inputs[r]] = changes[r, block]
+            completed(code, parameters, constants, block, part, kept, d, k - 1)
         for r in range(len(inputs)):
-            part[inputs[r], k] = 0.0
-        order_k(code, parameters, constants, block, part, k)
+            if kept[inputs[r]] >= 0:
+                part[kept[inputs[r]], k] = 0.0
+        order_k(code, parameters, constants, block, part, kept, now, k)
         for r in range(len(outputs)):
-            found[r, block] = part[outputs[r], k]
+            found[r, block] = now[outputs[r]]
     return found
 
 
 @compiled
-def derivatives(code, parameters, constants, w, inputs, seeds, outputs):
+def derivatives(code, parameters, constants, w, kept, inputs, seeds, outputs):
     """Changes (seeds, outputs, blocks, lanes) that seeds (seeds, inputs, blocks, lanes) make."""
-    blocks, rows, lanes = w.shape[0], w.shape[1], w.shape[3]
+    blocks, lanes = w.shape[0], w.shape[3]
     found = np.empty((len(seeds), len(outputs), blocks, lanes))
-    d = np.zeros((rows, 1, lanes))
+    d = np.zeros((len(kept), lanes))
     for block in range(blocks):
         for q in range(len(seeds)):
             for r in range(len(inputs)):
-                d[inputs[r], 0] = seeds[q, r, block]
-            linear(code, parameters, constants, block, w[block], d)
+                d[inputs[r]] = seeds[q, r, block]
+            linear(code, parameters, constants, block, w[block], kept, d)
             for r in range(len(outputs)):
-                found[q, r, block] = d[outputs[r], 0]
+                found[q, r, block] = d[outputs[r]]
     return found

@@ -120,9 +120,19 @@ class Translation:
         """Code and parameters of the kernels."""
         return np.array(self.code, dtype=np.int64).reshape(-1, 4), np.array(self.parameters)
 
-    def fixed(self) -> list[int]:
-        """Rows whose higher orders nobody writes: they stay zero."""
-        return [row for row in range(self.count) if row not in self.written]
+    def remembered(self) -> Rows:
+        """Rows of which lower orders are needed: operands of products, operands and results of
+        functions.
+        """
+        kind, out, first, second = np.array(self.code, dtype=np.int64).reshape(-1, 4).T
+        single = (kind >= kernels.ROOT) & (kind <= kernels.LOG)
+        products, functions = kind >= kernels.MULTIPLY, kind > kernels.PRODUCT
+        found = (first[products], second[products & ~single], out[functions])
+        return np.unique(np.concatenate(found))
+
+    def fixed(self, rows: Rows) -> Rows:
+        """Those rows whose higher orders nobody writes: they stay zero."""
+        return np.array([row for row in rows.tolist() if row not in self.written], dtype=np.int64)
 
     def start(self) -> Array:
         """Order 0 of all rows, shape (rows, points)."""
