@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -63,9 +64,14 @@ class LawSeries:
         self.stress = effect.law(self.x, self.v, controls.at(self.control))
         self.orders = orders_of(self.tape, self.stress, self.operator.points)
 
+    @cached_property
+    def follows(self) -> bool:
+        """Whether the law looks at what the control changes."""
+        return any(x is self.control for _, op in self.tape.computed for x in op.operands)
+
     def _seeds(self, u: Array, v: Array | None, control: float) -> dict[Series, Array]:
-        seeds = {self.x: self.operator.apply(u)}
-        if control:
+        seeds = {self.x: self.operator.apply(u)} if u.any() else {}
+        if control and self.follows:
             seeds[self.control] = np.array(control)
         if self.v is not None and v is not None:
             seeds[self.v] = self.operator.apply(v)
@@ -74,8 +80,9 @@ class LawSeries:
     def residual(self) -> Array:
         return self.operator.gather(self.stress.value)
 
-    def derivative(self, u: Array, v: Array | None, control: float) -> Array:
-        return self.operator.gather(self.orders.derivative(self._seeds(u, v, control)))
+    def derivative(self, u: Array, v: Array | None, control: float) -> Array | None:
+        seeds = self._seeds(u, v, control)
+        return self.operator.gather(self.orders.derivative(seeds)) if seeds else None
 
     def advance(self, k: int) -> Array:
         return self.operator.gather(self.orders.advance(k))

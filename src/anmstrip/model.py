@@ -8,6 +8,7 @@ look at velocities.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -212,7 +213,8 @@ class Equilibrium:
 
     def imbalance(self, residual: Array) -> float:
         """Norm of nodal forces (moments over element size) over the force scale."""
-        return float(np.linalg.norm(residual / self.free_units)) / self.model.scales.force
+        forces = residual / self.free_units
+        return math.sqrt(forces.dot(forces)) / self.model.scales.force
 
 
 class EquilibriumSeries:

@@ -92,7 +92,8 @@ def test_a_strip_does_not_pass_through_a_roller_that_no_end_of_a_step_feels(
         pass
     assert run.outcome.done, run.message
     assert run.state is not None
-    assert run.state.rollers["r1"].normal_force == pytest.approx(11676.0, rel=2e-3)
+    error = max(2e-3, tolerance)
+    assert run.state.rollers["r1"].normal_force == pytest.approx(11676.0, rel=error)
 
 
 @pytest.mark.parametrize("profile", [{"crown": [0.0, -2e-4]}, {"axis": [3e-3, 1.0, 0.0]}])

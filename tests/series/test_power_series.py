@@ -17,9 +17,9 @@ from anmstrip.series import dispatch, recurrences
 from anmstrip.series.power_series import (
     Tape,
     derivative_coefficients,
-    horner,
     linear_map,
     taylor,
+    value_at,
 )
 
 ORDER = 30
@@ -551,9 +551,9 @@ def test_every_function_has_a_test():
 
 def test_horner_and_derivative_coefficients():
     c = np.array([[1.0, 2.0], [0.5, -1.0], [3.0, 4.0]])
-    np.testing.assert_allclose(horner(c, 0.1), c[0] + 0.1 * c[1] + 0.01 * c[2], rtol=1e-15)
+    np.testing.assert_allclose(value_at(c, 0.1), c[0] + 0.1 * c[1] + 0.01 * c[2], rtol=1e-15)
     np.testing.assert_array_equal(derivative_coefficients(c), [[0.5, -1.0], [6.0, 8.0]])
-    assert horner(np.array([2.0, 3.0]), 2.0) == 8.0
+    assert value_at(np.array([2.0, 3.0]), 2.0) == 8.0
     before = c.copy()
-    horner(c, 0.3)
+    value_at(c, 0.3)
     np.testing.assert_array_equal(c, before)

@@ -7,7 +7,6 @@ from dense import DenseEquations, followed
 from anmstrip.series.expansion import Cost, Parameter, expand
 from anmstrip.series.linear_solvers import DenseSolver
 from anmstrip.series.path import Branch, roots_within
-from anmstrip.series.range_of_validity import validated
 from anmstrip.series.rational import rational, stretched
 
 N = 20
@@ -72,8 +71,7 @@ def start():
 def test_it_stops_before_a_pole():
     equations = DenseEquations(lambda u, control: u * (1.0 - control / STIFFNESS) - LOAD)
     branch = expanded(equations, LOAD)
-    held, imbalance = validated(equations, branch, 1e-6, 50.0, Cost())
-    further, _ = stretched(equations, held, imbalance, 1e-6, 50.0, Cost())
+    further, _ = stretched(equations, branch, 1e-6, 50.0, Cost())
     assert further.length < 1.0
     assert not roots_within(further.denominator, further.length)
 
@@ -83,19 +81,20 @@ def test_it_does_not_leap_over_a_pole(monkeypatch):
     equations = DenseEquations(lambda u, control: u - control)
     u = np.zeros((5, 5))
     u[1] = 1.0
-    branch = Branch(u, u[:, 0].copy(), 0.5, np.zeros(5))
+    branch = Branch(u, u[:, 0].copy(), np.inf, np.zeros(5), forces=(0.0, 16e-6))
     factor = np.array([1.0, -0.5, 0.0, 0.0, 0.0])
     product = np.convolve(factor, branch.control)[:5]
     candidate = Branch(np.tile(product[:, None], 5), product, 0.5, np.zeros(5), denominator=factor)
     monkeypatch.setattr("anmstrip.series.rational.rational", lambda *_: candidate)
-    found, _ = stretched(equations, branch, 0.0, 1e-6, 10.0, Cost())
+    found, _ = stretched(equations, branch, 1e-6, 10.0, Cost())
     assert 1.5 < found.length < 2.0
 
 
-def test_what_has_arrived_is_left_alone():
+def test_a_series_that_arrives_needs_no_quotient():
     equations = DenseEquations(lambda u, control: u + u * u - control)
-    branch = expanded(equations, np.zeros(N)).cut(0.3)
-    assert stretched(equations, branch, 0.0, 1e-6, 0.3, Cost())[0] is branch
+    branch, cost = expanded(equations, np.zeros(N)), Cost()
+    assert stretched(equations, branch, 1e-6, 0.1, cost) is None
+    assert cost.residuals == 0
 
 
 def path(order, choice, cost):

@@ -23,9 +23,12 @@ def test_drag_is_as_large_as_friction_at_a_speed_of_one_in_its_time() -> None:
 
 
 def test_what_never_rests_is_no_snap() -> None:
-    """Pulled beyond the cone with no spring to hold it: the drag only makes it glide away."""
+    """Pulled beyond the cone with no spring to hold it: the drag only makes it glide away.
+
+    How it is told is up to the last digit: near the end the tanh is flat to round-off.
+    """
     slider = Slider(Tanh(0.3, 1e-3, 1.0), load=(0.0, 0.6))
     motion = moved(slider.residual, np.zeros(1), (0.0, 1.0), speed=1.0)
-    assert motion.outcome.startswith("steps became too short")
+    assert motion.outcome.startswith(("steps became too short", "the tangent is singular"))
     assert 0.4 < motion.steps[-1].end < 0.5 + 1e-6
     assert not any(step.snap for step in motion.steps)

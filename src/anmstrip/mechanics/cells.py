@@ -97,8 +97,9 @@ class CellOperator:
         self.components, self.local, self.elements, self.per_element = fields.shape
         table = fields.transpose(2, 0, 3, 1).reshape(self.elements, -1, self.local)
         self.table: Array = np.ascontiguousarray(table)
-        self.transposed: Array = np.ascontiguousarray(table.swapaxes(1, 2))
         self.weights: Array = strip.weights(quadrature).ravel()
+        each = np.tile(self.weights.reshape(self.elements, -1), self.components)
+        self.weighted: Array = np.ascontiguousarray(table.swapaxes(1, 2) * each[:, None])
         self.dofs = np.ascontiguousarray(quadrature.element_dofs.T)
         self.cells: Index | None = None if basis is None else np.asarray(basis.tind)
         entries = np.ones(self.dofs.size)
@@ -118,9 +119,9 @@ class CellOperator:
 
     def gather(self, forces: Array) -> Array:
         """Generalised forces of point forces, shape (count, components, points) → (unknowns,)."""
-        weighted = (forces * self.weights).reshape(self.count, self.components, self.elements, -1)
-        columns = weighted.transpose(2, 1, 3, 0).reshape(self.elements, -1, self.count)
-        return (self.sum @ (self.transposed @ columns).reshape(-1, self.count)).ravel()
+        each = forces.reshape(self.count, self.components, self.elements, -1)
+        columns = each.transpose(2, 1, 3, 0).reshape(self.elements, -1, self.count)
+        return (self.sum @ (self.weighted @ columns).reshape(-1, self.count)).ravel()
 
     def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Array) -> None:
         """Add Lᵀ w J L.
@@ -131,20 +132,19 @@ class CellOperator:
             J[j, b, i, a]: change of force (i, a) with derivative (j, b).
         """
         m, k = self.count, self.components
-        weighted = (derivative * self.weights).reshape(m, k, m, k, self.elements, -1)
+        each = derivative.reshape(m, k, m, k, self.elements, -1)
         table = self.table.reshape(self.elements, k, self.per_element, self.local)
         for i in range(m):
             for j in range(m):
-                middle = np.einsum("baeq,ebqn->eaqn", weighted[j, :, i], table)
-                local = self.transposed @ middle.reshape(self.elements, -1, self.local)
+                middle = np.einsum("baeq,ebqn->eaqn", each[j, :, i], table)
+                local = self.weighted @ middle.reshape(self.elements, -1, self.local)
                 self._add(local, pattern, blocks[i, j])
 
     def add_bilinear(self, matrix: Array, pattern: Pattern, block: Array) -> None:
         """Add Lᵀ w M L, one constant M (components, components), to one block of scalars."""
-        weights = self.weights.reshape(self.elements, 1, self.per_element, 1)
         table = self.table.reshape(self.elements, self.components, self.per_element, self.local)
-        middle = np.einsum("ab,ebqn->eaqn", matrix, table) * weights
-        self._add(self.transposed @ middle.reshape(self.table.shape), pattern, block)
+        middle = np.einsum("ab,ebqn->eaqn", matrix, table)
+        self._add(self.weighted @ middle.reshape(self.table.shape), pattern, block)
 
     def _add(self, local: Array, pattern: Pattern, block: Array) -> None:
         """Sum element matrices (elements, row, column) into a block."""

@@ -41,17 +41,21 @@ def deepest(contact: Contact, places: Callable[[Array], Array]) -> float | None:
     while (more := _chords(contact, y)) > 1.0 and len(shares) < MOST:
         shares = np.linspace(0.0, 1.0, min(int(np.ceil(more * (len(shares) - 1))), MOST) + 1)
         y = places(shares)
-    ends, nearest = np.minimum(_gap(contact, y[0]), _gap(contact, y[-1])), _nearest(y)
-    dip = np.array([ends - _gap(contact, y[j] + s * (y[j + 1] - y[j])) for j, s in nearest])
+    nearest = _nearest(y)
+    first, last, *between = _gaps(contact, y, nearest)
+    dip = np.minimum(first, last) - between
     if not dip.max() > contact.signorini.width:
         return None
     j, point = np.unravel_index(dip.argmax(), dip.shape)
-    return float(shares[j] + nearest[j][1][point] * (shares[j + 1] - shares[j]))
+    return float(shares[j] + nearest[j, point] * (shares[j + 1] - shares[j]))
 
 
-def _gap(contact: Contact, place: Array) -> Array:
+def _gaps(contact: Contact, y: Array, nearest: Array) -> Array:
+    """Gaps at both ends, and where each piece is nearest to the axis, (2 + pieces, points)."""
+    between = y[:-1] + nearest[:, None] * np.diff(y, axis=0)
+    looks = np.concatenate([y[[0, -1]], between]).swapaxes(0, 1)
     with np.errstate(invalid="ignore"):  # on the axis there is no direction
-        return np.asarray(contact.roller.seen(place).gap)
+        return np.asarray(contact.roller.seen(looks).gap)
 
 
 def _chords(contact: Contact, y: Array) -> float:
@@ -60,8 +64,8 @@ def _chords(contact: Contact, y: Array) -> float:
     return float((moved / contact.roller.radius).max(initial=0.0)) / CHORD
 
 
-def _nearest(y: Array) -> list[tuple[int, Array]]:
-    """For every piece of the way the share at which each point is nearest to the axis."""
+def _nearest(y: Array) -> Array:
+    """Share of every piece of the way at which each point is nearest to the axis."""
     step = np.diff(y[:, :2], axis=0)
     square = np.maximum((step**2).sum(axis=1), np.finfo(float).tiny)
-    return list(enumerate(np.clip(-(y[:-1, :2] * step).sum(axis=1) / square, 0.0, 1.0)))
+    return np.asarray(np.clip(-(y[:-1, :2] * step).sum(axis=1) / square, 0.0, 1.0))

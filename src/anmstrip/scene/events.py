@@ -34,7 +34,7 @@ from anmstrip.scene.readings import TOUCHING
 from anmstrip.scene.stages import Plan
 from anmstrip.scene.stretch import PairSeries, Stretch, places
 from anmstrip.series.events import Watch, minima
-from anmstrip.series.power_series import horner
+from anmstrip.series.power_series import value_at
 
 if TYPE_CHECKING:
     from anmstrip.mechanics.contact import Contact, Friction
@@ -203,10 +203,10 @@ class EventWatch:
         found = [*self._changes(functions, chosen, stretch.length)]
         least = minima(functions[0], stretch.length, self.margin)
         for column, a in zip(least.which, least.where, strict=True):
-            if horner(functions[0][:, column], a) > 0.0:
+            if value_at(functions[0][:, column], a) > 0.0:
                 found.append((float(a), int(column), "grazing"))
         for a, column, kind in sorted(found):
-            slow = len(functions) > 1 and bool(horner(functions[1][:, column], a) <= 0.0)
+            slow = len(functions) > 1 and bool(value_at(functions[1][:, column], a) <= 0.0)
             pair = int(chosen[column])
             if kind in RUBBING and not self.touching[pair]:
                 continue
@@ -257,13 +257,15 @@ class EventWatch:
         contact, squared = series.contact, series.slip_squared
         x, y = contact.operator.reference[:2, column]
         return Event(
-            time=self.plan.start + self.plan.duration * float(horner(stretch.control, a)),
+            time=self.plan.start + self.plan.duration * float(value_at(stretch.control, a)),
             stage=self.plan.name,
             kind=kind,
             roller=self.assembly.rollers[self.which[pair]].name,
             point=int(contact.operator.chosen[column]),
             x=float(x),
             y=float(y),
-            gap=float(horner(series.gap[:, column], a)),
-            slip=None if squared is None else max(float(horner(squared[:, column], a)), 0.0) ** 0.5,
+            gap=float(value_at(series.gap[:, column], a)),
+            slip=None
+            if squared is None
+            else max(float(value_at(squared[:, column], a)), 0.0) ** 0.5,
         )

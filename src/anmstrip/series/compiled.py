@@ -58,11 +58,11 @@ class Program:
         translation = Translation(points)
         for series in tape.inputs:
             translation.input(series)
-        self.rows = dict(translation.rows)
+        self.rows = {series: rows.ravel() for series, rows in translation.rows.items()}
         for series, operation in tape.computed:
             translate(translation, series, operation)
         self.output, self.output_rows = output, translation.rows[output].ravel()
-        self.inputs = np.concatenate([r.ravel() for r in self.rows.values()])
+        self.inputs = np.concatenate(list(self.rows.values()))
         self.code, self.parameters = translation.tables()
         self.constants = self._in_blocks(np.array(translation.constants).reshape(-1, points))
         rows = translation.remembered()
@@ -111,11 +111,9 @@ class Program:
     def _changes(self, changes: Mapping[Series, Array]) -> Array:
         """What is added to every input row, zero where nothing is."""
         flat = np.zeros((len(self.inputs), self.points))
-        place = 0
-        for series, rows in self.rows.items():
-            if series in changes:
-                flat[place : place + rows.size] = np.reshape(changes[series], (rows.size, -1))
-            place += rows.size
+        for series, change in changes.items():
+            rows = self.rows[series]
+            flat[rows[0] : rows[0] + len(rows)] = change.reshape(len(rows), -1)
         return self._in_blocks(flat)
 
     def _in_blocks(self, flat: Array) -> Array:

@@ -249,11 +249,9 @@ class _Follower:
         """The branch up to where it holds, inside and at its end."""
         tolerance = self.settings.tolerance
         while True:
-            branch, imbalance = validated(self.equations, series, tolerance, reach, self.cost)
-            if self.settings.rational:
-                branch, imbalance = stretched(
-                    self.equations, branch, imbalance, tolerance, reach, self.cost
-                )
+            given = (self.equations, series, tolerance, reach, self.cost)
+            quotient = stretched(*given) if self.settings.rational else None
+            branch, imbalance = quotient or validated(*given)
             hidden = getattr(self.equations, "hidden", None)
             inside = None if hidden is None else hidden(branch)
             if inside is None or self._holds(branch, inside):

@@ -20,9 +20,9 @@ ch. 2; the carried imbalance is this project's.
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -81,6 +81,22 @@ class Equations(Protocol):
         """Size of a residual in units of the problem's own forces."""
 
 
+class Timed:
+    """Adds the seconds between entry and exit to those of a phase."""
+
+    __slots__ = ("begin", "phase", "seconds")
+
+    def __init__(self, seconds: dict[str, float], phase: str) -> None:
+        self.seconds, self.phase = seconds, phase
+
+    def __enter__(self) -> None:
+        self.begin = time.perf_counter()
+
+    def __exit__(self, *error: object) -> None:
+        spent = time.perf_counter() - self.begin
+        self.seconds[self.phase] = self.seconds.get(self.phase, 0.0) + spent
+
+
 @dataclass
 class Cost:
     """Honest counters: what was done, and the seconds it took; ``most`` bounds the expansions."""
@@ -92,15 +108,9 @@ class Cost:
     seconds: dict[str, float] = field(default_factory=dict)
     most: float = float("inf")
 
-    @contextmanager
-    def timed(self, phase: str) -> Iterator[None]:
+    def timed(self, phase: str) -> Timed:
         """Add the seconds spent inside to ``phase``."""
-        begin = time.perf_counter()
-        try:
-            yield
-        finally:
-            spent = time.perf_counter() - begin
-            self.seconds[phase] = self.seconds.get(phase, 0.0) + spent
+        return Timed(self.seconds, phase)
 
 
 @dataclass(frozen=True)
@@ -273,8 +283,8 @@ class _Border:
 def _visible(left_out: float, k: int, reach: float, tolerance: float) -> bool:
     """Whether leaving out order k would leave more than a tenth of the tolerance at reach."""
     if not left_out > 0.0:
-        return bool(left_out != 0.0)
-    return bool(np.log(left_out) + k * np.log(reach) > np.log(max(0.1 * tolerance, TINY)))
+        return left_out != 0.0
+    return math.log(left_out) + k * math.log(reach) > math.log(max(0.1 * tolerance, TINY))
 
 
 def inner(equations: Equations, u: Array, w: Array) -> float:
@@ -284,7 +294,7 @@ def inner(equations: Equations, u: Array, w: Array) -> float:
 
 def size(equations: Equations, u: Array) -> float:
     """Length of a change of state in the equations' own scales."""
-    return float(np.sqrt(max(inner(equations, u, u), 0.0)))
+    return math.sqrt(max(inner(equations, u, u), 0.0))
 
 
 def term_range(branch: Branch, tolerance: float) -> float:

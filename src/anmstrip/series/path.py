@@ -9,16 +9,21 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import pairwise
+from math import comb
 from typing import Any
 
 import numpy as np
 from numpy.polynomial.polynomial import polymul, polysub
 from numpy.typing import NDArray
 
-from .power_series import derivative_coefficients, horner
+from .power_series import derivative_coefficients, value_at
 
 Array = NDArray[np.float64]
+
+ROUND_OFF = 1e-9
+"""Value at an end of a range, over the largest inside, that may stand for a root there."""
 
 
 @dataclass(frozen=True)
@@ -63,8 +68,8 @@ class Branch:
 
     def __call__(self, a: float) -> tuple[Array, float]:
         """State and control at parameter ``a``."""
-        q = horner(self.denominator, a)
-        return horner(self.u, a) / q, float(horner(self.control, a) / q)
+        q = value_at(self.denominator, a)
+        return value_at(self.u, a) / q, float(value_at(self.control, a) / q)
 
     def many(self, a: Array) -> tuple[Array, Array]:
         """States (m, n) and controls (m,) at parameters ``a``."""
@@ -80,9 +85,9 @@ class Branch:
 
     def direction(self, a: float) -> tuple[Array, float]:
         """Derivatives of state and control with respect to a."""
-        q, slope = horner(self.denominator, a), horner(derivative_coefficients(self.denominator), a)
         u, control = self(a)
-        direction, along = (horner(derivative_coefficients(c), a) for c in (self.u, self.control))
+        q, rates = value_at(self.denominator, a), (self.denominator, self.u, self.control)
+        slope, direction, along = (value_at(derivative_coefficients(c), a) for c in rates)
         return (direction - slope * u) / q, float((along - slope * control) / q)
 
     def cut(self, length: float) -> Branch:
@@ -120,9 +125,10 @@ class Branch:
     def landed(self, control: float) -> Branch:
         """The same branch with an end control that has the given value."""
         moved = replace(self, control=self.control.copy(), aim=control)
+        q = value_at(self.denominator, self.length)
         for _ in range(2):
-            miss = control - moved(self.length)[1]
-            moved.control[1] += miss * horner(self.denominator, self.length) / self.length
+            miss = control - value_at(moved.control, self.length) / q
+            moved.control[1] += miss * q / self.length
         return moved
 
 
@@ -137,11 +143,31 @@ def roots_within(coefficients: Array, length: float) -> list[float]:
     largest = np.abs(scaled).max()
     if largest == 0.0:
         return []
+    if _never_zero(scaled):
+        return []
     scaled = np.trim_zeros(np.where(np.abs(scaled) < 1e-17 * largest, 0.0, scaled), "b")
     roots = np.polynomial.polynomial.polyroots(scaled)
     real = roots.real[(np.abs(roots.imag) < 1e-8) & (roots.real > 1e-12)]
     inside = np.sort(real[real <= 1.0 + 1e-12])
     return [min(float(root), 1.0) * length for root in inside]
+
+
+def _never_zero(coefficients: Array) -> bool:
+    """Whether a polynomial is seen to have no root in [0, 1], nor next to it.
+
+    Its Bernstein coefficients, whose means are its values there, are then of one sign.
+    """
+    found = _bernstein(len(coefficients) - 1) @ coefficients
+    least, largest = found.min(), found.max()
+    return bool(max(least, -largest) > ROUND_OFF * max(largest, -least))
+
+
+@lru_cache
+def _bernstein(degree: int) -> Array:
+    """Matrix that makes Bernstein coefficients of those of powers."""
+    return np.array(
+        [[comb(i, j) / comb(degree, j) for j in range(degree + 1)] for i in range(degree + 1)]
+    )
 
 
 @dataclass(frozen=True)
@@ -204,7 +230,7 @@ class HermitePath:
         """State and velocity at time ``t``."""
         i = int(np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2))
         u, a = self._cubic(i), t - self.times[i]
-        return horner(u, a), horner(derivative_coefficients(u), a)
+        return value_at(u, a), value_at(derivative_coefficients(u), a)
 
     def polynomials(self) -> Iterator[tuple[float, float, Array]]:
         """Start, length and coefficients of the pieces."""

@@ -270,12 +270,16 @@ def taylor(law: Callable[..., Series], *inputs: ArrayLike) -> Array:
     return output.coefficients
 
 
-def horner(coefficients: Array, a: float) -> Array:
+def value_at(coefficients: Array, a: float) -> Any:
     """Value of a series at parameter ``a``; ``coefficients`` has the orders first."""
-    value = coefficients[-1].copy() if coefficients.ndim > 1 else coefficients[-1]
-    for c in coefficients[-2::-1]:
-        value = value * a + c
-    return value
+    if coefficients.ndim == 1:
+        value = 0.0
+        for c in reversed(coefficients.tolist()):
+            value = value * a + c
+        return value
+    powers = a ** np.arange(float(len(coefficients)))
+    columns = coefficients.reshape(len(coefficients), -1)
+    return (powers @ columns).reshape(coefficients.shape[1:])
 
 
 def derivative_coefficients(coefficients: Array) -> Array:

@@ -36,9 +36,7 @@ def validated(
     """
     order = branch.order
     reach = min(reach, without_overshoot(equations, branch, tolerance))
-    guess = min(term_range(branch, tolerance), reach)
-    if not np.isfinite(guess):
-        guess = 1.0
+    guess = guessed(branch, tolerance, reach)
     error, imbalance = errors(equations, branch, guess, cost, tolerance)
     longer = _predicted(guess, error, tolerance, order)
     if error <= tolerance and longer > 1.05 * guess and guess < reach:
@@ -57,6 +55,12 @@ def validated(
             )
         error, imbalance = errors(equations, branch, guess, cost, tolerance)
     return branch.cut(guess), imbalance
+
+
+def guessed(branch: Branch, tolerance: float, reach: float) -> float:
+    """Length at which the last terms reach the tolerance, at most ``reach``."""
+    guess = min(term_range(branch, tolerance), reach)
+    return guess if np.isfinite(guess) else 1.0
 
 
 def _predicted(length: float, error: float, tolerance: float, order: int) -> float:

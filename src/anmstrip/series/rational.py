@@ -17,11 +17,11 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr, toeplitz
+from scipy.linalg import toeplitz
 
 from .expansion import TINY, Cost, Equations
 from .path import Branch, first_root
-from .range_of_validity import errors, without_overshoot
+from .range_of_validity import errors, guessed, without_overshoot
 
 Array = NDArray[np.float64]
 
@@ -56,35 +56,32 @@ are of other lengths, by 4e-3 after 50 of them, with 1e-7 by 5e-9; tangents are 
 
 
 def stretched(
-    equations: Equations,
-    branch: Branch,
-    imbalance: float,
-    tolerance: float,
-    reach: float,
-    cost: Cost,
-) -> tuple[Branch, float]:
-    """The rational form of a validated branch, if it meets the tolerance further on.
+    equations: Equations, series: Branch, tolerance: float, reach: float, cost: Cost
+) -> tuple[Branch, float] | None:
+    """The rational form of a series, if it meets the tolerance further on than its terms tell.
 
     Its error is taken for a power of the length, which the lengths that are tried tell.
 
     Returns
     -------
     branch : Branch
-        At least as long as before, at most ``reach``, with no pole inside.
+        At most ``reach`` long, with no pole inside.
     imbalance : float
         Residual at its end.
     """
-    if branch.order < 3 or branch.length >= reach:
-        return branch, imbalance
-    quotient, found = rational(equations, branch), (branch, imbalance)
-    limit = min(reach, without_overshoot(equations, branch, tolerance), FURTHER * branch.length)
+    reach = min(reach, without_overshoot(equations, series, tolerance))
+    guess = guessed(series, tolerance, reach)
+    if series.order < 3 or guess >= reach:
+        return None
+    quotient = rational(equations, series.cut(guess))
+    limit = min(reach, FURTHER * guess)
     pole = first_root(quotient.denominator, limit)
     limit = limit if pole is None else SHORT_OF_POLE * pole
-    rung, best, least, power = FIRST, 0, np.inf, branch.order + 1.0
-    last = (np.inf, np.inf)
+    rung, best, least, power = FIRST, 0, np.inf, series.order + 1.0
+    last, found = (np.inf, np.inf), None
     for _ in range(TRIALS):
-        length = min(branch.length * RUNG**rung, limit)
-        if not best < rung < least or length <= found[0].length:
+        length = min(guess * RUNG**rung, limit)
+        if not best < rung < least or length <= (guess if found is None else found[0].length):
             break
         error, imbalance = errors(equations, quotient, length, cost, tolerance)
         if error <= tolerance:
@@ -141,4 +138,4 @@ def coordinates(equations: Equations, branch: Branch) -> Array:
     """Orders 1 … N (rows) in an orthonormal basis of what they span, with the control."""
     motion = branch.u[1:] * np.sqrt(equations.metric)
     both = np.column_stack([motion, branch.control[1:]]).T
-    return np.asarray(qr(both, mode="r", check_finite=False)[0][: branch.order].T)
+    return np.asarray(np.linalg.qr(both, mode="r")).T

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from .expansion import Cost
 from .index_one import Point, Residual, consistent, size_of, stretch
 from .outcome import Outcome, PathStopped
-from .power_series import derivative_coefficients, horner
+from .power_series import derivative_coefficients, value_at
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,9 @@ class TimeSeries:
     def __call__(self, t: float) -> tuple[Array, Array]:
         """State and velocity at time ``t``."""
         a = t - self.start
-        return horner(self.coefficients, a), horner(derivative_coefficients(self.coefficients), a)
+        return value_at(self.coefficients, a), value_at(
+            derivative_coefficients(self.coefficients), a
+        )
 
 
 class PiecewiseSeries:

@@ -30,7 +30,7 @@ from scipy.optimize import brentq
 from anmstrip.mechanics.friction import cone_speed, corner_speed
 from anmstrip.mechanics.mass_spring import MassSpring, Parameters, PressedPlane
 from anmstrip.series.events import Watch
-from anmstrip.series.power_series import derivative_coefficients, horner, taylor
+from anmstrip.series.power_series import derivative_coefficients, taylor, value_at
 
 Array = NDArray[np.float64]
 
@@ -89,7 +89,7 @@ def events_of(case: MassSpring, pieces: Iterator[tuple[float, float, Array]]) ->
         functions = taylor(lambda u, v: _functions(case, u, v), u, v)
         changes = watch.changes(functions, length)
         for which, a, sense in zip(changes.which, changes.where, changes.sense, strict=True):
-            x, speed = horner(u, a), horner(v, a)
+            x, speed = value_at(u, a), value_at(v, a)
             if which in (1, 2) and not _touches(case, x):
                 continue
             value = float(case.slip(x, speed) if which in (1, 2) else case.gap(x))
@@ -110,7 +110,7 @@ def _dated_back(
     sense = float(np.sign(stick.value))
 
     def sliding(t: float, u: Array, start: float) -> float:
-        return sense * coulomb_slip(case, horner(u, t - start), t, sense)
+        return sense * coulomb_slip(case, value_at(u, t - start), t, sense)
 
     for start, length, u in reversed(pieces):
         first, last = max(start, since), min(start + length, stick.time)
@@ -123,7 +123,7 @@ def _dated_back(
         if any(ahead):
             k = SAMPLES - 1 - ahead[::-1].index(True)
             t = float(brentq(sliding, times[k], times[k + 1], args=(u, start), xtol=1e-12))
-            x, v = horner(u, t - start), horner(derivative_coefficients(u), t - start)
+            x, v = value_at(u, t - start), value_at(derivative_coefficients(u), t - start)
             ux, uy = (*map(float, x), 0.0)[:2]
             return CaseEvent(t, "stick", ux, uy, float(case.slip(x, v)))
     return stick
