@@ -77,6 +77,18 @@ def test_a_fraction_of_the_tolerance_goes_to_every_step():
     assert (path.errors <= (1e-6 - before) * even / 1e-6 * 20.0 / (20.0 - path.knots[:-1])).all()
 
 
+def gapped(u, v, t):
+    """u' = 1/(1 + t⁴), whose series skips three orders of four."""
+    return np.stack([v[0] - 1.0 / (1.0 + t * t * t * t)])
+
+
+def test_a_step_is_as_long_as_its_error_allows_where_the_last_terms_tell_less():
+    """Away from t = 0 the orders left out are large and small by turns."""
+    path = run(gapped, [0.0], 50.0, order=8, tolerance=1e-6)
+    shares = path.errors / (1e-6 * np.diff(path.knots) / 50.0)
+    assert (shares[:5] > 0.1).all()
+
+
 def test_one_tangent_per_step():
     cost = Cost()
     steps = list(integrate(decay, np.zeros(1), np.zeros(1), (0.0, 9.0), cost=cost))

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .expansion import Cost
+from .expansion import TINY, Cost
 from .index_one import Point, Residual, consistent, size_of, stretch
 from .outcome import Outcome, PathStopped
 from .power_series import derivative_coefficients, value_at
@@ -35,6 +35,10 @@ HASTE = 1.5
 
 What is left near the end would allow any velocity there.
 """
+
+CAREFUL = 0.1
+"""Share of what a step may err below which a longer one is tried: its last terms had told of a
+shorter one."""
 
 
 @dataclass(frozen=True)
@@ -60,9 +64,8 @@ class TimeSeries:
     def __call__(self, t: float) -> tuple[Array, Array]:
         """State and velocity at time ``t``."""
         a = t - self.start
-        return value_at(self.coefficients, a), value_at(
-            derivative_coefficients(self.coefficients), a
-        )
+        rates = derivative_coefficients(self.coefficients)
+        return value_at(self.coefficients, a), value_at(rates, a)
 
 
 class PiecewiseSeries:
@@ -182,17 +185,36 @@ class _Stepper:
             u_orders, v_last = _orders(Point.at(self.residual, u, v, t, self.order))
         self.cost.expansions += 1
         self.cost.factorisations += 1
-        length = min(self.guess(u_orders, v_last, self.allowed(v)), end - t)
-        while length > 1e-12 * self.whole:
-            stop = end if length >= (end - t) * (1.0 - 1e-12) else t + length
-            piece = self.judged(TimeSeries(u_orders, t, stop))
-            share = (stop - t) * self.rate * stretch(piece(stop)[1], self.speed)
-            excess = max(piece.passing / self.tolerance, piece.error / share)
+        series, length = TimeSeries(u_orders, t, end), self.guess(u_orders, v_last, self.allowed(v))
+        while True:
+            if length < 1e-12 * self.whole:
+                reason = f"no step above {length:.2g} keeps the tolerance"
+                raise PathStopped(Outcome.STALLED, t, reason)
+            piece, excess = self.tried(series, length)
             if excess <= 1.0:
-                return piece
-            shorter = (0.5 / excess) ** (1.0 / self.order) if np.isfinite(excess) else 0.0
-            length *= min(max(shorter, 0.2), 0.95)
-        raise PathStopped(Outcome.STALLED, t, f"no step above {length:.2g} keeps the tolerance")
+                break
+            length = (piece.end - t) * min(max(self.longer(excess), 0.2), 0.95)
+        if excess < CAREFUL and piece.end < end:
+            further = (piece.end - t) * min(self.longer(excess), 2.0)
+            longer, excess = self.tried(series, further)
+            return longer if excess <= 1.0 else piece
+        return piece
+
+    def longer(self, excess: float) -> float:
+        """Length, over that of a piece, at which it would err by half of what it may."""
+        if not np.isfinite(excess):
+            return 0.0
+        return float((0.5 / max(excess, TINY)) ** (1.0 / self.order))
+
+    def tried(self, piece: TimeSeries, length: float) -> tuple[TimeSeries, float]:
+        """So much of a piece, with its errors, and these over what they may be."""
+        ahead = piece.end - piece.start
+        if length < ahead * (1.0 - 1e-12):
+            piece = replace(piece, end=piece.start + length)
+        piece = self.judged(piece)
+        rate = self.rate * stretch(piece(piece.end)[1], self.speed)
+        share = (piece.end - piece.start) * rate
+        return piece, max(piece.passing / self.tolerance, piece.error / share)
 
     def guess(self, u: Array, v_last: Array, allowed: float) -> float:
         """Length at which the last two terms of the velocity reach the allowed defect."""

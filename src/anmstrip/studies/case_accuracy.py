@@ -53,9 +53,9 @@ class Extent:
 FULL = Extent(
     tuple(CASES),
     tuple(10.0**-k for k in range(3, 11)),
-    (("taylor", 8), ("taylor", 12), ("taylor", 20), ("implicit", 12)),
+    (*(("taylor", order) for order in (8, 11, 15, 20, 24)), ("implicit", 12)),
     1e-12,
-    4.0,
+    12.0,
 )
 
 NOTE = (

@@ -36,10 +36,10 @@ ORDER = 20
 STRIPS = {
     2: (40, 160, 640, 2560, 5550),
     8: (24, 100, 400, 1850),
-    20: (20, 80, 320, 790),
-    40: (20, 80, 200),
+    20: (25, 80, 320, 790),
+    40: (50, 100, 200),
 }
-"""Elements across → elements along; up to 2e5 unknowns."""
+"""Elements across → elements along, longer than wide; up to 2e5 unknowns."""
 
 QUICK = {2: (20, 40, 80), 8: (12, 24)}
 
