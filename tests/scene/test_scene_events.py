@@ -146,7 +146,9 @@ def test_stick_and_slip() -> None:
     whole = [(e.stage, e.kind) for e in events if e.point is None]
     assert whole[0] == ("up", "contact made")
     assert ("turn", "slip") in whole
-    assert whole[-1] == ("hold", "stick")
+    assert whole[-1][1] == "stick"
+    stuck = [e.time for e in events if e.point is None][-1]
+    assert stuck == pytest.approx(5.0006, abs=2e-3)  # the roller comes to rest at 5 s
     assert not [e for e in events if e.stage == "rest" and e.kind == "slip"]
     corner = EventWatch(run.assembly).speeds[0]
     rubbed = [e for e in events if e.kind in ("stick", "slip") and e.point is not None]

@@ -42,7 +42,7 @@ def test_the_estimate_is_the_error(rate):
 def test_passes_are_repeated_until_the_error_is_below_the_tolerance():
     found = controlled(lambda allowed: run(drift(2.0), allowed), drift(2.0), 1e-5)
     error = max(abs(found.path(t)[0][0] - np.exp(2.0 * t)) for t in np.linspace(0.0, 4.0, 99))
-    assert found.passes == 2
+    assert 2 <= found.passes <= 3
     assert error < found.error * 1.5
     assert found.error <= 1e-5
 

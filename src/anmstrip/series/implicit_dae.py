@@ -73,6 +73,14 @@ ROUGH = 1e-4
 MOST_BRANCHES = 60
 """Of one step: a shorter one is cheaper."""
 
+NARROW = 1e-3
+"""Shortest branch of a step in time, as a fraction of it.  Slip that comes to rest under sharp
+friction turns a corner there; branches would shrink towards it and grow again, and the error in
+time then ask for a shorter step."""
+
+NARROWEST = 1e-6
+"""The same of the path to rest, for which there is no shorter step."""
+
 SETTLING = 0.01
 """First instant after a start, as a fraction of the first step."""
 
@@ -166,7 +174,7 @@ class _Integrator:
             order=settings.order,
             tolerance=RESIDUAL_SHARE * settings.tolerance,
             max_steps=MOST_BRANCHES,
-            shortest=1e-6,
+            shortest=NARROW,
             give_way=False,
             rational=settings.rational,
             unhurried=UNHURRIED,
@@ -271,7 +279,8 @@ class _Integrator:
         t, u = memory.times[0], memory.states[0]
         velocity = AffineVelocity(1.0 / self.whole, memory.v, np.zeros_like(u))
         path = self.equations.during(t, 0.0, velocity, u)
-        found = self._followed(path, len(u), replace(self.path_settings, rational=False))
+        settings = replace(self.path_settings, rational=False, shortest=NARROWEST)
+        found = self._followed(path, len(u), settings)
         return replace(memory, states=(u + found.branch.end[0],))
 
     def _followed(self, path: StepEquations, size: int, settings: Settings) -> Step:
