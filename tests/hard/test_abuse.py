@@ -245,8 +245,13 @@ def test_point_of_a_strip_that_snaps() -> None:
     assert "ran away" not in end.message
 
 
-@pytest.mark.slow
 def test_the_last_tangent_in_a_snap_that_was_looked_for() -> None:
     """It is told as such, not as steps that became too short."""
-    end = ending_of(from_seed(30522, 60))
+    end = ending_of(from_seed(31105, 60))
     assert (end.status, end.tangents, end.faults) == ("too_many_tangents", 60, ())
+
+
+def test_a_strip_that_begins_deep_inside_a_roller() -> None:
+    """What its first file says of pressures are numbers."""
+    end = ending_of(from_seed(30604, 60))
+    assert (end.status, end.faults) == ("too_many_tangents", ())

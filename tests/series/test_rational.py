@@ -90,6 +90,14 @@ def test_it_does_not_leap_over_a_pole(monkeypatch):
     assert 1.5 < found.length < 2.0
 
 
+@pytest.mark.parametrize("number", [np.nan, np.inf, 1e200])
+def test_a_series_of_what_is_no_number_has_no_quotient(number):
+    equations = DenseEquations(resonant)
+    branch = expanded(equations, np.zeros(N))
+    branch.u[7, 3] = number
+    assert stretched(equations, branch, 1e-6, np.inf, Cost()) is None
+
+
 def test_a_series_that_arrives_needs_no_quotient():
     equations = DenseEquations(lambda u, control: u + u * u - control)
     branch, cost = expanded(equations, np.zeros(N)), Cost()

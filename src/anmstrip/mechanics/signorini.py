@@ -104,6 +104,11 @@ class RepulsiveSignorini:
         return f"K = {self.stiffness:.3g} Pa/m"
 
 
+DEEPEST = 100.0
+"""Depth over the width from which a graded reaction grows no more: 1e43 times its pressure is more
+than any strip bears, and still a number."""
+
+
 @dataclass(frozen=True)
 class GradedSignorini:
     """R = p₀ exp(−h/w), for surfaces: an onset of contact of given width.
@@ -123,7 +128,11 @@ class GradedSignorini:
     width: float
 
     def __call__(self, gap: Any) -> Any:
-        """Reaction at a gap."""
+        """Reaction at a gap, at most that at a depth of ``DEEPEST`` widths."""
+        deepest = -DEEPEST * self.width
+        inside = gap < deepest
+        if np.any(inside):
+            gap = np.where(inside, deepest, gap)
         return np.exp(gap * (-1.0 / self.width)) * self.pressure
 
     def gap(self, reaction: Any) -> Any:

@@ -271,15 +271,18 @@ def taylor(law: Callable[..., Series], *inputs: ArrayLike) -> Array:
 
 
 def value_at(coefficients: Array, a: float) -> Any:
-    """Value of a series at parameter ``a``; ``coefficients`` has the orders first."""
+    """Value of a series at parameter ``a``; ``coefficients`` has the orders first.
+
+    What order 0 is changed by is summed first, so that it is rounded once.
+    """
     if coefficients.ndim == 1:
         value = 0.0
         for c in reversed(coefficients.tolist()):
             value = value * a + c
         return value
-    powers = a ** np.arange(float(len(coefficients)))
-    columns = coefficients.reshape(len(coefficients), -1)
-    return (powers @ columns).reshape(coefficients.shape[1:])
+    powers = a ** np.arange(1.0, len(coefficients))
+    changes = coefficients[1:].reshape(len(powers), coefficients[0].size)
+    return coefficients[0] + (powers @ changes).reshape(coefficients.shape[1:])
 
 
 def derivative_coefficients(coefficients: Array) -> Array:

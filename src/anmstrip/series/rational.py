@@ -73,8 +73,9 @@ def stretched(
     guess = guessed(series, tolerance, reach)
     if series.order < 3 or guess >= reach:
         return None
-    quotient = rational(equations, series.cut(guess))
-    limit = min(reach, FURTHER * guess)
+    quotient, limit = rational(equations, series.cut(guess)), min(reach, FURTHER * guess)
+    if quotient is None:
+        return None
     pole = first_root(quotient.denominator, limit)
     limit = limit if pole is None else SHORT_OF_POLE * pole
     rung, best, least, power = FIRST, 0, np.inf, series.order + 1.0
@@ -108,30 +109,31 @@ def _rungs(allowed: float, power: float) -> int:
     return int(np.floor(growth / np.log(RUNG)))
 
 
-def rational(equations: Equations, branch: Branch) -> Branch:
-    """The same orders as a quotient."""
-    size = branch.order + 1
-    denominator = np.zeros(size)
-    found = _denominator(coordinates(equations, branch), FURTHER * branch.length)
-    denominator[: len(found)] = found
-    product = toeplitz(denominator, np.zeros(size))
+def rational(equations: Equations, branch: Branch) -> Branch | None:
+    """The same orders as a quotient; None if there are numbers too large for that."""
+    size, scale = branch.order + 1, FURTHER * branch.length
     with np.errstate(all="ignore"):
+        powers = scale ** np.arange(1.0, size)
+        terms = coordinates(equations, branch) * powers[:, None]
+        if not np.isfinite(np.linalg.norm(terms)):
+            return None
+        scaled = _denominator(terms)
+        found = np.concatenate([[1.0], scaled / powers[: len(scaled)]])
+        product = toeplitz(np.concatenate([found, np.zeros(size - len(found))]), np.zeros(size))
         u, control = product @ branch.u, product @ branch.control
     return replace(branch, u=u, control=control, denominator=found)
 
 
-def _denominator(alpha: Array, scale: float) -> Array:
-    """Coefficients 1, d_1 … d_m, from orders 1 … N in coordinates (rows)."""
-    n, width = alpha.shape
+def _denominator(terms: Array) -> Array:
+    """Coefficients d_1 … d_m from orders 1 … N in coordinates (rows), at a = 1."""
+    n, width = terms.shape
     degree, last = min(POLES, n - 1), min(LAST, n - 1)
-    powers = scale ** np.arange(n + 1.0)
-    terms = np.vstack([np.zeros((degree, width)), alpha * powers[1:, None]])
-    columns = [terms[degree + n - last - j : degree + n - j].ravel() for j in range(degree + 1)]
+    padded = np.vstack([np.zeros((degree, width)), terms])
+    columns = [padded[degree + n - last - j : degree + n - j].ravel() for j in range(degree + 1)]
     damping = DAMPING * np.linalg.norm(terms, axis=1).max()
     matrix = np.vstack([np.stack(columns[1:], axis=1), damping * np.eye(degree)])
     wanted = -np.concatenate([columns[0], np.zeros(degree)])
-    d = np.linalg.lstsq(matrix, wanted, rcond=None)[0]
-    return np.concatenate([[1.0], d / powers[1 : degree + 1]])
+    return np.asarray(np.linalg.lstsq(matrix, wanted, rcond=None)[0])
 
 
 def coordinates(equations: Equations, branch: Branch) -> Array:

@@ -46,8 +46,9 @@ LENGTH, WIDTH, POISSON = 3.5, 1.0, 0.45
 CHOICES = settings(15, 1e-6)
 """Of all paths; to 1e-5 of the tension a sheet that is all but perfect does not find its way."""
 
-FROM_SLACK = settings(15, 1e-7)
-"""Of the path of a bent sheet: it begins slack, where all forces are far below those at the end."""
+FROM_SLACK = settings(15, 1e-9)
+"""Of the path of a bent sheet: it begins slack, where all forces are far below those at the end,
+and to 1e-7 it may lose its way."""
 
 VISIBLE = 0.02
 """Share of the highest crest from which on another one is counted."""
