@@ -12,6 +12,7 @@ from anmstrip.mechanics.references import solved as reference_of
 from anmstrip.studies import contact, friction, mesh, order, registry, solvers, time_steps
 from anmstrip.studies.cantilever import elastica
 from anmstrip.studies.reports import Sheet, StudyReport
+from anmstrip.studies.turning import Turning
 from anmstrip.studies.work_precision import (
     Measured,
     crossed,
@@ -125,6 +126,19 @@ def test_series_follow_sharper_friction_for_little_more() -> None:
     blunt, sharp = mass.series(omega=1e-1), mass.series(omega=1e-4)
     assert max(blunt[0], sharp[0]) < mass.tolerance
     assert sharp[1] < 1.5 * blunt[1]
+
+
+def test_a_strip_follows_sharper_friction_in_a_straight_line() -> None:
+    """A decade of ω costs about as many tangents as the one before, and never a multiple."""
+    strip = friction.Strip(0.2)
+    found = []
+    for omega in (1e-2, 1e-4, 1e-6):
+        turning = Turning(strip.scene(1e-5, omega=omega), strip.full)
+        turning.followed()
+        found.append(turning.march.cost.factorisations)
+    first, second, third = found
+    assert third - second < 1.5 * (second - first)
+    assert third < 2.5 * first
 
 
 @pytest.mark.slow
