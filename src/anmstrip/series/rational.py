@@ -68,6 +68,8 @@ def stretched(
         At most ``reach`` long, with no pole inside.
     imbalance : float
         Residual at its end.
+
+    None where the quotient does not meet it, or the series itself arrives.
     """
     reach = min(reach, without_overshoot(equations, series, tolerance))
     guess = guessed(series, tolerance, reach)

@@ -121,9 +121,7 @@ class Translation:
         return np.array(self.code, dtype=np.int64).reshape(-1, 4), np.array(self.parameters)
 
     def remembered(self) -> Rows:
-        """Rows of which lower orders are needed: operands of products, operands and results of
-        functions.
-        """
+        """Rows whose lower orders are needed: operands, and results of functions."""
         kind, out, first, second = np.array(self.code, dtype=np.int64).reshape(-1, 4).T
         single = (kind >= kernels.ROOT) & (kind <= kernels.LOG)
         products, functions = kind >= kernels.MULTIPLY, kind > kernels.PRODUCT
