@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anmstrip.model import Equilibrium
-from anmstrip.series.continuation import Settings, follow
-from anmstrip.series.expansion import Cost
-from anmstrip.series.linear_solvers import SparseSolver
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import Settings, follow
+from anmstrip.equilibrium import Equilibrium
+from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.studies.cantilever import cantilever
 from anmstrip.studies.newton import load_steps
 

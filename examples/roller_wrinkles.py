@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from anmstrip.output.pictures import render
+from anmstrip.pictures.render import render
 from anmstrip.studies.roller_wrinkles import COARSE, EASED, FULL
 from anmstrip.studies.wrinkle_onset import ended, onset
 from anmstrip.studies.wrinkling_scenes import Crowned, Mesh, Skewed

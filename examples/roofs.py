@@ -14,10 +14,9 @@ import argparse
 from itertools import islice
 from pathlib import Path
 
-from anmstrip.series.branch_switching import switched
-from anmstrip.series.continuation import follow
-from anmstrip.series.linear_solvers import SparseSolver
-from anmstrip.series.singular_points import Kind, SingularPoint
+from anmstrip.continuation.bifurcations import Kind, SingularPoint, switched
+from anmstrip.continuation.follow import follow
+from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.studies.benchmarks import Benchmark, hinged_roof
 from anmstrip.studies.shell_pictures import write_shape
 from anmstrip.studies.shell_runs import followed, settings

@@ -7,14 +7,14 @@ wrinkles; with the length between the grips it gives 14 % more at the end.  The 
 the buckling mode are written for ParaView.
 """
 
-from __future__ import annotations
+from __future__ import annotations  # noqa: I001
 
 import argparse
 from pathlib import Path
 
-from anmstrip.series.expansion import Cost
+from anmstrip.continuation.expansion import Cost
 from anmstrip.studies.shell_pictures import write_shape
-from anmstrip.studies.wrinkles import THIN, Stretched, onset, sheet_of, wrinkled
+from anmstrip.studies.wrinkles import Stretched, THIN, onset, sheet_of, wrinkled
 
 
 def said(sheet: Stretched, label: str, wave: float, expected: float, strain: float) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anmstrip.mechanics.references import solved as reference_of
+from anmstrip.paper.references import solved as reference_of
 from anmstrip.studies import contact, friction, mesh, order, registry, solvers, time_steps
 from anmstrip.studies.cantilever import elastica
 from anmstrip.studies.reports import Sheet, StudyReport

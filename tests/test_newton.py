@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from anmstrip.command_line import main
-from anmstrip.scene.run import Run
-from anmstrip.series.continuation import follow
-from anmstrip.series.expansion import Cost
-from anmstrip.series.functions import FunctionEquations
-from anmstrip.series.linear_solvers import DenseSolver
-from anmstrip.series.newton import Corrections, Newton
+from anmstrip.cli import main
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import follow
+from anmstrip.continuation.newton import Corrections, Newton
+from anmstrip.driver.run import Run
+from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.studies.newton import NewtonPath, NewtonSettings, load_steps
 from anmstrip.studies.newton_study import LONG, PLAIN
 from anmstrip.studies.strips import capstan, pressed
+from anmstrip.timestepping.functions import FunctionEquations
 
 
 def solved(function, settings):

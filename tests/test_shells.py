@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from anmstrip.command_line import main
-from anmstrip.output.vtk import read_surface
-from anmstrip.series.linear_solvers import SparseSolver
-from anmstrip.series.outcome import PathStopped
-from anmstrip.series.singular_points import Kind
+from anmstrip.cli import main
+from anmstrip.continuation.bifurcations import Kind
+from anmstrip.continuation.status import PathStopped
+from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.results.vtk import read_surface
 from anmstrip.studies.benchmarks import (
     Benchmark,
     end_moment,

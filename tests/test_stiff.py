@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from anmstrip.command_line import main
+from anmstrip.cli import main
 from anmstrip.studies import optional, stiff
 from anmstrip.studies.stiff_methods import END, METHODS, scipys
 from anmstrip.studies.stiff_reference import Reference, pull

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from anmstrip.command_line import main
-from anmstrip.scene import InputError, Scene
+from anmstrip.cli import main
+from anmstrip.driver.scene import Scene
+from anmstrip.errors import InputError
 from anmstrip.studies import effects, stability
 from anmstrip.studies.motions import Trial
 from anmstrip.studies.registry import STUDIES, run_study

@@ -1,6 +1,6 @@
 """A stretched sheet: where it wrinkles, how, and with an imperfection."""
 
-from __future__ import annotations
+from __future__ import annotations  # noqa: I001
 
 import runpy
 from pathlib import Path
@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from anmstrip.command_line import main
-from anmstrip.series.continuation import follow
-from anmstrip.series.expansion import Cost
-from anmstrip.series.linear_solvers import SparseSolver
-from anmstrip.series.singular_points import Kind
+from anmstrip.cli import main
+from anmstrip.continuation.bifurcations import Kind
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import follow
+from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.studies.wrinkles import (
     CHOICES,
     LENGTH,
-    THIN,
     Stretched,
+    THIN,
     imperfect,
     onset,
     sheet_of,

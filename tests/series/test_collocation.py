@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.status import PathStopped
+from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.series import collocation
 from anmstrip.series.collocation import Piece, Rule
-from anmstrip.series.expansion import Cost
-from anmstrip.series.linear_solvers import DenseSolver
-from anmstrip.series.outcome import PathStopped
-from anmstrip.series.taylor_dae import PiecewiseSeries
+from anmstrip.timestepping.explicit import PiecewiseSeries
 
 
 def smooth(u, v, t):

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anmstrip.mechanics.friction import Tanh
+from anmstrip.mechanics.laws import Tanh
 from anmstrip.mechanics.nodes import Slider
-from anmstrip.series.functions import FunctionRateEquations
 from anmstrip.studies.motions import moved
+from anmstrip.timestepping.functions import FunctionRateEquations
 
 
 def test_drag_is_as_large_as_friction_at_a_speed_of_one_in_its_time() -> None:

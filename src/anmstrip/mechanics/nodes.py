@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .friction import FrictionLaw
-from .signorini import RepulsiveSignorini
+from anmstrip.mechanics.laws import FrictionLaw, RepulsiveSignorini
 
 Array = NDArray[np.float64]
 

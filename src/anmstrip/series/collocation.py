@@ -7,7 +7,7 @@ polynomial of the step before, run on; what imbalance R_0 that has is taken away
 
     R(u_1 … u_s; λ) = (1 − λ) R_0,    λ ∈ [0, 1]
 
-(:func:`anmstrip.series.continuation.follow`), so that where the guess is good one tangent
+(:func:`anmstrip.continuation.follow.follow`), so that where the guess is good one tangent
 of the s n unknowns serves the whole step.  A path that would need several is given up for a
 shorter step: where the solution bends sharply that costs less.
 
@@ -26,13 +26,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .continuation import Settings, Step, follow
-from .expansion import Cost
-from .functions import TracedRecurrence
-from .index_one import Residual, consistent
-from .linear_solvers import LinearSolver
-from .outcome import Outcome, PathStopped
-from .radau import Piece, Rule
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import Settings, Step, follow
+from anmstrip.timestepping.functions import TracedRecurrence
+from anmstrip.continuation.status import Outcome, PathStopped
+from anmstrip.linalg.solvers import LinearSolver
+from anmstrip.series.radau import Piece, Rule
+from anmstrip.timestepping.index_one import Residual, consistent
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ MOST_BRANCHES = 3
 
 
 class Stages:
-    """Equations of one step, for :func:`anmstrip.series.continuation.follow`.
+    """Equations of one step, for :func:`anmstrip.continuation.follow.follow`.
 
     The unknowns are the changes of u to all points; λ takes the imbalance away.  A
     residual is measured by the change of u that takes it away.
@@ -92,7 +92,7 @@ class Stages:
         return float((self.softness @ np.abs(residual)).max())
 
 
-def integrate(  # noqa: PLR0913 - what scipy's integrators are given, and the counters
+def integrate(  # noqa: PLR0913
     residual: Residual,
     u: Array,
     v: Array,
@@ -108,7 +108,7 @@ def integrate(  # noqa: PLR0913 - what scipy's integrators are given, and the co
 
     The last Legendre coefficients of u on a step may reach the tolerance.  They are its error
     in time, inside and at the end, where solutions do not drift apart; where they do, see
-    :func:`anmstrip.series.global_error.controlled`.
+    :func:`anmstrip.timestepping.index_one.controlled`.
 
     Parameters
     ----------
