@@ -16,10 +16,8 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from fuzz_reader import fuzzed, read_one
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from random_scenes import MOST_TANGENTS, Dice, ending_of, from_seed, tables_of
 
 from anmstrip.command_line import main
 from anmstrip.output.collection import read as listed
@@ -27,6 +25,8 @@ from anmstrip.output.vtk import read_surface
 from anmstrip.scene import InputError, Scene
 from anmstrip.scene.build import Assembly
 from anmstrip.scene.loading import scene_of
+from fuzz_reader import fuzzed, read_one
+from random_scenes import MOST_TANGENTS, Dice, ending_of, from_seed, tables_of
 
 QUICK = """
 [strip]

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from answers import right
 
+import hard_nodes as nodes
 from anmstrip.mechanics.friction import NortonHoff, Tanh
 from anmstrip.mechanics.mass_spring import RotatingCircle
-from anmstrip.mechanics.nodes import CoupledNode, Slider, WrappedLinks
 from anmstrip.series import backward_differences, implicit_dae
 from anmstrip.series.continuation import Settings
 from anmstrip.series.functions import FunctionRateEquations
@@ -20,10 +19,11 @@ from anmstrip.series.linear_solvers import DenseSolver
 from anmstrip.series.outcome import PathStopped
 from anmstrip.series.snaps import LASTING
 from anmstrip.series.time_steps import TimeStep
-from anmstrip.studies import hard_nodes as nodes
 from anmstrip.studies.case_runs import solved
-from anmstrip.studies.hard_nodes import CONTACT
-from anmstrip.studies.motions import moved
+from answers import right
+from hard_nodes import CONTACT
+from motions import moved
+from nodes import CoupledNode, Slider, WrappedLinks
 
 
 @pytest.mark.parametrize("omega", [1e-2, 1e-10])

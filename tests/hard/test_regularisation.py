@@ -14,7 +14,7 @@ from anmstrip.scene.regularisation import Regularisation
 from anmstrip.scene.run import Run
 from anmstrip.scene.schema import Scene
 from anmstrip.scene.sharpening import SharpenedRun
-from anmstrip.studies.hard_strips import LAY, PULL, end_of, ran, tables_of, turning
+from hard_strips import LAY, PULL, end_of, ran, tables_of, turning
 
 
 def capstan(**law: Any) -> dict[str, Any]:

@@ -11,8 +11,8 @@ from anmstrip.mechanics.signorini import GradedSignorini
 from anmstrip.scene.build import Assembly
 from anmstrip.scene.run import Run
 from anmstrip.scene.schema import Scene
-from anmstrip.studies.contact import pressed as under
-from anmstrip.studies.strips import capstan, pressed
+from contact import pressed as under
+from strips import capstan, pressed
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PENALTY = {"stiffness": 1e10, "eta": 10.0, "delta": 1e-3}

@@ -17,8 +17,8 @@ from anmstrip.scene import InputError, march
 from anmstrip.scene.build import Assembly
 from anmstrip.scene.stages import Course
 from anmstrip.scene.threading import stretches
-from anmstrip.studies.comparisons import Finished
-from anmstrip.studies.strips import threaded
+from comparisons import Finished
+from strips import threaded
 
 SCENES = {"one": ONE, "bridle": BRIDLE, "tower": TOWER, "leveller": LEVELLER}
 

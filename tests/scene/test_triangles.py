@@ -22,7 +22,7 @@ from anmstrip.scene import Scene
 from anmstrip.scene.measures import State
 from anmstrip.scene.run import Run
 from anmstrip.series.outcome import Outcome
-from anmstrip.studies.strips import CONTACT, MATERIAL, RADIUS, TENSION, capstan
+from strips import CONTACT, MATERIAL, RADIUS, TENSION, capstan
 
 Array = NDArray[np.float64]
 
