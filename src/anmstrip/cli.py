@@ -445,40 +445,6 @@ def _finite(text: str) -> float:
     return number
 
 
-@main.command(short_help="Compare accuracy and cost.")
-@click.argument("name")
-@click.option("--quick", is_flag=True, help="Coarse meshes: seconds, with less to learn from them.")
-@directory_option
-def study(name: str, quick: bool, directory: Path | None) -> None:
-    """Compare accuracy and cost, with a report.
-
-    \b
-    NAME is effects   milliseconds of every effect, and what a section and a plate save
-            cases     the paper's cases: true error against tolerance, order and scheme
-            friction  tangents against sharpness, beside Newton in fixed steps
-            contact   tangents and errors against the stiffness of contact
-            order     error against cost for orders of the series from 4 to 40
-            mesh      errors against the element length over a roller
-            solvers   linear solvers, and what a step costs, against size
-            time      order in time, and conveying over nodes
-            newton    factorisations and seconds beside Newton's method
-            peers     beside other programs, as far as they are installed
-            stiff     a stiff sliding point beside other solvers of its equation
-            stability hard cases of friction and contact over ranges, beside their answers
-            all       all of these, with a page that names them
-
-    Prints the tables, and writes a report in Markdown, the figures and a CSV into DIR.
-    """
-    from anmstrip.studies.registry import run_all, run_study
-
-    if name == "all":
-        for report in run_all(quick=quick, directory=directory or Path("results", "studies")):
-            click.echo(f"{report}\n")
-        return
-    directory = directory or Path("results", f"study-{name}")
-    click.echo(str(run_study(name, quick=quick, directory=directory)))
-
-
 @main.command()
 @click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
 @click.option(

@@ -16,10 +16,8 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from fuzz_reader import fuzzed, read_one
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from random_scenes import MOST_TANGENTS, Dice, ending_of, from_seed, tables_of
 
 from anmstrip.cli import main
 from anmstrip.driver.scene import Scene
@@ -27,6 +25,8 @@ from anmstrip.errors import InputError
 from anmstrip.results.vtk import read_collection as listed
 from anmstrip.results.vtk import read_surface
 from anmstrip.simulation.problem import Assembly
+from fuzz_reader import fuzzed, read_one
+from random_scenes import MOST_TANGENTS, Dice, ending_of, from_seed, tables_of
 
 QUICK = """
 [strip]
@@ -82,7 +82,7 @@ def test_absurd_sizes_are_refused_before_they_fill_the_memory(
 ) -> None:
     example = Path(__file__).parents[2] / "examples" / f"{name}.toml"
     with pytest.raises(InputError) as caught:
-        Assembly(Scene.load(example, [setting])).strip  # noqa: B018
+        Assembly(Scene.load(example, [setting])).strip  # noqa: B018 - makes the mesh
     assert words in str(caught.value)
 
 
@@ -90,7 +90,7 @@ def test_threaded_strip_that_would_sink_through_its_roller_is_refused() -> None:
     example = Path(__file__).parents[2] / "examples" / "bridle.toml"
     soft = Scene.load(example, ["contact.stiffness=1e4", "contact.eta=1.0", "contact.delta=1e-3"])
     with pytest.raises(InputError, match=r"sink .* m into roller upper"):
-        Assembly(soft).thread  # noqa: B018
+        Assembly(soft).thread  # noqa: B018 - looks for the way
 
 
 @settings(max_examples=4, deadline=None, suppress_health_check=list(HealthCheck))

@@ -7,24 +7,24 @@ from typing import Any
 
 import numpy as np
 import pytest
-from answers import right
 
+import hard_nodes as nodes
 from anmstrip.continuation.follow import Settings
 from anmstrip.continuation.status import PathStopped
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.mechanics.laws import NortonHoff, Tanh
-from anmstrip.mechanics.nodes import CoupledNode, Slider, WrappedLinks
 from anmstrip.paper.mass_spring import RotatingCircle
 from anmstrip.paper.schemes import solved
-from anmstrip.studies import hard_nodes as nodes
-from anmstrip.studies.hard_nodes import CONTACT
-from anmstrip.studies.motions import moved
 from anmstrip.timestepping import formulas as backward_differences
 from anmstrip.timestepping import implicit as implicit_dae
 from anmstrip.timestepping.formulas import TimeStep
 from anmstrip.timestepping.functions import FunctionRateEquations
 from anmstrip.timestepping.implicit import LASTING
 from anmstrip.timestepping.index_one import instabilities, pivot
+from answers import right
+from hard_nodes import CONTACT
+from motions import moved
+from nodes import CoupledNode, Slider, WrappedLinks
 
 
 @pytest.mark.parametrize("omega", [1e-2, 1e-10])

@@ -14,7 +14,7 @@ from anmstrip.driver.scene import Scene
 from anmstrip.driver.sharpening import SharpenedRun
 from anmstrip.errors import InputError
 from anmstrip.results.rollers import Regularisation
-from anmstrip.studies.hard_strips import LAY, PULL, end_of, ran, tables_of, turning
+from hard_strips import LAY, PULL, end_of, ran, tables_of, turning
 
 
 def capstan(**law: Any) -> dict[str, Any]:

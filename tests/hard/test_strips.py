@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from answers import right
 
+import hard_strips as strips
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.simulation.march import Arrival, March
-from anmstrip.studies import hard_strips as strips
-from anmstrip.studies.hard_strips import LAY, PULL, end_of, ran, tables_of, turning
+from answers import right
+from hard_strips import LAY, PULL, end_of, ran, tables_of, turning
 
 
 @pytest.mark.parametrize("gap", [1e-3, 0.2])

@@ -11,8 +11,8 @@ from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.mechanics.laws import GradedSignorini
 from anmstrip.simulation.problem import Assembly
-from anmstrip.studies.contact import pressed as under
-from anmstrip.studies.strips import capstan, pressed
+from contact import pressed as under
+from strips import capstan, pressed
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PENALTY = {"stiffness": 1e10, "eta": 10.0, "delta": 1e-3}

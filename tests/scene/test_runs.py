@@ -443,7 +443,7 @@ def options(overrides: list[str]) -> list[str]:
 PROGRAM = """
 import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)  # background jobs ignore it
-from anmstrip.command_line import main
+from anmstrip.cli import main
 main()
 """
 COMMAND = [sys.executable, "-c", PROGRAM]

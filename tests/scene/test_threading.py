@@ -18,8 +18,8 @@ from anmstrip.simulation import march
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
 from anmstrip.simulation.threading import stretches
-from anmstrip.studies.comparisons import Finished
-from anmstrip.studies.strips import threaded
+from comparisons import Finished
+from strips import threaded
 
 SCENES = {"one": ONE, "bridle": BRIDLE, "tower": TOWER, "leveller": LEVELLER}
 

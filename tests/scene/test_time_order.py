@@ -5,7 +5,7 @@ import pytest
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.scene.stage_tables import SolverSpec
-from anmstrip.studies.strips import capstan
+from strips import capstan
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ from anmstrip.fem.sampling import ContactOperator
 from anmstrip.fem.strip import Material, Strip
 from anmstrip.mechanics.shell import Membrane, isometric_bending
 from anmstrip.results.state import State
-from anmstrip.studies.strips import CONTACT, MATERIAL, RADIUS, TENSION, capstan
+from strips import CONTACT, MATERIAL, RADIUS, TENSION, capstan
 
 Array = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from anmstrip.mechanics.laws import Tanh
-from anmstrip.mechanics.nodes import Slider
-from anmstrip.studies.motions import moved
 from anmstrip.timestepping.functions import FunctionRateEquations
+from motions import moved
+from nodes import Slider
 
 
 def test_drag_is_as_large_as_friction_at_a_speed_of_one_in_its_time() -> None:
