@@ -16,7 +16,7 @@ from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.laws import NortonHoff, RepulsiveSignorini, Tanh
 from anmstrip.mechanics.loads import weight
-from anmstrip.mechanics.roller import Roller, Sides, together
+from anmstrip.mechanics.roller import Roller, Sides, combine
 from anmstrip.series.power_series import taylor
 from anmstrip.timestepping.formulas import AffineVelocity
 
@@ -305,7 +305,9 @@ def test_rollers_together_do_what_each_does_alone(strip, operator, rubbing, reac
     full, velocity = 1e-3 * rng_unknowns(strip, 21), rng_unknowns(strip, 22)
     reaches = np.broadcast_to(reach, 3)
     pairs = operator.restricted(np.tile(np.arange(operator.points), 3))
-    many = Contact(together(THREE, operator.points), LAW, pairs, tuple(reaches))
+    many = Contact(
+        combine(THREE, np.repeat(np.arange(3), operator.points)), LAW, pairs, tuple(reaches)
+    )
     alone = [Contact(r, LAW, operator, float(h)) for r, h in zip(THREE, reaches, strict=True)]
     effects = [[many], alone]
     if rubbing:
@@ -328,7 +330,7 @@ def test_rollers_together_do_what_each_does_alone(strip, operator, rubbing, reac
 
 def test_one_of_several_rollers_can_be_looked_at(strip, operator):
     pairs = operator.restricted(np.tile(np.arange(operator.points), 3))
-    many = Contact(together(THREE, operator.points), LAW, pairs)
+    many = Contact(combine(THREE, np.repeat(np.arange(3), operator.points)), LAW, pairs)
     assert list(many.by_roller) == ["a", "b", "c"]
     x = operator.apply(1e-3 * rng_unknowns(strip, 23))
     for roller in THREE:
@@ -342,7 +344,7 @@ def test_one_of_several_rollers_can_be_looked_at(strip, operator):
 def test_every_roller_may_have_its_own_friction(strip, operator):
     """Together as alone, with the law's coefficient where a roller has none of its own."""
     pairs = operator.restricted(np.tile(np.arange(operator.points), 3))
-    contact = Contact(together(THREE, operator.points), LAW, pairs)
+    contact = Contact(combine(THREE, np.repeat(np.arange(3), operator.points)), LAW, pairs)
     own = (0.1, 0.3, 0.0)
     many = Friction(contact, HOFF, own)
     x, v = (operator.apply(rng_unknowns(strip, seed)) for seed in (24, 25))

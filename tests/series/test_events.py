@@ -45,7 +45,7 @@ def test_a_touch_and_its_release_inside_one_step(depth: float) -> None:
     roller = Roller("r", 0.5, (0.0, 0.0, 0.0))
     series = np.zeros((21, 2, 1))
     series[0, :, 0], series[1, :, 0] = (0.5 - depth, -0.1), (0.0, 0.2)
-    gap = taylor(lambda y: roller.seen(y).gap, series)
+    gap = taylor(lambda y: roller.project(y).gap, series)
     half = np.sqrt(0.25 - (0.5 - depth) ** 2)
     found = roots(gap, 1.0)
     assert found.sense.tolist() == [-1, 1]

@@ -14,7 +14,7 @@ from anmstrip.fem.kinematics import SHELL, Kinematics
 from anmstrip.fem.sampling import ContactOperator
 from anmstrip.mechanics.effects import LawEffect, Moment
 from anmstrip.mechanics.laws import GradedSignorini, RepulsiveSignorini
-from anmstrip.mechanics.roller import Place, Roller, Rollers
+from anmstrip.mechanics.roller import Projection, Roller
 
 if TYPE_CHECKING:
     from anmstrip.mechanics.laws import FrictionLaw
@@ -61,7 +61,7 @@ def _gaps(contact: Contact, y: Array, nearest: Array) -> Array:
     between = y[:-1] + nearest[:, None] * np.diff(y, axis=0)
     looks = np.concatenate([y[[0, -1]], between]).swapaxes(0, 1)
     with np.errstate(invalid="ignore"):  # on the axis there is no direction
-        return np.asarray(contact.roller.seen(looks).gap)
+        return np.asarray(contact.roller.project(looks).gap)
 
 
 def _chords(contact: Contact, y: Array) -> float:
@@ -88,7 +88,7 @@ class Contact(LawEffect):
 
     Attributes
     ----------
-    roller : Roller or Rollers
+    roller : Roller
     signorini : RepulsiveSignorini or GradedSignorini
         In pressures.
     operator : ContactOperator
@@ -99,7 +99,7 @@ class Contact(LawEffect):
         Which displacements the points have.
     """
 
-    roller: Roller | Rollers
+    roller: Roller
     signorini: RepulsiveSignorini | GradedSignorini
     operator: ContactOperator
     reach: float | Sequence[float] = np.inf
@@ -124,7 +124,7 @@ class Contact(LawEffect):
     @cached_property
     def by_roller(self) -> dict[str, Contact]:
         """Roller → its own contact, at all points of the strip."""
-        if isinstance(self.roller, Roller):
+        if self.roller.which is None:
             return {self.roller.name: self}
         reaches = np.broadcast_to(np.asarray(self.reach, dtype=float), len(self.roller.members))
         found = {}
@@ -156,9 +156,9 @@ class Contact(LawEffect):
         offset = self.origin - mapped(self.roller.frame[: self.roller.rows], centre)
         return mapped(self.view, x) + offset
 
-    def seen(self, x: Any, controls: Mapping[str, Any]) -> Place:
+    def seen(self, x: Any, controls: Mapping[str, Any]) -> Projection:
         """Where displaced points are, on arrays or series."""
-        return self.roller.seen(self.position(x, controls))
+        return self.roller.project(self.position(x, controls))
 
     def crossing(self, states: Callable[[Array], Iterable[Moment]]) -> float | None:
         """Return where a step crosses a roller, as a share of it; see :func:`deepest`."""
@@ -174,11 +174,11 @@ class Contact(LawEffect):
         gap = self.seen(self.operator.apply(full), controls).gap
         return self.restricted(np.flatnonzero(gap < self.reaches))
 
-    def pressure(self, place: Place) -> Any:
+    def pressure(self, place: Projection) -> Any:
         """R (Pa), shape (points,)."""
         return self.signorini(place.gap) - self.least
 
-    def normal(self, place: Place) -> Array:
+    def normal(self, place: Projection) -> Array:
         """Unit normal in space, shape (3, points)."""
         frame = self.roller.frame[: self.roller.rows]
         return np.einsum("ix...,i...->x...", frame, self.roller.normal(place))
@@ -216,7 +216,7 @@ class Friction(LawEffect):
     rate_dependent = True
 
     @property
-    def roller(self) -> Roller | Rollers:
+    def roller(self) -> Roller:
         """Of the contact."""
         return self.contact.roller
 
@@ -260,11 +260,11 @@ class Friction(LawEffect):
         """The same effect on the points within reach."""
         return replace(self, contact=self.contact.near(full, controls))
 
-    def tangents(self, place: Place) -> Any:
+    def tangents(self, place: Projection) -> Any:
         """Directions of slip in the frame, (components of slip, directions, points)."""
         return self.roller.tangents(place, len(self.frame))
 
-    def slip(self, place: Place, tangents: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def slip(self, place: Projection, tangents: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Tangential velocity relative to the surface (m/s), (components of slip, points)."""
         own = mapped(self.frame, control_of(self.roller, controls, "velocity"))
         relative = mapped(self.view, v) - own
@@ -321,7 +321,7 @@ def mapped(matrix: Array, vectors: Any) -> Any:
     return np.einsum(subscripts, matrix, vectors)
 
 
-def control_of(roller: Roller | Rollers, controls: Mapping[str, Any], name: str) -> Any:
+def control_of(roller: Roller, controls: Mapping[str, Any], name: str) -> Any:
     """A control of the roller that sees each point, a vector as (3, 1 or points)."""
     values = [controls[f"rollers.{r.name}.{name}"] for r in roller.members]
     value = roller.of(values)

@@ -300,11 +300,11 @@ class Assembly:
         if self.scene.contact is None or not self.rollers:
             return None
         from anmstrip.mechanics.contact import Contact
-        from anmstrip.mechanics.roller import together
+        from anmstrip.mechanics.roller import combine
 
         operator = self.contact_operator
         every = np.tile(np.arange(operator.points), len(self.rollers))
-        rollers = together(self.rollers, operator.points)
+        rollers = combine(self.rollers, np.repeat(np.arange(len(self.rollers)), operator.points))
         pairs = operator.restricted(every)
         return Contact(rollers, self.signorini, pairs, tuple(reaches), self.kinematics)
 
