@@ -21,10 +21,10 @@ from anmstrip.continuation.expansion import Cost
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.effect_series import Controls
 from anmstrip.equilibrium import Equilibrium, Model
-from anmstrip.fem.constraints import Scales, Supports, mirrored, traced
+from anmstrip.fem.constraints import Scales, Supports, simple_support, symmetry
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
-from anmstrip.fem.surfaces import mapped
+from anmstrip.fem.surfaces import reference_surface
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import LoadEffect
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane
@@ -47,14 +47,14 @@ def hinged_roof(thickness: float, cells: int, *, whole: bool = False) -> Equilib
     """
     shares = np.linspace(-1.0 if whole else 0.0, 1.0, cells + 1)
     shares = np.sign(shares) * np.abs(shares) ** 1.5
-    roof = mapped(lambda x, a: RADIUS * np.stack([x / RADIUS, np.sin(a), np.cos(a)]))
+    roof = reference_surface(lambda x, a: RADIUS * np.stack([x / RADIUS, np.sin(a), np.cos(a)]))
     mesh = grid(HALF_LENGTH * shares, ANGLE * shares)
     strip = Strip(mesh, thickness, Material(3102.75, 0.3), surface=roof)
-    held = [traced(strip, "left", component) for component in range(3)]
+    held = [simple_support(strip, "left", component) for component in range(3)]
     if whole:
-        held += [traced(strip, "right", component) for component in range(3)]
+        held += [simple_support(strip, "right", component) for component in range(3)]
     else:
-        held += [mirrored(strip, "entry", 0), mirrored(strip, "right", 1)]
+        held += [symmetry(strip, "entry", 0), symmetry(strip, "right", 1)]
     point = LoadEffect("point force", "point.force", np.zeros(strip.scalars), strip.kinematics)
     point.load[middle(strip)] = 1.0
     force = FORCE * (1.0 if whole else 0.25)

@@ -20,7 +20,7 @@ from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
-from anmstrip.fem.surfaces import mapped
+from anmstrip.fem.surfaces import reference_surface
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.loads import edge_force
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane
@@ -29,7 +29,9 @@ from anmstrip.mechanics.shell import KirchhoffLove, Membrane
 def slit_plate(cells: tuple[int, int]) -> Equilibrium:
     """Return equations whose control is the share of the force on one side of the slit."""
     radii, angles = np.linspace(6.0, 10.0, cells[0] + 1), np.linspace(0, 2 * np.pi, cells[1] + 1)
-    flat = mapped(lambda r, angle: np.stack([r * np.cos(angle), r * np.sin(angle), 0.0 * r]))
+    flat = reference_surface(
+        lambda r, angle: np.stack([r * np.cos(angle), r * np.sin(angle), 0.0 * r])
+    )
     strip = Strip(grid(radii, angles), 0.03, Material(21e6, 0.0), surface=flat)
     force, pattern = edge_force(strip, "left"), Pattern(strip)
     effects = [Membrane(strip), KirchhoffLove(strip), force]

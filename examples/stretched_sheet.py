@@ -20,7 +20,7 @@ from anmstrip.continuation.expansion import Cost
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.effect_series import Controls
 from anmstrip.equilibrium import Equilibrium, Model
-from anmstrip.fem.constraints import Scales, Supports, gripped, mirrored
+from anmstrip.fem.constraints import Scales, Supports, grip, symmetry
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.linalg.solvers import SparseSolver
@@ -43,7 +43,7 @@ def stretched_sheet(cells: tuple[int, int]) -> Equilibrium:
     pattern, tension = Pattern(strip), THICKNESS * STRAIN
     effects = [Membrane(strip), isometric_bending(strip, pattern)]
     model = Model(strip, pattern, effects, Scales(WIDTH, tension * WIDTH, tension))
-    held = [gripped(strip, "entry"), mirrored(strip, "exit", 0), mirrored(strip, "right", 1)]
+    held = [grip(strip, "entry"), symmetry(strip, "exit", 0), symmetry(strip, "right", 1)]
     rest = Supports.at_rest(strip.unknowns, np.unique(np.concatenate(held)))
     pull = np.zeros(strip.unknowns)
     pull[3 * strip.edges["entry"].values] = -STRAIN * LENGTH / 2

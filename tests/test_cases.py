@@ -14,9 +14,8 @@ from anmstrip.errors import InputError
 from anmstrip.mechanics.laws import NortonHoff, Tanh, cone_speed, corner_speed
 from anmstrip.paper.cases import COLUMNS, PAPER_STEPS, run_case
 from anmstrip.paper.mass_spring import CASES, Parameters, RotatingCircle
-from anmstrip.paper.references import coulomb
-from anmstrip.paper.references import solved as reference_of
-from anmstrip.paper.schemes import events_of, solved, taylor
+from anmstrip.paper.references import coulomb, reference_solution
+from anmstrip.paper.schemes import events_of, explicit_scheme, solve_case
 from anmstrip.results import files as history
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -29,7 +28,7 @@ PICTURES = {
 
 @cache
 def reference(name):
-    return reference_of(CASES[name]())
+    return reference_solution(CASES[name]())
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +78,7 @@ def largest_distance(name, found, case, knots_of=np.inf):
 @pytest.mark.parametrize("name", CASES)
 def test_eight_digits(name):
     case = CASES[name]()
-    found = solved(case, "taylor", order=19, tolerance=1e-8)
+    found = solve_case(case, "taylor", order=19, tolerance=1e-8)
     assert found.stopped is None
     assert largest_distance(name, found, case, knots_of=SLOW) <= 1e-8
     # in the snap, at 5e7 m/s, the last digit of the time is worth 1e-8 m
@@ -95,7 +94,7 @@ IMPLICIT_SNAP = pytest.param("rotating-circle", 20_000, marks=pytest.mark.slow)
 @pytest.mark.parametrize(("name", "steps"), [*IMPLICIT, IMPLICIT_SNAP])
 def test_the_implicit_scheme_keeps_the_tolerance_too(name, steps):
     case = CASES[name]()
-    found = solved(case, "implicit", order=19, tolerance=1e-4)
+    found = solve_case(case, "implicit", order=19, tolerance=1e-4)
     assert found.stopped is None
     assert largest_distance(name, found, case) <= 1e-4
     assert found.error <= 1e-4
@@ -108,7 +107,7 @@ def test_the_implicit_scheme_keeps_the_tolerance_too(name, steps):
 @pytest.mark.parametrize("name", CASES)
 def test_the_tolerance_is_kept_at_other_orders(name, order):
     case = CASES[name]()
-    found = solved(case, "taylor", order=order, tolerance=1e-5)
+    found = solve_case(case, "taylor", order=order, tolerance=1e-5)
     assert largest_distance(name, found, case) <= 1e-5
 
 
@@ -212,7 +211,7 @@ def test_dates_tend_to_coulombs():
     """Contact, stick and loss of existence, with all regularisations sharpened together."""
     errors = []
     for e in (1.0, 0.25):
-        path, _ = taylor(sharper(e), 19, 1e-3, Cost())
+        path, _ = explicit_scheme(sharper(e), 19, 1e-3, Cost())
         found = dates(events_of(sharper(e), path.polynomials()))
         until = coulomb(sharper(e)).until
         errors.append([found["contact made"] - 1.0, found["existence lost"] - until])
@@ -229,7 +228,7 @@ def test_stick_tends_to_coulombs(slower):
     for e in (1.0, 0.5, 0.25) if slower else (1.0, 0.25, 1 / 16):
         p = sharper(e).parameters
         case = RotatingCircle(replace(p, t_end=1.3, V_c=e * p.V_c if slower else p.V_c))
-        path = solved(case, "implicit", order=19, tolerance=1e-3).path
+        path = solve_case(case, "implicit", order=19, tolerance=1e-3).path
         errors.append(abs(dates(events_of(case, path.polynomials()))["stick"] - 1.10711))
     assert errors[0] < 0.01
     assert errors[-1] < (0.3 if slower else 0.15) * errors[0]
@@ -298,7 +297,7 @@ def test_settings_are_used(tmp_path):
 
 def test_the_sense_of_turning_mirrors_the_path():
     ends = [
-        solved(
+        solve_case(
             RotatingCircle(Parameters(t_end=1.2, Omega=sense)), "taylor", order=9, tolerance=1e-3
         )
         for sense in (1.0, -1.0)

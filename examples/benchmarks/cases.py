@@ -10,9 +10,8 @@ import numpy as np
 from anmstrip.continuation.status import PathStopped
 from anmstrip.paper.cases import ROWS, distances
 from anmstrip.paper.mass_spring import CASES, MassSpring
-from anmstrip.paper.references import Reference
-from anmstrip.paper.references import solved as reference_of
-from anmstrip.paper.schemes import solved
+from anmstrip.paper.references import Reference, reference_solution
+from anmstrip.paper.schemes import solve_case
 from figures import (
     Measured,
     crossed,
@@ -97,7 +96,7 @@ def _ratio(run: Measured) -> float:
 
 def _runs(name: str, extent: Extent) -> Iterator[Measured]:
     case = CASES[name]()
-    reference = reference_of(case, extent.accuracy)
+    reference = reference_solution(case, extent.accuracy)
     for scheme, order in extent.lines:
 
         def run(tolerance: float, scheme: str = scheme, order: int = order) -> Measured:
@@ -118,7 +117,7 @@ def true_error(
     not a number where the path has stopped before its time.
     """
     try:
-        found = solved(case, scheme, order=order, tolerance=tolerance)
+        found = solve_case(case, scheme, order=order, tolerance=tolerance)
     except PathStopped:
         return np.nan, 0
     if found.stopped is not None:

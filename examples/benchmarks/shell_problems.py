@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from anmstrip.effect_series import Controls
 from anmstrip.equilibrium import Equilibrium, Model
-from anmstrip.fem.constraints import Scales, Supports, mirrored, traced
+from anmstrip.fem.constraints import Scales, Supports, simple_support, symmetry
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
-from anmstrip.fem.surfaces import mapped
+from anmstrip.fem.surfaces import reference_surface
 from anmstrip.mechanics.effects import Effect, LoadEffect
 from anmstrip.mechanics.loads import edge_force, edge_moment
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
@@ -116,7 +116,9 @@ def slit_plate(cells: tuple[int, int] = (5, 40), *, curved: bool = True) -> Benc
     A rectangle of radius and angle carries the elements: no edge is approximated.
     """
     mesh = grid(np.linspace(6.0, 10.0, cells[0] + 1), np.linspace(0.0, 2 * np.pi, cells[1] + 1))
-    flat = mapped(lambda r, angle: np.stack([r * np.cos(angle), r * np.sin(angle), 0.0 * r]))
+    flat = reference_surface(
+        lambda r, angle: np.stack([r * np.cos(angle), r * np.sin(angle), 0.0 * r])
+    )
     strip = Strip(mesh, 0.03, Material(21e6, 0.0), surface=flat)
     load = edge_force(strip, "left")
     equations = _loaded(strip, load, (0.0, 0.0, 0.8), 10.0, curved, "right", 3.2)
@@ -135,13 +137,15 @@ def hinged_roof(thickness: float = 12.7, cells: int = 8, *, whole: bool = False)
     shares = np.linspace(-1.0 if whole else 0.0, 1.0, cells + 1)
     shares = np.sign(shares) * np.abs(shares) ** GRADING
     xs, angles = ROOF_HALF_LENGTH * shares, ROOF_ANGLE * shares
-    roof = mapped(lambda x, a: ROOF_RADIUS * np.stack([x / ROOF_RADIUS, np.sin(a), np.cos(a)]))
+    roof = reference_surface(
+        lambda x, a: ROOF_RADIUS * np.stack([x / ROOF_RADIUS, np.sin(a), np.cos(a)])
+    )
     strip = Strip(grid(xs, angles), thickness, Material(3102.75, 0.3), surface=roof)
-    held = [traced(strip, "left", component) for component in range(3)]
+    held = [simple_support(strip, "left", component) for component in range(3)]
     if whole:
-        held += [traced(strip, "right", component) for component in range(3)]
+        held += [simple_support(strip, "right", component) for component in range(3)]
     else:
-        held += [mirrored(strip, "entry", 0), mirrored(strip, "right", 1)]
+        held += [symmetry(strip, "entry", 0), symmetry(strip, "right", 1)]
     force = ROOF_LOAD * (1.0 if whole else 0.25)
     node = strip.node_values[np.abs(strip.mesh.p).sum(axis=0).argmin()]
     point = LoadEffect("point force", "point.force", np.zeros(strip.scalars), strip.kinematics)

@@ -16,8 +16,7 @@ from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.paper.mass_spring import Parameters, PressedPlane
-from anmstrip.paper.references import Reference
-from anmstrip.paper.references import solved as reference_of
+from anmstrip.paper.references import Reference, reference_solution
 from anmstrip.results.state import State
 from anmstrip.timestepping import implicit as implicit_dae
 from anmstrip.timestepping.formulas import Memory
@@ -103,7 +102,7 @@ def _orders(title: str, runs: Sequence[Measured], note: str) -> Sheet:
 
 
 def _smooth(counts: Sequence[int]) -> Iterator[Measured]:
-    reference = reference_of(SMOOTH, 1e-13)
+    reference = reference_solution(SMOOTH, 1e-13)
     for order in ORDERS:
         for count in counts:
             h = (SMOOTH.parameters.t_end - BEGIN) / count

@@ -26,7 +26,7 @@ from anmstrip.continuation.follow import follow
 from anmstrip.continuation.status import PathStopped
 from anmstrip.effect_series import Controls
 from anmstrip.equilibrium import Equilibrium, Model
-from anmstrip.fem.constraints import Scales, Supports, gripped, mirrored
+from anmstrip.fem.constraints import Scales, Supports, grip, symmetry
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.linalg.solvers import SparseSolver
@@ -97,8 +97,8 @@ class Stretched:
         effects: list[Effect] = [membrane, self._bending(pattern)]
         tension = self.thickness * self.strain
         model = Model(strip, pattern, effects, Scales(WIDTH, tension * WIDTH, tension))
-        symmetry = [mirrored(strip, "exit", 0), mirrored(strip, "right", 1)]
-        held = np.unique(np.concatenate([gripped(strip, "entry"), *symmetry]))
+        planes = [symmetry(strip, "exit", 0), symmetry(strip, "right", 1)]
+        held = np.unique(np.concatenate([grip(strip, "entry"), *planes]))
         rest = Supports.at_rest(strip.unknowns, held)
         slope = np.zeros(strip.unknowns)
         slope[3 * strip.edges["entry"].values] = -self.strain * LENGTH / 2

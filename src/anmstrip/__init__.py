@@ -54,7 +54,7 @@ _DOORS = {
     "Path": "anmstrip.continuation.path",
     "Settings": "anmstrip.continuation.follow",
     "follow": "anmstrip.continuation.follow",
-    "mapped": "anmstrip.fem.surfaces",
+    "reference_surface": "anmstrip.fem.surfaces",
     "Remembering": "anmstrip.continuation.bifurcations",
     "watched": "anmstrip.continuation.bifurcations",
     "switched": "anmstrip.continuation.bifurcations",

@@ -15,7 +15,7 @@ import mesh
 import order
 import solvers
 import time_steps
-from anmstrip.paper.references import solved as reference_of
+from anmstrip.paper.references import reference_solution
 from cantilever import elastica
 from figures import (
     Measured,
@@ -114,7 +114,7 @@ def test_every_script_is_there() -> None:
 
 @pytest.mark.parametrize("formula", time_steps.ORDERS)
 def test_the_order_in_time_is_that_of_the_formula(formula: int) -> None:
-    reference = reference_of(time_steps.SMOOTH, 1e-13)
+    reference = reference_solution(time_steps.SMOOTH, 1e-13)
     steps = [(2.0 - 0.5) / count for count in (24, 48)]
     errors = [time_steps.smooth_error(reference, formula, h)[0] for h in steps]
     assert exponent(steps, errors) == pytest.approx(formula, abs=0.5)

@@ -18,7 +18,7 @@ from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.mechanics.laws import FrictionLaw, NortonHoff, RepulsiveSignorini, Signorini
 from anmstrip.paper.mass_spring import RotatingCircle
 from anmstrip.paper.references import coulomb, slip_at
-from anmstrip.paper.schemes import solved
+from anmstrip.paper.schemes import solve_case
 from anmstrip.timestepping.functions import FunctionEquations
 from anmstrip.timestepping.index_one import instabilities
 from motions import Motion, Trial, moved
@@ -264,7 +264,7 @@ def leaves_the_cone(tolerance: float = 1e-4) -> Trial:
     less than V_c); the error is in the date (s), 1.805 s with Coulomb's law.
     """
     case = RotatingCircle()
-    found = solved(case, "taylor", order=19, tolerance=tolerance)
+    found = solve_case(case, "taylor", order=19, tolerance=tolerance)
     stretches = instabilities(case.residual, found.path)
     date = max(stretches, key=lambda s: s.distance).start if stretches else np.nan
     exact = coulomb(case).until

@@ -14,7 +14,7 @@ from anmstrip.continuation.status import PathStopped
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.mechanics.laws import NortonHoff, Tanh
 from anmstrip.paper.mass_spring import RotatingCircle
-from anmstrip.paper.schemes import solved
+from anmstrip.paper.schemes import solve_case
 from anmstrip.timestepping import formulas as backward_differences
 from anmstrip.timestepping import implicit as implicit_dae
 from anmstrip.timestepping.formulas import TimeStep
@@ -286,7 +286,7 @@ def test_a_short_stage_that_comes_late() -> None:
 def test_beyond_existence() -> None:
     """D18: found where Coulomb's law has no solution from 1.805 s on, and passed."""
     case = RotatingCircle()
-    found = solved(case, "taylor", order=19, tolerance=1e-4)
+    found = solve_case(case, "taylor", order=19, tolerance=1e-4)
     assert found.stopped is None
     stretch = max(instabilities(case.residual, found.path), key=lambda s: s.distance)
     assert stretch.start == pytest.approx(1.805, abs=0.01)

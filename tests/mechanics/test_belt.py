@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anmstrip.mechanics.string_path import (
-    Belt,
+    FixedEnd,
     NoTangentError,
     NotTouchedError,
-    Point,
-    Straight,
-    belt,
+    StraightEnd,
+    StringPath,
+    string_path,
 )
 
 OVER, UNDER = 1, -1
@@ -23,7 +23,7 @@ def single(centres, radii, senses, entry, exit):
     """Path of one fibre."""
     circles = len(centres)
     c = np.asarray(centres, dtype=float).reshape(circles, 2, 1)
-    return belt(c, np.asarray(radii, dtype=float).reshape(circles, 1), senses, entry, exit)
+    return string_path(c, np.asarray(radii, dtype=float).reshape(circles, 1), senses, entry, exit)
 
 
 def headings(path):
@@ -33,18 +33,30 @@ def headings(path):
 
 
 SCENES = {
-    "straight": ([], [], [], Point((0.0, 1.0)), Point((3.0, 2.0))),
-    "hill": ([(0, 0)], [1.0], [OVER], Point((-3, 0)), Point((3, 0))),
-    "flat": ([(0, -1), (2, -0.5), (4, -2)], [1.0, 0.5, 2.0], [OVER] * 3, Straight(1), Straight(1)),
-    "bridle": ([(0, 0), (-2.4, -0.6)], [1, 1], [OVER, UNDER], Straight(2), Straight(5)),
+    "straight": ([], [], [], FixedEnd((0.0, 1.0)), FixedEnd((3.0, 2.0))),
+    "hill": ([(0, 0)], [1.0], [OVER], FixedEnd((-3, 0)), FixedEnd((3, 0))),
+    "flat": (
+        [(0, -1), (2, -0.5), (4, -2)],
+        [1.0, 0.5, 2.0],
+        [OVER] * 3,
+        StraightEnd(1),
+        StraightEnd(1),
+    ),
+    "bridle": ([(0, 0), (-2.4, -0.6)], [1, 1], [OVER, UNDER], StraightEnd(2), StraightEnd(5)),
     "tower": (
         [(0, 1), (2, 8), (4, 1), (6, 8), (8, 1)],
         [1.0] * 5,
         [UNDER, OVER, UNDER, OVER, UNDER],
-        Straight(3.0),
-        Straight(2.0),
+        StraightEnd(3.0),
+        StraightEnd(2.0),
     ),
-    "climb": ([(0, 0), (3, 2)], [0.5, 0.7], [UNDER, OVER], Straight(1.0, -0.3), Point((5, -2))),
+    "climb": (
+        [(0, 0), (3, 2)],
+        [0.5, 0.7],
+        [UNDER, OVER],
+        StraightEnd(1.0, -0.3),
+        FixedEnd((5, -2)),
+    ),
 }
 
 
@@ -56,7 +68,7 @@ def scene(request):
 def test_one_roller_between_ends_at_its_height():
     """Half the wrap is asin(r/a), the runs are √(a² − r²) long."""
     r, a = 0.7, 2.5
-    path = single([(0.3, 0.2)], [r], [OVER], Point((0.3 - a, 0.2)), Point((0.3 + a, 0.2)))
+    path = single([(0.3, 0.2)], [r], [OVER], FixedEnd((0.3 - a, 0.2)), FixedEnd((0.3 + a, 0.2)))
     wrap, run = 2.0 * np.arcsin(r / a), np.sqrt(a**2 - r**2)
     np.testing.assert_allclose(path.arcs.turn, [[wrap]], rtol=1e-13)
     np.testing.assert_allclose(path.starts[:, 0], [0, run, run + r * wrap, 2 * run + r * wrap])
@@ -72,7 +84,7 @@ def test_bridle():
     """Each wrap is the angle of the centre line and asin(2r/D) of the crossing tangent."""
     r, D, beta = 1.0, 2.4, np.radians(165.0)
     centre = (D * np.cos(beta), -D * np.sin(beta))
-    path = single([(0, 0), centre], [r, r], [OVER, UNDER], Straight(2.0), Straight(5.0))
+    path = single([(0, 0), centre], [r, r], [OVER, UNDER], StraightEnd(2.0), StraightEnd(5.0))
     wrap = beta + np.arcsin(2 * r / D)
     assert np.degrees(wrap) > 220.0
     np.testing.assert_allclose(path.arcs.turn[:, 0], [wrap, wrap], rtol=1e-12)
@@ -96,7 +108,7 @@ def test_tower_runs_straight_up_and_down():
 @pytest.mark.parametrize("degrees", [10, 100, 179, 181, 250, 300])
 def test_wraps_up_to_three_hundred_degrees(degrees):
     """A turn is not taken for its complement when a short run keeps the strip off itself."""
-    path = single([(0, 0)], [2.0], [OVER], Straight(9.0), Straight(0.9, -np.radians(degrees)))
+    path = single([(0, 0)], [2.0], [OVER], StraightEnd(9.0), StraightEnd(0.9, -np.radians(degrees)))
     np.testing.assert_allclose(np.degrees(path.arcs.turn), [[degrees]], rtol=1e-12)
 
 
@@ -104,7 +116,7 @@ def test_level_rollers_are_touched_in_a_line():
     """Rounding does not lift a strip off rollers it lies on."""
     heights = np.array([0.1, 0.7, 0.3, 0.9, 0.2])
     z = 1.0 / 3.0 - heights
-    path = single(np.c_[np.arange(5) * 0.7, z], heights, [OVER] * 5, Straight(1), Straight(2))
+    path = single(np.c_[np.arange(5) * 0.7, z], heights, [OVER] * 5, StraightEnd(1), StraightEnd(2))
     assert np.all(path.arcs.turn >= 0.0)
     np.testing.assert_allclose(path.arcs.turn, 0.0, atol=1e-14)
     np.testing.assert_allclose(path.length, 4 * 0.7 + 3.0)
@@ -113,15 +125,15 @@ def test_level_rollers_are_touched_in_a_line():
 
 def test_a_turn_below_rounding_is_none():
     """Joints stay in order when a turn is negative by less than rounding."""
-    path = single([(0, 0)], [1.0], [OVER], Straight(1.0), Straight(1.0, 1e-9))
+    path = single([(0, 0)], [1.0], [OVER], StraightEnd(1.0), StraightEnd(1.0, 1e-9))
     assert path.arcs.turn[0, 0] == 0.0
     with pytest.raises(NotTouchedError):
-        single([(0, 0)], [1.0], [OVER], Straight(1.0), Straight(1.0, 1e-6))
+        single([(0, 0)], [1.0], [OVER], StraightEnd(1.0), StraightEnd(1.0, 1e-6))
 
 
 def test_pinch_rollers_meet():
     """Rollers that just touch leave a run of no length between them."""
-    path = single([(0, -0.3), (0, 0.1)], [0.3, 0.1], [OVER, UNDER], Straight(1), Straight(1))
+    path = single([(0, -0.3), (0, 0.1)], [0.3, 0.1], [OVER, UNDER], StraightEnd(1), StraightEnd(1))
     np.testing.assert_allclose(path.starts[:, 0], [0, 1, 1, 1, 1, 2], atol=1e-7)
 
 
@@ -156,7 +168,7 @@ def test_ends_are_where_they_were_asked(scene):
     for end, s, direction, run in sides:
         x, u = path.at(s, 0)
         np.testing.assert_allclose(direction[:, 0], u, atol=1e-13)
-        if isinstance(end, Point):
+        if isinstance(end, FixedEnd):
             np.testing.assert_allclose(x, end.position, atol=1e-12)
         else:
             np.testing.assert_allclose(u, [np.cos(end.angle), np.sin(end.angle)], atol=1e-13)
@@ -181,8 +193,8 @@ def test_mirrored_rollers_give_the_mirrored_path(scene):
     centres, radii, senses, *ends = scene
     mirror = np.array([1.0, -1.0])
     other = [
-        Point(np.multiply(e.position, mirror))
-        if isinstance(e, Point)
+        FixedEnd(np.multiply(e.position, mirror))
+        if isinstance(e, FixedEnd)
         else replace(e, angle=-e.angle)
         for e in ends
     ]
@@ -199,14 +211,14 @@ def test_fibres_do_not_see_each_other():
     centres = np.zeros((2, 2, 6))
     centres[1] = 2.0 + 0.05 * y, 1.0 - 0.1 * y
     radii = np.stack([np.full(6, 0.3), 0.4 - 0.1 * y**2])
-    entry, exit = Straight(1.0 + 0.1 * y), Point(np.stack([5.0 + y, 0.0 * y]))
-    together = belt(centres, radii, [UNDER, OVER], entry, exit)
+    entry, exit = StraightEnd(1.0 + 0.1 * y), FixedEnd(np.stack([5.0 + y, 0.0 * y]))
+    together = string_path(centres, radii, [UNDER, OVER], entry, exit)
     assert np.ptp(together.length) > 0.1
     s = np.linspace(-0.5, 6.0, 30)
     everywhere = together.at(s[:, None], np.arange(6))
     assert everywhere[0].shape == (2, 30, 6)
     for i in range(6):
-        ends = Straight(entry.length[i]), Point(exit.position[:, i])
+        ends = StraightEnd(entry.length[i]), FixedEnd(exit.position[:, i])
         alone = single(centres[:, :, i], radii[:, i], [UNDER, OVER], *ends)
         np.testing.assert_allclose(together.starts[:, i], alone.starts[:, 0], rtol=1e-13)
         for many, one in zip(everywhere, alone.at(s, 0), strict=True):
@@ -215,10 +227,12 @@ def test_fibres_do_not_see_each_other():
 
 def test_one_fibre_serves_many():
     """Ends with fibres broadcast against circles without."""
-    path = belt([[[0.0], [0.0]]], [[1.0]], [OVER], Straight([1.0, 2.0, 4.0]), Straight(1.0))
+    path = string_path(
+        [[[0.0], [0.0]]], [[1.0]], [OVER], StraightEnd([1.0, 2.0, 4.0]), StraightEnd(1.0)
+    )
     np.testing.assert_allclose(path.length, [2.0, 3.0, 5.0])
-    straight = belt(
-        np.zeros((0, 2, 1)), np.zeros((0, 1)), [], Straight([3.0, 4.0]), Point((1.0, 2.0))
+    straight = string_path(
+        np.zeros((0, 2, 1)), np.zeros((0, 1)), [], StraightEnd([3.0, 4.0]), FixedEnd((1.0, 2.0))
     )
     np.testing.assert_allclose(straight.at(0.0, [0, 1])[0], [[-2.0, -3.0], [2.0, 2.0]])
 
@@ -229,8 +243,8 @@ def test_a_lifted_roller_is_named(index, lift):
     """Though, lifted far enough, it also turns its neighbours the wrong way."""
     centres = np.array([(2.0 * i, 0.0) for i in range(5)])
     senses = np.array([OVER, UNDER, OVER, UNDER, OVER])
-    args = [0.6] * 5, senses, Point((-2, 0)), Point((10, 0))
-    assert isinstance(single(centres, *args), Belt)
+    args = [0.6] * 5, senses, FixedEnd((-2, 0)), FixedEnd((10, 0))
+    assert isinstance(single(centres, *args), StringPath)
     centres[index, 1] -= senses[index] * (1.2 + lift)
     with pytest.raises(NotTouchedError, match=f"circle {index}:") as caught:
         single(centres, *args)
@@ -241,45 +255,45 @@ def test_a_lifted_roller_is_named(index, lift):
 def test_a_negative_turn_is_told_from_a_large_wrap():
     """90° the wrong way would be 270° only if the strip passed through itself."""
     with pytest.raises(NotTouchedError) as caught:
-        single([(0, 0)], [1.0], [OVER], Straight(3.0, -np.pi / 4), Straight(3.0, np.pi / 4))
+        single([(0, 0)], [1.0], [OVER], StraightEnd(3.0, -np.pi / 4), StraightEnd(3.0, np.pi / 4))
     assert caught.value.turn == pytest.approx(-np.pi / 2)
 
 
 def test_a_short_run_does_not_hide_a_small_negative_turn():
     """Lines that do not get to cross leave only the size of the turn to tell."""
     with pytest.raises(NotTouchedError) as caught:
-        single([(0, 0)], [1.0], [OVER], Straight(3.0), Straight(0.1, np.radians(20.0)))
+        single([(0, 0)], [1.0], [OVER], StraightEnd(3.0), StraightEnd(0.1, np.radians(20.0)))
     assert np.degrees(caught.value.turn) == pytest.approx(-20.0)
 
 
 def test_one_fibre_off_its_roller_is_enough():
     radii = np.array([[0.5, 0.5, 0.5], [0.5, 0.5, 0.49]])
     centres = np.broadcast_to(np.reshape([(0.0, 0.0), (3.0, 0.0)], (2, 2, 1)), (2, 2, 3))
-    ends = Straight(1.0), Point((9.0, 0.5))
-    belt(centres[..., :2], radii[:, :2], [OVER, OVER], *ends)
+    ends = StraightEnd(1.0), FixedEnd((9.0, 0.5))
+    string_path(centres[..., :2], radii[:, :2], [OVER, OVER], *ends)
     with pytest.raises(NotTouchedError) as caught:
-        belt(centres, radii, [OVER, OVER], *ends)
+        string_path(centres, radii, [OVER, OVER], *ends)
     assert caught.value.index == 1
 
 
 @pytest.mark.parametrize(
     ("second", "senses", "exit", "index"),
     [
-        ((1.5, 0.0), [OVER, UNDER], Straight(1.0), 1),  # overlap where the strip has to cross
-        ((0.0, 0.0), [OVER, OVER], Straight(1.0), 1),  # the same place
-        ((5.0, 0.0), [OVER, OVER], Point((5.2, 0.1)), 2),  # an end inside a roller
+        ((1.5, 0.0), [OVER, UNDER], StraightEnd(1.0), 1),  # overlap where the strip has to cross
+        ((0.0, 0.0), [OVER, OVER], StraightEnd(1.0), 1),  # the same place
+        ((5.0, 0.0), [OVER, OVER], FixedEnd((5.2, 0.1)), 2),  # an end inside a roller
     ],
 )
 def test_neighbours_that_overlap_have_no_tangent(second, senses, exit, index):
     with pytest.raises(NoTangentError) as caught:
-        single([(0, 0), second], [1.0, 1.0], senses, Straight(1.0), exit)
+        single([(0, 0), second], [1.0, 1.0], senses, StraightEnd(1.0), exit)
     assert caught.value.index == index
 
 
 def test_one_fibre_without_tangent_is_enough():
     centres = np.array([[[0.0, 0.0], [0.0, 0.0]], [[3.0, 1.5], [0.0, 0.0]]])
     with pytest.raises(NoTangentError) as caught:
-        belt(centres, np.ones((2, 1)), [OVER, UNDER], Straight(1.0), Straight(1.0))
+        string_path(centres, np.ones((2, 1)), [OVER, UNDER], StraightEnd(1.0), StraightEnd(1.0))
     assert caught.value.index == 1
 
 
@@ -294,14 +308,14 @@ def test_one_fibre_without_tangent_is_enough():
 )
 def test_faulty_circles_are_refused(radii, senses, message):
     with pytest.raises(ValueError, match=message):
-        belt(np.zeros((1, 2, 1)), radii, senses, Straight(1.0), Straight(1.0))
+        string_path(np.zeros((1, 2, 1)), radii, senses, StraightEnd(1.0), StraightEnd(1.0))
 
 
 def test_faulty_ends_are_refused():
     with pytest.raises(ValueError, match="positive length"):
-        Straight([1.0, 0.0])
-    with pytest.raises(ValueError, match="Point"):
-        single([], [], [], Straight(1.0), Straight(1.0))
+        StraightEnd([1.0, 0.0])
+    with pytest.raises(ValueError, match="FixedEnd"):
+        single([], [], [], StraightEnd(1.0), StraightEnd(1.0))
 
 
 @st.composite
@@ -314,7 +328,7 @@ def zigzags(draw):
     gaps = draw(st.lists(st.floats(2.0, 5.0), min_size=count, max_size=count))
     senses = draw(st.sampled_from([OVER, UNDER])) * (-1) ** np.arange(count)
     centres = np.c_[np.cumsum(gaps), senses * (depth - radii)]
-    ends = Straight(draw(st.floats(0.1, 3.0))), Straight(draw(st.floats(0.1, 3.0)))
+    ends = StraightEnd(draw(st.floats(0.1, 3.0))), StraightEnd(draw(st.floats(0.1, 3.0)))
     return centres, radii, senses, *ends
 
 
@@ -324,7 +338,7 @@ def test_zigzag(scene, scale, angle):
     centres, radii, senses, entry, exit = scene
     turned = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     path = single(*scene)
-    ends = (Straight(scale * e.length, angle) for e in (entry, exit))
+    ends = (StraightEnd(scale * e.length, angle) for e in (entry, exit))
     image = single(scale * centres @ turned.T, scale * radii, senses, *ends)
     arcs = path.arcs
     assert np.all((arcs.turn > 0.0) & (arcs.turn < np.pi))

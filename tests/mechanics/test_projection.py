@@ -5,7 +5,7 @@ import pytest
 from levels import XS, random_unknowns, strip_of
 
 from anmstrip.fem.operators import Pattern, jets
-from anmstrip.fem.sampling import projected, quadrature_points
+from anmstrip.fem.sampling import l2_projection, quadrature_points
 
 
 @pytest.mark.parametrize("level", ["shell", "section", "plate"])
@@ -14,7 +14,7 @@ def test_own_functions_are_found_again(level, far):
     strip = strip_of(level, xs=XS + far)
     full = random_unknowns(strip, 1)
     displacement = strip.kinematics.embed(jets(strip).apply(full)[:, 0])
-    found = projected(strip, Pattern(strip), displacement)
+    found = l2_projection(strip, Pattern(strip), displacement)
     units = np.repeat(strip.dof_lengths, strip.count)
     np.testing.assert_allclose(found / units, full / units, atol=1e-7 if far else 1e-11)
 
@@ -22,9 +22,9 @@ def test_own_functions_are_found_again(level, far):
 def test_components_that_are_not_unknown_are_left_out():
     strip = strip_of("section")
     at = quadrature_points(strip)
-    found = projected(strip, Pattern(strip), np.stack([0.0 * at[0], 1.0 + at[0], 0.0 * at[0]]))
+    found = l2_projection(strip, Pattern(strip), np.stack([0.0 * at[0], 1.0 + at[0], 0.0 * at[0]]))
     assert np.abs(found).max() < 1e-15
-    found = projected(strip, Pattern(strip), np.stack([2.0 * at[0], at[0], 3.0 + at[0]]))
+    found = l2_projection(strip, Pattern(strip), np.stack([2.0 * at[0], at[0], 3.0 + at[0]]))
     values = found.reshape(-1, 2)[strip.dofs("u")]
     x = strip.mesh.p[0]
     np.testing.assert_allclose(values, np.stack([2.0 * x, 3.0 + x], axis=1), atol=1e-12)
@@ -36,7 +36,7 @@ def test_fit_converges_with_the_fourth_power_of_the_element():
         strip = strip_of("section", xs=np.linspace(-0.5, 0.5, cells + 1))
         at = quadrature_points(strip)
         wave = np.stack([0.0 * at[0], 0.0 * at[0], np.sin(5.0 * at[0])])
-        fit = jets(strip).apply(projected(strip, Pattern(strip), wave))[1, 0]
+        fit = jets(strip).apply(l2_projection(strip, Pattern(strip), wave))[1, 0]
         errors.append(np.abs(fit - wave[2]).max())
     rates = np.log2(np.divide(errors[:-1], errors[1:]))
     np.testing.assert_allclose(rates, 4.0, atol=0.5)

@@ -7,7 +7,13 @@ from hypothesis import strategies as st
 
 from anmstrip.mechanics.laws import NortonHoff
 from anmstrip.paper.mass_spring import CASES, MovingPlane, Parameters, RotatingCircle
-from anmstrip.paper.references import balanced_reactions, coulomb, reduced, slip_at, solved
+from anmstrip.paper.references import (
+    balanced_reactions,
+    coulomb,
+    reduced,
+    reference_solution,
+    slip_at,
+)
 
 TIMES = np.linspace(0.05, 1.75, 15)
 
@@ -65,7 +71,7 @@ def test_coulomb_on_the_plane():
 
 
 def test_the_distance_forgives_a_shift_in_time_but_no_other():
-    reference = solved(MovingPlane(Parameters(t_end=2.0)))
+    reference = reference_solution(MovingPlane(Parameters(t_end=2.0)))
     (u,) = reference([1.5])
     v = (reference([1.51]) - reference([1.49]))[0] / 0.02
     assert reference.distance(1.5, u, 1.0) < 1e-12

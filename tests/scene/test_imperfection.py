@@ -13,7 +13,7 @@ from threaded import ONE, ended, scene_of
 from anmstrip.driver.explain import explain
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
-from anmstrip.fem.sampling import projected, quadrature_points
+from anmstrip.fem.sampling import l2_projection, quadrature_points
 from anmstrip.results.fields import Surface
 from anmstrip.results.wrinkles import Wrinkling
 from anmstrip.simulation import imperfection
@@ -135,7 +135,7 @@ def wavy(height: float, waves: int = 4):
     x, y, _ = quadrature_points(strip)
     wave = height * np.cos(2.0 * waves * np.pi * y / WIDTH) * np.cos(np.pi * x / LENGTH)
     lifted = np.stack([0.0 * x, 0.0 * x, wave + 0.1 * x + 0.01 * y + 0.02 * y**2])
-    return replace(last.state, full=projected(strip, run.assembly.pattern, lifted))
+    return replace(last.state, full=l2_projection(strip, run.assembly.pattern, lifted))
 
 
 def test_amplitude_is_that_of_the_waves_alone():

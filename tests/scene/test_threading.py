@@ -13,7 +13,7 @@ from anmstrip.equilibrium import Equilibrium
 from anmstrip.errors import InputError
 from anmstrip.mechanics.loads import Guide
 from anmstrip.mechanics.shell import Membrane
-from anmstrip.mechanics.string_path import Point, belt
+from anmstrip.mechanics.string_path import FixedEnd, string_path
 from anmstrip.simulation import march
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
@@ -79,9 +79,9 @@ def test_bent_strip_goes_around_a_larger_roller() -> None:
     d, tension, radius = run.assembly.strip.bending_stiffness, 1e4, 0.5
     wider = radius + d / (2.0 * tension * radius)
     at = values(run, state)
-    ends = (Point(at[[0, 2], at[0].argmin()]), Point(at[[0, 2], at[0].argmax()]))
-    expected = belt([[[0.0], [-0.5]]], [[wider]], [1], *ends).arcs.turn[0, 0]
-    geometric = belt([[[0.0], [-0.5]]], [[radius]], [1], *ends).arcs.turn[0, 0]
+    ends = (FixedEnd(at[[0, 2], at[0].argmin()]), FixedEnd(at[[0, 2], at[0].argmax()]))
+    expected = string_path([[[0.0], [-0.5]]], [[wider]], [1], *ends).arcs.turn[0, 0]
+    geometric = string_path([[[0.0], [-0.5]]], [[radius]], [1], *ends).arcs.turn[0, 0]
     assert turned(state) == pytest.approx(expected, abs=0.02 * (expected - geometric))
     lift_off = 2.0 * np.arcsin(np.sqrt(d / tension) / (2.0 * radius))
     arc = expected - 2.0 * lift_off

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.string_path import (
-    Belt,
     End,
+    FixedEnd,
     NoTangentError,
     NotTouchedError,
-    Point,
-    Straight,
-    belt,
+    StraightEnd,
+    StringPath,
+    string_path,
 )
 from anmstrip.simulation.meshing import bending_stiffness, largest_force
 from anmstrip.simulation.stages import Course
@@ -81,14 +81,14 @@ def _candidates(course: Course) -> list[tuple[Roller, float]]:
     return [(r, SENSES["over" if r.centre[2] < 0.0 else "under"]) for r in crossing]
 
 
-def _belt(course: Course, rollers: list[tuple[Roller, float]], ends: list[End]) -> Belt:
+def _belt(course: Course, rollers: list[tuple[Roller, float]], ends: list[End]) -> StringPath:
     centres, radii = [], []
     for roller, _ in rollers:
         centre, axis = course.values[f"rollers.{roller.name}.centre"], roller.unit_axis
         s = -centre[1] / axis[1]
         centres.append((centre + s * axis)[[0, 2], None])
         radii.append([float(roller.radius_at(s))])
-    return belt(centres, radii, [sense for _, sense in rollers], *ends)
+    return string_path(centres, radii, [sense for _, sense in rollers], *ends)
 
 
 def _end(course: Course, name: str) -> End:
@@ -97,17 +97,17 @@ def _end(course: Course, name: str) -> End:
     forward = 1.0 if name == "exit" else -1.0
     if name in edges and "z" in edges[name].fixed:  # released ones stay about where they were
         moved = course.moved.get(name, np.zeros(3))
-        return Point([(x.max() if name == "exit" else x.min()) + moved[0], moved[2]])
+        return FixedEnd([(x.max() if name == "exit" else x.min()) + moved[0], moved[2]])
     force = forward * np.asarray(course.values.get(f"{name}.force", np.zeros(3)))
-    return Straight(0.25 * float(np.ptp(x)), float(np.arctan2(force[2], force[0])))
+    return StraightEnd(0.25 * float(np.ptp(x)), float(np.arctan2(force[2], force[0])))
 
 
 def _straight(entry: End, exit: End) -> float:
     """Slope of a strip that touches no roller (rad)."""
-    if isinstance(entry, Point) and isinstance(exit, Point):
+    if isinstance(entry, FixedEnd) and isinstance(exit, FixedEnd):
         along = np.subtract(exit.position, entry.position)
         return float(abs(np.arctan2(along[1], along[0])))
-    return float(max(abs(end.angle) for end in (entry, exit) if isinstance(end, Straight)))
+    return float(max(abs(end.angle) for end in (entry, exit) if isinstance(end, StraightEnd)))
 
 
 def _sag(course: Course) -> float:

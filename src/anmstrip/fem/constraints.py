@@ -81,22 +81,24 @@ class Supports:
         return whole
 
 
-def traced(strip: Strip, name: str, component: int) -> Index:
+def simple_support(strip: Strip, name: str, component: int) -> Index:
     """Unknowns that fix one component of space all along a straight edge of the mesh."""
     return _on_edge(strip, name, lambda odd: [] if odd else [component], facets=False)
 
 
-def gripped(strip: Strip, name: str) -> Index:
+def grip(strip: Strip, name: str) -> Index:
     """Unknowns that fix positions all along an edge of a flat strip, and slopes out of its plane.
 
     Unlike :meth:`Strip.clamp` this leaves strains in the plane free, for strips that are pulled.
     """
-    positions = [traced(strip, name, component) for component in strip.kinematics.components]
+    positions = [
+        simple_support(strip, name, component) for component in strip.kinematics.components
+    ]
     slopes = _on_edge(strip, name, lambda odd: [2] if odd else [], facets=True)
     return np.union1d(np.concatenate(positions), slopes)
 
 
-def mirrored(strip: Strip, name: str, component: int) -> Index:
+def symmetry(strip: Strip, name: str, component: int) -> Index:
     """Unknowns that vanish where an edge lies in a plane of symmetry.
 
     That component of space, normal to the plane, is odd across the edge, the others even.

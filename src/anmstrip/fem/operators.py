@@ -156,7 +156,7 @@ def hessians(strip: Strip) -> CellOperator:
     return CellOperator(strip, _second(strip))
 
 
-def bends(strip: Strip) -> CellOperator:
+def derivatives(strip: Strip) -> CellOperator:
     """First and second derivatives at the quadrature points."""
     return CellOperator(strip, [*_first(strip), *_second(strip)])
 

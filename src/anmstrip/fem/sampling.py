@@ -203,7 +203,7 @@ def quadrature_points(strip: Strip) -> Array:
     return strip.in_space(points.reshape(len(points), -1))
 
 
-def projected(strip: Strip, pattern: Pattern, displacement: Array) -> Array:
+def l2_projection(strip: Strip, pattern: Pattern, displacement: Array) -> Array:
     """Unknowns whose displacement is nearest to a given one.
 
     Parameters

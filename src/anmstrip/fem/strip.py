@@ -12,7 +12,7 @@ from skfem import Basis, FacetBasis, Mesh, MeshLine, MeshQuad, MeshTri
 
 from anmstrip.fem.elements import Argyris, BognerFoxSchmit, Hermite
 from anmstrip.fem.kinematics import SHELL, Kinematics
-from anmstrip.fem.surfaces import PAIRS, Frames, Surface
+from anmstrip.fem.surfaces import PAIRS, Frames, ReferenceSurface
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -90,7 +90,7 @@ class Strip:
         Which displacements are unknown.
     width : float
         W (m) of a section; a surface has its own.
-    surface : Surface, optional
+    surface : ReferenceSurface, optional
         Where a point of the mesh's plane lies in space; for a shell.
     """
 
@@ -101,7 +101,7 @@ class Strip:
         material: Material,
         kinematics: Kinematics = SHELL,
         width: float = 1.0,
-        surface: Surface | None = None,
+        surface: ReferenceSurface | None = None,
     ) -> None:
         self.mesh, self.thickness, self.material = mesh, thickness, material
         self.surface = surface

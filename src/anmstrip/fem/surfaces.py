@@ -36,7 +36,7 @@ class Jet:
     seconds: Array
 
 
-Surface = Callable[[Array], Jet]
+ReferenceSurface = Callable[[Array], Jet]
 """From points of the parameter plane, (2, points)."""
 
 
@@ -113,7 +113,7 @@ class Frames:
         ]
 
 
-def mapped(function: Callable[[Any, Any], Any]) -> Surface:
+def reference_surface(function: Callable[[Any, Any], Any]) -> ReferenceSurface:
     """A reference surface R(x, y).
 
     Parameters
@@ -123,7 +123,7 @@ def mapped(function: Callable[[Any, Any], Any]) -> Surface:
 
     Examples
     --------
-    >>> cylinder = mapped(lambda x, y: np.stack([x, 2.0 * np.sin(y), 2.0 * np.cos(y)]))
+    >>> cylinder = reference_surface(lambda x, y: np.stack([x, 2.0 * np.sin(y), 2.0 * np.cos(y)]))
     >>> float(cylinder(np.zeros((2, 1))).seconds[2, 1, 1, 0])
     -2.0
     """

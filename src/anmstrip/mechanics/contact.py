@@ -148,13 +148,13 @@ class Contact(LawEffect):
     @cached_property
     def origin(self) -> Array:
         """Reference positions in the frames, shape (rows, points)."""
-        return np.asarray(mapped(self.roller.frame[: self.roller.rows], self.operator.reference))
+        return np.asarray(transform(self.roller.frame[: self.roller.rows], self.operator.reference))
 
     def position(self, x: Any, controls: Mapping[str, Any]) -> Any:
         """Displaced points in the rollers' frames, (rows, points), on arrays or series."""
         centre = control_of(self.roller, controls, "centre")
-        offset = self.origin - mapped(self.roller.frame[: self.roller.rows], centre)
-        return mapped(self.view, x) + offset
+        offset = self.origin - transform(self.roller.frame[: self.roller.rows], centre)
+        return transform(self.view, x) + offset
 
     def seen(self, x: Any, controls: Mapping[str, Any]) -> Projection:
         """Where displaced points are, on arrays or series."""
@@ -187,7 +187,7 @@ class Contact(LawEffect):
         """Residual per area: minus the traction of the roller, (components, points)."""
         place = self.seen(x, controls)
         traction = self.roller.normal(place) * self.pressure(place)
-        return mapped(-self.view.swapaxes(0, 1), traction)
+        return transform(-self.view.swapaxes(0, 1), traction)
 
 
 @dataclass(frozen=True)
@@ -266,8 +266,8 @@ class Friction(LawEffect):
 
     def slip(self, place: Projection, tangents: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Tangential velocity relative to the surface (m/s), (components of slip, points)."""
-        own = mapped(self.frame, control_of(self.roller, controls, "velocity"))
-        relative = mapped(self.view, v) - own
+        own = transform(self.frame, control_of(self.roller, controls, "velocity"))
+        relative = transform(self.view, v) - own
         speed = control_of(self.roller, controls, "surface_speed")
         turning = np.eye(len(self.frame) - 1)[0][:, None]
         surface = (turning if place.ratio is None else place.ratio * turning) * speed
@@ -302,7 +302,7 @@ class Friction(LawEffect):
         pressure = self.contact.pressure(place)
         traction = self.acting(pressure, self.slip(place, tangents, v, controls))
         local = np.einsum("ki...,k...->i...", tangents, traction)
-        return mapped(-self.view.swapaxes(0, 1), local)
+        return transform(-self.view.swapaxes(0, 1), local)
 
     def in_space(self, x: Array, v: Array, controls: Mapping[str, Any]) -> tuple[Array, Array]:
         """Slip (m/s) and traction (Pa) in space, shape (3, points) each."""
@@ -315,7 +315,7 @@ class Friction(LawEffect):
         return along, across
 
 
-def mapped(matrix: Array, vectors: Any) -> Any:
+def transform(matrix: Array, vectors: Any) -> Any:
     """One matrix (i, c), or one for each point (i, c, points), times vectors (c, points)."""
     subscripts = "ic,c...->i..." if matrix.ndim == 2 else "ic...,c...->i..."
     return np.einsum(subscripts, matrix, vectors)

@@ -34,7 +34,7 @@ def weight(strip: Strip) -> LoadEffect:
 
 
 @dataclass(frozen=True)
-class Following(LawEffect):
+class FollowerLoad(LawEffect):
     """A load that follows the strip: residual −control × stress(tangent vectors).
 
     Attributes
@@ -69,7 +69,7 @@ def _on_value(force: Callable[[Any], Any], directions: int) -> Callable[[Any], A
     return lambda tangents: np.einsum("i...,a->ia...", force(tangents), value)
 
 
-def edge_tension(strip: Strip, name: str) -> Following:
+def edge_tension(strip: Strip, name: str) -> FollowerLoad:
     """Tension (N/m) along the strip's own direction at an edge, control ``NAME.tension``.
 
     ±r,x / |r,x|: forwards at the end of larger x, backwards at the other.
@@ -82,7 +82,7 @@ def edge_tension(strip: Strip, name: str) -> Following:
         return along * sign / np.sqrt(dot(along, along))
 
     basis = strip.edge_basis(name)
-    return Following(
+    return FollowerLoad(
         f"tension on {name}",
         f"{name}.tension",
         jets(strip, basis),
@@ -91,7 +91,7 @@ def edge_tension(strip: Strip, name: str) -> Following:
     )
 
 
-def edge_moment(strip: Strip, name: str) -> Following:
+def edge_moment(strip: Strip, name: str) -> FollowerLoad:
     """Moment (N m/m) about an edge, control ``NAME.moment``; it bends towards the normal n.
 
     Does work with the angle by which the strip turns about the edge: M n · δr,a (a^a · c),
@@ -114,10 +114,10 @@ def edge_moment(strip: Strip, name: str) -> Following:
         return np.stack([n * 0.0, *turned], axis=1)
 
     operator = jets(strip, basis)
-    return Following(f"moment on {name}", f"{name}.moment", operator, frames.tangents, stress)
+    return FollowerLoad(f"moment on {name}", f"{name}.moment", operator, frames.tangents, stress)
 
 
-def pressure(strip: Strip) -> Following:
+def pressure(strip: Strip) -> FollowerLoad:
     """Pressure (Pa) from below, normal to the deformed strip, control ``pressure``.
 
     r,x × r,y per reference area; of a section the tangent turned by a right angle, of a
@@ -126,7 +126,7 @@ def pressure(strip: Strip) -> Following:
     level = strip.kinematics
     force = _upwards if level is PLATE else normals(level).vector
     stress = _on_value(force, level.directions)
-    return Following("pressure", "pressure", jets(strip), strip.frames().tangents, stress)
+    return FollowerLoad("pressure", "pressure", jets(strip), strip.frames().tangents, stress)
 
 
 def _upwards(tangents: Any) -> Any:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.fem.kinematics import dot, normals
-from anmstrip.fem.operators import CellOperator, Pattern, bends, gradients, hessians
+from anmstrip.fem.operators import CellOperator, Pattern, derivatives, gradients, hessians
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.effects import LawEffect, LinearEffect
 
@@ -155,7 +155,7 @@ class KirchhoffLove(LawEffect):
 
     def __init__(self, strip: Strip, imperfection: Array | None = None) -> None:
         frames = strip.frames()
-        self.operator = bends(strip)
+        self.operator = derivatives(strip)
         self.normals = normals(strip.kinematics)
         self.directions = strip.kinematics.directions
         self.stiffness = stiffness(strip)

@@ -45,7 +45,7 @@ class NotTouchedError(ValueError):
 
 
 @dataclass(frozen=True)
-class Point:
+class FixedEnd:
     """An end at a given position x, z (m), shape (2,) or (2, fibres)."""
 
     position: ArrayLike
@@ -56,7 +56,7 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Straight:
+class StraightEnd:
     """An end whose heading and straight run are given, not its place.
 
     Attributes
@@ -81,7 +81,7 @@ class Straight:
         return centre + rho * n + way * np.asarray(self.length, dtype=float) * u
 
 
-End = Point | Straight
+End = FixedEnd | StraightEnd
 
 
 class Arcs(NamedTuple):
@@ -96,7 +96,7 @@ class Arcs(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Belt:
+class StringPath:
     """Straight run, arc, straight run, ..., straight run: 2 circles + 1 pieces.
 
     Attributes
@@ -155,7 +155,9 @@ class Belt:
         return self.points[:, piece, fibre] + chord, _frame(t + 2.0 * half)[0]
 
 
-def belt(centres: ArrayLike, radii: ArrayLike, senses: ArrayLike, entry: End, exit: End) -> Belt:
+def string_path(
+    centres: ArrayLike, radii: ArrayLike, senses: ArrayLike, entry: End, exit: End
+) -> StringPath:
     """Taut path from the entry round the circles, in their order, to the exit.
 
     Parameters
@@ -166,8 +168,8 @@ def belt(centres: ArrayLike, radii: ArrayLike, senses: ArrayLike, entry: End, ex
         r > 0 (m).
     senses : array_like, shape (circles,)
         s: +1 over, −1 under.
-    entry, exit : Point or Straight
-        With no circles at least one has to be a Point.
+    entry, exit : FixedEnd or StraightEnd
+        With no circles at least one has to be a FixedEnd.
 
     Raises
     ------
@@ -178,7 +180,8 @@ def belt(centres: ArrayLike, radii: ArrayLike, senses: ArrayLike, entry: End, ex
 
     Examples
     --------
-    >>> path = belt([[[0.0], [-1.0]]], [[1.0]], [1], Straight(2.0), Straight(3.0, -np.pi / 2))
+    >>> ends = StraightEnd(2.0), StraightEnd(3.0, -np.pi / 2)
+    >>> path = string_path([[[0.0], [-1.0]]], [[1.0]], [1], *ends)
     >>> path.length - np.pi / 2, np.degrees(path.arcs.turn[0])
     (array([5.]), array([90.]))
     >>> path.at([0.0, 2.0], 0)[0]
@@ -191,7 +194,7 @@ def belt(centres: ArrayLike, radii: ArrayLike, senses: ArrayLike, entry: End, ex
     lengths = _interleaved(runs, np.abs(rho[1:-1]) * turns)
     n = _frame(t)[1]
     leaving, arriving = c[:, :-1] + rho[:-1] * n, c[:, 1:-1] + rho[1:-1] * n[:, :-1]
-    return Belt(
+    return StringPath(
         starts=np.concatenate([np.zeros_like(runs[:1]), np.cumsum(lengths, axis=0)]),
         points=_interleaved(leaving, arriving, axis=1),
         angles=_interleaved(t, t[:-1]),
@@ -230,13 +233,13 @@ def _with_ends(c: Array, rho: Array, entry: End, exit: End) -> tuple[Array, Arra
 def _facing(entry: End, exit: End) -> tuple[Array, Array]:
     """Places of two ends without a circle between them."""
     zero = np.zeros(1)
-    if isinstance(entry, Point):
+    if isinstance(entry, FixedEnd):
         first = entry.place(zero, zero, -1)
         return first, exit.place(first, zero, +1)
-    if isinstance(exit, Point):
+    if isinstance(exit, FixedEnd):
         last = exit.place(zero, zero, +1)
         return entry.place(last, zero, -1), last
-    raise ValueError("A strip that passes no circle needs a Point at one of its ends.")
+    raise ValueError("A strip that passes no circle needs a FixedEnd at one of its ends.")
 
 
 def _tangents(c: Array, rho: Array) -> tuple[Array, Array]:

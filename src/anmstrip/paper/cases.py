@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.errors import InputError, Mistake
-from anmstrip.paper.figures import draw
+from anmstrip.paper.figures import draw_figures
 from anmstrip.paper.mass_spring import CASES, MassSpring, Parameters
-from anmstrip.paper.references import Reference
-from anmstrip.paper.references import solved as reference_of
-from anmstrip.paper.schemes import SCHEMES, CaseEvent, Solved, events_of, solved
+from anmstrip.paper.references import Reference, reference_solution
+from anmstrip.paper.schemes import SCHEMES, CaseEvent, CaseSolution, events_of, solve_case
 from anmstrip.results.files import replaced, write_table
 from anmstrip.scene.messages import nearest
 from anmstrip.timestepping.index_one import Instability, instabilities
@@ -48,7 +47,7 @@ class CaseReport:
     tolerance : float
         m.
     case : MassSpring
-    solved : Solved
+    solved : CaseSolution
     rows : ndarray, shape (401, 7)
         The columns of ``case.csv``.
     error : float
@@ -69,7 +68,7 @@ class CaseReport:
     order: int
     tolerance: float
     case: MassSpring
-    solved: Solved
+    solved: CaseSolution
     rows: Array
     error: float | None
     error_at_equal_times: float | None
@@ -198,7 +197,7 @@ def run_case(
         wrong = case.parameters.eta
         raise InputError([Mistake("--set", "eta", wrong, "below K delta (N)", "eta=0.01")])
     begin = time.perf_counter()
-    found = solved(case, scheme, order=order, tolerance=tolerance)
+    found = solve_case(case, scheme, order=order, tolerance=tolerance)
     seconds = time.perf_counter() - begin
     rows = _rows(case, found, np.linspace(0.0, found.path.knots[-1], ROWS))
     error, equal = _errors(case, rows[:, 0], rows[:, 1 : 1 + case.size], tolerance)
@@ -215,7 +214,7 @@ def _with(case: MassSpring, settings: Mapping[str, float]) -> MassSpring:
     return replace(case, parameters=replace(case.parameters, **values))
 
 
-def _rows(case: MassSpring, found: Solved, times: Array) -> Array:
+def _rows(case: MassSpring, found: CaseSolution, times: Array) -> Array:
     """The columns of ``case.csv``, from the dense output."""
     rows = np.zeros((len(times), len(COLUMNS)))
     rows[:, 0] = times
@@ -231,7 +230,7 @@ def _errors(
 ) -> tuple[float, float] | tuple[None, None]:
     """Largest distance from the reference, along the curve and at equal times."""
     try:
-        reference = reference_of(case)
+        reference = reference_solution(case)
     except ArithmeticError:
         return None, None
     return distances(reference, times, u, case.parameters.V_c, 0.1 * tolerance)
@@ -271,7 +270,7 @@ def _written(report: CaseReport, directory: Path) -> tuple[Path, ...]:
     write_table(events, [f.name for f in fields(CaseEvent)], map(asdict, report.events))
     times = np.union1d(report.rows[:, 0], report.solved.path.knots)  # a snap falls between rows
     states = _rows(report.case, report.solved, times)
-    return table, summary, events, *draw(report.case, states, directory)
+    return table, summary, events, *draw_figures(report.case, states, directory)
 
 
 def _mistakes(name: str, order: int, tolerance: float, scheme: str) -> Iterator[Mistake]:

@@ -29,7 +29,7 @@ WIDTHS = (0.0, 0.02, 0.1, 0.3, 0.5)
 INK, ACCENT, QUIET = "#1f4e79", "#c0392b", "#8c8c8c"
 
 
-def draw(case: MassSpring, rows: Array, directory: Path) -> tuple[Path, ...]:
+def draw_figures(case: MassSpring, rows: Array, directory: Path) -> tuple[Path, ...]:
     """Draw the figures of a case.
 
     Parameters

@@ -302,7 +302,7 @@ class Reference:
         return self(self.nodes)
 
 
-def solved(case: MassSpring, accuracy: float = ACCURACY) -> Reference:
+def reference_solution(case: MassSpring, accuracy: float = ACCURACY) -> Reference:
     """Solution of the reduced equation by Radau's method, from rest to ``t_end``."""
     equation = reduced(case)
     solution = solve_ivp(

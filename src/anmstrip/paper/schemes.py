@@ -40,7 +40,7 @@ MOST_STEPS = 200_000
 
 
 @dataclass(frozen=True)
-class Solved:
+class CaseSolution:
     """What an integration gave.
 
     Attributes
@@ -63,7 +63,7 @@ class Solved:
     stopped: PathStopped | None
 
 
-def solved(case: MassSpring, scheme: str, *, order: int, tolerance: float) -> Solved:
+def solve_case(case: MassSpring, scheme: str, *, order: int, tolerance: float) -> CaseSolution:
     """Integrate a case from rest until the error of u is below the tolerance.
 
     Parameters
@@ -91,7 +91,7 @@ def solved(case: MassSpring, scheme: str, *, order: int, tolerance: float) -> So
     found: Controlled[TimePath] = controlled(
         run, case.residual, tolerance, speed=FAST * case.parameters.V_c
     )
-    return Solved(found.path, found.error, found.passes, cost, reasons[-1])
+    return CaseSolution(found.path, found.error, found.passes, cost, reasons[-1])
 
 
 def explicit_scheme(

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
-from anmstrip.mechanics.loads import Following
+from anmstrip.mechanics.loads import FollowerLoad
 from anmstrip.mechanics.shell import Membrane, principal
 from anmstrip.results.rollers import ContactState, RollerReading, reading_of
 from anmstrip.results.rollers import Regularisation, regularisation_of
@@ -109,7 +109,7 @@ class State:
     def _following(self, name: str) -> Array:
         """Total of the load that follows the strip at an edge (N), shape (3,)."""
         for effect in self.plan.model.effects:
-            if isinstance(effect, Following) and effect.control == f"{name}.tension":
+            if isinstance(effect, FollowerLoad) and effect.control == f"{name}.tension":
                 operator = effect.operator
                 stress = effect.law(operator.apply(self.full), None, self.controls)
                 return self.plan.model.strip.kinematics.embed(-stress[:, 0] @ operator.weights)

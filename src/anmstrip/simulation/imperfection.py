@@ -13,7 +13,7 @@ from anmstrip.continuation.status import PathStopped
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.errors import InputError, Mistake
 from anmstrip.fem.operators import Pattern, jets
-from anmstrip.fem.sampling import projected
+from anmstrip.fem.sampling import l2_projection
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.shell import Membrane, principal
 from anmstrip.results.state import State
@@ -146,7 +146,7 @@ def flattened(state: State, mode: Array) -> Array:
     height = np.einsum("ip,ip->p", normal, operator.apply(change)[:, 0])
     lifted = np.zeros_like(normal)
     lifted[2] = height / height[np.abs(height).argmax()]
-    return projected(strip, state.plan.model.pattern, lifted)
+    return l2_projection(strip, state.plan.model.pattern, lifted)
 
 
 def _refused(scene: SceneSpec, found: str) -> InputError:

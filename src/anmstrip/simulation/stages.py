@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from anmstrip.effect_series import Controls
 from anmstrip.equilibrium import Model, StageProblem
 from anmstrip.fem.constraints import Supports
-from anmstrip.fem.sampling import projected, quadrature_points
+from anmstrip.fem.sampling import l2_projection, quadrature_points
 from anmstrip.scene.schema import StageSpec
 from anmstrip.simulation.problem import Assembly, middle_node
 from anmstrip.simulation.threading import Thread, stretches
@@ -203,4 +203,4 @@ def stretched(assembly: Assembly, tension: float) -> Array:
     p = quadrature_points(strip)
     middle = 0.5 * (strip.nodes[1].min() + strip.nodes[1].max())
     x, y = (along - 1.0) * (p[0] - strip.nodes[0].min()), (across - 1.0) * (p[1] - middle)
-    return projected(strip, assembly.pattern, np.stack([x, y, np.zeros_like(x)]))
+    return l2_projection(strip, assembly.pattern, np.stack([x, y, np.zeros_like(x)]))

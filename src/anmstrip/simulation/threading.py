@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from anmstrip.fem.operators import Pattern
     from anmstrip.fem.strip import Strip
     from anmstrip.mechanics.effects import Effect
-    from anmstrip.mechanics.string_path import Belt
+    from anmstrip.mechanics.string_path import StringPath
     from anmstrip.scene.schema import SceneSpec
 
 Array = NDArray[np.float64]
@@ -78,9 +78,9 @@ class Thread:
     given: float | None
 
     @cached_property
-    def middle(self) -> Belt:
+    def middle(self) -> StringPath:
         """Path of the fibre y = 0."""
-        return self.belt(np.zeros(1))
+        return self.string_path(np.zeros(1))
 
     @property
     def length(self) -> float:
@@ -100,10 +100,10 @@ class Thread:
         turn = self.middle.arcs.turn[:, 0]
         return {r.name: float(angle) for r, angle in zip(self.rollers, turn, strict=True)}
 
-    def belt(self, y: Array) -> Belt:
+    def string_path(self, y: Array) -> StringPath:
         """Paths of the fibres at y, shape (fibres,)."""
         from anmstrip.mechanics.string_path import (
-            belt,
+            string_path,
         )
 
         centres, radii = [], []
@@ -112,7 +112,7 @@ class Thread:
             point = np.asarray(roller.centre)[:, None] + roller.unit_axis[:, None] * s
             centres.append(point[[0, 2]])
             radii.append(roller.radius_at(s) + depth)
-        return belt(np.array(centres), np.array(radii), self.senses, *self.ends)
+        return string_path(np.array(centres), np.array(radii), self.senses, *self.ends)
 
     def ends_in_space(self, reference: Array) -> tuple[Array, Array, Array]:
         """Displacements of entry and exit, and direction of the strip at the exit, (3,) each.
@@ -134,10 +134,10 @@ class Thread:
 
         Projected in the mean square on the strip's own functions.
         """
-        from anmstrip.fem.sampling import projected, quadrature_points
+        from anmstrip.fem.sampling import l2_projection, quadrature_points
 
         reference, begin = quadrature_points(strip), float(strip.mesh.p[0].min())
-        full = projected(strip, pattern, self.positions(reference, begin) - reference)
+        full = l2_projection(strip, pattern, self.positions(reference, begin) - reference)
         return self._relaxed(strip, pattern, full) if self._is_uneven else full
 
     @property
@@ -181,7 +181,7 @@ class Thread:
         """Where points of the flat strip, which begins at x = begin, come to lie, (3, points)."""
         x, y = reference[0], reference[1]
         lines, fibre = np.unique(y, return_inverse=True)
-        position, _ = self.belt(lines).at((x - begin) * self.along, fibre)
+        position, _ = self.string_path(lines).at((x - begin) * self.along, fibre)
         return np.stack([position[0], y * self.across, position[1]])
 
 
@@ -196,9 +196,9 @@ def thread_of(scene: SceneSpec, rollers: Sequence[Roller]) -> Thread | None:
     if scene.threading is None:
         return None
     from anmstrip.mechanics.string_path import (
+        FixedEnd,
         NoTangentError,
         NotTouchedError,
-        Point,
     )
 
     spec, m = scene.threading, scene.material
@@ -208,7 +208,7 @@ def thread_of(scene: SceneSpec, rollers: Sequence[Roller]) -> Thread | None:
         chosen,
         np.array([SENSES[sides[roller.name]] for roller in chosen]),
         np.array([_depth(scene, roller) for roller in chosen]),
-        tuple(None if p is None else Point((p[0], p[2])) for p in (spec.entry, spec.exit)),
+        tuple(None if p is None else FixedEnd((p[0], p[2])) for p in (spec.entry, spec.exit)),
         *stretches(spec.tension, m.young * scene.strip.thickness, m.poisson),
         spec.tension,
         _given_length(scene),
@@ -233,22 +233,22 @@ def _with_ends(scene: SceneSpec, thread: Thread) -> Thread:
 
     They then are points, the same for all fibres: the edges of the strip stay straight.
     """
-    from anmstrip.mechanics.string_path import Point, Straight
+    from anmstrip.mechanics.string_path import FixedEnd, StraightEnd
 
     missing = sum(end is None for end in thread.ends)
     if not missing:
         thread.middle  # noqa: B018
         return thread
     assert thread.given is not None
-    trial = replace(thread, ends=tuple(end or Straight(1.0) for end in thread.ends))
+    trial = replace(thread, ends=tuple(end or StraightEnd(1.0) for end in thread.ends))
     spare = thread.given * thread.along - float(trial.middle.length[0])
     run = 1.0 + spare / missing
     if run <= 0.0:
         least = thread.given - missing * run / thread.along
         raise _too_short(scene, thread.given, least)
-    level = replace(thread, ends=tuple(end or Straight(run) for end in thread.ends)).middle
+    level = replace(thread, ends=tuple(end or StraightEnd(run) for end in thread.ends)).middle
     places, _ = level.at(np.array([0.0, level.length[0]]), 0)
-    return replace(thread, ends=tuple(Point(place) for place in places.T))
+    return replace(thread, ends=tuple(FixedEnd(place) for place in places.T))
 
 
 def _depth(scene: SceneSpec, roller: Roller) -> float:
