@@ -19,7 +19,7 @@ from anmstrip.fem.sampling import quadrature_points
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import Wrinkling
 from anmstrip.simulation.imperfection import buckling, flattened
-from anmstrip.simulation.march import Arrival, March
+from anmstrip.simulation.march import March, Step
 from anmstrip.simulation.problem import Assembly
 
 Array = NDArray[np.float64]
@@ -170,7 +170,7 @@ def onsets(scene: Scene, levels: Sequence[float]) -> list[Onset | None]:
     return found + [None] * (len(levels) - len(found))
 
 
-def _last_stage(scene: Scene) -> Iterator[Arrival]:
+def _last_stage(scene: Scene) -> Iterator[Step]:
     """Where the last stage begins, and its steps."""
     march, course = March(Assembly(scene)), scene.course
     for left, stage in zip(range(len(course))[::-1], course, strict=True):
@@ -189,9 +189,10 @@ def _factor(state: State) -> float:
     return float(buckling(state, 1)[0][0])
 
 
-def _dated(arrival: Arrival, before: State, level: float) -> Onset:
+def _dated(arrival: Step, before: State, level: float) -> Onset:
     """The onset inside a step."""
-    branch, plan, end = arrival.branch, arrival.plan, arrival.state
+    end = arrival.state
+    branch, plan = end.branch, end.plan
     length = end.time - before.time if branch is None else branch.length
 
     def state(a: float) -> State:

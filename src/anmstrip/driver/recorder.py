@@ -24,6 +24,7 @@ from anmstrip.results.vtk import (
     write_rollers,
     write_surface,
 )
+from anmstrip.simulation.march import Step
 from anmstrip.simulation.problem import Assembly
 
 if TYPE_CHECKING:
@@ -97,9 +98,15 @@ class Recorder:
         names = ("normal_force", "drag", "wrap", "max_slip")
         return [f"{r.name}_{name}" for r in self.assembly.rollers for name in names]
 
-    def row(self, state: State, facts: Mapping[str, Any]) -> None:
+    def record(self, step: Step, before: State) -> None:
+        """Write what is wanted of an accepted step: history, events, states."""
+        self._row(step)
+        self._happened(step.events)
+        self._observe(step.step, before, step.state)
+
+    def _row(self, step: Step) -> None:
         """Add one accepted step to the history."""
-        values = dict(facts)
+        state, values = step.state, {column: getattr(step, column) for column in STEP_COLUMNS}
         for edge in ("entry", "exit"):
             values[f"{edge}_tension"] = state.tension(edge)
         for name, reading in state.rollers.items():
@@ -108,14 +115,14 @@ class Recorder:
         self.history.append(values)
         self.rows += 1
 
-    def happened(self, events: Iterable[Event]) -> None:
+    def _happened(self, events: Iterable[Event]) -> None:
         """Add what has happened in a step."""
         for event in events:
             assert self.events is not None
             self.events.append(asdict(event))
             self.event_rows += 1
 
-    def observe(self, step: int, before: State | None, state: State) -> None:
+    def _observe(self, step: int, before: State | None, state: State) -> None:
         """Write what is wanted of an accepted step: its end, or instants inside."""
         output = self.assembly.scene.output
         while self.due and self.due[0] <= state.time:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,12 +22,12 @@ from anmstrip.results.files import load_checkpoint
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.series.condition import condition
-from anmstrip.simulation.march import Arrival, March, unbroken
+from anmstrip.simulation.march import March, Step, unbroken
 from anmstrip.simulation.problem import Assembly
 from anmstrip.timestepping.formulas import Memory
 
 if TYPE_CHECKING:
-    from anmstrip.results.events import Event, EventWatch
+    from anmstrip.results.events import EventWatch
 
 
 Array = NDArray[np.float64]
@@ -112,40 +112,6 @@ def unpack(run: Run, arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> N
         march.memory = Memory(
             tuple(facts["times"]), states, arrays["v"], facts["next_step"], facts["time_order"]
         )
-
-
-@dataclass(frozen=True)
-class Step:
-    """One accepted step of a run.
-
-    Attributes
-    ----------
-    stage : str
-    time, end_time : float
-        s.
-    fraction : float
-        Of the whole run.
-    step, tangents : int
-        Counted over the whole run.
-    state : State
-    events : tuple of Event
-        What happened in it, if the scene asks for events.
-    """
-
-    stage: str
-    time: float
-    end_time: float
-    fraction: float
-    step: int
-    tangents: int
-    state: State
-    events: tuple[Event, ...] = ()
-
-    @property
-    def tension_ratio(self) -> float | None:
-        """Tension before the first roller over that after it, or None without a roller."""
-        readings = self.state.rollers.values()
-        return next((reading.tension_ratio for reading in readings), None)
 
 
 class Run:
@@ -242,10 +208,10 @@ class Run:
             self.state = march.here(plan)
         if march.reached is None or march.reached < 1.0:
             try:
-                for arrival in march.through(plan, self.scene.solver.max_steps - self.steps):
+                for step in march.through(plan, self.scene.solver.max_steps - self.steps):
                     with unbroken():
-                        step = self._accepted(arrival)
-                    yield step
+                        accepted = self._accept(step)
+                    yield accepted
             finally:
                 self._count(plan)
                 self._judge(plan)
@@ -256,50 +222,33 @@ class Run:
 
     # what is written -----------------------------------------------------------
 
-    def _accepted(self, arrival: Arrival) -> Step:
-        before, self.state = self._labelled(arrival.plan), arrival.state
-        if arrival.snap and (snap := self._snap(arrival))["distance"] > self._resolved:
-            self.snaps.append(snap)
-        self.march.accept(arrival)
+    def _accept(self, step: Step) -> Step:
+        """Count a step, look at it, and write it down."""
+        plan, state = step.state.plan, step.state
+        before = self.march.here(plan) if self.state is None else self.state
+        velocity = None if before.velocity is None else self.march.velocity
+        before = replace(before, full=self.march.full, velocity=velocity)  # in this step's labels
+        if step.snapped:
+            values = self.assembly.strip.unknowns_of(self.assembly.strip.node_values)
+            distance = float(np.abs(state.full - self.march.full)[values].max())
+            if distance > self.scene.solver.tolerance * self.assembly.scales.length:
+                told = {"stage": plan.name, "time": state.time, "distance": distance}
+                self.snaps.append(told)
+        self.state = state
+        self.march.accept(step)
         self.steps += 1
-        self._count(arrival.plan)
-        events = () if self.watch is None else self.watch.during(before, self.state)
-        self._record(before, self.state, arrival, events)
-        return Step(
-            arrival.plan.name,
-            self.state.time,
-            self.end_time,
-            self.state.time / self.end_time,
-            self.steps,
-            self.cost.expansions,
-            self.state,
-            events,
+        self._count(plan)
+        step = replace(
+            step,
+            step=self.steps,
+            tangents=self.cost.expansions,
+            end_time=self.end_time,
+            events=() if self.watch is None else self.watch.during(before, state),
         )
-
-    def _labelled(self, plan: StageProblem) -> State:
-        """The state before a step, in the labels of that step."""
-        state = self.march.here(plan) if self.state is None else self.state
-        velocity = None if state.velocity is None else self.march.velocity
-        return replace(state, full=self.march.full, velocity=velocity)
-
-    def _record(
-        self, before: State, state: State, arrival: Arrival, events: tuple[Event, ...]
-    ) -> None:
-        if self.recorder is None:
-            return
-        facts = {
-            "stage": state.plan.name,
-            "time": state.time,
-            "step": self.steps,
-            "tangents": self.cost.expansions,
-            "order": arrival.order,
-            "range": arrival.range,
-            "residual": arrival.imbalance,
-        }
-        self.recorder.row(state, facts)
-        self.recorder.happened(events)
-        self.recorder.observe(self.steps, before, state)
-        self._checkpoint()
+        if self.recorder is not None:
+            self.recorder.record(step, before)
+            self._checkpoint()
+        return step
 
     def _count(self, plan: StageProblem) -> None:
         """Add what was spent since the last time to the counters."""
@@ -314,22 +263,6 @@ class Run:
         entry["steps"] += self.steps - steps
         entry["tangents"] += self.cost.expansions - expansions
         entry["seconds"] += self.counted[0] - begin
-
-    def _snap(self, arrival: Arrival) -> dict[str, Any]:
-        """When and how far the strip went, where friction had no equilibrium to hold it in."""
-        moved = np.abs(arrival.full - self.march.full)[
-            self.assembly.strip.unknowns_of(self.assembly.strip.node_values)
-        ]
-        return {
-            "stage": arrival.plan.name,
-            "time": arrival.state.time,
-            "distance": float(moved.max()),
-        }
-
-    @property
-    def _resolved(self) -> float:
-        """Distance (m) below which a place is not known: error that the run may make."""
-        return self.scene.solver.tolerance * self.assembly.scales.length
 
     def _judge(self, plan: StageProblem) -> None:
         """How well conditioned the last tangent of a stage was: four back-substitutions."""

@@ -7,14 +7,13 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.continuation.expansion import Cost
 from anmstrip.continuation.follow import Pace, PathSolver, Settings, follow
-from anmstrip.continuation.path import Branch
 from anmstrip.equilibrium import Equilibrium, Motion, StageProblem
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.results.state import State
@@ -25,6 +24,9 @@ from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course, stretched
 from anmstrip.timestepping.formulas import Memory, start_memory
 from anmstrip.timestepping.implicit import UNHURRIED, Stepping, TimeStep, integrate
+
+if TYPE_CHECKING:
+    from anmstrip.results.events import Event
 
 Array = NDArray[np.float64]
 
@@ -39,48 +41,44 @@ FIRST_STEP = 0.01
 
 
 @dataclass(frozen=True)
-class Arrival:
-    """The end of a step that was solved, before it counts.
+class Step:
+    """One accepted step.
 
-    Attributes
-    ----------
-    plan : StageProblem
-    control : float
-        λ of the stage.
-    full, velocity : ndarray, shape (unknowns,)
-        Displacements and velocities; at rest on a rate-free path.
-    order : int
-        Of the series.
-    range, imbalance : float
-        What the step has covered of λ, or of time (s), and what it leaves.
-    branch : Branch or None
-        Path of a rate-free step.
-    pace : Pace or None
-    memory : Memory or None
-        Of a rate-free path and of one in time: what the next step needs.
-    snap : bool
-        Whether the strip ran away and came to rest elsewhere, faster than can be dated.
+    The stepper gives the state, what the solver tells, and what the next step needs; the run
+    adds the counts over the whole run.
     """
 
-    plan: StageProblem
-    control: float
-    full: Array
-    velocity: Array
-    order: int
-    range: float
-    imbalance: float
-    branch: Branch | None = None
-    pace: Pace | None = None
-    memory: Memory | None = None
-    snap: bool = False
+    state: State
+    order: int  # of the series
+    range: float  # part of λ that the step has covered, or of time (s)
+    residual: float  # imbalance that the step leaves, over the force scale
+    past: Pace | Memory | None = None  # what the next step needs: of a rate-free path, or in time
+    snapped: bool = False  # whether the strip ran away and came to rest, faster than can be dated
+    step: int = 0  # number of the step
+    tangents: int = 0  # factorised up to here
+    end_time: float = 0.0  # at which the run ends (s)
+    events: tuple[Event, ...] = ()  # if the scene asks for them
 
     @property
-    def state(self) -> State:
-        """To be looked at."""
-        plan, moving = self.plan, self.plan.in_time
-        velocity = self.velocity if moving else None
-        time = plan.start + self.control * plan.duration
-        return State(plan, time, self.control, self.full, velocity, self.branch)
+    def stage(self) -> str:
+        """Name of the stage."""
+        return self.state.plan.name
+
+    @property
+    def time(self) -> float:
+        """Time reached (s)."""
+        return self.state.time
+
+    @property
+    def fraction(self) -> float:
+        """Share of the whole run that is done."""
+        return self.time / self.end_time
+
+    @property
+    def tension_ratio(self) -> float | None:
+        """Tension before the first roller over that after it, or None without a roller."""
+        readings = self.state.rollers.values()
+        return next((reading.tension_ratio for reading in readings), None)
 
 
 class March:
@@ -96,7 +94,7 @@ class March:
     reached : float or None
         λ of a stage that has begun.
     pace, memory
-        Of the path in this stage, see :class:`Arrival`.
+        Of the path in this stage, see :class:`Step`.
     slack : bool
         Whether this stage began with a slack strip, see :meth:`_slack`.
     past : StageProblem or None
@@ -131,20 +129,26 @@ class March:
         return self.course.plan(stage, reactions)
 
     def here(self, plan: StageProblem) -> State:
-        """State in a stage."""
-        return Arrival(plan, self.reached or 0.0, self.full, self.velocity, 0, 0.0, 0.0).state
+        """Return the present state, as one of a stage."""
+        velocity = self.velocity if plan.in_time else None
+        control = self.reached or 0.0
+        time = plan.start + control * plan.duration
+        return State(plan, time, control, self.full, velocity)
 
-    def accept(self, arrival: Arrival) -> None:
-        """Be there."""
-        self.full, self.velocity, self.reached = arrival.full, arrival.velocity, arrival.control
-        self.pace, self.memory = arrival.pace, arrival.memory
+    def accept(self, step: Step) -> None:
+        """Move to the end of a step."""
+        state = step.state
+        self.full, self.reached = state.full, state.control
+        self.velocity = np.zeros_like(self.full) if state.velocity is None else state.velocity
+        self.pace = step.past if isinstance(step.past, Pace) else None
+        self.memory = step.past if isinstance(step.past, Memory) else None
 
     def finish(self, stage: StageSpec, plan: StageProblem) -> None:
         """Leave a stage."""
         self.course.finish(stage)
         self.reached, self.pace, self.slack, self.past = None, None, False, plan
 
-    def through(self, plan: StageProblem, steps: int) -> Iterator[Arrival]:
+    def through(self, plan: StageProblem, steps: int) -> Iterator[Step]:
         """Steps to the end of a stage, at most so many; each must be accepted.
 
         Raises
@@ -159,7 +163,7 @@ class March:
         )
         yield from (self._in_time if plan.in_time else self._rate_free)(plan, settings)
 
-    def _rate_free(self, plan: StageProblem, settings: Settings) -> Iterator[Arrival]:
+    def _rate_free(self, plan: StageProblem, settings: Settings) -> Iterator[Step]:
         u, equations = self._start(plan)
         tolerance = min(settings.tolerance, LOOSEST)
         settings = replace(settings, tolerance=tolerance, unhurried=UNHURRIED)
@@ -167,12 +171,12 @@ class March:
             equations, u, solver=self.solver, settings=settings, pace=self.pace, cost=self.cost
         ):
             u, control = step.branch.end
-            full = plan.supports.full(u, control)
-            covered = abs(control - float(step.branch.control[0]))
             branch = step.branch if equations.controls is plan.controls else None
-            rest = np.zeros_like(full)
-            facts = (step.branch.order, covered, step.imbalance)
-            yield Arrival(plan, control, full, rest, *facts, branch, step.pace)
+            time = plan.start + control * plan.duration
+            full = plan.supports.full(u, control)
+            state = State(plan, time, control, full, None, branch)
+            covered = abs(control - float(step.branch.control[0]))
+            yield Step(state, step.branch.order, covered, step.imbalance, step.pace)
 
     def _start(self, plan: StageProblem) -> tuple[Array, Equilibrium]:
         """First point of a rate-free path, and its equations."""
@@ -210,26 +214,24 @@ class March:
         pulled = float(end.get("exit.force", np.zeros(3))[0])
         return max(pulled + float(end.get("exit.tension", 0.0)), 0.0)
 
-    def _in_time(self, plan: StageProblem, settings: Settings) -> Iterator[Arrival]:
+    def _in_time(self, plan: StageProblem, settings: Settings) -> Iterator[Step]:
         memory, taken = self._memory(plan), 0
         if self.reached is not None:  # broken off, perhaps before the labels moved
             plan, memory = self._fed(plan, memory)
         while memory.times[0] < plan.start + plan.duration:
             left = replace(settings, max_steps=settings.max_steps - taken)
             for step in self._time_steps(plan, memory, left):
-                yield self._arrival(plan, step, settings.order)
+                control = (step.end - plan.start) / plan.duration
+                velocity = plan.moving(control)
+                velocity[plan.supports.free] = step.v
+                full = plan.supports.full(step.u, control)
+                state = State(plan, step.end, control, full, velocity)
+                covered = step.end - step.start
+                yield Step(state, settings.order, covered, step.imbalance, step.memory, step.snap)
                 memory, taken = step.memory, taken + 1
                 if self._due():
                     break
             plan, memory = self._fed(plan, memory)
-
-    def _arrival(self, plan: StageProblem, step: TimeStep, order: int) -> Arrival:
-        """The end of a step in time."""
-        control = (step.end - plan.start) / plan.duration
-        full, velocity = plan.supports.full(step.u, control), plan.moving(control)
-        velocity[plan.supports.free] = step.v
-        facts = (order, step.end - step.start, step.imbalance)
-        return Arrival(plan, control, full, velocity, *facts, memory=step.memory, snap=step.snap)
 
     def _memory(self, plan: StageProblem) -> Memory:
         """The past of a stage in time: that of the stage before, if nothing jumps."""
