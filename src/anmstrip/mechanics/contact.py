@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from anmstrip.fem.kinematics import SHELL, Kinematics
 from anmstrip.fem.sampling import ContactOperator
 from anmstrip.mechanics.effects import LawEffect, Moment
-from anmstrip.mechanics.laws import GradedSignorini, RepulsiveSignorini
+from anmstrip.mechanics.laws import ContactLaw
 from anmstrip.mechanics.roller import Projection, Roller
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ class Contact(LawEffect):
     Attributes
     ----------
     roller : Roller
-    signorini : RepulsiveSignorini or GradedSignorini
+    signorini : ContactLaw
         In pressures.
     operator : ContactOperator
         At the points, once for every roller.
@@ -100,7 +100,7 @@ class Contact(LawEffect):
     """
 
     roller: Roller
-    signorini: RepulsiveSignorini | GradedSignorini
+    signorini: ContactLaw
     operator: ContactOperator
     reach: float | Sequence[float] = np.inf
     kinematics: Kinematics = SHELL
@@ -247,14 +247,14 @@ class Friction(LawEffect):
         """The law on one of the rollers."""
         if self.coefficients is None:
             return self.law_of_slip
-        return replace(self.law_of_slip, coefficient=self.coefficients[roller])
+        return self.law_of_slip.with_coefficient(self.coefficients[roller])
 
     @cached_property
     def acting(self) -> FrictionLaw:
         """The law with the coefficient of each point's roller."""
         if self.coefficients is None:
             return self.law_of_slip
-        return replace(self.law_of_slip, coefficient=self.roller.of(list(self.coefficients)))
+        return self.law_of_slip.with_coefficient(self.roller.of(list(self.coefficients)))
 
     def near(self, full: Array, controls: Mapping[str, Any]) -> Friction:
         """The same effect on the points within reach."""

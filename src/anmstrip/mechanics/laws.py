@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -28,6 +28,42 @@ def root_reaction(gap: Any, product: Any, stiffness: float) -> Any:
         return pressed
     apart = product * 2.0 / (root + np.where(free, gap, -gap))
     return np.where(free, apart, pressed)
+
+
+class ContactLaw:
+    """Reaction R of an obstacle as a function of the gap h.
+
+    1. A subclass has ``__call__(gap)``: the reaction (Pa, or N), positive and falling with the
+       gap, of arrays and of power series alike.
+    2. ``width`` (m) is the gap over which the reaction sets in: a step may not cross more unseen.
+    3. ``faint`` is the reaction below which nothing counts as touching.
+    """
+
+    width: float
+    faint: float
+
+    def __call__(self, gap: Any) -> Any:
+        """Return the reaction at a gap."""
+        raise NotImplementedError
+
+    def gap(self, reaction: Any) -> Any:
+        """Return the gap at a reaction, the inverse of the law."""
+        from scipy.optimize import brentq
+
+        def inverse(wanted: float) -> float:
+            reach = self.width
+            while (
+                float(self(np.float64(reach))) > wanted or float(self(np.float64(-reach))) < wanted
+            ):
+                reach *= 2.0
+            return float(brentq(lambda h: float(self(np.float64(h))) - wanted, -reach, reach))
+
+        return np.vectorize(inverse)(reaction)
+
+    @property
+    def words(self) -> str:
+        """Description for a report."""
+        return type(self).__name__
 
 
 @dataclass(frozen=True)
@@ -60,7 +96,7 @@ class Signorini:
 
 
 @dataclass(frozen=True)
-class RepulsiveSignorini:
+class RepulsiveSignorini(ContactLaw):
     """R (R/K + h) = η δ: everywhere repulsive, for surfaces with distant nodes.
 
     It agrees with (5c) where |h| ≪ δ and decays like η δ/h, so that a strip
@@ -81,12 +117,12 @@ class RepulsiveSignorini:
         return self.eta * self.delta / reaction - reaction / self.stiffness
 
     @property
-    def width(self) -> float:
+    def width(self) -> float:  # type: ignore[override]
         """Gap (m) over which the reaction sets in."""
         return 2.0 * float(np.sqrt(self.eta * self.delta / self.stiffness))
 
     @property
-    def faint(self) -> float:
+    def faint(self) -> float:  # type: ignore[override]
         """Reaction below which nothing counts as touching."""
         return self.eta
 
@@ -102,7 +138,7 @@ than any strip bears, and still a number."""
 
 
 @dataclass(frozen=True)
-class GradedSignorini:
+class GradedSignorini(ContactLaw):
     """R = p₀ exp(−h/w), for surfaces: an onset of contact of given width.
 
     A strip pressed by p₀ lies on the surface, h = 0, and sinks by w for every factor of e in the
@@ -132,7 +168,7 @@ class GradedSignorini:
         return np.log(reaction / self.pressure) * -self.width
 
     @property
-    def faint(self) -> float:
+    def faint(self) -> float:  # type: ignore[override]
         """Reaction below which nothing counts as touching: at gaps of 4.6 w."""
         return 0.01 * self.pressure
 
@@ -147,8 +183,38 @@ def regular_norm(v: Any, floor: float) -> Any:
     return np.sqrt(np.einsum("i...,i...->...", v, v) + floor**2)
 
 
+class FrictionLaw:
+    """Tangential reaction R_T as a function of the normal reaction and of the slip velocity.
+
+    A subclass is a frozen dataclass with at least the fields ``coefficient`` (f, a number or one
+    for each point) and ``speed`` (V_c, m/s), and has ``__call__(normal, slip)``: the reaction,
+    against the slip, proportional to f, of arrays and of power series alike.
+    """
+
+    coefficient: Any
+    speed: float
+
+    def __call__(self, normal: Any, slip: Any) -> Any:
+        """Return the tangential reaction, components on the first axis."""
+        raise NotImplementedError
+
+    def with_coefficient(self, coefficient: Any) -> Self:
+        """Return the law with another coefficient, or one for each point."""
+        return replace(self, coefficient=coefficient)  # type: ignore[type-var]
+
+    def share(self, slip: Any) -> Any:
+        """Return |R_T|/(f R_N) in steady slip at given speeds (m/s)."""
+        unit = self.with_coefficient(1.0)
+        speed = np.abs(np.asarray(slip, dtype=float))
+        return -unit(np.ones_like(speed), speed[None])[0]
+
+    def effective(self, slip: float) -> float:
+        """Return |R_T|/R_N in steady slip at a speed (m/s)."""
+        return float(self.coefficient * self.share(slip))
+
+
 @dataclass(frozen=True)
-class NortonHoff:
+class NortonHoff(FrictionLaw):
     """R_T = −f R_N |v|_reg^(q−1) v / V_c^q: equations (2) and (5d).
 
     Invertible, and not bounded by f: at |v| = 10 V_c and q = 0.1 the ratio
@@ -177,18 +243,9 @@ class NortonHoff:
         strength = normal * magnitude ** (self.exponent - 1.0)
         return slip * strength * (-self.coefficient / self.speed)
 
-    def share(self, slip: Any) -> Any:
-        """|R_T|/(f R_N) in steady slip at given speeds."""
-        s = np.abs(slip) / self.speed
-        return s * (s * s + self.omega**2) ** ((self.exponent - 1.0) / 2.0)
-
-    def effective(self, slip: float) -> float:
-        """Ratio |R_T|/R_N in steady slip at the given speed."""
-        return float(self.coefficient * self.share(slip))
-
 
 @dataclass(frozen=True)
-class Tanh:
+class Tanh(FrictionLaw):
     """R_T = −f R_N tanh(|v|_reg / V_c) v / |v|_reg: bounded by f.
 
     Attributes as in :class:`NortonHoff`, without exponent; ω only keeps the
@@ -204,19 +261,6 @@ class Tanh:
         magnitude = regular_norm(slip * (1.0 / self.speed), self.omega)
         strength = normal * np.tanh(magnitude) / magnitude
         return slip * strength * (-self.coefficient / self.speed)
-
-    def share(self, slip: Any) -> Any:
-        """|R_T|/(f R_N) in steady slip at given speeds."""
-        s = np.abs(slip) / self.speed
-        m = np.hypot(s, self.omega)
-        return np.tanh(m) * s / m
-
-    def effective(self, slip: float) -> float:
-        """Ratio |R_T|/R_N in steady slip at the given speed."""
-        return float(self.coefficient * self.share(slip))
-
-
-FrictionLaw = NortonHoff | Tanh
 
 
 def corner_speed(law: FrictionLaw) -> float:
@@ -238,7 +282,7 @@ def _speed_where(law: FrictionLaw, excess: Callable[[float, float], float]) -> f
     """Where an increasing function of |R_T|/(f R_N) and |v|/V_c vanishes."""
     from scipy.optimize import brentq
 
-    unit = replace(law, coefficient=1.0)
+    unit = law.with_coefficient(1.0)
 
     def value(logarithm: float) -> float:
         speed = float(np.exp(logarithm))
