@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from anmstrip import Scene
-from anmstrip.fem.operators import jets
+from anmstrip.fem.operators import CellOperator
 from anmstrip.pictures.render import render
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import Wrinkling
@@ -108,7 +108,7 @@ def crowned(cells: tuple[int, int], refined: float) -> None:
     """Find the tension below which a strip wrinkles over a crown, and the wavelength."""
     state = onset(crowned_scene(cells, refined))
     strip, tension = state.plan.model.strip, state.tension("exit")
-    operator = jets(strip)
+    operator = CellOperator(strip, (0, 1))
     mode = flattened(state, buckling(state, 1)[1][:, 0])
     height, *slopes = operator.apply(mode)[2] ** 2 @ operator.weights
     along, across = (2.0 * np.pi * np.sqrt(height / slope) for slope in slopes)

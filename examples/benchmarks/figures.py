@@ -1,6 +1,5 @@
 """Figures of the benchmarks, and runs measured by their error and their cost."""
 
-
 from __future__ import annotations
 
 import time

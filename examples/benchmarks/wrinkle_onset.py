@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from anmstrip.continuation.status import Outcome, PathStopped
 from anmstrip.driver.scene import Scene
-from anmstrip.fem.operators import jets
+from anmstrip.fem.operators import CellOperator
 from anmstrip.fem.sampling import quadrature_points
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import Wrinkling
@@ -68,7 +68,7 @@ class Onset:
     @cached_property
     def wavelengths(self) -> tuple[float, float]:
         """2π times the mean height over the mean slope, along and across (m)."""
-        operator = jets(self.state.plan.model.strip)
+        operator = CellOperator(self.state.plan.model.strip, (0, 1))
         height, *slopes = operator.apply(self.heights)[2] ** 2 @ operator.weights
         along, across = (2.0 * np.pi * np.sqrt(height / slope) for slope in slopes)
         return float(along), float(across)
@@ -95,7 +95,7 @@ class Onset:
         The mean square slope is largest across the crests, which are turned towards +y at the
         exit if the angle is positive.
         """
-        operator = jets(self.state.plan.model.strip)
+        operator = CellOperator(self.state.plan.model.strip, (0, 1))
         height, *slopes = operator.apply(self.heights)[2]
         squares = np.einsum("ip,jp,p->ij", slopes, slopes, operator.weights)
         (_, steepest), axes = np.linalg.eigh(squares)
@@ -107,7 +107,7 @@ class Onset:
         """x, y and height of the mode at the quadrature points of the flat strip."""
         strip = self.state.plan.model.strip
         x, y = quadrature_points(strip)[:2]
-        return x, y, jets(strip).apply(self.heights)[2, 0]
+        return x, y, CellOperator(strip, (0, 1)).apply(self.heights)[2, 0]
 
     @property
     def count(self) -> int:

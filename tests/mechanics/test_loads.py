@@ -10,7 +10,7 @@ from anmstrip.effect_series import Controls
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.kinematics import SECTION
-from anmstrip.fem.operators import Pattern, jets
+from anmstrip.fem.operators import CellOperator, Pattern
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.loads import Pretension, edge_force, edge_tension, pressure, weight
 from anmstrip.mechanics.shell import Membrane, isometric_bending
@@ -197,9 +197,9 @@ def test_pretension_is_the_slope_of_the_membrane_about_a_tensioned_strip():
 def test_jets_are_value_and_gradient():
     strip = strip_of("shell")
     full = linear(strip, [[1.1, 0.2, 0], [0.3, 0.9, 0], [0.5, -0.4, 1]], (1.0, 2.0, 3.0))
-    found = jets(strip).apply(full)
+    found = CellOperator(strip, (0, 1)).apply(full)
     np.testing.assert_allclose(found[:, 1:].mean(axis=2), [[0.1, 0.2], [0.3, -0.1], [0.5, -0.4]])
-    edge = jets(strip, strip.edge_basis("exit"))
+    edge = CellOperator(strip, (0, 1), strip.edge_basis("exit"))
     assert edge.weights.sum() == pytest.approx(np.ptp(YS))
     at = edge.apply(full)[:, 0]
     assert at[0] @ edge.weights == pytest.approx((0.1 * 0.5 + 0.2 * 0.05 + 1.0) * 0.5)

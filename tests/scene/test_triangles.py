@@ -16,7 +16,7 @@ from anmstrip.continuation.status import Outcome
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.fem.elements import facet_normals
-from anmstrip.fem.operators import Pattern, gradients
+from anmstrip.fem.operators import CellOperator, Pattern
 from anmstrip.fem.sampling import ContactOperator
 from anmstrip.fem.strip import Material, Strip
 from anmstrip.mechanics.shell import Membrane, isometric_bending
@@ -82,7 +82,7 @@ def forces(strip: Strip, full: Array) -> tuple[Array, Array]:
     """Of membrane and bending, each (scalars, 3), in units of values."""
     membrane = Membrane(strip)
     stress = membrane.law(membrane.operator.apply(full), None, {})
-    bending = isometric_bending(strip, Pattern(strip)).force(full)
+    bending = isometric_bending(strip, Pattern(strip)).product(full)
     units = strip.dof_lengths[:, None]
     own = membrane.operator.gather(stress).reshape(-1, 3)
     return own * units, bending.reshape(-1, 3) * units
@@ -137,7 +137,7 @@ def test_membrane_of_one_triangle_resists_all_but_rigid_motion() -> None:
         1e-3,
         Material(2e11, 0.3),
     )
-    table = gradients(strip).table[0].reshape(2, -1, 21)
+    table = CellOperator(strip, [1]).table[0].reshape(2, -1, 21)
     (along, across), nothing = table, np.zeros_like(table[0])
     strains = [
         np.hstack([along, nothing]), np.hstack([nothing, across]), np.hstack([across, along]),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,44 +15,25 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Scales:
-    """What errors are measured against.
+    """Units in which errors are measured."""
 
-    Attributes
-    ----------
-    length : float
-        m, for positions.
-    force : float
-        N, for imbalances.
-    tension : float
-        N/m, for membrane forces.
-    """
-
-    length: float
-    force: float
-    tension: float
+    length: float  # m, for positions
+    force: float  # N, for imbalances
+    tension: float  # N/m, for membrane forces
 
 
 @dataclass(frozen=True)
 class Supports:
-    """Which unknowns are free, and the motion of the others.
+    """Free unknowns, and the motion of the others.
 
     u = start + λ slope + λ (λ − 1) bow, where the bow is that of a velocity that changes
     linearly.
-
-    Attributes
-    ----------
-    free : ndarray of int
-        Numbers of the free unknowns.
-    start, slope : ndarray, shape (unknowns,)
-        At the free unknowns the slope is zero, and the start what they are counted from.
-    bow : ndarray, shape (unknowns,), or None
-        Of a whole stage in time; a path in λ is straight.
     """
 
-    free: Index
-    start: Array
-    slope: Array
-    bow: Array | None = None
+    free: Index  # numbers of the free unknowns
+    start: Array  # (unknowns,); at the free ones what they are counted from
+    slope: Array  # (unknowns,); zero at the free ones
+    bow: Array | None = None  # (unknowns,), of a whole stage in time; a path in λ is straight
 
     @classmethod
     def at_rest(cls, unknowns: int, held: Index) -> Supports:
@@ -83,7 +63,7 @@ class Supports:
 
 def simple_support(strip: Strip, name: str, component: int) -> Index:
     """Unknowns that fix one component of space all along a straight edge of the mesh."""
-    return _on_edge(strip, name, lambda odd: [] if odd else [component], facets=False)
+    return strip.edge_unknowns(name, [component], (), ())
 
 
 def grip(strip: Strip, name: str) -> Index:
@@ -91,11 +71,7 @@ def grip(strip: Strip, name: str) -> Index:
 
     Unlike :meth:`Strip.clamp` this leaves strains in the plane free, for strips that are pulled.
     """
-    positions = [
-        simple_support(strip, name, component) for component in strip.kinematics.components
-    ]
-    slopes = _on_edge(strip, name, lambda odd: [2] if odd else [], facets=True)
-    return np.union1d(np.concatenate(positions), slopes)
+    return strip.edge_unknowns(name, strip.kinematics.components, [2], ())
 
 
 def symmetry(strip: Strip, name: str, component: int) -> Index:
@@ -104,22 +80,4 @@ def symmetry(strip: Strip, name: str, component: int) -> Index:
     That component of space, normal to the plane, is odd across the edge, the others even.
     """
     others = [c for c in strip.kinematics.components if c != component]
-    return _on_edge(strip, name, lambda odd: others if odd else [component], facets=True)
-
-
-def _on_edge(strip: Strip, name: str, held: Callable[[bool], Sequence[int]], facets: bool) -> Index:
-    """Unknowns on an edge, the components held by the parity of the derivatives across it."""
-    edge, level = strip.edges[name], strip.kinematics
-    across = "xy"[int(np.ptp(strip.mesh.p[0, edge.nodes]) > 0.0)]
-    names = [n[2:] for n in strip.basis.elem.dofnames[: len(strip.basis.nodal_dofs)]]
-    found = [
-        (dofs[edge.nodes], level.place(component))
-        for n, dofs in zip(names, strip.basis.nodal_dofs, strict=True)
-        if facets or across not in n
-        for component in held(n.count(across) % 2 == 1)
-    ]
-    if facets:
-        normal = [dofs[edge.facets] for dofs in strip.basis.facet_dofs]
-        found += [(dofs, level.place(c)) for dofs in normal for c in held(True)]
-    places = [strip.count * d + place for d, place in found if place is not None]
-    return np.sort(np.concatenate(places))
+    return strip.edge_unknowns(name, [component], others, [component])

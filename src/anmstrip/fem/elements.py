@@ -37,6 +37,11 @@ class CentredMixin(ElementGlobal):
         every = np.ndindex(*(self.highest + 1,) * self.dim)
         return [e for e in every if self.tensorial_basis or sum(e) <= self.highest]
 
+    @property
+    def orders(self) -> list[Orders]:
+        """Value, first and second derivatives."""
+        return [orders for k in range(3) for orders in np.ndindex(*(self.dim,) * k)]
+
     def _eval_dofs(self, mesh: Any, tind: Any = None) -> Array:
         """Local monomials under the degrees of freedom, shape (elements, dofs, monomials)."""
         corners = mesh.p[:, mesh.t].swapaxes(0, 1)
@@ -48,24 +53,17 @@ class CentredMixin(ElementGlobal):
         size = len(self.exponents)
         dofs = np.empty((mesh.t.shape[1], size, size))
         for j, exponents in enumerate(self.exponents):
-            monomial = {orders: self._derivative(exponents, orders) for orders in self._orders()}
+            monomial = {orders: self._derivative(exponents, orders) for orders in self.orders}
             for i in range(size):
                 dofs[:, i, j] = self.gdof(monomial, places, i)
         return dofs
 
-    def _orders(self) -> list[Orders]:
-        """Value, first and second derivatives."""
-        return [orders for k in range(3) for orders in np.ndindex(*(self.dim,) * k)]
-
     def _derivative(self, exponents: tuple[int, ...], orders: Orders) -> Callable[..., Array]:
         """Physical derivative of a monomial as a function of local coordinates."""
         scale = np.prod(self.extent[list(orders)], axis=0)
-
-        def evaluated(*x: Array) -> Array:
-            table = powers(np.stack(x), self.highest)
-            return differentiated(exponents, orders, table) / scale
-
-        return evaluated
+        return lambda *x: (
+            monomial_derivative(exponents, orders, powers(np.stack(x), self.highest)) / scale
+        )
 
     def gbasis(self, mapping: Any, X: Array, i: int, tind: Any = None) -> Any:
         """Value, gradient and Hessian of basis function ``i`` at reference points."""
@@ -76,7 +74,7 @@ class CentredMixin(ElementGlobal):
         table = powers((mapping.F(X, tind=chosen) - centre) / extent, self.highest)
         weights = self.V[chosen, :, i].T[:, :, None]
         parts = [np.zeros((self.dim,) * k + table.shape[2:]) for k in range(3)]
-        for orders in self._orders():
+        for orders in self.orders:
             mirrored = tuple(sorted(orders))
             if mirrored != orders:
                 parts[2][orders] = parts[2][mirrored]
@@ -84,7 +82,7 @@ class CentredMixin(ElementGlobal):
             part = parts[len(orders)][orders]
             for weight, exponents in zip(weights, self.exponents, strict=True):
                 if all(e >= orders.count(d) for d, e in enumerate(exponents)):
-                    part += weight * differentiated(exponents, orders, table)
+                    part += weight * monomial_derivative(exponents, orders, table)
             part /= np.prod(extent[list(orders)], axis=0)
         return (DiscreteField(value=parts[0], grad=parts[1], hess=parts[2]),)
 
@@ -103,7 +101,7 @@ def powers(x: Array, highest: int) -> Array:
     return table
 
 
-def differentiated(exponents: tuple[int, ...], orders: Orders, table: Array) -> Array:
+def monomial_derivative(exponents: tuple[int, ...], orders: Orders, table: Array) -> Array:
     """Derivative of a monomial from the powers of its coordinates, zero ones included."""
     counts = [orders.count(d) for d in range(len(exponents))]
     lowered = [table[max(e - counts[d], 0), d] for d, e in enumerate(exponents)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,20 +14,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Kinematics:
-    """A level of description.
-
-    Attributes
-    ----------
-    name : str
-    components : tuple of int
-        Which of x, y, z (0, 1, 2) are unknown.
-    directions : int
-        Dimensions of the reference: 2 for a surface, 1 for a line along the strip.
-    """
+    """A level of description: which displacements of which points are unknown."""
 
     name: str
-    components: tuple[int, ...]
-    directions: int
+    components: tuple[int, ...]  # of x, y, z (0, 1, 2)
+    directions: int  # of the reference: 2 for a surface, 1 for a line along the strip
 
     @property
     def count(self) -> int:
@@ -65,14 +55,13 @@ SECTION = Kinematics("section", (0, 2), 1)
 PLATE = Kinematics("plate", (2,), 2)
 KINEMATICS = {level.name: level for level in (PLATE, SECTION, SHELL)}
 
-
 CROSS = np.zeros((3, 3, 3))
 CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
 CROSS[[0, 2, 1], [2, 1, 0], [1, 0, 2]] = -1.0
 """ε_ijk in (a × b)_i = ε_ijk a_j b_k."""
 
 QUARTER_TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
-"""From the tangent of a section to its normal, in the plane (x, z)."""
+"""Turns the tangent of a section to its normal, in the plane (x, z)."""
 
 
 def dot(a: Any, b: Any) -> Any:
@@ -85,38 +74,26 @@ def cross(a: Any, b: Any) -> Any:
     return np.einsum("ik...,k...->i...", np.einsum("ijk,j...->ik...", CROSS, a), b)
 
 
-class Normals(ABC):
-    """The vector normal to a strip, as long as the area that it stands for."""
+def normal_vector(tangents: Any) -> Any:
+    """m, normal to a surface or a section and as long as the area that it stands for.
 
-    @abstractmethod
-    def vector(self, tangents: Any) -> Any:
-        """m, (components, points), from tangent vectors (components, directions, points)."""
+    r,1 × r,2 of a surface; r,x turned by a right angle, in the plane (x, z), of a section.
 
-    @abstractmethod
-    def works(self, tangents: Any, p: Any) -> list[Any]:
-        """Vectors q_a in p · δm = Σ q_a · δr,a."""
+    Parameters
+    ----------
+    tangents : array or Series, shape (components, directions, points)
 
-
-class SurfaceNormals(Normals):
-    """m = r,1 × r,2."""
-
-    def vector(self, tangents: Any) -> Any:
-        return cross(tangents[:, 0], tangents[:, 1])
-
-    def works(self, tangents: Any, p: Any) -> list[Any]:
-        return [cross(tangents[:, 1], p), cross(p, tangents[:, 0])]
-
-
-class SectionNormals(Normals):
-    """m is r,x turned by a right angle, in the plane (x, z)."""
-
-    def vector(self, tangents: Any) -> Any:
+    Returns
+    -------
+    array or Series, shape (components, points)
+    """
+    if tangents.shape[1] == 1:
         return np.einsum("ij,j...->i...", QUARTER_TURN, tangents[:, 0])
+    return cross(tangents[:, 0], tangents[:, 1])
 
-    def works(self, tangents: Any, p: Any) -> list[Any]:
+
+def normal_work(tangents: Any, p: Any) -> list[Any]:
+    """Vectors q_a in p · δm = Σ q_a · δr,a, m of :func:`normal_vector`, (components, points)."""
+    if tangents.shape[1] == 1:
         return [np.einsum("ij,j...->i...", QUARTER_TURN.T, p)]
-
-
-def normals(kinematics: Kinematics) -> Normals:
-    """Those of a shell or of a section; a plate has none that turns."""
-    return {SHELL: SurfaceNormals, SECTION: SectionNormals}[kinematics]()
+    return [cross(tangents[:, 1], p), cross(p, tangents[:, 0])]

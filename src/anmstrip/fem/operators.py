@@ -1,7 +1,8 @@
-"""From degrees of freedom to quadrature points, and back."""
+"""Operators between degrees of freedom and quadrature points, and sparse matrices."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -40,10 +41,6 @@ class Pattern:
         """Empty blocks."""
         return np.zeros((self.count, self.count, self.couplings))
 
-    def scalar_matrix(self, block: Array) -> csc_matrix:
-        """One block as a matrix, shape (scalars, scalars)."""
-        return csc_matrix((block, (self.row, self.column)), shape=(self.scalars, self.scalars))
-
     def restricted(self, free: Index) -> Restriction:
         """Maker of sparse matrices over the free unknowns."""
         return Restriction(self, free)
@@ -72,24 +69,32 @@ class Restriction:
 
 
 class CellOperator:
-    """Values or derivatives of the basis at quadrature points of elements.
+    """Derivatives at quadrature points of elements, along the reference's directions.
 
     Parameters
     ----------
     strip : Strip
-    derivatives : sequence of ndarray, each (dofs per element, elements, points per element)
-        One array for each component of the derivative.
+    orders : sequence of int
+        0 for the value, 1 for first, 2 for second derivatives (xx, yy, xy; of a section xx).
     basis : skfem basis, optional
         Whose quadrature it is: all elements by default, those along an edge for a
         ``FacetBasis``.
     """
 
-    def __init__(self, strip: Strip, derivatives: list[Array], basis: Any = None) -> None:
+    def __init__(self, strip: Strip, orders: Sequence[int], basis: Any = None) -> None:
         quadrature = strip.basis if basis is None else basis
-        fields = np.stack(derivatives)
+        frames = strip.frames(basis)
+        rows = []
+        for (field,) in quadrature.basis:
+            gradient = np.asarray(field.grad)
+            parts: list[list[Array]] = [[np.asarray(field)], [*frames.gradient(gradient)], []]
+            if 2 in orders:
+                parts[2] = frames.hessian(gradient, field.hess)
+            rows.append([part for order in orders for part in parts[order]])
+        fields = np.array(rows)
         self.count = strip.count
-        self.components, self.local, self.elements, self.per_element = fields.shape
-        table = fields.transpose(2, 0, 3, 1).reshape(self.elements, -1, self.local)
+        self.local, self.components, self.elements, self.per_element = fields.shape
+        table = fields.transpose(2, 1, 3, 0).reshape(self.elements, -1, self.local)
         self.table: Array = np.ascontiguousarray(table)
         self.weights: Array = strip.weights(quadrature).ravel()
         each = np.tile(self.weights.reshape(self.elements, -1), self.components)
@@ -144,39 +149,3 @@ class CellOperator:
         """Sum element matrices (elements, row, column) into a block."""
         places = pattern.places if self.cells is None else pattern.cells[self.cells].ravel()
         block += np.bincount(places, local.ravel(), pattern.couplings)
-
-
-def gradients(strip: Strip) -> CellOperator:
-    """Derivatives along the reference's directions at the quadrature points."""
-    return CellOperator(strip, _first(strip))
-
-
-def hessians(strip: Strip) -> CellOperator:
-    """Second derivatives (xx, yy, xy) at the quadrature points; of a section xx alone."""
-    return CellOperator(strip, _second(strip))
-
-
-def derivatives(strip: Strip) -> CellOperator:
-    """First and second derivatives at the quadrature points."""
-    return CellOperator(strip, [*_first(strip), *_second(strip)])
-
-
-def jets(strip: Strip, basis: Any = None) -> CellOperator:
-    """Value and derivatives at the quadrature points of the strip, or of another basis."""
-    fields = [field[0] for field in (strip.basis if basis is None else basis).basis]
-    value = np.stack([np.asarray(f) for f in fields])
-    return CellOperator(strip, [value, *_first(strip, basis)], basis)
-
-
-def _first(strip: Strip, basis: Any = None) -> list[Array]:
-    """Derivatives of all basis functions, one array for each direction."""
-    frames = strip.frames(basis)
-    functions = (strip.basis if basis is None else basis).basis
-    found = np.stack([frames.gradient(np.asarray(field[0].grad)) for field in functions])
-    return [found[:, a] for a in range(strip.mesh.dim())]
-
-
-def _second(strip: Strip) -> list[Array]:
-    frames = strip.frames()
-    found = [frames.hessian(field[0].grad, field[0].hess) for field in strip.basis.basis]
-    return [np.stack(part) for part in zip(*found, strict=True)]

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
+from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import splu
 from skfem.element import DiscreteField
 
-from anmstrip.fem.operators import Pattern, jets
+from anmstrip.fem.operators import CellOperator, Pattern
 from anmstrip.fem.strip import Strip
 
 Array = NDArray[np.float64]
@@ -20,21 +20,11 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Patches:
-    """The same points on every element, shared between neighbours.
+    """The same points on every element, shared between neighbours."""
 
-    Attributes
-    ----------
-    cells : ndarray of int, shape (elements, points of one)
-        Numbers of each element's points.
-    reference : ndarray, shape (3, points)
-        Reference positions.
-    functions : list of DiscreteField
-        Every basis function there, each (elements, points of one).
-    """
-
-    cells: Index
-    reference: Array
-    functions: list[DiscreteField]
+    cells: Index  # numbers of each element's points, (elements, points of one)
+    reference: Array  # their reference positions, (3, points)
+    functions: list[DiscreteField]  # each basis function there, (elements, points of one)
 
 
 def shape_of(strip: Strip) -> str:
@@ -43,7 +33,7 @@ def shape_of(strip: Strip) -> str:
 
 
 def patches(strip: Strip, local: Array) -> Patches:
-    """Points of all elements from those of the reference element, (dimensions, points)."""
+    """Points of all elements, given those of the reference element, (dimensions, points)."""
     basis = strip.basis
     cells, points = joined(basis.mapping.F(local), strip)
     functions = [basis.elem.gbasis(basis.mapping, local, i)[0] for i in range(basis.Nbfun)]
@@ -83,7 +73,7 @@ SHARES = {
     "quad": np.outer(SIMPSON, SIMPSON).ravel(),
     "triangle": np.repeat([1 / 90, 16 / 225, 81 / 320, 49**2 / 14400], [3, 3, 1, 3]),
 }
-"""Share of an element's area of each of its contact points.
+"""Weights of an element's contact points, as shares of its area.
 
 Positive, and exact for the element's own functions, so that a uniform pressure
 is carried without bending: cubics in each coordinate, quintics on triangles.
@@ -143,17 +133,13 @@ class ContactOperator:
         if key not in self.parts:
             while len(self.parts) >= REMEMBERED:
                 self.parts.pop(next(iter(self.parts)))
-            self.parts[key] = self._part(points)
+            part = self.parts[key] = copy(self)
+            part.parts = {}
+            part.chosen = self.chosen[points]
+            part.reference, part.weights = self.reference[:, points], self.weights[points]
+            part.matrix = self.matrix[points]
+            part.transposed = part.matrix.T.tocsr()
         return self.parts[key]
-
-    def _part(self, points: Index) -> ContactOperator:
-        part = copy(self)
-        part.parts = {}
-        part.chosen = self.chosen[points]
-        part.reference, part.weights = self.reference[:, points], self.weights[points]
-        part.matrix = self.matrix[points]
-        part.transposed = part.matrix.T.tocsr()
-        return part
 
     @property
     def points(self) -> int:
@@ -215,14 +201,12 @@ def l2_projection(strip: Strip, pattern: Pattern, displacement: Array) -> Array:
     -------
     ndarray, shape (unknowns,)
     """
-    operator = jets(strip)
-    stress = np.zeros((strip.count, operator.components, operator.points))
-    stress[:, 0] = strip.kinematics.pick(displacement.T).T
-    values = np.zeros((operator.components, operator.components))
-    values[0, 0] = 1.0
+    operator = CellOperator(strip, [0])
     block = np.zeros(pattern.couplings)
-    operator.add_bilinear(values, pattern, block)
-    units = strip.dof_lengths
+    operator.add_bilinear(np.eye(1), pattern, block)
+    units = strip.dof_lengths  # that make the matrix well conditioned
     scaled = block * units[pattern.row] * units[pattern.column]
-    right = operator.gather(stress).reshape(-1, strip.count) * units[:, None]
-    return np.ravel(splu(pattern.scalar_matrix(scaled)).solve(right) * units[:, None])
+    mass = csc_matrix((scaled, (pattern.row, pattern.column)), 2 * (strip.scalars,))
+    right = operator.gather(strip.kinematics.pick(displacement.T).T[:, None])
+    scaled_unknowns = splu(mass).solve(right.reshape(-1, strip.count) * units[:, None])
+    return np.ravel(scaled_unknowns * units[:, None])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -28,52 +29,24 @@ Enough for products of first derivatives: the membrane of the flat strip, and be
 
 @dataclass(frozen=True)
 class Material:
-    """Isotropic linear elasticity.
+    """Isotropic linear elasticity."""
 
-    Attributes
-    ----------
-    young : float
-        E (Pa).
-    poisson : float
-        ν.
-    density : float
-        ρ (kg/m³).
-    """
-
-    young: float
-    poisson: float
-    density: float = 0.0
+    young: float  # E (Pa)
+    poisson: float  # ν
+    density: float = 0.0  # ρ (kg/m³)
 
 
 @dataclass(frozen=True)
 class Edge:
-    """A named edge of the strip.
-
-    Attributes
-    ----------
-    name : str
-    facets : ndarray of int
-        Mesh facets on it.
-    nodes : ndarray of int
-        Mesh nodes on it, in the order along the edge.
-    values : ndarray of int
-        Scalar degrees of freedom "value" of these nodes.
-    trace : ndarray of int
-        Scalar degrees of freedom that fix the values all along the edge, if it is straight
-        along x or y: values and derivatives along it.
-    load : ndarray, shape (scalars,)
-        ∫ φ ds: generalised force of a unit force per length.
-    length : float
-        m.
-    """
+    """A named edge of the strip."""
 
     name: str
-    facets: Index
-    nodes: Index
-    values: Index
-    trace: Index
-    load: Array
-    length: float
+    facets: Index  # of the mesh
+    nodes: Index  # of the mesh, in the order along the edge
+    values: Index  # scalar degrees of freedom "value" of these nodes
+    trace: Index  # those that fix values all along a straight edge: values, derivatives along it
+    load: Array  # ∫ φ ds, generalised force of a unit force per length, shape (scalars,)
+    length: float  # m
 
 
 class Strip:
@@ -209,21 +182,16 @@ class Strip:
 
         h is the mean size of the elements around the node.
         """
-        around = self._mean_sizes()
-        sizes = dict(zip("xy", around, strict=False))
+        t = self.mesh.t
+        count = np.bincount(t.ravel())
+        sizes = [np.bincount(t.ravel(), np.tile(s, len(t))) / count for s in self.cell_sizes]
+        around = dict(zip("xy", sizes, strict=False))
         lengths = np.empty(self.scalars)
         for name, dofs in zip(self.basis.elem.dofnames, self.basis.nodal_dofs, strict=False):
-            lengths[dofs] = 1.0 / np.prod([sizes[d] for d in name[2:]], axis=0, initial=1.0)
+            lengths[dofs] = 1.0 / np.prod([around[d] for d in name[2:]], axis=0, initial=1.0)
         for dofs in self.basis.facet_dofs:
-            lengths[dofs] = 1.0 / around[:, self.mesh.facets].mean(axis=(0, 1))
+            lengths[dofs] = 1.0 / np.array(sizes)[:, self.mesh.facets].mean(axis=(0, 1))
         return lengths
-
-    def _mean_sizes(self) -> Array:
-        t, nodes = self.mesh.t, self.mesh.p.shape[1]
-        count = np.bincount(t.ravel(), minlength=nodes)
-        return np.stack(
-            [np.bincount(t.ravel(), np.tile(s, len(t)), nodes) / count for s in self.cell_sizes]
-        )
 
     @cached_property
     def edges(self) -> dict[str, Edge]:
@@ -235,19 +203,37 @@ class Strip:
         numbers = self.count * np.asarray(scalars)[:, None] + np.arange(self.count)
         return np.sort(numbers.ravel())
 
+    def edge_unknowns(self, name: str, *held: Sequence[int]) -> Index:
+        """Unknowns on a straight edge, by the order of the derivative across it.
+
+        Parameters
+        ----------
+        name : str
+        *held : sequence of int
+            Components of space of the derivatives of order 0, 1, 2 across the edge; those
+            along it follow.
+        """
+        edge, basis, level = self.edges[name], self.basis, self.kinematics
+        across = "xy"[int(np.ptp(self.mesh.p[0, edge.nodes]) > 0.0)]
+        names = zip(basis.elem.dofnames, basis.nodal_dofs, strict=False)
+        rows = [(name[2:].count(across), dofs[edge.nodes]) for name, dofs in names]
+        rows += [(1, dofs[edge.facets]) for dofs in basis.facet_dofs]
+        unknowns = [
+            self.count * dofs + level.components.index(component)
+            for order, dofs in rows
+            for component in held[order]
+            if component in level.components
+        ]
+        return np.unique(np.concatenate(unknowns))
+
     def clamp(self, name: str) -> Index:
         """Unknowns that a rigid clamp holds on an edge: positions and tangent plane.
 
         With them the traces of r and of its derivative across the edge are held all along it;
         the second derivative across, the clamp's moment, stays free.
         """
-        edge = self.edges[name]
-        across = 2 * "xy"[int(np.ptp(self.mesh.p[0, edge.nodes]) > 0.0)]
-        names = self.basis.elem.dofnames[: len(self.basis.nodal_dofs)]
-        held = [rows for rows, name in enumerate(names) if name[2:] != across]
-        scalars = [self.basis.nodal_dofs[held][:, edge.nodes].ravel()]
-        scalars += [dofs[edge.facets] for dofs in self.basis.facet_dofs]
-        return self.unknowns_of(np.concatenate(scalars))
+        every = self.kinematics.components
+        return self.edge_unknowns(name, every, every, ())
 
     def edge_basis(self, name: str) -> FacetBasis:
         """Quadrature along an edge."""
@@ -256,27 +242,22 @@ class Strip:
     def _edge(self, name: str) -> Edge:
         facets = np.asarray(self.mesh.boundaries[name])
         nodes = np.unique(self.mesh.facets[:, facets])
-        extents = np.ptp(self.mesh.p[:, nodes], axis=1)
-        along = int(np.argmax(extents))
+        along = int(np.argmax(np.ptp(self.mesh.p[:, nodes], axis=1)))
         nodes = nodes[np.argsort(self.mesh.p[along, nodes])]
         names = ["u", *(f"u_{'xy'[along] * k}" for k in (1, 2))] if self.mesh.dim() > 1 else ["u"]
         known = [n for n in names if n in self.basis.elem.dofnames]
         trace = np.concatenate([self.dofs(n)[nodes] for n in known])
-        load, length = self._edge_load(facets)
-        return Edge(name, facets, nodes, self.node_values[nodes], trace, load, length)
-
-    def _edge_load(self, facets: Index) -> tuple[Array, float]:
-        """∫ φ ds and length of facets."""
-        load = np.zeros(self.scalars)
+        load, length = np.zeros(self.scalars), self.depth * len(facets)
         if self.mesh.dim() == 1:
-            load[self.node_values[self.mesh.facets[0, facets]]] = self.depth
-            return load, self.depth * len(facets)
-        basis = FacetBasis(self.mesh, self.basis.elem, facets=facets, intorder=6)
-        weights = self.weights(basis)
-        for dofs, field in zip(basis.element_dofs, basis.basis, strict=True):
-            np.add.at(load, dofs, (np.asarray(field[0]) * weights).sum(axis=1))
-        load[np.abs(load) * self.dof_lengths < 1e-12 * np.abs(load).max()] = 0.0
-        return load, float(weights.sum())
+            load[self.node_values[nodes]] = self.depth
+        else:
+            basis = FacetBasis(self.mesh, self.basis.elem, facets=facets, intorder=6)
+            weights = self.weights(basis)
+            for dofs, (field,) in zip(basis.element_dofs, basis.basis, strict=True):
+                np.add.at(load, dofs, (np.asarray(field) * weights).sum(axis=1))
+            load[np.abs(load) * self.dof_lengths < 1e-12 * np.abs(load).max()] = 0.0
+            length = float(weights.sum())
+        return Edge(name, facets, nodes, self.node_values[nodes], trace, load, length)
 
 
 def grid(xs: Array, ys: Array) -> MeshQuad:
@@ -327,14 +308,10 @@ def renumbered(mesh: Mesh) -> Mesh:
         for name, facets in (mesh.boundaries or {}).items()
     }
     sorted_mesh = type(mesh)(mesh.p[:, order], place[mesh.t])
-    return sorted_mesh.with_boundaries(
-        {name: _facets_at(sorted_mesh, points) for name, points in middles.items()}
-    )
-
-
-def _facets_at(mesh: Mesh, points: Array) -> Index:
-    """Numbers of the boundary facets whose midpoints are given, shape (2, m)."""
-    facets = mesh.boundary_facets()
-    middles = mesh.p[:, mesh.facets[:, facets]].mean(axis=1)
-    distance = np.abs(middles[:, :, None] - points[:, None, :]).sum(axis=0)
-    return facets[np.unique(distance.argmin(axis=0))]
+    facets = sorted_mesh.boundary_facets()
+    found = sorted_mesh.p[:, sorted_mesh.facets[:, facets]].mean(axis=1)
+    nearest = {
+        name: np.abs(found[:, :, None] - points[:, None, :]).sum(axis=0).argmin(axis=0)
+        for name, points in middles.items()
+    }
+    return sorted_mesh.with_boundaries({n: facets[np.unique(k)] for n, k in nearest.items()})

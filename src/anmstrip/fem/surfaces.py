@@ -19,50 +19,29 @@ PAIRS = {1: ((0, 0),), 2: ((0, 0), (1, 1), (0, 1))}
 
 @dataclass(frozen=True)
 class Jet:
-    """A surface at points of the parameter plane.
+    """A surface at points of the parameter plane, with first and second derivatives."""
 
-    Attributes
-    ----------
-    position : ndarray, shape (3, points)
-        R (m).
-    tangents : ndarray, shape (3, 2, points)
-        R,a.
-    seconds : ndarray, shape (3, 2, 2, points)
-        R,ab.
-    """
-
-    position: Array
-    tangents: Array
-    seconds: Array
+    position: Array  # R (m), shape (3, points)
+    tangents: Array  # R,a, shape (3, 2, points)
+    seconds: Array  # R,ab, shape (3, 2, 2, points)
 
 
 ReferenceSurface = Callable[[Array], Jet]
-"""From points of the parameter plane, (2, points)."""
+"""A surface as a function of points of the parameter plane, (2, points)."""
 
 
 @dataclass(frozen=True)
 class Frames:
     """Orthonormal frames of a reference at points, and how derivatives are taken in them.
 
-    Attributes
-    ----------
-    tangents : ndarray, shape (components, directions, points or 1)
-        e_α.
-    seconds : ndarray, shape (components, pairs, points or 1)
-        R;αβ for αβ in :data:`PAIRS`.
-    density : ndarray, shape (points or 1,)
-        √det A_ab: area over that in the parameter plane.
-    inverse : ndarray, shape (2, 2, points), or None
-        G^a_α; of a flat sheet in its own coordinates there is nothing to change.
-    christoffel : ndarray, shape (2, 2, 2, points), or None
-        Γ^c_ab.
+    A flat sheet in its own coordinates has neither G nor Γ, and one point for all.
     """
 
-    tangents: Array
-    seconds: Array
-    density: Array
-    inverse: Array | None = None
-    christoffel: Array | None = None
+    tangents: Array  # e_α, shape (components, directions, points or 1)
+    seconds: Array  # R;αβ for αβ in PAIRS, shape (components, pairs, points or 1)
+    density: Array  # √det A_ab, area over that in the parameter plane, (points or 1,)
+    inverse: Array | None = None  # G^a_α, shape (2, 2, points)
+    christoffel: Array | None = None  # Γ^c_ab, shape (2, 2, 2, points)
 
     @classmethod
     def of(cls, jet: Jet) -> Frames:
@@ -129,16 +108,13 @@ def reference_surface(function: Callable[[Any, Any], Any]) -> ReferenceSurface:
     """
 
     def jet(points: Array) -> Jet:
-        along, across, both = (_taylor(function, points, d) for d in ((1, 0), (0, 1), (1, 1)))
+        along, across, both = (
+            taylor(function, *([p, d + 0.0 * p, 0.0 * p] for p, d in zip(points, way, strict=True)))
+            for way in ((1, 0), (0, 1), (1, 1))
+        )
         mixed = both[2] - along[2] - across[2]
         seconds = np.stack([[2.0 * along[2], mixed], [mixed, 2.0 * across[2]]])
         tangents = np.stack([along[1], across[1]], axis=1)
         return Jet(along[0], tangents, seconds.transpose(2, 0, 1, 3))
 
     return jet
-
-
-def _taylor(function: Any, points: Array, direction: tuple[int, int]) -> Array:
-    """Orders 0, 1, 2 along a direction of the plane, shape (3, 3, points)."""
-    lines = [[p, d + 0.0 * p, 0.0 * p] for p, d in zip(points, direction, strict=True)]
-    return taylor(function, *lines)

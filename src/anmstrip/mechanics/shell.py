@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.fem.kinematics import dot, normals
-from anmstrip.fem.operators import CellOperator, Pattern, derivatives, gradients, hessians
+from anmstrip.fem.kinematics import dot, normal_vector, normal_work
+from anmstrip.fem.operators import CellOperator, Pattern
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.effects import LawEffect, LinearEffect
 
@@ -49,7 +49,7 @@ class Membrane(LawEffect):
     operator: CellOperator
 
     def __init__(self, strip: Strip, imperfection: Array | None = None) -> None:
-        self.operator = gradients(strip)
+        self.operator = CellOperator(strip, [1])
         self.stiffness = plane_stress(strip)
         self.flat = strip.frames().tangents
         self.metric = np.eye(strip.kinematics.directions)[:, :, None]
@@ -112,7 +112,7 @@ def isometric_bending(strip: Strip, pattern: Pattern) -> LinearEffect:
     """
     if np.abs(strip.frames().seconds).max() * strip.thickness > FLAT:
         raise ValueError("isometric bending is for flat references; take KirchhoffLove")
-    operator = hessians(strip)
+    operator = CellOperator(strip, [2])
     block = np.zeros(pattern.couplings)
     operator.add_bilinear(stiffness(strip), pattern, block)
     return LinearEffect("bending", operator.points, block, pattern)
@@ -155,8 +155,7 @@ class KirchhoffLove(LawEffect):
 
     def __init__(self, strip: Strip, imperfection: Array | None = None) -> None:
         frames = strip.frames()
-        self.operator = derivatives(strip)
-        self.normals = normals(strip.kinematics)
+        self.operator = CellOperator(strip, (1, 2))
         self.directions = strip.kinematics.directions
         self.stiffness = stiffness(strip)
         self.reference = np.concatenate([frames.tangents, frames.seconds], axis=1)
@@ -165,7 +164,7 @@ class KirchhoffLove(LawEffect):
 
     def bent(self, derivatives: Any) -> Any:
         """b (1/m) as (xx, yy, xy), (pairs, points), from r,a and r,ab."""
-        m = self.normals.vector(derivatives[:, : self.directions])
+        m = normal_vector(derivatives[:, : self.directions])
         second = derivatives[:, self.directions :]
         return np.einsum("ik...,i...->k...", second, m) / np.sqrt(dot(m, m))
 
@@ -177,7 +176,7 @@ class KirchhoffLove(LawEffect):
         """
         derivatives = x + self.reference
         tangents, second = derivatives[:, : self.directions], derivatives[:, self.directions :]
-        m = self.normals.vector(tangents)
+        m = normal_vector(tangents)
         size = np.sqrt(dot(m, m))
         n = m / size
         bent = np.einsum("ik...,i...->k...", second, n)
@@ -185,4 +184,4 @@ class KirchhoffLove(LawEffect):
         s = np.einsum("ik...,k...->i...", second, moments)
         p = (s - n * dot(n, s)) / size
         against = [n * moments[k] for k in range(len(self.stiffness))]
-        return np.stack([*self.normals.works(tangents, p), *against], axis=1)
+        return np.stack([*normal_work(tangents, p), *against], axis=1)

@@ -12,7 +12,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from anmstrip.continuation.status import PathStopped
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.errors import InputError, Mistake
-from anmstrip.fem.operators import Pattern, jets
+from anmstrip.fem.operators import CellOperator, Pattern
 from anmstrip.fem.sampling import l2_projection
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.shell import Membrane, principal
@@ -139,7 +139,7 @@ def flattened(state: State, mode: Array) -> Array:
         Upwards where the height is largest.
     """
     strip, change = state.plan.model.strip, state.plan.supports.change(mode, 0.0)
-    operator = jets(strip)
+    operator = CellOperator(strip, (0, 1))
     tangents = operator.apply(state.full)[:, 1:] + strip.kinematics.flat
     normal = np.cross(tangents[:, 0], tangents[:, 1], axis=0)
     normal /= np.linalg.norm(normal, axis=0)
