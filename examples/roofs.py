@@ -28,7 +28,7 @@ from anmstrip.fem.surfaces import reference_surface
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import LoadEffect
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane
-from anmstrip.results.fields import Surface
+from anmstrip.results.fields import FieldSampler
 from anmstrip.results.vtk import write_surface
 
 RADIUS, HALF_LENGTH, ANGLE, FORCE = 2540.0, 254.0, 0.1, 3000.0  # mm, mm, rad, N
@@ -86,10 +86,10 @@ def write_shape(
     path: Path, roof: Equilibrium, u: np.ndarray, mode: np.ndarray | None = None
 ) -> None:
     """Write a deformed roof with its displacement, and a mode."""
-    surface = Surface(roof.model.strip, None, None)
-    fields = {"displacement": surface.interpolated(roof.supports.full(u, 0.0))}
+    surface = FieldSampler(roof.model.strip, None, None)
+    fields = {"displacement": surface.interpolate(roof.supports.full(u, 0.0))}
     if mode is not None:
-        fields["mode"] = surface.interpolated(roof.supports.change(mode, 0.0))
+        fields["mode"] = surface.interpolate(roof.supports.change(mode, 0.0))
     write_surface(path, surface.reference.T + fields["displacement"], surface.cells, fields)
 
 

@@ -25,7 +25,7 @@ from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.shell import Membrane, isometric_bending
-from anmstrip.results.fields import Surface
+from anmstrip.results.fields import FieldSampler
 from anmstrip.results.vtk import write_surface
 
 LENGTH, WIDTH, THICKNESS, POISSON = 3.5, 1.0, 2e-4, 0.45  # E = 1 does not matter
@@ -97,9 +97,9 @@ def main(cells: tuple[int, int], directory: Path) -> None:
         assert abs(wave / formula - 1.0) < 0.08
     height = abs(float(profile(sheet, u, "exit", 1)(0.0))) / THICKNESS
     print(f"{height:.2f} t high, {cost.factorisations} tangents")
-    surface = Surface(sheet.model.strip, None, None)
-    moved = surface.interpolated(sheet.supports.full(u, 0.0))
-    mode = surface.interpolated(sheet.supports.change(point.mode, 0.0))
+    surface = FieldSampler(sheet.model.strip, None, None)
+    moved = surface.interpolate(sheet.supports.full(u, 0.0))
+    mode = surface.interpolate(sheet.supports.change(point.mode, 0.0))
     directory.mkdir(parents=True, exist_ok=True)
     fields = {"displacement": moved, "mode": mode}
     write_surface(directory / "wrinkles.vtu", surface.reference.T + moved, surface.cells, fields)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.equilibrium import Equilibrium
-from anmstrip.results.fields import Surface
+from anmstrip.results.fields import FieldSampler
 from anmstrip.results.vtk import write_surface
 
 Array = NDArray[np.float64]
@@ -29,11 +29,11 @@ def write_shape(
     modes : mapping of str to ndarray, shape (free,), optional
         Directions, such as :attr:`anmstrip.continuation.bifurcations.SingularPoint.mode`.
     """
-    surface = Surface(equations.model.strip, None, None)
+    surface = FieldSampler(equations.model.strip, None, None)
     supports = equations.supports
-    moved = surface.interpolated(supports.full(u, 0.0))
+    moved = surface.interpolate(supports.full(u, 0.0))
     fields = {"displacement": moved} | {
-        name: surface.interpolated(supports.change(mode, 0.0))
+        name: surface.interpolate(supports.change(mode, 0.0))
         for name, mode in (modes or {}).items()
     }
     write_surface(path, surface.reference.T + moved, surface.cells, fields)

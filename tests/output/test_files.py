@@ -5,7 +5,7 @@ import resource
 
 import pytest
 
-from anmstrip.results.files import replaced
+from anmstrip.results.files import atomic_write
 
 
 @pytest.fixture
@@ -16,7 +16,7 @@ def target(tmp_path):
 
 
 def test_the_new_file_appears_at_the_end(target):
-    with replaced(target) as temporary:
+    with atomic_write(target) as temporary:
         temporary.write_text("new")
         assert target.read_text() == "old"
     assert target.read_text() == "new"
@@ -25,7 +25,7 @@ def test_the_new_file_appears_at_the_end(target):
 
 @pytest.mark.parametrize("failure", [RuntimeError, KeyboardInterrupt])
 def test_a_failure_keeps_the_old_file_and_nothing_else(target, failure):
-    with pytest.raises(failure), replaced(target) as temporary:
+    with pytest.raises(failure), atomic_write(target) as temporary:
         temporary.write_text("half")
         raise failure
     assert target.read_text() == "old"
@@ -33,11 +33,11 @@ def test_a_failure_keeps_the_old_file_and_nothing_else(target, failure):
 
 
 def test_what_a_killed_writer_left_is_taken_away_by_the_next_one(target):
-    with replaced(target) as temporary:
+    with atomic_write(target) as temporary:
         temporary.write_text("new")
         name = temporary.name
     (target.parent / name).write_text("left by a killed process, and longer")
-    with replaced(target) as temporary:
+    with atomic_write(target) as temporary:
         temporary.write_text("newer")
     assert target.read_text() == "newer"
     assert list(target.parent.iterdir()) == [target]
@@ -47,7 +47,7 @@ def test_a_full_disk_is_reported_with_the_name_of_the_file(target):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
     try:
-        with pytest.raises(OSError) as caught, replaced(target) as temporary:
+        with pytest.raises(OSError) as caught, atomic_write(target) as temporary:
             temporary.write_bytes(bytes(5000))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
@@ -57,6 +57,6 @@ def test_a_full_disk_is_reported_with_the_name_of_the_file(target):
 
 def test_a_missing_directory_is_reported_with_the_name_of_the_file(tmp_path):
     path = tmp_path / "nowhere" / "state.txt"
-    with pytest.raises(FileNotFoundError) as caught, replaced(path) as temporary:
+    with pytest.raises(FileNotFoundError) as caught, atomic_write(path) as temporary:
         temporary.write_text("new")
     assert caught.value.filename == str(path)

@@ -17,7 +17,7 @@ from anmstrip.errors import InputError
 from anmstrip.pictures import render as pictures
 from anmstrip.pictures.render import render
 from anmstrip.pictures.views import Eye
-from anmstrip.results.vtk import Collection, read_surface, subdivided, write_surface
+from anmstrip.results.vtk import Collection, read_surface, subdivide, write_surface
 
 PROBE = "import pyvista; pyvista.Sphere().plot(off_screen=True, screenshot='probe.png')"
 RED, GREY = "#8c1c2b", "#8d9197"
@@ -136,7 +136,7 @@ def test_a_component_can_be_drawn(without_opengl, run):
 def test_a_strip_without_rollers_and_of_plain_cells_is_drawn(any_renderer, tmp_path):
     s, y = lattice(10, 1, (-2.0, 2.0), (-0.5, 0.5))
     x, z = wrapped(s)
-    cells = subdivided(tensor_grids(10, 1))
+    cells = subdivide(tensor_grids(10, 1))
     write_surface(tmp_path / "strip_0.vtu", np.column_stack([x, y, z]), cells, {"gap": s * np.nan})
     Collection(tmp_path / "strip.pvd").add(0.0, "strip_0.vtu")
     for picture in render(tmp_path):

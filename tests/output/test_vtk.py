@@ -1,16 +1,16 @@
 """States are read by VTK as they were written."""
 
-import numpy as np  # noqa: I001
+import numpy as np
 import pytest
 from wrapped_strip import RADIUS, lattice, tensor_grids, triangular_lattices
 
+from anmstrip.mechanics.roller import Roller
 from anmstrip.results.vtk import (
-    Cylinder,
     LAGRANGE_ORDER,
     TRIANGLE_ORDER,
-    cylinder_surface,
     read_surface,
-    subdivided,
+    roller_surface,
+    subdivide,
     triangle_lattice,
     write_rollers,
     write_surface,
@@ -88,7 +88,7 @@ def test_a_surface_is_read_back_as_it_was_written(patch):
 
 def test_a_subdivided_patch_keeps_its_area_and_its_side():
     x, y = lattice(2, 3, (0.0, 2.0), (0.0, 3.0))
-    cells = subdivided(tensor_grids(2, 3))
+    cells = subdivide(tensor_grids(2, 3))
     areas = triangle_areas(np.column_stack([x, y, 0.0 * x]), cells)
     assert cells.shape == (54, 4)
     np.testing.assert_allclose(areas, np.tile([0.0, 0.0, 1.0 / 9.0], (54, 1)), atol=1e-14)
@@ -96,7 +96,7 @@ def test_a_subdivided_patch_keeps_its_area_and_its_side():
 
 def test_a_subdivided_patch_is_written_as_plain_quadrilaterals(patch, tmp_path):
     _, points, fields = patch
-    cells = subdivided(tensor_grids(2, 1))
+    cells = subdivide(tensor_grids(2, 1))
     write_surface(tmp_path / "plain.vtu", points, cells, fields)
     grid = pyvista.read(tmp_path / "plain.vtu")
     assert list(grid.celltypes) == [9] * 18
@@ -150,7 +150,7 @@ def test_triangles_are_read_back_as_they_were_written(triangles):
 
 def test_subdivided_triangles_keep_their_area_and_their_side(triangles):
     _, points, cells = triangles
-    pieces = subdivided(cells)
+    pieces = subdivide(cells)
     assert pieces.shape == (100, 3)
     np.testing.assert_array_equal(np.unique(pieces), np.arange(84))
     first, second = (points[pieces[:, k], :2] - points[pieces[:, 0], :2] for k in (1, 2))
@@ -160,14 +160,14 @@ def test_subdivided_triangles_keep_their_area_and_their_side(triangles):
 
 def test_subdivided_triangles_are_written_as_plain_ones(triangles, tmp_path):
     _, points, cells = triangles
-    pieces = subdivided(cells)
+    pieces = subdivide(cells)
     write_surface(tmp_path / "plain.vtu", points, pieces, {})
     grid = pyvista.read(tmp_path / "plain.vtu")
     assert list(grid.celltypes) == [5] * 100
     np.testing.assert_array_equal(grid.cells.reshape(-1, 4)[:, 1:], pieces)
     surface = read_surface(tmp_path / "plain.vtu")
     np.testing.assert_array_equal(surface.cells, pieces)
-    np.testing.assert_array_equal(subdivided(surface.cells), pieces)
+    np.testing.assert_array_equal(subdivide(surface.cells), pieces)
 
 
 @pytest.mark.parametrize(
@@ -195,7 +195,7 @@ def test_a_damaged_file_is_named(patch, share):
 
 def test_a_cylinder_is_closed_and_faces_outwards():
     centre, sectors = np.array([1.0, 2.0, 3.0]), 48
-    roller = cylinder_surface(Cylinder(centre, (0.0, 2.0, 0.0), 0.5, 1.2), sectors=sectors)
+    roller = roller_surface(Roller("r", 0.5, centre, (0.0, 2.0, 0.0)), 1.2, sectors=sectors)
     areas = triangle_areas(roller.points, roller.cells)
     outwards = roller.points[roller.cells].mean(axis=1) - centre
     assert np.all(np.sum(areas * outwards, axis=1) > 0.0)
@@ -207,9 +207,7 @@ def test_a_cylinder_is_closed_and_faces_outwards():
 
 def test_a_profile_is_drawn():
     """A frustum of radii 0.4 and 0.6: volume π h (a² + a b + b²)/3 by the divergence theorem."""
-    cone = cylinder_surface(
-        Cylinder((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.5, 2.0, profile=lambda s: 0.5 + 0.1 * s)
-    )
+    cone = roller_surface(Roller("r", 0.5, (0.0, 0.0, 0.0), crown=(0.1,)), 2.0)
     areas = triangle_areas(cone.points, cone.cells)
     middles = cone.points[cone.cells].mean(axis=1)
     assert np.abs(areas.sum(axis=0)).max() < 1e-14
@@ -218,8 +216,8 @@ def test_a_profile_is_drawn():
 
 @pytest.mark.parametrize("axis", [(0.0, 1.0, 0.0), (0.1, 1.0, 0.2), (0.0, 0.0, 1.0)])
 def test_a_cylinder_turns_right_handed_and_carries_its_paint(axis):
-    still = cylinder_surface(Cylinder((0.0, 0.0, 0.0), axis, 0.5, 1.2))
-    turned = cylinder_surface(Cylinder((0.0, 0.0, 0.0), axis, 0.5, 1.2, angle=1e-4))
+    roller = Roller("r", 0.5, (0.0, 0.0, 0.0), axis)
+    still, turned = roller_surface(roller, 1.2), roller_surface(roller, 1.2, angle=1e-4)
     np.testing.assert_array_equal(turned.fields["surface_angle"], still.fields["surface_angle"])
     along = np.array(axis) / np.linalg.norm(axis)
     np.testing.assert_allclose(
@@ -228,15 +226,15 @@ def test_a_cylinder_turns_right_handed_and_carries_its_paint(axis):
 
 
 def test_the_top_of_a_roller_moves_towards_the_exit():
-    roller = cylinder_surface(Cylinder((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.5, 1.0, angle=0.1))
+    roller = roller_surface(Roller("r", 0.5, (0.0, 0.0, 0.0)), 1.0, angle=0.1)
     mark = roller.points[1]
     assert roller.fields["surface_angle"][1] == 0.0
     np.testing.assert_allclose(mark, [0.5 * np.sin(0.1), -0.5, 0.5 * np.cos(0.1)])
 
 
 def test_all_rollers_of_a_state_share_a_file(tmp_path):
-    rollers = [Cylinder((x, 0.0, 0.0), (0.0, 1.0, 0.0), 0.5, 1.0) for x in (0.0, 2.0, 5.0)]
-    write_rollers(tmp_path / "rollers.vtu", rollers)
+    rollers = [Roller("r", 0.5, (x, 0.0, 0.0)) for x in (0.0, 2.0, 5.0)]
+    write_rollers(tmp_path / "rollers.vtu", rollers, [0.0] * 3, 1.0)
     surface = read_surface(tmp_path / "rollers.vtu")
     for k, x in enumerate((0.0, 2.0, 5.0)):
         cells = surface.cells[np.all(surface.fields["roller"][surface.cells] == k, axis=1)]

@@ -4,13 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from anmstrip.results.vtk import (
-    Cylinder,
-    roller_length,
-    triangle_lattice,
-    write_rollers,
-    write_surface,
-)
+from anmstrip.mechanics.roller import Roller
+from anmstrip.results.vtk import triangle_lattice, write_rollers, write_surface
 
 RADIUS, WRAP = 0.5, np.pi / 6
 
@@ -67,5 +62,5 @@ def write_state(directory: Path, k: int, share: float, triangles: bool = False) 
         "membrane_force": np.column_stack([1.0e4 + 0.0 * s, 0.0 * s, 100.0 * y]),
     }
     write_surface(directory / f"strip_{k}.vtu", points, cells, fields)
-    roller = Cylinder((0.0, 0.0, -RADIUS - 1e-3), (0.0, 1.0, 0.0), RADIUS, roller_length(1.0), k)
-    write_rollers(directory / f"rollers_{k}.vtu", [roller])
+    roller = Roller("r1", RADIUS, (0.0, 0.0, -RADIUS - 1e-3))
+    write_rollers(directory / f"rollers_{k}.vtu", [roller], [k], 1.0)

@@ -14,7 +14,7 @@ from anmstrip.driver.explain import explain
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
 from anmstrip.fem.sampling import l2_projection, quadrature_points
-from anmstrip.results.fields import Surface
+from anmstrip.results.fields import FieldSampler
 from anmstrip.results.wrinkles import Wrinkling
 from anmstrip.simulation import imperfection
 from anmstrip.simulation.imperfection import imperfection_of
@@ -117,10 +117,10 @@ def test_explain_names_the_imperfection_and_solves_nothing():
 def test_moments_count_from_the_imperfect_strip():
     """N times the height in the middle, of a strip that is bent without moments."""
     run, state = ended(pressed(0.6, imperfection=bent()))
-    surface = Surface(
+    surface = FieldSampler(
         run.assembly.strip, run.assembly.membrane, None, imperfection=run.assembly.imperfection
     )
-    moments = np.abs(surface.fields(state)["bending_moment"][:, 0])
+    moments = np.abs(surface.sample(state)["bending_moment"][:, 0])
     assert moments.max() == pytest.approx(0.6 * EULER * HEIGHT / 0.4, rel=0.02)
 
 

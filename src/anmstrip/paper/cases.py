@@ -17,7 +17,7 @@ from anmstrip.paper.figures import draw_figures
 from anmstrip.paper.mass_spring import CASES, MassSpring, Parameters
 from anmstrip.paper.references import Reference, reference_solution
 from anmstrip.paper.schemes import SCHEMES, CaseEvent, CaseSolution, events_of, solve_case
-from anmstrip.results.files import replaced, write_table
+from anmstrip.results.files import atomic_write, write_table
 from anmstrip.scene.messages import nearest
 from anmstrip.timestepping.index_one import Instability, instabilities
 
@@ -260,11 +260,11 @@ def distances(
 def _written(report: CaseReport, directory: Path) -> tuple[Path, ...]:
     directory.mkdir(parents=True, exist_ok=True)
     table, summary = directory / "case.csv", directory / "case.json"
-    with replaced(table) as temporary:
+    with atomic_write(table) as temporary:
         np.savetxt(
             temporary, report.rows, "%.12g", delimiter=",", header=",".join(COLUMNS), comments=""
         )
-    with replaced(summary) as temporary:
+    with atomic_write(summary) as temporary:
         temporary.write_text(json.dumps(report.summary(), indent=2) + "\n", encoding="utf-8")
     events = directory / "events.csv"
     write_table(events, [f.name for f in fields(CaseEvent)], map(asdict, report.events))

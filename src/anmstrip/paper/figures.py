@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from anmstrip.mechanics.laws import NortonHoff
 from anmstrip.paper.mass_spring import MassSpring, PressedPlane, RotatingCircle
 from anmstrip.paper.references import balanced_reactions, coulomb
-from anmstrip.results.files import replaced
+from anmstrip.results.files import atomic_write
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -127,6 +127,6 @@ def _sheet(x: str, y: str) -> tuple[Figure, Axes]:
 def _saved(figure: Figure, path: Path) -> Path:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    with replaced(path) as temporary, temporary.open("wb") as file:
+    with atomic_write(path) as temporary, temporary.open("wb") as file:
         FigureCanvasAgg(figure).print_png(file)
     return path

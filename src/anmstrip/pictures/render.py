@@ -20,8 +20,8 @@ from PIL import Image
 from anmstrip.errors import InputError, Mistake
 from anmstrip.pictures.plot import draw_plot, draw_side
 from anmstrip.pictures.views import Frame, Job, box, choices
-from anmstrip.results.files import replaced
-from anmstrip.results.vtk import Surface, read_collection, read_surface
+from anmstrip.results.files import atomic_write
+from anmstrip.results.vtk import SurfaceMesh, read_collection, read_surface
 
 RENDERER = "ANMSTRIP_RENDERER"
 """Environment variable; `matplotlib` draws without OpenGL."""
@@ -112,7 +112,7 @@ def _states(folder: Path) -> list[_State]:
     ]
 
 
-def _surface(path: Path) -> Surface:
+def _surface(path: Path) -> SurfaceMesh:
     try:
         return read_surface(path)
     except FileNotFoundError as error:
@@ -132,7 +132,7 @@ def _refused(path: Path, found: str) -> InputError:
     return InputError((mistake,))
 
 
-def _chosen(surface: Surface, field: str | None) -> str:
+def _chosen(surface: SurfaceMesh, field: str | None) -> str:
     """Check the field that was asked for, or choose one that shows something."""
     names = list(surface.fields)
     if field is None and names:
@@ -186,7 +186,7 @@ def _limits(values: NDArray[np.float64]) -> tuple[float, float]:
 def _drawn(job: Job, draw: Callable[[Job], None], target: Path) -> Path:
     """Draw aside, then keep one picture, or all of them in a movie."""
     draw(job)
-    with replaced(target) as temporary:
+    with atomic_write(target) as temporary:
         if target.suffix == ".gif":
             _assemble([frame.picture for frame in job.frames], temporary)
         else:

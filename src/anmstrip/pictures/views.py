@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.colors import Colormap, LinearSegmentedColormap
 from numpy.typing import NDArray
 
-from anmstrip.results.vtk import Points, Surface, read_surface, subdivided
+from anmstrip.results.vtk import Points, SurfaceMesh, read_surface, subdivide
 
 VECTOR = ("x", "y", "z")
 TENSOR = ("xx", "yy", "xy")
@@ -179,7 +179,7 @@ class Frame:
         state without that field (no slip without friction).
         """
         surface = read_surface(self.strip)
-        cells = subdivided(surface.cells)
+        cells = subdivide(surface.cells)
         if cells.shape[1] == 3:
             cells = cells[:, [0, 1, 2, 2]]
         values = surface.fields.get(field.partition(".")[0])
@@ -187,7 +187,7 @@ class Frame:
             values = np.full(len(surface.points), np.nan)
         return surface.points, cells, scalars(field, values)
 
-    def rollers_toned(self) -> tuple[Surface, NDArray[np.int64]] | None:
+    def rollers_toned(self) -> tuple[SurfaceMesh, NDArray[np.int64]] | None:
         """Read the rollers and the tone, 0 or 1, of each of their quadrilaterals."""
         if not self.rollers:
             return None
@@ -282,7 +282,7 @@ class Eye:
         return (points - self.focus) @ self.axes.T
 
 
-def box(surfaces: Iterable[Surface]) -> tuple[Points, Points]:
+def box(surfaces: Iterable[SurfaceMesh]) -> tuple[Points, Points]:
     """Lowest and highest corner of a box around all points."""
     points = np.concatenate([surface.points for surface in surfaces])
     return points.min(axis=0), points.max(axis=0)

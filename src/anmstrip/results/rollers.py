@@ -1,4 +1,4 @@
-"""What is read off a roller: forces, wrap, slip, tensions, and the cost of regularisation."""
+"""Readings of a roller: forces, wrap, slip, tensions, and the cost of regularisation."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
+
 from anmstrip.mechanics.roller import Roller
 
 if TYPE_CHECKING:
@@ -18,29 +20,24 @@ Array = NDArray[np.float64]
 TOUCHING = 0.1
 """Share of a roller's mean pressure above which a point counts as in contact."""
 
+STICKS = 0.95
+"""Share of the cone f R_N up to which a point counts as sticking."""
+
+FIBRES = 16
+"""Stripes of the width, along each of which gaps are averaged."""
+
 
 @dataclass(frozen=True)
 class ContactState:
-    """What a roller does to the points of the strip.
-
-    Attributes
-    ----------
-    contact : Contact
-    gap, pressure : ndarray, shape (points,)
-        m, Pa.
-    normal, slip, traction : ndarray, shape (3, points)
-        1, m/s, Pa; slip and traction are zero where there is no friction.
-    coefficient : float or None
-        f, with friction.
-    """
+    """State of the points of the strip under one roller."""
 
     contact: Contact
-    gap: Array
-    normal: Array
-    pressure: Array
-    slip: Array
-    traction: Array
-    coefficient: float | None
+    gap: Array  # m, shape (points,)
+    normal: Array  # shape (3, points)
+    pressure: Array  # Pa, shape (points,)
+    slip: Array  # m/s, shape (3, points); zero where there is no friction
+    traction: Array  # Pa, shape (3, points); zero where there is no friction
+    coefficient: float | None  # f, with friction
 
     @cached_property
     def touching(self) -> NDArray[np.bool_]:
@@ -71,7 +68,7 @@ class ContactState:
 
     @property
     def roller(self) -> Roller:
-        """Of the contact."""
+        """Geometry of the roller."""
         return self.contact.roller.members[0]
 
     @property
@@ -82,44 +79,23 @@ class ContactState:
 
     @property
     def width(self) -> float:
-        """Of the strip (m)."""
+        """Width of the strip (m)."""
         return self.contact.operator.width
 
 
 @dataclass(frozen=True)
 class RollerReading:
-    """What a roller does to the strip.
+    """Forces of a roller on the strip, and how they come about."""
 
-    Attributes
-    ----------
-    normal_force : float
-        Sum of the normal forces (N).
-    drag : float
-        Sum of the friction forces in the sense of turning (N).
-    wrap : float
-        Angle from the first to the last point in contact (rad).
-    tension_in, tension_out : float
-        Force in the strip before and after the roller, over its width (N/m), by
-        equilibrium from the entry; zero if no edge is named entry.
-    max_slip : float
-        Largest slip speed in contact (m/s).
-    creep_speed : float
-        Roller's surface speed less the strip's, mean over the contact (m/s).
-    cone_violation : float
-        Largest |R_T| / (f R_N) − 1 in contact, at least 0.
-    resultant : ndarray, shape (3,)
-        Force of the roller on the strip (N).
-    """
-
-    normal_force: float
-    drag: float
-    wrap: float
-    tension_in: float
-    tension_out: float
-    max_slip: float
-    creep_speed: float
-    cone_violation: float
-    resultant: Array
+    normal_force: float  # sum of the normal forces (N)
+    drag: float  # sum of the friction forces in the sense of turning (N)
+    wrap: float  # angle from the first to the last point in contact (rad)
+    tension_in: float  # before the roller (N/m), by equilibrium from the entry; 0 without one
+    tension_out: float  # behind it, likewise
+    max_slip: float  # largest slip speed in contact (m/s)
+    creep_speed: float  # roller's surface speed less the strip's, mean over the contact (m/s)
+    cone_violation: float  # largest |R_T| / (f R_N) − 1 in contact, at least 0
+    resultant: Array  # force of the roller on the strip (N), shape (3,)
 
     @property
     def tension_ratio(self) -> float | None:
@@ -130,79 +106,58 @@ class RollerReading:
 def reading_of(
     state: ContactState, incoming: Array, weight_before: Callable[[float], Array]
 ) -> RollerReading:
-    area, touching = state.area, state.touching
-    width = state.width
-    sense = state.turning
+    """Read off a roller.
+
+    Parameters
+    ----------
+    state : ContactState
+    incoming : ndarray, shape (3,)
+        Sum of the forces on the strip before the roller, its weight left out (N).
+    weight_before : callable
+        Weight of the strip up to a reference x (N), shape (3,).
+    """
+    area, touching, normal = state.area, state.touching, state.normal[:, state.touching]
     resultant = ((state.pressure * state.normal + state.traction) * area).sum(axis=1)
     force = state.pressure * area * touching
-    along = np.einsum("ip,ip->p", state.slip, sense)
+    along = np.einsum("ip,ip->p", state.slip, state.turning)
     before, after = (
-        force + weight_before(x)
-        for force, x in zip((incoming, incoming + resultant), state.arc, strict=True)
+        total + weight_before(x)
+        for total, x in zip((incoming, incoming + resultant), state.arc, strict=True)
     )
+    wrap = violation = 0.0
+    if touching.any():
+        middle = normal.sum(axis=1) / np.linalg.norm(normal.sum(axis=1))
+        across = np.cross(state.roller.unit_axis, middle)
+        wrap = float(np.ptp(np.arctan2(across @ normal, middle @ normal)))
+    if state.coefficient and touching.any():
+        ratio = np.linalg.norm(state.traction, axis=0)[touching] / (
+            state.coefficient * state.pressure[touching]
+        )
+        violation = max(0.0, float(ratio.max()) - 1.0)
     return RollerReading(
         normal_force=float((state.pressure * area).sum()),
-        drag=float((state.traction * sense * area).sum()),
-        wrap=_wrap(state),
-        tension_in=float(np.linalg.norm(before) / width),
-        tension_out=float(np.linalg.norm(after) / width),
+        drag=float((state.traction * state.turning * area).sum()),
+        wrap=wrap,
+        tension_in=float(np.linalg.norm(before) / state.width),
+        tension_out=float(np.linalg.norm(after) / state.width),
         max_slip=float(np.linalg.norm(state.slip, axis=0)[touching].max(initial=0.0)),
         creep_speed=-float((along * force).sum() / force.sum()) if force.any() else 0.0,
-        cone_violation=_cone_violation(state),
+        cone_violation=violation,
         resultant=resultant,
     )
 
 
-def _cone_violation(state: ContactState) -> float:
-    if not state.coefficient or not state.touching.any():
-        return 0.0
-    limit = state.coefficient * state.pressure[state.touching]
-    ratio = np.linalg.norm(state.traction[:, state.touching], axis=0) / limit
-    return max(0.0, float(ratio.max()) - 1.0)
-
-
-def _wrap(state: ContactState) -> float:
-    """Angle between the extreme normals in contact, in the plane across the axis."""
-    if not state.touching.any():
-        return 0.0
-    n = state.normal[:, state.touching]
-    middle = n.sum(axis=1)
-    middle /= np.linalg.norm(middle)
-    angle = np.arctan2(np.cross(state.roller.unit_axis, middle) @ n, middle @ n)
-    return float(np.ptp(angle))
-
-
-STICKS = 0.95
-"""Share of the cone f R_N up to which a point counts as sticking."""
-
-FIBRES = 16
-"""Stripes of the width, along each of which gaps are averaged."""
-
-
 @dataclass(frozen=True)
 class Regularisation:
-    """Effects of a roller's regularised laws.
+    """Effects of a roller's regularised laws, on the tensions as shares."""
 
-    Attributes
-    ----------
-    sticking_creep : float
-        Largest slip speed where friction is below the cone (m/s).
-    penetration : float
-        Largest distance of a point in contact from the surface, on either side (m).
-    by_creep : float
-        Strain that what sticks creeps while it is on the roller, in units of the tension.
-    by_cone : float
-        Friction beyond f R_N, likewise.
-    by_penetration : float
-        Penetration over the radius: the moment and the way of the strip go with the radius; and
-        the strain of the fibre whose gap is farthest from the others', in units of the tension's.
-    """
-
-    sticking_creep: float
-    penetration: float
-    by_creep: float
-    by_cone: float
-    by_penetration: float
+    sticking_creep: float = 0.0  # largest slip speed where friction is below the cone (m/s)
+    penetration: float = 0.0  # largest distance in contact from the surface, either side (m)
+    by_creep: float = 0.0  # strain that what sticks creeps while on the roller, over the tension's
+    by_cone: float = 0.0  # friction beyond f R_N, over the tension
+    by_penetration: float = 0.0
+    """Penetration over the radius: the moment and the way of the strip go with the radius; and
+    the strain of the fibre whose gap is farthest from the others', in units of the tension's."""
 
     @property
     def effect(self) -> float:
@@ -213,56 +168,37 @@ class Regularisation:
 def regularisation_of(
     state: ContactState, reading: RollerReading, *, speed: float, elapsed: float, stiffness: float
 ) -> Regularisation:
-    """Read off what regularisation does on one roller.
+    """Estimate what regularisation does on one roller.
 
     Parameters
     ----------
     state : ContactState
     reading : RollerReading
     speed : float
-        Of the roller's surface (m/s).
+        Speed of the roller's surface (m/s).
     elapsed : float
         Time for which the strip may have crept (s).
     stiffness : float
         E t of the strip (N/m).
     """
-    touching = state.touching
+    touching, radius = state.touching, state.roller.radius
     if not touching.any():
-        return Regularisation(0.0, 0.0, 0.0, 0.0, 0.0)
-    penetration = float(np.abs(state.gap[touching]).max())
+        return Regularisation()
     tension = max(reading.tension_in, reading.tension_out)
-    creep = excess = 0.0
+    creep = by_creep = by_cone = uneven = 0.0
     if state.coefficient and tension > 0.0:
-        creep, excess = _beyond(state)
-    arc = max(reading.wrap, 1e-3) * state.roller.radius
-    stay = min(arc / max(abs(speed - reading.creep_speed), 1e-300), elapsed)
-    return Regularisation(
-        sticking_creep=creep,
-        penetration=penetration,
-        by_creep=creep * stay / arc * stiffness / tension if creep else 0.0,
-        by_cone=excess / (tension * state.width) if excess else 0.0,
-        by_penetration=penetration / state.roller.radius + _uneven(state, tension / stiffness),
-    )
-
-
-def _uneven(state: ContactState, strain: float) -> float:
-    """Strain of a fibre by its mean gap beside that of all fibres, over the tension's strain."""
-    touching = state.touching
+        slip, traction = (np.linalg.norm(v, axis=0) for v in (state.slip, state.traction))
+        cone = state.coefficient * state.pressure
+        creep = float(slip[touching & (traction < STICKS * cone)].max(initial=0.0))
+        excess = np.maximum(traction - cone, 0.0) * state.area
+        by_cone = float(excess[touching].sum()) / (tension * state.width)
+        arc = max(reading.wrap, 1e-3) * radius
+        stay = min(arc / max(abs(speed - reading.creep_speed), 1e-300), elapsed)
+        by_creep = creep * stay / arc * stiffness / tension
     y = state.contact.operator.reference[1, touching]
     _, fibre = np.unique(np.round(FIBRES * y / state.width), return_inverse=True)
-    if strain <= 0.0 or not fibre.any():
-        return 0.0
-    gaps = np.bincount(fibre, state.gap[touching]) / np.bincount(fibre)
-    return float(np.abs(gaps - gaps.mean()).max()) / state.roller.radius / strain
-
-
-def _beyond(state: ContactState) -> tuple[float, float]:
-    """Largest creep of what sticks (m/s), and friction beyond the cone (N)."""
-    assert state.coefficient is not None
-    touching = state.touching
-    traction = np.linalg.norm(state.traction, axis=0)
-    cone = state.coefficient * state.pressure
-    slip = np.linalg.norm(state.slip, axis=0)
-    sticks = touching & (traction < STICKS * cone)
-    excess = np.maximum(traction - cone, 0.0) * state.area
-    return float(slip[sticks].max(initial=0.0)), float(excess[touching].sum())
+    if tension > 0.0 and fibre.any():
+        gaps = np.bincount(fibre, state.gap[touching]) / np.bincount(fibre)
+        uneven = float(np.abs(gaps - gaps.mean()).max()) / radius / (tension / stiffness)
+    penetration = float(np.abs(state.gap[touching]).max())
+    return Regularisation(creep, penetration, by_creep, by_cone, penetration / radius + uneven)

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-import meshio
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from anmstrip.results.files import replaced
 from pathlib import Path
 from typing import Self
 from xml.etree import ElementTree
+
+import meshio
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from anmstrip.errors import InputError, Mistake
+from anmstrip.mechanics.roller import Roller
+from anmstrip.results.files import atomic_write
 
 Points = NDArray[np.float64]
 Cells = NDArray[np.int64]
-Fields = dict[str, NDArray[np.float64]]
 
 LAGRANGE_ORDER = np.array([0, 3, 15, 12, 1, 2, 7, 11, 13, 14, 4, 8, 5, 6, 9, 10])
 """Tensor-grid index of each node of a cell of type 70: corners, edges, interior."""
@@ -39,22 +41,23 @@ _KINDS = {
 
 
 @dataclass(frozen=True)
-class Surface:
-    """A surface read back.
+class SurfaceMesh:
+    """A surface with values at its points.
 
     Attributes
     ----------
     points : (n, 3) array
-        In metres.
+        Positions (m).
     cells : (m, 16), (m, 21), (m, 4) or (m, 3) array of int
-        Tensor grids, triangular lattices, or corners in turn.
-    fields : dict
-        Values at the points.
+        Cubic quadrilaterals as tensor grids, quintic triangles as triangular lattices, or plain
+        ones of either kind as corners in turn.
+    fields : dict of str to (n,) or (n, k) array
+        Scalars, vectors (x, y, z), symmetric tensors (xx, yy, xy).
     """
 
     points: Points
     cells: Cells
-    fields: Fields
+    fields: dict[str, NDArray[np.float64]]
 
 
 def write_surface(
@@ -63,19 +66,7 @@ def write_surface(
     cells: ArrayLike,
     fields: Mapping[str, ArrayLike],
 ) -> None:
-    """Write a surface and its fields, all at once.
-
-    Parameters
-    ----------
-    path : path
-        The `.vtu` file.
-    points : (n, 3) array
-        Positions, in metres.
-    cells : (m, 16), (m, 21), (m, 4) or (m, 3) array of int
-        Cubic quadrilaterals as tensor grids, quintic triangles as triangular lattices, or plain
-        ones of either kind as corners in turn.
-    fields : mapping of str to (n,) or (n, k) array
-        Values at the points: scalars, vectors (x, y, z), symmetric tensors (xx, yy, xy).
+    """Write a surface and its fields as a `.vtu`, all at once; see :class:`SurfaceMesh`.
 
     Raises
     ------
@@ -86,24 +77,20 @@ def write_surface(
     """
     positions, indices = np.asarray(points, dtype=float), np.asarray(cells, dtype=np.int64)
     data = {name: np.asarray(values, dtype=float) for name, values in fields.items()}
-    _check(positions, indices, data)
+    if positions.ndim != 2 or positions.shape[1] != 3:
+        raise ValueError(f"points have shape {positions.shape}, expected (n, 3)")
+    if indices.ndim != 2 or indices.shape[1] not in _KINDS:
+        raise ValueError(f"cells have shape {indices.shape}, expected (m, {list(_KINDS)})")
+    for name, values in data.items():
+        if values.ndim not in (1, 2) or len(values) != len(positions):
+            raise ValueError(f"{name} has shape {values.shape} for {len(positions)} points")
     kind, order = _KINDS[indices.shape[1]]
     mesh = meshio.Mesh(positions, [(kind, indices[:, order])], point_data=data)
-    with replaced(path) as temporary:
+    with atomic_write(path) as temporary:
         mesh.write(temporary, file_format="vtu")
 
 
-def _check(points: Points, cells: Cells, fields: Fields) -> None:
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise ValueError(f"points have shape {points.shape}, expected (n, 3)")
-    if cells.ndim != 2 or cells.shape[1] not in _KINDS:
-        raise ValueError(f"cells have shape {cells.shape}, expected (m, {list(_KINDS)})")
-    for name, values in fields.items():
-        if values.ndim not in (1, 2) or len(values) != len(points):
-            raise ValueError(f"{name} has shape {values.shape} for {len(points)} points")
-
-
-def read_surface(path: str | os.PathLike[str]) -> Surface:
+def read_surface(path: str | os.PathLike[str]) -> SurfaceMesh:
     """Read what `write_surface` wrote.
 
     Raises
@@ -124,45 +111,7 @@ def read_surface(path: str | os.PathLike[str]) -> Surface:
     kind, order = _KINDS.get(cells.shape[1], ("", np.arange(0)))
     if block.type != kind:
         raise ValueError(f"{path} holds cells of another kind: {block.type}")
-    return Surface(np.asarray(mesh.points), cells[:, np.argsort(order)], dict(mesh.point_data))
-
-
-def subdivided(cells: ArrayLike) -> Cells:
-    """Cut smooth cells into plain ones through their nodes; plain ones stay as they are.
-
-    Parameters
-    ----------
-    cells : (m, 16), (m, 21), (m, 4) or (m, 3) array of int
-        As in `write_surface`.
-
-    Returns
-    -------
-    (9 m, 4) or (25 m, 3) array of int
-        Corners in turn, cell by cell, on the same points.
-    """
-    nodes = np.asarray(cells, dtype=np.int64)
-    if nodes.shape[1] not in (16, 21):
-        return nodes
-    pieces = _squares(4) if nodes.shape[1] == 16 else _triangles(6)
-    return nodes[:, pieces].reshape(-1, pieces.shape[1])
-
-
-def _squares(n: int) -> Cells:
-    """Corners of the squares between n x n nodes."""
-    grid = np.arange(n * n).reshape(n, n)
-    corners = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
-    return np.stack(corners, axis=-1).reshape(-1, 4)
-
-
-def _triangles(n: int) -> Cells:
-    """Corners of the (n - 1)^2 triangles of a lattice, turning as the whole one does."""
-    rows = [n - j for j in range(n)]
-    starts = np.cumsum([0, *rows])
-    pieces = []
-    for low, high, row in zip(starts[:-1], starts[1:], rows, strict=True):
-        pieces += [(low + i, low + i + 1, high + i) for i in range(row - 1)]
-        pieces += [(low + i + 1, high + i + 1, high + i) for i in range(row - 2)]
-    return np.array(pieces, dtype=np.int64)
+    return SurfaceMesh(np.asarray(mesh.points), cells[:, np.argsort(order)], dict(mesh.point_data))
 
 
 def triangle_lattice(n: int) -> Points:
@@ -182,82 +131,82 @@ def triangle_lattice(n: int) -> Points:
     return np.array([(i, j) for j in range(n) for i in range(n - j)]).T / (n - 1)
 
 
-@dataclass(frozen=True)
-class Cylinder:
-    """A roller as it is drawn.
+def subdivide(cells: ArrayLike) -> Cells:
+    """Cut smooth cells into plain ones through their nodes; plain ones stay as they are.
 
-    Attributes
+    Parameters
     ----------
-    centre : sequence of 3 floats
-        Middle of the axis, in metres.
-    axis : sequence of 3 floats
-        Direction of the axis, of any length.
-    radius, length : float
-        In metres.
-    angle : float
-        How far the roller has turned about its axis, right-handed, in radians.
-    profile : callable, optional
-        Radius at places along the axis, from the centre, if it is not the same everywhere.
+    cells : (m, 16), (m, 21), (m, 4) or (m, 3) array of int
+        As in :class:`SurfaceMesh`.
+
+    Returns
+    -------
+    (9 m, 4) or (25 m, 3) array of int
+        Corners in turn, cell by cell, on the same points, turning as the whole cell does.
     """
+    nodes = np.asarray(cells, dtype=np.int64)
+    if nodes.shape[1] == 16:
+        grid = np.arange(16).reshape(4, 4)
+        corners = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
+        pieces = np.stack(corners, axis=-1).reshape(-1, 4)
+    elif nodes.shape[1] == 21:
+        lattice = np.rint(5.0 * triangle_lattice(6)).astype(int).T.tolist()
+        number = {(i, j): k for k, (i, j) in enumerate(lattice)}
+        upright = [((i, j), (i + 1, j), (i, j + 1)) for i, j in number]
+        hanging = [((i + 1, j), (i + 1, j + 1), (i, j + 1)) for i, j in number]
+        inside = [t for t in (*upright, *hanging) if number.keys() >= set(t)]
+        pieces = np.array([[number[corner] for corner in triangle] for triangle in inside])
+    else:
+        return nodes
+    return nodes[:, pieces].reshape(-1, pieces.shape[1])
 
-    centre: Sequence[float]
-    axis: Sequence[float]
-    radius: float
-    length: float
-    angle: float = 0.0
-    profile: Callable[[Points], Points] | None = None
 
-
-def roller_length(width: float) -> float:
-    """Choose how long to draw a roller, in metres: a little more than the strip's width."""
-    return 1.2 * width
-
-
-def cylinder_surface(cylinder: Cylinder, *, sectors: int = 96) -> Surface:
-    """Make a closed cylinder out of plain quadrilaterals.
+def roller_surface(
+    roller: Roller, length: float, angle: float = 0.0, *, sectors: int = 96
+) -> SurfaceMesh:
+    """Make a closed surface of revolution out of plain quadrilaterals.
 
     Its field `surface_angle` (rad, 0 to 2 pi) is painted on the material and turns with it.
 
     Parameters
     ----------
-    cylinder : Cylinder
-        What to draw.
+    roller : Roller
+    length : float
+        Along the axis (m).
+    angle : float
+        How far it has turned about its axis, right-handed (rad).
     sectors : int
         Number of facets around.
 
     Returns
     -------
-    Surface
+    SurfaceMesh
         4 (sectors + 1) points, 3 sectors quadrilaterals: one end, the mantle, the other end.
         With a profile the mantle has more rings.
     """
-    along, first, second = _frame(np.asarray(cylinder.axis, dtype=float))
+    first, second, along = roller.frame
     painted = np.linspace(0.0, 2.0 * np.pi, sectors + 1)
-    turned = painted[:, None, None] + cylinder.angle
-    rings = np.linspace(-0.5, 0.5, 2 if cylinder.profile is None else RINGS) * cylinder.length
-    mantle = cylinder.profile or (lambda s: np.full(len(s), cylinder.radius))
+    turned = painted[:, None, None] + angle
+    rings = np.linspace(-0.5, 0.5, 2 if roller.is_cylinder else RINGS) * length
     height = np.pad(rings, 1, mode="edge")[:, None]
-    radius = np.pad(mantle(rings), 1)[:, None]
+    radius = np.pad(roller.radius_at(rings), 1)[:, None]
     radial = np.cos(turned) * first + np.sin(turned) * second
-    points = np.asarray(cylinder.centre, dtype=float) + height * along + radius * radial
+    points = np.asarray(roller.centre, dtype=float) + height * along + radius * radial
     count = len(height)
     start = count * np.arange(sectors)[:, None] + np.arange(count - 1)
     cells = np.stack([start, start + count, start + count + 1, start + 1], axis=-1).reshape(-1, 4)
-    return Surface(points.reshape(-1, 3), cells, {"surface_angle": np.repeat(painted, count)})
+    return SurfaceMesh(points.reshape(-1, 3), cells, {"surface_angle": np.repeat(painted, count)})
 
 
-def _frame(axis: Points) -> tuple[Points, Points, Points]:
-    """Right-handed (axis, top, axis x top), the top being as near to z as it can."""
-    along = axis / np.linalg.norm(axis)
-    upwards = np.eye(3)[2] if abs(along[2]) < 0.9 else np.eye(3)[0]
-    top = upwards - (upwards @ along) * along
-    top /= np.linalg.norm(top)
-    return along, top, np.cross(along, top)
+def write_rollers(
+    path: str | os.PathLike[str], rollers: Sequence[Roller], angles: Sequence[float], width: float
+) -> None:
+    """Write all rollers of a state in one `.vtu`, with `surface_angle` and `roller` (0, 1, …).
 
-
-def write_rollers(path: str | os.PathLike[str], cylinders: Sequence[Cylinder]) -> None:
-    """Write all rollers of a state in one `.vtu`, with `surface_angle` and `roller` (0, 1, …)."""
-    surfaces = [cylinder_surface(cylinder) for cylinder in cylinders]
+    They are drawn a fifth longer than the strip is wide (m).
+    """
+    pairs = zip(rollers, angles, strict=True)
+    surfaces = [roller_surface(roller, 1.2 * width, angle) for roller, angle in pairs]
     sizes = [len(surface.points) for surface in surfaces]
     starts = np.cumsum([0, *sizes[:-1]])
     write_surface(
@@ -273,18 +222,10 @@ def write_rollers(path: str | os.PathLike[str], cylinders: Sequence[Cylinder]) -
 
 @dataclass(frozen=True)
 class Entry:
-    """One state.
+    """One state of a :class:`Collection`."""
 
-    Attributes
-    ----------
-    time : float
-        In the unit of the run (seconds, or a control parameter).
-    file : str
-        Relative to the `.pvd`.
-    """
-
-    time: float
-    file: str
+    time: float  # s, or a control parameter
+    file: str  # relative to the `.pvd`
 
 
 class Collection:
@@ -306,7 +247,7 @@ class Collection:
         self.entries = entries
 
     @classmethod
-    def reopened(cls, path: str | os.PathLike[str], until_time: float) -> Self:
+    def reopen(cls, path: str | os.PathLike[str], until_time: float) -> Self:
         """Go on with an existing file from a time on; what came later is dropped from it.
 
         Raises
@@ -320,15 +261,7 @@ class Collection:
         return collection
 
     def add(self, time: float, file: str | os.PathLike[str]) -> None:
-        """Add a state that is already on disk.
-
-        Parameters
-        ----------
-        time : float
-            Not before that of the last one.
-        file : path
-            Its name in the directory of the `.pvd`, or any path to it there.
-        """
+        """Add a state, not before the last one, that is on disk in the directory of the `.pvd`."""
         self.entries = (*self.entries, Entry(float(time), Path(file).name))
         self._write()
 
@@ -340,7 +273,7 @@ class Collection:
                 parent, "DataSet", timestep=repr(entry.time), group="", part="0", file=entry.file
             )
         ElementTree.indent(root)
-        with replaced(self.path) as temporary:
+        with atomic_write(self.path) as temporary:
             ElementTree.ElementTree(root).write(temporary, "utf-8", xml_declaration=True)
 
 
@@ -358,11 +291,5 @@ def read_collection(path: str | os.PathLike[str]) -> tuple[Entry, ...]:
         sets = ElementTree.parse(path).iter("DataSet")
         return tuple(Entry(float(item.attrib["timestep"]), item.attrib["file"]) for item in sets)
     except (ElementTree.ParseError, KeyError, ValueError) as error:
-        mistake = Mistake(
-            file=str(path),
-            key="",
-            value=str(error),
-            expected="the list of states that a run wrote",
-            hint="the same command without --resume",
-        )
-        raise InputError((mistake,)) from error
+        expected, hint = "the list of states that a run wrote", "the same command without --resume"
+        raise InputError([Mistake(str(path), "", str(error), expected, hint)]) from error

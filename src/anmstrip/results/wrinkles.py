@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
-from anmstrip.fem.sampling import shape_of
-from anmstrip.fem.sampling import quadrature_points
-from anmstrip.results.fields import Surface
+
+from anmstrip.fem.sampling import quadrature_points, shape_of
+from anmstrip.results.fields import FieldSampler
 from anmstrip.results.state import State
 
 Array = NDArray[np.float64]
@@ -30,29 +31,15 @@ SMOOTH = 2
 
 @dataclass(frozen=True)
 class Span:
-    """A stretch of the strip between rollers or ends, where its membrane is compressed most.
+    """A stretch of the strip between rollers or ends, where its membrane is compressed most."""
 
-    Attributes
-    ----------
-    before, after : str
-        Rollers or ends.
-    start, end : float
-        Reference x (m).
-    compression : float
-        N/m, at least 0.
-    bearable : float
-        What the span bears under the tension of that place (N/m).
-    share : float
-        Of the width that is compressed there.
-    """
-
-    before: str
+    before: str  # roller or end
     after: str
-    start: float
+    start: float  # reference x (m)
     end: float
-    compression: float
-    bearable: float
-    share: float
+    compression: float  # N/m, at least 0
+    bearable: float  # what the span bears under the tension of that place (N/m)
+    share: float  # of the width that is compressed there
 
     def __str__(self) -> str:
         return (
@@ -62,21 +49,53 @@ class Span:
         )
 
 
+def free_spans(state: State) -> Iterator[Span]:
+    """Yield the spans between entry, rollers and exit where the strip is free, in this order.
+
+    A plate in tension T_y along and compression across bears
+    2 q √(D (D q² + T)) + 2 D q² with q = π / length.
+    """
+    model = state.plan.model
+    strip, d = model.strip, model.strip.bending_stiffness
+    ends = float(strip.nodes[0].min()), float(strip.nodes[0].max())
+    reach = LAYERS * np.sqrt(d / model.scales.tension) * np.array([-1.0, 1.0])
+    touched = [(name, c) for name, c in state.contacts.items() if c.touching.any()]
+    arcs = sorted((*(contact.arc + reach), name) for name, contact in touched)
+    stations = [(*2 * ends[:1], "the entry"), *arcs, (*2 * ends[1:], "the exit")]
+    positions, weights = quadrature_points(strip)[0], strip.weights().ravel()
+    for (_, start, before), (end, _, after) in pairwise(stations):
+        inside = (start <= positions) & (positions <= end)
+        if start >= end:
+            continue
+        if not inside.any():
+            yield Span(before, after, float(start), float(end), 0.0, np.inf, 0.0)
+            continue
+        x, area, (low, high) = positions[inside], weights[inside], state.principal_forces[inside].T
+        worst, q = int(low.argmin()), np.pi / (end - start)
+        beside = np.abs(x - x[worst]) <= 0.5 * strip.cell_sizes[0].max()
+        compressed = beside & (low < PART * low[worst])
+        bearable = 2.0 * q * np.sqrt(d * (d * q**2 + max(high[worst], 0.0))) + 2.0 * d * q**2
+        yield Span(
+            before,
+            after,
+            float(start),
+            float(end),
+            compression=max(-float(low[worst]), 0.0),
+            bearable=float(bearable),
+            share=float(area[compressed].sum() / area[beside].sum()),
+        )
+
+
 @dataclass(frozen=True)
 class Wrinkling:
-    """What is known of wrinkles in a state of a shell.
-
-    Attributes
-    ----------
-    state : State
-    """
+    """Compression and wrinkles in a state of a shell."""
 
     state: State
 
     @cached_property
     def spans(self) -> list[Span]:
         """Free spans, from entry to exit."""
-        return [self._span(*ends) for ends in _ends(self.state)]
+        return list(free_spans(self.state))
 
     @property
     def compression(self) -> float:
@@ -89,94 +108,43 @@ class Wrinkling:
         near = [span for span in self.spans if span.compression > CLOSE * span.bearable]
         return [f"The strip is {span}" for span in near]
 
-    def _span(self, before: str, after: str, start: float, end: float) -> Span:
-        strip = self.state.plan.model.strip
-        x, forces = quadrature_points(strip)[0], self.state.principal_forces
-        inside = (start <= x) & (x <= end)
-        if not inside.any():
-            return Span(before, after, start, end, 0.0, np.inf, 0.0)
-        weights = strip.weights().ravel()[inside]
-        x, (low, high) = x[inside], forces[inside].T
-        worst = int(low.argmin())
-        beside = np.abs(x - x[worst]) <= 0.5 * strip.cell_sizes[0].max()
-        compressed = beside & (low < PART * low[worst])
-        d, q = strip.bending_stiffness, np.pi / (end - start)
-        bearable = 2.0 * q * np.sqrt(d * (d * q**2 + max(high[worst], 0.0))) + 2.0 * d * q**2
-        share = weights[compressed].sum() / weights[beside].sum()
-        compression = max(-float(low[worst]), 0.0)
-        return Span(before, after, start, end, compression, float(bearable), float(share))
-
-    def amplitudes(self, surface: Surface | None = None) -> list[float] | None:
+    def amplitudes(self, sampler: FieldSampler | None = None) -> list[float] | None:
         """Largest distance, along the normal, from the parabola nearest to a line across (m).
 
-        For every span, of its lines of points x = const; ``None`` on triangles, which have none.
+        Every span has one, of its lines of points x = const that a parabola does not fit anyway;
+        ``None`` on triangles, which have no such lines.
 
         Parameters
         ----------
-        surface : Surface, optional
-            Of the strip, if there is one already.
+        sampler : FieldSampler, optional
+            Points of the strip, if there are some already.
         """
         strip = self.state.plan.model.strip
         if shape_of(strip) != "quad":
             return None
-        surface = Surface(strip, None, None) if surface is None else surface
-        lines = _lines(surface, self.state.full, strip.cell_sizes[0].min())
-        x = np.array([line.x for line in lines])
-        along = np.gradient(np.stack([line.middle for line in lines]), x, axis=0)
-        heights = np.array([line.height(t) for line, t in zip(lines, along, strict=True)])
+        sampler = FieldSampler(strip, None, None) if sampler is None else sampler
+        reference = sampler.reference
+        points = reference.T + sampler.interpolate(self.state.full)
+        rows = np.round(reference[0] / (1e-3 * strip.cell_sizes[0].min())).astype(np.int64)
+        order = np.lexsort((reference[1], rows))
+        lines = np.split(order, np.flatnonzero(np.diff(rows[order])) + 1)
+        lines = [line for line in lines if len(line) > SMOOTH + 1]
+        x = reference[0, [line[0] for line in lines]]
+        bases = [np.vander(reference[1, line], SMOOTH + 1) for line in lines]
+        pairs = list(zip(bases, lines, strict=True))
+        fits = np.stack([np.linalg.lstsq(basis, points[line], rcond=None)[0] for basis, line in pairs])
+        normals = np.cross(np.gradient(fits[:, -1], x, axis=0), fits[:, -2])
+        normals /= np.linalg.norm(normals, axis=1)[:, None]
+        heights = np.array(
+            [
+                np.abs((points[line] - basis @ fit) @ normal).max()
+                for (basis, line), fit, normal in zip(pairs, fits, normals, strict=True)
+            ]
+        )
         inside = ((span.start <= x) & (x <= span.end) for span in self.spans)
         return [float(heights[part].max(initial=0.0)) for part in inside]
 
-    def amplitude(self, surface: Surface | None = None) -> float | None:
-        """The largest of them (m)."""
-        found = self.amplitudes(surface)
+    def amplitude(self, sampler: FieldSampler | None = None) -> float | None:
+        """Largest of :meth:`amplitudes` (m)."""
+        found = self.amplitudes(sampler)
         return None if found is None else max(found, default=0.0)
-
-
-@dataclass(frozen=True)
-class _Line:
-    """A line of points across the strip, with the parabola that is nearest to it."""
-
-    x: float
-    fit: Array
-    off: Array
-
-    @property
-    def middle(self) -> Array:
-        """Of the parabola, shape (3,)."""
-        return np.asarray(self.fit[-1])
-
-    def height(self, along: Array) -> float:
-        """Largest distance of the points from the parabola, normal to a direction along (m)."""
-        normal = np.cross(along, self.fit[-2])
-        return float(np.abs(self.off @ normal).max() / np.linalg.norm(normal))
-
-
-def _lines(surface: Surface, full: Array, element: float) -> list[_Line]:
-    """All lines of points that a parabola does not fit anyway, from entry to exit."""
-    reference = surface.reference
-    points = reference.T + surface.interpolated(full)
-    rows = np.round(reference[0] / (1e-3 * element)).astype(np.int64)
-    order = np.lexsort((reference[1], rows))
-    cuts = np.flatnonzero(np.diff(rows[order])) + 1
-    lines = [part for part in np.split(order, cuts) if len(part) > SMOOTH + 1]
-    return [_fitted(reference[0, part[0]], reference[1, part], points[part]) for part in lines]
-
-
-def _fitted(x: float, y: Array, points: Array) -> _Line:
-    basis = np.vander(y, SMOOTH + 1)
-    fit = np.asarray(np.linalg.lstsq(basis, points, rcond=None)[0], dtype=np.float64)
-    return _Line(float(x), fit, points - basis @ fit)
-
-
-def _ends(state: State) -> Iterator[tuple[str, str, float, float]]:
-    """Names and reference x of both ends of every free span."""
-    model = state.plan.model
-    x, layer = model.strip.nodes[0], np.sqrt(model.strip.bending_stiffness / model.scales.tension)
-    touched = [(name, c) for name, c in state.contacts.items() if c.touching.any()]
-    reach = LAYERS * layer * np.array([-1.0, 1.0])
-    arcs = sorted((*(contact.arc + reach), name) for name, contact in touched)
-    stations = [(x.min(), x.min(), "the entry"), *arcs, (x.max(), x.max(), "the exit")]
-    for (_, start, before), (end, _, after) in pairwise(stations):
-        if start < end:
-            yield before, after, float(start), float(end)

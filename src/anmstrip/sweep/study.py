@@ -15,7 +15,7 @@ import numpy as np
 
 from anmstrip.continuation.status import Outcome
 from anmstrip.errors import InputError, Mistake
-from anmstrip.results.files import replaced, write_table
+from anmstrip.results.files import atomic_write, write_table
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.sweep.variations import Variant, variants
 
@@ -102,7 +102,7 @@ def run_scene(scene: SceneSpec, directory: Path) -> dict[str, Any]:
         directory.mkdir(parents=True, exist_ok=True)
         for name in (INPUT, SUMMARY, CHECKPOINT):
             (directory / name).unlink(missing_ok=True)
-        with replaced(directory / INPUT) as temporary:
+        with atomic_write(directory / INPUT) as temporary:
             temporary.write_text(json.dumps(scene.to_dict(), indent=2), encoding="utf-8")
     for _ in Run(scene, directory, resume=(directory / CHECKPOINT).exists()):
         pass
@@ -404,6 +404,6 @@ class Sweep:
 
         path = self.directory / "sweep.png"
         self.table.write()
-        with replaced(path) as temporary:
+        with atomic_write(path) as temporary:
             temporary.write_bytes(figure(self.rows, self.table.varied))
         return path
