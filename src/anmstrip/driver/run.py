@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,7 +23,7 @@ from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.series.condition import condition
 from anmstrip.simulation.march import March, Step, unbroken
-from anmstrip.simulation.problem import Assembly
+from anmstrip.simulation.problem import Assembly, EffectMaker
 from anmstrip.timestepping.formulas import Memory
 
 if TYPE_CHECKING:
@@ -124,6 +124,9 @@ class Run:
         Where the results go; nothing is written without.
     resume : bool
         Go on from the checkpoint in the directory.
+    effects : iterable of callables, optional
+        Effects of one's own, each a function of the strip that returns an
+        :class:`~anmstrip.mechanics.effects.Effect`; they act in every stage.
 
     Attributes
     ----------
@@ -142,11 +145,15 @@ class Run:
     """
 
     def __init__(
-        self, scene: SceneSpec, directory: str | Path | None = None, resume: bool = False
+        self,
+        scene: SceneSpec,
+        directory: str | Path | None = None,
+        resume: bool = False,
+        effects: Iterable[EffectMaker] = (),
     ) -> None:
         self.scene = scene
         self.directory = None if directory is None else Path(directory)
-        self.assembly = Assembly(scene, _imperfection(scene))
+        self.assembly = Assembly(scene, _imperfection(scene), tuple(effects))
         self.march = March(self.assembly)
         self.steps, self.first_stage = 0, 0
         self.effects: dict[str, dict[str, Any]] = {}

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from anmstrip.driver.run import Run
 from anmstrip.driver.sharpening import SharpenedRun
 from anmstrip.scene.schema import SceneSpec
+from anmstrip.simulation.problem import EffectMaker
 
 
 class Scene(SceneSpec):
@@ -23,7 +25,12 @@ class Scene(SceneSpec):
     [1.0]
     """
 
-    def run(self, directory: str | Path | None = None, resume: bool = False) -> Run:
+    def run(
+        self,
+        directory: str | Path | None = None,
+        resume: bool = False,
+        effects: Iterable[EffectMaker] = (),
+    ) -> Run:
         """Return an iterator over accepted steps that writes to a directory.
 
         Parameters
@@ -32,11 +39,13 @@ class Scene(SceneSpec):
             Where the results go; nothing is written without it.
         resume : bool, optional
             Whether to go on from the checkpoint in the directory.
+        effects : iterable of callables, optional
+            Effects of one's own, see :class:`~anmstrip.driver.run.Run`.
 
         Returns
         -------
         Run
         """
         if self.friction is not None and self.friction.regularisation == "auto":
-            return SharpenedRun(self, directory, resume=resume)
-        return Run(self, directory, resume=resume)
+            return SharpenedRun(self, directory, resume=resume, effects=effects)
+        return Run(self, directory, resume=resume, effects=effects)

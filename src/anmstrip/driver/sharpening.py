@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from anmstrip.driver.run import Run, Step
 from anmstrip.errors import InputError, Mistake
 from anmstrip.results.rollers import Regularisation
 from anmstrip.scene.schema import SceneSpec
+from anmstrip.simulation.problem import EffectMaker
 
 MOST_RUNS = 6
 
@@ -61,10 +62,16 @@ class SharpenedRun(Run):
     passes : list of Pass
     """
 
-    def __init__(self, scene: SceneSpec, directory: str | Path | None = None, resume: bool = False):
+    def __init__(
+        self,
+        scene: SceneSpec,
+        directory: str | Path | None = None,
+        resume: bool = False,
+        effects: Iterable[EffectMaker] = (),
+    ) -> None:
         if resume:
             raise _not_resumed(scene)
-        super().__init__(scene, directory)
+        super().__init__(scene, directory, effects=effects)
         self.passes: list[Pass] = []
         self.worst: list[Regularisation] = []
 
@@ -78,7 +85,7 @@ class SharpenedRun(Run):
             if not self.outcome.done or self._is_sharp():
                 return
             passes, sharper = self.passes, self._sharpened()
-            super().__init__(sharper, self.directory)
+            super().__init__(sharper, self.directory, effects=self.assembly.added)
             self.passes = passes
 
     def _watched(self, reached: int) -> int:

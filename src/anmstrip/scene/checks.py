@@ -156,6 +156,16 @@ def friction_has_contact(
         yield Mistake("", "contact", None, "a table, since there is [friction]", CONTACT)
 
 
+def sharpened_laws_are_built_in(
+    friction: FrictionSpec | None, contact: ContactSpec | None
+) -> Iterator[Mistake]:
+    """Yield laws of one's own that ``regularisation = "auto"`` could not sharpen."""
+    own = (friction is not None and ":" in friction.law) or (contact and contact.law)
+    if friction is not None and friction.regularisation == "auto" and own:
+        expected = '"fixed": only the built-in laws are known well enough to be sharpened'
+        yield Mistake("", "friction.regularisation", "auto", expected, 'regularisation = "fixed"')
+
+
 def rollers_have_friction(
     friction: FrictionSpec | None, rollers: tuple[RollerSpec, ...]
 ) -> Iterator[Mistake]:
@@ -424,6 +434,7 @@ RULES: tuple[tuple[Callable[..., Iterable[Mistake]], tuple[str, ...]], ...] = (
     (tensions, ("stages",)),
     (gravity_has_density, ("material", "stages")),
     (friction_has_contact, ("friction", "contact")),
+    (sharpened_laws_are_built_in, ("friction", "contact")),
     (rollers_have_friction, ("friction", "rollers")),
     (stages_have_friction, ("friction", "stages")),
     (threading_partners, ("threading", "contact", "rollers")),

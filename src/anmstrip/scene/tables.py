@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Literal
@@ -139,6 +140,18 @@ class MaterialSpec(Table):
     )
 
 
+def _own_law(value: object) -> str:
+    """Return the name of a class in a module, ``module:Class``."""
+    if isinstance(value, str) and re.fullmatch(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*", value):
+        return value
+    raise ValueError
+
+
+def _friction_law(value: object) -> str:
+    """Return the name of a friction law: a built-in one, or ``module:Class``."""
+    return str(value) if value in ("norton-hoff", "tanh") else _own_law(value)
+
+
 class ContactSpec(Table):
     """Regularised unilateral contact, per unit of the strip's area.
 
@@ -146,6 +159,16 @@ class ContactSpec(Table):
     can resolve, unless ``onset`` and ``pressure`` say otherwise.
     """
 
+    law: Annotated[str | None, PlainValidator(_own_law)] = Field(
+        None,
+        description='a law of one\'s own, "module:Class"; left out: a built-in law (text)',
+        examples=['"my_laws:HardContact"'],
+    )
+    parameters: dict[str, Number] = Field(
+        {},
+        description="arguments of a law of one's own, a table of numbers (1)",
+        examples=["{ stiffness = 1.0e10 }"],
+    )
     stiffness: Positive | None = Field(
         None, description="contact stiffness K, a number above 0 (Pa/m)", examples=["1.0e10"]
     )
@@ -186,10 +209,15 @@ class ContactSpec(Table):
 class FrictionSpec(Table):
     """Regularised friction."""
 
-    law: Literal["norton-hoff", "tanh"] = Field(
+    law: Annotated[str, PlainValidator(_friction_law)] = Field(
         "norton-hoff",
-        description='friction law, "norton-hoff" or "tanh" (text)',
+        description='friction law, "norton-hoff", "tanh", or "module:Class" of one\'s own (text)',
         examples=['"norton-hoff"'],
+    )
+    parameters: dict[str, Number] = Field(
+        {},
+        description="further arguments of a law of one's own, a table of numbers (1)",
+        examples=["{ dip = 0.2 }"],
     )
     coefficient: Annotated[Number, Field(ge=0)] = Field(
         description="friction coefficient f, a number of at least 0 (1)", examples=["0.3"]
@@ -376,6 +404,12 @@ def check_contact(table: ContactSpec) -> Iterator[Mistake]:
     """Yield what is wrong with the contact: half a law, two, or one without η < K δ."""
     penalty = {"stiffness": "1.0e10", "eta": "10.0", "delta": "1.0e-3"}
     given = [key for key in penalty if getattr(table, key) is not None]
+    if table.law is not None:
+        for key in (*given, "onset", "pressure"):
+            if (value := getattr(table, key)) is not None:
+                expected = f"no {key} beside a law of one's own, which has its parameters"
+                yield Mistake("", key, value, expected, "parameters = { … }, or no law")
+        return
     if given:
         for key in penalty.keys() - set(given):
             expected = "stiffness, eta and delta together, or none of them"

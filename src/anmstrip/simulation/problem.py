@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import import_module
+from inspect import signature
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,7 +38,7 @@ from anmstrip.simulation.threading import Thread, thread_of
 if TYPE_CHECKING:
     from anmstrip.fem.sampling import ContactOperator
     from anmstrip.mechanics.contact import Contact, Friction
-    from anmstrip.mechanics.laws import FrictionLaw, GradedSignorini, RepulsiveSignorini
+    from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
 
 GENTLE = {
     "crown": "crown = [0.0, -{:g}]",
@@ -109,6 +113,7 @@ def size_of(assembly: Assembly, level: Kinematics) -> Size | None:
 
 
 Array = NDArray[np.float64]
+EffectMaker = Callable[[Strip], Effect]
 
 UNSEEN = 0.01
 """Stretch that the onset of contact may make, over the elastic one."""
@@ -132,6 +137,9 @@ class Assembly:
         Displacement of the flat strip that makes no stress, see
         :mod:`anmstrip.simulation.imperfection`.
 
+    added : tuple of callables
+        Effects of the user's own beside those of the scene, each made from the strip.
+
     Raises
     ------
     InputError
@@ -140,6 +148,7 @@ class Assembly:
 
     scene: SceneSpec
     imperfection: Array | None = None
+    added: tuple[EffectMaker, ...] = ()
 
     @cached_property
     def rollers(self) -> tuple[Roller, ...]:
@@ -226,10 +235,15 @@ class Assembly:
         f = self.scene.friction
         if f is None:
             return None
-        from anmstrip.mechanics.laws import NortonHoff, Tanh
+        from anmstrip.mechanics.laws import FrictionLaw, NortonHoff, Tanh
 
         if f.law == "tanh":
             return Tanh(f.coefficient, f.omega, f.speed)
+        if ":" in f.law:
+            given = f.model_dump(include={"coefficient", "exponent", "omega", "speed"})
+            law = own_law(self.scene, "friction", f.law, given, f.parameters)
+            assert isinstance(law, FrictionLaw)
+            return law
         return NortonHoff(f.coefficient, f.exponent, f.omega, f.speed)
 
     @cached_property
@@ -257,12 +271,16 @@ class Assembly:
         return Friction(contact, law, [law.coefficient if f is None else f for f in own])
 
     @cached_property
-    def signorini(self) -> RepulsiveSignorini | GradedSignorini:
+    def signorini(self) -> ContactLaw:
         """The scene's contact law."""
         c = self.scene.contact
         assert c is not None
-        from anmstrip.mechanics.laws import GradedSignorini, RepulsiveSignorini
+        from anmstrip.mechanics.laws import ContactLaw, GradedSignorini, RepulsiveSignorini
 
+        if c.law is not None:
+            law = own_law(self.scene, "contact", c.law, {}, c.parameters)
+            assert isinstance(law, ContactLaw)
+            return law
         if c.constants is not None:
             return RepulsiveSignorini(*c.constants)
         return GradedSignorini(
@@ -326,7 +344,12 @@ class Assembly:
         if self.frictional(stage) and self.rubbing is not None:
             effects.append(self.rubbing)
         effects += [self._load(name) for name in given if _is_load(name)]
-        return effects
+        return effects + [e for e in self.added_effects if stage.friction or not e.rate_dependent]
+
+    @cached_property
+    def added_effects(self) -> list[Effect]:
+        """Effects of the user's own."""
+        return [make(self.strip) for make in self.added]
 
     def _own(self, given: list[str]) -> Iterator[Effect]:
         """What the strip itself resists with."""
@@ -353,8 +376,9 @@ class Assembly:
         return make.get(kind, edge_force)(self.strip, edge)
 
     def frictional(self, stage: StageSpec) -> bool:
-        """Whether friction acts in a stage, so that it runs in time."""
-        return stage.friction and self.friction is not None and bool(self.rollers)
+        """Whether friction, or an effect like it, acts in a stage, so that it runs in time."""
+        rubs = self.friction is not None and bool(self.rollers)
+        return stage.friction and (rubs or any(e.rate_dependent for e in self.added_effects))
 
     @cached_property
     def scales(self) -> Scales:
@@ -363,6 +387,51 @@ class Assembly:
         if tension == 0.0:
             tension = self.strip.bending_stiffness / self.strip.length**2
         return Scales(self.strip.length, tension * self.strip.width, tension)
+
+
+def own_law(
+    scene: SceneSpec,
+    table: str,
+    reference: str,
+    given: Mapping[str, float],
+    parameters: Mapping[str, float],
+) -> ContactLaw | FrictionLaw:
+    """Return the user's law that a table of the scene names, ``module:Class``.
+
+    The module is looked for beside the scene's file, then where Python looks.  The class takes
+    those of the table's own values that its signature names, and all of ``parameters``.
+
+    Raises
+    ------
+    InputError
+        There is no such class, it is not a law, or it does not take these parameters.
+    """
+    from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
+
+    base = {"contact": ContactLaw, "friction": FrictionLaw}[table]
+    module, _, name = reference.partition(":")
+    beside = str((scene.source or Path("scene")).absolute().parent)
+    file, key, hint = str(scene.source or "scene"), f"{table}.law", f"a subclass of {base.__name__}"
+    sys.path.insert(0, beside)
+    try:
+        law = getattr(import_module(module), name)
+    except Exception as error:  # whatever the user's module raises
+        expected = f"a module and a class in it that can be imported ({error})"
+        raise InputError([Mistake(file, key, reference, expected, hint)]) from error
+    finally:
+        sys.path.remove(beside)
+    if not (isinstance(law, type) and issubclass(law, base)):
+        expected = f"a subclass of anmstrip.{base.__name__}"
+        raise InputError(
+            [Mistake(file, key, reference, expected, f"class {name}({base.__name__})")]
+        )
+    known = signature(law).parameters
+    try:
+        return law(**{k: v for k, v in given.items() if k in known}, **parameters)
+    except (TypeError, ValueError) as error:
+        expected, typed = f"the arguments of {name}{signature(law)} ({error})", dict(parameters)
+        key = f"{table}.parameters"
+        raise InputError([Mistake(file, key, typed, expected, "parameters = { … }")]) from error
 
 
 def roller_of(spec: RollerSpec) -> Roller:
