@@ -21,7 +21,6 @@ from anmstrip.fem.kinematics import SHELL
 from anmstrip.results.files import load_checkpoint
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
-from anmstrip.series.condition import condition
 from anmstrip.simulation.march import March, Step, unbroken
 from anmstrip.simulation.problem import Assembly, EffectMaker
 from anmstrip.timestepping.formulas import Memory
@@ -153,7 +152,12 @@ class Run:
     ) -> None:
         self.scene = scene
         self.directory = None if directory is None else Path(directory)
-        self.assembly = Assembly(scene, _imperfection(scene), tuple(effects))
+        imperfection = None
+        if scene.strip.imperfection is not None:
+            from anmstrip.simulation.imperfection import imperfection_of
+
+            imperfection = imperfection_of(scene)
+        self.assembly = Assembly(scene, imperfection, tuple(effects))
         self.march = March(self.assembly)
         self.steps, self.first_stage = 0, 0
         self.effects: dict[str, dict[str, Any]] = {}
@@ -163,15 +167,26 @@ class Run:
         self.outcome, self.message = Outcome.TOO_MANY_STEPS, "The run has not ended."
         self.warnings: list[str] = []
         self.begun, self.spent = time.perf_counter(), 0.0
-        resumed = self._restored() if resume else None
-        self.watch = _watch(self.assembly)
-        self.recorder = (
-            None if self.directory is None else Recorder(self.assembly, self.directory, resumed)
-        )
+        resumed = None
+        if resume:
+            assert self.directory is not None
+            arrays, resumed = load_checkpoint(self.directory / "checkpoint.npz")
+            unpack(self, arrays, resumed)
+        self.watch: EventWatch | None = None
+        if scene.output.events:
+            from anmstrip.results.events import EventWatch
+
+            a = self.assembly
+            self.watch = EventWatch(
+                a.contact, a.rollers, a.friction, a.scales.tension, scene.strip.feed
+            )
+        self.recorder: Recorder | None = None
+        if self.directory is not None:
+            self.recorder = Recorder(self.assembly, self.directory, resumed)
 
     @property
     def cost(self) -> Cost:
-        """What was factorised and solved so far."""
+        """Factorisations and back-substitutions so far."""
         return self.march.cost
 
     @property
@@ -185,13 +200,16 @@ class Run:
         return sum(stage.duration for stage in self.scene.course)
 
     def __iter__(self) -> Iterator[Step]:
+        course = self.scene.course
         try:
-            for stage in self.scene.course[self.first_stage :]:
-                yield from self._stage(stage)
-            self.outcome, self.message = Outcome.DONE, self._done()
+            for stage in course[self.first_stage :]:
+                yield from self._run_stage(stage)
+            self.outcome, self.message = Outcome.DONE, self._success()
         except PathStopped as stopped:
             self.outcome = stopped.outcome
-            self.message = self._stopped(stopped)
+            stage = course[min(self.first_stage, len(course) - 1)]
+            state = self.march.here(self.march.course.plan(stage, {}))
+            self.message = diagnosis(Failure(self.assembly, stage, state, stopped))
             with unbroken():
                 self._checkpoint(force=True)
         self._finish()
@@ -204,9 +222,8 @@ class Run:
             self._checkpoint(force=True)
             self._finish()
 
-    # stages ------------------------------------------------------------------
-
-    def _stage(self, stage: StageSpec) -> Iterator[Step]:
+    def _run_stage(self, stage: StageSpec) -> Iterator[Step]:
+        """Take the steps of a stage, from its beginning or from where it was interrupted."""
         march = self.march
         with unbroken():
             plan = march.planned(stage, self.state)
@@ -221,16 +238,13 @@ class Run:
                     yield accepted
             finally:
                 self._count(plan)
-                self._judge(plan)
         with unbroken():
             self._checkpoint(force=True)
             march.finish(stage, plan)
             self.first_stage += 1
 
-    # what is written -----------------------------------------------------------
-
     def _accept(self, step: Step) -> Step:
-        """Count a step, look at it, and write it down."""
+        """Count a step, look for events and snaps in it, and write it down."""
         plan, state = step.state.plan, step.state
         before = self.march.here(plan) if self.state is None else self.state
         velocity = None if before.velocity is None else self.march.velocity
@@ -271,46 +285,31 @@ class Run:
         entry["tangents"] += self.cost.expansions - expansions
         entry["seconds"] += self.counted[0] - begin
 
-    def _judge(self, plan: StageProblem) -> None:
-        """How well conditioned the last tangent of a stage was: four back-substitutions."""
-        if self.march.solver.latest is not None:
-            with self.cost.timed("condition"), np.errstate(all="ignore"):
-                self.stages[plan.name]["condition"] = condition(*self.march.solver.latest)
+    def _checkpoint(self, force: bool = False) -> None:
+        """Save what is needed to go on, if the run is written at all."""
+        if self.recorder is not None:
+            self.recorder.checkpoint(*packed(self), force)
 
     def _finish(self) -> None:
+        """Write the last state, unless other ones were asked for, and the summary."""
         if self.recorder is None:
             return
-        if self.state is not None and self._end_is_missing(self.state.time):
-            self.recorder.write_state(self.state)
-        told = {} if self.state is None else self._wrinkling(self.state)
-        self.recorder.summary({**self.facts(), **told}, self.state)
+        facts, state, written = self.facts(), self.state, self.recorder.strip.entries
+        if state is not None:
+            chosen = self.scene.output.times is not None or self.outcome is Outcome.INTERRUPTED
+            if not written or (not chosen and written[-1].time < state.time):
+                self.recorder.write_state(state)
+            if self.assembly.kinematics is SHELL:
+                from anmstrip.results.wrinkles import Wrinkling
 
-    def _wrinkling(self, state: State) -> dict[str, Any]:
-        """What a shell's wrinkles are like at the end; other levels have none."""
-        if self.assembly.kinematics is not SHELL:
-            return {}
-        from anmstrip.results.wrinkles import Wrinkling
-
-        found = Wrinkling(state)
-        self.warnings = found.warnings
-        assert self.recorder is not None
-        return {
-            "wrinkle_amplitude": found.amplitude(self.recorder.surface),
-            "compressive_membrane_force": found.compression,
-            "warnings": found.warnings,
-        }
-
-    def _end_is_missing(self, time: float) -> bool:
-        """Whether the last state is not on disk: of a run that will not be gone on with."""
-        assert self.recorder is not None
-        written = self.recorder.strip.entries
-        if not written:
-            return True
-        chosen = self.scene.output.times is not None or self.outcome is Outcome.INTERRUPTED
-        return not chosen and written[-1].time < time
+                wrinkling = Wrinkling(state)
+                self.warnings = facts["warnings"] = wrinkling.warnings
+                facts["wrinkle_amplitude"] = wrinkling.amplitude(self.recorder.surface)
+                facts["compressive_membrane_force"] = wrinkling.compression
+        self.recorder.summary(facts, state)
 
     def facts(self) -> dict[str, Any]:
-        """Counters of the run, as in ``summary.json``."""
+        """Return the counters of the run, as in ``summary.json``."""
         march = self.march
         return {
             "status": "done" if self.outcome.done else self.outcome.name.lower(),
@@ -321,14 +320,15 @@ class Run:
             "factorisations": self.cost.factorisations,
             "wall_seconds": self.seconds,
             "seconds": self.cost.seconds,
-            "linear_solver": self.march.solver.name,
+            "linear_solver": march.solver.name,
             "effects": self.effects,
             "stages": self.stages,
             "snaps": self.snaps,
             **({} if march.feed is None else {"feed": march.feed.facts(march.full)}),
         }
 
-    def _done(self) -> str:
+    def _success(self) -> str:
+        """Return what is said of a run that has come to its end."""
         snaps = "".join(
             f" At t = {snap['time']:.6g} s the strip ran away by {snap['distance']:.2g} m: "
             "friction had no equilibrium to hold it in."
@@ -338,40 +338,3 @@ class Run:
             f"Done: {self.end_time:g} s in {self.steps} steps, {self.cost.expansions} tangents, "
             f"{self.seconds:.1f} s.{snaps}"
         )
-
-    def _stopped(self, stopped: PathStopped) -> str:
-        stage = self.scene.course[min(self.first_stage, len(self.scene.course) - 1)]
-        state = self.march.here(self.march.course.plan(stage, {}))
-        return diagnosis(Failure(self.assembly, stage, state, stopped))
-
-    # checkpoint ------------------------------------------------------------------
-
-    def _checkpoint(self, force: bool = False) -> None:
-        if self.recorder is not None:
-            self.recorder.checkpoint(*packed(self), force)
-
-    def _restored(self) -> dict[str, Any]:
-        assert self.directory is not None
-        arrays, facts = load_checkpoint(self.directory / "checkpoint.npz")
-        unpack(self, arrays, facts)
-        return facts
-
-
-def _imperfection(scene: SceneSpec) -> Array | None:
-    if scene.strip.imperfection is None:
-        return None
-    from anmstrip.simulation.imperfection import (
-        imperfection_of,
-    )
-
-    return imperfection_of(scene)
-
-
-def _watch(assembly: Assembly) -> EventWatch | None:
-    if not assembly.scene.output.events:
-        return None
-    from anmstrip.results.events import EventWatch
-
-    fed = assembly.scene.strip.feed
-    tension = assembly.scales.tension
-    return EventWatch(assembly.contact, assembly.rollers, assembly.friction, tension, fed)

@@ -11,7 +11,6 @@ from skfem import MeshLine, MeshQuad
 from anmstrip.errors import InputError, Mistake
 from anmstrip.fem.strip import grid, line
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.scene.stage_tables import EdgeControl
 from anmstrip.simulation.threading import Thread
 
 Array = NDArray[np.float64]
@@ -56,7 +55,8 @@ def strip_mesh(scene: SceneSpec, thread: Thread | None) -> MeshQuad | MeshLine:
     assert spec.width is not None and spec.cells is not None
     length = spec.length if thread is None else thread.length
     assert length is not None
-    half, coarse, fine = length / 2.0, length / spec.cells[0], _fine(scene)
+    half, coarse = length / 2.0, length / spec.cells[0]
+    fine = spec.refined or QUARTER * boundary_layer(scene) or np.inf
     zones = fine_zones(scene, thread, half) if scene.contact is not None and fine < coarse else []
     if spec.feed:
         zones = [(-half, half)] if zones else []
@@ -87,14 +87,6 @@ def _bearable(
         )
 
 
-def _fine(scene: SceneSpec) -> float:
-    """Length of the elements over rollers (m)."""
-    if scene.strip.refined is not None:
-        return scene.strip.refined
-    layer = QUARTER * boundary_layer(scene)
-    return layer if layer > 0.0 else np.inf
-
-
 def lines_of_nodes(
     half: float, zones: list[tuple[float, float]], fine: float, coarse: float
 ) -> Array:
@@ -110,7 +102,7 @@ def lines_of_nodes(
 
 def fine_zones(scene: SceneSpec, thread: Thread | None, half: float) -> list[tuple[float, float]]:
     """Stretches of strip, in the reference, that come to lie on rollers."""
-    zones = []
+    zones, united = [], list[tuple[float, float]]()
     threaded = {} if thread is None else thread.arcs
     margin = 4.0 * min(boundary_layer(scene), half)
     for roller in scene.rollers:
@@ -120,10 +112,13 @@ def fine_zones(scene: SceneSpec, thread: Thread | None, half: float) -> list[tup
             first, last = threaded[roller.name]
             first, last = first - margin, last + margin
         back, ahead = _carried(scene, roller.name)
-        lo, hi = max(-half, first - ahead), min(half, last + back)
-        if lo < hi:
-            zones.append((float(lo), float(hi)))
-    return _united(zones)
+        zones.append((max(-half, float(first - ahead)), min(half, float(last + back))))
+    for lo, hi in sorted((lo, hi) for lo, hi in zones if lo < hi):
+        if united and lo <= united[-1][1]:
+            united[-1] = (united[-1][0], max(hi, united[-1][1]))
+        else:
+            united.append((lo, hi))
+    return united
 
 
 def _carried(scene: SceneSpec, name: str) -> tuple[float, float]:
@@ -135,16 +130,14 @@ def _carried(scene: SceneSpec, name: str) -> tuple[float, float]:
     if not held or any(c.release for stage in scene.stages for c in stage.edges.values()):
         rollers = [stage.rollers.get(name) for stage in scene.stages]
         return _travel(scene, [None if r is None else r.surface_speed for r in rollers])
-    speeds = ([_along(stage.edges.get(edge)) for stage in scene.stages] for edge in held)
-    back, ahead = zip(*(_travel(scene, each) for each in speeds), strict=True)
+    ways = []
+    for edge in held:
+        controls = [stage.edges.get(edge) for stage in scene.stages]
+        velocities = [None if c is None else c.velocity for c in controls]
+        speeds = [None if v is None else np.copysign(np.linalg.norm(v), v[0]) for v in velocities]
+        ways.append(_travel(scene, speeds))
+    back, ahead = zip(*ways, strict=True)
     return max(back), max(ahead)
-
-
-def _along(control: EdgeControl | None) -> float | None:
-    """Speed of an edge towards the exit (m/s), if it is given another."""
-    if control is None or control.velocity is None:
-        return None
-    return float(np.copysign(np.linalg.norm(control.velocity), control.velocity[0]))
 
 
 def _travel(scene: SceneSpec, speeds: list[float | None]) -> tuple[float, float]:
@@ -155,13 +148,3 @@ def _travel(scene: SceneSpec, speeds: list[float | None]) -> tuple[float, float]
         travel += 0.5 * (speed + new) * stage.duration
         speed, lowest, highest = new, min(lowest, travel), max(highest, travel)
     return -lowest, highest
-
-
-def _united(zones: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    united: list[tuple[float, float]] = []
-    for lo, hi in sorted(zones):
-        if united and lo <= united[-1][1]:
-            united[-1] = (united[-1][0], max(hi, united[-1][1]))
-        else:
-            united.append((lo, hi))
-    return united

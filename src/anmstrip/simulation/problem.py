@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
@@ -191,7 +191,7 @@ class Assembly:
         )
         width = spec.width or 1.0
         strip = Strip(mesh, spec.thickness, self.material, self.kinematics, width)
-        _check(self.scene, strip, self.rollers)
+        check_geometry(self.scene, strip, self.rollers)
         return strip
 
     @cached_property
@@ -261,7 +261,8 @@ class Assembly:
         law = self.friction
         if law is None or self.contact is None:
             return None
-        contact = self._contact([self._friction_reach(roller) for roller in self.rollers])
+        faint = [FAINT * self.scales.tension / roller.radius for roller in self.rollers]
+        contact = self._contact([float(self.signorini.gap(pressure)) for pressure in faint])
         assert contact is not None
         from anmstrip.mechanics.contact import Friction
 
@@ -272,7 +273,13 @@ class Assembly:
 
     @cached_property
     def signorini(self) -> ContactLaw:
-        """The scene's contact law."""
+        """The scene's contact law.
+
+        Left open, it is graded: p₀ is the pressure of the taut strip on its rollers, or its
+        weight if that is more, and the onset is the gap that a straight strip has half a spacing
+        of contact points beyond where it lifts off.  Where rollers make the tension vary across,
+        a gap stretches fibres by its share of the radius, which must not be seen beside T/(E t).
+        """
         c = self.scene.contact
         assert c is not None
         from anmstrip.mechanics.laws import ContactLaw, GradedSignorini, RepulsiveSignorini
@@ -283,35 +290,15 @@ class Assembly:
             return law
         if c.constants is not None:
             return RepulsiveSignorini(*c.constants)
-        return GradedSignorini(
-            c.pressure or self._working_pressure, c.onset or self._resolved_onset
-        )
-
-    @property
-    def _mean_radius(self) -> float:
-        """Of the rollers, geometric (m)."""
-        return float(np.exp(np.mean(np.log([roller.radius for roller in self.rollers]))))
-
-    @property
-    def _working_pressure(self) -> float:
-        """Of the taut strip on its rollers, or of its weight if that is more (Pa)."""
-        mass = (self.scene.material.density or 0.0) * self.strip.thickness
+        tension, thickness = self.scales.tension, self.strip.thickness
+        radius = float(np.exp(np.mean(np.log([roller.radius for roller in self.rollers]))))
         gravity = [float(np.linalg.norm(stage.gravity or (0.0,))) for stage in self.scene.course]
-        return max(self.scales.tension / self._mean_radius, mass * max(gravity))
-
-    @property
-    def _resolved_onset(self) -> float:
-        """Gap (m) of a straight strip half a spacing of contact points beyond where it lifts off.
-
-        The points are two to an element.  Where rollers make the tension vary across, a gap
-        stretches fibres by its share of the radius, which must not be seen beside T/(E t).
-        """
-        half, radius = 0.25 * float(self.strip.cell_sizes[0].min()), self._mean_radius
-        resolved = half**2 / (2.0 * radius)
-        if self.kinematics.count < 3 or not any(map(_varies, self.scene.rollers)):
-            return resolved
-        strain = self.scales.tension / (self.material.young * self.strip.thickness)
-        return min(resolved, UNSEEN * strain * radius)
+        weight = (self.scene.material.density or 0.0) * thickness * max(gravity)
+        half_spacing = 0.25 * float(self.strip.cell_sizes[0].min())  # two points to an element
+        onset = half_spacing**2 / (2.0 * radius)
+        if self.kinematics.count == 3 and any(map(varies_across, self.scene.rollers)):
+            onset = min(onset, UNSEEN * tension / (self.material.young * thickness) * radius)
+        return GradedSignorini(c.pressure or max(tension / radius, weight), c.onset or onset)
 
     def _contact(self, reaches: list[float]) -> Contact | None:
         """Contact of every point with every roller, up to the given gaps."""
@@ -326,9 +313,6 @@ class Assembly:
         pairs = operator.restricted(every)
         return Contact(rollers, self.signorini, pairs, tuple(reaches), self.kinematics)
 
-    def _friction_reach(self, roller: Roller) -> float:
-        return float(self.signorini.gap(FAINT * self.scales.tension / roller.radius))
-
     def effects(self, stage: StageSpec, controls: Iterable[str]) -> list[Effect]:
         """What acts in a stage.
 
@@ -339,11 +323,23 @@ class Assembly:
             Names of the controls that are given, now or before.
         """
         given = sorted(controls)
-        effects: list[Effect] = [*self._own(given)]
-        effects += [] if self.contact is None else [self.contact]
-        if self.frictional(stage) and self.rubbing is not None:
-            effects.append(self.rubbing)
-        effects += [self._load(name) for name in given if _is_load(name)]
+        own = [self.membrane, self.bending, self.contact]
+        if self.membrane is None and "exit.force" in given:
+            own.insert(0, self.pretension)
+        if stage.friction:
+            own.append(self.rubbing)
+        effects: list[Effect] = [effect for effect in own if effect is not None]
+        makers = {
+            "force": edge_force,
+            "tension": edge_tension,
+            "moment": edge_moment,
+        }
+        for control in given:
+            edge, _, kind = control.rpartition(".")
+            if kind in makers:
+                effects.append(makers[kind](self.strip, edge))
+            elif kind in ("gravity", "pressure"):
+                effects.append((weight if kind == "gravity" else pressure)(self.strip))
         return effects + [e for e in self.added_effects if stage.friction or not e.rate_dependent]
 
     @cached_property
@@ -351,29 +347,10 @@ class Assembly:
         """Effects of the user's own."""
         return [make(self.strip) for make in self.added]
 
-    def _own(self, given: list[str]) -> Iterator[Effect]:
-        """What the strip itself resists with."""
-        if self.membrane is not None:
-            yield self.membrane
-        elif "exit.force" in given:
-            yield self.pretension
-        if self.bending is not None:
-            yield self.bending
-
     @cached_property
     def pretension(self) -> LawEffect:
         """Tension of a plate."""
         return Pretension(self.strip)
-
-    def _load(self, control: str) -> Effect:
-        """The load that a control scales."""
-        edge, _, kind = control.rpartition(".")
-        if kind == "gravity":
-            return weight(self.strip)
-        if kind == "pressure":
-            return pressure(self.strip)
-        make = {"tension": edge_tension, "moment": edge_moment}
-        return make.get(kind, edge_force)(self.strip, edge)
 
     def frictional(self, stage: StageSpec) -> bool:
         """Whether friction, or an effect like it, acts in a stage, so that it runs in time."""
@@ -443,81 +420,61 @@ def roller_of(spec: RollerSpec) -> Roller:
     return Roller(spec.name, spec.radius, spec.centre, spec.axis, crown, sides)
 
 
-def _profiles(scene: SceneSpec, rollers: tuple[Roller, ...]) -> Iterator[Mistake]:
-    """Yield profiles without a radius somewhere across the strip."""
-    across = np.linspace(-0.5, 0.5, 33) * (scene.strip.width or 0.0)
-    for spec, roller in zip(scene.rollers, rollers, strict=True):
-        least = float(np.min(roller.radius_at(across - roller.centre[1])))
-        if not least > 0.0:
-            key, value = next(iter(spec.profile.items()))
-            expected = f"a radius above 0 all across the strip; it falls to {least:.3g} (m)"
-            hint = GENTLE[key].format(1e-3 * roller.radius)
-            file = str(scene.source or "scene")
-            yield Mistake(file, f"rollers.{roller.name}.{key}", value, expected, hint)
-
-
-def _varies(roller: RollerSpec) -> bool:
+def varies_across(roller: RollerSpec) -> bool:
     """Whether the strip's fibres go different ways over a roller."""
     across = np.abs(roller.axis) / np.linalg.norm(roller.axis)
     return bool(roller.crown or roller.taper or roller.sides or across[1] < 1.0)
 
 
-def _is_load(control: str) -> bool:
-    return control.rpartition(".")[2] in ("force", "tension", "moment", "gravity", "pressure")
+def check_geometry(scene: SceneSpec, strip: Strip, rollers: Sequence[Roller]) -> None:
+    """Refuse rollers and edges with which this mesh cannot do.
 
-
-def _check(scene: SceneSpec, strip: Strip, rollers: tuple[Roller, ...]) -> None:
-    """Mistakes that only the mesh shows."""
-    file = str(scene.source or "scene")
-    mistakes = [*_profiles(scene, rollers)]
-    mistakes += [
-        Mistake(
-            file,
-            f"rollers.{roller.name}.centre",
-            list(roller.centre),
-            f"a roller outside the flat strip; its surface is {-gap:.4g} m inside",
-            f"move centre at least {-gap:.4g} m away from the strip, or reduce radius",
-        )
-        for roller in rollers
-        if scene.threading is None
-        if (gap := flat_gap(strip, roller)) < -1e-12 * roller.radius
-    ]
+    Raises
+    ------
+    InputError
+        A roller without a radius somewhere across the strip, or inside the flat strip; an edge to
+        be centred without a node in its middle.
+    """
+    file, mistakes = str(scene.source or "scene"), []
+    across = np.linspace(-0.5, 0.5, 33) * (scene.strip.width or 0.0)
+    for spec, roller in zip(scene.rollers, rollers, strict=True):
+        least = float(np.min(roller.radius_at(across - roller.centre[1])))
+        if not least > 0.0:
+            profile, value = next(iter(spec.profile.items()))
+            key, hint = f"rollers.{spec.name}.{profile}", GENTLE[profile].format(1e-3 * spec.radius)
+            expected = f"a radius above 0 all across the strip; it falls to {least:.3g} (m)"
+            mistakes.append(Mistake(file, key, value, expected, hint))
+        elif scene.threading is None and (gap := flat_gap(strip, roller)) < -1e-12 * spec.radius:
+            key, value = f"rollers.{spec.name}.centre", list(spec.centre)
+            expected = f"a roller outside the flat strip; its surface is {-gap:.4g} m inside"
+            hint = f"move centre at least {-gap:.4g} m away from the strip, or reduce radius"
+            mistakes.append(Mistake(file, key, value, expected, hint))
     for name, edge in scene.edges.items():
         if edge.centred and name in strip.edges and middle_node(strip, name) is None:
-            mistakes.append(
-                Mistake(
-                    file,
-                    f"edges.{name}.centred",
-                    True,
-                    "a mesh node in the middle of the edge",
-                    "an even number of cells across, e.g. cells = [16, 2]",
-                )
-            )
+            expected = "a mesh node in the middle of the edge"
+            hint = "an even number of cells across, e.g. cells = [16, 2]"
+            mistakes.append(Mistake(file, f"edges.{name}.centred", True, expected, hint))
     if mistakes:
         raise InputError(mistakes)
 
 
 def flat_gap(strip: Strip, roller: Roller) -> float:
-    """Least gap (m) between a roller, where it begins, and the flat strip's rectangle."""
+    """Return the least gap (m) between a roller, where it begins, and the flat strip."""
     low, high = strip.nodes[:2].min(axis=1), strip.nodes[:2].max(axis=1)
+    axis, slope = roller.unit_axis, roller.unit_axis[2]
+    if slope:  # the axis may go through the rectangle itself
+        crossing = (np.asarray(roller.centre) - axis * (roller.centre[2] / slope))[:2]
+        if ((low <= crossing) & (crossing <= high)).all():
+            return -float(roller.radius)
     (west, south), (east, north) = low, high
     corners = np.array([[west, south], [east, south], [east, north], [west, north]])
     from_axis = np.column_stack([corners, np.zeros(4)]) - roller.centre
-    from_axis -= np.outer(from_axis @ roller.unit_axis, roller.unit_axis)
+    from_axis -= np.outer(from_axis @ axis, axis)
     along = np.roll(from_axis, -1, axis=0) - from_axis
     squared = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
     share = np.clip(-(from_axis * along).sum(axis=1) / squared, 0.0, 1.0)
     nearest = np.linalg.norm(from_axis + share[:, None] * along, axis=1).min()
-    return float(0.0 if _meets(roller, low, high) else nearest) - roller.radius
-
-
-def _meets(roller: Roller, low: Array, high: Array) -> bool:
-    """Whether the axis goes through a rectangle in the plane z = 0."""
-    slope = roller.unit_axis[2]
-    if slope == 0.0:
-        return False
-    place = np.asarray(roller.centre) - roller.unit_axis * (roller.centre[2] / slope)
-    return bool(((low <= place[:2]) & (place[:2] <= high)).all())
+    return float(nearest) - roller.radius
 
 
 def middle_node(strip: Strip, name: str) -> int | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,7 +13,7 @@ from anmstrip.fem.constraints import Supports
 from anmstrip.fem.sampling import l2_projection, quadrature_points
 from anmstrip.scene.schema import StageSpec
 from anmstrip.simulation.problem import Assembly, middle_node
-from anmstrip.simulation.threading import Thread, stretches
+from anmstrip.simulation.threading import stretches
 
 Array = NDArray[np.float64]
 
@@ -48,20 +47,17 @@ class Course:
     speeds: dict[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.assembly.thread is not None and not self.values:
-            self._thread(self.assembly.thread)
+        thread = self.assembly.thread
+        if thread is not None and not self.values:  # begin at the ends, pulled at the exit
+            x = self.assembly.strip.mesh.p[0]
+            entry, exit, leaving = thread.ends_in_space(np.array([x.min(), x.max()]))
+            self.begun = {"entry": entry, "exit": exit}
+            self.moved.update(self.begun)
+            self.values["exit.force"] = thread.tension * leaving
         for roller in self.assembly.rollers:
             key = f"rollers.{roller.name}"
             self.values.setdefault(f"{key}.centre", np.array(roller.centre, dtype=float))
             self.values.setdefault(f"{key}.surface_speed", np.array(0.0))
-
-    def _thread(self, thread: Thread) -> None:
-        """Begin at the ends of the strip's way, pulled at the exit in its direction."""
-        x = self.assembly.strip.mesh.p[0]
-        entry, exit, leaving = thread.ends_in_space(np.array([x.min(), x.max()]))
-        self.begun = {"entry": entry, "exit": exit}
-        self.moved.update(self.begun)
-        self.values["exit.force"] = thread.tension * leaving
 
     def plan(self, stage: StageSpec, reactions: dict[str, Array]) -> StageProblem:
         """Prepare a stage.
@@ -157,18 +153,14 @@ class Course:
             return begin, begin
         return begin, np.array(control.velocity, dtype=float)
 
-    def _bow(self, stage: StageSpec, name: str) -> Array:
-        """Half of what the velocity gains over a stage, times its duration (m)."""
-        begin, end = self._speeds(stage, name)
-        return 0.5 * stage.duration * (end - begin)
-
     def _supports(self, stage: StageSpec) -> Supports:
         strip = self.assembly.strip
         held = np.zeros(strip.unknowns, dtype=bool)
         start, end, bows = (np.zeros(strip.unknowns) for _ in range(3))
         for name, components in self._held().items():
             edge, now = strip.edges[name], self.moved.get(name, np.zeros(3))
-            destination, bow = self._destination(stage, name), self._bow(stage, name)
+            destination, (before, after) = self._destination(stage, name), self._speeds(stage, name)
+            bow = 0.5 * stage.duration * (after - before)  # half of what the velocity gains
             for c in ("xyz".index(x) for x in components):
                 place = strip.kinematics.place(c)
                 if place is None:
@@ -176,18 +168,13 @@ class Course:
                 values = strip.count * edge.values + place
                 held[strip.count * edge.trace + place] = True
                 start[values], end[values], bows[values] = now[c], destination[c], bow[c]
-        held[list(self._centred())] = True
-        bent = self.assembly.frictional(stage) and np.any(bows)
-        return Supports(np.flatnonzero(~held), start, end - start, bows if bent else None)
-
-    def _centred(self) -> Iterator[int]:
-        """Unknowns that stay at zero so that the middles of edges keep their y."""
-        strip = self.assembly.strip
-        place = strip.kinematics.place(1)
+        across = strip.kinematics.place(1)
         for name, spec in self.assembly.scene.edges.items():
             middle = middle_node(strip, name) if spec.centred else None
-            if middle is not None and place is not None:
-                yield int(strip.count * strip.node_values[middle] + place)
+            if middle is not None and across is not None:  # it keeps its y
+                held[strip.count * strip.node_values[middle] + across] = True
+        bent = self.assembly.frictional(stage) and np.any(bows)
+        return Supports(np.flatnonzero(~held), start, end - start, bows if bent else None)
 
 
 def stretched(assembly: Assembly, tension: float) -> Array:

@@ -138,12 +138,9 @@ class Thread:
 
         reference, begin = quadrature_points(strip), float(strip.mesh.p[0].min())
         full = l2_projection(strip, pattern, self.positions(reference, begin) - reference)
-        return self._relaxed(strip, pattern, full) if self._is_uneven else full
-
-    @property
-    def _is_uneven(self) -> bool:
-        """Whether fibres go ways of different lengths."""
-        return any(not r.is_cylinder or r.unit_axis[0] or r.unit_axis[2] for r in self.rollers)
+        # Fibres that go ways of different lengths slide along their own surface first.
+        uneven = any(not r.is_cylinder or r.unit_axis[0] or r.unit_axis[2] for r in self.rollers)
+        return self._relaxed(strip, pattern, full) if uneven else full
 
     def _relaxed(self, strip: Strip, pattern: Pattern, full: Array) -> Array:
         """Let a shell slide along its own surface, between entry and exit, to equilibrium."""
@@ -204,6 +201,11 @@ def thread_of(scene: SceneSpec, rollers: Sequence[Roller]) -> Thread | None:
     spec, m = scene.threading, scene.material
     sides = {r.name: r.wrap for r in scene.rollers if r.wrap is not None}
     chosen = [roller for roller in rollers if roller.name in sides]
+    length = scene.strip.length
+    if scene.strip.mesh is not None:
+        from anmstrip.scene.mesh_file import read_mesh
+
+        length = float(np.ptp(read_mesh(scene).p[0]))
     thread = Thread(
         chosen,
         np.array([SENSES[sides[roller.name]] for roller in chosen]),
@@ -211,21 +213,12 @@ def thread_of(scene: SceneSpec, rollers: Sequence[Roller]) -> Thread | None:
         tuple(None if p is None else FixedEnd((p[0], p[2])) for p in (spec.entry, spec.exit)),
         *stretches(spec.tension, m.young * scene.strip.thickness, m.poisson),
         spec.tension,
-        _given_length(scene),
+        length,
     )
     try:
         return _with_ends(scene, thread)
     except (NotTouchedError, NoTangentError) as error:
         raise _refused(scene, chosen, error) from error
-
-
-def _given_length(scene: SceneSpec) -> float | None:
-    """Length of the strip (m), from the mesh file if there is one."""
-    if scene.strip.mesh is None:
-        return scene.strip.length
-    from anmstrip.scene.mesh_file import read_mesh
-
-    return float(np.ptp(read_mesh(scene).p[0]))
 
 
 def _with_ends(scene: SceneSpec, thread: Thread) -> Thread:
@@ -245,7 +238,8 @@ def _with_ends(scene: SceneSpec, thread: Thread) -> Thread:
     run = 1.0 + spare / missing
     if run <= 0.0:
         least = thread.given - missing * run / thread.along
-        raise _too_short(scene, thread.given, least)
+        expected, hint = f"more than {least:.4g} (m) for this way", f"length = {1.3 * least:.3g}"
+        raise _mistaken(scene, "strip.length", thread.given, expected, hint)
     level = replace(thread, ends=tuple(end or StraightEnd(run) for end in thread.ends)).middle
     places, _ = level.at(np.array([0.0, level.length[0]]), 0)
     return replace(thread, ends=tuple(FixedEnd(place) for place in places.T))
@@ -264,19 +258,13 @@ def _depth(scene: SceneSpec, roller: Roller) -> float:
     pressure = max(line_force, 0.1 * scene.threading.tension) / roller.radius
     gap = float(RepulsiveSignorini(*scene.contact.constants).gap(pressure))
     if gap < -DEEPEST * roller.radius:
-        raise _too_soft(scene, roller, pressure, -gap)
+        expected = (
+            f"a contact that carries the tension: pressed by T/r = {pressure:.3g} Pa the strip "
+            f"would sink {-gap:.3g} m into roller {roller.name}, of radius {roller.radius:g} m"
+        )
+        hint = f"stiffness = {100.0 * pressure / roller.radius:.1g}"
+        raise _mistaken(scene, "contact.stiffness", scene.contact.stiffness, expected, hint)
     return gap
-
-
-def _too_soft(scene: SceneSpec, roller: Roller, pressure: float, depth: float) -> InputError:
-    assert scene.contact is not None
-    least = 100.0 * pressure / roller.radius
-    expected = (
-        f"a contact that carries the tension: pressed by T/r = {pressure:.3g} Pa the strip would "
-        f"sink {depth:.3g} m into roller {roller.name}, of radius {roller.radius:g} m"
-    )
-    hint = f"stiffness = {least:.1g}"
-    return _mistaken(scene, "contact.stiffness", scene.contact.stiffness, expected, hint)
 
 
 def _refused(scene: SceneSpec, rollers: Sequence[Roller], error: ValueError) -> InputError:
@@ -305,8 +293,3 @@ def _refused(scene: SceneSpec, rollers: Sequence[Roller], error: ValueError) -> 
 
 def _mistaken(scene: SceneSpec, key: str, value: object, expected: str, hint: str) -> InputError:
     return InputError([Mistake(str(scene.source or "scene"), key, value, expected, hint)])
-
-
-def _too_short(scene: SceneSpec, length: float, least: float) -> InputError:
-    expected = f"more than {least:.4g} (m) for this way"
-    return _mistaken(scene, "strip.length", length, expected, f"length = {1.3 * least:.3g}")
