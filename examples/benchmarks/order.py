@@ -28,8 +28,7 @@ from figures import (
     work_precision,
 )
 from harness import Cell, Report, Sheet, main
-from strips import capstan
-from turning import altered
+from strips import altered, capstan
 
 Array = NDArray[np.float64]
 

@@ -7,18 +7,20 @@ strip, y up.
 
 from __future__ import annotations
 
+import json
+import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
+from anmstrip.scene.run import Run
 from anmstrip.scene.schema import Scene
 from anmstrip.series import compiled
-from comparisons import Finished
-from strips import FRICTION, MATERIAL, RADIUS
+from strips import FRICTION, MATERIAL, RADIUS, capstan, finished, threaded
 
 YOUNG, POISSON, THICKNESS = MATERIAL["young"], MATERIAL["poisson"], 1.0e-3
 LENGTH, DOWN, PULL = 4.0, -0.45, -5773.5
@@ -80,9 +82,9 @@ def ours(
 
     def solved(stiffer: float | None) -> Answer:
         scene = scene_of(level, across, refined, TOLERANCE, stiffer=stiffer)
-        found: list[Finished] = []
-        seconds = timed(lambda: found.append(Finished.of(scene)))
-        run, state = found[0].run, found[0].run.state
+        runs: list[Run] = []
+        seconds = timed(lambda: runs.append(finished(scene)))
+        run, state = runs[0], runs[0].state
         assert state is not None
         ends = tuple(state.edge_force(name)[[0, 2]] for name in ("entry", "exit"))
         slip = state.rollers["r1"].creep_speed or 0.0
@@ -98,3 +100,30 @@ def timed(work: Callable[[], Any]) -> float:
     begin = time.process_time()
     work()
     return time.process_time() - begin
+
+
+OURS = {
+    "section": (capstan, "section", 2, 0.05),
+    "threaded-section": (threaded, "section", 2, 0.05),
+    "shell": (capstan, "shell", 10, 0.025),
+    "threaded-shell": (threaded, "shell", 18, 0.025),
+}
+"""Name → scene, level of kinematics, elements across, their length over the roller (m)."""
+
+
+def solved(name: str, stiffer: float | None) -> Answer:
+    """By the program of that name, with contact so much stiffer, or left to the mesh."""
+    if name in OURS:
+        return ours(*OURS[name])(stiffer)
+    found: Answer = import_module(f"peer_{name}").solved(stiffer)
+    return found
+
+
+def main() -> None:
+    """Solve what the command line says."""
+    factor = None if sys.argv[2] == "mesh" else float(sys.argv[2])
+    print(json.dumps(asdict(solved(sys.argv[1], factor))))
+
+
+if __name__ == "__main__":
+    main()

@@ -13,7 +13,7 @@ from pathlib import Path
 from harness import Cell, Report, Sheet, ask, installed, left_out, main
 from peer_capstan import Answer
 
-PROCESS = str(Path(__file__).with_name("peer_process.py"))
+PROCESS = str(Path(__file__).with_name("peer_capstan.py"))
 
 FACTORS = (1.0, 1e2, 1e4)
 """On the stiffness of contact, 1e10 Pa/m."""
@@ -33,7 +33,7 @@ class Program:
     Attributes
     ----------
     name : str
-        Of :mod:`peer_process`.
+        Of ``peer_capstan.py``.
     title : str
     quick : bool
         Whether it belongs to a quick study.

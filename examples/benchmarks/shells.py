@@ -12,12 +12,17 @@ from harness import Cell, Report, Sheet, main
 from shell_problems import (
     ROOF_LOAD,
     Benchmark,
+    Followed,
+    Iterated,
     end_moment,
     end_shear,
+    followed,
     hinged_roof,
+    iterated,
+    miss,
+    settings,
     slit_plate,
 )
-from shell_runs import Followed, Iterated, followed, iterated, miss, settings
 
 ROOFS = (12.7, 6.35)
 

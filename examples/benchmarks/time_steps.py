@@ -33,8 +33,7 @@ from figures import (
     work_precision,
 )
 from harness import Cell, Report, Sheet, main
-from strips import CONTACT, FRICTION, MATERIAL, RADIUS
-from turning import altered
+from strips import CONTACT, FRICTION, MATERIAL, RADIUS, altered
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """The tolerance that is asked for beside the error that comes: a cantilever and a capstan.
 
-The paper's cases have the same table in :mod:`anmstrip.studies.case_accuracy`.
+The paper's cases have the same table in ``cases.py``.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ from anmstrip.series.path import Branch, Path
 from cantilever import LENGTH, cantilever
 from figures import Measured, crossed, curves, measured, plotted, sheet
 from harness import Report, main
-from strips import TENSION, capstan
-from turning import Turning, altered, wrapped
+from strips import TENSION, Turning, altered, capstan, wrapped
 
 Array = NDArray[np.float64]
 
@@ -133,11 +132,9 @@ def _turned(orders: Sequence[int], tolerances: Sequence[float]) -> Iterator[Meas
 
 
 def history(scene: Scene, full: Array) -> tuple[Array, Array, int]:
-    """Times and tensions at the entry (N/m) of all steps of the last stage, and tangents."""
-    turning, found = Turning(scene, full), []
-    for arrival in turning.march.through(turning.plan, 100_000):
-        turning.march.accept(arrival)
-        found.append((arrival.state.time, arrival.state.tension("entry")))
+    """Return times and tensions at the entry (N/m) of the last stage's steps, and tangents."""
+    turning = Turning(scene, full)
+    found = [(state.time, state.tension("entry")) for state in turning.states()]
     times, tensions = np.array(found).T
     return times, tensions, turning.march.cost.factorisations
 

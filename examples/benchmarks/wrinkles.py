@@ -36,7 +36,7 @@ from anmstrip.series.outcome import PathStopped
 from anmstrip.series.singular_points import Remembering, SingularPoint, watched
 from figures import Line, drawn
 from harness import Cell, Report, Sheet, main
-from shell_runs import settings
+from shell_problems import settings
 
 Array = NDArray[np.float64]
 

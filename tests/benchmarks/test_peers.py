@@ -9,8 +9,7 @@ import pytest
 
 import harness
 import peers
-from peer_capstan import BENDING, answer, formula
-from peer_process import solved
+from peer_capstan import BENDING, answer, formula, solved
 from peers import Program, tried
 
 

@@ -21,9 +21,8 @@ from anmstrip.series.snaps import LASTING
 from anmstrip.series.time_steps import TimeStep
 from anmstrip.studies.case_runs import solved
 from answers import right
-from hard_nodes import CONTACT
+from hard_nodes import CONTACT, CoupledNode, Slider, WrappedLinks
 from motions import moved
-from nodes import CoupledNode, Slider, WrappedLinks
 
 
 @pytest.mark.parametrize("omega", [1e-2, 1e-10])
