@@ -23,7 +23,8 @@ from anmstrip.series.expansion import Cost, Parameter, expand
 from figures import stacked
 from harness import Cell, Report, Sheet, main
 from imports import import_sheet
-from strips import capstan, finished, growing, lightly_wrapped
+from runs import finished
+from strips import capstan, growing, lightly_wrapped
 
 ORDER = 20
 

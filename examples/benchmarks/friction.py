@@ -38,7 +38,8 @@ from figures import (
 )
 from harness import Cell, Report, Sheet, main
 from newton_methods import backward_euler
-from strips import Turning, altered, capstan, wrapped
+from runs import Turning, altered, wrapped
+from strips import capstan
 
 Array = NDArray[np.float64]
 

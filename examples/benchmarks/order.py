@@ -28,7 +28,8 @@ from figures import (
     work_precision,
 )
 from harness import Cell, Report, Sheet, main
-from strips import altered, capstan
+from runs import altered
+from strips import capstan
 
 Array = NDArray[np.float64]
 

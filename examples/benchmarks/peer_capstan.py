@@ -20,7 +20,8 @@ import numpy as np
 from anmstrip.scene.run import Run
 from anmstrip.scene.schema import Scene
 from anmstrip.series import compiled
-from strips import FRICTION, MATERIAL, RADIUS, capstan, finished, threaded
+from runs import finished
+from strips import FRICTION, MATERIAL, RADIUS, capstan, threaded
 
 YOUNG, POISSON, THICKNESS = MATERIAL["young"], MATERIAL["poisson"], 1.0e-3
 LENGTH, DOWN, PULL = 4.0, -0.45, -5773.5

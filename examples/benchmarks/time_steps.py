@@ -33,7 +33,8 @@ from figures import (
     work_precision,
 )
 from harness import Cell, Report, Sheet, main
-from strips import CONTACT, FRICTION, MATERIAL, RADIUS, altered
+from runs import altered
+from strips import CONTACT, FRICTION, MATERIAL, RADIUS
 
 Array = NDArray[np.float64]
 

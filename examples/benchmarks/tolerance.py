@@ -21,7 +21,8 @@ from anmstrip.series.path import Branch, Path
 from cantilever import LENGTH, cantilever
 from figures import Measured, crossed, curves, measured, plotted, sheet
 from harness import Report, main
-from strips import TENSION, Turning, altered, capstan, wrapped
+from runs import Turning, altered, wrapped
+from strips import TENSION, capstan
 
 Array = NDArray[np.float64]
 

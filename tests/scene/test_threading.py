@@ -17,7 +17,8 @@ from anmstrip.scene import InputError, march
 from anmstrip.scene.build import Assembly
 from anmstrip.scene.stages import Course
 from anmstrip.scene.threading import stretches
-from strips import finished, threaded
+from runs import finished
+from strips import threaded
 
 SCENES = {"one": ONE, "bridle": BRIDLE, "tower": TOWER, "leveller": LEVELLER}
 
