@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from anmstrip import Scene
-from anmstrip.scene.measures import State
-from anmstrip.scene.run import Run
+from anmstrip.driver.run import Run
+from anmstrip.results.state import State
 
 HERE = Path(__file__).parent
 SLIDING = 0.5

@@ -11,17 +11,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anmstrip.mechanics.bending import isometric_bending
-from anmstrip.mechanics.cells import Pattern
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import Settings, follow
+from anmstrip.continuation.newton import Corrections, Newton
+from anmstrip.effect_series import Controls
+from anmstrip.equilibrium import Equilibrium, Model
+from anmstrip.fem.constraints import Scales, Supports
+from anmstrip.fem.operators import Pattern
+from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.loads import edge_force
-from anmstrip.mechanics.membrane import Membrane
-from anmstrip.mechanics.strip import Material, Strip, grid
-from anmstrip.mechanics.supports import Scales, Supports
-from anmstrip.model import Controls, Equilibrium, Model
-from anmstrip.series.continuation import Settings, follow
-from anmstrip.series.expansion import Cost
-from anmstrip.series.linear_solvers import SparseSolver
-from anmstrip.series.newton import Corrections, Newton
+from anmstrip.mechanics.shell import Membrane, isometric_bending
 
 LENGTH, FORCE, STIFFNESS = 10.0, 4.0, 100.0  # m, N/m, N m
 

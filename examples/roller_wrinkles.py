@@ -19,11 +19,11 @@ import numpy as np
 from scipy.optimize import brentq
 
 from anmstrip import Scene
-from anmstrip.mechanics.cells import jets
-from anmstrip.output.pictures import render
-from anmstrip.scene.imperfection import buckling, flattened
-from anmstrip.scene.measures import State
-from anmstrip.scene.wrinkling import Wrinkling
+from anmstrip.fem.operators import jets
+from anmstrip.pictures.render import render
+from anmstrip.results.state import State
+from anmstrip.results.wrinkles import Wrinkling
+from anmstrip.simulation.imperfection import buckling, flattened
 
 CONTACT = {"stiffness": 1e9, "eta": 10.0, "delta": 1e-3}
 

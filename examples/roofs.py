@@ -16,21 +16,20 @@ from pathlib import Path
 
 import numpy as np
 
-from anmstrip.mapping import mapped
-from anmstrip.mechanics.cells import Pattern
+from anmstrip.continuation.bifurcations import Kind, Remembering, SingularPoint, switched, watched
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import Settings, follow
+from anmstrip.effect_series import Controls
+from anmstrip.equilibrium import Equilibrium, Model
+from anmstrip.fem.constraints import Scales, Supports, mirrored, traced
+from anmstrip.fem.operators import Pattern
+from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.fem.surfaces import mapped
+from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import LoadEffect
-from anmstrip.mechanics.kirchhoff_love import KirchhoffLove
-from anmstrip.mechanics.membrane import Membrane
-from anmstrip.mechanics.strip import Material, Strip, grid
-from anmstrip.mechanics.supports import Scales, Supports, mirrored, traced
-from anmstrip.model import Controls, Equilibrium, Model
-from anmstrip.output.vtk import write_surface
-from anmstrip.scene.fields import Surface
-from anmstrip.series.branch_switching import switched
-from anmstrip.series.continuation import Settings, follow
-from anmstrip.series.expansion import Cost
-from anmstrip.series.linear_solvers import SparseSolver
-from anmstrip.series.singular_points import Kind, Remembering, SingularPoint, watched
+from anmstrip.mechanics.shell import KirchhoffLove, Membrane
+from anmstrip.results.fields import Surface
+from anmstrip.results.vtk import write_surface
 
 RADIUS, HALF_LENGTH, ANGLE, FORCE = 2540.0, 254.0, 0.1, 3000.0  # mm, mm, rad, N
 

@@ -13,17 +13,17 @@ import argparse
 
 import numpy as np
 
-from anmstrip.mapping import mapped
-from anmstrip.mechanics.cells import Pattern
-from anmstrip.mechanics.kirchhoff_love import KirchhoffLove
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import Settings, follow
+from anmstrip.effect_series import Controls
+from anmstrip.equilibrium import Equilibrium, Model
+from anmstrip.fem.constraints import Scales, Supports
+from anmstrip.fem.operators import Pattern
+from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.fem.surfaces import mapped
+from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.loads import edge_force
-from anmstrip.mechanics.membrane import Membrane
-from anmstrip.mechanics.strip import Material, Strip, grid
-from anmstrip.mechanics.supports import Scales, Supports
-from anmstrip.model import Controls, Equilibrium, Model
-from anmstrip.series.continuation import Settings, follow
-from anmstrip.series.expansion import Cost
-from anmstrip.series.linear_solvers import SparseSolver
+from anmstrip.mechanics.shell import KirchhoffLove, Membrane
 
 
 def slit_plate(cells: tuple[int, int]) -> Equilibrium:

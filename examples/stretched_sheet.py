@@ -15,19 +15,18 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from anmstrip.mechanics.bending import isometric_bending
-from anmstrip.mechanics.cells import Pattern
-from anmstrip.mechanics.membrane import Membrane
-from anmstrip.mechanics.strip import Material, Strip, grid
-from anmstrip.mechanics.supports import Scales, Supports, gripped, mirrored
-from anmstrip.model import Controls, Equilibrium, Model
-from anmstrip.output.vtk import write_surface
-from anmstrip.scene.fields import Surface
-from anmstrip.series.branch_switching import switched
-from anmstrip.series.continuation import Settings, follow
-from anmstrip.series.expansion import Cost
-from anmstrip.series.linear_solvers import SparseSolver
-from anmstrip.series.singular_points import Remembering, SingularPoint, watched
+from anmstrip.continuation.bifurcations import Remembering, SingularPoint, switched, watched
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import Settings, follow
+from anmstrip.effect_series import Controls
+from anmstrip.equilibrium import Equilibrium, Model
+from anmstrip.fem.constraints import Scales, Supports, gripped, mirrored
+from anmstrip.fem.operators import Pattern
+from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.mechanics.shell import Membrane, isometric_bending
+from anmstrip.results.fields import Surface
+from anmstrip.results.vtk import write_surface
 
 LENGTH, WIDTH, THICKNESS, POISSON = 3.5, 1.0, 2e-4, 0.45  # E = 1 does not matter
 

@@ -9,16 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anmstrip.mechanics.coulomb import coulomb
-from anmstrip.mechanics.friction import NortonHoff, Tanh, cone_speed, corner_speed
-from anmstrip.mechanics.mass_spring import CASES, Parameters, RotatingCircle
-from anmstrip.mechanics.references import solved as reference_of
-from anmstrip.output import history
-from anmstrip.scene.errors import InputError
-from anmstrip.series.expansion import Cost
-from anmstrip.studies.case_events import events_of
-from anmstrip.studies.case_runs import solved, taylor
-from anmstrip.studies.cases import COLUMNS, PAPER_STEPS, run_case
+from anmstrip.continuation.expansion import Cost
+from anmstrip.errors import InputError
+from anmstrip.mechanics.laws import NortonHoff, Tanh, cone_speed, corner_speed
+from anmstrip.paper.cases import COLUMNS, PAPER_STEPS, run_case
+from anmstrip.paper.mass_spring import CASES, Parameters, RotatingCircle
+from anmstrip.paper.references import coulomb
+from anmstrip.paper.references import solved as reference_of
+from anmstrip.paper.schemes import events_of, solved, taylor
+from anmstrip.results import files as history
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 PICTURES = {
@@ -183,7 +182,7 @@ def test_events_of_the_circle(reports):
     phi, away, p = np.arctan2(lost.ux, lost.uy + 1.5), lost.time - 1.5, report.case.parameters
     rate = -(np.sin(phi) - p.f * np.cos(phi)) / (away * (np.cos(phi) + p.f * np.sin(phi)))
     assert lost.value == pytest.approx(p.r * (rate - p.Omega), rel=0.05)
-    table = history.read(report.files[2])
+    table = history.read_history(report.files[2])
     assert table["time"] == pytest.approx([event.time for event in report.events])
     summary = json.loads(report.files[1].read_text())
     assert [event["kind"] for event in summary["events"]] == kinds

@@ -14,10 +14,9 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from anmstrip import progress
-from anmstrip.command_line import main
-from anmstrip.scene import InputError
-from anmstrip.scene.errors import Mistake
+from anmstrip import cli as progress
+from anmstrip.cli import main
+from anmstrip.errors import InputError, Mistake
 
 CAPSTAN = str(Path(__file__).parent / "scene" / "capstan.toml")
 MISTAKE = InputError([Mistake("strip.msh", "edges.entry", None, "a named edge", "one of: exit")])
@@ -90,7 +89,7 @@ class Fakes:
         def made(scene: Any, directory: Path, resume: bool) -> FakeRun:
             return FakeRun(scene, directory, resume, **ending)
 
-        self.put("anmstrip.scene.run", "Run", made)
+        self.put("anmstrip.driver.run", "Run", made)
 
     def _called(self, result: Any, given: tuple[Any, ...], named: dict[str, Any]) -> Any:
         if isinstance(result, Exception):
@@ -158,7 +157,7 @@ def test_run_on_a_full_disk(fakes: Fakes) -> None:
 
 
 def test_run_refused_by_its_mesh(fakes: Fakes) -> None:
-    fakes.put("anmstrip.scene.run", "Run", MISTAKE)
+    fakes.put("anmstrip.driver.run", "Run", MISTAKE)
     result = typed("run", CAPSTAN)
     assert (result.exit_code, result.stdout) == (2, "")
     assert result.stderr == f"{MISTAKE}\n"
@@ -189,8 +188,8 @@ def test_wrong_input_is_told_and_nothing_is_written(
 ) -> None:
     (tmp_path / "a_file").touch()
     fakes.put_run()
-    fakes.put("anmstrip.scene.explain", "explain", "")
-    fakes.put("anmstrip.studies.cases", "run_case", "")
+    fakes.put("anmstrip.driver.explain", "explain", "")
+    fakes.put("anmstrip.paper.cases", "run_case", "")
     result = typed(*arguments)
     assert (result.exit_code, result.stdout, fakes.calls) == (2, "", [])
     assert words in result.stderr
@@ -199,7 +198,7 @@ def test_wrong_input_is_told_and_nothing_is_written(
 
 def test_explain(fakes: Fakes) -> None:
     fakes.put(
-        "anmstrip.scene.explain", "explain", lambda scene: f"a strip of {scene.strip.width} m"
+        "anmstrip.driver.explain", "explain", lambda scene: f"a strip of {scene.strip.width} m"
     )
     result = typed("explain", CAPSTAN)
     assert (result.exit_code, result.stdout) == (0, "a strip of 1.0 m\n")
@@ -208,7 +207,7 @@ def test_explain(fakes: Fakes) -> None:
 
 
 def test_case(fakes: Fakes) -> None:
-    fakes.put("anmstrip.studies.cases", "run_case", FakeReport("a table"))
+    fakes.put("anmstrip.paper.cases", "run_case", FakeReport("a table"))
     result = typed("case", "moving-plane", "--order", "15", "--set", "f=0.4", "--set", "V_c=2")
     assert (result.exit_code, result.stdout) == (0, "a table\n")
     ((given, named, _),) = fakes.calls
@@ -223,18 +222,18 @@ def test_case(fakes: Fakes) -> None:
 
 
 def test_case_that_stops_early(fakes: Fakes) -> None:
-    fakes.put("anmstrip.studies.cases", "run_case", StoppedReport("half a table"))
+    fakes.put("anmstrip.paper.cases", "run_case", StoppedReport("half a table"))
     result = typed("case", "moving-plane")
     assert (result.exit_code, result.stdout) == (1, "half a table\n")
 
 
 def test_unknown_case(fakes: Fakes) -> None:
-    fakes.put("anmstrip.studies.cases", "run_case", MISTAKE)
+    fakes.put("anmstrip.paper.cases", "run_case", MISTAKE)
     assert typed("case", "moving-plain").exit_code == 2
 
 
 def test_render(fakes: Fakes) -> None:
-    fakes.put("anmstrip.output.pictures", "render", [Path("a/one.png"), Path("a/two.png")])
+    fakes.put("anmstrip.pictures.render", "render", [Path("a/one.png"), Path("a/two.png")])
     result = typed("render", "a", "--field", "gap", "--movie")
     assert (result.exit_code, result.stdout) == (0, "a/one.png\na/two.png\n")
     ((given, named, _),) = fakes.calls
@@ -242,7 +241,7 @@ def test_render(fakes: Fakes) -> None:
 
 
 def test_unknown_field(fakes: Fakes) -> None:
-    fakes.put("anmstrip.output.pictures", "render", MISTAKE)
+    fakes.put("anmstrip.pictures.render", "render", MISTAKE)
     assert typed("render", "a").exit_code == 2
 
 
@@ -303,7 +302,7 @@ def test_what_a_level_does_not_have(tmp_path: Path, kinematics: str) -> None:
 
 def test_help_imports_nothing_heavy() -> None:
     code = (
-        "import sys, anmstrip.command_line as c\n"
+        "import sys, anmstrip.cli as c\n"
         "try: c.main(['--help'])\n"
         "except SystemExit as end: assert end.code == 0\n"
         "print('heavy:', sorted({'numpy', 'scipy', 'skfem', 'pyvista'} & set(sys.modules)))"

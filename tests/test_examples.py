@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from anmstrip import Scene
-from anmstrip.scene.fields import Surface
-from anmstrip.scene.run import Run, Step
+from anmstrip.driver.run import Run, Step
+from anmstrip.results.fields import Surface
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 

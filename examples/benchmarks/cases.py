@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anmstrip.mechanics.mass_spring import CASES, MassSpring
-from anmstrip.mechanics.references import Reference
-from anmstrip.mechanics.references import solved as reference_of
-from anmstrip.series.outcome import PathStopped
-from anmstrip.studies.case_runs import solved
-from anmstrip.studies.cases import ROWS, distances
+from anmstrip.continuation.status import PathStopped
+from anmstrip.paper.cases import ROWS, distances
+from anmstrip.paper.mass_spring import CASES, MassSpring
+from anmstrip.paper.references import Reference
+from anmstrip.paper.references import solved as reference_of
+from anmstrip.paper.schemes import solved
 from figures import (
     Measured,
     crossed,

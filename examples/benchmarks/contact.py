@@ -11,9 +11,9 @@ from dataclasses import astuple, dataclass, fields
 
 import numpy as np
 
-from anmstrip.scene.measures import State
-from anmstrip.scene.run import Run
-from anmstrip.scene.schema import Scene
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.results.state import State
 from figures import Plot, curves
 from harness import Report, Sheet, main
 from strips import RADIUS, capstan

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.model import Equilibrium, Motion
-from anmstrip.scene.run import Run
-from anmstrip.scene.schema import Scene
-from anmstrip.series.backward_differences import AffineVelocity
-from anmstrip.series.expansion import Cost, Parameter, expand
+from anmstrip.continuation.expansion import Cost, Parameter, expand
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.equilibrium import Equilibrium, Motion
+from anmstrip.timestepping.formulas import AffineVelocity
 from figures import stacked
 from harness import Cell, Report, Sheet, main
 from imports import import_sheet

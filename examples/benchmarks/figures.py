@@ -1,6 +1,5 @@
 """Figures of the benchmarks, and runs measured by their error and their cost."""
 
-# ruff: noqa: PLC0415 - matplotlib takes long to import
 from __future__ import annotations
 
 import time

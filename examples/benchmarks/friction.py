@@ -15,16 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from anmstrip.mechanics.mass_spring import Parameters
-from anmstrip.mechanics.references import slip_at
-from anmstrip.scene.schema import Scene
-from anmstrip.series import backward_differences, implicit_dae
-from anmstrip.series.continuation import Settings
-from anmstrip.series.expansion import Cost
-from anmstrip.series.functions import FunctionRateEquations, ImplicitSolution
-from anmstrip.series.index_one import consistent
-from anmstrip.series.linear_solvers import DenseSolver
-from anmstrip.series.outcome import PathStopped
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import Settings
+from anmstrip.continuation.status import PathStopped
+from anmstrip.driver.scene import Scene
+from anmstrip.linalg.solvers import DenseSolver
+from anmstrip.paper.mass_spring import Parameters
+from anmstrip.paper.references import slip_at
+from anmstrip.timestepping.formulas import start_memory
+from anmstrip.timestepping.functions import FunctionRateEquations, ImplicitSolution
+from anmstrip.timestepping.implicit import Stepping, integrate
+from anmstrip.timestepping.index_one import consistent
 from figures import (
     Measured,
     by_line,
@@ -179,13 +180,13 @@ class Mass:
         """Return error (m) and tangents."""
         (p, equations, u, v), cost, steps = self._problem(**sharpness), Cost(), []
         try:
-            for step in implicit_dae.integrate(
+            for step in integrate(
                 equations,
-                backward_differences.start(0.0, u, v, 1e-3 * p.t_end),
+                start_memory(0.0, u, v, 1e-3 * p.t_end),
                 p.t_end,
                 solver=DenseSolver(),
                 settings=Settings(order=20, tolerance=self.tolerance, max_steps=100_000),
-                stepping=implicit_dae.Stepping(p.t_end),
+                stepping=Stepping(p.t_end),
                 cost=cost,
             ):
                 steps.append(step)

@@ -11,13 +11,13 @@ import sys
 from collections.abc import Iterator
 from tempfile import TemporaryDirectory
 
-from anmstrip.model import Equilibrium, Motion
-from anmstrip.scene.build import Assembly
-from anmstrip.scene.schema import Scene
-from anmstrip.scene.stages import Course, stretched
-from anmstrip.series.backward_differences import AffineVelocity
-from anmstrip.series.expansion import Parameter, expand
-from anmstrip.series.linear_solvers import SparseSolver
+from anmstrip.continuation.expansion import Parameter, expand
+from anmstrip.driver.scene import Scene
+from anmstrip.equilibrium import Equilibrium, Motion
+from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.simulation.problem import Assembly
+from anmstrip.simulation.stages import Course, stretched
+from anmstrip.timestepping.formulas import AffineVelocity
 from harness import Sheet, ask
 from strips import TENSION, growing
 

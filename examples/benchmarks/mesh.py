@@ -10,10 +10,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.scene.run import Run
-from anmstrip.series.continuation import Settings, follow
-from anmstrip.series.expansion import Cost
-from anmstrip.series.linear_solvers import SparseSolver
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import Settings, follow
+from anmstrip.driver.run import Run
+from anmstrip.linalg.solvers import SparseSolver
 from cantilever import LENGTH, cantilever, elastica, tip
 from contact import ratio_error
 from figures import Plot, curves

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.scene.run import Run
-from anmstrip.scene.schema import Scene
-from anmstrip.series.continuation import PathSolver, Settings, follow
-from anmstrip.series.expansion import Cost
-from anmstrip.series.linear_solvers import SparseSolver
-from anmstrip.series.outcome import Outcome
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import PathSolver, Settings, follow
+from anmstrip.continuation.status import Outcome
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.linalg.solvers import SparseSolver
 from cantilever import cantilever, tip
 from harness import Cell, Report, Sheet, main
 from newton_methods import NewtonPath, NewtonSettings

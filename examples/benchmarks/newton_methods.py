@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.series.backward_differences import AffineVelocity, predicted
-from anmstrip.series.continuation import Pace, Settings, Step
-from anmstrip.series.expansion import Cost, Equations, inner
-from anmstrip.series.linear_solvers import LinearSolver, SingularTangentError
-from anmstrip.series.newton import Corrected, Corrections, Newton
-from anmstrip.series.outcome import Outcome, PathStopped
-from anmstrip.series.path import Branch
-from anmstrip.series.time_steps import RateEquations, StepEquations
+from anmstrip.continuation.expansion import Cost, Equations, inner
+from anmstrip.continuation.follow import Pace, Settings, Step
+from anmstrip.continuation.newton import Corrected, Corrections, Newton
+from anmstrip.continuation.path import Branch
+from anmstrip.continuation.status import Outcome, PathStopped
+from anmstrip.linalg.factors import SingularTangentError
+from anmstrip.linalg.solvers import LinearSolver
+from anmstrip.timestepping.formulas import AffineVelocity, RateEquations, StepEquations, predicted
 
 Array = NDArray[np.float64]
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.scene.run import Run
-from anmstrip.scene.schema import Scene
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import Settings, follow
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.scene.stage_tables import SolverSpec
-from anmstrip.series.continuation import Settings, follow
-from anmstrip.series.expansion import Cost
-from anmstrip.series.linear_solvers import SparseSolver
 from cantilever import LENGTH, cantilever, tip
 from figures import (
     Measured,

@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.scene.run import Run
-from anmstrip.scene.schema import Scene
-from anmstrip.series import compiled
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.series.kernels import compiled
 from runs import finished
 from strips import FRICTION, MATERIAL, RADIUS, capstan, threaded
 
@@ -82,7 +82,7 @@ def ours(
         import_module("anmstrip.series.kernels")
 
     def solved(stiffer: float | None) -> Answer:
-        scene = scene_of(level, across, refined, TOLERANCE, stiffer=stiffer)
+        scene = Scene.from_tables(level, across, refined, TOLERANCE, stiffer=stiffer)
         runs: list[Run] = []
         seconds = timed(lambda: runs.append(finished(scene)))
         run, state = runs[0], runs[0].state

@@ -17,8 +17,8 @@ from functools import cache
 
 import numpy as np
 
-from anmstrip.scene.imperfection import buckling
-from anmstrip.scene.schema import Scene
+from anmstrip.driver.scene import Scene
+from anmstrip.simulation.imperfection import buckling
 from figures import Line, Map, drawn, mapped
 from harness import Cell, Report, Sheet, main
 from wrinkling import ONSET, SPEED, Crowned, Ended, Mesh, Onset, Skewed, ended, onset, onsets

@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.model import Motion
-from anmstrip.scene.build import Assembly
-from anmstrip.scene.loading import scene_of
-from anmstrip.scene.march import March
-from anmstrip.scene.measures import State
-from anmstrip.scene.run import Run
-from anmstrip.scene.schema import Scene
-from anmstrip.scene.stages import Plan
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.equilibrium import Motion, StageProblem
+from anmstrip.results.state import State
+from anmstrip.simulation.march import March
+from anmstrip.simulation.problem import Assembly
 
 Array = NDArray[np.float64]
 
@@ -33,7 +31,7 @@ def finished(scene: Scene) -> Run:
 def altered(scene: Scene, changes: Mapping[str, Any]) -> Scene:
     """Return the same scene with other numbers; dotted keys as for ``--set``."""
     texts = [f"{key}={value}" for key, value in changes.items()]
-    return scene_of(scene.to_dict(), Path("study"), texts)
+    return Scene.from_tables(scene.to_dict(), Path("study"), texts)
 
 
 def wrapped(scene: Scene) -> Array:
@@ -55,7 +53,7 @@ class Turning:
         self.march.full = full
         for stage in scene.course[:-1]:
             self.march.course.finish(stage)
-        self.plan: Plan = self.march.course.plan(scene.course[-1], {})
+        self.plan: StageProblem = self.march.course.plan(scene.course[-1], {})
 
     @property
     def motion(self) -> Motion:

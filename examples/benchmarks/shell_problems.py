@@ -14,22 +14,21 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.mapping import mapped
-from anmstrip.mechanics.bending import isometric_bending
-from anmstrip.mechanics.cells import Pattern
+from anmstrip.continuation.bifurcations import Remembering, SingularPoint, watched
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import Settings, Step, follow
+from anmstrip.continuation.newton import Corrected
+from anmstrip.continuation.path import Path
+from anmstrip.effect_series import Controls
+from anmstrip.equilibrium import Equilibrium, Model
+from anmstrip.fem.constraints import Scales, Supports, mirrored, traced
+from anmstrip.fem.operators import Pattern
+from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.fem.surfaces import mapped
+from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Effect, LoadEffect
-from anmstrip.mechanics.kirchhoff_love import KirchhoffLove
 from anmstrip.mechanics.loads import edge_force, edge_moment
-from anmstrip.mechanics.membrane import Membrane
-from anmstrip.mechanics.strip import Material, Strip, grid
-from anmstrip.mechanics.supports import Scales, Supports, mirrored, traced
-from anmstrip.model import Controls, Equilibrium, Model
-from anmstrip.series.continuation import Settings, Step, follow
-from anmstrip.series.expansion import Cost
-from anmstrip.series.linear_solvers import SparseSolver
-from anmstrip.series.newton import Corrected
-from anmstrip.series.path import Path
-from anmstrip.series.singular_points import Remembering, SingularPoint, watched
+from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from harness import ROOT
 from newton_methods import RiksSettings, arc_steps
 

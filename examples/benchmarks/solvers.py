@@ -15,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from anmstrip.model import Equilibrium
-from anmstrip.scene.run import Run
-from anmstrip.series.band import BandPlan
-from anmstrip.series.expansion import Cost, Parameter, expand
-from anmstrip.series.factors import Factors
-from anmstrip.series.linear_solvers import SparseSolver, planned
-from anmstrip.series.sparse_lu import PardisoPlan, SuperLUPlan, pardiso_is_there
+from anmstrip.continuation.expansion import Cost, Parameter, expand
+from anmstrip.driver.run import Run
+from anmstrip.equilibrium import Equilibrium
+from anmstrip.linalg.direct import BandPlan, PardisoPlan, SuperLUPlan, pardiso_is_there
+from anmstrip.linalg.factors import Factors
+from anmstrip.linalg.solvers import SparseSolver, planned
 from effects import equations_at_end
 from figures import Plot, curves, exponent
 from harness import Report, Sheet, main

@@ -19,12 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from anmstrip.mechanics.friction import NortonHoff
-from anmstrip.series import backward_differences, implicit_dae
-from anmstrip.series.continuation import Settings
-from anmstrip.series.expansion import Cost
-from anmstrip.series.functions import FunctionRateEquations
-from anmstrip.series.linear_solvers import DenseSolver
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import Settings
+from anmstrip.linalg.solvers import DenseSolver
+from anmstrip.mechanics.laws import NortonHoff
+from anmstrip.timestepping.formulas import start_memory
+from anmstrip.timestepping.functions import FunctionRateEquations
+from anmstrip.timestepping.implicit import Stepping, integrate
 from figures import Curves, against
 from harness import Cell, Report, Sheet, installed, left_out, main
 from stiff_reference import Reference, pull
@@ -81,13 +82,13 @@ def differences(epsilon: float, tolerance: float) -> Solved:
     """Ours, as the strip is stepped: backward differences on the λ path, up to order 5."""
     cost = Cost()
     steps = list(
-        implicit_dae.integrate(
+        integrate(
             FunctionRateEquations(residual(epsilon), END),
-            backward_differences.start(0.0, REST, REST, 1e-3),
+            start_memory(0.0, REST, REST, 1e-3),
             END,
             solver=DenseSolver(),
             settings=Settings(order=15, tolerance=tolerance, max_steps=100_000),
-            stepping=implicit_dae.Stepping(END, 5),
+            stepping=Stepping(END, 5),
             cost=cost,
         )
     )

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.scene.schema import Scene
+from anmstrip.driver.scene import Scene
 
 TENSION, RADIUS = 1.0e4, 0.5  # N/m, m
 CONTACT = {"stiffness": 1.0e10, "eta": 10.0, "delta": 1.0e-3}

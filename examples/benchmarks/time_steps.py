@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.mechanics.mass_spring import Parameters, PressedPlane
-from anmstrip.mechanics.references import Reference
-from anmstrip.mechanics.references import solved as reference_of
-from anmstrip.scene.measures import State
-from anmstrip.scene.run import Run
-from anmstrip.scene.schema import Scene
-from anmstrip.series import implicit_dae
-from anmstrip.series.backward_differences import Memory
-from anmstrip.series.continuation import Settings
-from anmstrip.series.expansion import Cost
-from anmstrip.series.functions import FunctionRateEquations
-from anmstrip.series.linear_solvers import DenseSolver
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import Settings
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.linalg.solvers import DenseSolver
+from anmstrip.paper.mass_spring import Parameters, PressedPlane
+from anmstrip.paper.references import Reference
+from anmstrip.paper.references import solved as reference_of
+from anmstrip.results.state import State
+from anmstrip.timestepping.formulas import Memory
+from anmstrip.timestepping.functions import FunctionRateEquations
+from anmstrip.timestepping.implicit import Stepping, integrate
 from figures import (
     Measured,
     by_line,
@@ -118,13 +118,13 @@ def smooth_error(reference: Reference, order: int, h: float) -> tuple[float, int
     v = reference.equation.rate(np.array(BEGIN), past[0])
     memory = Memory(tuple(times), tuple(past), v, h, order)
     cost = Cost()
-    *_, last = implicit_dae.integrate(
+    *_, last = integrate(
         FunctionRateEquations(SMOOTH.residual, end),
         memory,
         end,
         solver=DenseSolver(),
         settings=Settings(tolerance=1e-10),
-        stepping=implicit_dae.Stepping(end, order, h),
+        stepping=Stepping(end, order, h),
         cost=cost,
     )
     return float(np.abs(last.u - reference([end])[0]).max()), cost.factorisations

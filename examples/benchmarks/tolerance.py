@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
-from anmstrip.scene.schema import Scene
-from anmstrip.series.continuation import Settings, follow
-from anmstrip.series.expansion import Cost
-from anmstrip.series.linear_solvers import SparseSolver
-from anmstrip.series.outcome import PathStopped
-from anmstrip.series.path import Branch, Path
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import Settings, follow
+from anmstrip.continuation.path import Branch, Path
+from anmstrip.continuation.status import PathStopped
+from anmstrip.driver.scene import Scene
+from anmstrip.linalg.solvers import SparseSolver
 from cantilever import LENGTH, cantilever
 from figures import Measured, crossed, curves, measured, plotted, sheet
 from harness import Report, main

@@ -20,20 +20,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-from anmstrip.mechanics.bending import isometric_bending
-from anmstrip.mechanics.cells import Pattern
+from anmstrip.continuation.bifurcations import Remembering, SingularPoint, switched, watched
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import follow
+from anmstrip.continuation.status import PathStopped
+from anmstrip.effect_series import Controls
+from anmstrip.equilibrium import Equilibrium, Model
+from anmstrip.fem.constraints import Scales, Supports, gripped, mirrored
+from anmstrip.fem.operators import Pattern
+from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Effect
-from anmstrip.mechanics.kirchhoff_love import KirchhoffLove
-from anmstrip.mechanics.membrane import Membrane
-from anmstrip.mechanics.strip import Material, Strip, grid
-from anmstrip.mechanics.supports import Scales, Supports, gripped, mirrored
-from anmstrip.model import Controls, Equilibrium, Model
-from anmstrip.series.branch_switching import switched
-from anmstrip.series.continuation import follow
-from anmstrip.series.expansion import Cost
-from anmstrip.series.linear_solvers import SparseSolver
-from anmstrip.series.outcome import PathStopped
-from anmstrip.series.singular_points import Remembering, SingularPoint, watched
+from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from figures import Line, drawn
 from harness import Cell, Report, Sheet, main
 from shell_problems import settings

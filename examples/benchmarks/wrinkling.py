@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
-from anmstrip.mechanics.cells import jets
-from anmstrip.mechanics.projection import quadrature_points
-from anmstrip.scene.build import Assembly
-from anmstrip.scene.imperfection import buckling, flattened
-from anmstrip.scene.march import Arrival, March
-from anmstrip.scene.measures import State
-from anmstrip.scene.schema import Scene
-from anmstrip.scene.wrinkling import Wrinkling
-from anmstrip.series.outcome import Outcome, PathStopped
+from anmstrip.continuation.status import Outcome, PathStopped
+from anmstrip.driver.scene import Scene
+from anmstrip.fem.operators import jets
+from anmstrip.fem.sampling import quadrature_points
+from anmstrip.results.state import State
+from anmstrip.results.wrinkles import Wrinkling
+from anmstrip.simulation.imperfection import buckling, flattened
+from anmstrip.simulation.march import Arrival, March
+from anmstrip.simulation.problem import Assembly
 
 SPEED = 0.5
 """Of a roller that turns, and of the strip on it (m/s)."""

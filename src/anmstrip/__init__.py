@@ -36,31 +36,31 @@ from importlib import import_module
 from typing import Any
 
 _DOORS = {
-    "Scene": "anmstrip.scene",
-    "InputError": "anmstrip.scene",
+    "Scene": "anmstrip.driver.scene",
+    "InputError": "anmstrip.errors",
     "Roller": "anmstrip.mechanics.roller",
-    "Material": "anmstrip.mechanics.strip",
-    "Strip": "anmstrip.mechanics.strip",
-    "grid": "anmstrip.mechanics.strip",
-    "Signorini": "anmstrip.mechanics.signorini",
-    "RepulsiveSignorini": "anmstrip.mechanics.signorini",
-    "GradedSignorini": "anmstrip.mechanics.signorini",
-    "NortonHoff": "anmstrip.mechanics.friction",
-    "Tanh": "anmstrip.mechanics.friction",
+    "Material": "anmstrip.fem.strip",
+    "Strip": "anmstrip.fem.strip",
+    "grid": "anmstrip.fem.strip",
+    "Signorini": "anmstrip.mechanics.laws",
+    "RepulsiveSignorini": "anmstrip.mechanics.laws",
+    "GradedSignorini": "anmstrip.mechanics.laws",
+    "NortonHoff": "anmstrip.mechanics.laws",
+    "Tanh": "anmstrip.mechanics.laws",
     "Series": "anmstrip.series.power_series",
     "Tape": "anmstrip.series.power_series",
     "taylor": "anmstrip.series.power_series",
-    "Branch": "anmstrip.series.path",
-    "Path": "anmstrip.series.path",
-    "Settings": "anmstrip.series.continuation",
-    "follow": "anmstrip.series.continuation",
-    "mapped": "anmstrip.mapping",
-    "Remembering": "anmstrip.series.singular_points",
-    "watched": "anmstrip.series.singular_points",
-    "switched": "anmstrip.series.branch_switching",
+    "Branch": "anmstrip.continuation.path",
+    "Path": "anmstrip.continuation.path",
+    "Settings": "anmstrip.continuation.follow",
+    "follow": "anmstrip.continuation.follow",
+    "mapped": "anmstrip.fem.surfaces",
+    "Remembering": "anmstrip.continuation.bifurcations",
+    "watched": "anmstrip.continuation.bifurcations",
+    "switched": "anmstrip.continuation.bifurcations",
 }
 
-__all__ = sorted(_DOORS)  # noqa: PLE0605 (a sorted list of the names above)
+__all__ = sorted(_DOORS)  # noqa: PLE0605
 
 
 def __getattr__(name: str) -> Any:

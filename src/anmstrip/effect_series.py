@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .mechanics.cells import Pattern
-from .mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
-from .series.compiled import orders_of
-from .series.power_series import Series, Tape
+from anmstrip.fem.operators import Pattern
+from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
+from anmstrip.series.compiled import orders_of
+from anmstrip.series.power_series import Series, Tape
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ import mesh
 import order
 import solvers
 import time_steps
-from anmstrip.mechanics.references import solved as reference_of
+from anmstrip.paper.references import solved as reference_of
 from cantilever import elastica
 from figures import (
     Measured,

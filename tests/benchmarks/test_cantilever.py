@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anmstrip.series.continuation import Settings, follow
-from anmstrip.series.expansion import Cost
-from anmstrip.series.linear_solvers import SparseSolver
-from anmstrip.series.outcome import Outcome, PathStopped
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import Settings, follow
+from anmstrip.continuation.status import Outcome, PathStopped
+from anmstrip.linalg.solvers import SparseSolver
 from newton_methods import NewtonSettings, load_steps
 
 EXAMPLE = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "cantilever.py"))

@@ -11,7 +11,7 @@ import pytest
 import effects
 import harness
 import stability
-from anmstrip.scene import Scene
+from anmstrip.driver.scene import Scene
 from harness import Report, Sheet
 from motions import Trial
 from strips import growing, steps_of

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anmstrip.scene.run import Run
-from anmstrip.series.continuation import follow
-from anmstrip.series.expansion import Cost
-from anmstrip.series.functions import FunctionEquations
-from anmstrip.series.linear_solvers import DenseSolver
-from anmstrip.series.newton import Corrections, Newton
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import follow
+from anmstrip.continuation.newton import Corrections, Newton
+from anmstrip.driver.run import Run
+from anmstrip.linalg.solvers import DenseSolver
+from anmstrip.timestepping.functions import FunctionEquations
 from harness import run
 from newton import LONG, PLAIN, study
 from newton_methods import NewtonPath, NewtonSettings, load_steps

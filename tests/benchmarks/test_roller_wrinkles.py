@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anmstrip.scene.explain import explain
-from anmstrip.scene.imperfection import buckling
+from anmstrip.driver.explain import explain
+from anmstrip.simulation.imperfection import buckling
 from harness import run
 from roller_wrinkles import (
     COARSE,

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anmstrip.output.vtk import read_surface
-from anmstrip.series.linear_solvers import SparseSolver
-from anmstrip.series.outcome import PathStopped
-from anmstrip.series.singular_points import Kind
+from anmstrip.continuation.bifurcations import Kind
+from anmstrip.continuation.status import PathStopped
+from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.results.vtk import read_surface
 from harness import run
 from newton_methods import RiksSettings, arc_steps
 from shell_problems import (

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anmstrip.series.continuation import follow
-from anmstrip.series.expansion import Cost
-from anmstrip.series.linear_solvers import SparseSolver
-from anmstrip.series.singular_points import Kind
+from anmstrip.continuation.bifurcations import Kind
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import follow
+from anmstrip.linalg.solvers import SparseSolver
 from harness import run
 from wrinkles import (
     CHOICES,

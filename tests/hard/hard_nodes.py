@@ -11,18 +11,16 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from anmstrip.mechanics.coulomb import coulomb
-from anmstrip.mechanics.friction import FrictionLaw, NortonHoff
-from anmstrip.mechanics.mass_spring import RotatingCircle
-from anmstrip.mechanics.references import slip_at
-from anmstrip.mechanics.signorini import RepulsiveSignorini, Signorini
-from anmstrip.series.continuation import Settings, follow
-from anmstrip.series.expansion import Cost
-from anmstrip.series.functions import FunctionEquations
-from anmstrip.series.instability import instabilities
-from anmstrip.series.linear_solvers import DenseSolver
-from anmstrip.series.path import Path
-from anmstrip.studies.case_runs import solved
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import Settings, follow
+from anmstrip.continuation.path import Path
+from anmstrip.linalg.solvers import DenseSolver
+from anmstrip.mechanics.laws import FrictionLaw, NortonHoff, RepulsiveSignorini, Signorini
+from anmstrip.paper.mass_spring import RotatingCircle
+from anmstrip.paper.references import coulomb, slip_at
+from anmstrip.paper.schemes import solved
+from anmstrip.timestepping.functions import FunctionEquations
+from anmstrip.timestepping.index_one import instabilities
 from motions import Motion, Trial, moved
 
 Array = NDArray[np.float64]

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import brentq
 
-from anmstrip.scene.build import FAINT
-from anmstrip.scene.measures import State
-from anmstrip.scene.run import Run, Step
-from anmstrip.scene.schema import Scene
-from anmstrip.scene.threading import stretches
+from anmstrip.driver.run import Run, Step
+from anmstrip.driver.scene import Scene
+from anmstrip.results.state import State
+from anmstrip.simulation.problem import FAINT
+from anmstrip.simulation.threading import stretches
 from motions import Trial
 from strips import CONTACT, MATERIAL, RADIUS, TENSION
 
@@ -140,7 +140,7 @@ def tangent(speed: float = 1.0, gap: float = 1e-3) -> Trial:
     """D1: a straight strip beside a turning roller, which rubs with the faint pressure there.
 
     At a distance the drag is exactly 0; else an error is what is outside of 0 to f_eff R_N, of
-    which a part has no friction, see :data:`anmstrip.scene.build.FAINT`.
+    which a part has no friction, see :data:`anmstrip.simulation.problem.FAINT`.
     """
     tables = tables_of(PULL, turning(duration=0.1))
     tables["friction"]["speed"] = speed

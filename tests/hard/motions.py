@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.series import backward_differences, implicit_dae
-from anmstrip.series.continuation import Settings
-from anmstrip.series.expansion import Cost
-from anmstrip.series.functions import FunctionRateEquations, ImplicitSolution
-from anmstrip.series.index_one import consistent
-from anmstrip.series.linear_solvers import DenseSolver
-from anmstrip.series.outcome import PathStopped
-from anmstrip.series.time_steps import TimeStep
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import Settings
+from anmstrip.continuation.status import PathStopped
+from anmstrip.linalg.solvers import DenseSolver
+from anmstrip.timestepping import formulas as backward_differences
+from anmstrip.timestepping import implicit as implicit_dae
+from anmstrip.timestepping.formulas import TimeStep
+from anmstrip.timestepping.functions import FunctionRateEquations, ImplicitSolution
+from anmstrip.timestepping.index_one import consistent
 
 Array = NDArray[np.float64]
 Residual = Callable[[Any, Any, Any], Any]
@@ -79,7 +80,7 @@ def moved(
     u, v = consistent(residual, u, np.zeros_like(u) if v is None else v, span[0], tolerance, 0.0)
     found = implicit_dae.integrate(
         FunctionRateEquations(residual, whole, speed),
-        backward_differences.start(span[0], u, v, first * whole),
+        backward_differences.start_memory(span[0], u, v, first * whole),
         span[1],
         solver=DenseSolver(),
         settings=Settings(order=order, tolerance=tolerance, max_steps=MOST_STEPS),

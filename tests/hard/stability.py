@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.mechanics.friction import NortonHoff, Tanh
-from anmstrip.series.outcome import PathStopped
+from anmstrip.continuation.status import PathStopped
+from anmstrip.mechanics.laws import NortonHoff, Tanh
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "examples" / "benchmarks"))
 

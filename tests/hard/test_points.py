@@ -9,17 +9,18 @@ import numpy as np
 import pytest
 
 import hard_nodes as nodes
-from anmstrip.mechanics.friction import NortonHoff, Tanh
-from anmstrip.mechanics.mass_spring import RotatingCircle
-from anmstrip.series import backward_differences, implicit_dae
-from anmstrip.series.continuation import Settings
-from anmstrip.series.functions import FunctionRateEquations
-from anmstrip.series.instability import instabilities, pivot
-from anmstrip.series.linear_solvers import DenseSolver
-from anmstrip.series.outcome import PathStopped
-from anmstrip.series.snaps import LASTING
-from anmstrip.series.time_steps import TimeStep
-from anmstrip.studies.case_runs import solved
+from anmstrip.continuation.follow import Settings
+from anmstrip.continuation.status import PathStopped
+from anmstrip.linalg.solvers import DenseSolver
+from anmstrip.mechanics.laws import NortonHoff, Tanh
+from anmstrip.paper.mass_spring import RotatingCircle
+from anmstrip.paper.schemes import solved
+from anmstrip.timestepping import formulas as backward_differences
+from anmstrip.timestepping import implicit as implicit_dae
+from anmstrip.timestepping.formulas import TimeStep
+from anmstrip.timestepping.functions import FunctionRateEquations
+from anmstrip.timestepping.implicit import LASTING
+from anmstrip.timestepping.index_one import instabilities, pivot
 from answers import right
 from hard_nodes import CONTACT, CoupledNode, Slider, WrappedLinks
 from motions import moved
@@ -236,7 +237,7 @@ def test_neighbours_of_very_different_stiffness() -> None:
 
 def drag(memory: Any = None, first: float = 1e-3, end: float = 2.0) -> list[TimeStep]:
     slider = Slider(NortonHoff(0.3, 0.1, 1e-4, 1.0), stiffness=1.0, speed=1.0)
-    start = backward_differences.start(0.0, np.zeros(1), np.ones(1), first)
+    start = backward_differences.start_memory(0.0, np.zeros(1), np.ones(1), first)
     return list(
         implicit_dae.integrate(
             FunctionRateEquations(slider.residual, 2.0),

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anmstrip.scene import InputError
-from anmstrip.scene.regularisation import Regularisation
-from anmstrip.scene.run import Run
-from anmstrip.scene.schema import Scene
-from anmstrip.scene.sharpening import SharpenedRun
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.driver.sharpening import SharpenedRun
+from anmstrip.errors import InputError
+from anmstrip.results.rollers import Regularisation
 from hard_strips import LAY, PULL, end_of, ran, tables_of, turning
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anmstrip.mechanics.belt import (
+from anmstrip.mechanics.string_path import (
     Belt,
     NoTangentError,
     NotTouchedError,

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anmstrip.mechanics.bending import isometric_bending
-from anmstrip.mechanics.buckling import buckling_modes, compressive_stiffness
-from anmstrip.mechanics.cells import Pattern
-from anmstrip.mechanics.membrane import Membrane
-from anmstrip.mechanics.projection import projected, quadrature_points
-from anmstrip.mechanics.strip import Material, Strip, grid
-from anmstrip.mechanics.supports import Scales, Supports
-from anmstrip.model import Controls, Equilibrium, Model
-from anmstrip.series.linear_solvers import SparseSolver
+from anmstrip.effect_series import Controls
+from anmstrip.equilibrium import Equilibrium, Model
+from anmstrip.fem.constraints import Scales, Supports
+from anmstrip.fem.operators import Pattern
+from anmstrip.fem.sampling import projected, quadrature_points
+from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.mechanics.shell import Membrane, isometric_bending
+from anmstrip.simulation.imperfection import buckling_modes, compressive_stiffness
 
 LENGTH, WIDTH, THICKNESS = 1.0, 0.6, 1e-3
 

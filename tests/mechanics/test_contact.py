@@ -7,17 +7,18 @@ import pytest
 from orders import orders
 from shapes import linear, rolled
 
-from anmstrip.mechanics.cells import Pattern
+from anmstrip.effect_series import Controls
+from anmstrip.equilibrium import Equilibrium, Model
+from anmstrip.fem.constraints import Scales, Supports
+from anmstrip.fem.operators import Pattern
+from anmstrip.fem.sampling import ContactOperator
+from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.mechanics.contact import Contact, Friction
-from anmstrip.mechanics.friction import NortonHoff, Tanh
+from anmstrip.mechanics.laws import NortonHoff, RepulsiveSignorini, Tanh
 from anmstrip.mechanics.loads import weight
-from anmstrip.mechanics.points import ContactOperator
 from anmstrip.mechanics.roller import Roller, Sides, together
-from anmstrip.mechanics.signorini import RepulsiveSignorini
-from anmstrip.mechanics.strip import Material, Strip, grid
-from anmstrip.model import Controls, Equilibrium, Model, Scales, Supports
-from anmstrip.series.backward_differences import AffineVelocity
 from anmstrip.series.power_series import taylor
+from anmstrip.timestepping.formulas import AffineVelocity
 
 XS, YS = np.array([-0.3, -0.1, 0.0, 0.05, 0.3]), np.array([-0.2, 0.0, 0.3])
 RADIUS = 0.4

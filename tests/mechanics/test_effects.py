@@ -7,14 +7,15 @@ import pytest
 from orders import orders
 from shapes import linear, rolled, rotation
 
-from anmstrip.mechanics.bending import isometric_bending
-from anmstrip.mechanics.cells import Pattern
+from anmstrip.effect_series import Controls
+from anmstrip.equilibrium import Equilibrium, Model
+from anmstrip.fem.constraints import Scales, Supports
+from anmstrip.fem.operators import Pattern
+from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.mechanics.loads import edge_force, weight
-from anmstrip.mechanics.membrane import Membrane, plane_stress
-from anmstrip.mechanics.strip import Material, Strip, grid
-from anmstrip.model import Controls, Equilibrium, Model, Scales, Supports
-from anmstrip.scene.stages import stretched
+from anmstrip.mechanics.shell import Membrane, isometric_bending, plane_stress
 from anmstrip.series.power_series import taylor
+from anmstrip.simulation.stages import stretched
 
 XS, YS = np.array([-0.5, -0.2, 0.0, 0.1, 0.5]), np.array([-0.2, 0.0, 0.3])
 

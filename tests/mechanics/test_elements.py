@@ -9,7 +9,7 @@ from skfem.element import ElementLineHermite, ElementQuadBFS, ElementTriArgyris
 from skfem.helpers import dd, ddot
 from skfem.utils import condense, solve
 
-from anmstrip.mechanics.elements import Argyris, BognerFoxSchmit, Hermite
+from anmstrip.fem.elements import Argyris, BognerFoxSchmit, Hermite
 
 COEFFICIENTS = np.array(
     [[0.3, -1.1, 0.7, 0.4], [1.2, 0.5, -0.8, 0.9], [-0.6, 1.3, 0.2, -0.4], [0.8, -0.3, 1.1, 0.6]]

@@ -16,8 +16,8 @@ from levels import (
 )
 from shapes import linear, rotation
 
-from anmstrip.mechanics.bending import moduli, stiffness
-from anmstrip.mechanics.kinematics import KINEMATICS, PLATE, SECTION, SHELL
+from anmstrip.fem.kinematics import KINEMATICS, PLATE, SECTION, SHELL
+from anmstrip.mechanics.shell import moduli, stiffness
 
 
 def test_levels_name_their_components():

@@ -5,15 +5,13 @@ import pytest
 from levels import free_equations, random_unknowns, strip_of
 from shapes import linear, rolled, rotation
 
-from anmstrip.mapping import mapped
-from anmstrip.mechanics.bending import isometric_bending
-from anmstrip.mechanics.cells import Pattern
-from anmstrip.mechanics.kirchhoff_love import KirchhoffLove
+from anmstrip.effect_series import Controls
+from anmstrip.fem.constraints import mirrored, traced
+from anmstrip.fem.operators import Pattern
+from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.fem.surfaces import mapped
 from anmstrip.mechanics.loads import edge_force, edge_moment, pressure, weight
-from anmstrip.mechanics.membrane import Membrane
-from anmstrip.mechanics.strip import Material, Strip, grid
-from anmstrip.mechanics.supports import mirrored, traced
-from anmstrip.model import Controls
+from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 
 RADIUS = 2.0
 

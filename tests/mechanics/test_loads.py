@@ -5,14 +5,15 @@ import pytest
 from levels import XS, YS, effect_of, free_equations, random_unknowns, strip_of
 from shapes import linear, rolled
 
-from anmstrip.mechanics.bending import isometric_bending
-from anmstrip.mechanics.cells import Pattern, jets
-from anmstrip.mechanics.kinematics import SECTION
+from anmstrip.continuation.follow import Settings, follow
+from anmstrip.effect_series import Controls
+from anmstrip.equilibrium import Equilibrium, Model
+from anmstrip.fem.constraints import Scales, Supports
+from anmstrip.fem.kinematics import SECTION
+from anmstrip.fem.operators import Pattern, jets
+from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.loads import Pretension, edge_force, edge_tension, pressure, weight
-from anmstrip.mechanics.membrane import Membrane
-from anmstrip.model import Controls, Equilibrium, Model, Scales, Supports
-from anmstrip.series.continuation import Settings, follow
-from anmstrip.series.linear_solvers import SparseSolver
+from anmstrip.mechanics.shell import Membrane, isometric_bending
 
 FINE = np.linspace(-0.5, 0.5, 41)
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from anmstrip.mechanics.kinematics import SECTION
-from anmstrip.mechanics.patches import patches, shape_of, unit_grid
-from anmstrip.mechanics.strip import Material, Strip, grid, line
+from anmstrip.fem.kinematics import SECTION
+from anmstrip.fem.sampling import patches, shape_of, unit_grid
+from anmstrip.fem.strip import Material, Strip, grid, line
 
 XS, STEEL = np.array([-1.0, -0.7, 0.0, 1.0]), Material(2e11, 0.3)
 STRIPS = {

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from levels import XS, random_unknowns, strip_of
 
-from anmstrip.mechanics.cells import Pattern, jets
-from anmstrip.mechanics.projection import projected, quadrature_points
+from anmstrip.fem.operators import Pattern, jets
+from anmstrip.fem.sampling import projected, quadrature_points
 
 
 @pytest.mark.parametrize("level", ["shell", "section", "plate"])

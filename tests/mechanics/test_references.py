@@ -5,10 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anmstrip.mechanics.coulomb import balanced_reactions, coulomb
-from anmstrip.mechanics.friction import NortonHoff
-from anmstrip.mechanics.mass_spring import CASES, MovingPlane, Parameters, RotatingCircle
-from anmstrip.mechanics.references import reduced, slip_at, solved
+from anmstrip.mechanics.laws import NortonHoff
+from anmstrip.paper.mass_spring import CASES, MovingPlane, Parameters, RotatingCircle
+from anmstrip.paper.references import balanced_reactions, coulomb, reduced, slip_at, solved
 
 TIMES = np.linspace(0.05, 1.75, 15)
 

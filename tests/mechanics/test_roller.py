@@ -8,8 +8,8 @@ from levels import HOFF, LAW, random_unknowns, strip_of
 from scipy.optimize import minimize
 from shapes import linear, rolled, rotation
 
+from anmstrip.fem.sampling import ContactOperator
 from anmstrip.mechanics.contact import Contact, Friction
-from anmstrip.mechanics.points import ContactOperator
 from anmstrip.mechanics.roller import Roller, Sides, polynomial
 
 number = st.floats(-1.0, 1.0)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from skfem import MeshQuad
 
-from anmstrip.mechanics.cells import Pattern
-from anmstrip.mechanics.strip import EDGES, Material, Strip, grid, renumbered
+from anmstrip.fem.operators import Pattern
+from anmstrip.fem.strip import EDGES, Material, Strip, grid, renumbered
 
 XS = np.array([-1.0, -0.6, -0.5, 0.2, 1.0])
 YS = np.array([-0.4, -0.3, 0.1, 0.4])

@@ -3,7 +3,7 @@
 import pytest
 from wrapped_strip import write_state
 
-from anmstrip.output.collection import Collection
+from anmstrip.results.vtk import Collection
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ import random
 import numpy as np
 import pytest
 
-from anmstrip.output.checkpoint import load, save
-from anmstrip.scene.errors import InputError
+from anmstrip.errors import InputError
+from anmstrip.results.files import load_checkpoint, save_checkpoint
 
 ARRAYS = {
     "positions": np.random.default_rng(0).random((30, 3)),
@@ -20,7 +20,7 @@ FACTS = {"stage": "turn µ", "time": 0.1 + 0.2, "step": np.int64(7), "largest": 
 
 @pytest.fixture
 def path(tmp_path):
-    save(tmp_path / "checkpoint.npz", ARRAYS, FACTS)
+    save_checkpoint(tmp_path / "checkpoint.npz", ARRAYS, FACTS)
     return tmp_path / "checkpoint.npz"
 
 
@@ -33,19 +33,19 @@ def check(arrays, facts):
 
 
 def test_everything_comes_back_to_the_last_bit(path):
-    check(*load(path))
+    check(*load_checkpoint(path))
 
 
 def test_saving_again_replaces_the_file(path):
-    save(path, {"positions": np.zeros(3)}, {"step": 8})
-    arrays, facts = load(path)
+    save_checkpoint(path, {"positions": np.zeros(3)}, {"step": 8})
+    arrays, facts = load_checkpoint(path)
     assert (list(arrays), facts) == (["positions"], {"step": 8})
     assert list(path.parent.iterdir()) == [path]
 
 
 def test_a_missing_checkpoint_is_an_input_error(tmp_path):
     with pytest.raises(InputError, match="without --resume"):
-        load(tmp_path / "checkpoint.npz")
+        load_checkpoint(tmp_path / "checkpoint.npz")
 
 
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.99])
@@ -53,14 +53,14 @@ def test_a_truncated_checkpoint_is_an_input_error(path, share):
     content = path.read_bytes()
     path.write_bytes(content[: int(share * len(content))])
     with pytest.raises(InputError, match=r"checkpoint\.npz[\s\S]*without --resume"):
-        load(path)
+        load_checkpoint(path)
 
 
 @pytest.mark.parametrize("content", [b"not an archive", b"\x93NUMPY\x01\x00", b"PK\x03\x04"])
 def test_a_file_of_another_kind_is_an_input_error(path, content):
     path.write_bytes(content)
     with pytest.raises(InputError, match="damaged"):
-        load(path)
+        load_checkpoint(path)
 
 
 def test_a_flipped_bit_never_changes_a_value(path):
@@ -70,7 +70,7 @@ def test_a_flipped_bit_never_changes_a_value(path):
         damaged[chance.randrange(len(content))] ^= 1 << chance.randrange(8)
         path.write_bytes(damaged)
         try:
-            check(*load(path))
+            check(*load_checkpoint(path))
         except InputError:
             refused += 1
     assert refused > 30
@@ -78,5 +78,5 @@ def test_a_flipped_bit_never_changes_a_value(path):
 
 def test_arrays_of_objects_are_refused(path):
     with pytest.raises(TypeError, match="laws"):
-        save(path, {"laws": np.array([{}, None])}, {})
-    check(*load(path))
+        save_checkpoint(path, {"laws": np.array([{}, None])}, {})
+    check(*load_checkpoint(path))

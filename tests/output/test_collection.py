@@ -8,9 +8,8 @@ import time
 import numpy as np
 import pytest
 
-from anmstrip.output.collection import Collection, Entry, read
-from anmstrip.output.vtk import read_surface
-from anmstrip.scene.errors import InputError
+from anmstrip.errors import InputError
+from anmstrip.results.vtk import Collection, Entry, read_collection, read_surface
 
 WRITER = """
 import sys
@@ -45,22 +44,22 @@ def test_times_are_kept_to_the_last_bit(tmp_path):
     times = [0.0, 0.1 + 0.2, 1.0 / 3.0, 1e300]
     for k, value in enumerate(times):
         contents.add(np.float64(value), tmp_path / f"strip_{k}.vtu")
-    assert read(tmp_path / "strip.pvd") == tuple(
+    assert read_collection(tmp_path / "strip.pvd") == tuple(
         Entry(value, f"strip_{k}.vtu") for k, value in enumerate(times)
     )
 
 
 def test_a_resumed_run_forgets_what_came_after_its_checkpoint(run):
     contents = Collection.reopened(run / "strip.pvd", until_time=0.5)
-    assert [entry.time for entry in read(run / "strip.pvd")] == [0.0, 0.5]
+    assert [entry.time for entry in read_collection(run / "strip.pvd")] == [0.0, 0.5]
     contents.add(0.75, "strip_9.vtu")
-    assert [entry.time for entry in read(run / "strip.pvd")] == [0.0, 0.5, 0.75]
+    assert [entry.time for entry in read_collection(run / "strip.pvd")] == [0.0, 0.5, 0.75]
 
 
 def test_a_run_killed_before_its_first_state_can_be_resumed(tmp_path):
     contents = Collection.reopened(tmp_path / "strip.pvd", until_time=0.5)
     assert contents.entries == ()
-    assert read(tmp_path / "strip.pvd") == ()
+    assert read_collection(tmp_path / "strip.pvd") == ()
 
 
 @pytest.mark.parametrize("content", ["", "<VTKFile>", '<V><DataSet file="a"/></V>'])
@@ -82,7 +81,7 @@ def test_a_kill_at_any_instant_leaves_every_listed_state_readable(tmp_path):
             time.sleep(chance.uniform(0.0, 0.2))
             writer.kill()
             added += 1 + len(writer.stdout.readlines())
-        entries = read(folder / "strip.pvd")
+        entries = read_collection(folder / "strip.pvd")
         assert entries
         for file in {entry.file for entry in entries}:
             surface = read_surface(folder / file)

@@ -5,7 +5,7 @@ import resource
 
 import pytest
 
-from anmstrip.output.files import replaced
+from anmstrip.results.files import replaced
 
 
 @pytest.fixture

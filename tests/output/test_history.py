@@ -5,8 +5,8 @@ import csv
 import numpy as np
 import pytest
 
-from anmstrip.output.history import History, read
-from anmstrip.scene.errors import InputError
+from anmstrip.errors import InputError
+from anmstrip.results.files import History, read_history
 
 COLUMNS = ("stage", "time", "step", "r1_drag")
 
@@ -25,7 +25,7 @@ def test_floats_are_kept_to_the_last_bit(tmp_path):
     values = [0.1 + 0.2, np.float64(1.0) / 3.0, -0.0, 5e-324, 1.7976931348623157e308, np.inf]
     for value in values:
         history.append({"time": value})
-    np.testing.assert_array_equal(read(history.path)["time"], values)
+    np.testing.assert_array_equal(read_history(history.path)["time"], values)
 
 
 def test_other_programs_read_the_file(path):
@@ -44,7 +44,7 @@ def test_missing_values_are_empty(tmp_path):
     history = History(tmp_path / "history.csv", COLUMNS)
     history.append({"stage": "wrap", "step": np.int64(1), "time": None})
     assert history.path.read_text() == "stage,time,step,r1_drag\nwrap,,1,\n"
-    table = read(history.path)
+    table = read_history(history.path)
     assert np.isnan(table["time"][0])
     assert np.isnan(table["r1_drag"][0])
 
@@ -54,7 +54,7 @@ def test_text_stays_in_its_cell(tmp_path, name):
     history = History(tmp_path / "history.csv", COLUMNS)
     history.append({"stage": name, "time": 1.0})
     history.append({"stage": "next", "time": 2.0})
-    assert read(history.path)["stage"] == [" ".join(name.splitlines()), "next"]
+    assert read_history(history.path)["stage"] == [" ".join(name.splitlines()), "next"]
     assert history.path.read_bytes().count(b"\n") == 3
 
 
@@ -62,16 +62,16 @@ def test_a_row_is_on_disk_when_append_returns(tmp_path):
     history = History(tmp_path / "history.csv", COLUMNS)
     for step in range(3):
         history.append({"step": step})
-        assert list(read(history.path)["step"]) == list(range(step + 1))
+        assert list(read_history(history.path)["step"]) == list(range(step + 1))
 
 
 @pytest.mark.parametrize("half", ["turn,0.4", "turn,0.4,4,1.25", '"turn'])
 def test_a_line_that_was_cut_is_not_read_and_not_kept(path, half):
     with path.open("a") as file:
         file.write(half)
-    assert list(read(path)["step"]) == [0, 1, 2, 3]
+    assert list(read_history(path)["step"]) == [0, 1, 2, 3]
     History.reopened(path, COLUMNS, 4).append({"step": 9})
-    assert list(read(path)["step"]) == [0, 1, 2, 3, 9]
+    assert list(read_history(path)["step"]) == [0, 1, 2, 3, 9]
 
 
 @pytest.mark.parametrize("rows", [0, 2, 4])
@@ -80,7 +80,7 @@ def test_reopening_keeps_the_first_rows_as_they_were(path, rows):
     history = History.reopened(path, COLUMNS, rows)
     assert path.read_text().splitlines() == before[: rows + 1]
     history.append({"step": 7})
-    assert list(read(path)["step"]) == [*range(rows), 7]
+    assert list(read_history(path)["step"]) == [*range(rows), 7]
 
 
 @pytest.mark.parametrize(

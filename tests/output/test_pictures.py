@@ -13,12 +13,11 @@ from PIL import Image
 from PIL.ImageSequence import Iterator
 from wrapped_strip import lattice, tensor_grids, wrapped, write_state
 
-from anmstrip.output import pictures
-from anmstrip.output.collection import Collection
-from anmstrip.output.pictures import render
-from anmstrip.output.views import Eye
-from anmstrip.output.vtk import read_surface, subdivided, write_surface
-from anmstrip.scene.errors import InputError
+from anmstrip.errors import InputError
+from anmstrip.pictures import render as pictures
+from anmstrip.pictures.render import render
+from anmstrip.pictures.views import Eye
+from anmstrip.results.vtk import Collection, read_surface, subdivided, write_surface
 
 PROBE = "import pyvista; pyvista.Sphere().plot(off_screen=True, screenshot='probe.png')"
 RED, GREY = "#8c1c2b", "#8d9197"
@@ -113,7 +112,7 @@ def test_where_vtk_crashes_one_line_says_what_helps(run, monkeypatch, caplog, pr
 
 def test_drawing_without_opengl_does_not_import_vtk(run):
     code = (
-        "import sys; from anmstrip.output.pictures import render; render(sys.argv[1]);"
+        "import sys; from anmstrip.pictures.render import render; render(sys.argv[1]);"
         "assert not {'vtk', 'vtkmodules', 'pyvista'} & set(sys.modules)"
     )
     environment = {"ANMSTRIP_RENDERER": "matplotlib"}

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anmstrip.output.summary import write
+from anmstrip.results.files import write_summary
 
 
 def refuse(constant):
@@ -25,7 +25,7 @@ def test_numbers_of_every_kind_become_plain_ones(tmp_path):
         "scene": Path("scenes") / "capstan.toml",
         3: "µ",
     }
-    write(tmp_path / "summary.json", summary)
+    write_summary(tmp_path / "summary.json", summary)
     text = (tmp_path / "summary.json").read_text(encoding="utf-8")
     assert json.loads(text, parse_constant=refuse) == {
         "status": "done",
@@ -42,7 +42,7 @@ def test_numbers_of_every_kind_become_plain_ones(tmp_path):
 
 def test_what_is_not_json_leaves_the_old_summary(tmp_path):
     path = tmp_path / "summary.json"
-    write(path, {"steps": 1})
+    write_summary(path, {"steps": 1})
     with pytest.raises(TypeError):
-        write(path, {"steps": 2, "law": object()})
+        write_summary(path, {"steps": 2, "law": object()})
     assert json.loads(path.read_text()) == {"steps": 1}

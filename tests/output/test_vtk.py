@@ -1,13 +1,13 @@
 """States are read by VTK as they were written."""
 
-import numpy as np
+import numpy as np  # noqa: I001
 import pytest
 from wrapped_strip import RADIUS, lattice, tensor_grids, triangular_lattices
 
-from anmstrip.output.vtk import (
+from anmstrip.results.vtk import (
+    Cylinder,
     LAGRANGE_ORDER,
     TRIANGLE_ORDER,
-    Cylinder,
     cylinder_surface,
     read_surface,
     subdivided,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anmstrip.output.vtk import (
+from anmstrip.results.vtk import (
     Cylinder,
     roller_length,
     triangle_lattice,

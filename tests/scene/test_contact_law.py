@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from anmstrip.mechanics.signorini import GradedSignorini
-from anmstrip.scene.build import Assembly
-from anmstrip.scene.run import Run
-from anmstrip.scene.schema import Scene
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.mechanics.laws import GradedSignorini
+from anmstrip.simulation.problem import Assembly
 from contact import pressed as under
 from strips import capstan, pressed
 

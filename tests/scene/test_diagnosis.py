@@ -1,6 +1,6 @@
 """Runs that stop early: what they say, and what they leave."""
 
-from __future__ import annotations
+from __future__ import annotations  # noqa: I001
 
 import copy
 import json
@@ -13,16 +13,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anmstrip.output import checkpoint, history
-from anmstrip.output.collection import read as listed
-from anmstrip.output.vtk import read_surface
-from anmstrip.scene import Scene
-from anmstrip.scene import march as running
-from anmstrip.scene.build import Assembly
-from anmstrip.scene.diagnosis import Failure, diagnosis, still_coarse
-from anmstrip.scene.overrides import Override
-from anmstrip.scene.run import Run
-from anmstrip.series.outcome import NO_EVIDENCE, Evidence, Outcome, PathStopped
+from anmstrip.continuation.status import Evidence, NO_EVIDENCE, Outcome, PathStopped
+from anmstrip.driver.diagnosis import Failure, diagnosis, still_coarse
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.results import files as checkpoint
+from anmstrip.results import files as history
+from anmstrip.results.vtk import read_collection as listed
+from anmstrip.results.vtk import read_surface
+from anmstrip.scene.loading import Override
+from anmstrip.simulation import march as running
+from anmstrip.simulation.problem import Assembly
 
 TENSION = {
     "name": "tension", "duration": 1.0, "friction": False, "exit": {"force": [1e4, 0.0, 0.0]},
@@ -276,11 +277,13 @@ def test_every_end_leaves_files_to_go_on_from(
             pass
     summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
     assert (summary["status"], summary["message"]) == (outcome.name.lower(), run.message)
-    assert len(history.read(tmp_path / "history.csv")["time"]) == summary["steps"] == run.steps
+    assert (
+        len(history.read_history(tmp_path / "history.csv")["time"]) == summary["steps"] == run.steps
+    )
     entries = listed(tmp_path / "strip.pvd")
     assert entries
     assert all(np.isfinite(read_surface(tmp_path / e.file).points).all() for e in entries)
-    assert checkpoint.load(tmp_path / "checkpoint.npz")[1]["steps"] == run.steps
+    assert checkpoint.load_checkpoint(tmp_path / "checkpoint.npz")[1]["steps"] == run.steps
     again = short.run(tmp_path, resume=True)
     for _ in again:
         pass

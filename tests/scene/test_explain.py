@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anmstrip.scene import Scene
-from anmstrip.scene.build import Assembly
-from anmstrip.scene.explain import explain
-from anmstrip.scene.forewarnings import warnings
-from anmstrip.scene.ladder import Rung, justified, ladder, walked
+from anmstrip.driver.explain import explain
+from anmstrip.driver.scene import Scene
+from anmstrip.driver.warnings import Rung, justified, ladder, walked, warnings
+from anmstrip.simulation.problem import Assembly
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from anmstrip.scene import Scene
-from anmstrip.scene.build import Assembly
-from anmstrip.scene.forewarnings import serious, warnings
+from anmstrip.driver.scene import Scene
+from anmstrip.driver.warnings import serious, warnings
+from anmstrip.simulation.problem import Assembly
 
 PULL = {
     "name": "pull", "duration": 1.0, "friction": False, "exit": {"force": [1e4, 0.0, 0.0]},

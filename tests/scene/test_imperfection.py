@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from threaded import ONE, ended, scene_of
 
-from anmstrip.mechanics.projection import projected, quadrature_points
-from anmstrip.scene import Scene, imperfection
-from anmstrip.scene.errors import InputError
-from anmstrip.scene.explain import explain
-from anmstrip.scene.fields import Surface
-from anmstrip.scene.imperfection import imperfection_of
-from anmstrip.scene.wrinkling import Wrinkling
+from anmstrip.driver.explain import explain
+from anmstrip.driver.scene import Scene
+from anmstrip.errors import InputError
+from anmstrip.fem.sampling import projected, quadrature_points
+from anmstrip.results.fields import Surface
+from anmstrip.results.wrinkles import Wrinkling
+from anmstrip.simulation import imperfection
+from anmstrip.simulation.imperfection import imperfection_of
 
 LENGTH, WIDTH, THICKNESS, YOUNG = 1.0, 0.4, 1e-3, 2e11
 EULER = np.pi**2 * YOUNG * THICKNESS**3 / 12.0 / LENGTH**2
@@ -180,6 +181,6 @@ def test_section_does_not_pay(tmp_path):
         del sys.modules[name]
     for _ in pressed(0.5, kinematics="section").run(tmp_path):
         pass
-    assert "anmstrip.scene.wrinkling" not in sys.modules
-    assert "anmstrip.mechanics.buckling" not in sys.modules
+    assert "anmstrip.results.wrinkles" not in sys.modules
+    assert "anmstrip.simulation.imperfection" not in sys.modules
     assert "warnings" not in json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))

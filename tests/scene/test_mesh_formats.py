@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import skfem
 
-from anmstrip.mechanics.strip import grid
-from anmstrip.scene import InputError, Scene
+from anmstrip.driver.scene import Scene
+from anmstrip.errors import InputError
+from anmstrip.fem.strip import grid
 from anmstrip.scene.mesh_file import read_mesh
 
 EDGES = {"entry": (0, -1.0), "exit": (0, 1.0), "left": (1, 0.4), "right": (1, -0.4)}

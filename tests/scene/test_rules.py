@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from anmstrip.mechanics.kinematics import KINEMATICS
-from anmstrip.scene import InputError, Scene
-from anmstrip.scene.rules.levels import SEEN
+from anmstrip.driver.scene import Scene
+from anmstrip.errors import InputError
+from anmstrip.fem.kinematics import KINEMATICS
+from anmstrip.scene.checks import SEEN
 
 GOOD = Path(__file__).with_name("capstan.toml").read_text(encoding="utf-8")
 MESHED = GOOD.replace("length = 4.0\nwidth = 1.0\n", "").replace(

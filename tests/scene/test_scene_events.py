@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anmstrip.output import history
-from anmstrip.scene import Scene
-from anmstrip.scene.events import Event, EventWatch
-from anmstrip.scene.run import Run
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.results import files as history
+from anmstrip.results.events import Event, EventWatch
 
 LIFTED = {
     "strip": {"length": 2.0, "width": 1.0, "thickness": 1e-3, "cells": [8, 2],
@@ -92,7 +92,7 @@ def test_dates_are_roots_of_the_states(lifted: Any) -> None:
 
 def test_the_table(lifted: Any) -> None:
     events, _, directory = lifted
-    table = history.read(directory / "events.csv")
+    table = history.read_history(directory / "events.csv")
     assert list(table["time"]) == [event.time for event in events]
     assert list(table["kind"]) == [event.kind for event in events]
     assert np.isnan(np.asarray(table["point"])[[e.point is None for e in events]]).all()

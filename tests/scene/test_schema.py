@@ -11,8 +11,9 @@ import pydantic
 import pytest
 from pydantic import BaseModel, TypeAdapter
 
-from anmstrip.scene import Scene, schema
-from anmstrip.scene.rules import EDGE_NAMES
+from anmstrip.driver.scene import Scene
+from anmstrip.scene import schema
+from anmstrip.scene.checks import EDGE_NAMES
 
 CAPSTAN = Path(__file__).with_name("capstan.toml")
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 from threaded import BRIDLE, LEVELLER, ONE, TOWER, ended, roller, scene_of, turned, values
 
-from anmstrip.mechanics.belt import Point, belt
-from anmstrip.mechanics.guide import Guide
-from anmstrip.mechanics.membrane import Membrane
-from anmstrip.model import Equilibrium
-from anmstrip.scene import InputError, march
-from anmstrip.scene.build import Assembly
-from anmstrip.scene.stages import Course
-from anmstrip.scene.threading import stretches
+from anmstrip.equilibrium import Equilibrium
+from anmstrip.errors import InputError
+from anmstrip.mechanics.loads import Guide
+from anmstrip.mechanics.shell import Membrane
+from anmstrip.mechanics.string_path import Point, belt
+from anmstrip.simulation import march
+from anmstrip.simulation.problem import Assembly
+from anmstrip.simulation.stages import Course
+from anmstrip.simulation.threading import stretches
 from runs import finished
 from strips import threaded
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from anmstrip.scene.run import Run
-from anmstrip.scene.schema import Scene
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
 from anmstrip.scene.stage_tables import SolverSpec
 from strips import capstan
 

@@ -12,16 +12,15 @@ import pytest
 from numpy.typing import NDArray
 from skfem import FacetBasis, MeshTri
 
-from anmstrip.mechanics.bending import isometric_bending
-from anmstrip.mechanics.cells import Pattern, gradients
-from anmstrip.mechanics.elements import facet_normals
-from anmstrip.mechanics.membrane import Membrane
-from anmstrip.mechanics.points import ContactOperator
-from anmstrip.mechanics.strip import Material, Strip
-from anmstrip.scene import Scene
-from anmstrip.scene.measures import State
-from anmstrip.scene.run import Run
-from anmstrip.series.outcome import Outcome
+from anmstrip.continuation.status import Outcome
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.fem.elements import facet_normals
+from anmstrip.fem.operators import Pattern, gradients
+from anmstrip.fem.sampling import ContactOperator
+from anmstrip.fem.strip import Material, Strip
+from anmstrip.mechanics.shell import Membrane, isometric_bending
+from anmstrip.results.state import State
 from strips import CONTACT, MATERIAL, RADIUS, TENSION, capstan
 
 Array = NDArray[np.float64]

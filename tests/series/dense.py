@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anmstrip.series.continuation import Settings, follow
-from anmstrip.series.expansion import Cost
-from anmstrip.series.linear_solvers import DenseSolver
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import Settings, follow
+from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.series.power_series import Tape
 
 

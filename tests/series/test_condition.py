@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_matrix, diags_array
 
+from anmstrip.linalg.solvers import SparseSolver, equilibrated
 from anmstrip.series.condition import condition
-from anmstrip.series.linear_solvers import SparseSolver, equilibrated
 
 
 @pytest.mark.parametrize("skew", [0.0, 0.3])

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from dense import DenseEquations, coupled, followed, one
 
-from anmstrip.series.continuation import Settings, _gives_way, follow
-from anmstrip.series.expansion import Cost, Parameter, expand
-from anmstrip.series.linear_solvers import DenseSolver
-from anmstrip.series.outcome import Outcome, PathStopped
-from anmstrip.series.path import Branch
-from anmstrip.series.range_of_validity import validated
+from anmstrip.continuation.expansion import Cost, Parameter, expand
+from anmstrip.continuation.follow import Settings, _gives_way, follow
+from anmstrip.continuation.path import Branch
+from anmstrip.continuation.status import Outcome, PathStopped
+from anmstrip.continuation.validity import validated
+from anmstrip.linalg.solvers import DenseSolver
 
 
 def circle(u, control):

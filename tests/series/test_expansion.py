@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from dense import DenseEquations, coupled, one
 
-from anmstrip.series.expansion import Cost, Parameter, expand, inner, size, term_range
-from anmstrip.series.linear_solvers import DenseSolver, SingularTangentError
+from anmstrip.continuation.expansion import Cost, Parameter, expand, inner, size, term_range
+from anmstrip.linalg.solvers import DenseSolver, SingularTangentError
 
 
 def branch_of(equations, u, control=0.0, order=10, parameter=None, **options):

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from anmstrip.series.backward_differences import AffineVelocity
-from anmstrip.series.continuation import Settings, follow
-from anmstrip.series.expansion import inner
-from anmstrip.series.functions import FunctionEquations, FunctionRateEquations
-from anmstrip.series.linear_solvers import DenseSolver
+from anmstrip.continuation.expansion import inner
+from anmstrip.continuation.follow import Settings, follow
+from anmstrip.linalg.solvers import DenseSolver
+from anmstrip.timestepping.formulas import AffineVelocity
+from anmstrip.timestepping.functions import FunctionEquations, FunctionRateEquations
 
 
 def cubic(u, load):

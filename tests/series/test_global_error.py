@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from anmstrip.series.global_error import controlled, estimated
-from anmstrip.series.index_one import Point
-from anmstrip.series.taylor_dae import PiecewiseSeries, integrate
+from anmstrip.timestepping.explicit import PiecewiseSeries, integrate_explicitly
+from anmstrip.timestepping.index_one import Point, controlled, estimated
 
 
 def drift(rate):
@@ -16,7 +15,11 @@ def drift(rate):
 def run(residual, tolerance, end=4.0, order=10):
     start = np.ones(1)
     return PiecewiseSeries(
-        list(integrate(residual, start, start, (0.0, end), order=order, tolerance=tolerance))
+        list(
+            integrate_explicitly(
+                residual, start, start, (0.0, end), order=order, tolerance=tolerance
+            )
+        )
     )
 
 

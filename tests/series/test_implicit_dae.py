@@ -5,12 +5,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from anmstrip.series import backward_differences, implicit_dae
-from anmstrip.series.backward_differences import Memory, formula, predicted
-from anmstrip.series.continuation import Settings
-from anmstrip.series.expansion import Cost
-from anmstrip.series.functions import FunctionRateEquations, ImplicitSolution
-from anmstrip.series.linear_solvers import DenseSolver
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import Settings
+from anmstrip.linalg.solvers import DenseSolver
+from anmstrip.timestepping import formulas as backward_differences
+from anmstrip.timestepping import implicit as implicit_dae
+from anmstrip.timestepping.formulas import Memory, formula, predicted
+from anmstrip.timestepping.functions import FunctionRateEquations, ImplicitSolution
 
 DENSE = DenseSolver()
 
@@ -28,7 +29,7 @@ def stiff_friction(u, v, t):
 
 def run(residual, u, v, end, *, tolerance=1e-4, first=1e-3, speed=np.inf, time_order=2, **options):
     equations = FunctionRateEquations(residual, end, speed)
-    start = backward_differences.start(0.0, np.array(u), np.array(v), first)
+    start = backward_differences.start_memory(0.0, np.array(u), np.array(v), first)
     settings = Settings(order=15, tolerance=tolerance, max_steps=20_000)
     return list(
         implicit_dae.integrate(
@@ -143,7 +144,7 @@ def test_going_on_from_memory_gives_the_same_answer():
     equations = FunctionRateEquations(smooth, 2.0)
     settings = Settings(order=15, tolerance=1e-4)
     options = {"solver": DENSE, "settings": settings, "stepping": implicit_dae.Stepping(2.0)}
-    memory = backward_differences.start(0.0, np.zeros(1), np.ones(1), 1e-2)
+    memory = backward_differences.start_memory(0.0, np.zeros(1), np.ones(1), 1e-2)
     whole = list(implicit_dae.integrate(equations, memory, 2.0, **options))
     half = whole[len(whole) // 2]
     rest = list(implicit_dae.integrate(equations, half.memory, 2.0, **options))

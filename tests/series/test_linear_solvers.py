@@ -4,16 +4,15 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_matrix, diags
 
-from anmstrip.series import linear_solvers
-from anmstrip.series.band import BandPlan
-from anmstrip.series.linear_solvers import (
+from anmstrip.linalg import solvers as linear_solvers
+from anmstrip.linalg.direct import BandPlan, PardisoPlan, SuperLUPlan, pardiso_is_there
+from anmstrip.linalg.solvers import (
     DenseSolver,
     NonFiniteTangentError,
     SingularTangentError,
     SparseSolver,
     equilibrated,
 )
-from anmstrip.series.sparse_lu import PardisoPlan, SuperLUPlan, pardiso_is_there
 
 
 def banded(n, width, rng, kind):
@@ -206,7 +205,7 @@ def test_wide_band_goes_to_the_sparse_solver(monkeypatch, there):
 
 
 def test_pardiso_is_never_needed(monkeypatch):
-    monkeypatch.setattr("anmstrip.series.sparse_lu.find_spec", lambda name: None)
+    monkeypatch.setattr("anmstrip.linalg.direct.find_spec", lambda name: None)
     assert not pardiso_is_there()
     a = csc_matrix(banded(80, 6, np.random.default_rng(5), "unsymmetric"))
     monkeypatch.setattr(linear_solvers, "WIDEST_BAND", 5)

@@ -5,16 +5,17 @@ import pytest
 from dense import DenseEquations, followed, one
 from scipy.sparse import csc_matrix
 
-from anmstrip.series import backward_differences, implicit_dae
-from anmstrip.series.continuation import Settings
-from anmstrip.series.functions import FunctionRateEquations
-from anmstrip.series.linear_solvers import (
+from anmstrip.continuation.follow import Settings
+from anmstrip.continuation.status import Evidence, Outcome, PathStopped
+from anmstrip.linalg.solvers import (
     DenseSolver,
     NonFiniteTangentError,
     SingularTangentError,
     SparseSolver,
 )
-from anmstrip.series.outcome import Evidence, Outcome, PathStopped
+from anmstrip.timestepping import formulas as backward_differences
+from anmstrip.timestepping import implicit as implicit_dae
+from anmstrip.timestepping.functions import FunctionRateEquations
 
 
 def test_message_is_outcome_place_and_detail():
@@ -27,7 +28,7 @@ def in_time(residual, settings=None):
     """The exception that ends an integration up to t = 1."""
     steps = implicit_dae.integrate(
         FunctionRateEquations(residual, 1.0),
-        backward_differences.start(0.0, np.zeros(2), np.zeros(2), 1e-2),
+        backward_differences.start_memory(0.0, np.zeros(2), np.zeros(2), 1e-2),
         1.0,
         solver=DenseSolver(),
         settings=settings or Settings(order=10, tolerance=1e-4),

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from anmstrip.series.path import Branch, HermitePath, Path, first_root, roots_within
+from anmstrip.continuation.path import Branch, HermitePath, Path, first_root, roots_within
 
 
 def branch(u, control, length):
@@ -128,6 +128,6 @@ def test_roots_are_those_of_the_companion_matrix(monkeypatch):
     rng = np.random.default_rng(3)
     cases = rng.normal(size=(300, 7)) + 2.0 * np.eye(7)[0]
     quick = [roots_within(c, 1.3) for c in cases]
-    monkeypatch.setattr("anmstrip.series.path._never_zero", lambda _: False)
+    monkeypatch.setattr("anmstrip.continuation.path._never_zero", lambda _: False)
     assert quick == [roots_within(c, 1.3) for c in cases]
     assert 20 < sum(not found for found in quick) < 280

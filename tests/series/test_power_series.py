@@ -14,13 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from anmstrip.series import dispatch, recurrences
-from anmstrip.series.power_series import (
-    Tape,
-    derivative_coefficients,
-    linear_map,
-    taylor,
-    value_at,
-)
+from anmstrip.series.power_series import Tape, derivative_coefficients, linear_map, taylor, value_at
 
 ORDER = 30
 

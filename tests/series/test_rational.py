@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from dense import DenseEquations, followed
 
-from anmstrip.series.expansion import Cost, Parameter, expand
-from anmstrip.series.linear_solvers import DenseSolver
-from anmstrip.series.path import Branch, roots_within
-from anmstrip.series.rational import rational, stretched
+from anmstrip.continuation.expansion import Cost, Parameter, expand
+from anmstrip.continuation.path import Branch, roots_within
+from anmstrip.continuation.quotients import rational, stretched
+from anmstrip.linalg.solvers import DenseSolver
 
 N = 20
 STIFFNESS = 1.0 + np.arange(N) / N
@@ -85,7 +85,7 @@ def test_it_does_not_leap_over_a_pole(monkeypatch):
     factor = np.array([1.0, -0.5, 0.0, 0.0, 0.0])
     product = np.convolve(factor, branch.control)[:5]
     candidate = Branch(np.tile(product[:, None], 5), product, 0.5, np.zeros(5), denominator=factor)
-    monkeypatch.setattr("anmstrip.series.rational.rational", lambda *_: candidate)
+    monkeypatch.setattr("anmstrip.continuation.quotients.rational", lambda *_: candidate)
     found, _ = stretched(equations, branch, 1e-6, 10.0, Cost())
     assert 1.5 < found.length < 2.0
 

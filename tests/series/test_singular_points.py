@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 from dense import DenseEquations
 
-from anmstrip.series.branch_switching import switched
-from anmstrip.series.continuation import Pace, Settings, follow
-from anmstrip.series.expansion import Cost, Parameter, expand, size
-from anmstrip.series.linear_solvers import DenseSolver
-from anmstrip.series.outcome import Outcome, PathStopped
-from anmstrip.series.path import Branch
-from anmstrip.series.progressions import cleared, progression
-from anmstrip.series.range_of_validity import validated
-from anmstrip.series.singular_points import Kind, Remembering, SingularPoint, watched
+from anmstrip.continuation.bifurcations import Kind, Remembering, SingularPoint, switched, watched
+from anmstrip.continuation.expansion import Cost, Parameter, expand, size
+from anmstrip.continuation.follow import Pace, Settings, follow
+from anmstrip.continuation.path import Branch
+from anmstrip.continuation.quotients import cleared, progression
+from anmstrip.continuation.status import Outcome, PathStopped
+from anmstrip.continuation.validity import validated
+from anmstrip.linalg.solvers import DenseSolver
 
 FOLD = 2.0 / 3.0**1.5
 

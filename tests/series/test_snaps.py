@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anmstrip.mechanics.friction import Tanh
-from anmstrip.series.functions import FunctionRateEquations
+from anmstrip.mechanics.laws import Tanh
+from anmstrip.timestepping.functions import FunctionRateEquations
 from hard_nodes import Slider
 from motions import moved
 

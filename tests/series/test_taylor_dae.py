@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from anmstrip.series.expansion import Cost
-from anmstrip.series.index_one import Point, consistent
-from anmstrip.series.outcome import PathStopped
-from anmstrip.series.taylor_dae import HASTE, PiecewiseSeries, integrate
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.status import PathStopped
+from anmstrip.timestepping.explicit import HASTE, PiecewiseSeries, integrate_explicitly
+from anmstrip.timestepping.index_one import Point, consistent
 
 
 def decay(u, v, t):
@@ -28,7 +28,7 @@ def turning(u, v, t):
 
 def run(residual, u, end, **options):
     u = np.array(u, dtype=float)
-    return PiecewiseSeries(list(integrate(residual, u, 0.0 * u, (0.0, end), **options)))
+    return PiecewiseSeries(list(integrate_explicitly(residual, u, 0.0 * u, (0.0, end), **options)))
 
 
 PROBLEMS = [
@@ -52,7 +52,9 @@ def test_the_error_is_below_the_tolerance_at_all_times(residual, start, exact, t
 @pytest.mark.parametrize(("residual", "start", "exact"), PROBLEMS)
 def test_orders_are_derivatives_over_factorials(residual, start, exact, order):
     piece = next(
-        integrate(residual, np.array(start), np.zeros(len(start)), (0.0, 1.0), order=order)
+        integrate_explicitly(
+            residual, np.array(start), np.zeros(len(start)), (0.0, 1.0), order=order
+        )
     )
     nodes = 0.3 * np.exp(2j * np.pi * np.arange(64) / 64)  # Cauchy's formula
     wanted = np.fft.fft(np.array([exact(z) for z in nodes]), axis=0)[: order + 1] / 64
@@ -91,7 +93,7 @@ def test_a_step_is_as_long_as_its_error_allows_where_the_last_terms_tell_less():
 
 def test_one_tangent_per_step():
     cost = Cost()
-    steps = list(integrate(decay, np.zeros(1), np.zeros(1), (0.0, 9.0), cost=cost))
+    steps = list(integrate_explicitly(decay, np.zeros(1), np.zeros(1), (0.0, 9.0), cost=cost))
     assert cost.factorisations == cost.expansions == len(steps)
 
 

@@ -1,10 +1,4 @@
-"""What all effects share: a residual is a sum of them.
-
-A :class:`LawEffect` is an operator, a pointwise law and weights; its law runs on
-arrays and on series.  Linear effects and dead loads need no law: a
-:class:`LinearEffect` is a constant matrix, a :class:`LoadEffect` a constant
-vector times a control.
-"""
+"""What all effects share: a residual is a sum of them."""
 
 from __future__ import annotations
 
@@ -17,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from .cells import Pattern
-from .kinematics import Kinematics
+from anmstrip.fem.kinematics import Kinematics
+from anmstrip.fem.operators import Pattern
 
 Array = NDArray[np.float64]
 

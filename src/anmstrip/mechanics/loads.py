@@ -1,4 +1,4 @@
-"""Loads: forces and tension on edges, weight, pressure, and the tension of a plate."""
+"""Loads: forces and tension on edges, weight, pressure, drag and guides."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .cells import CellOperator, gradients, jets
-from .effects import LoadEffect
-from .kinematics import PLATE
-from .normals import dot, normals
-from .strip import Strip
+from anmstrip.fem.kinematics import PLATE, dot, normals
+from anmstrip.fem.operators import CellOperator, gradients, jets
+from anmstrip.fem.strip import Strip
+from anmstrip.mechanics.effects import LoadEffect, Operator
 
 Array = NDArray[np.float64]
 
@@ -166,3 +165,66 @@ class Pretension:
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """T (w,x, 0), shape (1, 2, points)."""
         return np.einsum("ia...,ab->ib...", x, np.diag([1.0, 0.0])) * controls[self.control][0]
+
+
+@dataclass(frozen=True)
+class Drag:
+    """Residual c v per area.
+
+    Attributes
+    ----------
+    operator : Operator
+        Values at points, with areas as weights.
+    coefficient : float
+        c (Pa s/m).
+    """
+
+    operator: Operator
+    coefficient: float
+
+    name = "drag"
+    rate_dependent = True
+
+    def near(self, full: Any, controls: Mapping[str, Any]) -> Drag:
+        """Everywhere."""
+        return self
+
+    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+        """c v, (components, points)."""
+        return v * self.coefficient
+
+
+class Guide:
+    """Springs along the normals of a state of a shell: residual k n (n · (u − u_0)).
+
+    Along the surface nothing holds the strip, so that the membrane can relax there without
+    buckling.
+
+    Parameters
+    ----------
+    strip : Strip
+        A shell.
+    full : ndarray, shape (unknowns,)
+        The state u_0 whose surface guides.
+    """
+
+    name = "guide"
+    rate_dependent = False
+
+    def __init__(self, strip: Strip, full: Array) -> None:
+        self.operator = jets(strip)
+        at = self.operator.apply(full)
+        tangents = at[:, 1:] + strip.kinematics.flat
+        normal = np.cross(tangents[:, 0], tangents[:, 1], axis=0)
+        self.start: Array = at[:, 0]
+        self.normal: Array = normal / np.linalg.norm(normal, axis=0)
+        self.stiffness = strip.membrane_stiffness / float(strip.cell_sizes.min()) ** 2
+
+    def near(self, full: Array, controls: Mapping[str, Any]) -> Guide:
+        """Everywhere."""
+        return self
+
+    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+        """Generalised stress, (3, 3, points): the value's part alone."""
+        away = np.einsum("i...,i...->...", self.normal, x[:, 0] - self.start)
+        return np.einsum("i...,a->ia...", self.normal * away * self.stiffness, np.eye(3)[0])

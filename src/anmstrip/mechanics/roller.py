@@ -1,15 +1,4 @@
-"""A rigid roller that turns about its axis and may be moved; cylindrical, tapered or crowned.
-
-Seen in its own frame: two directions across the axis, and the axis.  A profile
-R(s) = r + Σ c_k s^k − α (d(s − b) + d(s + b) − 2 d(b))/2 along the axis, s measured from the
-centre, d(x) = √(x² + w²), gives the surface
-
-    ρ = R(s),  gap h = (ρ − R)/w,  normal (e_ρ − R' a)/w,  meridian (R' e_ρ + a)/w
-
-with w = √(1 + R'²): exact normal, and a gap that is exact to first order in the
-distance (for cylinders and cones at any distance).  The last terms are conical sides, of slope
-α beyond |s| = b, that go over into a cylinder over the length w.
-"""
+"""Rigid rollers that turn about their axis and may be moved; cylindrical, tapered or crowned."""
 
 from __future__ import annotations
 

@@ -1,30 +1,152 @@
-"""From a TOML file to a scene that can be run, or to all that is wrong with it."""
+"""From a TOML file and values of the command line to a checked scene."""
 
 from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from anmstrip.scene import rules
-from anmstrip.scene.errors import InputError, Mistake
-from anmstrip.scene.naming import with_default_names
-from anmstrip.scene.overrides import Override
-from anmstrip.scene.schema import Scene
-from anmstrip.scene.wording import mistakes_of
+from anmstrip.errors import InputError, Mistake
+from anmstrip.scene.checks import check_scene
+from anmstrip.scene.messages import mistakes_of, nearest
+
+S = TypeVar("S", bound=BaseModel)
+
+
+@dataclass(frozen=True)
+class Override:
+    """One value to put into a scene.
+
+    Attributes
+    ----------
+    text : str
+        As it was typed.
+    path : tuple of str
+        Keys from the outside in; entries of lists of tables by their name.
+    value : object
+        The value.
+    """
+
+    text: str
+    path: tuple[str, ...]
+    value: object
+
+    @classmethod
+    def parse(cls, text: str) -> Override:
+        """Read ``KEY=VALUE``, the key dotted and the value in TOML syntax.
+
+        Raises
+        ------
+        InputError
+            If it is not of this form.
+
+        Examples
+        --------
+        >>> Override.parse("rollers.r1.radius=0.3").path
+        ('rollers', 'r1', 'radius')
+        """
+        key, equals, value = text.partition("=")
+        if not equals:
+            raise _error(text, text, None, "KEY=VALUE", "--set friction.coefficient=0.2")
+        path = _path(text, key.strip())
+        return cls(text, path, _value(text, ".".join(path), value.strip()))
+
+    def covers(self, key: str) -> bool:
+        """Whether a dotted key is the one that was set, below it, or a table around it."""
+        own = ".".join(self.path)
+        return key == own or key.startswith(f"{own}.") or own.startswith(f"{key}.")
+
+    def applied_to(self, data: Mapping[str, Any]) -> dict[str, Any]:
+        """Return data with the value put in; tables that are not there are made.
+
+        Raises
+        ------
+        InputError
+            If the path leads through something that is no table, or to an unknown name.
+        """
+        return self._put(data, 0)
+
+    def _put(self, inside: Any, depth: int) -> Any:
+        if depth == len(self.path):
+            return self.value
+        head = self.path[depth]
+        if isinstance(inside, Mapping):
+            return {**inside, head: self._put(inside.get(head, {}), depth + 1)}
+        if isinstance(inside, Sequence) and not isinstance(inside, str):
+            return self._put_by_name(inside, head, depth)
+        key = ".".join(self.path[:depth])
+        raise _error(self.text, key, inside, "a table", f"--set {key}=… with a value")
+
+    def _put_by_name(self, tables: Sequence[Any], name: str, depth: int) -> list[Any]:
+        names = [table.get("name") if isinstance(table, Mapping) else None for table in tables]
+        if name not in names:
+            key, known = ".".join(self.path), [known for known in names if isinstance(known, str)]
+            raise _error(self.text, key, name, "a known name", nearest(name, known))
+        return [
+            self._put(table, depth + 1) if known == name else table
+            for table, known in zip(tables, names, strict=True)
+        ]
+
+
+def _path(text: str, key: str) -> tuple[str, ...]:
+    try:
+        inside: Any = tomllib.loads(f"{key} = 0") if "\n" not in key else {}
+    except (ValueError, RecursionError):
+        inside = {}
+    path: list[str] = []
+    while isinstance(inside, Mapping) and len(inside) == 1:
+        path.extend(inside)
+        inside = inside[path[-1]]
+    if not path:
+        raise _error(text, key, None, "a dotted key", "--set friction.coefficient=0.2")
+    return tuple(path)
+
+
+def _value(text: str, key: str, value: str) -> object:
+    try:
+        (parsed,) = tomllib.loads(f"value = {value}").values()
+    except (ValueError, RecursionError):
+        hint = f"""a number, true, [1.0, 0.0, 0.0], or text in quotes: '{key}="{value}"'"""
+        raise _error(text, key, value, "a value in TOML syntax", hint) from None
+    return parsed
+
+
+def _error(text: str, key: str, value: object, expected: str, hint: str) -> InputError:
+    return InputError((Mistake(f"--set {text}", key, value, expected, hint),))
+
+
+def with_default_names(tables: Any, prefix: str) -> Any:
+    """Return a list of tables where those without a name are called prefix + position.
+
+    Anything that is no list of tables is returned as it is.
+
+    Examples
+    --------
+    >>> with_default_names([{"radius": 1.0}, {"name": "big"}, {}], "r")
+    [{'name': 'r1', 'radius': 1.0}, {'name': 'big'}, {'name': 'r3'}]
+    """
+    if not isinstance(tables, list | tuple):
+        return tables
+    return [
+        {"name": f"{prefix}{position}", **table} if isinstance(table, Mapping) else table
+        for position, table in enumerate(tables, start=1)
+    ]
+
 
 _STARTS = "[strip]\nlength = 4.0\nwidth = 1.0\nthickness = 1.0e-3\ncells = [16, 2]"
 
 
-def load_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
+def read_scene(model: type[S], path: str | Path, overrides: Iterable[str] = ()) -> S:
     """Read a scene.
 
     Parameters
     ----------
+    model : type
+        The model of a scene.
     path : str or Path
         TOML file.
     overrides : iterable of str, optional
@@ -33,7 +155,7 @@ def load_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
 
     Returns
     -------
-    Scene
+    model
         Paths in it are absolute; those in the file are relative to the file.
 
     Raises
@@ -42,20 +164,21 @@ def load_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
         With all mistakes at once.
     """
     source = Path(path)
-    return scene_of(parse_scene(_text_of(source), str(source)), source, overrides)
+    return validate_scene(model, parse_scene(_text_of(source), str(source)), source, overrides)
 
 
-def scene_of(tables: Mapping[str, Any], source: Path, overrides: Iterable[str] = ()) -> Scene:
-    """Return the scene of tables as they stand in a file; see :func:`load_scene`."""
+def validate_scene(
+    model: type[S], tables: Mapping[str, Any], source: Path, overrides: Iterable[str] = ()
+) -> S:
+    """Return the scene of tables as they stand in a file; see :func:`read_scene`."""
     data, applied, mistakes = _overridden(_named(tables), overrides)
     data = _with_absolute_mesh(data, source)
     try:
-        scene = Scene.model_validate(data)
+        scene = model.model_validate(data)
     except ValidationError as error:
-        mistakes += [_placed(m, source, applied) for m in _all_mistakes(error, data)]
+        mistakes += [_placed(m, source, applied) for m in _all_mistakes(model, error, data)]
     if mistakes:
         raise InputError(mistakes)
-    scene._source = source
     return scene
 
 
@@ -147,20 +270,24 @@ def _with_absolute_mesh(data: dict[str, Any], source: Path) -> dict[str, Any]:
     return {**data, "strip": {**strip, "mesh": str(mesh.absolute())}}
 
 
-def _all_mistakes(error: ValidationError, data: Mapping[str, Any]) -> Iterable[Mistake]:
+def _all_mistakes(
+    model: type[BaseModel], error: ValidationError, data: Mapping[str, Any]
+) -> Iterable[Mistake]:
     """Yield pydantic's findings, then what is wrong between the tables that are right.
 
     Rules between tables are checked by pydantic only once every table is right; the user
     wants to hear of everything at once.
     """
-    yield from mistakes_of(error, Scene, data)
+    yield from mistakes_of(error, model, data)
     broken = {location[0] for found in error.errors() if (location := found["loc"])}
     if broken:
-        yield from rules.scene(_right_tables(data, broken))
+        yield from check_scene(_right_tables(model, data, broken))
 
 
-def _right_tables(data: Mapping[str, Any], broken: set[int | str]) -> dict[str, Any]:
-    right = {name: field for name, field in Scene.model_fields.items() if name not in broken}
+def _right_tables(
+    model: type[BaseModel], data: Mapping[str, Any], broken: set[int | str]
+) -> dict[str, Any]:
+    right = {name: field for name, field in model.model_fields.items() if name not in broken}
     given: dict[str, Any] = {name: field.annotation for name, field in right.items()}
     return {
         name: TypeAdapter(given[name]).validate_python(data[name])

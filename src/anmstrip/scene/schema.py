@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any, Self
 
 from pydantic import Field, PrivateAttr, field_validator, model_validator
 
-from anmstrip.scene import rules
-from anmstrip.scene.naming import with_default_names
+from anmstrip.scene.checks import check_scene
+from anmstrip.scene.loading import read_scene, validate_scene, with_default_names
 from anmstrip.scene.stage_tables import (
-    EdgeControl,
     OutputSpec,
-    RollerControl,
     SolverSpec,
     StageSpec,
 )
 from anmstrip.scene.tables import (
+    THREADING,
     ContactSpec,
     EdgeSpec,
     FrictionSpec,
-    ImperfectionSpec,
     MaterialSpec,
     RollerSpec,
     StripSpec,
@@ -29,33 +27,13 @@ from anmstrip.scene.tables import (
     ThreadingSpec,
 )
 
-if TYPE_CHECKING:
-    from anmstrip.scene.run import Run
 
-__all__ = [
-    "ContactSpec",
-    "EdgeControl",
-    "EdgeSpec",
-    "FrictionSpec",
-    "ImperfectionSpec",
-    "MaterialSpec",
-    "OutputSpec",
-    "RollerControl",
-    "RollerSpec",
-    "Scene",
-    "SolverSpec",
-    "StageSpec",
-    "StripSpec",
-    "ThreadingSpec",
-]
-
-
-class Scene(Table):
+class SceneSpec(Table):
     """A strip, what it touches, what happens to it, and how that is solved.
 
     Examples
     --------
-    >>> scene = Scene(
+    >>> scene = SceneSpec(
     ...     strip={"length": 4.0, "width": 1.0, "thickness": 1e-3, "cells": [16, 2]},
     ...     material={"young": 2e11, "poisson": 0.3},
     ...     stages=[{"duration": 1.0, "exit": {"force": [1e4, 0.0, 0.0]}}],
@@ -122,25 +100,33 @@ class Scene(Table):
         return with_default_names(given, "stage")
 
     @model_validator(mode="after")
-    def _consistent(self) -> Scene:
-        self._check(rules.scene({name: getattr(self, name) for name in type(self).model_fields}))
+    def _consistent(self) -> SceneSpec:
+        self._check(check_scene({name: getattr(self, name) for name in type(self).model_fields}))
         return self
 
     @classmethod
-    def load(cls, path: str | Path, overrides: Iterable[str] = ()) -> Scene:
-        """Read a scene file; see :func:`anmstrip.scene.loading.load_scene`."""
-        from anmstrip.scene.loading import load_scene  # noqa: PLC0415 (it imports this module)
+    def load(cls, path: str | Path, overrides: Iterable[str] = ()) -> Self:
+        """Read a scene file; see :func:`anmstrip.scene.loading.read_scene`."""
+        return cls._from(Path(path), read_scene(cls, path, overrides))
 
-        return load_scene(path, overrides)
+    @classmethod
+    def from_tables(
+        cls, tables: Mapping[str, Any], source: str | Path, overrides: Iterable[str] = ()
+    ) -> Self:
+        """Return the scene of tables as they would stand in a file."""
+        return cls._from(Path(source), validate_scene(cls, tables, Path(source), overrides))
+
+    @classmethod
+    def _from(cls, source: Path, scene: Self) -> Self:
+        scene._source = source
+        return scene
 
     @property
     def course(self) -> tuple[StageSpec, ...]:
         """All stages in their order, that of threading first if there is one."""
         if self.threading is None:
             return self.stages
-        threading = StageSpec(
-            name=rules.THREADING, duration=self.threading.duration, friction=False
-        )
+        threading = StageSpec(name=THREADING, duration=self.threading.duration, friction=False)
         return (threading, *self.stages)
 
     @property
@@ -165,13 +151,3 @@ class Scene(Table):
         edges = stage.pop("edges")
         friction = stage["friction"] and self.friction is not None
         return {**stage, "friction": friction, **edges}
-
-    def run(self, directory: str | Path | None = None, resume: bool = False) -> Run:
-        """Return an iterator over accepted steps that writes to a directory."""
-        from anmstrip.scene.run import Run  # noqa: PLC0415 (heavy, and not needed to check)
-
-        if self.friction is not None and self.friction.regularisation == "auto":
-            from anmstrip.scene.sharpening import SharpenedRun  # noqa: PLC0415
-
-            return SharpenedRun(self, directory, resume=resume)
-        return Run(self, directory, resume=resume)

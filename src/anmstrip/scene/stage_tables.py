@@ -1,13 +1,14 @@
-"""The tables of a scene about what happens, how it is solved and what is written."""
+"""The tables of a scene about stages, solver and output."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any
 
 from pydantic import Field, StrictBool, model_validator
 
-from anmstrip.scene import rules
-from anmstrip.scene.tables import Name, Number, Positive, Table, Vector
+from anmstrip.errors import Mistake
+from anmstrip.scene.tables import EDGE_NAMES, Name, Number, Positive, Table, Vector
 
 
 class EdgeControl(Table):
@@ -46,7 +47,7 @@ class EdgeControl(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> EdgeControl:
-        self._check(rules.edge_control(self))
+        self._check(check_edge_control(self))
         return self
 
 
@@ -105,7 +106,7 @@ class StageSpec(Table):
                 "gravity",
                 "pressure",
                 "rollers",
-                *rules.EDGE_NAMES,
+                *EDGE_NAMES,
             ]
         },
     )
@@ -184,5 +185,25 @@ class OutputSpec(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> OutputSpec:
-        self._check(rules.output(self))
+        self._check(check_output(self))
         return self
+
+
+def check_edge_control(table: EdgeControl) -> Iterator[Mistake]:
+    """Yield what is wrong with an edge's control: both a displacement and a velocity."""
+    if table.move is not None and table.velocity is not None:
+        expected = "either move (m) or velocity (m/s), not both"
+        yield Mistake("", "velocity", table.velocity, expected, "one of them; take one out")
+
+
+def check_output(table: OutputSpec) -> Iterator[Mistake]:
+    """Yield what is wrong with the output: two choices of states, or times in disorder."""
+    if table.times is None:
+        return
+    if "every" in table.model_fields_set:
+        expected = "either every or times, not both"
+        yield Mistake("", "every", table.every, expected, "one of them; take one out")
+    ordered = sorted(set(table.times))
+    if list(table.times) != ordered or not ordered:
+        hint = f"times = {ordered or [0.5, 1.0]}"
+        yield Mistake("", "times", table.times, "increasing times, at least one (s)", hint)

@@ -1,14 +1,8 @@
-"""The tables of a scene: what a user may write about strip, rollers and their contact.
-
-Every description says what the field is, what is allowed and in which unit; every example
-is TOML that can be typed as it stands. Mistakes quote both. What a single field cannot
-know about is in :mod:`anmstrip.scene.rules`.
-"""
+"""The tables of a scene about strip, material, rollers, contact and friction."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from functools import cached_property
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -21,10 +15,17 @@ from pydantic import (
     model_validator,
 )
 
-from anmstrip.mechanics.roller import Roller, Sides
-from anmstrip.scene import rules
-from anmstrip.scene.errors import InputError, Mistake
-from anmstrip.scene.wording import LARGEST, SMALLEST
+from anmstrip.errors import InputError, Mistake
+from anmstrip.scene.messages import LARGEST, SMALLEST, missing
+
+ENDS = ("entry", "exit")
+"""The ends of a strip, at −x and +x: all the edges that a section has."""
+
+EDGE_NAMES = (*ENDS, "left", "right")
+"""The edges of a rectangular strip, at −x, +x, +y and −y."""
+
+THREADING = "threading"
+"""Name of the stage that lays the strip around the rollers."""
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=SMALLEST, le=LARGEST)]
@@ -115,7 +116,7 @@ class StripSpec(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> StripSpec:
-        self._check(rules.strip(self))
+        self._check(check_strip(self))
         return self
 
 
@@ -178,7 +179,7 @@ class ContactSpec(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> ContactSpec:
-        self._check(rules.contact(self))
+        self._check(check_contact(self))
         return self
 
 
@@ -268,7 +269,7 @@ class RollerSpec(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> RollerSpec:
-        self._check(rules.roller(self))
+        self._check(check_roller(self))
         return self
 
     @property
@@ -277,16 +278,6 @@ class RollerSpec(Table):
         sides = self.sides and self.sides.model_dump()
         given = {"crown": any(self.crown) and self.crown, "taper": self.taper, "sides": sides}
         return {key: value for key, value in given.items() if value}
-
-    @cached_property
-    def shape(self) -> Roller:
-        """Its geometry."""
-        crown = self.crown
-        if self.taper:
-            crown = (self.taper + sum(crown[:1]), *crown[1:])
-        given = self.sides
-        sides = None if given is None else Sides(given.taper, 0.5 * given.flat, given.rounding)
-        return Roller(self.name, self.radius, self.centre, self.axis, crown, sides)
 
 
 class ThreadingSpec(Table):
@@ -329,5 +320,88 @@ class EdgeSpec(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> EdgeSpec:
-        self._check(rules.edge(self))
+        self._check(check_edge(self))
         return self
+
+
+def check_strip(table: StripSpec) -> Iterator[Mistake]:
+    """Yield what is wrong with a strip."""
+    yield from _outline(table)
+    yield from _imperfection(table)
+
+
+def _imperfection(table: StripSpec) -> Iterator[Mistake]:
+    """Yield what cannot be with a strip that is bent before it is loaded."""
+    if table.imperfection is None:
+        return
+    bent = "with an imperfection"
+    if table.kinematics != "shell":
+        expected, hint = f'"shell" {bent}: others do not wrinkle', 'kinematics = "shell"'
+        yield Mistake("", "kinematics", table.kinematics, expected, hint)
+    if not table.bending:
+        expected = f"true {bent}, which without bending does nothing"
+        yield Mistake("", "bending", table.bending, expected, "bending = true")
+    if table.feed:
+        expected = f"false {bent}: fresh strip is flat"
+        yield Mistake("", "feed", table.feed, expected, "feed = false")
+
+
+def _outline(table: StripSpec) -> Iterator[Mistake]:
+    """Yield neither or both of rectangle and mesh file."""
+    if table.mesh is None:
+        needed = ("width", "cells")
+        yield from (missing(type(table), key) for key in needed if getattr(table, key) is None)
+        return
+    if table.kinematics == "section" or table.feed:
+        key = "feed" if table.feed else "kinematics"
+        expected = "a strip by length, width and cells, not by a mesh file"
+        yield Mistake("", key, getattr(table, key), expected, "cells = [16, 2]")
+    for key in ("length", "width", "cells", "refined"):
+        if (value := getattr(table, key)) is not None:
+            expected = "nothing, since the mesh file says it"
+            yield Mistake("", key, value, expected, f"either {key} or mesh; take one out")
+    if not _is_file(table.mesh):
+        hint = "the path of a file, relative to the scene's own file"
+        yield Mistake("", "mesh", str(table.mesh), "a file that exists", hint)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name too long, a directory that may not be read
+        return False
+
+
+def check_contact(table: ContactSpec) -> Iterator[Mistake]:
+    """Yield what is wrong with the contact: half a law, two, or one without η < K δ."""
+    penalty = {"stiffness": "1.0e10", "eta": "10.0", "delta": "1.0e-3"}
+    given = [key for key in penalty if getattr(table, key) is not None]
+    if given:
+        for key in penalty.keys() - set(given):
+            expected = "stiffness, eta and delta together, or none of them"
+            yield Mistake("", key, None, expected, f"{key} = {penalty[key]}")
+        for key in ("onset", "pressure"):
+            if (value := getattr(table, key)) is not None:
+                expected = f"no {key} beside stiffness, eta and delta, which are another law"
+                yield Mistake("", key, value, expected, f"either {key} or {', '.join(given)}")
+    if table.constants is None:
+        return
+    stiffness, eta, delta = table.constants
+    bound = stiffness * delta
+    if not eta < bound:
+        expected = f"eta below stiffness × delta = {bound:g} (Pa)"
+        yield Mistake("", "eta", eta, expected, f"eta = {bound / 1e6:g}")
+
+
+def check_roller(table: RollerSpec) -> Iterator[Mistake]:
+    """Yield what is wrong with a roller: an axis without direction."""
+    if not any(table.axis):
+        expected = "a direction: three numbers, not all 0 (1)"
+        yield Mistake("", "axis", table.axis, expected, "axis = [0.0, 1.0, 0.0]")
+
+
+def check_edge(table: EdgeSpec) -> Iterator[Mistake]:
+    """Yield what is wrong with an edge: a component held twice."""
+    if len(set(table.fixed)) < len(table.fixed):
+        once = ", ".join(f'"{component}"' for component in dict.fromkeys(table.fixed))
+        yield Mistake("", "fixed", table.fixed, "each component once", f"fixed = [{once}]")

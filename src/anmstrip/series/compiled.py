@@ -53,7 +53,7 @@ class Program:
         self.points = points
         self.blocks = -(-points // BLOCK)
         self.lanes = -(-points // self.blocks)
-        from .translation_rules import Translation, translate  # noqa: PLC0415 (imports numba)
+        from .translation_rules import Translation, translate  # noqa: PLC0415, RUF100
 
         translation = Translation(points)
         for series in tape.inputs:
@@ -77,7 +77,7 @@ class Program:
 
     def advance(self, k: int) -> Array:
         """Order k of the output as if the inputs' were zero, completing order k − 1 before."""
-        from .kernels import advanced  # noqa: PLC0415 (numba, only where there is a program)
+        from .kernels import advanced  # noqa: PLC0415, RUF100
 
         pending = self.pending is not None
         changes = self.pending if self.pending is not None else self.none
@@ -94,7 +94,7 @@ class Program:
 
     def derivative(self, seeds: Mapping[Series, Array]) -> Array:
         """Directional derivatives of the output, as :meth:`Tape.derivative`."""
-        from .kernels import derivatives  # noqa: PLC0415
+        from .kernels import derivatives  # noqa: PLC0415, RUF100
 
         batch = next((s.shape[: s.ndim - x.ndim] for x, s in seeds.items()), ())
         count = int(np.prod(batch))
@@ -131,7 +131,7 @@ class Program:
 def orders_of(tape: Tape, output: Series, points: int) -> Program | Recorded:
     """The orders of a series of a tape: compiled where that can be, else interpreted."""
     if AVAILABLE and points > 0:
-        from .translation import UntranslatableError  # noqa: PLC0415
+        from .translation import UntranslatableError  # noqa: PLC0415, RUF100
 
         try:
             return Program(tape, output, points)

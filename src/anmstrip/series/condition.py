@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from .factors import Array, Factors, equilibrated
+from anmstrip.linalg.factors import Array, Factors, equilibrated
 
 
 def condition(matrix: csc_matrix, factors: Factors) -> float:
@@ -25,7 +25,7 @@ def condition(matrix: csc_matrix, factors: Factors) -> float:
 
     Examples
     --------
-    >>> from anmstrip.series.linear_solvers import SparseSolver
+    >>> from anmstrip.linalg.solvers import SparseSolver
     >>> matrix = csc_matrix(np.diag([1.0, 1e-6, 2.0]))
     >>> round(condition(matrix, SparseSolver().factorise(matrix)), 6)  # of the scaled one
     1.0

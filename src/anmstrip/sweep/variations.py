@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.scene.errors import InputError, Mistake
-from anmstrip.scene.loading import load_scene
-from anmstrip.scene.overrides import Override
-from anmstrip.scene.schema import Scene
+from anmstrip.driver.scene import Scene
+from anmstrip.errors import InputError, Mistake
+from anmstrip.scene.loading import Override
 
 MOST = 100_000
 """Scenes of a sweep; more of them were surely not meant."""
@@ -172,11 +171,11 @@ def _parsed(variations: Iterable[str]) -> list[Variation]:
 
 def _scene(path: Path, chosen: Mapping[str, Any], settings: Iterable[str]) -> Scene:
     """A scene, checked as a run checks it before anything is written."""
-    from anmstrip.scene.run import Run  # noqa: PLC0415 (heavy, and not needed to parse)
+    from anmstrip.driver.run import Run
 
     texts = [f"{key}={json.dumps(value)}" for key, value in chosen.items()]
     try:
-        scene = load_scene(path, [*settings, *texts])
+        scene = Scene.load(path, [*settings, *texts])
         Run(scene)
     except InputError as error:
         raise InputError(_varied(mistake, texts) for mistake in error.mistakes) from None

@@ -1,0 +1,240 @@
+"""Branches and paths: solutions that can be called anywhere inside."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from itertools import pairwise
+from math import comb
+from typing import Any
+
+import numpy as np
+from numpy.polynomial.polynomial import polymul, polysub
+from numpy.typing import NDArray
+
+from anmstrip.series.power_series import derivative_coefficients, value_at
+
+Array = NDArray[np.float64]
+
+ROUND_OFF = 1e-9
+"""Value at an end of a range, over the largest inside, that may stand for a root there."""
+
+
+@dataclass(frozen=True)
+class Branch:
+    """One truncated series of a path parameter a, valid on [0, length].
+
+    It may be a quotient: then u and control hold the numerators.
+
+    Attributes
+    ----------
+    u : ndarray, shape (order + 1, n)
+        Coefficients of the unknowns.
+    control : ndarray, shape (order + 1,)
+        Coefficients of the control (load factor, or time).
+    length : float
+        Range of validity in a.
+    residual : ndarray, shape (n,)
+        Initial imbalance R_0; the branch satisfies R(a) = R_0 (1 − a / carried_over).
+    carried_over : float
+    forces : tuple of float
+        Imbalance that would be left without the last term but one, and without the
+        last, at a = 1.
+    denominator : ndarray
+        Coefficients, the first of them 1, at least two.
+    aim : float or None
+        Control at the end, where it is known: a quotient has it to round-off of large terms only.
+    """
+
+    u: Array
+    control: Array
+    length: float
+    residual: Array
+    carried_over: float = 1.0
+    forces: tuple[float, float] = (0.0, 0.0)
+    denominator: Array = field(default_factory=lambda: np.array([1.0, 0.0]))
+    aim: float | None = None
+
+    @property
+    def order(self) -> int:
+        """Highest order present."""
+        return len(self.u) - 1
+
+    def __call__(self, a: float) -> tuple[Array, float]:
+        """State and control at parameter ``a``."""
+        q = value_at(self.denominator, a)
+        return value_at(self.u, a) / q, float(value_at(self.control, a) / q)
+
+    def many(self, a: Array) -> tuple[Array, Array]:
+        """States (m, n) and controls (m,) at parameters ``a``."""
+        q = np.polynomial.polynomial.polyval(a, self.denominator)
+        powers = np.vander(a, self.order + 1, increasing=True) / q[:, None]
+        return powers @ self.u, powers @ self.control
+
+    @property
+    def end(self) -> tuple[Array, float]:
+        """State and control at the end of the range."""
+        u, control = self(self.length)
+        return u, control if self.aim is None else self.aim
+
+    def direction(self, a: float) -> tuple[Array, float]:
+        """Derivatives of state and control with respect to a."""
+        u, control = self(a)
+        q, rates = value_at(self.denominator, a), (self.denominator, self.u, self.control)
+        slope, direction, along = (value_at(derivative_coefficients(c), a) for c in rates)
+        return (direction - slope * u) / q, float((along - slope * control) / q)
+
+    def cut(self, length: float) -> Branch:
+        """The same series on another range."""
+        return replace(self, length=length, aim=None)
+
+    def reaches(self, control: float) -> float | None:
+        """Smallest a in (0, length] at which the control has the given value."""
+        shifted = np.asarray(polysub(self.control, control * self.denominator), dtype=np.float64)
+        return first_root(shifted, self.length)
+
+    def fold(self) -> float | None:
+        """Smallest a in (0, length] at which the control turns back."""
+        return next(iter(self.folds), None)
+
+    @property
+    def folds(self) -> list[float]:
+        """All a in (0, length] at which the control turns back, in their order."""
+        return roots_within(self._turning, self.length)
+
+    @property
+    def turns(self) -> list[float]:
+        """All a in [−length, length] except 0 at which the control turns back."""
+        mirrored = self._turning * (-1.0) ** np.arange(len(self._turning))
+        return [*self.folds, *(-a for a in roots_within(mirrored, self.length))]
+
+    @property
+    def _turning(self) -> Array:
+        """Coefficients of a polynomial that vanishes where dλ/da does."""
+        q = self.denominator
+        left = polymul(derivative_coefficients(self.control), q)
+        slope = polysub(left, polymul(self.control, derivative_coefficients(q)))
+        return np.asarray(slope, dtype=np.float64)
+
+    def landed(self, control: float) -> Branch:
+        """The same branch with an end control that has the given value."""
+        moved = replace(self, control=self.control.copy(), aim=control)
+        q = value_at(self.denominator, self.length)
+        for _ in range(2):
+            miss = control - value_at(moved.control, self.length) / q
+            moved.control[1] += miss * q / self.length
+        return moved
+
+
+def first_root(coefficients: Array, length: float) -> float | None:
+    """Smallest root of a polynomial in (0, length]."""
+    return next(iter(roots_within(coefficients, length)), None)
+
+
+def roots_within(coefficients: Array, length: float) -> list[float]:
+    """Roots of a polynomial in (0, length], in their order."""
+    scaled = coefficients * length ** np.arange(len(coefficients))
+    largest = np.abs(scaled).max()
+    if largest == 0.0:
+        return []
+    if _never_zero(scaled):
+        return []
+    scaled = np.trim_zeros(np.where(np.abs(scaled) < 1e-17 * largest, 0.0, scaled), "b")
+    roots = np.polynomial.polynomial.polyroots(scaled)
+    real = roots.real[(np.abs(roots.imag) < 1e-8) & (roots.real > 1e-12)]
+    inside = np.sort(real[real <= 1.0 + 1e-12])
+    return [min(float(root), 1.0) * length for root in inside]
+
+
+def _never_zero(coefficients: Array) -> bool:
+    """Whether a polynomial is seen to have no root in [0, 1], nor next to it.
+
+    Its Bernstein coefficients, whose means are its values there, are then of one sign.
+    """
+    found = _bernstein(len(coefficients) - 1) @ coefficients
+    least, largest = found.min(), found.max()
+    return bool(max(least, -largest) > ROUND_OFF * max(largest, -least))
+
+
+@lru_cache
+def _bernstein(degree: int) -> Array:
+    """Matrix that makes Bernstein coefficients of those of powers."""
+    return np.array(
+        [[comb(i, j) / comb(degree, j) for j in range(degree + 1)] for i in range(degree + 1)]
+    )
+
+
+@dataclass(frozen=True)
+class Path:
+    """Branches end to end.
+
+    Calling a path with a control value gives the state at the first point where
+    the control has it; :meth:`at` takes the running parameter instead.
+    """
+
+    branches: tuple[Branch, ...]
+
+    @property
+    def knots(self) -> Array:
+        """Running parameter at the ends of the branches, starting with 0."""
+        return np.concatenate([[0.0], np.cumsum([b.length for b in self.branches])])
+
+    def at(self, s: float) -> tuple[Array, float]:
+        """State and control at running parameter ``s``."""
+        knots = self.knots
+        i = min(max(bisect_right(knots, s) - 1, 0), len(self.branches) - 1)
+        return self.branches[i](s - knots[i])
+
+    def __call__(self, control: float) -> Array:
+        """State where the control first takes the given value.
+
+        Raises
+        ------
+        ValueError
+            If the path does not reach it.
+        """
+        if self.branches and control == self.branches[0].control[0]:
+            return self.branches[0].u[0]
+        for branch in self.branches:
+            a = branch.reaches(control)
+            if a is not None:
+                return branch(a)[0]
+        raise ValueError(f"the path does not reach the control {control!r}")
+
+
+class HermitePath:
+    """States and velocities at instants, joined by cubic Hermite polynomials.
+
+    Parameters
+    ----------
+    times : sequence of float, increasing, length m ≥ 2
+    states, velocities : sequences of ndarray, each shape (n,)
+        A jump of the velocity at an instant is allowed: give the instant's
+        velocities before and after as a pair.
+    """
+
+    def __init__(self, times: Sequence[float], states: Sequence[Array], velocities: Any) -> None:
+        if len(times) < 2 or any(b <= a for a, b in pairwise(times)):
+            raise ValueError("at least two increasing times are needed")
+        self.times = np.asarray(times, dtype=float)
+        self.states = np.asarray(states, dtype=float)
+        self.velocities = np.asarray(velocities, dtype=float)
+
+    def __call__(self, t: float) -> tuple[Array, Array]:
+        """State and velocity at time ``t``."""
+        i = int(np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2))
+        u, a = self._cubic(i), t - self.times[i]
+        return value_at(u, a), value_at(derivative_coefficients(u), a)
+
+    def polynomials(self) -> Iterator[tuple[float, float, Array]]:
+        """Start, length and coefficients of the pieces."""
+        for i, (start, end) in enumerate(pairwise(self.times)):
+            yield start, end - start, self._cubic(i)
+
+    def _cubic(self, i: int) -> Array:
+        """Coefficients in the time since an instant, shape (4, n)."""
+        h, u, v = self.times[i + 1] - self.times[i], self.states[i], self.velocities[i]
+        slope, last = (self.states[i + 1] - u) / h, self.velocities[i + 1]
+        return np.stack([u, v, (3.0 * slope - 2.0 * v - last) / h, (v + last - 2.0 * slope) / h**2])

@@ -1,0 +1,177 @@
+"""Branches as quotients of polynomials, which reach beyond the circle of convergence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import toeplitz
+
+from anmstrip.continuation.expansion import TINY, Cost, Equations, inner, size
+from anmstrip.continuation.path import Branch, first_root
+from anmstrip.continuation.validity import errors, guessed, without_overshoot
+
+LOOKED_AT = 4
+"""Last orders that must be parallel, and in one ratio."""
+
+ALIKE = 1e-3
+"""Deviation from a progression, relative, that is allowed."""
+
+FAINT = 1e-5
+"""Share of the first order up to which a progression is an answer to round-off."""
+
+
+def progression(equations: Equations, branch: Branch) -> float | None:
+    """Ratio a_c of the last orders, signed, if they are a progression that began faintly."""
+    last, count = branch.u[-1], LOOKED_AT
+    norm = inner(equations, last, last)
+    if branch.order < 2 * count or not 0.0 < norm < np.inf:
+        return None
+    shares = [inner(equations, u, last) / norm for u in branch.u[-2 : -count - 1 : -1]]
+    ratio = shares[0]
+    if ratio == 0.0:
+        return None
+    for j, (share, u) in enumerate(zip(shares, branch.u[-2 : -count - 1 : -1], strict=True)):
+        bent = size(equations, u - share * last)
+        if bent > ALIKE * size(equations, u) or abs(share / ratio ** (j + 1) - 1.0) > ALIKE:
+            return None
+    began = np.sqrt(norm) * abs(ratio) ** (branch.order - 1)
+    return ratio if began < FAINT * size(equations, branch.u[1]) else None
+
+
+def cleared(equations: Equations, branch: Branch) -> Branch:
+    """The branch without its progression, one order less; itself if there is none."""
+    ratio = progression(equations, branch)
+    if ratio is None:
+        return branch
+    n = branch.order
+    shares = ratio ** np.arange(n - 1.0, 0.0, -1.0)
+    u, control = branch.u[:n].copy(), branch.control[:n].copy()
+    u[1:] -= shares[:, None] * branch.u[n]
+    control[1:] -= shares * branch.control[n]
+    unit = branch.forces[0] / size(equations, branch.u[n - 1])
+    forces = (unit * size(equations, u[-2]), unit * size(equations, u[-1]))
+    return replace(branch, u=u, control=control, forces=forces)
+
+
+Array = NDArray[np.float64]
+
+RUNG = 1.05
+"""Lengths that are tried are powers of this, times that of the series: what round-off changes in
+an error does not change them."""
+
+FIRST = 10
+"""Rung that is tried first: most quotients hold up to there."""
+
+TRIALS = 4
+"""Lengths that are tried."""
+
+AIM = 0.7
+"""Share of the tolerance that the next one aims at."""
+
+SHORT_OF_POLE = 0.95
+"""Longest length, over that of a pole."""
+
+POLES = 12
+"""Largest degree of the denominator."""
+
+LAST = 4
+"""Orders of the product that are to vanish."""
+
+FURTHER = 4.0
+"""Where they are weighted, and the longest that is tried, over the length of the series."""
+
+DAMPING = 1e-7
+"""Of the denominator's coefficients, over the largest term there.  With 1e-9 steps in mm and in m
+are of other lengths, by 4e-3 after 50 of them, with 1e-7 by 5e-9; tangents are hardly fewer."""
+
+
+def stretched(
+    equations: Equations, series: Branch, tolerance: float, reach: float, cost: Cost
+) -> tuple[Branch, float] | None:
+    """The rational form of a series, if it meets the tolerance further on than its terms tell.
+
+    Its error is taken for a power of the length, which the lengths that are tried tell.
+
+    Returns
+    -------
+    branch : Branch
+        At most ``reach`` long, with no pole inside.
+    imbalance : float
+        Residual at its end.
+
+    None where the quotient does not meet it, or the series itself arrives.
+    """
+    reach = min(reach, without_overshoot(equations, series, tolerance))
+    guess = guessed(series, tolerance, reach)
+    if series.order < 3 or guess >= reach:
+        return None
+    quotient, limit = rational(equations, series.cut(guess)), min(reach, FURTHER * guess)
+    if quotient is None:
+        return None
+    pole = first_root(quotient.denominator, limit)
+    limit = limit if pole is None else SHORT_OF_POLE * pole
+    rung, best, least, power = FIRST, 0, np.inf, series.order + 1.0
+    last, found = (np.inf, np.inf), None
+    for _ in range(TRIALS):
+        length = min(guess * RUNG**rung, limit)
+        if not best < rung < least or length <= (guess if found is None else found[0].length):
+            break
+        error, imbalance = errors(equations, quotient, length, cost, tolerance)
+        if error <= tolerance:
+            found, best = (quotient.cut(length), imbalance), rung
+        else:
+            least = rung
+        power = _power(last, (length, error)) or power
+        last = length, error
+        rung += _rungs(AIM * tolerance / max(error, TINY), power)
+    return found
+
+
+def _power(before: tuple[float, float], now: tuple[float, float]) -> float | None:
+    """Power of the length with which the error grows, of two trials if they are finite."""
+    (a, first), (b, second) = before, now
+    if a == b or not (0.0 < first < np.inf and 0.0 < second < np.inf):
+        return None
+    return max(float(np.log(second / first) / np.log(b / a)), 1.0)
+
+
+def _rungs(allowed: float, power: float) -> int:
+    """Rungs, down to half and up to twice the length, over which an error may grow so much."""
+    growth = np.clip(np.log(max(allowed, TINY)) / power, -np.log(2.0), np.log(2.0))
+    return int(np.floor(growth / np.log(RUNG)))
+
+
+def rational(equations: Equations, branch: Branch) -> Branch | None:
+    """The same orders as a quotient; None if there are numbers too large for that."""
+    size, scale = branch.order + 1, FURTHER * branch.length
+    with np.errstate(all="ignore"):
+        powers = scale ** np.arange(1.0, size)
+        terms = coordinates(equations, branch) * powers[:, None]
+        if not np.isfinite(np.linalg.norm(terms)):
+            return None
+        scaled = _denominator(terms)
+        found = np.concatenate([[1.0], scaled / powers[: len(scaled)]])
+        product = toeplitz(np.concatenate([found, np.zeros(size - len(found))]), np.zeros(size))
+        u, control = product @ branch.u, product @ branch.control
+    return replace(branch, u=u, control=control, denominator=found)
+
+
+def _denominator(terms: Array) -> Array:
+    """Coefficients d_1 … d_m from orders 1 … N in coordinates (rows), at a = 1."""
+    n, width = terms.shape
+    degree, last = min(POLES, n - 1), min(LAST, n - 1)
+    padded = np.vstack([np.zeros((degree, width)), terms])
+    columns = [padded[degree + n - last - j : degree + n - j].ravel() for j in range(degree + 1)]
+    damping = DAMPING * np.linalg.norm(terms, axis=1).max()
+    matrix = np.vstack([np.stack(columns[1:], axis=1), damping * np.eye(degree)])
+    wanted = -np.concatenate([columns[0], np.zeros(degree)])
+    return np.asarray(np.linalg.lstsq(matrix, wanted, rcond=None)[0])
+
+
+def coordinates(equations: Equations, branch: Branch) -> Array:
+    """Orders 1 … N (rows) in an orthonormal basis of what they span, with the control."""
+    motion = branch.u[1:] * np.sqrt(equations.metric)
+    both = np.column_stack([motion, branch.control[1:]]).T
+    return np.asarray(np.linalg.qr(both, mode="r")).T

@@ -1,0 +1,107 @@
+"""Input errors: every mistake at once, each with what to type instead."""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One thing in an input that has to be changed before anything can run.
+
+    Attributes
+    ----------
+    file : str
+        Where it was typed: a file, or the option of the command line.
+    key : str
+        Dotted key, as ``--set`` takes it: ``rollers.r1.radius``; empty for a whole file.
+    value : object
+        What was given; None if nothing was.
+    expected : str
+        What would have been right, with its unit.
+    hint : str
+        What to type.
+
+    Examples
+    --------
+    >>> print(Mistake("s.toml", "strip.width", -1.0, "a number above 0 (m)", "width = 1.0"))
+    s.toml: strip.width
+      given:    -1.0
+      expected: a number above 0 (m)
+      type:     width = 1.0
+    """
+
+    file: str
+    key: str
+    value: object
+    expected: str
+    hint: str
+
+    def __str__(self) -> str:
+        lines = [": ".join(part for part in (self.file, self.key) if part)]
+        lines.append(f"  given:    {shown(self.value)}")
+        lines.append(f"  expected: {self.expected}")
+        lines.append(f"  type:     {self.hint.replace(chr(10), chr(10) + ' ' * 12)}")
+        return "\n".join(lines)
+
+
+class InputError(ValueError):
+    """The input cannot be run; nothing was written.
+
+    A ValueError, so that the checks of a model may raise it.
+
+    Parameters
+    ----------
+    mistakes : iterable of Mistake
+        All that is wrong, in the order in which it should be read.
+    """
+
+    def __init__(self, mistakes: Iterable[Mistake]) -> None:
+        self.mistakes = tuple(mistakes)
+        super().__init__(self.mistakes)
+
+    def __str__(self) -> str:
+        return "\n".join(str(mistake) for mistake in self.mistakes)
+
+
+def shown(value: object) -> str:
+    """Return a value as it looks in TOML, shortened.
+
+    Examples
+    --------
+    >>> shown(None), shown(True), shown("tanh"), shown((1, 2))
+    ('nothing', 'true', '"tanh"', '[1, 2]')
+    >>> shown({"surface_speed": 1.0, "release": True})
+    '{ surface_speed = 1.0, release = true }'
+    """
+    if value is None:
+        return "nothing"
+    if isinstance(value, str):
+        return f'"{value}"' if len(value) <= 120 else f'"{value[:117]}…"'
+    return _SHORT.repr(value)
+
+
+class _Short(reprlib.Repr):
+    """Nested values in TOML, cut short; integers of thousands of digits Python refuses to print."""
+
+    def repr_bool(self, x: bool, level: int) -> str:
+        return str(x).lower()
+
+    def repr_tuple(self, x: tuple[object, ...], level: int) -> str:
+        return self.repr_list(list(x), level)
+
+    def repr_dict(self, x: dict[str, object], level: int) -> str:
+        if level <= 0 or not x:
+            return "{ … }" if x else "{}"
+        entries = [f"{key} = {self.repr1(value, level - 1)}" for key, value in x.items()]
+        more = [*entries[: self.maxdict], *(["…"] if len(entries) > self.maxdict else [])]
+        return f"{{ {', '.join(more)} }}"
+
+    def repr_int(self, x: int, level: int) -> str:
+        huge = x.bit_length() > 200
+        return "an integer of more than 60 digits" if huge else super().repr_int(x, level)
+
+
+_SHORT = _Short()

@@ -1,0 +1,144 @@
+"""Curved references: where the parameter plane of a strip lies in space."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anmstrip.series.power_series import taylor
+
+Array = NDArray[np.float64]
+
+PAIRS = {1: ((0, 0),), 2: ((0, 0), (1, 1), (0, 1))}
+"""Second derivatives that are kept, by the number of directions."""
+
+
+@dataclass(frozen=True)
+class Jet:
+    """A surface at points of the parameter plane.
+
+    Attributes
+    ----------
+    position : ndarray, shape (3, points)
+        R (m).
+    tangents : ndarray, shape (3, 2, points)
+        R,a.
+    seconds : ndarray, shape (3, 2, 2, points)
+        R,ab.
+    """
+
+    position: Array
+    tangents: Array
+    seconds: Array
+
+
+Surface = Callable[[Array], Jet]
+"""From points of the parameter plane, (2, points)."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Orthonormal frames of a reference at points, and how derivatives are taken in them.
+
+    Attributes
+    ----------
+    tangents : ndarray, shape (components, directions, points or 1)
+        e_α.
+    seconds : ndarray, shape (components, pairs, points or 1)
+        R;αβ for αβ in :data:`PAIRS`.
+    density : ndarray, shape (points or 1,)
+        √det A_ab: area over that in the parameter plane.
+    inverse : ndarray, shape (2, 2, points), or None
+        G^a_α; of a flat sheet in its own coordinates there is nothing to change.
+    christoffel : ndarray, shape (2, 2, 2, points), or None
+        Γ^c_ab.
+    """
+
+    tangents: Array
+    seconds: Array
+    density: Array
+    inverse: Array | None = None
+    christoffel: Array | None = None
+
+    @classmethod
+    def of(cls, jet: Jet) -> Frames:
+        """Frames of a curved surface; all three components are unknown."""
+        first, second = jet.tangents, jet.seconds
+        metric = np.einsum("iap,ibp->pab", first, first)
+        factor = np.linalg.cholesky(metric)  # R,a = L_aα e_α
+        inverse = np.linalg.inv(factor).transpose(2, 1, 0)
+        contravariant = np.linalg.inv(metric).transpose(1, 2, 0)
+        christoffel = np.einsum("cdp,idp,iabp->cabp", contravariant, first, second)
+        covariant = second - np.einsum("cabp,icp->iabp", christoffel, first)
+        seconds = np.einsum("aip,bjp,cabp->cijp", inverse, inverse, covariant)
+        return cls(
+            np.einsum("aip,cap->cip", inverse, first),
+            np.stack([seconds[:, a, b] for a, b in PAIRS[2]], axis=1),
+            np.sqrt(np.linalg.det(metric)),
+            inverse,
+            christoffel,
+        )
+
+    def covector(self, normal: Array) -> Array:
+        """Normal of an edge in the plane, (directions, elements, points of one), as c_α.
+
+        Shape (directions, points), of any length.
+        """
+        flat = normal.reshape(len(normal), -1)
+        return flat if self.inverse is None else np.einsum("aip,ap->ip", self.inverse, flat)
+
+    def gradient(self, field: Array) -> Array:
+        """u;α from u,a, shape (directions, elements, points of one)."""
+        if self.inverse is None:
+            return field
+        inverse = self.inverse.reshape(2, 2, *field.shape[1:])
+        return np.einsum("aiep,aep->iep", inverse, field)
+
+    def hessian(self, gradient: Array, hessian: Array) -> list[Array]:
+        """u;αβ for αβ in :data:`PAIRS`, from u,a and u,ab."""
+        pairs = PAIRS[len(gradient)]
+        if self.inverse is None or self.christoffel is None:
+            return [hessian[a, b] for a, b in pairs]
+        shape = gradient.shape[1:]
+        inverse, christoffel = (
+            x.reshape(*x.shape[:-1], *shape) for x in (self.inverse, self.christoffel)
+        )
+        covariant = hessian - np.einsum("cabep,cep->abep", christoffel, gradient)
+        return [
+            np.einsum("aep,bep,abep->ep", inverse[:, i], inverse[:, j], covariant) for i, j in pairs
+        ]
+
+
+def mapped(function: Callable[[Any, Any], Any]) -> Surface:
+    """A reference surface R(x, y).
+
+    Parameters
+    ----------
+    function : callable
+        ``function(x, y)`` of arrays (points,) → R, (3, points), written in numpy.
+
+    Examples
+    --------
+    >>> cylinder = mapped(lambda x, y: np.stack([x, 2.0 * np.sin(y), 2.0 * np.cos(y)]))
+    >>> float(cylinder(np.zeros((2, 1))).seconds[2, 1, 1, 0])
+    -2.0
+    """
+
+    def jet(points: Array) -> Jet:
+        along, across, both = (_taylor(function, points, d) for d in ((1, 0), (0, 1), (1, 1)))
+        mixed = both[2] - along[2] - across[2]
+        seconds = np.stack([[2.0 * along[2], mixed], [mixed, 2.0 * across[2]]])
+        tangents = np.stack([along[1], across[1]], axis=1)
+        return Jet(along[0], tangents, seconds.transpose(2, 0, 1, 3))
+
+    return jet
+
+
+def _taylor(function: Any, points: Array, direction: tuple[int, int]) -> Array:
+    """Orders 0, 1, 2 along a direction of the plane, shape (3, 3, points)."""
+    lines = [[p, d + 0.0 * p, 0.0 * p] for p, d in zip(points, direction, strict=True)]
+    return taylor(function, *lines)

@@ -1,0 +1,250 @@
+"""Regularised laws of unilateral contact and of friction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+
+def root_reaction(gap: Any, product: Any, stiffness: float) -> Any:
+    """Positive root R of R (R/K + h) = p, without cancellation for either sign of h.
+
+    Parameters
+    ----------
+    gap : array or Series
+        h, negative for penetration.
+    product : array or Series
+        p, same shape.
+    stiffness : float
+        K.
+    """
+    root = np.sqrt(gap * gap + product * (4.0 / stiffness))
+    pressed = (root - gap) * (0.5 * stiffness)
+    free = gap > 0.0
+    if not np.any(free):
+        return pressed
+    apart = product * 2.0 / (root + np.where(free, gap, -gap))
+    return np.where(free, apart, pressed)
+
+
+@dataclass(frozen=True)
+class Signorini:
+    """R (R/K + h) = η (δ − h): the paper's law (5c).
+
+    Repulsive for h < δ only; beyond it tends to the small attraction −η.
+
+    Attributes
+    ----------
+    stiffness : float
+        K (N/m, or Pa/m).
+    eta : float
+        η (N, or Pa).
+    delta : float
+        δ (m), the gap at which the reaction vanishes; η < K δ.
+    """
+
+    stiffness: float
+    eta: float
+    delta: float
+
+    def __call__(self, gap: Any) -> Any:
+        """Reaction at a gap."""
+        return root_reaction(gap, (self.delta - gap) * self.eta, self.stiffness)
+
+    def gap(self, reaction: Any) -> Any:
+        """Inverse law: h = (η δ − R²/K) / (R + η)."""
+        return (self.eta * self.delta - reaction**2 / self.stiffness) / (reaction + self.eta)
+
+
+@dataclass(frozen=True)
+class RepulsiveSignorini:
+    """R (R/K + h) = η δ: everywhere repulsive, for surfaces with distant nodes.
+
+    It agrees with (5c) where |h| ≪ δ and decays like η δ/h, so that a strip
+    feels no attraction from a roller that it does not touch.  Attributes as in
+    :class:`Signorini`.
+    """
+
+    stiffness: float
+    eta: float
+    delta: float
+
+    def __call__(self, gap: Any) -> Any:
+        """Reaction at a gap."""
+        return root_reaction(gap, gap * 0.0 + self.eta * self.delta, self.stiffness)
+
+    def gap(self, reaction: Any) -> Any:
+        """Inverse law: h = η δ/R − R/K."""
+        return self.eta * self.delta / reaction - reaction / self.stiffness
+
+    @property
+    def width(self) -> float:
+        """Gap (m) over which the reaction sets in."""
+        return 2.0 * float(np.sqrt(self.eta * self.delta / self.stiffness))
+
+    @property
+    def faint(self) -> float:
+        """Reaction below which nothing counts as touching."""
+        return self.eta
+
+    @property
+    def words(self) -> str:
+        """For a report."""
+        return f"K = {self.stiffness:.3g} Pa/m"
+
+
+DEEPEST = 100.0
+"""Depth over the width from which a graded reaction grows no more: 1e43 times its pressure is more
+than any strip bears, and still a number."""
+
+
+@dataclass(frozen=True)
+class GradedSignorini:
+    """R = p₀ exp(−h/w), for surfaces: an onset of contact of given width.
+
+    A strip pressed by p₀ lies on the surface, h = 0, and sinks by w for every factor of e in the
+    pressure.  The law has no singularity anywhere, and friction does not reach far.
+
+    Attributes
+    ----------
+    pressure : float
+        p₀ (Pa).
+    width : float
+        w (m).
+    """
+
+    pressure: float
+    width: float
+
+    def __call__(self, gap: Any) -> Any:
+        """Reaction at a gap, at most that at a depth of ``DEEPEST`` widths."""
+        deepest = -DEEPEST * self.width
+        inside = gap < deepest
+        if np.any(inside):
+            gap = np.where(inside, deepest, gap)
+        return np.exp(gap * (-1.0 / self.width)) * self.pressure
+
+    def gap(self, reaction: Any) -> Any:
+        """Inverse law: h = −w log(R/p₀)."""
+        return np.log(reaction / self.pressure) * -self.width
+
+    @property
+    def faint(self) -> float:
+        """Reaction below which nothing counts as touching: at gaps of 4.6 w."""
+        return 0.01 * self.pressure
+
+    @property
+    def words(self) -> str:
+        """For a report."""
+        return f"without penetration at {self.pressure:.3g} Pa"
+
+
+def regular_norm(v: Any, floor: float) -> Any:
+    """√(v·v + floor²), components of ``v`` on the first axis."""
+    return np.sqrt(np.einsum("i...,i...->...", v, v) + floor**2)
+
+
+@dataclass(frozen=True)
+class NortonHoff:
+    """R_T = −f R_N |v|_reg^(q−1) v / V_c^q: equations (2) and (5d).
+
+    Invertible, and not bounded by f: at |v| = 10 V_c and q = 0.1 the ratio
+    |R_T|/R_N is 1.26 f.
+
+    Attributes
+    ----------
+    coefficient : float, or ndarray of shape (points,)
+        f.
+    exponent : float
+        q in (0, 1]; 0 would be Coulomb's law.
+    omega : float
+        ω, width of the smoothed corner in units of V_c.
+    speed : float
+        V_c (m/s).
+    """
+
+    coefficient: Any
+    exponent: float
+    omega: float
+    speed: float
+
+    def __call__(self, normal: Any, slip: Any) -> Any:
+        """Tangential reaction, components on the first axis."""
+        magnitude = regular_norm(slip * (1.0 / self.speed), self.omega)
+        strength = normal * magnitude ** (self.exponent - 1.0)
+        return slip * strength * (-self.coefficient / self.speed)
+
+    def share(self, slip: Any) -> Any:
+        """|R_T|/(f R_N) in steady slip at given speeds."""
+        s = np.abs(slip) / self.speed
+        return s * (s * s + self.omega**2) ** ((self.exponent - 1.0) / 2.0)
+
+    def effective(self, slip: float) -> float:
+        """Ratio |R_T|/R_N in steady slip at the given speed."""
+        return float(self.coefficient * self.share(slip))
+
+
+@dataclass(frozen=True)
+class Tanh:
+    """R_T = −f R_N tanh(|v|_reg / V_c) v / |v|_reg: bounded by f.
+
+    Attributes as in :class:`NortonHoff`, without exponent; ω only keeps the
+    direction of slip smooth at rest.
+    """
+
+    coefficient: Any
+    omega: float
+    speed: float
+
+    def __call__(self, normal: Any, slip: Any) -> Any:
+        """Tangential reaction, components on the first axis."""
+        magnitude = regular_norm(slip * (1.0 / self.speed), self.omega)
+        strength = normal * np.tanh(magnitude) / magnitude
+        return slip * strength * (-self.coefficient / self.speed)
+
+    def share(self, slip: Any) -> Any:
+        """|R_T|/(f R_N) in steady slip at given speeds."""
+        s = np.abs(slip) / self.speed
+        m = np.hypot(s, self.omega)
+        return np.tanh(m) * s / m
+
+    def effective(self, slip: float) -> float:
+        """Ratio |R_T|/R_N in steady slip at the given speed."""
+        return float(self.coefficient * self.share(slip))
+
+
+FrictionLaw = NortonHoff | Tanh
+
+
+def corner_speed(law: FrictionLaw) -> float:
+    """Slip speed (m/s) that separates stick from slip: 1 − |R_T|/(f R_N) = |v|/V_c.
+
+    Coulomb's law asks for |R_T| ≤ f R_N, v = 0 or |R_T| = f R_N, v ≠ 0; between the two a
+    regular law goes round a corner, in whose middle both defects are equal.  As it sharpens
+    (q, ω → 0) the speed tends to 0, and the ratio to 1.
+    """
+    return _speed_where(law, lambda share, speed: share + speed - 1.0)
+
+
+def cone_speed(law: FrictionLaw) -> float:
+    """Slip speed (m/s) from which |R_T| exceeds f R_N; infinite if it never does."""
+    return _speed_where(law, lambda share, speed: share - 1.0)
+
+
+def _speed_where(law: FrictionLaw, excess: Callable[[float, float], float]) -> float:
+    """Where an increasing function of |R_T|/(f R_N) and |v|/V_c vanishes."""
+    from scipy.optimize import brentq
+
+    unit = replace(law, coefficient=1.0)
+
+    def value(logarithm: float) -> float:
+        speed = float(np.exp(logarithm))
+        return excess(unit.effective(law.speed * speed), speed)
+
+    largest = 100.0
+    if value(largest) <= 0.0:
+        return np.inf
+    return law.speed * float(np.exp(brentq(value, -largest, largest)))
