@@ -30,36 +30,20 @@ ONSETS = tuple(4.0**k for k in range(-3, 3))
 
 @dataclass(frozen=True)
 class Pressed:
-    """What one contact law gives.
+    """Results of one contact law."""
 
-    Attributes
-    ----------
-    stiffness, eta : float or None
-        Pa/m, Pa, of the penalty.
-    onset : float
-        Gap over which contact sets in (m).
-    pressing, turning : int
-        Tangents of either stage.
-    penetration : float
-        In the middle of the arc (m); negative where a gap is left.
-    pressure_error, alternation, ratio_error : float
-        Of the pressure in the middle of the arc against (T − D/2R²)/R, its standard deviation
-        there over its mean, and the error of the tension ratio against the capstan formula with
-        bending.
-    seconds : float
-        Of the processor.
-    """
-
-    stiffness: float | None
+    stiffness: float | None  # Pa/m, Pa, of the penalty
     eta: float | None
-    onset: float
-    pressing: int
+    onset: float  # Gap over which contact sets in (m)
+    pressing: int  # Tangents of either stage
     turning: int
-    penetration: float
+    penetration: float  # In the middle of the arc (m); negative where a gap is left
+    # of the pressure in the middle of the arc against (T − D/2R²)/R, its standard deviation there
+    # over its mean, and the error of the tension ratio against the capstan formula with bending
     pressure_error: float
     alternation: float
     ratio_error: float
-    seconds: float
+    seconds: float  # of the processor
 
 
 def study(quick: bool = False) -> Report:
@@ -112,7 +96,7 @@ def _figure(x: str, runs: Sequence[Pressed], at: Sequence[float]) -> bytes:
 
 
 def penalty(stiffness: float, eta: float) -> dict[str, float]:
-    """Table of a contact with K and η, δ = 1 mm."""
+    """Return the table of a contact with K and η, δ = 1 mm."""
     return {"stiffness": stiffness, "eta": eta, "delta": 1e-3}
 
 
@@ -141,7 +125,7 @@ def pressed(base: Scene, contact: Mapping[str, float]) -> Pressed:
 
 
 def _middle(state: State) -> tuple[float, float, float, float]:
-    """Penetration (m), pressure (Pa) and its alternation in the middle third, tension (N/m)."""
+    """Return penetration (m), pressure (Pa), its alternation, and tension (N/m), mid-arc."""
     contact = state.contacts["r1"]
     begin, end = contact.arc
     x = contact.contact.operator.reference[0]
@@ -154,7 +138,7 @@ def _middle(state: State) -> tuple[float, float, float, float]:
 
 
 def ratio_error(run: Run) -> float:
-    """Of the tension ratio, against ln(T1/T2) = f_eff θ − (1 + f²) D/2R² (1/T2 − 1/T1)."""
+    """Return the error against ln(T1/T2) = f_eff θ − (1 + f²) D/2R² (1/T2 − 1/T1)."""
     state, friction = run.state, run.assembly.friction
     assert state is not None
     assert friction is not None

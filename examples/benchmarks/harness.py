@@ -69,34 +69,19 @@ class Sheet:
 
 @dataclass(frozen=True)
 class Report:
-    """Tables and figures of a benchmark; ``str`` gives what is printed.
-
-    Attributes
-    ----------
-    data : Sheet
-        Rows of the CSV file.
-    sheets : tuple of Sheet
-        Tables that are printed and stand in the report.
-    figures : dict
-        File name → its PNG.
-    command : str
-        The command that makes the report anew.
-    seconds, processor : float
-        Time by the clock, and processor time of this process and its children (s); where other
-        programs were at work the second is much smaller, and the times are worth less.
-    files : tuple of Path
-        Written files.
-    """
+    """Tables and figures of a benchmark; ``str`` gives what is printed."""
 
     name: str
     title: str
-    data: Sheet
-    sheets: tuple[Sheet, ...]
-    figures: dict[str, bytes] = field(default_factory=dict)
-    command: str = ""
+    data: Sheet  # Rows of the CSV file
+    sheets: tuple[Sheet, ...]  # Tables that are printed and stand in the report
+    figures: dict[str, bytes] = field(default_factory=dict)  # File name → its PNG
+    command: str = ""  # The command that makes the report anew
+    # Time by the clock, and processor time of this process and its children (s); where other
+    # programs were at work the second is much smaller, and the times are worth less
     seconds: float = 0.0
     processor: float = 0.0
-    files: tuple[Path, ...] = ()
+    files: tuple[Path, ...] = ()  # Written files
 
     def write(self, directory: Path) -> tuple[Path, ...]:
         """Write ``NAME.csv``, ``NAME.md`` and the figures; return their paths."""

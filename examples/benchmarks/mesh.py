@@ -36,7 +36,7 @@ FINEST = 0.125
 
 
 def study(quick: bool = False) -> Report:
-    """Cantilever, section and shell."""
+    """Compare errors of a cantilever, a section and a shell."""
     cells, sizes = (CELLS[:4], SIZES[:3]) if quick else (CELLS, SIZES)
     bent = [bending_error(n) for n in cells]
     finest = profile("section", sizes[-1] / 2.0 if quick else FINEST)
@@ -86,7 +86,7 @@ def _plot(label: str, found: dict[str, list[Profile]], finest: Profile, i: int) 
 
 
 def bending_error(cells: int, tolerance: float = 1e-7) -> float:
-    """Error of the cantilever's tip over its length, against the elastica."""
+    """Return the error of the cantilever's tip over its length, against the elastica."""
     equations = cantilever(cells, THIN)
     settings = Settings(tolerance=tolerance, arclength=True)
     u = np.zeros(len(equations.supports.free))
@@ -105,36 +105,21 @@ def _orders(rows: Sequence[tuple[int, float, float]]) -> list[tuple[Cell, ...]]:
 
 @dataclass(frozen=True)
 class Profile:
-    """A capstan on one mesh.
+    """A capstan on one mesh."""
 
-    Attributes
-    ----------
-    size : float
-        Element length over the roller, in √(D/T).
-    ratio, off : float
-        Tension ratio, and its error against the formula.
-    x, pressure : ndarray
-        Where contact is looked at (m), over T/R.
-    middles, moment : ndarray
-        Middles of elements (m), bending moment there over D/R.
-    unknowns, tangents : int
-    seconds : float
-        Of the processor.
-    """
-
-    size: float
-    ratio: float
+    size: float  # Element length over the roller, in √(D/T)
+    ratio: float  # Tension ratio, and its error against the formula
     off: float
-    x: Array
+    x: Array  # Where contact is looked at (m), over T/R
     pressure: Array
-    middles: Array
+    middles: Array  # Middles of elements (m), bending moment there over D/R
     moment: Array
     unknowns: int
     tangents: int
-    seconds: float
+    seconds: float  # of the processor
 
     def errors(self, finest: Profile) -> tuple[float, ...]:
-        """Differences from a finer one, and what it cost."""
+        """Return the differences from a finer one, and what it cost."""
         pressure = _distance(self.x, self.pressure, finest.x, finest.pressure, 0.5)
         moment = _distance(self.middles, self.moment, finest.middles, finest.moment, 1.0)
         ratio = abs(self.ratio / finest.ratio - 1.0)
@@ -143,7 +128,7 @@ class Profile:
 
 
 def _distance(x: Array, y: Array, fine: Array, exact: Array, share: float) -> float:
-    """Root mean square difference over the middle share of where the finer one is not zero."""
+    """Return the root mean square difference over the middle share of the finer one's support."""
     seen = fine[np.abs(exact) > 0.1]
     middle, half = 0.5 * (seen.max() + seen.min()), 0.5 * share * np.ptp(seen)
     even = np.linspace(middle - half, middle + half, 400)
@@ -176,14 +161,14 @@ def profile(level: str, size: float, tolerance: float = 1e-5) -> Profile:
 
 
 def _row(places: Array, values: Array) -> tuple[Array, Array]:
-    """Values along the line of least y, by x."""
+    """Return values along the line of least y, by x."""
     row = np.flatnonzero(places[1] <= places[1].min() + 1e-9)
     row = row[np.argsort(places[0, row])]
     return places[0, row], values[..., row]
 
 
 def _moment(run: Run) -> tuple[Array, Array]:
-    """Middles of the elements and |∂²r/∂x²| R there; exact for cubics."""
+    """Return middles of the elements and |∂²r/∂x²| R there; exact for cubics."""
     strip, full = run.assembly.strip, run.march.full.reshape(-1, run.assembly.strip.count)
     nodes = np.vstack([strip.nodes, 0.0 * strip.nodes[:1]])[:2]
     x, slopes = _row(nodes, full[strip.dofs("u_x")].T)

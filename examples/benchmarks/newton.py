@@ -66,28 +66,16 @@ COLUMNS = ("problem", "method", "steps", "factorisations", "residuals", "seconds
 
 @dataclass(frozen=True)
 class Trial:
-    """One method on one problem.
+    """A run of one method on one problem."""
 
-    Attributes
-    ----------
-    steps : int
-        Accepted, of load and of time.
-    cost : Cost
-    seconds : float
-        Of the processor.
-    value : float
-        What the answer is judged by.
-    outcome : Outcome
-    """
-
-    steps: int
+    steps: int  # Accepted, of load and of time
     cost: Cost
-    seconds: float
-    value: float
+    seconds: float  # of the processor
+    value: float  # What the answer is judged by
     outcome: Outcome
 
     def row(self, problem: str, method: str, exact: float) -> tuple[Cell, ...]:
-        """Cells of the columns."""
+        """Return the cells of the columns."""
         counts = (self.steps, self.cost.factorisations, self.cost.residuals, self.seconds)
         error = abs(self.value / exact - 1.0) if self.outcome.done else np.inf
         return (problem, method, *counts, error)

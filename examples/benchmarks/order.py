@@ -83,7 +83,7 @@ class Bending:
         self.equations = cantilever()
 
     def __call__(self, order: int, tolerance: float) -> tuple[Array, int]:
-        """Tip over the length, and tangents."""
+        """Return the tip over the length, and tangents."""
         settings = Settings(tolerance=tolerance, arclength=True, max_steps=100_000)
         settings = settings if order == CHOSEN else replace(settings, order=order)
         cost, u = Cost(), np.zeros(len(self.equations.supports.free))
@@ -103,7 +103,7 @@ class Scenic:
         self.scene, self.strictest = scene, strictest
 
     def __call__(self, order: int, tolerance: float) -> tuple[Array, int]:
-        """Tension ratio and mean pressure over T/R, and tangents."""
+        """Return the tension ratio and mean pressure over T/R, and tangents."""
         chosen = {} if order == CHOSEN else {"solver.order": order}
         run = Run(altered(self.scene, {**chosen, "solver.tolerance": tolerance}))
         for _ in run:
@@ -125,7 +125,7 @@ def _left_out(default: Any) -> bool:
 
 
 def _problems(refined: float) -> dict[str, Bending | Scenic]:
-    """Bending by arclength, pressing without friction, and turning in time."""
+    """Return bending by arclength, pressing without friction, and turning in time."""
     turned = capstan("section", 1, refined, 1e-6)
     pressed = turned.model_copy(update={"stages": turned.stages[:-1]})
     return {
@@ -151,7 +151,7 @@ def _runs(
 
 
 def _by_order(runs: Sequence[Measured]) -> list[Measured]:
-    """Lines of one order, from tolerance to tolerance, of some orders."""
+    """Return lines of one order, from tolerance to tolerance, of some orders."""
     shown = sorted({r.at for r in runs})[::3]
     lines = [(r, r.line.partition(",")[0]) for r in runs if r.at in shown]
     return [

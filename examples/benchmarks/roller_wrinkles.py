@@ -45,13 +45,13 @@ RUN = 0.1
 
 
 def pulled(case: Crowned, friction: float) -> Scene:
-    """Pulled from one tension to the other: conveyed with friction, or nothing rubs."""
+    """Return a strip pulled harder: conveyed with friction, or frictionless."""
     case = replace(case, tension=PULLED)
     return case.conveyed(RUN, friction, HARDEST) if friction else case.eased(HARDEST)
 
 
 def onset_sheet(cases: tuple[tuple[float, Mesh, float], ...]) -> Sheet:
-    """Tension at which a strip wrinkles as it rises, by crown (m), mesh and friction."""
+    """Return the tension at which a strip wrinkles as it rises, by crown (m), mesh and friction."""
     rows: list[tuple[Cell, ...]] = []
     for crown, mesh, friction in cases:
         case = replace(SMOOTH, crown=crown, mesh=mesh)
@@ -103,7 +103,7 @@ def friction_sheet(cases: tuple[tuple[float, float], ...], friction: float, way:
 
 
 def _pressed(scene: Scene, way: float) -> tuple[Cell, ...]:
-    """How far it has come, and what stands in the columns after that."""
+    """Return the way that the strip has come, and the columns after that."""
     found = ended(scene)
     compression, (behind, *_, height) = found.wrinkling.spans[-1].compression, found.heights
     wrinkles = (found.factor, compression, height, behind, found.lean)
@@ -117,7 +117,7 @@ def _gone(scene: Scene, found: Ended | Onset, way: float) -> float:
 
 
 def height_sheet(crown: float, frictions: tuple[float, ...]) -> Sheet:
-    """How high a strip wrinkles that was pulled harder and harder."""
+    """Return the heights of wrinkles of a strip that was pulled harder and harder."""
     rows: list[tuple[Cell, ...]] = []
     for friction in frictions:
         scene = pulled(replace(SMOOTH, crown=crown), friction)
@@ -130,7 +130,7 @@ def height_sheet(crown: float, frictions: tuple[float, ...]) -> Sheet:
 
 
 def skew_sheet(cases: tuple[tuple[float, float], ...], way: float, mesh: Mesh) -> Sheet:
-    """Heights by yaw (rad) and friction."""
+    """Return heights by yaw (rad) and friction."""
     rows: list[tuple[Cell, ...]] = []
     for yaw, friction in cases:
         scene = Skewed(yaw, 1e4, mesh).conveyed(way, friction)
@@ -155,14 +155,14 @@ LIKENED = 0.04
 
 
 def askew(case: Skewed, friction: float, way: float = TAKEN) -> tuple[Onset | None, float]:
-    """Where the strip is about to buckle, and the way (m) until then."""
+    """Return the state in which the strip is about to buckle, and the way (m) until then."""
     scene = case.conveyed(way, friction)
     (found,) = onsets(scene, LEVELS[:1])
     return found, way if found is None else _gone(scene, found, way)
 
 
 def likened(tension: float, way: float) -> float:
-    """Tension of the onset (N/m) after the same way for all, by T ∝ w^(4/3)."""
+    """Return the tension of the onset (N/m) after the same way for all, by T ∝ w^(4/3)."""
     return tension * float(LIKENED / way) ** (4.0 / 3.0)
 
 
@@ -231,7 +231,7 @@ ASKEW = (
 
 
 def study(quick: bool = False) -> Report:
-    """Onset by crown and mesh; what friction adds on a crown, and on a roller out of line."""
+    """Find onsets by crown and mesh, and what friction adds on a crown and out of line."""
     crowns, panels = _crown_sheet(EASED[:2] if quick else EASED, COARSE if quick else FULL)
     sheets = [crowns]
     sheets += [] if quick else [_mesh_sheet((COARSE, FULL, Mesh((20, 20), 6e-3)))]
@@ -250,7 +250,7 @@ def study(quick: bool = False) -> Report:
 
 
 def _rubbed(quick: bool) -> tuple[list[Sheet], dict[str, Map]]:
-    """Sheets of what friction adds, and modes on a roller out of line."""
+    """Return sheets of what friction adds, and modes on a roller out of line."""
     mesh = Mesh((10, 8), 2e-2) if quick else SKEWED
     askew, maps = yaw_sheet(((1e-2, 1e4, 0.3),) if quick else ASKEW, mesh)
     if quick:
@@ -275,7 +275,7 @@ ONSET_COLUMNS = ("tension (N/m)", "compression (N/m)", "wavelength (m)", "off th
 
 @cache
 def _eased(crown: float, tension: float, mesh: Mesh, end: float) -> Onset:
-    """Where a strip wrinkles whose tension is lowered."""
+    """Return the onset of a strip whose tension is lowered."""
     return onset(Crowned(crown, tension, mesh).eased(end))
 
 
@@ -305,7 +305,7 @@ def _mesh_sheet(meshes: tuple[Mesh, ...]) -> Sheet:
 
 
 def risen(case: Crowned, tension: float) -> Onset | None:
-    """Where a strip that is pulled harder begins to wrinkle, if it does."""
+    """Return the onset of a strip that is pulled harder, if it wrinkles."""
     try:
         return onset(case.eased(tension))
     except ValueError:
@@ -313,7 +313,7 @@ def risen(case: Crowned, tension: float) -> Onset | None:
 
 
 def _rise_sheet(crowns: tuple[float, ...]) -> Sheet:
-    """Onset from below, over parabolas and over conical sides."""
+    """Return onsets from below, over parabolas and over conical sides."""
     rows: list[tuple[Cell, ...]] = []
     for flat, profile in ((None, "parabola"), (CONES, "conical sides")):
         for crown in crowns:

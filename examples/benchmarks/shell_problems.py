@@ -45,36 +45,18 @@ GRADING = 1.5
 
 @dataclass(frozen=True)
 class Benchmark:
-    """Equations whose control is the share of the full load, and what is looked at.
-
-    Attributes
-    ----------
-    name : str
-    equations : Equilibrium
-    rows : ndarray of int, shape (m,)
-        Unknowns that are read; those of an edge are averaged by ``weights``.
-    weights : ndarray, shape (readings, m)
-    labels : tuple of str
-        Of the readings.
-    table : str
-        Published table.
-    columns : tuple of int
-        Of the table: share of the load, then the readings.
-    target : float
-        Control at the end of the table.
-    snaps : bool
-        Whether the load turns back on the way.
-    """
+    """Equations whose control is the share of the full load, and displacements to read."""
 
     name: str
     equations: Equilibrium
+    # Unknowns that are read; those of an edge are averaged by ``weights``, shape (m,)
     rows: NDArray[np.int64]
-    weights: Array
-    labels: tuple[str, ...]
-    table: str
-    columns: tuple[int, ...]
-    target: float = 1.0
-    snaps: bool = False
+    weights: Array  # shape (readings, m)
+    labels: tuple[str, ...]  # of the readings
+    table: str  # Published table
+    columns: tuple[int, ...]  # of the table: share of the load, then the readings
+    target: float = 1.0  # Control at the end of the table
+    snaps: bool = False  # Whether the load turns back on the way
 
     @property
     def start(self) -> Array:
@@ -82,7 +64,7 @@ class Benchmark:
         return np.zeros(len(self.equations.supports.free))
 
     def reading(self, u: Array) -> Array:
-        """Displacements as the table lists them, shape (readings,)."""
+        """Return displacements as the table lists them, shape (readings,)."""
         return self.weights @ self.equations.supports.full(u, 0.0)[self.rows]
 
     @property
@@ -99,7 +81,7 @@ def published(name: str) -> Array:
 
 
 def end_shear(cells: int = 16, *, curved: bool = True, thickness: float = 0.1) -> Benchmark:
-    """Cantilever of 10 × 1 under a dead force of 4 at its end: −U and W of the tip.
+    """Return the cantilever of 10 × 1 under a dead force of 4 at its end: −U and W of the tip.
 
     Another thickness changes E so that the bending stiffness stays.
     """
@@ -109,7 +91,7 @@ def end_shear(cells: int = 16, *, curved: bool = True, thickness: float = 0.1) -
 
 
 def end_moment(cells: int = 16, *, curved: bool = True) -> Benchmark:
-    """Strip of 12 × 1 rolled up to a full circle by a moment at its end.
+    """Return the strip of 12 × 1 rolled up to a full circle by a moment at its end.
 
     The table's columns are those of the exact solution without stretch.
     """
@@ -120,7 +102,7 @@ def end_moment(cells: int = 16, *, curved: bool = True) -> Benchmark:
 
 
 def slit_plate(cells: tuple[int, int] = (5, 40), *, curved: bool = True) -> Benchmark:
-    """Annulus, radii 6 and 10, slit along a radius: one side clamped, the other lifted.
+    """Return the annulus, radii 6 and 10, slit along a radius: one side clamped, the other lifted.
 
     A rectangle of radius and angle carries the elements: no edge is approximated.
     """
@@ -137,7 +119,7 @@ def slit_plate(cells: tuple[int, int] = (5, 40), *, curved: bool = True) -> Benc
 
 
 def hinged_roof(thickness: float = 12.7, cells: int = 8, *, whole: bool = False) -> Benchmark:
-    """Cylindrical roof, hinged along its straight edges, pressed down at its centre.
+    """Return the cylindrical roof, hinged along its straight edges, pressed down at its centre.
 
     A quarter with its symmetry, or the whole, which may lose it.
     """
@@ -185,7 +167,7 @@ def _loaded(
     clamped: str = "entry",
     force: float | None = None,
 ) -> Equilibrium:
-    """Equations of a strip with one edge clamped and one load, isometric or Kirchhoff–Love."""
+    """Return equations of a strip with one edge clamped and one load."""
     pattern = Pattern(strip)
     bending: Effect = KirchhoffLove(strip) if curved else isometric_bending(strip, pattern)
     size = force or strip.bending_stiffness / length**2 * 4.0
@@ -218,29 +200,18 @@ SAMPLES = 40
 
 
 def settings(order: int = 20, tolerance: float = 1e-4, *, rational: bool = True) -> Settings:
-    """Along the arc, as quotients unless told otherwise."""
+    """Return settings along the arc, as quotients unless told otherwise."""
     return Settings(order=order, tolerance=tolerance, arclength=True, rational=rational)
 
 
 @dataclass(frozen=True)
 class Followed:
-    """A benchmark followed to the end of its table.
-
-    Attributes
-    ----------
-    benchmark : Benchmark
-    steps : tuple of Step
-    points : tuple of SingularPoint
-        If they were looked for.
-    tangents : int
-        Of the path itself.
-    seconds : float
-    """
+    """A benchmark followed to the end of its table."""
 
     benchmark: Benchmark
     steps: tuple[Step, ...]
-    points: tuple[SingularPoint, ...]
-    tangents: int
+    points: tuple[SingularPoint, ...]  # If they were looked for
+    tangents: int  # of the path itself
     seconds: float
 
     @cached_property
@@ -263,7 +234,7 @@ class Followed:
         return [step.branch(a)[1] for step in self.steps for a in step.branch.folds]
 
     def at(self, loads: Array) -> Array:
-        """Rows (share of the load, readings...) at given loads, which must not turn back."""
+        """Return rows (share of the load, readings...) at given loads, which must not turn back."""
         path = Path(tuple(step.branch for step in self.steps))
         return np.array([[load, *self.benchmark.reading(path(load))] for load in loads])
 
@@ -292,14 +263,7 @@ def followed(benchmark: Benchmark, choices: Settings, *, watch: bool = False) ->
 
 @dataclass(frozen=True)
 class Iterated:
-    """A benchmark followed by Newton's method.
-
-    Attributes
-    ----------
-    steps : tuple of Corrected
-    tangents : int
-    seconds : float
-    """
+    """A benchmark followed by Newton's method."""
 
     steps: tuple[Corrected, ...]
     tangents: int
@@ -323,7 +287,7 @@ def iterated(benchmark: Benchmark, tolerance: float = 1e-4) -> Iterated:
 
 
 def miss(found: Followed, expected: Array) -> float:
-    """Largest error of a path, as a share of the largest displacement.
+    """Return the largest error of a path, as a share of the largest displacement.
 
     At the loads of the expected rows; where the load turns back, their distance from the path
     as a curve, with load and displacement in units of their largest values.
@@ -336,7 +300,7 @@ def miss(found: Followed, expected: Array) -> float:
 
 
 def _distances(points: Array, line: Array) -> Array:
-    """Of points from a polygonal line, shape (points,)."""
+    """Return distances of points from a polygonal line, shape (points,)."""
     start, along = line[:-1], np.diff(line, axis=0)
     square = np.maximum((along**2).sum(axis=1), 1e-300)
     from_start = points[:, None] - start

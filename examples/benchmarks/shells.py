@@ -66,7 +66,7 @@ def study(quick: bool = False) -> Report:
 
 
 def _full() -> list[Pair]:
-    """Every benchmark, and the same on a finer mesh."""
+    """Return every benchmark, and the same on a finer mesh."""
     return [
         (end_shear, lambda: end_shear(32)),
         (end_moment, lambda: end_moment(32)),
@@ -97,7 +97,7 @@ def _compared(make: Callable[[], Benchmark], finer: Callable[[], Benchmark]) -> 
 
 
 def _main_sheet(compared: list[Compared]) -> Sheet:
-    """Counts, seconds and errors."""
+    """Return counts, seconds and errors."""
     rows = tuple(
         (
             c.benchmark.name,
@@ -126,7 +126,7 @@ def _loads(c: Compared) -> np.ndarray:
 
 
 def _line(c: Compared) -> np.ndarray:
-    """Points of the finer path that lie within the coarser one's load."""
+    """Return the points of the finer path that lie within the coarser one's load."""
     return c.finer.curve[c.finer.curve[:, 0] <= c.benchmark.target]
 
 
@@ -154,7 +154,7 @@ def _table_sheet(compared: list[Compared]) -> Sheet:
 
 
 def _limit_sheet(cells: int) -> Sheet:
-    """Limit points of the roofs, dated on a coarse path, beside a fine one."""
+    """Return the limit points of the roofs, dated on a coarse path, beside a fine one."""
     rows: list[tuple[Cell, ...]] = []
     for thickness in ROOFS:
         roof = hinged_roof(thickness, cells)
@@ -173,7 +173,7 @@ def _limit_sheet(cells: int) -> Sheet:
 
 
 def _whole_sheet(cells: int) -> Sheet:
-    """Singular points of whole roofs, which may lose their symmetry."""
+    """Return the singular points of whole roofs, which may lose their symmetry."""
     rows: list[tuple[Cell, ...]] = []
     for thickness in ROOFS:
         roof = hinged_roof(thickness, cells, whole=True)
@@ -189,7 +189,7 @@ def _whole_sheet(cells: int) -> Sheet:
 
 
 def _order_sheet(benchmarks: list[Benchmark], orders: tuple[int, ...]) -> Sheet:
-    """Tangents (and seconds) by order, as series and as quotients."""
+    """Return the tangents (and seconds) by order, as series and as quotients."""
     kinds = [(order, rational) for order in orders for rational in (False, True)]
     rows = []
     for benchmark in benchmarks:
@@ -200,7 +200,7 @@ def _order_sheet(benchmarks: list[Benchmark], orders: tuple[int, ...]) -> Sheet:
 
 
 def _mesh_sheet(meshes: tuple[int, ...]) -> Sheet:
-    """Order of convergence on the elastica."""
+    """Return the order of convergence on the elastica."""
     rows: list[tuple[Cell, ...]] = []
     for curved, name in ((True, "Kirchhoff–Love"), (False, "isometric")):
         tips = [_tip(cells, curved) for cells in (*meshes, 2 * meshes[-1])]
@@ -214,7 +214,7 @@ def _mesh_sheet(meshes: tuple[int, ...]) -> Sheet:
 
 
 def _strain_sheet(cells: int) -> Sheet:
-    """Difference of the two bending energies against the membrane strain."""
+    """Return the difference of the two bending energies against the membrane strain."""
     rows: list[tuple[Cell, ...]] = []
     for thickness in (0.8, 0.4, 0.2, 0.1):
         tips = [_tip(cells, curved, thickness) for curved in (True, False)]
@@ -238,7 +238,7 @@ def _tip(cells: int, curved: bool, thickness: float = 0.1) -> np.ndarray:
 
 
 def _panels(compared: list[Compared]) -> dict[str, list[Line]]:
-    """Load over displacement: path, ends of steps, table."""
+    """Return the load over displacement: path, ends of steps, table."""
     panels = {}
     for c in compared:
         table = c.benchmark.published

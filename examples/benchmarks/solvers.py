@@ -50,48 +50,23 @@ LEAST = 4000
 
 @dataclass(frozen=True)
 class Direct:
-    """One solver on one tangent; seconds of the processor.
-
-    Attributes
-    ----------
-    across, unknowns, half_band : int
-    solver : str
-    factorisation, solves : float
-        Of a known pattern; of ``ORDER`` back-substitutions.
-    pattern : float
-        What the first factorisation took more.
-    refinements : int
-        Steps of refinement that every solution gets.
-    residual : float
-        Largest, over the largest entries of K x and b (scaled).
-    chosen : str
-        Marked where the program takes it.
-    """
+    """One solver on one tangent; seconds of the processor."""
 
     across: int
     unknowns: int
     half_band: int
     solver: str
-    factorisation: float
+    factorisation: float  # of a known pattern; of ``ORDER`` back-substitutions
     solves: float
-    pattern: float
-    refinements: int
-    residual: float
-    chosen: str
+    pattern: float  # What the first factorisation took more
+    refinements: int  # Steps of refinement that every solution gets
+    residual: float  # Largest, over the largest entries of K x and b (scaled)
+    chosen: str  # Marked where the program takes it
 
 
 @dataclass(frozen=True)
 class Expansion:
-    """One expansion, split, in seconds.
-
-    Attributes
-    ----------
-    across, unknowns : int
-    solver : str
-    series, tangent, factorisation, solves : float
-    ratio : float
-        Series over all the rest.
-    """
+    """One expansion, split by phases, in seconds."""
 
     across: int
     unknowns: int
@@ -100,11 +75,11 @@ class Expansion:
     tangent: float
     factorisation: float
     solves: float
-    ratio: float
+    ratio: float  # Series over all the rest
 
     @property
     def whole(self) -> float:
-        """Seconds."""
+        """Seconds of the whole expansion."""
         return self.series + self.tangent + self.factorisation + self.solves
 
 
@@ -247,7 +222,7 @@ def expansion(
 
 
 def _growth(steps: Sequence[Expansion]) -> Sheet:
-    """Exponents of the cost of a step against the number of unknowns, for each width."""
+    """Return the exponents of the cost of a step against the number of unknowns, for each width."""
     rows = []
     for across, own in _by_width(steps).items():
         long = [s for s in own if s.unknowns >= LEAST] or own

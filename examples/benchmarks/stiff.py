@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ from anmstrip.timestepping.formulas import start_memory
 from anmstrip.timestepping.functions import FunctionRateEquations
 from anmstrip.timestepping.implicit import Stepping, integrate
 from figures import Curves, against
-from harness import Cell, Report, Sheet, installed, left_out, main
+from harness import Report, Sheet, installed, left_out, main
 from stiff_reference import Reference, pull
 
 Array = NDArray[np.float64]
@@ -40,22 +40,13 @@ REST = np.zeros(1)
 
 @dataclass(frozen=True)
 class Solved:
-    """What a solver gave.
+    """The states that a solver gave, with their count."""
 
-    Attributes
-    ----------
-    times, states : ndarray, shape (m,)
-        Where it is looked at.
-    steps : int
-    evaluations, tangents : int or None
-        Looks at the equation; matrices factorised.
-    """
-
-    times: Array
+    times: Array  # looked at (s), shape (m,)
     states: Array
     steps: int
-    evaluations: int | None
-    tangents: int | None
+    evaluations: int | None  # of the equation
+    tangents: int | None  # matrices factorised
 
 
 Solver = Callable[[float, float], Solved]
@@ -63,13 +54,13 @@ Solver = Callable[[float, float], Solved]
 
 
 def residual(epsilon: float) -> Callable[[Any, Any, Any], Any]:
-    """R(u, v, t): spring less friction; also what a state on a trailing axis is."""
+    """Return R(u, v, t): spring less friction; also for states on a trailing axis."""
     law = NortonHoff(1.0, 0.0, epsilon, 1.0)
     return lambda u, v, t: law(1.0, v) + (t - np.cos(2.0 * t) * 0.25 + 0.25 - u)
 
 
 def rate(epsilon: float) -> Callable[[float, Array], Array]:
-    """u' = ε s/√(1 − s²), s = U − u, as explicit solvers and scipy's take it."""
+    """Return u' = ε s/√(1 − s²), s = U − u, as explicit solvers and scipy's take it."""
 
     def right(t: float, u: Array) -> Array:
         s = pull(np.asarray(t)) - u
@@ -79,7 +70,7 @@ def rate(epsilon: float) -> Callable[[float, Array], Array]:
 
 
 def differences(epsilon: float, tolerance: float) -> Solved:
-    """Ours, as the strip is stepped: backward differences on the λ path, up to order 5."""
+    """Solve by our backward differences on the λ path, up to order 5, as the strip is stepped."""
     cost = Cost()
     steps = list(
         integrate(
@@ -98,7 +89,7 @@ def differences(epsilon: float, tolerance: float) -> Solved:
 
 
 def scipys(method: str) -> Solver:
-    """One of scipy's."""
+    """Return one of scipy's solvers."""
 
     def solved(epsilon: float, tolerance: float) -> Solved:
         with warnings.catch_warnings():
@@ -112,7 +103,7 @@ def scipys(method: str) -> Solver:
 
 
 def ida(epsilon: float, tolerance: float) -> Solved:
-    """SUNDIALS IDA, through scikit-sundae, on the same residual."""
+    """Solve by SUNDIALS IDA, through scikit-sundae, on the same residual."""
 
     def right(t: float, u: Array, v: Array, out: Array) -> None:
         out[0] = t + 0.25 * (1.0 - np.cos(2.0 * t)) - u[0] - v[0] / np.sqrt(v[0] ** 2 + epsilon**2)
@@ -127,7 +118,7 @@ def ida(epsilon: float, tolerance: float) -> Solved:
 
 
 def heyoka(epsilon: float, tolerance: float) -> Solved:
-    """Explicit Taylor steps, compiled."""
+    """Solve by explicit Taylor steps, compiled."""
     hy = import_module("heyoka")
     u = hy.make_vars("u")
     s = hy.time + 0.25 * (1.0 - hy.cos(2.0 * hy.time)) - u
@@ -140,21 +131,12 @@ def heyoka(epsilon: float, tolerance: float) -> Solved:
 
 @dataclass(frozen=True)
 class Method:
-    """A solver with the tolerances that it is tried at.
-
-    Attributes
-    ----------
-    name : str
-    solver : callable
-    tolerances : sequence of float
-    module : str
-        What it needs; empty for what is always there.
-    """
+    """A solver with the tolerances that it is tried at."""
 
     name: str
     solver: Solver
     tolerances: Sequence[float]
-    module: str = ""
+    module: str = ""  # What it needs; empty for what is always there
 
 
 METHODS = (
@@ -167,24 +149,14 @@ METHODS = (
 )
 
 
-def timed(solver: Solver, epsilon: float, tolerance: float) -> tuple[Solved, float]:
-    """With the seconds that it took."""
-    begin = time.perf_counter()
-    found = solver(epsilon, tolerance)
-    return found, time.perf_counter() - begin
-
-
 EPSILONS = (0.3, 0.1, 0.03, 0.01, 1e-3)
 
 WANTED = 1e-8
 """Error that the methods are compared at."""
 
-COLUMNS = ("epsilon", "method", "tolerance", "steps", "evaluations", "tangents", "seconds", "error")
 
-
-@dataclass(frozen=True)
-class Attempt:
-    """One method at one tolerance; the attributes are those of the columns."""
+class Attempt(NamedTuple):
+    """One method at one tolerance, in the order of the columns."""
 
     epsilon: float
     method: str
@@ -195,21 +167,19 @@ class Attempt:
     seconds: float
     error: float
 
-    @property
-    def row(self) -> tuple[Cell, ...]:
-        """Cells of the columns."""
-        return tuple(getattr(self, column) for column in COLUMNS)
+
+COLUMNS = Attempt._fields
 
 
 def study(quick: bool = False) -> Report:
-    """All methods at all tolerances and sharpnesses."""
+    """Try all methods at all tolerances and sharpnesses."""
     epsilons = (0.3, 1e-2) if quick else EPSILONS
     references = {epsilon: Reference(epsilon, END) for epsilon in epsilons}
     attempts = [a for e, r in references.items() for a in attempted(e, r, quick)]
     return Report(
         name="stiff",
         title="A stiff sliding point: error against cost",
-        data=Sheet("All attempts", COLUMNS, tuple(a.row for a in attempts)),
+        data=Sheet("All attempts", COLUMNS, tuple(attempts)),
         sheets=(_compared(attempts), _own(attempts), _checked(references)),
         figures={
             "stiff_tangents.png": against(_curves(attempts, "tangents"), "tangents", "error (m)"),
@@ -219,7 +189,7 @@ def study(quick: bool = False) -> Report:
 
 
 def attempted(epsilon: float, reference: Reference, quick: bool) -> Iterable[Attempt]:
-    """Every installed method at its tolerances."""
+    """Try every installed method at its tolerances."""
     for method in METHODS:
         if method.module and not installed(method.module):
             continue
@@ -229,8 +199,10 @@ def attempted(epsilon: float, reference: Reference, quick: bool) -> Iterable[Att
 
 
 def attempt(method: Method, epsilon: float, tolerance: float, reference: Reference) -> Attempt:
-    """One method at one tolerance, beside the reference."""
-    found, seconds = timed(method.solver, epsilon, tolerance)
+    """Try one method at one tolerance, beside the reference."""
+    begin = time.perf_counter()
+    found = method.solver(epsilon, tolerance)
+    seconds = time.perf_counter() - begin
     through = found.times[-1] > END * (1.0 - 1e-9)
     error = np.abs(found.states - reference(found.times)).max() if through else np.inf
     counts = (found.steps, found.evaluations, found.tangents)
@@ -241,14 +213,14 @@ def attempt(method: Method, epsilon: float, tolerance: float, reference: Referen
 
 
 def _compared(attempts: list[Attempt]) -> Sheet:
-    """The cheapest attempt of each method that is good enough, else its best."""
+    """Return the cheapest attempt of each method that is good enough, else its best."""
     rows = []
     for epsilon in dict.fromkeys(a.epsilon for a in attempts):
         for name in dict.fromkeys(a.method for a in attempts):
             own = [a for a in attempts if (a.epsilon, a.method) == (epsilon, name)]
             good = [a for a in own if a.error <= WANTED]
             best = min(own, key=lambda a: a.error)
-            rows.append((min(good, key=lambda a: a.steps) if good else best).row)
+            rows.append(min(good, key=lambda a: a.steps) if good else best)
     note = (
         f"For every method the loosest tolerance tried that gives an error of {WANTED:g}, or the "
         f"one with the least error; inf: given up. t from 0 to {END:g} s; errors at the ends of "
@@ -260,7 +232,7 @@ def _compared(attempts: list[Attempt]) -> Sheet:
 
 
 def _own(attempts: list[Attempt]) -> Sheet:
-    """What ours makes of the tolerance, and of ε."""
+    """Return what our method makes of the tolerance, and of ε."""
     own = [a for a in attempts if a.method == METHODS[0].name]
     rows = [
         (a.epsilon, a.tolerance, a.steps, a.tangents, a.error, a.error / a.tolerance) for a in own
@@ -270,7 +242,7 @@ def _own(attempts: list[Attempt]) -> Sheet:
 
 
 def _checked(references: dict[float, Reference]) -> Sheet:
-    """The reference beside scipy's Radau, which knows nothing of it."""
+    """Return the reference beside scipy's Radau, which knows nothing of it."""
     rows = []
     for epsilon, reference in references.items():
         found = solve_ivp(rate(epsilon), (0, END), REST, method="Radau", rtol=1e-12, atol=1e-14)
@@ -281,7 +253,7 @@ def _checked(references: dict[float, Reference]) -> Sheet:
 
 
 def _curves(attempts: list[Attempt], cost: str) -> Curves:
-    """Sharpness → method → cost and error of its attempts."""
+    """Return sharpness → method → cost and error of its attempts."""
     curves: dict[str, dict[str, list[tuple[float, float]]]] = {}
     for a in attempts:
         spent = getattr(a, cost)

@@ -54,7 +54,7 @@ CONVEYED = 0.2
 
 
 def study(quick: bool = False) -> Report:
-    """Smooth motion, and a strip conveyed."""
+    """Measure orders in a smooth motion, and on a strip that is conveyed."""
     smooth = list(_smooth(COUNTS[:4] if quick else COUNTS))
     conveyed = list(_conveyed(quick))
     fixed = [r for r in conveyed if "fixed" in r.line]
@@ -111,7 +111,7 @@ def _smooth(counts: Sequence[int]) -> Iterator[Measured]:
 
 
 def smooth_error(reference: Reference, order: int, h: float) -> tuple[float, int]:
-    """Error of u at the end (m) in steps of one length, and tangents."""
+    """Return the error of u at the end (m) in steps of one length, and tangents."""
     end = SMOOTH.parameters.t_end
     times = BEGIN - h * np.arange(order + 1)
     past = reference(times)
@@ -188,7 +188,7 @@ class Conveyor:
         assert self.run.outcome.done, self.run.message
 
     def __call__(self, changes: dict[str, Any]) -> tuple[State, int]:
-        """State at the end, and tangents."""
+        """Return the state at the end, and tangents."""
         march = copy(self.run.march)
         march.scene, march.cost = altered(self.scene, changes), Cost()
         plan = march.course.plan(self.scene.course[-1], {})
@@ -198,7 +198,7 @@ class Conveyor:
 
 
 def difference(state: State, exact: State) -> float:
-    """Of positions over the length scale, or of membrane forces over the tension scale."""
+    """Return the error of positions over the length, or of membrane forces over the tension."""
     model, change = state.plan.model, state.full - exact.full
     moved = float(np.abs(change[model.value_unknowns]).max()) / model.scales.length
     return max(moved, model.tension_error(exact.full, change))

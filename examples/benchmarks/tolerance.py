@@ -83,7 +83,7 @@ def _bent(orders: Sequence[int], tolerances: Sequence[float]) -> Iterator[Measur
 
 
 def bent(order: int, tolerance: float, arclength: bool) -> tuple[list[Branch], int]:
-    """Branches to the full load, and tangents."""
+    """Return branches to the full load, and tangents."""
     equations, cost = cantilever(8), Cost()
     settings = Settings(order=order, tolerance=tolerance, arclength=arclength)
     start = np.zeros(len(equations.supports.free))
@@ -94,7 +94,7 @@ def bent(order: int, tolerance: float, arclength: bool) -> tuple[list[Branch], i
 def bending_error(
     reference: Path, order: int, tolerance: float, arclength: bool
 ) -> tuple[float, int]:
-    """Largest error of positions and of membrane forces, in their scales, and tangents."""
+    """Return the largest error of positions and membrane forces, in their scales, and tangents."""
     try:
         branches, tangents = bent(order, tolerance, arclength)
     except PathStopped:
@@ -110,7 +110,7 @@ def bending_error(
 
 
 def _samples(branches: Sequence[Branch]) -> Iterator[tuple[Array, float]]:
-    """States and controls at four places of every branch, its end among them."""
+    """Return states and controls at four places of every branch, its end among them."""
     for branch in branches:
         for share in (0.25, 0.5, 0.75, 1.0):
             yield branch(share * branch.length)
@@ -141,7 +141,7 @@ def history(scene: Scene, full: Array) -> tuple[Array, Array, int]:
 
 
 def turning_error(reference: BSpline, scene: Scene, full: Array) -> tuple[float, int]:
-    """Largest error of the tension at the entry, over that at the exit, and tangents."""
+    """Return the largest error of the tension at the entry, over that at the exit, and tangents."""
     try:
         times, tensions, tangents = history(scene, full)
     except PathStopped:

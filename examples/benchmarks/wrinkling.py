@@ -46,25 +46,13 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Crowned:
-    """A strip 1 m wide, 0.8 m of it before and behind a roller that is thicker in the middle.
+    """A strip 1 m wide, 0.8 m of it before and behind a roller that is thicker in the middle."""
 
-    Attributes
-    ----------
-    crown : float
-        By which the radius is smaller at the strip's edges than in the middle (m).
-    tension : float
-        Of the threaded strip (N/m).
-    mesh : Mesh
-    thickness : float
-        m.
-    flat : float, optional
-        Length (m) of the cylinder in the middle, beside conical sides; left out: a parabola.
-    """
-
-    crown: float
-    tension: float
+    crown: float  # By which the radius is smaller at the strip's edges than in the middle (m)
+    tension: float  # of the threaded strip (N/m)
     mesh: Mesh
-    thickness: float = 2e-4
+    thickness: float = 2e-4  # m
+    # Length (m) of the cylinder in the middle, beside conical sides; left out: a parabola
     flat: float | None = None
 
     width, radius, free, wrap = 1.0, 0.4, 0.8, np.radians(10.0)
@@ -102,7 +90,7 @@ class Crowned:
         return self._scene(stages, {}, **rubbing(friction))
 
     def _pull(self, tension: float) -> list[float]:
-        """Force at the exit (N/m), which is held up."""
+        """Return the force at the exit (N/m), which is held up."""
         return [float(tension * np.cos(0.5 * self.wrap)), 0.0, 0.0]
 
     def _scene(self, stages: list[dict[str, Any]], strip: dict[str, Any], **others: Any) -> Scene:
@@ -127,18 +115,10 @@ class Skewed:
 
     It does not contract across (ν = 0), so that its entry can be held all along without any
     stress.
-
-    Attributes
-    ----------
-    yaw : float
-        Angle of the roller's axis, in the plane of the strip (rad).
-    tension : float
-        N/m.
-    mesh : Mesh
     """
 
-    yaw: float
-    tension: float
+    yaw: float  # Angle of the roller's axis, in the plane of the strip (rad)
+    tension: float  # N/m
     mesh: Mesh
 
     width, thickness, radius, before, behind, wrap = 0.5, 1e-4, 0.2, 0.6, 0.3, np.radians(40.0)
@@ -174,13 +154,13 @@ class Skewed:
 
 
 def rubbing(friction: float) -> dict[str, Any]:
-    """Tables of friction, and of what it takes to solve with it."""
+    """Return the tables of friction, and of what it takes to solve with it."""
     law = {"coefficient": friction, "exponent": EXPONENT, "speed": CREEP}
     return {"friction": law, "solver": {"tolerance": ON_THE_WAY}}
 
 
 def _made(strip: dict[str, Any], mesh: Mesh, roller: dict[str, Any], **others: Any) -> Scene:
-    """What both have in common: steel, contact, a roller below the origin."""
+    """Return a scene with what both have in common: steel, contact, a roller below the origin."""
     own = {"name": "r1", "centre": [0.0, 0.0, -roller["radius"]], "wrap": "over", **roller}
     tables = {
         "strip": {**strip, "cells": mesh.cells, "refined": mesh.refined},
@@ -211,27 +191,16 @@ MOST_STEPS = 500
 
 @dataclass(frozen=True)
 class Onset:
-    """Where the strip begins to wrinkle.
-
-    Attributes
-    ----------
-    state : State
-    tension : float
-        N/m.
-    compression : float
-        N/m.
-    heights : ndarray, shape (unknowns,)
-        The mode, along the normals, as heights of the flat strip.
-    """
+    """A state in which the strip begins to wrinkle."""
 
     state: State
-    tension: float
-    compression: float
-    heights: Array
+    tension: float  # N/m
+    compression: float  # N/m
+    heights: Array  # The mode, along the normals, as heights of the flat strip, shape (unknowns,)
 
     @cached_property
     def wrinkling(self) -> Wrinkling:
-        """What is known of the state."""
+        """Spans and compressions of the state."""
         return Wrinkling(self.state)
 
     @cached_property
@@ -295,7 +264,7 @@ class Onset:
 
 
 def onset(scene: Scene) -> Onset:
-    """First state of the last stage in which the strip is about to buckle.
+    """Return the first state of the last stage in which the strip is about to buckle.
 
     Raises
     ------
@@ -311,7 +280,7 @@ def onset(scene: Scene) -> Onset:
 
 
 def onsets(scene: Scene, levels: Sequence[float]) -> list[Onset | None]:
-    """First states of the last stage in which the factor is down to some levels, the highest first.
+    """Return first states of the last stage with factors down to some levels, the highest first.
 
     Raises
     ------
@@ -340,7 +309,7 @@ def onsets(scene: Scene, levels: Sequence[float]) -> list[Onset | None]:
 
 
 def _last_stage(scene: Scene) -> Iterator[Arrival]:
-    """Where the last stage begins, and its steps."""
+    """Yield the beginning of the last stage, and its steps."""
     march, course = March(Assembly(scene)), scene.course
     for left, stage in zip(range(len(course))[::-1], course, strict=True):
         plan = march.planned(stage, None)
@@ -354,7 +323,7 @@ def _last_stage(scene: Scene) -> Iterator[Arrival]:
 
 
 def _factor(state: State) -> float:
-    """By which the compression would have to grow for the strip to buckle."""
+    """Return the growth of the compression at which the strip would buckle."""
     return float(buckling(state, 1)[0][0])
 
 
@@ -377,30 +346,21 @@ def _dated(arrival: Arrival, before: State, level: float) -> Onset:
 
 @dataclass(frozen=True)
 class Ended:
-    """How a strip has come out.
-
-    Attributes
-    ----------
-    state : State
-    wrinkling : Wrinkling
-    tangents : int
-    outcome : Outcome
-        Of the run, which may have stopped before its end.
-    """
+    """The end of a run."""
 
     state: State
     wrinkling: Wrinkling
     tangents: int
-    outcome: Outcome = Outcome.DONE
+    outcome: Outcome = Outcome.DONE  # of the run, which may have stopped before its end
 
     @property
     def factor(self) -> float:
-        """By which the compression would have to grow for the strip to buckle."""
+        """Growth of the compression at which the strip would buckle."""
         return _factor(self.state)
 
     @property
     def heights(self) -> list[float]:
-        """Of the wrinkles in every span, over the thickness."""
+        """Heights of the wrinkles in every span, over the thickness."""
         found = self.wrinkling.amplitudes()
         assert found is not None
         return [height / self.state.plan.model.strip.thickness for height in found]

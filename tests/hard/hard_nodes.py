@@ -31,23 +31,13 @@ class Slider:
     """A point on a spring, pressed on a surface that moves, and pulled along it; one unknown.
 
     Equilibrium: W(t) − k u + R_T = 0, with W and R_N linear in time.
-
-    Attributes
-    ----------
-    law : FrictionLaw
-    stiffness : float
-        k (N/m); none for a point on a slope.
-    normal, load : tuple of float
-        R_N and W at t = 0 (N), and their rates (N/s).
-    speed : float
-        V of the surface (m/s).
     """
 
     law: FrictionLaw
-    stiffness: float = 0.0
-    normal: tuple[float, float] = (1.0, 0.0)
+    stiffness: float = 0.0  # k (N/m); none for a point on a slope
+    normal: tuple[float, float] = (1.0, 0.0)  # R_N and W at t = 0 (N), and their rates (N/s)
     load: tuple[float, float] = (0.0, 0.0)
-    speed: float = 0.0
+    speed: float = 0.0  # V of the surface (m/s)
 
     def residual(self, u: Any, v: Any, t: Any) -> Any:
         """Shape (1,)."""
@@ -66,26 +56,14 @@ class CoupledNode:
 
     Source: Klarbring, *Examples of non-uniqueness and non-existence of solutions to quasistatic
     contact problems with friction*, Ingenieur-Archiv 60 (1990).
-
-    Attributes
-    ----------
-    law : FrictionLaw
-    contact : RepulsiveSignorini
-        N/m and N.
-    load : tuple of float
-        W at t = 0 (N), and its rate (N/s).
-    coupling, lift : float
-        c and k (N/m).
-    pressing : float
-        P (N).
     """
 
     law: FrictionLaw
-    contact: RepulsiveSignorini
-    load: tuple[float, float]
-    coupling: float = 0.8
+    contact: RepulsiveSignorini  # N/m and N
+    load: tuple[float, float]  # W at t = 0 (N), and its rate (N/s)
+    coupling: float = 0.8  # c and k (N/m)
     lift: float = 2.0
-    pressing: float = 1.0
+    pressing: float = 1.0  # P (N)
 
     @property
     def critical(self) -> float:
@@ -101,12 +79,12 @@ class CoupledNode:
         return np.stack([x, z])
 
     def sliding(self, load: float) -> float:
-        """u_x in contact with Coulomb's law, sliding forwards."""
+        """Return u_x in contact with Coulomb's law, sliding forwards."""
         f = self.law.coefficient
         return float((load - f * self.pressing) / (1.0 - self.coupling * f))
 
     def separated(self, load: float) -> Array:
-        """u without contact, shape (2,)."""
+        """Return u without contact, shape (2,)."""
         matrix = np.array([[1.0, -self.coupling], [-self.coupling, self.lift]])
         return np.linalg.solve(matrix, [load, -self.pressing])
 
@@ -117,25 +95,14 @@ class WrappedLinks:
 
     At every point the chain turns by θ/n between two links, so that
     R_N = (T + T') sin(θ/2n) and (T' − T) cos(θ/2n) = |R_T|.
-
-    Attributes
-    ----------
-    law : FrictionLaw
-    turn : float
-        θ/n (rad).
-    stiffness : ndarray, shape (n,)
-        Of the link behind each point, towards the end that is pulled (N/m).
-    tension : float
-        At the slack end (N).
-    speed : float
-        Of the end that is pulled (m/s).
     """
 
     law: FrictionLaw
-    turn: float
+    turn: float  # θ/n (rad)
+    # of the link behind each point, towards the end that is pulled (N/m), shape (n,)
     stiffness: Array
-    tension: float = 1.0
-    speed: float = 1.0
+    tension: float = 1.0  # At the slack end (N)
+    speed: float = 1.0  # of the end that is pulled (m/s)
 
     @property
     def start(self) -> Array:
@@ -143,7 +110,7 @@ class WrappedLinks:
         return -np.cumsum(self.tension / self.stiffness[::-1])[::-1]
 
     def tensions(self, u: Any, t: Any) -> tuple[Any, Any]:
-        """Before and behind every point (N), shape (n,) each."""
+        """Return tensions before and behind every point (N), shape (n,) each."""
         n = len(self.stiffness)
         behind = np.diag(self.stiffness[:-1], 1) - np.diag(self.stiffness)
         before = np.diag(self.stiffness[:-1], -1) * -1.0
@@ -161,7 +128,7 @@ class WrappedLinks:
         return (after - before) * np.cos(0.5 * self.turn) + friction
 
     def exact_ratio(self, coefficient: float) -> float:
-        """T_n/T_0 in full slip: [(1 + f tan(θ/2n)) / (1 − f tan(θ/2n))]^n."""
+        """Return T_n/T_0 in full slip: [(1 + f tan(θ/2n)) / (1 − f tan(θ/2n))]^n."""
         s = coefficient * np.tan(0.5 * self.turn)
         return float(((1.0 + s) / (1.0 - s)) ** len(self.stiffness))
 
@@ -248,7 +215,7 @@ def reversal(q: float = 0.1, cycles: int = 2) -> Trial:
 def _dragged(
     law: NortonHoff, speed: float, start: float, span: tuple[float, float]
 ) -> tuple[float, float]:
-    """u at the end and ∫ u dt of u' = V − slip(u), with a spring and a normal force of 1."""
+    """Return u at the end and ∫ u dt of u' = V − slip(u), with a spring and a normal force of 1."""
     found = solve_ivp(
         lambda t, y: [speed - float(slip_at(law, y[0])), y[0]],
         span, [start, 0.0], method="Radau", rtol=1e-10, atol=1e-12,
@@ -257,7 +224,7 @@ def _dragged(
 
 
 def _integral(motion: Motion) -> float:
-    """∫ u dt along the cubics between the steps."""
+    """Return ∫ u dt along the cubics between the steps."""
     h, times = np.diff(motion.path.times), motion.path.times
     u, v = (np.array(x)[:, 0] for x in zip(*(motion.path(t) for t in times), strict=True))
     return float((h * (u[1:] + u[:-1]) / 2.0 + h**2 * (v[:-1] - v[1:]) / 12.0).sum())
@@ -296,7 +263,7 @@ ends at which it goes nowhere else."""
 
 
 def crept(node: CoupledNode, end: float) -> tuple[float, float]:
-    """When the coupled node runs away, nan if it does not, and u_x at the end, by Radau's method.
+    """Return when the coupled node runs away, nan if it does not, and u_x at the end, by Radau.
 
     What has run away glides on behind where it would be without contact, as fast as that moves.
     """
@@ -325,7 +292,7 @@ def crept(node: CoupledNode, end: float) -> tuple[float, float]:
 
 
 def _ratio(node: CoupledNode, t: float, x: float) -> float:
-    """−R_T/R_N in equilibrium, with N (N/K + u_z) = η δ and N = k u_z − c u_x + P."""
+    """Return −R_T/R_N in equilibrium, with N (N/K + u_z) = η δ and N = k u_z − c u_x + P."""
     contact, k, pull = node.contact, node.lift, node.coupling * x - node.pressing
     half = 0.5 * pull * (2.0 * k / contact.stiffness + 1.0)
     a = k * (k / contact.stiffness + 1.0)
