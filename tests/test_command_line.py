@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -81,15 +81,16 @@ class Fakes:
         self.calls: list[Any] = []
 
     def put(self, module: str, name: str, result: Any) -> None:
-        fake = ModuleType(module)
-        setattr(fake, name, lambda *given, **named: self._called(result, given, named))
-        self.monkeypatch.setitem(sys.modules, module, fake)
+        def fake(*given: Any, **named: Any) -> Any:
+            return self._called(result, given, named)
+
+        self.monkeypatch.setattr(f"{module}.{name}", fake)
 
     def put_run(self, **ending: Any) -> None:
         def made(scene: Any, directory: Path, resume: bool) -> FakeRun:
             return FakeRun(scene, directory, resume, **ending)
 
-        self.put("anmstrip.driver.run", "Run", made)
+        self.put("anmstrip.driver.scene", "Run", made)
 
     def _called(self, result: Any, given: tuple[Any, ...], named: dict[str, Any]) -> Any:
         if isinstance(result, Exception):
@@ -157,7 +158,7 @@ def test_run_on_a_full_disk(fakes: Fakes) -> None:
 
 
 def test_run_refused_by_its_mesh(fakes: Fakes) -> None:
-    fakes.put("anmstrip.driver.run", "Run", MISTAKE)
+    fakes.put("anmstrip.driver.scene", "Run", MISTAKE)
     result = typed("run", CAPSTAN)
     assert (result.exit_code, result.stdout) == (2, "")
     assert result.stderr == f"{MISTAKE}\n"

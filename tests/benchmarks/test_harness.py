@@ -16,6 +16,9 @@ from harness import Report, Sheet
 from motions import Trial
 from strips import growing, steps_of
 
+OFF = {"contact", "laws", "string_path"}
+"""Modules of mechanics that a strip with nothing but its membrane has no use for."""
+
 
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
@@ -89,21 +92,23 @@ def test_a_plate_stands_for_a_shell_at_small_wraps(quick: tuple[Path, str]) -> N
     assert float(cells_of(quick[0], "plate", -1)[-2]) == pytest.approx(1e4 * 0.01745, rel=0.05)
 
 
-def test_contact_is_imported_where_there_is_contact(quick: tuple[Path, str]) -> None:
-    """In a process of its own: its module comes with its step, not before, and only once."""
+def test_effects_that_are_off_are_not_imported(quick: tuple[Path, str]) -> None:
+    """In a process of its own: a module comes with the step that needs it, not before."""
     steps = steps_of("section")
     brought = {step: cells_of(quick[0], f"+ {step}")[1].split(", ") for step in steps}
     assert "shell" in brought["membrane"]
-    assert brought["contact"] == ["contact"]
+    assert brought["bending"] == brought["weight"] == brought["friction"] == ["none"]
+    assert {*brought["contact"]} == {"contact", "laws", "string_path"}
     modules = [module for step in steps for module in brought[step] if module != "none"]
     assert len(modules) == len({*modules})
 
 
-def test_a_written_run_without_contact_does_not_import_it(quick: tuple[Path, str]) -> None:
-    """With the membrane alone, to the end of the run and its files."""
+def test_a_written_run_imports_no_effect_that_is_off(quick: tuple[Path, str]) -> None:
+    """With the membrane alone, pictures included: no bending, no contact, no friction."""
     run = cells_of(quick[0], "a run of the first, written")[1].split(", ")
     built = cells_of(quick[0], "+ membrane")[1].split(", ")
-    assert "contact" not in {*run, *built}
+    assert "shell" in built
+    assert OFF.isdisjoint({*run, *built})
 
 
 def test_expansions_are_complete() -> None:

@@ -121,7 +121,7 @@ def test_drawing_without_opengl_does_not_import_vtk(run):
 
 def test_the_other_modules_import_neither_vtk_nor_matplotlib():
     code = (
-        "import sys; from anmstrip.output import checkpoint, collection, history, summary, vtk;"
+        "import sys; from anmstrip.results import files, vtk;"
         "assert not {'vtk', 'vtkmodules', 'pyvista', 'matplotlib'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -177,7 +177,7 @@ def test_summary_of_a_shell_tells_of_wrinkles(tmp_path):
 
 def test_section_does_not_pay(tmp_path):
     """Neither in words nor in modules."""
-    for name in [name for name in sys.modules if name.endswith((".wrinkling", ".buckling"))]:
+    for name in [name for name in sys.modules if name.endswith((".wrinkles", ".imperfection"))]:
         del sys.modules[name]
     for _ in pressed(0.5, kinematics="section").run(tmp_path):
         pass

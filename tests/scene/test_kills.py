@@ -79,7 +79,7 @@ every = 3
 
 PROGRAM = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
-    "from anmstrip.scene import recorder; recorder.CHECKPOINT_SECONDS = 0.1;"
+    "from anmstrip.driver import recorder; recorder.CHECKPOINT_SECONDS = 0.1;"
     "from anmstrip.cli import main; main()"
 )
 """The command line, saving more often than it would, since the run is short.

@@ -15,7 +15,7 @@ import pytest
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.results import files as history
-from anmstrip.results.events import Event, EventWatch
+from anmstrip.results.events import Event
 
 LIFTED = {
     "strip": {"length": 2.0, "width": 1.0, "thickness": 1e-3, "cells": [8, 2],
@@ -150,7 +150,7 @@ def test_stick_and_slip() -> None:
     stuck = [e.time for e in events if e.point is None][-1]
     assert stuck == pytest.approx(5.0006, abs=2e-3)  # the roller comes to rest at 5 s
     assert not [e for e in events if e.stage == "rest" and e.kind == "slip"]
-    corner = EventWatch(run.assembly).speeds[0]
+    corner = run.watch.speeds[0]
     rubbed = [e for e in events if e.kind in ("stick", "slip") and e.point is not None]
     assert len(rubbed) >= 3
     assert [e.slip for e in rubbed] == pytest.approx([corner] * len(rubbed), rel=1e-6)

@@ -12,12 +12,20 @@ import pytest
 from pydantic import BaseModel, TypeAdapter
 
 from anmstrip.driver.scene import Scene
-from anmstrip.scene import schema
+from anmstrip.scene import schema, stage_tables, tables
 from anmstrip.scene.checks import EDGE_NAMES
+from anmstrip.scene.schema import SceneSpec
+from anmstrip.scene.tables import Table
 
 CAPSTAN = Path(__file__).with_name("capstan.toml")
 EXAMPLES = Path(__file__).parents[2] / "examples"
-MODELS = [getattr(schema, name) for name in schema.__all__]
+MODELS = [
+    model
+    for module in (schema, stage_tables, tables)
+    for model in vars(module).values()
+    if isinstance(model, type) and issubclass(model, Table) and model.__module__ == module.__name__
+    if model is not Table
+]
 FIELDS = [(model, name) for model in MODELS for name in model.model_fields]
 
 
@@ -91,7 +99,7 @@ def test_every_field_says_what_it_is_and_in_which_unit(model: type[BaseModel], n
 def test_every_example_can_be_typed_as_it_stands(model: type[BaseModel], name: str) -> None:
     field = model.model_fields[name]
     (example,) = field.examples
-    typed = example if model is Scene and name != "title" else f"{name} = {example}"
+    typed = example if model is SceneSpec and name != "title" else f"{name} = {example}"
     value = tomllib.loads(typed)[name]
     if name != "mesh":
         assert TypeAdapter(field.annotation).validate_python(_named(value)) is not None

@@ -16,7 +16,6 @@ from anmstrip.fem.kinematics import KINEMATICS, PLATE, SECTION, Kinematics
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, renumbered
 from anmstrip.mechanics.effects import Effect, LawEffect
-from anmstrip.mechanics.laws import GradedSignorini, RepulsiveSignorini
 from anmstrip.mechanics.loads import (
     Pretension,
     edge_force,
@@ -35,7 +34,7 @@ from anmstrip.simulation.threading import Thread, thread_of
 if TYPE_CHECKING:
     from anmstrip.fem.sampling import ContactOperator
     from anmstrip.mechanics.contact import Contact, Friction
-    from anmstrip.mechanics.laws import FrictionLaw
+    from anmstrip.mechanics.laws import FrictionLaw, GradedSignorini, RepulsiveSignorini
 
 GENTLE = {
     "crown": "crown = [0.0, -{:g}]",
@@ -262,6 +261,7 @@ class Assembly:
         """The scene's contact law."""
         c = self.scene.contact
         assert c is not None
+        from anmstrip.mechanics.laws import GradedSignorini, RepulsiveSignorini
 
         if c.constants is not None:
             return RepulsiveSignorini(*c.constants)

@@ -12,9 +12,6 @@ from numpy.typing import NDArray
 
 from anmstrip.errors import InputError, Mistake
 from anmstrip.mechanics.roller import Roller
-from anmstrip.mechanics.string_path import (
-    Belt,
-)
 
 if TYPE_CHECKING:
     from anmstrip.fem.operators import Pattern
