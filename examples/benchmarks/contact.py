@@ -32,12 +32,12 @@ ONSETS = tuple(4.0**k for k in range(-3, 3))
 class Pressed:
     """Results of one contact law."""
 
-    stiffness: float | None  # Pa/m, Pa, of the penalty
-    eta: float | None
-    onset: float  # Gap over which contact sets in (m)
-    pressing: int  # Tangents of either stage
-    turning: int
-    penetration: float  # In the middle of the arc (m); negative where a gap is left
+    stiffness: float | None  # K of the penalty (Pa/m)
+    eta: float | None  # of the penalty (Pa)
+    onset: float  # gap over which contact sets in (m)
+    pressing: int  # tangents of the stage
+    turning: int  # tangents of the stage
+    penetration: float  # in the middle of the arc (m), negative where a gap is left
     # of the pressure in the middle of the arc against (T − D/2R²)/R, its standard deviation there
     # over its mean, and the error of the tension ratio against the capstan formula with bending
     pressure_error: float

@@ -28,8 +28,8 @@ Curves = Mapping[str, Mapping[str, Sequence[tuple[float, float]]]]
 class Plot:
     """Curves in one pair of axes."""
 
-    x: str  # Labels
-    y: str
+    x: str  # label
+    y: str  # label
     curves: Mapping[str, Curve]  # Label → abscissae and ordinates
     scales: tuple[str, str] = ("log", "log")  # of matplotlib, for x and y
     title: str = ""
@@ -191,10 +191,10 @@ Value = Callable[["Measured"], float]
 class Measured:
     """A run with its error and its cost."""
 
-    line: str  # Which runs it belongs to
-    at: float  # What is varied along the line
-    error: float  # Against a reference
-    tangents: int  # Factorised
+    line: str  # name of the runs that it belongs to
+    at: float  # value that varies along the line
+    error: float  # against a reference
+    tangents: int  # factorised
     seconds: float  # of the processor
 
 

@@ -107,13 +107,13 @@ def _orders(rows: Sequence[tuple[int, float, float]]) -> list[tuple[Cell, ...]]:
 class Profile:
     """A capstan on one mesh."""
 
-    size: float  # Element length over the roller, in √(D/T)
-    ratio: float  # Tension ratio, and its error against the formula
-    off: float
-    x: Array  # Where contact is looked at (m), over T/R
-    pressure: Array
-    middles: Array  # Middles of elements (m), bending moment there over D/R
-    moment: Array
+    size: float  # element length over the roller, in √(D/T)
+    ratio: float  # of tensions
+    off: float  # error of the ratio against the formula
+    x: Array  # points of contact (m)
+    pressure: Array  # over T/R
+    middles: Array  # of elements (m)
+    moment: Array  # bending moment there, over D/R
     unknowns: int
     tangents: int
     seconds: float  # of the processor

@@ -68,10 +68,10 @@ COLUMNS = ("problem", "method", "steps", "factorisations", "residuals", "seconds
 class Trial:
     """A run of one method on one problem."""
 
-    steps: int  # Accepted, of load and of time
+    steps: int  # accepted, of load and of time
     cost: Cost
     seconds: float  # of the processor
-    value: float  # What the answer is judged by
+    value: float  # that the answer is judged by
     outcome: Outcome
 
     def row(self, problem: str, method: str, exact: float) -> tuple[Cell, ...]:
@@ -86,7 +86,7 @@ Problem = Callable[[PathSolver, float], Trial]
 
 
 def study(quick: bool = False) -> Report:
-    """All methods on all problems."""
+    """Compare all methods on all problems."""
     refined = 0.1 if quick else 0.025
     mesh = ("section", 2, refined)
     shell = ("shell", 2 if quick else 8, refined)

@@ -32,11 +32,11 @@ TOLERANCE = 1e-3
 class Answer:
     """The answer of a program."""
 
-    ratio: float  # Higher over lower tension
+    ratio: float  # higher over lower tension
     off: float  # of the formula, relative
     seconds: float  # of one core, by the processor's clock, from the strip at rest to the answer
-    steps: int | None  # of load or time; factorised
-    tangents: int | None
+    steps: int | None  # of load or time
+    tangents: int | None  # factorised
     unknowns: int
 
 

@@ -32,8 +32,8 @@ class Program:
 
     name: str  # of ``peer_capstan.py``
     title: str
-    quick: bool = True  # Whether it belongs to a quick study
-    module: str = ""  # What it needs; empty for this program
+    quick: bool = True  # whether it belongs to a quick study
+    module: str = ""  # that it needs; empty for this program
 
 
 PROGRAMS = (

@@ -49,14 +49,13 @@ class Benchmark:
 
     name: str
     equations: Equilibrium
-    # Unknowns that are read; those of an edge are averaged by ``weights``, shape (m,)
-    rows: NDArray[np.int64]
-    weights: Array  # shape (readings, m)
+    rows: NDArray[np.int64]  # unknowns that are read, shape (m,)
+    weights: Array  # averages over an edge, shape (readings, m)
     labels: tuple[str, ...]  # of the readings
-    table: str  # Published table
+    table: str  # name of the published table
     columns: tuple[int, ...]  # of the table: share of the load, then the readings
-    target: float = 1.0  # Control at the end of the table
-    snaps: bool = False  # Whether the load turns back on the way
+    target: float = 1.0  # control at the end of the table
+    snaps: bool = False  # whether the load turns back on the way
 
     @property
     def start(self) -> Array:
@@ -210,7 +209,7 @@ class Followed:
 
     benchmark: Benchmark
     steps: tuple[Step, ...]
-    points: tuple[SingularPoint, ...]  # If they were looked for
+    points: tuple[SingularPoint, ...]  # if they were looked for
     tangents: int  # of the path itself
     seconds: float
 

@@ -56,12 +56,12 @@ class Direct:
     unknowns: int
     half_band: int
     solver: str
-    factorisation: float  # of a known pattern; of ``ORDER`` back-substitutions
-    solves: float
-    pattern: float  # What the first factorisation took more
-    refinements: int  # Steps of refinement that every solution gets
-    residual: float  # Largest, over the largest entries of K x and b (scaled)
-    chosen: str  # Marked where the program takes it
+    factorisation: float  # of a known pattern
+    solves: float  # ``ORDER`` back-substitutions
+    pattern: float  # further time of the first factorisation
+    refinements: int  # steps of refinement of a solution
+    residual: float  # largest, over the largest entries of K x and b (scaled)
+    chosen: str  # marked where the program takes it
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Expansion:
     tangent: float
     factorisation: float
     solves: float
-    ratio: float  # Series over all the rest
+    ratio: float  # series over all the rest
 
     @property
     def whole(self) -> float:

@@ -42,8 +42,8 @@ REST = np.zeros(1)
 class Solved:
     """The states that a solver gave, with their count."""
 
-    times: Array  # looked at (s), shape (m,)
-    states: Array
+    times: Array  # (s), shape (m,)
+    states: Array  # shape (m,)
     steps: int
     evaluations: int | None  # of the equation
     tangents: int | None  # matrices factorised
@@ -136,7 +136,7 @@ class Method:
     name: str
     solver: Solver
     tolerances: Sequence[float]
-    module: str = ""  # What it needs; empty for what is always there
+    module: str = ""  # that it needs; empty for what is always there
 
 
 METHODS = (

@@ -66,9 +66,9 @@ class Stretched:
     """A quarter of the sheet, pulled by its grip; the control is the share of ``strain``."""
 
     thickness: float  # m
-    strain: float  # Mean strain at the control 1
-    cells: tuple[int, int]  # Along and across
-    # Displacement of the reference without stress, shape (unknowns,)
+    strain: float  # mean strain at the control 1
+    cells: tuple[int, int]  # along and across
+    # displacement of the reference without stress, shape (unknowns,)
     imperfection: Array | None = None
 
     @cached_property

@@ -48,11 +48,11 @@ class Mesh:
 class Crowned:
     """A strip 1 m wide, 0.8 m of it before and behind a roller that is thicker in the middle."""
 
-    crown: float  # By which the radius is smaller at the strip's edges than in the middle (m)
+    crown: float  # by which the radius is smaller at the strip's edges than in the middle (m)
     tension: float  # of the threaded strip (N/m)
     mesh: Mesh
     thickness: float = 2e-4  # m
-    # Length (m) of the cylinder in the middle, beside conical sides; left out: a parabola
+    # length (m) of the cylinder in the middle, beside conical sides; left out: a parabola
     flat: float | None = None
 
     width, radius, free, wrap = 1.0, 0.4, 0.8, np.radians(10.0)
@@ -117,7 +117,7 @@ class Skewed:
     stress.
     """
 
-    yaw: float  # Angle of the roller's axis, in the plane of the strip (rad)
+    yaw: float  # angle of the roller's axis, in the plane of the strip (rad)
     tension: float  # N/m
     mesh: Mesh
 
@@ -196,7 +196,7 @@ class Onset:
     state: State
     tension: float  # N/m
     compression: float  # N/m
-    heights: Array  # The mode, along the normals, as heights of the flat strip, shape (unknowns,)
+    heights: Array  # mode, along the normals, as heights of the flat strip, shape (unknowns,)
 
     @cached_property
     def wrinkling(self) -> Wrinkling:

@@ -35,8 +35,8 @@ class Slider:
 
     law: FrictionLaw
     stiffness: float = 0.0  # k (N/m); none for a point on a slope
-    normal: tuple[float, float] = (1.0, 0.0)  # R_N and W at t = 0 (N), and their rates (N/s)
-    load: tuple[float, float] = (0.0, 0.0)
+    normal: tuple[float, float] = (1.0, 0.0)  # R_N at t = 0 (N), and its rate (N/s)
+    load: tuple[float, float] = (0.0, 0.0)  # W at t = 0 (N), and its rate (N/s)
     speed: float = 0.0  # V of the surface (m/s)
 
     def residual(self, u: Any, v: Any, t: Any) -> Any:
@@ -61,8 +61,8 @@ class CoupledNode:
     law: FrictionLaw
     contact: RepulsiveSignorini  # N/m and N
     load: tuple[float, float]  # W at t = 0 (N), and its rate (N/s)
-    coupling: float = 0.8  # c and k (N/m)
-    lift: float = 2.0
+    coupling: float = 0.8  # c (N/m)
+    lift: float = 2.0  # k (N/m)
     pressing: float = 1.0  # P (N)
 
     @property
@@ -99,9 +99,8 @@ class WrappedLinks:
 
     law: FrictionLaw
     turn: float  # θ/n (rad)
-    # of the link behind each point, towards the end that is pulled (N/m), shape (n,)
-    stiffness: Array
-    tension: float = 1.0  # At the slack end (N)
+    stiffness: Array  # of the links behind the points, towards the pull (N/m), shape (n,)
+    tension: float = 1.0  # at the slack end (N)
     speed: float = 1.0  # of the end that is pulled (m/s)
 
     @property

@@ -101,7 +101,7 @@ class Trial:
 
     found: float
     exact: float
-    error: float  # Relative to the answer, or to the size that is named with the case
+    error: float  # relative to the answer, or to the size that is named with the case
     steps: int
     tangents: int
     outcome: str  # ``done``, or the sentence of what stopped it

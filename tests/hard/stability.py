@@ -9,7 +9,6 @@ than with the logarithm of the quantity.
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,14 +42,14 @@ a corner that is a decade sharper may ask every step for one branch more."""
 class Sweep:
     """A case over a range of one quantity."""
 
-    case: str  # Its number in the list of hard cases, with a D
+    case: str  # number in the list of hard cases, with a D
     what: str
     level: str
     quantity: str
-    run: Callable[[Any], Any]  # Value → trial, or a tuple that begins with one
+    run: Callable[[Any], Any]  # value → trial, or a tuple that begins with one
     values: Sequence[float]
-    allowed: float  # Largest error
-    quick: bool = True  # Whether it belongs to the quick study
+    allowed: float  # largest error
+    quick: bool = True  # whether it belongs to the quick study
 
     def trials(self, quick: bool) -> list[tuple[float, Trial]]:
         """All runs; of a quick study the ends of the range."""
@@ -142,8 +141,7 @@ SWEEPS = (
 
 
 def study(quick: bool = False) -> Report:
-    """Do all sweeps."""
-    begin, at_work = time.perf_counter(), time.process_time()
+    """Do all sweeps over the ranges of the hard cases."""
     chosen = [sweep for sweep in SWEEPS if sweep.quick or not quick]
     found = [(sweep, sweep.trials(quick)) for sweep in chosen]
     rows = tuple(_row(sweep, trials) for sweep, trials in found)
@@ -155,11 +153,8 @@ def study(quick: bool = False) -> Report:
     return Report(
         name="stability",
         title="Hard cases: ranges, errors, work",
-        command=f"anmstrip study stability{' --quick' if quick else ''}",
         data=_long(found),
         sheets=(Sheet("Hard cases", COLUMNS, rows, note),),
-        seconds=time.perf_counter() - begin,
-        processor=time.process_time() - at_work,
     )
 
 
