@@ -7,7 +7,7 @@ analysis of shells*, Finite Elem. Anal. Des. 40 (2004) 1551–1569.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -184,16 +184,6 @@ def _tip(
     return Benchmark(name, equations, rows, weights, ("−U tip", "W tip"), table, columns)
 
 
-BENCHMARKS: tuple[Callable[[], Benchmark], ...] = (
-    end_shear,
-    end_moment,
-    slit_plate,
-    lambda: hinged_roof(12.7),
-    lambda: hinged_roof(6.35),
-)
-"""All of them on the meshes of the report."""
-
-
 SAMPLES = 40
 """Points of a branch that are drawn and compared."""
 
@@ -239,25 +229,18 @@ class Followed:
 
 
 def followed(benchmark: Benchmark, choices: Settings, *, watch: bool = False) -> Followed:
-    """Follow a benchmark by series."""
-    solver, cost = Remembering(SparseSolver()), Cost()
-    begin = time.perf_counter()
-    steps = follow(
-        benchmark.equations,
-        benchmark.start,
-        solver=solver,
-        settings=choices,
-        target=benchmark.target,
-        cost=cost,
-    )
-    if watch:
-        pairs = list(watched(benchmark.equations, steps, solver, choices))
-    else:
-        pairs = [(step, []) for step in steps]
+    """Follow a benchmark by series, and look for singular points if asked."""
+    solver, cost, begin = Remembering(SparseSolver()), Cost(), time.perf_counter()
+    options = {"solver": solver, "settings": choices, "target": benchmark.target, "cost": cost}
+    path = follow(benchmark.equations, benchmark.start, **options)
+    steps, points = [], []
+    for step, found in (
+        watched(benchmark.equations, path, solver, choices) if watch else ((s, []) for s in path)
+    ):
+        steps.append(step)
+        points += found
     seconds = time.perf_counter() - begin
-    points = tuple(point for _, found in pairs for point in found)
-    taken = tuple(step for step, _ in pairs)
-    return Followed(benchmark, taken, points, cost.factorisations, seconds)
+    return Followed(benchmark, tuple(steps), tuple(points), cost.factorisations, seconds)
 
 
 @dataclass(frozen=True)
@@ -272,16 +255,9 @@ class Iterated:
 def iterated(benchmark: Benchmark, tolerance: float = 1e-4) -> Iterated:
     """Follow a benchmark by Newton's method along the arc."""
     cost, begin = Cost(), time.perf_counter()
-    steps = tuple(
-        arc_steps(
-            benchmark.equations,
-            benchmark.start,
-            solver=SparseSolver(),
-            settings=RiksSettings(tolerance=tolerance),
-            target=benchmark.target,
-            cost=cost,
-        )
-    )
+    options = {"solver": SparseSolver(), "settings": RiksSettings(tolerance=tolerance)}
+    options |= {"target": benchmark.target, "cost": cost}
+    steps = tuple(arc_steps(benchmark.equations, benchmark.start, **options))
     return Iterated(steps, cost.factorisations, time.perf_counter() - begin)
 
 

@@ -26,46 +26,45 @@ from shell_problems import (
 
 ROOFS = (12.7, 6.35)
 
-Pair = tuple[Callable[[], Benchmark], Callable[[], Benchmark]]
+Make = Callable[[], Benchmark]
 
 
 @dataclass(frozen=True)
 class Compared:
     """A benchmark by both methods, and on a finer mesh."""
 
+    benchmark: Benchmark
     series: Followed
     newton: Iterated
     finer: Followed
 
-    @property
-    def benchmark(self) -> Benchmark:
-        """On the mesh of the comparison."""
-        return self.series.benchmark
-
 
 def study(quick: bool = False) -> Report:
-    """Follow all benchmarks, and what belongs to them."""
-    compared = [_compared(*pair) for pair in (_coarse() if quick else _full())]
+    """Follow all benchmarks by both methods, and what belongs to them."""
+    compared = []
+    for make, finer in coarse() if quick else full():
+        found = followed(make(), settings())
+        strict = followed(finer(), settings(tolerance=1e-6))
+        compared.append(Compared(found.benchmark, found, iterated(found.benchmark), strict))
     counts = _main_sheet(compared)
-    sheets = (
-        counts,
-        _table_sheet(compared),
-        _limit_sheet(4 if quick else 8),
-        _whole_sheet(4 if quick else 8),
-        _order_sheet([c.benchmark for c in compared], (20,) if quick else (20, 30, 40)),
-        _mesh_sheet((4, 8, 16) if quick else (4, 8, 16, 32)),
-        _strain_sheet(32 if quick else 64),
-    )
     return Report(
         name="shells",
         title="Large deflections of shells, beside published tables and Newton's method",
         data=counts,
-        sheets=sheets,
+        sheets=(
+            counts,
+            _table_sheet(compared),
+            _limit_sheet(4 if quick else 8),
+            _whole_sheet(4 if quick else 8),
+            _order_sheet([c.benchmark for c in compared], (20,) if quick else (20, 30, 40)),
+            _mesh_sheet((4, 8, 16) if quick else (4, 8, 16, 32)),
+            _strain_sheet(32 if quick else 64),
+        ),
         figures={"shells.png": drawn(_panels(compared), "displacement", "share of the load")},
     )
 
 
-def _full() -> list[Pair]:
+def full() -> list[tuple[Make, Make]]:
     """Return every benchmark, and the same on a finer mesh."""
     return [
         (end_shear, lambda: end_shear(32)),
@@ -75,7 +74,8 @@ def _full() -> list[Pair]:
     ]
 
 
-def _coarse() -> list[Pair]:
+def coarse() -> list[tuple[Make, Make]]:
+    """Return the same on meshes for a quick study."""
     return [
         (lambda: end_shear(8), end_shear),
         (lambda: end_moment(8), end_moment),
@@ -84,33 +84,20 @@ def _coarse() -> list[Pair]:
     ]
 
 
-def _compared(make: Callable[[], Benchmark], finer: Callable[[], Benchmark]) -> Compared:
-    benchmark = make()
-    return Compared(
-        followed(benchmark, settings()),
-        iterated(benchmark),
-        followed(finer(), settings(tolerance=1e-6)),
-    )
-
-
 # sheets --------------------------------------------------------------------------
 
 
 def _main_sheet(compared: list[Compared]) -> Sheet:
     """Return counts, seconds and errors."""
-    rows = tuple(
-        (
-            c.benchmark.name,
-            len(c.benchmark.start),
-            c.series.tangents,
-            c.series.seconds,
-            len(c.newton.steps),
-            c.newton.tangents,
-            c.newton.seconds,
-            100.0 * miss(c.series, c.finer.at(_loads(c)) if not c.benchmark.snaps else _line(c)),
-        )
-        for c in compared
-    )
+    rows: list[tuple[Cell, ...]] = []
+    for c in compared:
+        if c.benchmark.snaps:
+            expected = c.finer.curve[c.finer.curve[:, 0] <= c.benchmark.target]
+        else:
+            expected = c.finer.at(c.benchmark.published[1:, 0])
+        newton = (len(c.newton.steps), c.newton.tangents, c.newton.seconds)
+        rows.append((c.benchmark.name, len(c.benchmark.start), c.series.tangents, c.series.seconds,
+                     *newton, 100.0 * miss(c.series, expected)))  # fmt: skip
     columns = ("benchmark", "unknowns", "tangents", "seconds", "Newton's steps",
                "Newton's tangents", "Newton's seconds", "off the finer mesh (%)")  # fmt: skip
     note = (
@@ -118,16 +105,7 @@ def _main_sheet(compared: list[Compared]) -> Sheet:
         "an imbalance of 1e-4 of the load. Errors are the largest along the path, in units of "
         "the largest displacement, against twice the elements (8 x 80 for the plate)."
     )
-    return Sheet("Counts and seconds", columns, rows, note)
-
-
-def _loads(c: Compared) -> np.ndarray:
-    return c.benchmark.published[1:, 0]
-
-
-def _line(c: Compared) -> np.ndarray:
-    """Return the points of the finer path that lie within the coarser one's load."""
-    return c.finer.curve[c.finer.curve[:, 0] <= c.benchmark.target]
+    return Sheet("Counts and seconds", columns, tuple(rows), note)
 
 
 def _table_sheet(compared: list[Compared]) -> Sheet:
