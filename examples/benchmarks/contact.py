@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,8 +28,7 @@ ONSETS = tuple(4.0**k for k in range(-3, 3))
 """w, over what the program chooses."""
 
 
-@dataclass(frozen=True)
-class Pressed:
+class Pressed(NamedTuple):
     """Results of one contact law."""
 
     stiffness: float | None  # K of the penalty (Pa/m)
@@ -47,31 +46,31 @@ class Pressed:
 
 
 def study(quick: bool = False) -> Report:
-    """All sweeps."""
+    """Sweep stiffness, regularisation and width."""
     every, refined = (slice(None, None, 3), 0.1) if quick else (slice(None), 0.05)
     base = capstan("section", 1, refined, 1e-5)
     stiff = [pressed(base, penalty(K, 10.0)) for K in STIFFNESSES[every]]
     soft = [pressed(base, penalty(1e10, eta)) for eta in REGULARISATIONS[every]]
     chosen = pressed(base, {})
     graded = [pressed(base, {"onset": factor * chosen.onset}) for factor in ONSETS[every]]
-    names = tuple(field.name.replace("_", " ") for field in fields(Pressed))
+    names = tuple(name.replace("_", " ") for name in Pressed._fields)
     note = (
         "Tangents of pressing (without friction) and of turning (with it). Pressure and tension "
         "ratio are compared with the theory of a strip on a rigid cylinder without penetration."
     )
     sheets = (
-        Sheet("Stiffness K", names, tuple(astuple(p) for p in stiff), note),
-        Sheet("Regularisation η", names, tuple(astuple(p) for p in soft)),
+        Sheet("Stiffness K", names, tuple(stiff), note),
+        Sheet("Regularisation η", names, tuple(soft)),
         Sheet(
             "Graded contact: as the mesh resolves it, and other widths",
             names,
-            tuple(astuple(p) for p in [chosen, *graded]),
+            (chosen, *graded),
         ),
     )
     return Report(
         name="contact",
         title="Laws of contact: tangents, penetration, errors",
-        data=Sheet("", names, tuple(astuple(p) for p in [*stiff, *soft, chosen, *graded])),
+        data=Sheet("", names, (*stiff, *soft, chosen, *graded)),
         sheets=sheets,
         figures={
             "contact-stiffness.png": _figure("K (Pa/m)", stiff, STIFFNESSES[every]),

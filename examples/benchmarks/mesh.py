@@ -18,6 +18,7 @@ from cantilever import LENGTH, cantilever, elastica, tip
 from contact import ratio_error
 from figures import Plot, curves
 from harness import Cell, Report, Sheet, main
+from runs import finished
 from strips import RADIUS, TENSION, capstan
 
 Array = NDArray[np.float64]
@@ -139,11 +140,8 @@ def profile(level: str, size: float, tolerance: float = 1e-5) -> Profile:
     """Run the capstan with elements of ``size`` √(D/T) over the roller."""
     D = 2e11 * 1e-9 / 12.0 / (1.0 - 0.3**2)
     scene = capstan(level, 2, size * float(np.sqrt(D / TENSION)), tolerance)
-    begin, run = time.process_time(), Run(scene)
-    for _ in run:
-        pass
-    assert run.outcome.done, run.message
-    assert run.state is not None
+    begin = time.process_time()
+    run = finished(scene)
     spent = time.process_time() - begin
     contact, reading = run.state.contacts["r1"], run.state.rollers["r1"]
     x, pressure = _row(contact.contact.operator.reference, contact.pressure)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from anmstrip.continuation.expansion import Cost
 from anmstrip.continuation.follow import Settings
-from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.paper.mass_spring import Parameters, PressedPlane
@@ -33,8 +32,8 @@ from figures import (
     work_precision,
 )
 from harness import Cell, Report, Sheet, main
-from runs import altered
-from strips import CONTACT, FRICTION, MATERIAL, RADIUS
+from runs import altered, finished
+from strips import CONTACT, DOWN, FRICTION, MATERIAL, PULL, ROLLER, SHEET
 
 Array = NDArray[np.float64]
 
@@ -89,7 +88,7 @@ CONVEYING = (
 
 
 def _orders(title: str, runs: Sequence[Measured], note: str) -> Sheet:
-    """A row for every line, with the errors and the slope."""
+    """Return a row for every line, with the errors and the slope."""
     places = list(dict.fromkeys(r.at for r in runs))
     rows: list[tuple[Cell, ...]] = []
     for line, own in by_line(runs).items():
@@ -134,47 +133,26 @@ def smooth_error(reference: Reference, order: int, h: float) -> tuple[float, int
 
 
 def conveying() -> Scene:
-    """A section strip that is let go and taken along by a roller."""
-    pulled, rolling = [1.0e4, 0.0, -5773.5], {"r1": {"surface_speed": 1.0}}
-    start = {"name": "start", "duration": 0.2, "entry": {"release": True}, "rollers": rolling}
-    return Scene.model_validate(
-        {
-            "strip": {
-                "length": 4.0,
-                "width": 1.0,
-                "thickness": 1e-3,
-                "cells": [40, 1],
-                "kinematics": "section",
-            },
-            "material": MATERIAL,
-            "contact": CONTACT,
-            "friction": {**FRICTION, "speed": 1e-2},
-            "rollers": [{"name": "r1", "radius": RADIUS, "centre": [0.0, 0.0, -RADIUS - 1e-3]}],
-            "edges": {"entry": {"fixed": ["x", "z"]}},
-            "stages": [
-                {
-                    "name": "tension",
-                    "duration": 1.0,
-                    "friction": False,
-                    "exit": {"force": [1.0e4, 0.0, 0.0]},
-                },
-                {
-                    "name": "wrap",
-                    "duration": 1.0,
-                    "friction": False,
-                    "entry": {"move": [0.0, 0.0, -0.45]},
-                    "exit": {"force": pulled},
-                },
-                {
-                    "name": "slacken",
-                    "duration": 0.1,
-                    "exit": {"force": [0.95 * f for f in pulled]},
-                },
-                start,
-                {"name": "convey", "duration": CONVEYED, "rollers": rolling},
-            ],
-        }
-    )
+    """Return a section strip that is let go and taken along by a roller."""
+    rolling = {"rollers": {"r1": {"surface_speed": 1.0}}}
+    down, less = {"move": [0.0, 0.0, -0.45]}, [0.95 * force for force in DOWN]
+    still = {"duration": 1.0, "friction": False}
+    tables = {
+        "strip": {**SHEET, "length": 4.0, "cells": [40, 1], "kinematics": "section"},
+        "material": MATERIAL,
+        "contact": CONTACT,
+        "friction": {**FRICTION, "speed": 1e-2},
+        "rollers": [ROLLER],
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [
+            {**PULL, **still, "name": "tension"},
+            {"name": "wrap", **still, "entry": down, "exit": {"force": DOWN}},
+            {"name": "slacken", "duration": 0.1, "exit": {"force": less}},
+            {"name": "start", "duration": 0.2, "entry": {"release": True}, **rolling},
+            {"name": "convey", "duration": CONVEYED, **rolling},
+        ],
+    }
+    return Scene.model_validate(tables)
 
 
 class Conveyor:
@@ -182,10 +160,8 @@ class Conveyor:
 
     def __init__(self) -> None:
         self.scene = altered(conveying(), {"solver.tolerance": 1e-3})
-        self.run = Run(self.scene.model_copy(update={"stages": self.scene.stages[:-1]}))
-        for _ in self.run:
-            pass
-        assert self.run.outcome.done, self.run.message
+        before = self.scene.model_copy(update={"stages": self.scene.stages[:-1]})
+        self.run = finished(before)
 
     def __call__(self, changes: dict[str, Any]) -> tuple[State, int]:
         """Return the state at the end, and tangents."""

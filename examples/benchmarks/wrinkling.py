@@ -59,7 +59,7 @@ class Crowned:
 
     @property
     def profile(self) -> dict[str, Any]:
-        """Of the roller."""
+        """Table of the roller's profile."""
         half = 0.5 * self.width
         if self.flat is None:
             return {"crown": [0.0, -self.crown / half**2]}
@@ -67,16 +67,17 @@ class Crowned:
         return {"sides": {"taper": taper, "flat": self.flat, "rounding": 0.1 * self.width}}
 
     def eased(self, tension: float, **strip: Any) -> Scene:
-        """The tension is lowered, or raised; nothing rubs."""
+        """Return a scene in which the tension is lowered, or raised; nothing rubs."""
         solver = {"tolerance": 1e-6, "order": 15}
         ease = {"name": "ease", "duration": 1.0, "exit": {"force": self._pull(tension)}}
         return self._scene([ease], strip, solver=solver)
 
     def conveyed(self, way: float, friction: float, pulled: float | None = None) -> Scene:
-        """The roller takes the strip along by a way (m), 0.025 m of it to come to speed.
+        """Return a scene in which the roller takes the strip along by a way (m).
 
-        Over another such way it is pulled harder, if that is given (N/m).  From exit to entry: the
-        exit is pulled where it is held up, and the entry is drawn away as fast as the roller turns.
+        It comes to speed in 0.025 m.  Over another such way it is pulled harder, if that is given
+        (N/m).  It runs from exit to entry: the exit is pulled where it is held up, and the entry
+        is drawn away as fast as the roller turns.
         """
         turn = {"rollers": {"r1": {"surface_speed": -SPEED}}}
         half = 0.5 * self.wrap
@@ -124,9 +125,9 @@ class Skewed:
     width, thickness, radius, before, behind, wrap = 0.5, 1e-4, 0.2, 0.6, 0.3, np.radians(40.0)
 
     def conveyed(self, way: float, friction: float) -> Scene:
-        """Entry and roller take the strip along by a way (m), 0.005 m of it to come to speed.
+        """Return a scene in which entry and roller take the strip along by a way (m).
 
-        Without friction it is left where threading brings it.
+        They come to speed in 0.005 m.  Without friction it is left where threading brings it.
         """
         turn = {"rollers": {"r1": {"surface_speed": SPEED}}}
         start = {"name": "start", "duration": 0.02, "entry": {"velocity": [SPEED, 0.0, 0.0]}}
