@@ -111,10 +111,10 @@ class LinearSeries:
         self.effect, self.start = effect, full
 
     def residual(self) -> Array:
-        return self.effect.force(self.start)
+        return self.effect.product(self.start)
 
     def derivative(self, u: Array, v: Array | None, control: float) -> Array:
-        return self.effect.force(u)
+        return self.effect.product(u)
 
     def advance(self, k: int) -> None:
         return None
@@ -135,10 +135,14 @@ class LoadSeries:
         self.slope = controls.rate(effect.control)
 
     def residual(self) -> Array:
-        return self.effect.force(self.value)
+        return self.effect.load_vector(self.value)
 
     def derivative(self, u: Array, v: Array | None, control: float) -> Array | None:
-        return self.effect.force(control * np.asarray(self.slope)) if np.any(self.slope) else None
+        return (
+            self.effect.load_vector(control * np.asarray(self.slope))
+            if np.any(self.slope)
+            else None
+        )
 
     def advance(self, k: int) -> None:
         return None
@@ -162,5 +166,6 @@ def series_of(
         return LinearSeries(effect, full)
     if isinstance(effect, LoadEffect):
         return LoadSeries(effect, control, controls)
+    assert isinstance(effect, LawEffect)
     near = effect.near(full, controls.at(control))
     return LawSeries(near, order, full, velocity, control, controls)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from anmstrip.effect_series import Controls, series_of
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern, Restriction
 from anmstrip.fem.strip import Strip
-from anmstrip.mechanics.effects import Effect, LinearEffect, LoadEffect
+from anmstrip.mechanics.effects import Effect, Moment
 from anmstrip.mechanics.shell import Membrane
 from anmstrip.timestepping.formulas import AffineVelocity
 
@@ -55,14 +54,14 @@ class Model:
     @property
     def rate_dependent(self) -> bool:
         """Whether any effect looks at the velocity."""
-        return any(getattr(effect, "rate_dependent", False) for effect in self.effects)
+        return any(effect.rate_dependent for effect in self.effects)
 
     @property
     def without_rates(self) -> Model:
         """The effects that do not look at the velocity."""
         if not self.rate_dependent:
             return self
-        still = [e for e in self.effects if not getattr(e, "rate_dependent", False)]
+        still = [effect for effect in self.effects if not effect.rate_dependent]
         return Model(self.strip, self.pattern, still, self.scales)
 
     def restriction(self, free: Index) -> Restriction:
@@ -77,7 +76,7 @@ class Model:
         total = np.zeros_like(full)
         for effect in self.effects:
             begin = time.perf_counter()
-            total += _force(effect, full, velocity, controls)
+            total += effect.force(full, velocity, controls)
             self.seconds[effect.name] += time.perf_counter() - begin
         return total
 
@@ -90,19 +89,6 @@ class Model:
                 mean = np.einsum("abp,abp,p->", forces, forces, weights) / weights.sum()
                 return float(np.sqrt(mean)) / self.scales.tension
         return 0.0
-
-
-def _force(
-    effect: Effect, full: Array, velocity: Array | None, controls: Mapping[str, Any]
-) -> Array:
-    if isinstance(effect, LinearEffect):
-        return effect.force(full)
-    if isinstance(effect, LoadEffect):
-        return effect.force(controls[effect.control])
-    effect = effect.near(full, controls)
-    operator = effect.operator
-    v = operator.apply(velocity) if effect.rate_dependent and velocity is not None else None
-    return operator.gather(effect.law(operator.apply(full), v, controls))
 
 
 class Equilibrium:
@@ -159,22 +145,16 @@ class Equilibrium:
         return forces[self.supports.free]
 
     def hidden(self, branch: Branch) -> float | None:
-        """Where on a branch the strip crosses a roller that neither end shows, if it does."""
+        """Return where on a branch the strip crosses a roller that neither end shows."""
+
+        def states(shares: Array) -> Iterator[Moment]:
+            for u, control in zip(*branch.many(shares * branch.length), strict=True):
+                yield self.supports.full(u, control), None, self.controls.at(control)
+
         for effect in self.model.effects:
-            if not hasattr(effect, "passed"):
-                continue
-            share = effect.passed(partial(self._places, effect, branch))
-            if share is not None:
+            if (share := effect.crossing(states)) is not None:
                 return share * branch.length
         return None
-
-    def _places(self, contact: Any, branch: Branch, shares: Array) -> Array:
-        """Positions in the rollers' frames along a branch, (shares, rows, points)."""
-        found = []
-        for u, control in zip(*branch.many(shares * branch.length), strict=True):
-            x = contact.operator.apply(self.supports.full(u, control))
-            found.append(contact.position(x, self.controls.at(control)))
-        return np.array(found)
 
     def resistance(self, u: Array, control: float) -> Callable[[Array], Array]:
         """∂R/∂v at a state, applied to changes of the free unknowns' velocity."""
@@ -182,7 +162,7 @@ class Equilibrium:
         parts = [
             series_of(effect, 1, full, velocity, control, self.controls)
             for effect in self.model.effects
-            if getattr(effect, "rate_dependent", False)
+            if effect.rate_dependent
         ]
         still = np.zeros_like(full)
 
@@ -203,8 +183,8 @@ class Equilibrium:
             (self.supports.full(w, c), self.full_velocity(w, c), self.controls.at(c))
             for w, c in ((np.zeros_like(u), 0.0), (u, 1.0))
         ]
-        rubbing = (e for e in self.model.effects if hasattr(e, "turned"))
-        return sum(effect.turned(*moments) for effect in rubbing) / self.model.scales.force
+        reversed_friction = sum(e.reversed_friction(*moments) for e in self.model.effects)
+        return reversed_friction / self.model.scales.force
 
     def imbalance(self, residual: Array) -> float:
         """Norm of nodal forces (moments over element size) over the force scale."""

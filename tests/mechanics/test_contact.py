@@ -329,10 +329,10 @@ def test_rollers_together_do_what_each_does_alone(strip, operator, rubbing, reac
 def test_one_of_several_rollers_can_be_looked_at(strip, operator):
     pairs = operator.restricted(np.tile(np.arange(operator.points), 3))
     many = Contact(together(THREE, operator.points), LAW, pairs)
-    assert list(many.singles) == ["a", "b", "c"]
+    assert list(many.by_roller) == ["a", "b", "c"]
     x = operator.apply(1e-3 * rng_unknowns(strip, 23))
     for roller in THREE:
-        single, expected = many.singles[roller.name], Contact(roller, LAW, operator)
+        single, expected = many.by_roller[roller.name], Contact(roller, LAW, operator)
         gap, found = expected.seen(x, SEVERAL).gap, single.seen(x, SEVERAL)
         np.testing.assert_allclose(found.gap, gap, atol=1e-14)
         normal = single.normal(found)
@@ -352,7 +352,7 @@ def test_every_roller_may_have_its_own_friction(strip, operator):
         alone = Friction(Contact(roller, LAW, operator), replace(HOFF, coefficient=f))
         expected = alone.law(1e-3 * x, v, SEVERAL)
         np.testing.assert_allclose(found[:, k], expected, rtol=1e-12, atol=1e-9)
-        assert many.singles[roller.name].law_of_slip.coefficient == f
+        assert many.by_roller[roller.name].law_of_slip.coefficient == f
     assert np.abs(found[:, 1]).max() > 0.0
 
 
@@ -378,4 +378,6 @@ def test_slip_turns_round_only_where_friction_is_near_its_cone_before_and_after(
             @ contact.operator.weights
         )
     )
-    assert friction.turned(*moments) == pytest.approx(twice if turned else 0.0, rel=1e-12)
+    assert friction.reversed_friction(*moments) == pytest.approx(
+        twice if turned else 0.0, rel=1e-12
+    )

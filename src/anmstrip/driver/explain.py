@@ -12,7 +12,7 @@ from rich.table import Table
 from anmstrip.driver.string_estimate import Way
 from anmstrip.driver.warnings import Rung, justified, ladder, walked, warnings
 from anmstrip.equilibrium import StageProblem
-from anmstrip.mechanics.effects import Effect, LinearEffect, LoadEffect
+from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
 from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.series.power_series import Tape
@@ -100,14 +100,8 @@ def _effect_table(assembly: Assembly, plans: list[StageProblem]) -> Table:
         own = str(assembly.strip.unknowns) if i == 0 else "0"
         memory = f"{_memory(effect, order, acting[0]):.2f}"
         stages = ", ".join(plan.name for plan in acting)
-        table.add_row(name, str(_points(effect)), own, memory, stages)
+        table.add_row(name, str(effect.points), own, memory, stages)
     return table
-
-
-def _points(effect: Effect) -> int:
-    if isinstance(effect, LinearEffect):
-        return effect.points
-    return 0 if isinstance(effect, LoadEffect) else effect.operator.points
 
 
 def _memory(effect: Effect, order: int, plan: StageProblem) -> float:
@@ -116,6 +110,7 @@ def _memory(effect: Effect, order: int, plan: StageProblem) -> float:
         return effect.block.nbytes / MEGABYTE
     if isinstance(effect, LoadEffect):
         return effect.load.nbytes / MEGABYTE
+    assert isinstance(effect, LawEffect)
     tape = Tape(1)
     x = tape.variable(effect.operator.apply(np.zeros(plan.model.strip.unknowns)))
     with np.errstate(all="ignore"):  # only the size counts: a flat strip may cut an axis

@@ -306,10 +306,7 @@ class Run:
         begin, steps, expansions = self.counted
         seconds = plan.model.seconds
         for effect in plan.model.effects:
-            points = getattr(effect, "points", None)
-            if points is None:
-                points = getattr(getattr(effect, "operator", None), "points", 0)
-            entry = self.effects.setdefault(effect.name, {"points": points, "seconds": 0.0})
+            entry = self.effects.setdefault(effect.name, {"points": effect.points, "seconds": 0.0})
             entry["seconds"] += seconds[effect.name]
             seconds[effect.name] = 0.0
         self.counted = (time.perf_counter(), self.steps, self.cost.expansions)

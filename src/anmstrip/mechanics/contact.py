@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from anmstrip.fem.kinematics import SHELL, Kinematics
 from anmstrip.fem.sampling import ContactOperator
+from anmstrip.mechanics.effects import LawEffect, Moment
 from anmstrip.mechanics.laws import GradedSignorini, RepulsiveSignorini
 from anmstrip.mechanics.roller import Place, Roller, Rollers
 
@@ -77,12 +78,10 @@ def _nearest(y: Array) -> Array:
 
 
 Index = NDArray[np.int64]
-Moment = tuple[Array, Array, Mapping[str, Any]]
-"""All unknowns, their velocities, and the controls."""
 
 
 @dataclass(frozen=True)
-class Contact:
+class Contact(LawEffect):
     """Normal tractions R n of rollers at points of the strip.
 
     Controls: ``rollers.NAME.centre`` (m).
@@ -123,7 +122,7 @@ class Contact:
         return np.asarray(self.signorini(np.asarray(self.reaches)))
 
     @cached_property
-    def singles(self) -> dict[str, Contact]:
+    def by_roller(self) -> dict[str, Contact]:
         """Roller → its own contact, at all points of the strip."""
         if isinstance(self.roller, Roller):
             return {self.roller.name: self}
@@ -161,8 +160,12 @@ class Contact:
         """Where displaced points are, on arrays or series."""
         return self.roller.seen(self.position(x, controls))
 
-    def passed(self, places: Callable[[Array], Array]) -> float | None:
-        """Share of a way at which it crosses a roller, see :mod:`anmstrip.mechanics.contact`."""
+    def crossing(self, states: Callable[[Array], Iterable[Moment]]) -> float | None:
+        """Return where a step crosses a roller, as a share of it; see :func:`deepest`."""
+
+        def places(shares: Array) -> Array:
+            moments = states(shares)
+            return np.array([self.position(self.operator.apply(u), c) for u, _, c in moments])
 
         return deepest(self, places)
 
@@ -188,7 +191,7 @@ class Contact:
 
 
 @dataclass(frozen=True)
-class Friction:
+class Friction(LawEffect):
     """Tangential tractions R_T of rollers at points of the strip.
 
     The slip has one component along the direction of turning and, in space, one along
@@ -218,7 +221,7 @@ class Friction:
         return self.contact.roller
 
     @property
-    def operator(self) -> ContactOperator:
+    def operator(self) -> ContactOperator:  # type: ignore[override]
         """Of the contact."""
         return self.contact.operator
 
@@ -233,11 +236,11 @@ class Friction:
         return np.einsum("ix...,cx->ic...", self.frame, self.contact.kinematics.chosen)
 
     @cached_property
-    def singles(self) -> dict[str, Friction]:
+    def by_roller(self) -> dict[str, Friction]:
         """Roller → its own friction, at all points of the strip."""
         return {
             name: Friction(contact, self._law_on(k))
-            for k, (name, contact) in enumerate(self.contact.singles.items())
+            for k, (name, contact) in enumerate(self.contact.by_roller.items())
         }
 
     def _law_on(self, roller: int) -> FrictionLaw:
@@ -270,7 +273,7 @@ class Friction:
         surface = (turning if place.ratio is None else place.ratio * turning) * speed
         return np.einsum("ki...,i...->k...", tangents, relative) - surface
 
-    def turned(self, before: Moment, after: Moment) -> float:
+    def reversed_friction(self, before: Moment, after: Moment) -> float:
         """Friction (N) by which the strip may be off where points slip the other way than before.
 
         Of a point that slips at half the cone or more before and after, and touches both times,
@@ -287,6 +290,7 @@ class Friction:
     def _sliding(self, moment: Moment) -> tuple[Array, Array]:
         """Slip (m/s), (components of slip, points), and pressure (Pa) of all points."""
         full, velocity, controls = moment
+        assert velocity is not None
         place = self.contact.seen(self.operator.apply(full), controls)
         slip = self.slip(place, self.tangents(place), self.operator.apply(velocity), controls)
         return np.asarray(slip), np.asarray(self.contact.pressure(place))

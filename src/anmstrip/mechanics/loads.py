@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from anmstrip.fem.kinematics import PLATE, dot, normals
 from anmstrip.fem.operators import CellOperator, gradients, jets
 from anmstrip.fem.strip import Strip
-from anmstrip.mechanics.effects import LoadEffect, Operator
+from anmstrip.mechanics.effects import LawEffect, LoadEffect, Operator
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ def weight(strip: Strip) -> LoadEffect:
 
 
 @dataclass(frozen=True)
-class Following:
+class Following(LawEffect):
     """A load that follows the strip: residual −control × stress(tangent vectors).
 
     Attributes
@@ -57,12 +57,6 @@ class Following:
     operator: CellOperator
     reference: Array
     stress: Callable[[Any], Any]
-
-    rate_dependent = False
-
-    def near(self, full: Array, controls: Mapping[str, Any]) -> Following:
-        """Everywhere."""
-        return self
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Generalised stress, (components, 1 + directions, points)."""
@@ -139,7 +133,7 @@ def _upwards(tangents: Any) -> Any:
     return tangents[:, 0] * 0.0 + 1.0
 
 
-class Pretension:
+class Pretension(LawEffect):
     """Tension along x of a plate: residual T w,x against the derivative along x.
 
     The linear part of what the membrane does about a flat state under the force
@@ -152,15 +146,10 @@ class Pretension:
     """
 
     name = "tension"
-    rate_dependent = False
     control = "exit.force"
 
     def __init__(self, strip: Strip) -> None:
         self.operator = gradients(strip)
-
-    def near(self, full: Array, controls: Mapping[str, Any]) -> Pretension:
-        """Everywhere."""
-        return self
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """T (w,x, 0), shape (1, 2, points)."""
@@ -168,7 +157,7 @@ class Pretension:
 
 
 @dataclass(frozen=True)
-class Drag:
+class Drag(LawEffect):
     """Residual c v per area.
 
     Attributes
@@ -185,16 +174,12 @@ class Drag:
     name = "drag"
     rate_dependent = True
 
-    def near(self, full: Any, controls: Mapping[str, Any]) -> Drag:
-        """Everywhere."""
-        return self
-
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """c v, (components, points)."""
         return v * self.coefficient
 
 
-class Guide:
+class Guide(LawEffect):
     """Springs along the normals of a state of a shell: residual k n (n · (u − u_0)).
 
     Along the surface nothing holds the strip, so that the membrane can relax there without
@@ -209,7 +194,6 @@ class Guide:
     """
 
     name = "guide"
-    rate_dependent = False
 
     def __init__(self, strip: Strip, full: Array) -> None:
         self.operator = jets(strip)
@@ -219,10 +203,6 @@ class Guide:
         self.start: Array = at[:, 0]
         self.normal: Array = normal / np.linalg.norm(normal, axis=0)
         self.stiffness = strip.membrane_stiffness / float(strip.cell_sizes.min()) ** 2
-
-    def near(self, full: Array, controls: Mapping[str, Any]) -> Guide:
-        """Everywhere."""
-        return self
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Generalised stress, (3, 3, points): the value's part alone."""

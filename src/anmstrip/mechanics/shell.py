@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.fem.kinematics import dot, normals
-from anmstrip.fem.operators import Pattern, bends, gradients, hessians
+from anmstrip.fem.operators import CellOperator, Pattern, bends, gradients, hessians
 from anmstrip.fem.strip import Strip
-from anmstrip.mechanics.effects import LinearEffect
+from anmstrip.mechanics.effects import LawEffect, LinearEffect
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ def plane_stress(strip: Strip) -> Array:
     return strip.membrane_stiffness * (nu * spherical + (1.0 - nu) * symmetric)
 
 
-class Membrane:
+class Membrane(LawEffect):
     """Membrane forces of a strip.
 
     With the tangent vectors r,a (columns of an array): E = ½ (r,a · r,b − δ_ab),
@@ -46,7 +46,7 @@ class Membrane:
     """
 
     name = "membrane"
-    rate_dependent = False
+    operator: CellOperator
 
     def __init__(self, strip: Strip, imperfection: Array | None = None) -> None:
         self.operator = gradients(strip)
@@ -56,10 +56,6 @@ class Membrane:
         if imperfection is not None:
             natural = self.flat + self.operator.apply(imperfection)
             self.metric = np.einsum("iap,ibp->abp", natural, natural)
-
-    def near(self, full: Array, controls: Mapping[str, Any]) -> Membrane:
-        """Everywhere."""
-        return self
 
     def forces(self, tangents: Any) -> Any:
         """N (N/m), shape (d, d, points), from tangent vectors (components, d, points)."""
@@ -144,7 +140,7 @@ def moduli(strip: Strip) -> Array:
     return d * np.array([[1.0, nu, 0.0], [nu, 1.0, 0.0], [0.0, 0.0, 1.0 - nu]])
 
 
-class KirchhoffLove:
+class KirchhoffLove(LawEffect):
     """Moments of a strip against its change of curvature.
 
     Parameters
@@ -156,7 +152,6 @@ class KirchhoffLove:
     """
 
     name = "bending"
-    rate_dependent = False
 
     def __init__(self, strip: Strip, imperfection: Array | None = None) -> None:
         frames = strip.frames()
@@ -167,10 +162,6 @@ class KirchhoffLove:
         self.reference = np.concatenate([frames.tangents, frames.seconds], axis=1)
         natural = 0.0 if imperfection is None else self.operator.apply(imperfection)
         self.curvature = self.bent(self.reference + natural)
-
-    def near(self, full: Array, controls: Mapping[str, Any]) -> KirchhoffLove:
-        """Everywhere."""
-        return self
 
     def bent(self, derivatives: Any) -> Any:
         """b (1/m) as (xx, yy, xy), (pairs, points), from r,a and r,ab."""

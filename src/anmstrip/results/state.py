@@ -135,11 +135,11 @@ class State:
     @cached_property
     def contacts(self) -> dict[str, ContactState]:
         """Roller → what it does to the strip."""
-        found: list[Any] = [e for e in self.plan.model.effects if hasattr(e, "singles")]
+        found: list[Any] = [e for e in self.plan.model.effects if e.by_roller]
         contacts: dict[str, Contact] = {}
         frictions: dict[str, Friction] = {}
         for effect in found:
-            (frictions if effect.rate_dependent else contacts).update(effect.singles)
+            (frictions if effect.rate_dependent else contacts).update(effect.by_roller)
         return {name: self._contact(c, frictions.get(name)) for name, c in contacts.items()}
 
     def _contact(self, contact: Contact, friction: Friction | None) -> ContactState:
