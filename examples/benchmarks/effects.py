@@ -19,6 +19,7 @@ from anmstrip.continuation.expansion import Cost, Parameter, expand
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.equilibrium import Equilibrium, Motion
+from anmstrip.mechanics.effects import LawEffect
 from anmstrip.timestepping.formulas import AffineVelocity
 from figures import stacked
 from harness import Cell, Report, Sheet, main
@@ -94,7 +95,7 @@ def timed(level: str, added: str, scene: Scene, repeats: int, steps: int) -> Tim
     effects, phases = ({name: median(s[name] for s in part) for name in part[0]} for part in parts)
     full, controls = equations.supports.full(u, control), equations.controls.at(control)
     points = {
-        e.name: e.near(full, controls).operator.points if hasattr(e, "near") else 0
+        e.name: e.near(full, controls).operator.points if isinstance(e, LawEffect) else 0
         for e in model.effects
     }
     counts = (model.strip.unknowns, points)
