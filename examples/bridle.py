@@ -46,7 +46,7 @@ def full_slip(settings: list[str]) -> tuple[float, float]:
 
 
 def pulled(settings: list[str], pull: float, seconds: float) -> dict[str, tuple[float, float]]:
-    """What partial slip leaves on rollers that stand: quantity → found, expected.
+    """Return what partial slip leaves on rollers that stand: quantity → found, expected.
 
     The pull is slow, so that slip is as fast as V_c, where the law has its nominal coefficient.
     """

@@ -23,7 +23,7 @@ LENGTH, FORCE, BENDING_STIFFNESS = 10.0, 4.0, 100.0
 
 
 def cantilever(cells: int = 16, thickness: float = 0.1) -> Equilibrium:
-    """Equations of a strip 1 m wide, clamped at its entry and pulled up at its exit.
+    """Return the equations of a strip 1 m wide, clamped at its entry and pulled up at its exit.
 
     Another thickness changes E so that the bending stiffness stays; ν = 0.
     """
@@ -43,14 +43,14 @@ def cantilever(cells: int = 16, thickness: float = 0.1) -> Equilibrium:
 
 
 def tip(equations: Equilibrium, u: Array) -> Array:
-    """Displacement of the loaded end (m), along and across the strip."""
+    """Return the displacement of the loaded end (m), along and across the strip."""
     strip, full = equations.model.strip, equations.supports.full(u, 1.0)
     place: Array = full.reshape(-1, 3)[strip.edges["exit"].values].mean(axis=0)
     return place[[0, 2]]
 
 
 def elastica(load: float = FORCE * LENGTH**2 / BENDING_STIFFNESS) -> Array:
-    """Tip displacement over the length of an inextensible cantilever, along and across.
+    """Return the tip displacement over the length of an inextensible cantilever.
 
     Parameters
     ----------

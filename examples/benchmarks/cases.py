@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,28 +26,14 @@ from figures import (
 from harness import Report, main
 
 
-@dataclass(frozen=True)
-class Extent:
-    """What is run.
-
-    Attributes
-    ----------
-    cases : tuple of str
-    tolerances : tuple of float
-        m.
-    lines : tuple of (str, int)
-        Scheme and order.
-    accuracy : float
-        Of the reference, relative.
-    patience : float
-        Seconds of a run after which its line ends.
-    """
+class Extent(NamedTuple):
+    """The cases that are run, and how."""
 
     cases: tuple[str, ...]
-    tolerances: tuple[float, ...]
-    lines: tuple[tuple[str, int], ...]
-    accuracy: float
-    patience: float
+    tolerances: tuple[float, ...]  # m
+    lines: tuple[tuple[str, int], ...]  # scheme and order
+    accuracy: float  # of the reference, relative
+    patience: float  # s of a run after which its line ends
 
 
 FULL = Extent(
@@ -57,19 +44,19 @@ FULL = Extent(
     12.0,
 )
 
+QUICK = Extent(
+    ("pressed-plane", "moving-plane"), (1e-3, 1e-6), (("taylor", 8), ("taylor", 20)), 1e-10, 4.0
+)
+
 NOTE = (
     "Columns are tolerances (m), lines say case, scheme and order. Errors are distances from the "
     "solution of one scalar equation by Radau's method, as curves in (V_c t, u). nan: the path "
     "stopped before its time; –: a looser tolerance had taken too long already."
 )
 
-QUICK = Extent(
-    ("pressed-plane", "moving-plane"), (1e-3, 1e-6), (("taylor", 8), ("taylor", 20)), 1e-10, 4.0
-)
-
 
 def study(quick: bool = False) -> Report:
-    """All lines of all cases."""
+    """Run all lines of all cases."""
     extent = QUICK if quick else FULL
     found = {name: list(_runs(name, extent)) for name in extent.cases}
     runs = [run for own in found.values() for run in own]
@@ -98,12 +85,10 @@ def _runs(name: str, extent: Extent) -> Iterator[Measured]:
     case = CASES[name]()
     reference = reference_solution(case, extent.accuracy)
     for scheme, order in extent.lines:
+        attempt = partial(true_error, case, reference, scheme, order)
 
-        def run(tolerance: float, scheme: str = scheme, order: int = order) -> Measured:
-            line = f"{name}, {scheme} {order}"
-            return measured(
-                line, tolerance, lambda: true_error(case, reference, scheme, order, tolerance)
-            )
+        def run(tolerance: float, line: str = f"{name}, {scheme} {order}") -> Measured:
+            return measured(line, tolerance, partial(attempt, tolerance))  # noqa: B023
 
         yield from patiently(extent.tolerances, run, extent.patience)
 
@@ -111,7 +96,7 @@ def _runs(name: str, extent: Extent) -> Iterator[Measured]:
 def true_error(
     case: MassSpring, reference: Reference, scheme: str, order: int, tolerance: float
 ) -> tuple[float, int]:
-    """Largest distance from the reference in ``ROWS`` instants (m), and tangents.
+    """Return the largest distance from the reference in ``ROWS`` instants (m), and tangents.
 
     The distance is that of the curves in (V_c t, u), as in the report of a case; it is
     not a number where the path has stopped before its time.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,66 +28,49 @@ ONSETS = tuple(4.0**k for k in range(-3, 3))
 """w, over what the program chooses."""
 
 
-@dataclass(frozen=True)
-class Pressed:
-    """What one contact law gives.
+class Pressed(NamedTuple):
+    """Results of one contact law."""
 
-    Attributes
-    ----------
-    stiffness, eta : float or None
-        Pa/m, Pa, of the penalty.
-    onset : float
-        Gap over which contact sets in (m).
-    pressing, turning : int
-        Tangents of either stage.
-    penetration : float
-        In the middle of the arc (m); negative where a gap is left.
-    pressure_error, alternation, ratio_error : float
-        Of the pressure in the middle of the arc against (T − D/2R²)/R, its standard deviation
-        there over its mean, and the error of the tension ratio against the capstan formula with
-        bending.
-    seconds : float
-        Of the processor.
-    """
-
-    stiffness: float | None
-    eta: float | None
-    onset: float
-    pressing: int
-    turning: int
-    penetration: float
+    stiffness: float | None  # K of the penalty (Pa/m)
+    eta: float | None  # of the penalty (Pa)
+    onset: float  # gap over which contact sets in (m)
+    pressing: int  # tangents of the stage
+    turning: int  # tangents of the stage
+    penetration: float  # in the middle of the arc (m), negative where a gap is left
+    # of the pressure in the middle of the arc against (T − D/2R²)/R, its standard deviation there
+    # over its mean, and the error of the tension ratio against the capstan formula with bending
     pressure_error: float
     alternation: float
     ratio_error: float
-    seconds: float
+    seconds: float  # of the processor
 
 
 def study(quick: bool = False) -> Report:
-    """All sweeps."""
+    """Sweep stiffness, regularisation and width."""
     every, refined = (slice(None, None, 3), 0.1) if quick else (slice(None), 0.05)
     base = capstan("section", 1, refined, 1e-5)
     stiff = [pressed(base, penalty(K, 10.0)) for K in STIFFNESSES[every]]
     soft = [pressed(base, penalty(1e10, eta)) for eta in REGULARISATIONS[every]]
     chosen = pressed(base, {})
     graded = [pressed(base, {"onset": factor * chosen.onset}) for factor in ONSETS[every]]
-    names = tuple(field.name.replace("_", " ") for field in fields(Pressed))
+    names = tuple(name.replace("_", " ") for name in Pressed._fields)
     note = (
         "Tangents of pressing (without friction) and of turning (with it). Pressure and tension "
         "ratio are compared with the theory of a strip on a rigid cylinder without penetration."
     )
     sheets = (
-        Sheet("Stiffness K", names, tuple(astuple(p) for p in stiff), note),
-        Sheet("Regularisation η", names, tuple(astuple(p) for p in soft)),
+        Sheet("Stiffness K", names, tuple(stiff), note),
+        Sheet("Regularisation η", names, tuple(soft)),
         Sheet(
             "Graded contact: as the mesh resolves it, and other widths",
             names,
-            tuple(astuple(p) for p in [chosen, *graded]),
+            (chosen, *graded),
         ),
     )
     return Report(
         name="contact",
         title="Laws of contact: tangents, penetration, errors",
-        data=Sheet("", names, tuple(astuple(p) for p in [*stiff, *soft, chosen, *graded])),
+        data=Sheet("", names, (*stiff, *soft, chosen, *graded)),
         sheets=sheets,
         figures={
             "contact-stiffness.png": _figure("K (Pa/m)", stiff, STIFFNESSES[every]),
@@ -112,7 +95,7 @@ def _figure(x: str, runs: Sequence[Pressed], at: Sequence[float]) -> bytes:
 
 
 def penalty(stiffness: float, eta: float) -> dict[str, float]:
-    """Table of a contact with K and η, δ = 1 mm."""
+    """Return the table of a contact with K and η, δ = 1 mm."""
     return {"stiffness": stiffness, "eta": eta, "delta": 1e-3}
 
 
@@ -141,7 +124,7 @@ def pressed(base: Scene, contact: Mapping[str, float]) -> Pressed:
 
 
 def _middle(state: State) -> tuple[float, float, float, float]:
-    """Penetration (m), pressure (Pa) and its alternation in the middle third, tension (N/m)."""
+    """Return penetration (m), pressure (Pa), its alternation, and tension (N/m), mid-arc."""
     contact = state.contacts["r1"]
     begin, end = contact.arc
     x = contact.contact.operator.reference[0]
@@ -154,7 +137,7 @@ def _middle(state: State) -> tuple[float, float, float, float]:
 
 
 def ratio_error(run: Run) -> float:
-    """Of the tension ratio, against ln(T1/T2) = f_eff θ − (1 + f²) D/2R² (1/T2 − 1/T1)."""
+    """Return the error against ln(T1/T2) = f_eff θ − (1 + f²) D/2R² (1/T2 − 1/T1)."""
     state, friction = run.state, run.assembly.friction
     assert state is not None
     assert friction is not None

@@ -13,22 +13,23 @@ from itertools import islice
 from statistics import median
 from typing import Any
 
+import numpy as np
+
 from anmstrip.continuation.expansion import Cost, Parameter, expand
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.equilibrium import Equilibrium, Motion
+from anmstrip.mechanics.effects import LawEffect
 from anmstrip.timestepping.formulas import AffineVelocity
-from comparisons import plate_against_shell, section_against_shell
 from figures import stacked
 from harness import Cell, Report, Sheet, main
 from imports import import_sheet
-from strips import growing
+from runs import finished
+from strips import capstan, growing, lightly_wrapped
 
 ORDER = 20
 
 LEVELS = ("section", "plate", "shell")
-
-COLUMNS = ("level", "added", "effect", "unknowns", "points", "seconds")
 
 SHARE_OF_STEP = 1e-2
 """Time step of the expansions with friction, over the duration of their stage."""
@@ -36,33 +37,16 @@ SHARE_OF_STEP = 1e-2
 
 @dataclass(frozen=True)
 class Timing:
-    """An expansion of one scene.
-
-    Attributes
-    ----------
-    level, added : str
-        Of the kinematics; the effect that was added last.
-    unknowns : int
-    points : dict
-        Effect → points at which its law was looked at, 0 for constant matrices and vectors.
-    effects : dict
-        Effect → seconds.
-    phases : dict
-        What the solver does → seconds.
-    seconds : float
-        Of the whole expansion.
-    order : int
-        Reached.
-    """
+    """An expansion of one scene, to which the effect ``added`` was added last."""
 
     level: str
     added: str
     unknowns: int
-    points: dict[str, int]
-    effects: dict[str, float]
-    phases: dict[str, float]
+    points: dict[str, int]  # effect → points of its law, 0 for constant matrices and vectors
+    effects: dict[str, float]  # effect → s
+    phases: dict[str, float]  # of the solver → s
     seconds: float
-    order: int
+    order: int  # reached
 
 
 def study(quick: bool = False) -> Report:
@@ -73,24 +57,21 @@ def study(quick: bool = False) -> Report:
         for level in LEVELS
         for added, scene in growing(level, cells)
     ]
-    sheets = (
-        _effect_sheet(timings),
-        _whole_sheet(timings),
-        import_sheet(),
-        section_against_shell(quick),
-        plate_against_shell(quick),
+    rows = tuple(
+        (t.level, t.added, effect, t.unknowns, t.points[effect], seconds)
+        for t in timings
+        for effect, seconds in t.effects.items()
     )
+    columns = ("level", "added", "effect", "unknowns", "points", "seconds")
+    comparisons = (section_against_shell(quick), plate_against_shell(quick))
     bars = {level: [(t.added, t.effects) for t in timings if t.level == level] for level in LEVELS}
     return Report(
         name="effects",
         title="Cost of every effect, and of every level of kinematics",
-        data=_long_sheet(timings),
-        sheets=sheets,
+        data=Sheet("Seconds of every effect", columns, rows),
+        sheets=(_effect_sheet(timings), _whole_sheet(timings), import_sheet(), *comparisons),
         figures={"effects.png": stacked(bars, "milliseconds per expansion")},
     )
-
-
-# one scene -----------------------------------------------------------------------
 
 
 def timed(level: str, added: str, scene: Scene, repeats: int, steps: int) -> Timing:
@@ -107,31 +88,22 @@ def timed(level: str, added: str, scene: Scene, repeats: int, steps: int) -> Tim
     for _ in range(repeats + 1):  # the first finds the pattern of the matrix
         model.seconds.update(dict.fromkeys(model.seconds, 0.0))
         cost, begin = Cost(), time.perf_counter()
-        branch = expand(
-            equations,
-            u,
-            control,
-            order=ORDER,
-            solver=run.march.solver,
-            parameter=Parameter(1.0),
-            cost=cost,
-        )
+        choices = {"solver": run.march.solver, "parameter": Parameter(1.0), "cost": cost}
+        branch = expand(equations, u, control, order=ORDER, **choices)
         samples.append((time.perf_counter() - begin, dict(model.seconds), cost.seconds))
-    whole, effects, phases = zip(*samples[1:], strict=True)
-    return Timing(
-        level=level,
-        added=added,
-        unknowns=model.strip.unknowns,
-        points=_points(equations, u, control),
-        effects=_medians(effects),
-        phases=_medians(phases),
-        seconds=median(whole),
-        order=branch.order,
-    )
+    whole, *parts = zip(*samples[1:], strict=True)
+    effects, phases = ({name: median(s[name] for s in part) for name in part[0]} for part in parts)
+    full, controls = equations.supports.full(u, control), equations.controls.at(control)
+    points = {
+        e.name: e.near(full, controls).operator.points if isinstance(e, LawEffect) else 0
+        for e in model.effects
+    }
+    counts = (model.strip.unknowns, points)
+    return Timing(level, added, *counts, effects, phases, median(whole), branch.order)
 
 
 def equations_at_end(run: Run) -> tuple[Equilibrium, Any, float]:
-    """Equations of the stage that a run has got to, with its state and control."""
+    """Return the equations of the stage that a run has got to, with its state and control."""
     assert run.state is not None
     plan, full, control = run.state.plan, run.state.full, run.state.control
     free = plan.supports.free
@@ -143,33 +115,8 @@ def equations_at_end(run: Run) -> tuple[Equilibrium, Any, float]:
     return motion.during(run.state.time, h, velocity, full[free]), 0.0 * v, 0.0
 
 
-def _points(equations: Equilibrium, u: Any, control: float) -> dict[str, int]:
-    full, controls = equations.supports.full(u, control), equations.controls.at(control)
-    return {
-        effect.name: effect.near(full, controls).operator.points if hasattr(effect, "near") else 0
-        for effect in equations.model.effects
-    }
-
-
-def _medians(samples: tuple[dict[str, float], ...]) -> dict[str, float]:
-    return {name: median(sample[name] for sample in samples) for name in samples[0]}
-
-
-# sheets --------------------------------------------------------------------------
-
-
-def _long_sheet(timings: list[Timing]) -> Sheet:
-    """A row for every effect of every scene."""
-    rows = tuple(
-        (t.level, t.added, effect, t.unknowns, t.points[effect], seconds)
-        for t in timings
-        for effect, seconds in t.effects.items()
-    )
-    return Sheet("Seconds of every effect", COLUMNS, rows)
-
-
 def _effect_sheet(timings: list[Timing]) -> Sheet:
-    """A row for every scene, a column for every effect."""
+    """Return a row for every scene, a column for every effect."""
     names = list(dict.fromkeys(name for t in timings for name in t.effects))
     rows: list[tuple[Cell, ...]] = []
     for t in timings:
@@ -187,13 +134,69 @@ def _whole_sheet(timings: list[Timing]) -> Sheet:
     phases = ("series", "tangent", "factorisation", "back-substitution")
     rows: list[tuple[Cell, ...]] = []
     for t in timings:
-        counts = (t.unknowns, sum(t.points.values()), t.order)
         seconds = [t.phases.get(phase, 0.0) for phase in phases]
+        counts = (t.unknowns, sum(t.points.values()), t.order)
         rows.append((t.level, f"+ {t.added}", *counts, *(1e3 * s for s in [*seconds, t.seconds])))
     note = "Points are those near enough to be looked at; constant matrices and loads have none."
     columns = ("level", "added", "unknowns", "points", "order", *phases, "whole")
+    title = "Milliseconds of an expansion, effects added one at a time"
+    return Sheet(title, columns, tuple(rows), note)
+
+
+# levels of kinematics --------------------------------------------------------------
+
+LEVEL_COLUMNS = ("level", "unknowns", "expansions", "seconds", "ms per expansion")
+
+DEGREES = 1.0
+"""Wrap of the strip that a plate is tried on."""
+
+
+def _run_with_costs(scene: Scene) -> tuple[Run, tuple[float, ...]]:
+    """Run a scene; return the run and what stands in the columns after the level."""
+    begin = time.perf_counter()
+    run = finished(scene)
+    seconds, expansions = time.perf_counter() - begin, run.cost.expansions
+    milliseconds = 1e3 * sum(run.cost.seconds.values()) / expansions
+    return run, (run.assembly.strip.unknowns, expansions, seconds, milliseconds)
+
+
+def section_against_shell(quick: bool) -> Sheet:
+    """Compare, on a capstan in time with friction, a line of elements and ten of them across."""
+    refined, tolerance = (0.2, 1e-3) if quick else (0.025, 1e-4)
+    costs, ratios = {}, {}
+    for level in ("section", "shell"):
+        run, costs[level] = _run_with_costs(capstan(level, 10, refined, tolerance))
+        ratios[level] = run.state.rollers["r1"].tension_ratio or np.nan
+    rows = [(level, *costs[level], ratios[level]) for level in costs]
+    quotients = (a / b for a, b in zip(costs["shell"], costs["section"], strict=True))
+    difference = ratios["section"] / ratios["shell"] - 1.0
     return Sheet(
-        "Milliseconds of an expansion, effects added one at a time", columns, tuple(rows), note
+        "Section against a shell of 10 elements across: capstan, 0.6 s of turning",
+        (*LEVEL_COLUMNS, "tension ratio"),
+        (*rows, ("shell / section", *quotients, ratios["shell"] / ratios["section"])),
+        f"Elements of {refined:g} m over the roller, tolerance {tolerance:g}. The section's ratio "
+        f"of tensions is off by {100.0 * difference:+.3g} %.",
+    )
+
+
+def plate_against_shell(quick: bool) -> Sheet:
+    """Compare plate and shell where a roller lifts the strip to a small wrap, without friction."""
+    cells, refined = ((16, 2), 0.1) if quick else ((16, 4), 0.01)
+    costs, results = {}, {}
+    for level in ("plate", "shell"):
+        run, costs[level] = _run_with_costs(lightly_wrapped(level, DEGREES, cells, refined))
+        strip = run.assembly.strip
+        lift = float(run.march.full.reshape(-1, strip.count)[strip.node_values, -1].max())
+        results[level] = (run.state.rollers["r1"].normal_force, lift)
+    rows = [(level, *costs[level], *results[level]) for level in costs]
+    quotients = (a / b for a, b in zip(costs["shell"], costs["plate"], strict=True))
+    force, lift = (a / b for a, b in zip(results["shell"], results["plate"], strict=True))
+    return Sheet(
+        f"Plate against shell: {DEGREES:g}° of wrap, no friction",
+        (*LEVEL_COLUMNS, "normal force (N)", "lift (m)"),
+        (*rows, ("shell / plate", *quotients, force, lift)),
+        f"Elements of {refined:g} m over the roller. The plate's normal force is off by "
+        f"{100.0 / force - 100.0:+.2g} %, its lift by {100.0 / lift - 100.0:+.2g} %.",
     )
 
 

@@ -26,28 +26,17 @@ Curves = Mapping[str, Mapping[str, Sequence[tuple[float, float]]]]
 
 @dataclass(frozen=True)
 class Plot:
-    """Curves in one pair of axes.
+    """Curves in one pair of axes."""
 
-    Attributes
-    ----------
-    x, y : str
-        Labels.
-    curves : mapping
-        Label → abscissae and ordinates.
-    scales : tuple of str
-        Of matplotlib, for x and y.
-    title : str
-    """
-
-    x: str
-    y: str
-    curves: Mapping[str, Curve]
-    scales: tuple[str, str] = ("log", "log")
+    x: str  # label
+    y: str  # label
+    curves: Mapping[str, Curve]  # Label → abscissae and ordinates
+    scales: tuple[str, str] = ("log", "log")  # of matplotlib, for x and y
     title: str = ""
 
 
 def curves(*plots: Plot) -> bytes:
-    """Plots side by side, with one legend; a PNG.
+    """Draw plots side by side, with one legend; a PNG.
 
     A curve has the same colour in all plots, dashed from the second round of colours on.
     """
@@ -71,7 +60,7 @@ def curves(*plots: Plot) -> bytes:
 
 
 def stacked(panels: Mapping[str, Bars], unit: str) -> bytes:
-    """Stacked bars, one panel beside the other; a PNG.
+    """Draw stacked bars, one panel beside the other; a PNG.
 
     Parameters
     ----------
@@ -100,7 +89,7 @@ def stacked(panels: Mapping[str, Bars], unit: str) -> bytes:
 
 
 def against(panels: Curves, across: str, up: str) -> bytes:
-    """Points joined by lines on logarithmic axes, one panel beside the other; a PNG.
+    """Draw points joined by lines on logarithmic axes, one panel beside the other; a PNG.
 
     Parameters
     ----------
@@ -118,39 +107,25 @@ def against(panels: Curves, across: str, up: str) -> bytes:
 
 @dataclass(frozen=True)
 class Line:
-    """A line, or points where ``mark`` says which.
+    """A line, or points where ``mark`` says which."""
 
-    Attributes
-    ----------
-    label : str
-        Of points it is shown once in a panel.
-    x, y : ndarray
-    mark : str
-        As matplotlib names it; empty for a line.
-    """
-
-    label: str
+    label: str  # of points it is shown once in a panel
     x: NDArray[np.float64]
     y: NDArray[np.float64]
-    mark: str = ""
+    mark: str = ""  # As matplotlib names it; empty for a line
 
 
 @dataclass(frozen=True)
 class Map:
-    """Heights over a flat strip.
+    """Heights over a flat strip."""
 
-    Attributes
-    ----------
-    x, y, height : ndarray, shape (points,)
-    """
-
-    x: NDArray[np.float64]
+    x: NDArray[np.float64]  # shape (points,)
     y: NDArray[np.float64]
     height: NDArray[np.float64]
 
 
 def mapped(panels: Mapping[str, Map], x: str, y: str) -> bytes:
-    """Heights in colours, red up and blue down, one panel above the other; a PNG.
+    """Draw heights in colours, red up and blue down, one panel above the other; a PNG.
 
     Parameters
     ----------
@@ -173,7 +148,7 @@ def mapped(panels: Mapping[str, Map], x: str, y: str) -> bytes:
 
 
 def drawn(panels: Mapping[str, Sequence[Line]], x: str, y: str) -> bytes:
-    """Lines, one panel beside the other, each with axes of its own; a PNG.
+    """Draw lines, one panel beside the other, each with axes of its own; a PNG.
 
     Parameters
     ----------
@@ -214,27 +189,13 @@ Value = Callable[["Measured"], float]
 
 @dataclass(frozen=True)
 class Measured:
-    """One run.
+    """A run with its error and its cost."""
 
-    Attributes
-    ----------
-    line : str
-        Which runs it belongs to.
-    at : float
-        What is varied along the line.
-    error : float
-        Against a reference.
-    tangents : int
-        Factorised.
-    seconds : float
-        Of the processor.
-    """
-
-    line: str
-    at: float
-    error: float
-    tangents: int
-    seconds: float
+    line: str  # name of the runs that it belongs to
+    at: float  # value that varies along the line
+    error: float  # against a reference
+    tangents: int  # factorised
+    seconds: float  # of the processor
 
 
 def measured(line: str, at: float, run: Callable[[], tuple[float, int]]) -> Measured:
@@ -280,14 +241,14 @@ def by_line(runs: Sequence[Measured]) -> dict[str, list[Measured]]:
 
 
 def plotted(runs: Sequence[Measured], x: tuple[str, Value], y: tuple[str, Value]) -> Plot:
-    """One quantity of the runs against another, both with their labels."""
+    """Return a plot of one quantity of the runs against another, both with their labels."""
     lines = by_line(runs).items()
     pairs = {line: ([x[1](r) for r in own], [y[1](r) for r in own]) for line, own in lines}
     return Plot(x[0], y[0], pairs)
 
 
 def work_precision(runs: Sequence[Measured], label: str) -> bytes:
-    """Error against seconds, and against tangents; a PNG."""
+    """Draw the error against seconds, and against tangents; a PNG."""
     error: tuple[str, Value] = (label, lambda r: r.error)
     return curves(
         plotted(runs, ("seconds of one core", lambda r: r.seconds), error),
@@ -315,5 +276,5 @@ def fitted(x: Sequence[float], y: Sequence[float]) -> Fit:
 
 
 def exponent(x: Sequence[float], y: Sequence[float]) -> float:
-    """Slope between logarithms: y ~ x^p."""
+    """Return the slope between logarithms: y ~ x^p."""
     return fitted(np.log(x).tolist(), np.log(y).tolist()).slope

@@ -6,9 +6,9 @@ through zero; a section strip lies on a roller that slows down and turns back.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,9 +22,9 @@ from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.paper.mass_spring import Parameters
 from anmstrip.paper.references import slip_at
-from anmstrip.timestepping import formulas as backward_differences
-from anmstrip.timestepping import implicit as implicit_dae
+from anmstrip.timestepping.formulas import start_memory
 from anmstrip.timestepping.functions import FunctionRateEquations, ImplicitSolution
+from anmstrip.timestepping.implicit import Stepping, integrate
 from anmstrip.timestepping.index_one import consistent
 from figures import (
     Measured,
@@ -37,10 +37,10 @@ from figures import (
     sheet,
     work_precision,
 )
-from fixed_steps import integrated
 from harness import Cell, Report, Sheet, main
+from newton_methods import backward_euler
+from runs import Turning, altered, wrapped
 from strips import capstan
-from turning import Turning, altered, wrapped
 
 Array = NDArray[np.float64]
 
@@ -69,7 +69,7 @@ INSTANTS = 201
 
 
 def study(quick: bool = False) -> Report:
-    """Both problems, all sweeps."""
+    """Sweep both problems."""
     every = slice(None, None, 3) if quick else slice(None)
     sweeps = {name: values[every] for name, values in SWEEPS.items()}
     problems: list[Mass | Strip] = [Mass(), Strip(0.2 if quick else 0.1)]
@@ -110,7 +110,7 @@ NOTE = (
 
 
 def _swept(problem: Mass | Strip, sweeps: dict[str, tuple[float, ...]]) -> Iterator[Measured]:
-    """Runs by series, a line for every number that is varied."""
+    """Yield runs by series, a line for every number that is varied."""
     for name, values in sweeps.items():
         for value in values:
             line = f"{problem.name}, series, {name}"
@@ -118,7 +118,7 @@ def _swept(problem: Mass | Strip, sweeps: dict[str, tuple[float, ...]]) -> Itera
 
 
 def _fixed(problem: Mass | Strip, widths: Sequence[float]) -> Iterator[Measured]:
-    """Newton's method in the longest fixed steps that converge and are exact enough."""
+    """Yield runs in the longest fixed steps for which Newton's method is exact enough."""
     count = 8
     for omega in widths:
         while count <= FINEST:
@@ -131,7 +131,7 @@ def _fixed(problem: Mass | Strip, widths: Sequence[float]) -> Iterator[Measured]
 
 
 def _fits(runs: Sequence[Measured], fixed: Sequence[Measured]) -> Sheet:
-    """Straight lines against the logarithm for the series, a power for fixed steps."""
+    """Return straight lines against the logarithm for the series, a power for fixed steps."""
     rows: list[tuple[Cell, ...]] = []
     for line, own in by_line(runs).items():
         done = [r for r in own if np.isfinite(r.error)]
@@ -151,70 +151,60 @@ class Mass:
 
     name, tolerance, enough = "mass", TOLERANCE["mass"], 1e-2
 
-    def parameters(self, omega: float = 1e-3, exponent: float = 0.05, speed: float = 1.0) -> Any:
-        """Of the paper's first case."""
-        return Parameters(t_end=4.0, omega=omega, q=exponent, V_c=speed)
+    def __init__(self) -> None:
+        self.times = np.linspace(0.0, 4.0, INSTANTS)
 
-    def residual(self, p: Parameters) -> Callable[[Any, Any, Any], Any]:
-        """R(u, v, t)."""
+    def _problem(
+        self, omega: float = 1e-3, exponent: float = 0.05, speed: float = 1.0
+    ) -> tuple[Parameters, FunctionRateEquations, Array, Array]:
+        """Return the equations of the paper's first case, with the state at the start."""
+        p = Parameters(t_end=4.0, omega=omega, q=exponent, V_c=speed)
         rate = 2.0 * np.pi / p.t_end
 
         def residual(u: Any, v: Any, t: Any) -> Any:
             return p.friction(p.R_N + 0.0 * u[0], v - p.V * np.cos(rate * t)) - u * p.k
 
-        return residual
+        u, v = consistent(residual, np.zeros(1), np.full(1, p.V), 0.0, 1e-9)
+        return p, FunctionRateEquations(residual, p.t_end, p.V), u, v
 
     def reference(self, p: Parameters, times: Array) -> Array:
-        """u at the times, from u' = V cos 2πt/T − slip(k u)."""
+        """Return u at the times, from u' = V cos 2πt/T − slip(k u)."""
         rate = 2.0 * np.pi / p.t_end
         found = solve_ivp(
             lambda t, u: p.V * np.cos(rate * t) - slip_at(p.friction, p.k * u / p.R_N),
-            (0.0, p.t_end),
-            [0.0],
-            method="Radau",
-            t_eval=times,
-            rtol=1e-9,
-            atol=1e-12,
-        )
+            (0.0, p.t_end), [0.0], method="Radau", t_eval=times, rtol=1e-9, atol=1e-12,
+        )  # fmt: skip
         return found.y[0]
 
-    def _start(self, p: Parameters) -> tuple[FunctionRateEquations, Array, Array]:
-        residual, zero = self.residual(p), np.zeros(1)
-        u, v = consistent(residual, zero, zero + p.V, 0.0, 1e-9)
-        return FunctionRateEquations(residual, p.t_end, p.V), u, v
-
     def series(self, **sharpness: float) -> tuple[float, int]:
-        """Error (m) and tangents."""
-        p, cost, steps = self.parameters(**sharpness), Cost(), []
-        equations, u, v = self._start(p)
+        """Return error (m) and tangents."""
+        (p, equations, u, v), cost, steps = self._problem(**sharpness), Cost(), []
         try:
-            for step in implicit_dae.integrate(
+            for step in integrate(
                 equations,
-                backward_differences.start_memory(0.0, u, v, 1e-3 * p.t_end),
+                start_memory(0.0, u, v, 1e-3 * p.t_end),
                 p.t_end,
                 solver=DenseSolver(),
                 settings=Settings(order=20, tolerance=self.tolerance, max_steps=100_000),
-                stepping=implicit_dae.Stepping(p.t_end),
+                stepping=Stepping(p.t_end),
                 cost=cost,
             ):
                 steps.append(step)
         except PathStopped:
             return np.nan, cost.factorisations
         path = ImplicitSolution(u, v, steps, self.tolerance, p.V)
-        times = np.linspace(0.0, p.t_end, INSTANTS)
-        found = np.array([path(t)[0][0] for t in times])
-        return float(np.abs(found - self.reference(p, times)).max()), cost.factorisations
+        found = np.array([path(t)[0][0] for t in self.times])
+        return float(np.abs(found - self.reference(p, self.times)).max()), cost.factorisations
 
     def newton(self, count: int, **sharpness: float) -> tuple[float, int]:
-        """The same in fixed steps."""
-        p = self.parameters(**sharpness)
-        equations, u, v = self._start(p)
+        """Return the same of Newton's method in fixed steps."""
+        p, equations, u, v = self._problem(**sharpness)
         times = np.linspace(0.0, p.t_end, count + 1)
-        found = integrated(equations, u, v, times, solver=DenseSolver(), tolerance=1e-4)
+        found = backward_euler(equations, u, v, times, solver=DenseSolver(), tolerance=1e-4)
         if found is None:
             return np.inf, 0
-        error = np.abs(found.states[:, 0] - self.reference(p, times)).max()
-        return float(error), found.tangents
+        states, tangents = found
+        return float(np.abs(states[:, 0] - self.reference(p, times)).max()), tangents
 
 
 class Strip:
@@ -224,54 +214,45 @@ class Strip:
 
     def __init__(self, refined: float) -> None:
         self.base: Scene = altered(capstan("section", 1, refined, self.tolerance), SLIPS)
+        self.full = wrapped(self.base)  # friction has no part in it
+        self.known: dict[tuple[tuple[str, float], ...], float] = {}
 
-    @cached_property
-    def full(self) -> Array:
-        """The strip as it lies on the roller, which friction has no part in."""
-        return wrapped(self.base)
-
-    def scene(self, tolerance: float, **sharpness: float) -> Scene:
-        """With other friction."""
-        friction = {f"friction.{key}": value for key, value in sharpness.items()}
-        return altered(self.base, {**friction, "solver.tolerance": tolerance})
-
-    @cached_property
-    def known(self) -> dict[tuple[tuple[str, float], ...], float]:
-        """Tension ratios by what they belong to."""
-        return {}
+    def turning(self, tolerance: float, **sharpness: float) -> Turning:
+        """Return the last stage with other friction."""
+        changes = {f"friction.{key}": value for key, value in sharpness.items()}
+        return Turning(altered(self.base, {**changes, "solver.tolerance": tolerance}), self.full)
 
     def reference(self, **sharpness: float) -> float:
-        """Tension ratio of a strict run."""
+        """Return the tension ratio of a strict run, which is made once."""
         key = tuple(sharpness.items())
         if key not in self.known:
-            strict = Turning(self.scene(0.1 * self.tolerance, **sharpness), self.full)
-            self.known[key] = _ratio(strict.followed())
+            *_, last = self.turning(0.1 * self.tolerance, **sharpness).states()
+            self.known[key] = last.rollers["r1"].tension_ratio
         return self.known[key]
 
     def series(self, **sharpness: float) -> tuple[float, int]:
-        """Error of the tension ratio, and tangents."""
-        turning = Turning(self.scene(self.tolerance, **sharpness), self.full)
-        error = np.nan
+        """Return the error of the tension ratio, and tangents."""
+        turning, error = self.turning(self.tolerance, **sharpness), np.nan
         with suppress(PathStopped):
-            error = abs(_ratio(turning.followed()) / self.reference(**sharpness) - 1.0)
+            *_, last = turning.states()
+            error = abs(last.rollers["r1"].tension_ratio / self.reference(**sharpness) - 1.0)
         return error, turning.march.cost.factorisations
 
     def newton(self, count: int, **sharpness: float) -> tuple[float, int]:
-        """The same in fixed steps."""
-        turning = Turning(self.scene(self.tolerance, **sharpness), self.full)
-        u = self.full[turning.plan.supports.free]
-        times = turning.plan.start + np.linspace(0.0, turning.plan.duration, count + 1)
-        solver = turning.march.solver
-        found = integrated(turning.motion, u, 0.0 * u, times, solver=solver, tolerance=1e-5)
+        """Return the same of Newton's method in fixed steps."""
+        turning = self.turning(self.tolerance, **sharpness)
+        plan, u = turning.plan, self.full[turning.plan.supports.free]
+        times, solver = (
+            plan.start + np.linspace(0.0, plan.duration, count + 1),
+            turning.march.solver,
+        )
+        found = backward_euler(turning.motion, u, 0.0 * u, times, solver=solver, tolerance=1e-5)
         if found is None:
             return np.inf, 0
-        velocity = (found.states[-1] - found.states[-2]) * count / turning.plan.duration
-        ratio = _ratio(turning.ending(found.states[-1], velocity))
-        return abs(ratio / self.reference(**sharpness) - 1.0), found.tangents
-
-
-def _ratio(state: Any) -> float:
-    return float(state.rollers["r1"].tension_ratio)
+        states, tangents = found
+        velocity = (states[-1] - states[-2]) * count / plan.duration
+        ratio = turning.ending(states[-1], velocity).rollers["r1"].tension_ratio
+        return abs(ratio / self.reference(**sharpness) - 1.0), tangents
 
 
 if __name__ == "__main__":

@@ -69,34 +69,17 @@ class Sheet:
 
 @dataclass(frozen=True)
 class Report:
-    """Tables and figures of a benchmark; ``str`` gives what is printed.
-
-    Attributes
-    ----------
-    data : Sheet
-        Rows of the CSV file.
-    sheets : tuple of Sheet
-        Tables that are printed and stand in the report.
-    figures : dict
-        File name → its PNG.
-    command : str
-        The command that makes the report anew.
-    seconds, processor : float
-        Time by the clock, and processor time of this process and its children (s); where other
-        programs were at work the second is much smaller, and the times are worth less.
-    files : tuple of Path
-        Written files.
-    """
+    """Tables and figures of a benchmark; ``str`` gives what is printed."""
 
     name: str
     title: str
-    data: Sheet
-    sheets: tuple[Sheet, ...]
-    figures: dict[str, bytes] = field(default_factory=dict)
-    command: str = ""
-    seconds: float = 0.0
-    processor: float = 0.0
-    files: tuple[Path, ...] = ()
+    data: Sheet  # rows of the CSV file
+    sheets: tuple[Sheet, ...]  # printed, and in the report
+    figures: dict[str, bytes] = field(default_factory=dict)  # file name → its PNG
+    command: str = ""  # that makes the report anew
+    seconds: float = 0.0  # by the clock
+    processor: float = 0.0  # s, children included; less than seconds if other programs worked
+    files: tuple[Path, ...] = ()  # that were written
 
     def write(self, directory: Path) -> tuple[Path, ...]:
         """Write ``NAME.csv``, ``NAME.md`` and the figures; return their paths."""

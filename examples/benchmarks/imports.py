@@ -1,4 +1,4 @@
-"""Which modules of mechanics an effect imports: looked at in processes of their own.
+"""Modules of mechanics that an effect imports, looked at in processes of their own.
 
 This module imports no more than what assembles and expands a scene, so that what is found
 is the scene's doing.
@@ -10,11 +10,10 @@ import json
 import sys
 from collections.abc import Iterator
 from tempfile import TemporaryDirectory
-from typing import Any
 
 from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.driver.scene import Scene
-from anmstrip.equilibrium import Equilibrium, Motion, StageProblem
+from anmstrip.equilibrium import Equilibrium, Motion
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course, stretched
@@ -26,9 +25,12 @@ CELLS = (12, 2)
 
 
 def import_sheet() -> Sheet:
-    """Modules that every step imports beyond the steps before it, and those of any run."""
-    rows = [(f"+ {added}", _listed(modules)) for added, modules in _elsewhere("grown")]
-    rows += [(what, _listed(modules)) for what, modules in _elsewhere("of_a_run")]
+    """Return modules that every step imports beyond the steps before it, and those of any run."""
+    rows = []
+    for function, plus in (("of_effects", "+ "), ("of_a_run", "")):
+        reply = ask(__file__, function)
+        assert reply.said is not None, reply.outcome
+        rows += [(f"{plus}{added}", ", ".join(names) or "none") for added, names in reply.said]
     note = (
         "What is imported for the first time when a scene is built and expanded once; last, when "
         "the first of these scenes is run to its end and its states are written."
@@ -36,30 +38,19 @@ def import_sheet() -> Sheet:
     return Sheet("Modules of mechanics", ("added", "imported"), tuple(rows), note)
 
 
-def _listed(modules: list[str]) -> str:
-    return ", ".join(modules) or "none"
-
-
-def _elsewhere(function: str) -> list[tuple[str, list[str]]]:
-    """Return the pairs that a function of this module yields in a process of its own."""
-    reply = ask(__file__, function)
-    assert reply.said is not None, reply.outcome
-    return [(added, modules) for added, modules in reply.said]
-
-
-def grown() -> Iterator[tuple[str, list[str]]]:
-    """Effects in the order in which they are added, each with the modules that it brings."""
+def of_effects() -> Iterator[tuple[str, list[str]]]:
+    """Yield effects in the order in which they are added, with the modules that each brings."""
     known: set[str] = set()
     for added, scene in growing("section", CELLS):
-        expanded_once(scene)
+        expand_once(scene)
         yield added, sorted(_mechanics() - known)
         known = _mechanics()
 
 
 def of_a_run() -> Iterator[tuple[str, list[str]]]:
-    """What a run imports on top of the membrane alone, whatever the scene."""
+    """Yield what a run imports on top of the membrane alone, whatever the scene."""
     _, scene = next(growing("section", CELLS))
-    expanded_once(scene)
+    expand_once(scene)
     known = _mechanics()
     with TemporaryDirectory() as directory:
         for _ in scene.run(directory):
@@ -68,36 +59,28 @@ def of_a_run() -> Iterator[tuple[str, list[str]]]:
 
 
 def _mechanics() -> set[str]:
-    """Modules of mechanics imported so far, by their short names."""
+    """Return the modules of mechanics imported so far, by their short names."""
     prefix = "anmstrip.mechanics."
     return {name.removeprefix(prefix) for name in sys.modules if name.startswith(prefix)}
 
 
-def expanded_once(scene: Scene) -> None:
+def expand_once(scene: Scene) -> None:
     """Build a scene and expand its last stage, at the state where it is laid or stretched."""
-    assembly = Assembly(scene)
-    course = Course(assembly)
+    a = Assembly(scene)
+    course = Course(a)
     for stage in scene.course:
         plan = course.plan(stage, {})
         course.finish(stage)
-    full = (
-        stretched(assembly, TENSION)
-        if assembly.thread is None
-        else assembly.thread.guess(assembly.strip, assembly.pattern)
-    )
+    full = stretched(a, TENSION) if a.thread is None else a.thread.guess(a.strip, a.pattern)
     u = full[plan.supports.free]
-    parameter = Parameter(1.0)
-    expand(_equations(plan, u), 0.0 * u if plan.in_time else u, 0.0, order=3,
-           solver=SparseSolver(), parameter=parameter)  # fmt: skip
-
-
-def _equations(plan: StageProblem, u: Any) -> Equilibrium:
-    if not plan.in_time:
-        return Equilibrium(plan.model, plan.supports, plan.controls)
-    motion = Motion(plan.model, plan.supports, plan.controls, plan.start, plan.duration)
-    rest = AffineVelocity(1.0 / plan.duration, 0.0 * u, 0.0 * u)
-    return motion.during(plan.start, plan.duration, rest, u)
+    rest, equations = 0.0 * u, Equilibrium(plan.model, plan.supports, plan.controls)
+    if plan.in_time:
+        motion = Motion(plan.model, plan.supports, plan.controls, plan.start, plan.duration)
+        velocity = AffineVelocity(1.0 / plan.duration, rest, rest)
+        equations = motion.during(plan.start, plan.duration, velocity, u)
+    start = rest if plan.in_time else u
+    expand(equations, start, 0.0, order=3, solver=SparseSolver(), parameter=Parameter(1.0))
 
 
 if __name__ == "__main__":
-    print(json.dumps(list({"grown": grown, "of_a_run": of_a_run}[sys.argv[1]]())))
+    print(json.dumps(list({"of_effects": of_effects, "of_a_run": of_a_run}[sys.argv[1]]())))

@@ -18,6 +18,7 @@ from cantilever import LENGTH, cantilever, elastica, tip
 from contact import ratio_error
 from figures import Plot, curves
 from harness import Cell, Report, Sheet, main
+from runs import finished
 from strips import RADIUS, TENSION, capstan
 
 Array = NDArray[np.float64]
@@ -36,7 +37,7 @@ FINEST = 0.125
 
 
 def study(quick: bool = False) -> Report:
-    """Cantilever, section and shell."""
+    """Compare errors of a cantilever, a section and a shell."""
     cells, sizes = (CELLS[:4], SIZES[:3]) if quick else (CELLS, SIZES)
     bent = [bending_error(n) for n in cells]
     finest = profile("section", sizes[-1] / 2.0 if quick else FINEST)
@@ -86,7 +87,7 @@ def _plot(label: str, found: dict[str, list[Profile]], finest: Profile, i: int) 
 
 
 def bending_error(cells: int, tolerance: float = 1e-7) -> float:
-    """Error of the cantilever's tip over its length, against the elastica."""
+    """Return the error of the cantilever's tip over its length, against the elastica."""
     equations = cantilever(cells, THIN)
     settings = Settings(tolerance=tolerance, arclength=True)
     u = np.zeros(len(equations.supports.free))
@@ -105,36 +106,21 @@ def _orders(rows: Sequence[tuple[int, float, float]]) -> list[tuple[Cell, ...]]:
 
 @dataclass(frozen=True)
 class Profile:
-    """A capstan on one mesh.
+    """A capstan on one mesh."""
 
-    Attributes
-    ----------
-    size : float
-        Element length over the roller, in √(D/T).
-    ratio, off : float
-        Tension ratio, and its error against the formula.
-    x, pressure : ndarray
-        Where contact is looked at (m), over T/R.
-    middles, moment : ndarray
-        Middles of elements (m), bending moment there over D/R.
-    unknowns, tangents : int
-    seconds : float
-        Of the processor.
-    """
-
-    size: float
-    ratio: float
-    off: float
-    x: Array
-    pressure: Array
-    middles: Array
-    moment: Array
+    size: float  # element length over the roller, in √(D/T)
+    ratio: float  # of tensions
+    off: float  # error of the ratio against the formula
+    x: Array  # points of contact (m)
+    pressure: Array  # over T/R
+    middles: Array  # of elements (m)
+    moment: Array  # bending moment there, over D/R
     unknowns: int
     tangents: int
-    seconds: float
+    seconds: float  # of the processor
 
     def errors(self, finest: Profile) -> tuple[float, ...]:
-        """Differences from a finer one, and what it cost."""
+        """Return the differences from a finer one, and what it cost."""
         pressure = _distance(self.x, self.pressure, finest.x, finest.pressure, 0.5)
         moment = _distance(self.middles, self.moment, finest.middles, finest.moment, 1.0)
         ratio = abs(self.ratio / finest.ratio - 1.0)
@@ -143,7 +129,7 @@ class Profile:
 
 
 def _distance(x: Array, y: Array, fine: Array, exact: Array, share: float) -> float:
-    """Root mean square difference over the middle share of where the finer one is not zero."""
+    """Return the root mean square difference over the middle share of the finer one's support."""
     seen = fine[np.abs(exact) > 0.1]
     middle, half = 0.5 * (seen.max() + seen.min()), 0.5 * share * np.ptp(seen)
     even = np.linspace(middle - half, middle + half, 400)
@@ -154,11 +140,8 @@ def profile(level: str, size: float, tolerance: float = 1e-5) -> Profile:
     """Run the capstan with elements of ``size`` √(D/T) over the roller."""
     D = 2e11 * 1e-9 / 12.0 / (1.0 - 0.3**2)
     scene = capstan(level, 2, size * float(np.sqrt(D / TENSION)), tolerance)
-    begin, run = time.process_time(), Run(scene)
-    for _ in run:
-        pass
-    assert run.outcome.done, run.message
-    assert run.state is not None
+    begin = time.process_time()
+    run = finished(scene)
     spent = time.process_time() - begin
     contact, reading = run.state.contacts["r1"], run.state.rollers["r1"]
     x, pressure = _row(contact.contact.operator.reference, contact.pressure)
@@ -176,14 +159,14 @@ def profile(level: str, size: float, tolerance: float = 1e-5) -> Profile:
 
 
 def _row(places: Array, values: Array) -> tuple[Array, Array]:
-    """Values along the line of least y, by x."""
+    """Return values along the line of least y, by x."""
     row = np.flatnonzero(places[1] <= places[1].min() + 1e-9)
     row = row[np.argsort(places[0, row])]
     return places[0, row], values[..., row]
 
 
 def _moment(run: Run) -> tuple[Array, Array]:
-    """Middles of the elements and |∂²r/∂x²| R there; exact for cubics."""
+    """Return middles of the elements and |∂²r/∂x²| R there; exact for cubics."""
     strip, full = run.assembly.strip, run.march.full.reshape(-1, run.assembly.strip.count)
     nodes = np.vstack([strip.nodes, 0.0 * strip.nodes[:1]])[:2]
     x, slopes = _row(nodes, full[strip.dofs("u_x")].T)

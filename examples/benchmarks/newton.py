@@ -66,28 +66,16 @@ COLUMNS = ("problem", "method", "steps", "factorisations", "residuals", "seconds
 
 @dataclass(frozen=True)
 class Trial:
-    """One method on one problem.
+    """A run of one method on one problem."""
 
-    Attributes
-    ----------
-    steps : int
-        Accepted, of load and of time.
-    cost : Cost
-    seconds : float
-        Of the processor.
-    value : float
-        What the answer is judged by.
-    outcome : Outcome
-    """
-
-    steps: int
+    steps: int  # accepted, of load and of time
     cost: Cost
-    seconds: float
-    value: float
+    seconds: float  # of the processor
+    value: float  # that the answer is judged by
     outcome: Outcome
 
     def row(self, problem: str, method: str, exact: float) -> tuple[Cell, ...]:
-        """Cells of the columns."""
+        """Return the cells of the columns."""
         counts = (self.steps, self.cost.factorisations, self.cost.residuals, self.seconds)
         error = abs(self.value / exact - 1.0) if self.outcome.done else np.inf
         return (problem, method, *counts, error)
@@ -98,7 +86,7 @@ Problem = Callable[[PathSolver, float], Trial]
 
 
 def study(quick: bool = False) -> Report:
-    """All methods on all problems."""
+    """Compare all methods on all problems."""
     refined = 0.1 if quick else 0.025
     mesh = ("section", 2, refined)
     shell = ("shell", 2 if quick else 8, refined)

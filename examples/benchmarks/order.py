@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.continuation.expansion import Cost
 from anmstrip.continuation.follow import Settings, follow
-from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.scene.stage_tables import SolverSpec
@@ -28,8 +26,8 @@ from figures import (
     work_precision,
 )
 from harness import Cell, Report, Sheet, main
+from runs import altered, finished
 from strips import capstan
-from turning import altered
 
 Array = NDArray[np.float64]
 
@@ -47,12 +45,8 @@ NOTE = (
 
 
 def study(quick: bool = False) -> Report:
-    """All orders at all tolerances, on both problems."""
-    orders = (4, 12, 20) if quick else ORDERS
-    tolerances = TOLERANCES[:1] if quick else TOLERANCES
-    runs = []
-    for name, problem in _problems(0.2 if quick else 0.1).items():
-        runs += list(_runs(name, problem, (*orders, CHOSEN), tolerances))
+    """Run all orders at all tolerances, on all problems."""
+    runs = list(_runs(quick))
     fixed = [r for r in runs if r.at != CHOSEN]
     at: tuple[str, Callable[[Measured], float]] = ("order", lambda r: r.at)
     seconds = plotted(fixed, at, ("seconds of one core", lambda r: r.seconds))
@@ -74,84 +68,62 @@ def study(quick: bool = False) -> Report:
     )
 
 
-class Bending:
-    """A cantilever of 16 elements."""
+Problem = Callable[[int, float], tuple[Array, int]]
+"""Order and tolerance → results and tangents."""
 
-    strictest = 1e-10
 
-    def __init__(self) -> None:
-        self.equations = cantilever()
+def bending() -> Problem:
+    """Return a cantilever of 16 elements: its tip over the length."""
+    equations = cantilever()
 
-    def __call__(self, order: int, tolerance: float) -> tuple[Array, int]:
-        """Tip over the length, and tangents."""
+    def solved(order: int, tolerance: float) -> tuple[Array, int]:
         settings = Settings(tolerance=tolerance, arclength=True, max_steps=100_000)
         settings = settings if order == CHOSEN else replace(settings, order=order)
-        cost, u = Cost(), np.zeros(len(self.equations.supports.free))
-        *_, last = follow(self.equations, u, solver=SparseSolver(), settings=settings, cost=cost)
-        return tip(self.equations, last.branch.end[0]) / LENGTH, cost.factorisations
+        cost, u = Cost(), np.zeros(len(equations.supports.free))
+        *_, last = follow(equations, u, solver=SparseSolver(), settings=settings, cost=cost)
+        return tip(equations, last.branch.end[0]) / LENGTH, cost.factorisations
 
-    @property
-    def chooses(self) -> bool:
-        """Whether the program can choose an order by itself."""
-        return _left_out(Settings().order)
+    return solved
 
 
-class Scenic:
-    """A scene with a roller, to its end."""
+def of_scene(scene: Scene) -> Problem:
+    """Return a scene with a roller: its tension ratio, and mean pressure over T/R, at the end."""
 
-    def __init__(self, scene: Scene, strictest: float) -> None:
-        self.scene, self.strictest = scene, strictest
-
-    def __call__(self, order: int, tolerance: float) -> tuple[Array, int]:
-        """Tension ratio and mean pressure over T/R, and tangents."""
+    def solved(order: int, tolerance: float) -> tuple[Array, int]:
         chosen = {} if order == CHOSEN else {"solver.order": order}
-        run = Run(altered(self.scene, {**chosen, "solver.tolerance": tolerance}))
-        for _ in run:
-            pass
-        assert run.outcome.done, run.message
-        assert run.state is not None
+        run = finished(altered(scene, {**chosen, "solver.tolerance": tolerance}))
         reading = run.state.rollers["r1"]
-        force = reading.normal_force / (reading.tension_in * self.scene.rollers[0].radius)
+        force = reading.normal_force / (reading.tension_in * scene.rollers[0].radius)
         return np.array([reading.tension_ratio or np.nan, force]), run.cost.factorisations
 
-    @property
-    def chooses(self) -> bool:
-        """Whether the program can choose an order by itself."""
-        return _left_out(SolverSpec().order)
+    return solved
 
 
-def _left_out(default: Any) -> bool:
-    return not isinstance(default, int)
-
-
-def _problems(refined: float) -> dict[str, Bending | Scenic]:
-    """Bending by arclength, pressing without friction, and turning in time."""
-    turned = capstan("section", 1, refined, 1e-6)
+def _runs(quick: bool) -> Iterator[Measured]:
+    """Yield bending by arclength, pressing without friction, and turning in time."""
+    orders, tolerances = ((4, 12, 20), TOLERANCES[:1]) if quick else (ORDERS, TOLERANCES)
+    turned = capstan("section", 1, 0.2 if quick else 0.1, 1e-6)
     pressed = turned.model_copy(update={"stages": turned.stages[:-1]})
-    return {
-        "cantilever": Bending(),
-        "press": Scenic(pressed, 1e-10),
-        "capstan": Scenic(turned, 1e-7),
+    problems = {
+        "cantilever": (bending(), 1e-10, Settings().order),
+        "press": (of_scene(pressed), 1e-10, SolverSpec().order),
+        "capstan": (of_scene(turned), 1e-7, SolverSpec().order),
     }
+    for name, (problem, strictest, default) in problems.items():
+        reference, _ = problem(20, strictest)
 
+        def run(order: int, tolerance: float, problem=problem, reference=reference):
+            found, tangents = problem(order, tolerance)
+            return float(np.abs(found - reference).max()), tangents
 
-def _runs(
-    name: str, problem: Bending | Scenic, orders: Sequence[int], tolerances: Sequence[float]
-) -> Iterator[Measured]:
-    reference, _ = problem(20, problem.strictest)
-
-    def run(order: int, tolerance: float) -> tuple[float, int]:
-        found, tangents = problem(order, tolerance)
-        return float(np.abs(found - reference).max()), tangents
-
-    for tolerance in tolerances:
-        for order in orders:
-            if (order != CHOSEN or problem.chooses) and tolerance > problem.strictest:
+        chosen = () if isinstance(default, int) else (CHOSEN,)
+        for tolerance in (t for t in tolerances if t > strictest):
+            for order in (*orders, *chosen):
                 yield measured(f"{name}, {tolerance:.0e}", order, partial(run, order, tolerance))
 
 
 def _by_order(runs: Sequence[Measured]) -> list[Measured]:
-    """Lines of one order, from tolerance to tolerance, of some orders."""
+    """Return lines of one order, from tolerance to tolerance, of some orders."""
     shown = sorted({r.at for r in runs})[::3]
     lines = [(r, r.line.partition(",")[0]) for r in runs if r.at in shown]
     return [

@@ -7,18 +7,19 @@ strip, y up.
 
 from __future__ import annotations
 
+import json
+import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
-from anmstrip.driver.scene import Scene
-from anmstrip.series import compiled
-from comparisons import Finished
-from strips import FRICTION, MATERIAL, RADIUS
+from anmstrip.series.compiled import AVAILABLE
+from runs import finished
+from strips import FRICTION, MATERIAL, RADIUS, capstan, threaded
 
 YOUNG, POISSON, THICKNESS = MATERIAL["young"], MATERIAL["poisson"], 1.0e-3
 LENGTH, DOWN, PULL = 4.0, -0.45, -5773.5
@@ -29,30 +30,18 @@ TOLERANCE = 1e-3
 
 @dataclass(frozen=True)
 class Answer:
-    """What a program found.
+    """The answer of a program."""
 
-    Attributes
-    ----------
-    ratio : float
-        Higher over lower tension.
-    off : float
-        Of the formula, relative.
-    seconds : float
-        Of one core, by the processor's clock, from the strip at rest to the answer.
-    steps, tangents, unknowns : int or None
-        Of load or time; factorised.
-    """
-
-    ratio: float
-    off: float
-    seconds: float
-    steps: int | None
-    tangents: int | None
+    ratio: float  # higher over lower tension
+    off: float  # of the formula, relative
+    seconds: float  # of one core, by the processor's clock, from the strip at rest to the answer
+    steps: int | None  # of load or time
+    tangents: int | None  # factorised
     unknowns: int
 
 
 def formula(coefficient: float, angle: float, low: float, high: float) -> float:
-    """Ratio of tensions in full slip: e^(f θ) less what bending takes."""
+    """Return the ratio of tensions in full slip: e^(f θ) less what bending takes."""
     per_tension = (1.0 + COEFFICIENT**2) * BENDING / (2.0 * RADIUS**2)
     return float(np.exp(coefficient * angle - per_tension * (1.0 / low - 1.0 / high)))
 
@@ -60,7 +49,7 @@ def formula(coefficient: float, angle: float, low: float, high: float) -> float:
 def answer(
     ends: tuple[Any, Any], coefficient: float, seconds: float, counts: tuple[Any, Any, int]
 ) -> Answer:
-    """From the forces (N/m, along and up) on entry and exit."""
+    """Return the answer by the forces (N/m, along and up) on entry and exit."""
     entry, exit = (np.asarray(end, dtype=float) for end in ends)
     angle = float(np.arctan2(-exit[1], exit[0]) + np.arctan2(-entry[1], -entry[0]))
     high, low = (float(f(np.linalg.norm([entry, exit], axis=1))) for f in (np.max, np.min))
@@ -68,33 +57,41 @@ def answer(
     return Answer(high / low, off, seconds, *counts)
 
 
-def ours(
-    scene_of: Callable[..., Scene], level: str, across: int, refined: float
-) -> Callable[[float | None], Answer]:
-    """This program at a level of kinematics, from a strip at rest or from a threaded one.
-
-    The compiler of its kernels is imported before the time is taken, as the other programs are.
-    """
-    if compiled.AVAILABLE:
-        import_module("anmstrip.series.kernels")
-
-    def solved(stiffer: float | None) -> Answer:
-        scene = scene_of(level, across, refined, TOLERANCE, stiffer=stiffer)
-        found: list[Finished] = []
-        seconds = timed(lambda: found.append(Finished.of(scene)))
-        run, state = found[0].run, found[0].run.state
-        assert state is not None
-        ends = tuple(state.edge_force(name)[[0, 2]] for name in ("entry", "exit"))
-        slip = state.rollers["r1"].creep_speed or 0.0
-        effective = run.assembly.friction.effective(slip)  # type: ignore[union-attr]
-        counts = (run.steps, run.cost.factorisations, run.assembly.strip.unknowns)
-        return answer((ends[0], ends[1]), effective, seconds, counts)
-
-    return solved
-
-
 def timed(work: Callable[[], Any]) -> float:
-    """Processor seconds that it takes: other programs on the machine do not count."""
+    """Return the processor seconds of some work: other programs on the machine do not count."""
     begin = time.process_time()
     work()
     return time.process_time() - begin
+
+
+OURS = {
+    "section": (capstan, "section", 2, 0.05),
+    "threaded-section": (threaded, "section", 2, 0.05),
+    "shell": (capstan, "shell", 10, 0.025),
+    "threaded-shell": (threaded, "shell", 18, 0.025),
+}
+"""Name → scene, level of kinematics, elements across, their length over the roller (m)."""
+
+
+def solved(name: str, stiffer: float | None) -> Answer:
+    """Solve by the program of that name, with contact so much stiffer, or left to the mesh.
+
+    The compiler of our kernels is imported before the time is taken, as the other programs are.
+    """
+    if name not in OURS:
+        return import_module(f"peer_{name}").solved(stiffer)
+    if AVAILABLE:
+        import_module("anmstrip.series.kernels")
+    make, level, across, refined = OURS[name]
+    scene, runs = make(level, across, refined, TOLERANCE, stiffer=stiffer), []
+    seconds = timed(lambda: runs.append(finished(scene)))
+    run, state = runs[0], runs[0].state
+    ends = tuple(state.edge_force(edge)[[0, 2]] for edge in ("entry", "exit"))
+    effective = run.assembly.friction.effective(state.rollers["r1"].creep_speed or 0.0)
+    counts = (run.steps, run.cost.factorisations, run.assembly.strip.unknowns)
+    return answer(ends, effective, seconds, counts)
+
+
+if __name__ == "__main__":
+    factor = None if sys.argv[2] == "mesh" else float(sys.argv[2])
+    print(json.dumps(asdict(solved(sys.argv[1], factor))))

@@ -149,7 +149,7 @@ def _settings(exu: Any) -> Any:
 
 
 def _force(exu: Any, system: Any, cable: Any, node: Any) -> Any:
-    """Axial force of an end (N), along the cable there."""
+    """Return the axial force of an end (N), along the cable there."""
     middle = [0.5 * LENGTH / ELEMENTS, 0.0, 0.0]
     kinds = exu.OutputVariableType
     force = np.atleast_1d(system.GetObjectOutputBody(cable, kinds.ForceLocal, localPosition=middle))

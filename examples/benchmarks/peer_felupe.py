@@ -65,7 +65,7 @@ def solved(stiffer: float) -> Answer:
 
 
 def _model(fem: Any, stiffness: float) -> tuple[Any, Any, Any]:
-    """Strip and roller; the roller's centre is the last point of the mesh."""
+    """Return strip and roller; the roller's centre is the last point of the mesh."""
     corners = (-0.5 * LENGTH, 0.0), (0.5 * LENGTH, THICKNESS)
     mesh = fem.Rectangle(a=corners[0], b=corners[1], n=(CELLS + 1, 2))
     mesh = fem.Mesh(*fem.mesh.add_midpoints_edges(mesh.points, mesh.cells, mesh.cell_type))
@@ -89,7 +89,7 @@ def _model(fem: Any, stiffness: float) -> tuple[Any, Any, Any]:
 
 
 def _steps(fem: Any, field: Any, strip: Any, contact: Any) -> tuple[list[Any], NDArray[np.intp]]:
-    """Tension, wrapping, slip; with them the points of the entry."""
+    """Return the steps of tension, wrapping and slip, and the points of the entry."""
     points = field.region.mesh.points
     middle = np.isclose(points[:, 1], 0.5 * THICKNESS)
     entry = np.flatnonzero((points[:, 0] == -0.5 * LENGTH) & middle)

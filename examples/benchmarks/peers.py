@@ -13,7 +13,7 @@ from pathlib import Path
 from harness import Cell, Report, Sheet, ask, installed, left_out, main
 from peer_capstan import Answer
 
-PROCESS = str(Path(__file__).with_name("peer_process.py"))
+PROCESS = str(Path(__file__).with_name("peer_capstan.py"))
 
 FACTORS = (1.0, 1e2, 1e4)
 """On the stiffness of contact, 1e10 Pa/m."""
@@ -28,28 +28,12 @@ COLUMNS = ("program", "stiffness", "outcome", *COUNTS, "ratio", "off (%)")
 
 @dataclass(frozen=True)
 class Program:
-    """Who is asked.
+    """A program that is asked."""
 
-    Attributes
-    ----------
-    name : str
-        Of :mod:`peer_process`.
-    title : str
-    quick : bool
-        Whether it belongs to a quick study.
-    module : str
-        What it needs; empty for this program.
-    """
-
-    name: str
+    name: str  # of ``peer_capstan.py``
     title: str
-    quick: bool = True
-    module: str = ""
-
-    @property
-    def factors(self) -> tuple[float | str, ...]:
-        """On the stiffness of contact that it is asked for."""
-        return FACTORS if self.module else (MESH, *FACTORS)
+    quick: bool = True  # whether it belongs to a quick study
+    module: str = ""  # that it needs; empty for this program
 
 
 PROGRAMS = (
@@ -62,33 +46,15 @@ PROGRAMS = (
 )
 
 
-@dataclass(frozen=True)
-class Trial:
-    """One program at one stiffness: its answer, or why there is none."""
-
-    program: Program
-    stiffer: float | str
-    answer: Answer | None
-    outcome: str
-    seconds: float
-
-    @property
-    def row(self) -> tuple[Cell, ...]:
-        """Cells of the columns."""
-        stiffness = self.stiffer if self.stiffer == MESH else f"x {self.stiffer:g}"
-        head = (self.program.title, stiffness, self.outcome)
-        a = self.answer
-        if a is None:
-            return (*head, self.seconds, None, None, None, None, None)
-        return (*head, a.seconds, a.steps, a.tangents, a.unknowns, f"{a.ratio:.6f}", 100.0 * a.off)
-
-
 def study(quick: bool = False) -> Report:
-    """All programs at all stiffnesses."""
+    """Ask all programs at all stiffnesses."""
     limit = 12.0 if quick else 300.0
-    programs = [p for p in PROGRAMS if (p.quick or not quick) and _there(p)]
-    trials = [tried(program, factor, limit) for program in programs for factor in program.factors]
-    rows = tuple(trial.row for trial in trials)
+    rows = tuple(
+        row(program, factor, limit)
+        for program in PROGRAMS
+        if (program.quick or not quick) and (not program.module or installed(program.module))
+        for factor in (FACTORS if program.module else (MESH, *FACTORS))
+    )
     return Report(
         name="peers",
         title="The capstan by other programs",
@@ -97,15 +63,14 @@ def study(quick: bool = False) -> Report:
     )
 
 
-def tried(program: Program, stiffer: float | str, limit: float) -> Trial:
-    """A program in a process of its own; what goes wrong there is the outcome."""
+def row(program: Program, stiffer: float | str, limit: float) -> tuple[Cell, ...]:
+    """Ask a program in a process of its own; what goes wrong there is the outcome."""
     reply = ask(PROCESS, program.name, str(stiffer), limit=limit)
-    answer = None if reply.said is None else Answer(**reply.said)
-    return Trial(program, stiffer, answer, reply.outcome, reply.seconds)
-
-
-def _there(program: Program) -> bool:
-    return not program.module or installed(program.module)
+    head = (program.title, stiffer if stiffer == MESH else f"x {stiffer:g}", reply.outcome)
+    if reply.said is None:
+        return (*head, reply.seconds, *(None,) * 5)
+    a = Answer(**reply.said)
+    return (*head, a.seconds, a.steps, a.tangents, a.unknowns, f"{a.ratio:.6f}", 100.0 * a.off)
 
 
 def _note(limit: float) -> str:

@@ -1,36 +1,202 @@
-"""Strips that wrinkle before a roller: over a crown, or out of line; and what friction adds.
+"""Wrinkles before a roller that turns and rubs: what friction adds on a crown, and out of line.
 
-*Crown.*  The middle goes a longer way than the edges and carries more; away from the roller the
-tension spreads again to the width of the strip.  That takes compression across, which comes from
-the crown whatever the tension is, once the strip lies on all of the roller, while it is tension
-that holds the strip smooth.  So it wrinkles where the tension falls below an onset, which grows
-with the square of the crown: the strip bears 2 q √(D T).  At low tension it lies on the middle of
-the roller alone, compression is a share of the tension, and there is another onset, above which it
-wrinkles: T against √(D T) makes it depend on D, and hardly on the crown.  A lesser crown than that
-at which both meet makes no wrinkles at any tension.  A roller that turns and rubs brings more strip
-to where its surface goes, towards the middle, and the compression grows with the way.
+*Crown.*  The roller brings more strip to its middle; the compression grows with the way, and a
+strip that is pulled harder and harder while it runs wrinkles at a lower tension than one that may
+slide, over lesser crowns too.
 
-*Out of line.*  A strip that may slide does so, and nothing happens.  One that sticks is carried to
-the side and sheared: N_xy² / T is compression across, and wrinkles lie askew.
+*Out of line.*  What sticks is carried to the side by the yaw ψ times the way w: a shear force
+N_xy ∝ ψ w, whatever the tension is.  N_xy² / T reaches 2 q √(D T) at a tension T ∝ (ψ w)^(4/3),
+below which the strip wrinkles; it falls faster with ψ where so low a tension lets the strip slip.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 
+import numpy as np
+
+from anmstrip.driver.scene import Scene
+from anmstrip.simulation.imperfection import buckling
 from figures import Line, Map, drawn, mapped
 from harness import Cell, Report, Sheet, main
-from rubbed_wrinkles import (
-    SMOOTH,
-    THICK,
-    friction_sheet,
-    height_sheet,
-    onset_sheet,
-    skew_sheet,
-    yaw_sheet,
-)
-from wrinkle_onset import Onset, onset
-from wrinkling_scenes import Crowned, Mesh
+from wrinkling import ONSET, SPEED, Crowned, Ended, Mesh, Onset, Skewed, ended, onset, onsets
+
+THICK = 4e-4
+"""Of the strip that is pulled harder and harder (m)."""
+
+SMOOTH = Crowned(8e-4, 6e3, Mesh((8, 12), 2e-2), THICK)
+"""Over a crown that makes no wrinkles without friction, at any tension."""
+
+PULLED, HARDEST = 2.5e3, 9e3
+"""Tension when threaded, and in the end, of a strip that is pulled harder and harder (N/m)."""
+
+LEVELS = (1.05, ONSET)
+"""Growth of the compression: near the onset, and what is called so.
+
+A strip leans into wrinkles to which the crown has bent it and may stay between both for long.
+"""
+
+RUN = 0.1
+"""Way (m) at constant tension, and again while the strip is pulled harder."""
+
+# A crown -------------------------------------------------------------------------
+
+
+def pulled(case: Crowned, friction: float) -> Scene:
+    """Return a strip pulled harder: conveyed with friction, or frictionless."""
+    case = replace(case, tension=PULLED)
+    return case.conveyed(RUN, friction, HARDEST) if friction else case.eased(HARDEST)
+
+
+def onset_sheet(cases: tuple[tuple[float, Mesh, float], ...]) -> Sheet:
+    """Return the tension at which a strip wrinkles as it rises, by crown (m), mesh and friction."""
+    rows: list[tuple[Cell, ...]] = []
+    for crown, mesh, friction in cases:
+        case = replace(SMOOTH, crown=crown, mesh=mesh)
+        rows.append((1e3 * crown, str(mesh), friction, *_levels(pulled(case, friction))))
+    columns = ("crown (mm)", "mesh", "friction", f"tension at {LEVELS[0]} (N/m)",
+               "compression (N/m)", "wavelength (m)", "where", f"tension at {LEVELS[1]} (N/m)",
+               "where")  # fmt: skip
+    note = (
+        f"{1e3 * THICK:g} mm thick, pulled by {1e-3 * PULLED:g} to {1e-3 * HARDEST:g} kN/m; with "
+        f"friction conveyed by {RUN:g} m first, and by as much meanwhile. Where the compression "
+        "would have to grow by these factors for the strip to buckle."
+    )
+    return Sheet("Onset by crown with friction", columns, tuple(rows), note)
+
+
+def _levels(scene: Scene) -> Iterator[Cell]:
+    near, found = onsets(scene, LEVELS)
+    if near is None:
+        yield from (None,) * 4
+    else:
+        yield from (near.tension, near.compression, near.wavelengths[1], _side(near))
+    yield from (None, None) if found is None else (found.tension, _side(found))
+
+
+def _side(found: Onset) -> str:
+    """The strip runs over a crown from its exit to its entry."""
+    return "behind" if found.place.startswith("the entry") else "before"
+
+
+FRICTION_COLUMNS = (
+    "crown (mm)", "tension (kN/m)", "friction", "way (m)", "factor", "compression (N/m)",
+    "height / t before", "behind", "lean / t", "tangents", "outcome",
+)  # fmt: skip
+
+
+def friction_sheet(cases: tuple[tuple[float, float], ...], friction: float, way: float) -> Sheet:
+    """The same crowns and tensions: as threaded, and conveyed with friction."""
+    rows: list[tuple[Cell, ...]] = []
+    for crown, tension in cases:
+        case, head = replace(SMOOTH, crown=crown, tension=tension), (1e3 * crown, 1e-3 * tension)
+        rows.append((*head, 0.0, *_pressed(case.eased(tension), 0.0)))
+        rows.append((*head, friction, *_pressed(case.conveyed(way, friction), way)))
+    note = (
+        f"{1e3 * THICK:g} mm thick, mesh {SMOOTH.mesh}: as threaded, and conveyed. By the factor "
+        "the compression would have to grow for the strip to buckle. Before the roller, which is "
+        "towards the exit, and behind it. Lean is what both sides differ by."
+    )
+    return Sheet("Friction on a crown", FRICTION_COLUMNS, rows=tuple(rows), note=note)
+
+
+def _pressed(scene: Scene, way: float) -> tuple[Cell, ...]:
+    """Return the way that the strip has come, and the columns after that."""
+    found = ended(scene)
+    compression, (behind, *_, height) = found.wrinkling.spans[-1].compression, found.heights
+    wrinkles = (found.factor, compression, height, behind, found.lean)
+    return _gone(scene, found, way), *wrinkles, found.tangents, found.outcome.value
+
+
+def _gone(scene: Scene, found: Ended | Onset, way: float) -> float:
+    """The part of a way (m) that it has come."""
+    missing = sum(stage.duration for stage in scene.course) - found.state.time
+    return round(way - SPEED * missing, 4) if way else 0.0
+
+
+def height_sheet(crown: float, frictions: tuple[float, ...]) -> Sheet:
+    """Return the heights of wrinkles of a strip that was pulled harder and harder."""
+    rows: list[tuple[Cell, ...]] = []
+    for friction in frictions:
+        scene = pulled(replace(SMOOTH, crown=crown), friction)
+        rows.append((friction, *_pressed(scene, 2.0 * RUN if friction else 0.0)))
+    note = f"Crown {1e3 * crown:g} mm, pulled as above, at {1e-3 * HARDEST:g} kN/m."
+    return Sheet("Heights with friction", FRICTION_COLUMNS[2:], tuple(rows), note)
+
+
+# Out of line ---------------------------------------------------------------------
+
+
+def skew_sheet(cases: tuple[tuple[float, float], ...], way: float, mesh: Mesh) -> Sheet:
+    """Return heights by yaw (rad) and friction."""
+    rows: list[tuple[Cell, ...]] = []
+    for yaw, friction in cases:
+        scene = Skewed(yaw, 1e4, mesh).conveyed(way, friction)
+        found = ended(scene)
+        before, gone = found.wrinkling.spans[0], _gone(scene, found, way if friction else 0.0)
+        rows.append((1e3 * yaw, friction, gone, before.compression, before.bearable,
+                     found.heights[0], found.tangents, found.outcome.value))  # fmt: skip
+    columns = ("yaw (mrad)", "friction", "way (m)", "compression (N/m)", "bearable (N/m)",
+               "height / t", "tangents", "outcome")  # fmt: skip
+    note = (
+        f"{Skewed.width:g} m wide, {1e3 * Skewed.thickness:g} mm thick, 10 kN/m, mesh {mesh}: as "
+        f"threaded, and with friction conveyed by {way:g} m. Before the roller."
+    )
+    return Sheet("A roller out of line", columns, tuple(rows), note)
+
+
+TAKEN = 0.05
+"""Longest way (m) in which wrinkles are waited for."""
+
+LIKENED = 0.04
+"""Way (m) that tensions at the onset are compared for."""
+
+
+def askew(case: Skewed, friction: float, way: float = TAKEN) -> tuple[Onset | None, float]:
+    """Return the state in which the strip is about to buckle, and the way (m) until then."""
+    scene = case.conveyed(way, friction)
+    (found,) = onsets(scene, LEVELS[:1])
+    return found, way if found is None else _gone(scene, found, way)
+
+
+def likened(tension: float, way: float) -> float:
+    """Return the tension of the onset (N/m) after the same way for all, by T ∝ w^(4/3)."""
+    return tension * float(LIKENED / way) ** (4.0 / 3.0)
+
+
+def yaw_sheet(
+    cases: tuple[tuple[float, float, float], ...], mesh: Mesh
+) -> tuple[Sheet, dict[str, Map]]:
+    """The onset by yaw (rad), tension (N/m) and friction, with the modes."""
+    rows: list[tuple[Cell, ...]] = []
+    maps: dict[str, Map] = {}
+    for yaw, tension, friction in cases:
+        case = Skewed(yaw, tension, mesh)
+        found, way = askew(case, friction)
+        (free,), _ = buckling(ended(case.conveyed(way, 0.0)).state, 1)
+        head = (1e3 * yaw, tension, friction, float(free))
+        if found is None:
+            rows.append((*head, *(None,) * 7))
+            continue
+        wave, angle = found.crests
+        bearable = found.wrinkling.spans[0].bearable
+        rows.append((*head, way, found.compression, bearable, found.count, wave,
+                     np.degrees(angle), likened(tension, way)))  # fmt: skip
+        maps[f"{1e3 * yaw:g} mrad, {1e-3 * tension:g} kN/m, {1e3 * way:.0f} mm"] = Map(*found.map)
+    columns = ("yaw (mrad)", "tension (N/m)", "friction", "factor, nothing rubs", "way (m)",
+               "compression (N/m)", "bearable (N/m)", "crests", "wavelength (m)", "angle (°)",
+               f"tension at {LIKENED:g} m (N/m)")  # fmt: skip
+    note = (
+        f"Mesh {mesh}. Conveyed at constant tension, at most by {TAKEN:g} m, until the compression "
+        f"would have to grow by {LEVELS[0]} for the strip to buckle; beside it this factor where "
+        "nothing rubs. "
+        "Crests and troughs, their wavelength, and their angle to the strip. In the last column "
+        f"the tension below which it wrinkles within {LIKENED:g} m, by T ∝ way^(4/3)."
+    )
+    return Sheet("Onset out of line with friction", columns, tuple(rows), note), maps
+
 
 FULL, COARSE = Mesh((16, 16), 7.5e-3), Mesh((12, 12), 1e-2)
 
@@ -65,7 +231,7 @@ ASKEW = (
 
 
 def study(quick: bool = False) -> Report:
-    """Onset by crown and mesh; what friction adds on a crown, and on a roller out of line."""
+    """Find onsets by crown and mesh, and what friction adds on a crown and out of line."""
     crowns, panels = _crown_sheet(EASED[:2] if quick else EASED, COARSE if quick else FULL)
     sheets = [crowns]
     sheets += [] if quick else [_mesh_sheet((COARSE, FULL, Mesh((20, 20), 6e-3)))]
@@ -84,7 +250,7 @@ def study(quick: bool = False) -> Report:
 
 
 def _rubbed(quick: bool) -> tuple[list[Sheet], dict[str, Map]]:
-    """Sheets of what friction adds, and modes on a roller out of line."""
+    """Return sheets of what friction adds, and modes on a roller out of line."""
     mesh = Mesh((10, 8), 2e-2) if quick else SKEWED
     askew, maps = yaw_sheet(((1e-2, 1e4, 0.3),) if quick else ASKEW, mesh)
     if quick:
@@ -109,7 +275,7 @@ ONSET_COLUMNS = ("tension (N/m)", "compression (N/m)", "wavelength (m)", "off th
 
 @cache
 def _eased(crown: float, tension: float, mesh: Mesh, end: float) -> Onset:
-    """Where a strip wrinkles whose tension is lowered."""
+    """Return the onset of a strip whose tension is lowered."""
     return onset(Crowned(crown, tension, mesh).eased(end))
 
 
@@ -139,7 +305,7 @@ def _mesh_sheet(meshes: tuple[Mesh, ...]) -> Sheet:
 
 
 def risen(case: Crowned, tension: float) -> Onset | None:
-    """Where a strip that is pulled harder begins to wrinkle, if it does."""
+    """Return the onset of a strip that is pulled harder, if it wrinkles."""
     try:
         return onset(case.eased(tension))
     except ValueError:
@@ -147,7 +313,7 @@ def risen(case: Crowned, tension: float) -> Onset | None:
 
 
 def _rise_sheet(crowns: tuple[float, ...]) -> Sheet:
-    """Onset from below, over parabolas and over conical sides."""
+    """Return onsets from below, over parabolas and over conical sides."""
     rows: list[tuple[Cell, ...]] = []
     for flat, profile in ((None, "parabola"), (CONES, "conical sides")):
         for crown in crowns:

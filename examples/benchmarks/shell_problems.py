@@ -6,26 +6,35 @@ analysis of shells*, Finite Elem. Anal. Des. 40 (2004) 1551–1569.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from anmstrip.continuation.bifurcations import Remembering, SingularPoint, watched
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import Settings, Step, follow
+from anmstrip.continuation.newton import Corrected
+from anmstrip.continuation.path import Path
 from anmstrip.effect_series import Controls
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports, simple_support, symmetry
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.fem.surfaces import reference_surface
+from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Effect, LoadEffect
 from anmstrip.mechanics.loads import edge_force, edge_moment
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
+from harness import ROOT
+from newton_methods import RiksSettings, arc_steps
 
 Array = NDArray[np.float64]
 
-TABLES = Path(__file__).with_name("tables")
+TABLES = ROOT / "examples" / "benchmarks" / "tables"
 
 ROOF_RADIUS, ROOF_HALF_LENGTH, ROOF_ANGLE, ROOF_LOAD = 2540.0, 254.0, 0.1, 3000.0
 """mm, mm, rad, N; E in N/mm²."""
@@ -36,36 +45,17 @@ GRADING = 1.5
 
 @dataclass(frozen=True)
 class Benchmark:
-    """Equations whose control is the share of the full load, and what is looked at.
-
-    Attributes
-    ----------
-    name : str
-    equations : Equilibrium
-    rows : ndarray of int, shape (m,)
-        Unknowns that are read; those of an edge are averaged by ``weights``.
-    weights : ndarray, shape (readings, m)
-    labels : tuple of str
-        Of the readings.
-    table : str
-        Published table.
-    columns : tuple of int
-        Of the table: share of the load, then the readings.
-    target : float
-        Control at the end of the table.
-    snaps : bool
-        Whether the load turns back on the way.
-    """
+    """Equations whose control is the share of the full load, and displacements to read."""
 
     name: str
     equations: Equilibrium
-    rows: NDArray[np.int64]
-    weights: Array
-    labels: tuple[str, ...]
-    table: str
-    columns: tuple[int, ...]
-    target: float = 1.0
-    snaps: bool = False
+    rows: NDArray[np.int64]  # unknowns that are read, shape (m,)
+    weights: Array  # averages over an edge, shape (readings, m)
+    labels: tuple[str, ...]  # of the readings
+    table: str  # name of the published table
+    columns: tuple[int, ...]  # of the table: share of the load, then the readings
+    target: float = 1.0  # control at the end of the table
+    snaps: bool = False  # whether the load turns back on the way
 
     @property
     def start(self) -> Array:
@@ -73,7 +63,7 @@ class Benchmark:
         return np.zeros(len(self.equations.supports.free))
 
     def reading(self, u: Array) -> Array:
-        """Displacements as the table lists them, shape (readings,)."""
+        """Return displacements as the table lists them, shape (readings,)."""
         return self.weights @ self.equations.supports.full(u, 0.0)[self.rows]
 
     @property
@@ -90,7 +80,7 @@ def published(name: str) -> Array:
 
 
 def end_shear(cells: int = 16, *, curved: bool = True, thickness: float = 0.1) -> Benchmark:
-    """Cantilever of 10 × 1 under a dead force of 4 at its end: −U and W of the tip.
+    """Return the cantilever of 10 × 1 under a dead force of 4 at its end: −U and W of the tip.
 
     Another thickness changes E so that the bending stiffness stays.
     """
@@ -100,7 +90,7 @@ def end_shear(cells: int = 16, *, curved: bool = True, thickness: float = 0.1) -
 
 
 def end_moment(cells: int = 16, *, curved: bool = True) -> Benchmark:
-    """Strip of 12 × 1 rolled up to a full circle by a moment at its end.
+    """Return the strip of 12 × 1 rolled up to a full circle by a moment at its end.
 
     The table's columns are those of the exact solution without stretch.
     """
@@ -111,7 +101,7 @@ def end_moment(cells: int = 16, *, curved: bool = True) -> Benchmark:
 
 
 def slit_plate(cells: tuple[int, int] = (5, 40), *, curved: bool = True) -> Benchmark:
-    """Annulus, radii 6 and 10, slit along a radius: one side clamped, the other lifted.
+    """Return the annulus, radii 6 and 10, slit along a radius: one side clamped, the other lifted.
 
     A rectangle of radius and angle carries the elements: no edge is approximated.
     """
@@ -130,7 +120,7 @@ def slit_plate(cells: tuple[int, int] = (5, 40), *, curved: bool = True) -> Benc
 
 
 def hinged_roof(thickness: float = 12.7, cells: int = 8, *, whole: bool = False) -> Benchmark:
-    """Cylindrical roof, hinged along its straight edges, pressed down at its centre.
+    """Return the cylindrical roof, hinged along its straight edges, pressed down at its centre.
 
     A quarter with its symmetry, or the whole, which may lose it.
     """
@@ -180,7 +170,7 @@ def _loaded(
     clamped: str = "entry",
     force: float | None = None,
 ) -> Equilibrium:
-    """Equations of a strip with one edge clamped and one load, isometric or Kirchhoff–Love."""
+    """Return equations of a strip with one edge clamped and one load."""
     pattern = Pattern(strip)
     bending: Effect = KirchhoffLove(strip) if curved else isometric_bending(strip, pattern)
     size = force or strip.bending_stiffness / length**2 * 4.0
@@ -198,11 +188,100 @@ def _tip(
     return Benchmark(name, equations, rows, weights, ("−U tip", "W tip"), table, columns)
 
 
-BENCHMARKS: tuple[Callable[[], Benchmark], ...] = (
-    end_shear,
-    end_moment,
-    slit_plate,
-    lambda: hinged_roof(12.7),
-    lambda: hinged_roof(6.35),
-)
-"""All of them on the meshes of the report."""
+SAMPLES = 40
+"""Points of a branch that are drawn and compared."""
+
+
+def settings(order: int = 20, tolerance: float = 1e-4, *, rational: bool = True) -> Settings:
+    """Return settings along the arc, as quotients unless told otherwise."""
+    return Settings(order=order, tolerance=tolerance, arclength=True, rational=rational)
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A benchmark followed to the end of its table."""
+
+    benchmark: Benchmark
+    steps: tuple[Step, ...]
+    points: tuple[SingularPoint, ...]  # if they were looked for
+    tangents: int  # of the path itself
+    seconds: float
+
+    @cached_property
+    def curve(self) -> Array:
+        """Rows (share of the load, readings...) along the whole path."""
+        rows = [(self.benchmark.start, 0.0)]
+        for step in self.steps:
+            lengths = np.linspace(0.0, step.branch.length, SAMPLES + 1)[1:]
+            rows += [step.branch(a) for a in lengths]
+        return np.array([[control, *self.benchmark.reading(u)] for u, control in rows])
+
+    @property
+    def ends(self) -> Array:
+        """Rows at the ends of the steps."""
+        return self.curve[::SAMPLES]
+
+    @property
+    def folds(self) -> list[float]:
+        """Loads at limit points, as they stand in the series."""
+        return [step.branch(a)[1] for step in self.steps for a in step.branch.folds]
+
+    def at(self, loads: Array) -> Array:
+        """Return rows (share of the load, readings...) at given loads, which must not turn back."""
+        path = Path(tuple(step.branch for step in self.steps))
+        return np.array([[load, *self.benchmark.reading(path(load))] for load in loads])
+
+
+def followed(benchmark: Benchmark, choices: Settings, *, watch: bool = False) -> Followed:
+    """Follow a benchmark by series, and look for singular points if asked."""
+    solver, cost, begin = Remembering(SparseSolver()), Cost(), time.perf_counter()
+    options = {"solver": solver, "settings": choices, "target": benchmark.target, "cost": cost}
+    path = follow(benchmark.equations, benchmark.start, **options)
+    steps, points = [], []
+    for step, found in (
+        watched(benchmark.equations, path, solver, choices) if watch else ((s, []) for s in path)
+    ):
+        steps.append(step)
+        points += found
+    seconds = time.perf_counter() - begin
+    return Followed(benchmark, tuple(steps), tuple(points), cost.factorisations, seconds)
+
+
+@dataclass(frozen=True)
+class Iterated:
+    """A benchmark followed by Newton's method."""
+
+    steps: tuple[Corrected, ...]
+    tangents: int
+    seconds: float
+
+
+def iterated(benchmark: Benchmark, tolerance: float = 1e-4) -> Iterated:
+    """Follow a benchmark by Newton's method along the arc."""
+    cost, begin = Cost(), time.perf_counter()
+    options = {"solver": SparseSolver(), "settings": RiksSettings(tolerance=tolerance)}
+    options |= {"target": benchmark.target, "cost": cost}
+    steps = tuple(arc_steps(benchmark.equations, benchmark.start, **options))
+    return Iterated(steps, cost.factorisations, time.perf_counter() - begin)
+
+
+def miss(found: Followed, expected: Array) -> float:
+    """Return the largest error of a path, as a share of the largest displacement.
+
+    At the loads of the expected rows; where the load turns back, their distance from the path
+    as a curve, with load and displacement in units of their largest values.
+    """
+    size = np.abs(expected).max(axis=0)
+    if found.benchmark.snaps:
+        return float(_distances(expected / size, found.curve / size).max())
+    inside = expected[(expected[:, 0] > 0.0) & (expected[:, 0] <= found.curve[-1, 0])]
+    return float((np.abs(found.at(inside[:, 0]) - inside)[:, 1:] / size[1:].max()).max())
+
+
+def _distances(points: Array, line: Array) -> Array:
+    """Return distances of points from a polygonal line, shape (points,)."""
+    start, along = line[:-1], np.diff(line, axis=0)
+    square = np.maximum((along**2).sum(axis=1), 1e-300)
+    from_start = points[:, None] - start
+    share = np.clip((from_start * along).sum(axis=2) / square, 0.0, 1.0)
+    return np.asarray(np.linalg.norm(from_start - share[..., None] * along, axis=2).min(axis=1))

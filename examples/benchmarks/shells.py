@@ -12,56 +12,60 @@ from harness import Cell, Report, Sheet, main
 from shell_problems import (
     ROOF_LOAD,
     Benchmark,
+    Followed,
+    Iterated,
     end_moment,
     end_shear,
+    followed,
     hinged_roof,
+    iterated,
+    miss,
+    settings,
     slit_plate,
 )
-from shell_runs import Followed, Iterated, followed, iterated, miss, settings
 
 ROOFS = (12.7, 6.35)
 
-Pair = tuple[Callable[[], Benchmark], Callable[[], Benchmark]]
+Make = Callable[[], Benchmark]
 
 
 @dataclass(frozen=True)
 class Compared:
     """A benchmark by both methods, and on a finer mesh."""
 
+    benchmark: Benchmark
     series: Followed
     newton: Iterated
     finer: Followed
 
-    @property
-    def benchmark(self) -> Benchmark:
-        """On the mesh of the comparison."""
-        return self.series.benchmark
-
 
 def study(quick: bool = False) -> Report:
-    """Follow all benchmarks, and what belongs to them."""
-    compared = [_compared(*pair) for pair in (_coarse() if quick else _full())]
+    """Follow all benchmarks by both methods, and what belongs to them."""
+    compared = []
+    for make, finer in coarse() if quick else full():
+        found = followed(make(), settings())
+        strict = followed(finer(), settings(tolerance=1e-6))
+        compared.append(Compared(found.benchmark, found, iterated(found.benchmark), strict))
     counts = _main_sheet(compared)
-    sheets = (
-        counts,
-        _table_sheet(compared),
-        _limit_sheet(4 if quick else 8),
-        _whole_sheet(4 if quick else 8),
-        _order_sheet([c.benchmark for c in compared], (20,) if quick else (20, 30, 40)),
-        _mesh_sheet((4, 8, 16) if quick else (4, 8, 16, 32)),
-        _strain_sheet(32 if quick else 64),
-    )
     return Report(
         name="shells",
         title="Large deflections of shells, beside published tables and Newton's method",
         data=counts,
-        sheets=sheets,
+        sheets=(
+            counts,
+            _table_sheet(compared),
+            _limit_sheet(4 if quick else 8),
+            _whole_sheet(4 if quick else 8),
+            _order_sheet([c.benchmark for c in compared], (20,) if quick else (20, 30, 40)),
+            _mesh_sheet((4, 8, 16) if quick else (4, 8, 16, 32)),
+            _strain_sheet(32 if quick else 64),
+        ),
         figures={"shells.png": drawn(_panels(compared), "displacement", "share of the load")},
     )
 
 
-def _full() -> list[Pair]:
-    """Every benchmark, and the same on a finer mesh."""
+def full() -> list[tuple[Make, Make]]:
+    """Return every benchmark, and the same on a finer mesh."""
     return [
         (end_shear, lambda: end_shear(32)),
         (end_moment, lambda: end_moment(32)),
@@ -70,7 +74,8 @@ def _full() -> list[Pair]:
     ]
 
 
-def _coarse() -> list[Pair]:
+def coarse() -> list[tuple[Make, Make]]:
+    """Return the same on meshes for a quick study."""
     return [
         (lambda: end_shear(8), end_shear),
         (lambda: end_moment(8), end_moment),
@@ -79,33 +84,20 @@ def _coarse() -> list[Pair]:
     ]
 
 
-def _compared(make: Callable[[], Benchmark], finer: Callable[[], Benchmark]) -> Compared:
-    benchmark = make()
-    return Compared(
-        followed(benchmark, settings()),
-        iterated(benchmark),
-        followed(finer(), settings(tolerance=1e-6)),
-    )
-
-
 # sheets --------------------------------------------------------------------------
 
 
 def _main_sheet(compared: list[Compared]) -> Sheet:
-    """Counts, seconds and errors."""
-    rows = tuple(
-        (
-            c.benchmark.name,
-            len(c.benchmark.start),
-            c.series.tangents,
-            c.series.seconds,
-            len(c.newton.steps),
-            c.newton.tangents,
-            c.newton.seconds,
-            100.0 * miss(c.series, c.finer.at(_loads(c)) if not c.benchmark.snaps else _line(c)),
-        )
-        for c in compared
-    )
+    """Return counts, seconds and errors."""
+    rows: list[tuple[Cell, ...]] = []
+    for c in compared:
+        if c.benchmark.snaps:
+            expected = c.finer.curve[c.finer.curve[:, 0] <= c.benchmark.target]
+        else:
+            expected = c.finer.at(c.benchmark.published[1:, 0])
+        newton = (len(c.newton.steps), c.newton.tangents, c.newton.seconds)
+        rows.append((c.benchmark.name, len(c.benchmark.start), c.series.tangents, c.series.seconds,
+                     *newton, 100.0 * miss(c.series, expected)))  # fmt: skip
     columns = ("benchmark", "unknowns", "tangents", "seconds", "Newton's steps",
                "Newton's tangents", "Newton's seconds", "off the finer mesh (%)")  # fmt: skip
     note = (
@@ -113,16 +105,7 @@ def _main_sheet(compared: list[Compared]) -> Sheet:
         "an imbalance of 1e-4 of the load. Errors are the largest along the path, in units of "
         "the largest displacement, against twice the elements (8 x 80 for the plate)."
     )
-    return Sheet("Counts and seconds", columns, rows, note)
-
-
-def _loads(c: Compared) -> np.ndarray:
-    return c.benchmark.published[1:, 0]
-
-
-def _line(c: Compared) -> np.ndarray:
-    """Points of the finer path that lie within the coarser one's load."""
-    return c.finer.curve[c.finer.curve[:, 0] <= c.benchmark.target]
+    return Sheet("Counts and seconds", columns, tuple(rows), note)
 
 
 def _table_sheet(compared: list[Compared]) -> Sheet:
@@ -149,7 +132,7 @@ def _table_sheet(compared: list[Compared]) -> Sheet:
 
 
 def _limit_sheet(cells: int) -> Sheet:
-    """Limit points of the roofs, dated on a coarse path, beside a fine one."""
+    """Return the limit points of the roofs, dated on a coarse path, beside a fine one."""
     rows: list[tuple[Cell, ...]] = []
     for thickness in ROOFS:
         roof = hinged_roof(thickness, cells)
@@ -168,7 +151,7 @@ def _limit_sheet(cells: int) -> Sheet:
 
 
 def _whole_sheet(cells: int) -> Sheet:
-    """Singular points of whole roofs, which may lose their symmetry."""
+    """Return the singular points of whole roofs, which may lose their symmetry."""
     rows: list[tuple[Cell, ...]] = []
     for thickness in ROOFS:
         roof = hinged_roof(thickness, cells, whole=True)
@@ -184,7 +167,7 @@ def _whole_sheet(cells: int) -> Sheet:
 
 
 def _order_sheet(benchmarks: list[Benchmark], orders: tuple[int, ...]) -> Sheet:
-    """Tangents (and seconds) by order, as series and as quotients."""
+    """Return the tangents (and seconds) by order, as series and as quotients."""
     kinds = [(order, rational) for order in orders for rational in (False, True)]
     rows = []
     for benchmark in benchmarks:
@@ -195,7 +178,7 @@ def _order_sheet(benchmarks: list[Benchmark], orders: tuple[int, ...]) -> Sheet:
 
 
 def _mesh_sheet(meshes: tuple[int, ...]) -> Sheet:
-    """Order of convergence on the elastica."""
+    """Return the order of convergence on the elastica."""
     rows: list[tuple[Cell, ...]] = []
     for curved, name in ((True, "Kirchhoff–Love"), (False, "isometric")):
         tips = [_tip(cells, curved) for cells in (*meshes, 2 * meshes[-1])]
@@ -209,7 +192,7 @@ def _mesh_sheet(meshes: tuple[int, ...]) -> Sheet:
 
 
 def _strain_sheet(cells: int) -> Sheet:
-    """Difference of the two bending energies against the membrane strain."""
+    """Return the difference of the two bending energies against the membrane strain."""
     rows: list[tuple[Cell, ...]] = []
     for thickness in (0.8, 0.4, 0.2, 0.1):
         tips = [_tip(cells, curved, thickness) for curved in (True, False)]
@@ -233,7 +216,7 @@ def _tip(cells: int, curved: bool, thickness: float = 0.1) -> np.ndarray:
 
 
 def _panels(compared: list[Compared]) -> dict[str, list[Line]]:
-    """Load over displacement: path, ends of steps, table."""
+    """Return the load over displacement: path, ends of steps, table."""
     panels = {}
     for c in compared:
         table = c.benchmark.published

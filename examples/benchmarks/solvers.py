@@ -6,10 +6,9 @@ Tangents with friction of a strip that lies around a roller; longer strips of a 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields
 from statistics import median
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,6 @@ from anmstrip.continuation.expansion import Cost, Parameter, expand
 from anmstrip.driver.run import Run
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.linalg.direct import BandPlan, PardisoPlan, SuperLUPlan, pardiso_is_there
-from anmstrip.linalg.factors import Factors
 from anmstrip.linalg.solvers import SparseSolver, planned
 from effects import equations_at_end
 from figures import Plot, curves, exponent
@@ -27,7 +25,6 @@ from harness import Report, Sheet, main
 from strips import growing
 
 Array = NDArray[np.float64]
-T = TypeVar("T")
 
 ORDER = 20
 
@@ -50,48 +47,23 @@ LEAST = 4000
 
 @dataclass(frozen=True)
 class Direct:
-    """One solver on one tangent; seconds of the processor.
-
-    Attributes
-    ----------
-    across, unknowns, half_band : int
-    solver : str
-    factorisation, solves : float
-        Of a known pattern; of ``ORDER`` back-substitutions.
-    pattern : float
-        What the first factorisation took more.
-    refinements : int
-        Steps of refinement that every solution gets.
-    residual : float
-        Largest, over the largest entries of K x and b (scaled).
-    chosen : str
-        Marked where the program takes it.
-    """
+    """One solver on one tangent; seconds of the processor."""
 
     across: int
     unknowns: int
     half_band: int
     solver: str
-    factorisation: float
-    solves: float
-    pattern: float
-    refinements: int
-    residual: float
-    chosen: str
+    factorisation: float  # of a known pattern
+    solves: float  # ``ORDER`` back-substitutions
+    pattern: float  # further time of the first factorisation
+    refinements: int  # steps of refinement of a solution
+    residual: float  # largest, over the largest entries of K x and b (scaled)
+    chosen: str  # marked where the program takes it
 
 
 @dataclass(frozen=True)
 class Expansion:
-    """One expansion, split, in seconds.
-
-    Attributes
-    ----------
-    across, unknowns : int
-    solver : str
-    series, tangent, factorisation, solves : float
-    ratio : float
-        Series over all the rest.
-    """
+    """One expansion, split by phases, in seconds."""
 
     across: int
     unknowns: int
@@ -100,24 +72,25 @@ class Expansion:
     tangent: float
     factorisation: float
     solves: float
-    ratio: float
+    ratio: float  # series over all the rest
 
     @property
     def whole(self) -> float:
-        """Seconds."""
+        """Seconds of the whole expansion."""
         return self.series + self.tangent + self.factorisation + self.solves
 
 
 def study(quick: bool = False) -> Report:
-    """All solvers and expansions on all strips."""
+    """Time all solvers and expansions on all strips."""
     solved: list[Direct] = []
     steps: list[Expansion] = []
     for across, lengths in (QUICK if quick else STRIPS).items():
         for along in lengths:
             equations, u, control = lying((along, across))
-            matrix = equations.recurrence(u, control, 1).tangent()
-            solved += list(_solvers(across, matrix))
+            solved += solvers_of(across, equations.recurrence(u, control, 1).tangent())
             steps.append(expansion(across, equations, u, control))
+    widths = dict.fromkeys(s.across for s in steps)
+    own = {across: [s for s in steps if s.across == across] for across in widths}
     return Report(
         name="solvers",
         title="Linear solvers, and what a step costs, against size",
@@ -125,11 +98,11 @@ def study(quick: bool = False) -> Report:
         sheets=(
             _sheet("Linear solvers", solved, NOTE),
             _sheet("Steps", steps, STEPS),
-            _growth(steps),
+            _growth(own),
         ),
         figures={
             "solvers.png": curves(*_solver_plots(solved)),
-            "solvers-steps.png": curves(*_step_plots(steps)),
+            "solvers-steps.png": curves(*_step_plots(own)),
         },
     )
 
@@ -151,7 +124,10 @@ def _sheet(title: str, rows: Sequence[Direct] | Sequence[Expansion], note: str =
 
 
 def lying(cells: tuple[int, int]) -> tuple[Equilibrium, Array, float]:
-    """A shell laid around a roller, where a stage with friction begins; nothing is solved."""
+    """Return equations, state and control where a stage with friction begins, with nothing solved.
+
+    The shell is laid around a roller.
+    """
     scene = dict(growing("shell", cells))["friction"]
     run = Run(scene)
     a, march = run.assembly, run.march
@@ -162,94 +138,46 @@ def lying(cells: tuple[int, int]) -> tuple[Equilibrium, Array, float]:
     return equations_at_end(run)
 
 
-# solvers ------------------------------------------------------------------------------
-
-
-def _solvers(across: int, matrix: csc_matrix) -> Iterator[Direct]:
-    chosen, band = type(planned(matrix)), BandPlan(matrix)
-    kinds: list[type[BandPlan | SuperLUPlan]] = [BandPlan] if band.width <= WIDEST else []
-    kinds += [SuperLUPlan, *([PardisoPlan] if pardiso_is_there() else [])]
-    for kind in kinds:
-        yield direct(across, matrix, kind, band.width, kind is chosen)
-
-
-def direct(
-    across: int,
-    matrix: csc_matrix,
-    kind: type[BandPlan | SuperLUPlan],
-    width: int,
-    chosen: bool,
-) -> Direct:
-    """Time one solver on one matrix."""
-    first, (plan, _) = _timed(lambda: _factorised(kind, matrix))
-    again, factors = _timed(lambda: plan.factorise(matrix))
+def solvers_of(across: int, matrix: csc_matrix) -> Iterator[Direct]:
+    """Time every solver that is there on one matrix."""
+    chosen, width = type(planned(matrix)), BandPlan(matrix).width
     b = matrix @ np.cos(np.arange(matrix.shape[0]))
-    spent, x = _timed(lambda: _solved(factors, b))
-    size = (np.abs(matrix) @ np.abs(x) + np.abs(b)).max()
-    return Direct(
-        across,
-        matrix.shape[0],
-        width,
-        plan.name,
-        again,
-        spent,
-        first - again,
-        getattr(factors, "steps", 0),
-        float(np.abs(matrix @ x - b).max() / size),
-        "chosen" if chosen else "",
-    )
+    kinds = [BandPlan] if width <= WIDEST else []
+    for kind in [*kinds, SuperLUPlan, *([PardisoPlan] if pardiso_is_there() else [])]:
+        clock = [time.process_time()]
+        plan = kind(matrix)
+        plan.factorise(matrix)
+        clock.append(time.process_time())
+        factors = plan.factorise(matrix)
+        clock.append(time.process_time())
+        for _ in range(ORDER):
+            x = factors.solve(b)
+        clock.append(time.process_time())
+        first, again, spent = np.diff(clock).tolist()
+        size = (np.abs(matrix) @ np.abs(x) + np.abs(b)).max()
+        residual = float(np.abs(matrix @ x - b).max() / size)
+        times = (again, spent, first - again, getattr(factors, "steps", 0), residual)
+        mark = "chosen" if kind is chosen else ""
+        yield Direct(across, matrix.shape[0], width, plan.name, *times, mark)
 
 
-def _factorised(
-    kind: type[BandPlan | SuperLUPlan], matrix: csc_matrix
-) -> tuple[BandPlan | SuperLUPlan, Factors]:
-    plan = kind(matrix)
-    return plan, plan.factorise(matrix)
-
-
-def _solved(factors: Factors, b: Array) -> Array:
-    for _ in range(ORDER):
-        x = factors.solve(b)
-    return x
-
-
-def _timed(work: Callable[[], T]) -> tuple[float, T]:
-    begin = time.process_time()
-    found = work()
-    return time.process_time() - begin, found
-
-
-# steps --------------------------------------------------------------------------------
-
-
-def expansion(
-    across: int, equations: Equilibrium, u: Array, control: float, repeats: int = 3
-) -> Expansion:
-    """Time expansions where a strip lies; the first, which finds patterns, does not count."""
+def expansion(across: int, equations: Equilibrium, u: Array, control: float) -> Expansion:
+    """Time three expansions where a strip lies, after one that finds patterns."""
     samples, solver = [], SparseSolver()
-    for _ in range(repeats + 1):
+    for _ in range(4):
         cost = Cost()
-        expand(
-            equations,
-            u,
-            control,
-            order=ORDER,
-            solver=solver,
-            parameter=Parameter(1.0),
-            cost=cost,
-        )
+        choices = {"solver": solver, "parameter": Parameter(1.0), "cost": cost}
+        expand(equations, u, control, order=ORDER, **choices)
         samples.append(cost.seconds)
     phases = ("series", "tangent", "factorisation", "back-substitution")
     series, *rest = (median(sample[phase] for sample in samples[1:]) for phase in phases)
-    tangent, factorisation, solves = rest
-    ratio = series / sum(rest)
-    return Expansion(across, len(u), solver.name, series, tangent, factorisation, solves, ratio)
+    return Expansion(across, len(u), solver.name, series, *rest, series / sum(rest))
 
 
-def _growth(steps: Sequence[Expansion]) -> Sheet:
-    """Exponents of the cost of a step against the number of unknowns, for each width."""
+def _growth(steps: Mapping[int, Sequence[Expansion]]) -> Sheet:
+    """Return the exponents of the cost of a step against the unknowns, for each width."""
     rows = []
-    for across, own in _by_width(steps).items():
+    for across, own in steps.items():
         long = [s for s in own if s.unknowns >= LEAST] or own
         p = exponent([s.unknowns for s in long], [s.whole for s in long])
         rows.append((across, len(long), long[0].unknowns, long[-1].unknowns, p))
@@ -258,30 +186,22 @@ def _growth(steps: Sequence[Expansion]) -> Sheet:
     return Sheet("Growth of the cost of a step", columns, tuple(rows), note)
 
 
-def _by_width(steps: Sequence[Expansion]) -> dict[int, list[Expansion]]:
-    return {a: [s for s in steps if s.across == a] for a in dict.fromkeys(s.across for s in steps)}
-
-
 def _solver_plots(rows: Sequence[Direct]) -> Iterator[Plot]:
-    """A plot for each width: a factorisation and its back-substitutions."""
+    """Yield a plot for each width: a factorisation and its back-substitutions."""
     for across in dict.fromkeys(row.across for row in rows):
-        own = [row for row in rows if row.across == across]
-        lines = {
-            name: (
-                [float(r.unknowns) for r in own if r.solver == name],
-                [r.factorisation + r.solves for r in own if r.solver == name],
-            )
-            for name in dict.fromkeys(row.solver for row in own)
-        }
+        lines: dict[str, tuple[list[float], list[float]]] = {}
+        for r in (row for row in rows if row.across == across):
+            x, y = lines.setdefault(r.solver, ([], []))
+            x.append(float(r.unknowns))
+            y.append(r.factorisation + r.solves)
         yield Plot(f"unknowns, {across} across", f"s per factorisation and {ORDER} solves", lines)
 
 
-def _step_plots(steps: Sequence[Expansion]) -> Iterator[Plot]:
-    whole, ratio = {}, {}
-    for across, own in _by_width(steps).items():
-        sizes = [float(s.unknowns) for s in own]
-        whole[f"{across} across"] = (sizes, [s.whole for s in own])
-        ratio[f"{across} across"] = (sizes, [s.ratio for s in own])
+def _step_plots(steps: Mapping[int, Sequence[Expansion]]) -> Iterator[Plot]:
+    lines = {f"{across} across": own for across, own in steps.items()}
+    sizes = {name: [float(s.unknowns) for s in own] for name, own in lines.items()}
+    whole = {name: (sizes[name], [s.whole for s in own]) for name, own in lines.items()}
+    ratio = {name: (sizes[name], [s.ratio for s in own]) for name, own in lines.items()}
     yield Plot("unknowns", "s per step", whole)
     yield Plot("unknowns", "series / linear algebra", ratio, ("log", "linear"))
 

@@ -8,28 +8,155 @@ what follows: an explicit step is bounded by ε².
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import time
+import warnings
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.follow import Settings
+from anmstrip.linalg.solvers import DenseSolver
+from anmstrip.mechanics.laws import NortonHoff
+from anmstrip.timestepping.formulas import start_memory
+from anmstrip.timestepping.functions import FunctionRateEquations
+from anmstrip.timestepping.implicit import Stepping, integrate
 from figures import Curves, against
-from harness import Cell, Report, Sheet, installed, left_out, main
-from stiff_methods import END, METHODS, REST, Method, rate, timed
-from stiff_reference import Reference
+from harness import Report, Sheet, installed, left_out, main
+from stiff_reference import Reference, pull
+
+Array = NDArray[np.float64]
+
+END = 10.0
+"""s; a little more than three periods of the pull."""
+
+REST = np.zeros(1)
+
+
+@dataclass(frozen=True)
+class Solved:
+    """The states that a solver gave, with their count."""
+
+    times: Array  # (s), shape (m,)
+    states: Array  # shape (m,)
+    steps: int
+    evaluations: int | None  # of the equation
+    tangents: int | None  # matrices factorised
+
+
+Solver = Callable[[float, float], Solved]
+"""Of ε and a tolerance."""
+
+
+def residual(epsilon: float) -> Callable[[Any, Any, Any], Any]:
+    """Return R(u, v, t): spring less friction; also for states on a trailing axis."""
+    law = NortonHoff(1.0, 0.0, epsilon, 1.0)
+    return lambda u, v, t: law(1.0, v) + (t - np.cos(2.0 * t) * 0.25 + 0.25 - u)
+
+
+def rate(epsilon: float) -> Callable[[float, Array], Array]:
+    """Return u' = ε s/√(1 − s²), s = U − u, as explicit solvers and scipy's take it."""
+
+    def right(t: float, u: Array) -> Array:
+        s = pull(np.asarray(t)) - u
+        return np.asarray(epsilon * s / np.sqrt(np.maximum((1.0 - s) * (1.0 + s), 1e-30)))
+
+    return right
+
+
+def differences(epsilon: float, tolerance: float) -> Solved:
+    """Solve by our backward differences on the λ path, up to order 5, as the strip is stepped."""
+    cost = Cost()
+    steps = list(
+        integrate(
+            FunctionRateEquations(residual(epsilon), END),
+            start_memory(0.0, REST, REST, 1e-3),
+            END,
+            solver=DenseSolver(),
+            settings=Settings(order=15, tolerance=tolerance, max_steps=100_000),
+            stepping=Stepping(END, 5),
+            cost=cost,
+        )
+    )
+    times, states = np.array([s.end for s in steps]), np.array([s.u[0] for s in steps])
+    evaluations = cost.expansions + cost.residuals
+    return Solved(times, states, len(steps), evaluations, cost.factorisations)
+
+
+def scipys(method: str) -> Solver:
+    """Return one of scipy's solvers."""
+
+    def solved(epsilon: float, tolerance: float) -> Solved:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # that LSODA gives up, which shows
+            found = solve_ivp(
+                rate(epsilon), (0.0, END), REST, method=method, rtol=tolerance, atol=tolerance
+            )
+        return Solved(found.t[1:], found.y[0, 1:], len(found.t) - 1, found.nfev, found.nlu)
+
+    return solved
+
+
+def ida(epsilon: float, tolerance: float) -> Solved:
+    """Solve by SUNDIALS IDA, through scikit-sundae, on the same residual."""
+
+    def right(t: float, u: Array, v: Array, out: Array) -> None:
+        out[0] = t + 0.25 * (1.0 - np.cos(2.0 * t)) - u[0] - v[0] / np.sqrt(v[0] ** 2 + epsilon**2)
+
+    def tangent(t: float, u: Array, v: Array, r: Array, per_rate: float, out: Array) -> None:
+        out[0, 0] = -1.0 - per_rate * epsilon**2 * (v[0] ** 2 + epsilon**2) ** -1.5
+
+    IDA = import_module("sksundae.ida").IDA
+    solver = IDA(right, rtol=tolerance, atol=tolerance, jacfn=tangent)
+    found = solver.solve(np.array([0.0, END]), REST, REST)
+    return Solved(found.t[1:], found.y[1:, 0], len(found.t) - 1, found.nfev, found.njev)
+
+
+def heyoka(epsilon: float, tolerance: float) -> Solved:
+    """Solve by explicit Taylor steps, compiled."""
+    hy = import_module("heyoka")
+    u = hy.make_vars("u")
+    s = hy.time + 0.25 * (1.0 - hy.cos(2.0 * hy.time)) - u
+    system = [(u, epsilon * s / hy.sqrt((1.0 - s) * (1.0 + s)))]
+    grid = np.linspace(0.0, END, 2001)
+    found = hy.taylor_adaptive(system, [0.0], tol=tolerance).propagate_grid(grid)
+    states = found[-1][1:, 0]
+    return Solved(grid[1 : len(states) + 1], states, found[3], None, 0)
+
+
+@dataclass(frozen=True)
+class Method:
+    """A solver with the tolerances that it is tried at."""
+
+    name: str
+    solver: Solver
+    tolerances: Sequence[float]
+    module: str = ""  # that it needs; empty for what is always there
+
+
+METHODS = (
+    Method("backward differences (ours)", differences, (1e-3, 1e-4, 1e-5, 1e-6)),
+    Method("scipy Radau", scipys("Radau"), (1e-4, 1e-6, 1e-8, 1e-9, 1e-10, 1e-12)),
+    Method("scipy BDF", scipys("BDF"), (1e-4, 1e-6, 1e-8, 1e-9, 1e-10, 1e-12)),
+    Method("scipy LSODA", scipys("LSODA"), (1e-4, 1e-6, 1e-8, 1e-9, 1e-10, 1e-12)),
+    Method("SUNDIALS IDA", ida, (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-12), "sksundae"),
+    Method("heyoka", heyoka, (1e-6, 1e-9, 1e-12, 1e-15), "heyoka"),
+)
+
 
 EPSILONS = (0.3, 0.1, 0.03, 0.01, 1e-3)
 
 WANTED = 1e-8
 """Error that the methods are compared at."""
 
-COLUMNS = ("epsilon", "method", "tolerance", "steps", "evaluations", "tangents", "seconds", "error")
 
-
-@dataclass(frozen=True)
-class Attempt:
-    """One method at one tolerance; the attributes are those of the columns."""
+class Attempt(NamedTuple):
+    """One method at one tolerance, in the order of the columns."""
 
     epsilon: float
     method: str
@@ -40,21 +167,19 @@ class Attempt:
     seconds: float
     error: float
 
-    @property
-    def row(self) -> tuple[Cell, ...]:
-        """Cells of the columns."""
-        return tuple(getattr(self, column) for column in COLUMNS)
+
+COLUMNS = Attempt._fields
 
 
 def study(quick: bool = False) -> Report:
-    """All methods at all tolerances and sharpnesses."""
+    """Try all methods at all tolerances and sharpnesses."""
     epsilons = (0.3, 1e-2) if quick else EPSILONS
     references = {epsilon: Reference(epsilon, END) for epsilon in epsilons}
     attempts = [a for e, r in references.items() for a in attempted(e, r, quick)]
     return Report(
         name="stiff",
         title="A stiff sliding point: error against cost",
-        data=Sheet("All attempts", COLUMNS, tuple(a.row for a in attempts)),
+        data=Sheet("All attempts", COLUMNS, tuple(attempts)),
         sheets=(_compared(attempts), _own(attempts), _checked(references)),
         figures={
             "stiff_tangents.png": against(_curves(attempts, "tangents"), "tangents", "error (m)"),
@@ -64,7 +189,7 @@ def study(quick: bool = False) -> Report:
 
 
 def attempted(epsilon: float, reference: Reference, quick: bool) -> Iterable[Attempt]:
-    """Every installed method at its tolerances."""
+    """Try every installed method at its tolerances."""
     for method in METHODS:
         if method.module and not installed(method.module):
             continue
@@ -74,8 +199,10 @@ def attempted(epsilon: float, reference: Reference, quick: bool) -> Iterable[Att
 
 
 def attempt(method: Method, epsilon: float, tolerance: float, reference: Reference) -> Attempt:
-    """One method at one tolerance, beside the reference."""
-    found, seconds = timed(method.solver, epsilon, tolerance)
+    """Try one method at one tolerance, beside the reference."""
+    begin = time.perf_counter()
+    found = method.solver(epsilon, tolerance)
+    seconds = time.perf_counter() - begin
     through = found.times[-1] > END * (1.0 - 1e-9)
     error = np.abs(found.states - reference(found.times)).max() if through else np.inf
     counts = (found.steps, found.evaluations, found.tangents)
@@ -86,14 +213,14 @@ def attempt(method: Method, epsilon: float, tolerance: float, reference: Referen
 
 
 def _compared(attempts: list[Attempt]) -> Sheet:
-    """The cheapest attempt of each method that is good enough, else its best."""
+    """Return the cheapest attempt of each method that is good enough, else its best."""
     rows = []
     for epsilon in dict.fromkeys(a.epsilon for a in attempts):
         for name in dict.fromkeys(a.method for a in attempts):
             own = [a for a in attempts if (a.epsilon, a.method) == (epsilon, name)]
             good = [a for a in own if a.error <= WANTED]
             best = min(own, key=lambda a: a.error)
-            rows.append((min(good, key=lambda a: a.steps) if good else best).row)
+            rows.append(min(good, key=lambda a: a.steps) if good else best)
     note = (
         f"For every method the loosest tolerance tried that gives an error of {WANTED:g}, or the "
         f"one with the least error; inf: given up. t from 0 to {END:g} s; errors at the ends of "
@@ -105,7 +232,7 @@ def _compared(attempts: list[Attempt]) -> Sheet:
 
 
 def _own(attempts: list[Attempt]) -> Sheet:
-    """What ours makes of the tolerance, and of ε."""
+    """Return what our method makes of the tolerance, and of ε."""
     own = [a for a in attempts if a.method == METHODS[0].name]
     rows = [
         (a.epsilon, a.tolerance, a.steps, a.tangents, a.error, a.error / a.tolerance) for a in own
@@ -115,7 +242,7 @@ def _own(attempts: list[Attempt]) -> Sheet:
 
 
 def _checked(references: dict[float, Reference]) -> Sheet:
-    """The reference beside scipy's Radau, which knows nothing of it."""
+    """Return the reference beside scipy's Radau, which knows nothing of it."""
     rows = []
     for epsilon, reference in references.items():
         found = solve_ivp(rate(epsilon), (0, END), REST, method="Radau", rtol=1e-12, atol=1e-14)
@@ -126,7 +253,7 @@ def _checked(references: dict[float, Reference]) -> Sheet:
 
 
 def _curves(attempts: list[Attempt], cost: str) -> Curves:
-    """Sharpness → method → cost and error of its attempts."""
+    """Return sharpness → method → cost and error of its attempts."""
     curves: dict[str, dict[str, list[tuple[float, float]]]] = {}
     for a in attempts:
         spent = getattr(a, cost)

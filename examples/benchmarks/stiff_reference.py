@@ -24,17 +24,17 @@ SMALLEST = 1e-13
 
 
 def pull(t: Array) -> Array:
-    """U, where the spring's other end is: ∫ 1 + ½ sin 2t."""
+    """Return U, the place of the spring's other end: ∫ 1 + ½ sin 2t."""
     return t + 0.25 * (1.0 - np.cos(2.0 * t))
 
 
 def pull_speed(t: Array) -> Array:
-    """U'."""
+    """Return U'."""
     return 1.0 + 0.5 * np.sin(2.0 * t)
 
 
 class Reference:
-    """u(t) for t in [0, end].
+    """The solution u(t) for t in [0, end].
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class Reference:
             h *= 1.6 if tail < 0.01 * SMALLEST else 1.1
 
     def __call__(self, t: ArrayLike) -> Array:
-        """State at times ``t``."""
+        """Return the state at times ``t``."""
         times = np.atleast_1d(np.asarray(t, dtype=float))
         place = np.clip(np.searchsorted(self.knots, times) - 1, 0, len(self.pieces) - 1)
         w = np.empty_like(times)
@@ -79,7 +79,7 @@ class Reference:
         return float(np.abs(self.coefficients @ w)[-3:].max() / max(1.0, np.abs(w).max()))
 
     def _piece(self, t: float, h: float, start: float) -> Array | None:
-        """w in the nodes from t to t + h, by Newton's method; None if it does not converge."""
+        """Return w in the nodes from t to t + h, by Newton's method; None without convergence."""
         times = t + 0.5 * h * (self.nodes + 1.0)
         D, epsilon = self.slopes * 2.0 / h, self.epsilon
         w = np.full(len(times), start)
@@ -99,7 +99,7 @@ class Reference:
 
 
 def _slopes(nodes: Array) -> Array:
-    """Differentiation matrix of the polynomial through Chebyshev's nodes."""
+    """Return the differentiation matrix of the polynomial through Chebyshev's nodes."""
     signs = (-1.0) ** np.arange(len(nodes))
     signs[[0, -1]] *= 2.0
     slopes = np.outer(signs, 1.0 / signs) / (nodes[:, None] - nodes + np.eye(len(nodes)))

@@ -12,15 +12,14 @@ from numpy.typing import NDArray
 
 from anmstrip.continuation.expansion import Cost
 from anmstrip.continuation.follow import Settings
-from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.paper.mass_spring import Parameters, PressedPlane
 from anmstrip.paper.references import Reference, reference_solution
 from anmstrip.results.state import State
-from anmstrip.timestepping import implicit as implicit_dae
 from anmstrip.timestepping.formulas import Memory
 from anmstrip.timestepping.functions import FunctionRateEquations
+from anmstrip.timestepping.implicit import Stepping, integrate
 from figures import (
     Measured,
     by_line,
@@ -32,8 +31,8 @@ from figures import (
     work_precision,
 )
 from harness import Cell, Report, Sheet, main
-from strips import CONTACT, FRICTION, MATERIAL, RADIUS
-from turning import altered
+from runs import altered, finished
+from strips import CONTACT, DOWN, FRICTION, MATERIAL, PULL, ROLLER, SHEET
 
 Array = NDArray[np.float64]
 
@@ -53,7 +52,7 @@ CONVEYED = 0.2
 
 
 def study(quick: bool = False) -> Report:
-    """Smooth motion, and a strip conveyed."""
+    """Measure orders in a smooth motion, and on a strip that is conveyed."""
     smooth = list(_smooth(COUNTS[:4] if quick else COUNTS))
     conveyed = list(_conveyed(quick))
     fixed = [r for r in conveyed if "fixed" in r.line]
@@ -88,7 +87,7 @@ CONVEYING = (
 
 
 def _orders(title: str, runs: Sequence[Measured], note: str) -> Sheet:
-    """A row for every line, with the errors and the slope."""
+    """Return a row for every line, with the errors and the slope."""
     places = list(dict.fromkeys(r.at for r in runs))
     rows: list[tuple[Cell, ...]] = []
     for line, own in by_line(runs).items():
@@ -110,20 +109,20 @@ def _smooth(counts: Sequence[int]) -> Iterator[Measured]:
 
 
 def smooth_error(reference: Reference, order: int, h: float) -> tuple[float, int]:
-    """Error of u at the end (m) in steps of one length, and tangents."""
+    """Return the error of u at the end (m) in steps of one length, and tangents."""
     end = SMOOTH.parameters.t_end
     times = BEGIN - h * np.arange(order + 1)
     past = reference(times)
     v = reference.equation.rate(np.array(BEGIN), past[0])
     memory = Memory(tuple(times), tuple(past), v, h, order)
     cost = Cost()
-    *_, last = implicit_dae.integrate(
+    *_, last = integrate(
         FunctionRateEquations(SMOOTH.residual, end),
         memory,
         end,
         solver=DenseSolver(),
         settings=Settings(tolerance=1e-10),
-        stepping=implicit_dae.Stepping(end, order, h),
+        stepping=Stepping(end, order, h),
         cost=cost,
     )
     return float(np.abs(last.u - reference([end])[0]).max()), cost.factorisations
@@ -133,47 +132,26 @@ def smooth_error(reference: Reference, order: int, h: float) -> tuple[float, int
 
 
 def conveying() -> Scene:
-    """A section strip that is let go and taken along by a roller."""
-    pulled, rolling = [1.0e4, 0.0, -5773.5], {"r1": {"surface_speed": 1.0}}
-    start = {"name": "start", "duration": 0.2, "entry": {"release": True}, "rollers": rolling}
-    return Scene.model_validate(
-        {
-            "strip": {
-                "length": 4.0,
-                "width": 1.0,
-                "thickness": 1e-3,
-                "cells": [40, 1],
-                "kinematics": "section",
-            },
-            "material": MATERIAL,
-            "contact": CONTACT,
-            "friction": {**FRICTION, "speed": 1e-2},
-            "rollers": [{"name": "r1", "radius": RADIUS, "centre": [0.0, 0.0, -RADIUS - 1e-3]}],
-            "edges": {"entry": {"fixed": ["x", "z"]}},
-            "stages": [
-                {
-                    "name": "tension",
-                    "duration": 1.0,
-                    "friction": False,
-                    "exit": {"force": [1.0e4, 0.0, 0.0]},
-                },
-                {
-                    "name": "wrap",
-                    "duration": 1.0,
-                    "friction": False,
-                    "entry": {"move": [0.0, 0.0, -0.45]},
-                    "exit": {"force": pulled},
-                },
-                {
-                    "name": "slacken",
-                    "duration": 0.1,
-                    "exit": {"force": [0.95 * f for f in pulled]},
-                },
-                start,
-                {"name": "convey", "duration": CONVEYED, "rollers": rolling},
-            ],
-        }
-    )
+    """Return a section strip that is let go and taken along by a roller."""
+    rolling = {"rollers": {"r1": {"surface_speed": 1.0}}}
+    down, less = {"move": [0.0, 0.0, -0.45]}, [0.95 * force for force in DOWN]
+    still = {"duration": 1.0, "friction": False}
+    tables = {
+        "strip": {**SHEET, "length": 4.0, "cells": [40, 1], "kinematics": "section"},
+        "material": MATERIAL,
+        "contact": CONTACT,
+        "friction": {**FRICTION, "speed": 1e-2},
+        "rollers": [ROLLER],
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [
+            {**PULL, **still, "name": "tension"},
+            {"name": "wrap", **still, "entry": down, "exit": {"force": DOWN}},
+            {"name": "slacken", "duration": 0.1, "exit": {"force": less}},
+            {"name": "start", "duration": 0.2, "entry": {"release": True}, **rolling},
+            {"name": "convey", "duration": CONVEYED, **rolling},
+        ],
+    }
+    return Scene.model_validate(tables)
 
 
 class Conveyor:
@@ -181,13 +159,11 @@ class Conveyor:
 
     def __init__(self) -> None:
         self.scene = altered(conveying(), {"solver.tolerance": 1e-3})
-        self.run = Run(self.scene.model_copy(update={"stages": self.scene.stages[:-1]}))
-        for _ in self.run:
-            pass
-        assert self.run.outcome.done, self.run.message
+        before = self.scene.model_copy(update={"stages": self.scene.stages[:-1]})
+        self.run = finished(before)
 
     def __call__(self, changes: dict[str, Any]) -> tuple[State, int]:
-        """State at the end, and tangents."""
+        """Return the state at the end, and tangents."""
         march = copy(self.run.march)
         march.scene, march.cost = altered(self.scene, changes), Cost()
         plan = march.course.plan(self.scene.course[-1], {})
@@ -197,7 +173,7 @@ class Conveyor:
 
 
 def difference(state: State, exact: State) -> float:
-    """Of positions over the length scale, or of membrane forces over the tension scale."""
+    """Return the error of positions over the length, or of membrane forces over the tension."""
     model, change = state.plan.model, state.full - exact.full
     moved = float(np.abs(change[model.value_unknowns]).max()) / model.scales.length
     return max(moved, model.tension_error(exact.full, change))

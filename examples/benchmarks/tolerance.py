@@ -1,6 +1,6 @@
 """The tolerance that is asked for beside the error that comes: a cantilever and a capstan.
 
-The paper's cases have the same table in :mod:`anmstrip.studies.case_accuracy`.
+The paper's cases have the same table in ``cases.py``.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from anmstrip.linalg.solvers import SparseSolver
 from cantilever import LENGTH, cantilever
 from figures import Measured, crossed, curves, measured, plotted, sheet
 from harness import Report, main
+from runs import Turning, altered, wrapped
 from strips import TENSION, capstan
-from turning import Turning, altered, wrapped
 
 Array = NDArray[np.float64]
 
@@ -83,7 +83,7 @@ def _bent(orders: Sequence[int], tolerances: Sequence[float]) -> Iterator[Measur
 
 
 def bent(order: int, tolerance: float, arclength: bool) -> tuple[list[Branch], int]:
-    """Branches to the full load, and tangents."""
+    """Return branches to the full load, and tangents."""
     equations, cost = cantilever(8), Cost()
     settings = Settings(order=order, tolerance=tolerance, arclength=arclength)
     start = np.zeros(len(equations.supports.free))
@@ -94,7 +94,7 @@ def bent(order: int, tolerance: float, arclength: bool) -> tuple[list[Branch], i
 def bending_error(
     reference: Path, order: int, tolerance: float, arclength: bool
 ) -> tuple[float, int]:
-    """Largest error of positions and of membrane forces, in their scales, and tangents."""
+    """Return the largest error of positions and membrane forces, in their scales, and tangents."""
     try:
         branches, tangents = bent(order, tolerance, arclength)
     except PathStopped:
@@ -110,7 +110,7 @@ def bending_error(
 
 
 def _samples(branches: Sequence[Branch]) -> Iterator[tuple[Array, float]]:
-    """States and controls at four places of every branch, its end among them."""
+    """Return states and controls at four places of every branch, its end among them."""
     for branch in branches:
         for share in (0.25, 0.5, 0.75, 1.0):
             yield branch(share * branch.length)
@@ -133,17 +133,15 @@ def _turned(orders: Sequence[int], tolerances: Sequence[float]) -> Iterator[Meas
 
 
 def history(scene: Scene, full: Array) -> tuple[Array, Array, int]:
-    """Times and tensions at the entry (N/m) of all steps of the last stage, and tangents."""
-    turning, found = Turning(scene, full), []
-    for arrival in turning.march.through(turning.plan, 100_000):
-        turning.march.accept(arrival)
-        found.append((arrival.state.time, arrival.state.tension("entry")))
+    """Return times and tensions at the entry (N/m) of the last stage's steps, and tangents."""
+    turning = Turning(scene, full)
+    found = [(state.time, state.tension("entry")) for state in turning.states()]
     times, tensions = np.array(found).T
     return times, tensions, turning.march.cost.factorisations
 
 
 def turning_error(reference: BSpline, scene: Scene, full: Array) -> tuple[float, int]:
-    """Largest error of the tension at the entry, over that at the exit, and tangents."""
+    """Return the largest error of the tension at the entry, over that at the exit, and tangents."""
     try:
         times, tensions, tangents = history(scene, full)
     except PathStopped:

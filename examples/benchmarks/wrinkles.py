@@ -34,7 +34,7 @@ from anmstrip.mechanics.effects import Effect
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from figures import Line, drawn
 from harness import Cell, Report, Sheet, main
-from shell_runs import settings
+from shell_problems import settings
 
 Array = NDArray[np.float64]
 
@@ -63,23 +63,12 @@ THIN = 2e-4
 
 @dataclass(frozen=True)
 class Stretched:
-    """A quarter of the sheet, pulled by its grip; the control is the share of ``strain``.
+    """A quarter of the sheet, pulled by its grip; the control is the share of ``strain``."""
 
-    Attributes
-    ----------
-    thickness : float
-        m.
-    strain : float
-        Mean strain at the control 1.
-    cells : tuple of int
-        Along and across.
-    imperfection : ndarray, shape (unknowns,), or None
-        Displacement of the reference without stress.
-    """
-
-    thickness: float
-    strain: float
-    cells: tuple[int, int]
+    thickness: float  # m
+    strain: float  # mean strain at the control 1
+    cells: tuple[int, int]  # along and across
+    # displacement of the reference without stress, shape (unknowns,)
     imperfection: Array | None = None
 
     @cached_property
@@ -91,7 +80,7 @@ class Stretched:
 
     @cached_property
     def equations(self) -> Equilibrium:
-        """Of the free unknowns."""
+        """Equations of the free unknowns."""
         strip, pattern = self.strip, Pattern(self.strip)
         membrane = Membrane(strip, self.imperfection)
         effects: list[Effect] = [membrane, self._bending(pattern)]
@@ -105,7 +94,7 @@ class Stretched:
         return Equilibrium(model, Supports(rest.free, rest.start, slope), Controls({}))
 
     def _bending(self, pattern: Pattern) -> Effect:
-        """That of an imperfect sheet knows what it is bent by without moments."""
+        """Return the bending; an imperfect sheet is bent without moments."""
         if self.imperfection is None:
             return isometric_bending(self.strip, pattern)
         return KirchhoffLove(self.strip, self.imperfection)
@@ -117,7 +106,7 @@ class Stretched:
         return whole[self.equations.supports.free]
 
     def heights(self, u: Array) -> CubicHermiteSpline:
-        """z(y) in the middle of the sheet, as the elements have it."""
+        """Return z(y) in the middle of the sheet, as the elements have it."""
         return self._along(u, "exit", 1)
 
     def _along(self, u: Array, edge: str, axis: int) -> CubicHermiteSpline:
@@ -128,27 +117,27 @@ class Stretched:
         return CubicHermiteSpline(places, *(z[self.strip.dofs(name)[nodes]] for name in names))
 
     def wavelength(self, u: Array) -> float:
-        """Twice the distance from the crest in the middle to the trough beside it (m)."""
+        """Return twice the distance from the crest in the middle to the trough beside it (m)."""
         turns = self.heights(u).derivative().roots(extrapolate=False)
         return 2.0 * float(turns[turns > 1e-2 * WIDTH].min())
 
     def amplitude(self, u: Array) -> float:
-        """Height of the crest in the middle (m)."""
+        """Return the height of the crest in the middle (m)."""
         return abs(float(self.heights(u)(0.0)))
 
     def wrinkled_length(self, u: Array) -> float:
-        """L of the half wave sin(π x/L) that is as steep in the mean as the crest (m)."""
+        """Return L of the half wave sin(π x/L) that is as steep in the mean as the crest (m)."""
         crest = self._along(u, "right", 0)
         x = np.linspace(0.0, LENGTH / 2, 500)
         return float(np.pi * np.sqrt((crest(x) ** 2).sum() / (crest(x, 1) ** 2).sum()))
 
     def formula(self, u: Array, control: float, length: float = LENGTH) -> float:
-        """Wavelength of wrinkles of a length (m)."""
+        """Return the wavelength of wrinkles of a length (m)."""
         stiffness = self.strip.bending_stiffness / self.tension(u, control)
         return float(2.0 * np.sqrt(np.pi * length) * stiffness**0.25)
 
     def tension(self, u: Array, control: float) -> float:
-        """Force over width (N/m)."""
+        """Return the force over width (N/m)."""
         membrane = self.equations.model.effects[0]
         assert isinstance(membrane, Membrane)
         full = self.equations.supports.full(u, control)
@@ -163,7 +152,7 @@ def sheet_of(thickness: float, cells: tuple[int, int], beyond: float = BEYOND) -
 
 
 def onset(sheet: Stretched) -> SingularPoint:
-    """First bifurcation of the flat sheet.
+    """Return the first bifurcation of the flat sheet.
 
     Raises
     ------
@@ -181,7 +170,7 @@ def onset(sheet: Stretched) -> SingularPoint:
 
 
 def wrinkled(sheet: Stretched, point: SingularPoint, cost: Cost) -> Iterator[tuple[Array, float]]:
-    """States on the way from the onset to the full stretch."""
+    """Return states on the way from the onset to the full stretch."""
     solver = SparseSolver()
     for share in (0.3, 0.1, 1.0):
         try:
@@ -197,7 +186,7 @@ def wrinkled(sheet: Stretched, point: SingularPoint, cost: Cost) -> Iterator[tup
 
 
 def study(quick: bool = False) -> Report:
-    """Wrinkles over a factor of ten in thickness, on three meshes, and with an imperfection."""
+    """Find wrinkles by thickness, on three meshes, and with an imperfection."""
     cells = ((12, 14), (12, 16), (14, 18)) if quick else ((14, 18), (16, 24), (24, 36))
     stretches = [(4e-4, BEYOND), (1e-4, BEYOND), (4e-5, BEYOND), (4e-5, 20.0)]
     shown = stretches[:2] if quick else stretches
@@ -212,7 +201,7 @@ def study(quick: bool = False) -> Report:
 
 
 def _ended(sheet: Stretched) -> tuple[SingularPoint, Array, float, Cost]:
-    """Onset, state and control at the full stretch, and what the wrinkled path took."""
+    """Return the onset, and state, control and cost at the full stretch."""
     point, cost = onset(sheet), Cost()
     *_, (u, control) = wrinkled(sheet, point, cost)
     return point, u, control, cost
@@ -270,7 +259,7 @@ def _mesh_sheet(thickness: float, meshes: tuple[tuple[int, int], ...]) -> Sheet:
 
 
 def _crests(sheet: Stretched, u: Array) -> int:
-    """Crests and troughs in half the width that can be seen; near the edge they fade."""
+    """Return crests and troughs in half the width that can be seen; near the edge they fade."""
     heights = sheet.heights(u)
     ends = [0.0, *heights.roots(extrapolate=False), WIDTH / 2]
     highest = [np.abs(heights(np.linspace(a, b, 50))).max() for a, b in pairwise(ends)]

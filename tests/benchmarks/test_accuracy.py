@@ -27,7 +27,6 @@ from figures import (
     work_precision,
 )
 from harness import Report, Sheet
-from turning import Turning
 
 
 def quick(name: str) -> tuple[Report, list[dict]]:
@@ -149,8 +148,8 @@ def test_a_strip_follows_sharper_friction_in_a_straight_line() -> None:
     strip = friction.Strip(0.2)
     found = []
     for omega in (1e-2, 1e-4, 1e-6):
-        turning = Turning(strip.scene(1e-5, omega=omega), strip.full)
-        turning.followed()
+        turning = strip.turning(1e-5, omega=omega)
+        list(turning.states())
         found.append(turning.march.cost.factorisations)
     first, second, third = found
     assert third - second < 1.5 * (second - first)

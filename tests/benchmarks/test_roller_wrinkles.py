@@ -12,10 +12,20 @@ import pytest
 from anmstrip.driver.explain import explain
 from anmstrip.simulation.imperfection import buckling
 from harness import run
-from roller_wrinkles import COARSE, CONES, EASED, risen, study
-from rubbed_wrinkles import LEVELS, SMOOTH, THICK, askew, likened, pulled
-from wrinkle_onset import ended, onset, onsets
-from wrinkling_scenes import Crowned, Mesh, Skewed
+from roller_wrinkles import (
+    COARSE,
+    CONES,
+    EASED,
+    LEVELS,
+    SMOOTH,
+    THICK,
+    askew,
+    likened,
+    pulled,
+    risen,
+    study,
+)
+from wrinkling import Crowned, Mesh, Skewed, ended, onset, onsets
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -10,7 +10,7 @@ import pytest
 
 import harness
 import stiff
-from stiff_methods import END, METHODS, scipys
+from stiff import END, METHODS, scipys
 from stiff_reference import Reference, pull
 
 

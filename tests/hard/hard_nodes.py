@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -22,9 +22,114 @@ from anmstrip.paper.schemes import solve_case
 from anmstrip.timestepping.functions import FunctionEquations
 from anmstrip.timestepping.index_one import instabilities
 from motions import Motion, Trial, moved
-from nodes import CoupledNode, Slider, WrappedLinks
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Slider:
+    """A point on a spring, pressed on a surface that moves, and pulled along it; one unknown.
+
+    Equilibrium: W(t) − k u + R_T = 0, with W and R_N linear in time.
+    """
+
+    law: FrictionLaw
+    stiffness: float = 0.0  # k (N/m); none for a point on a slope
+    normal: tuple[float, float] = (1.0, 0.0)  # R_N at t = 0 (N), and its rate (N/s)
+    load: tuple[float, float] = (0.0, 0.0)  # W at t = 0 (N), and its rate (N/s)
+    speed: float = 0.0  # V of the surface (m/s)
+
+    def residual(self, u: Any, v: Any, t: Any) -> Any:
+        """Shape (1,)."""
+        pressed = u * 0.0 + (t * self.normal[1] + self.normal[0])
+        pulled = u * -self.stiffness + (t * self.load[1] + self.load[0])
+        return pulled + self.law(pressed, v - self.speed)
+
+
+@dataclass(frozen=True)
+class CoupledNode:
+    """A point above a fixed plane whose springs couple both directions; u = (u_x, u_z).
+
+    Equilibrium: [[1, −c], [−c, k]] u = (W + R_T, −P + R_N), with W linear in time.  With c > 0
+    motion along the plane unloads the contact: sliding at u_z = 0 obeys
+    (1 − c f) u_x = W − f P, and beyond f = 1/c equilibria are no longer unique.
+
+    Source: Klarbring, *Examples of non-uniqueness and non-existence of solutions to quasistatic
+    contact problems with friction*, Ingenieur-Archiv 60 (1990).
+    """
+
+    law: FrictionLaw
+    contact: RepulsiveSignorini  # N/m and N
+    load: tuple[float, float]  # W at t = 0 (N), and its rate (N/s)
+    coupling: float = 0.8  # c (N/m)
+    lift: float = 2.0  # k (N/m)
+    pressing: float = 1.0  # P (N)
+
+    @property
+    def critical(self) -> float:
+        """Friction coefficient 1/c beyond which sliding is unstable."""
+        return 1.0 / self.coupling
+
+    def residual(self, u: Any, v: Any, t: Any) -> Any:
+        """Shape (2,)."""
+        normal = self.contact(u[1])
+        tangential = self.law(normal, np.stack([v[0]]))[0]
+        x = tangential - u[0] + u[1] * self.coupling + (t * self.load[1] + self.load[0])
+        z = normal - u[1] * self.lift + u[0] * self.coupling - self.pressing
+        return np.stack([x, z])
+
+    def sliding(self, load: float) -> float:
+        """Return u_x in contact with Coulomb's law, sliding forwards."""
+        f = self.law.coefficient
+        return float((load - f * self.pressing) / (1.0 - self.coupling * f))
+
+    def separated(self, load: float) -> Array:
+        """Return u without contact, shape (2,)."""
+        matrix = np.array([[1.0, -self.coupling], [-self.coupling, self.lift]])
+        return np.linalg.solve(matrix, [load, -self.pressing])
+
+
+@dataclass(frozen=True)
+class WrappedLinks:
+    """A chain of elastic links laid around a cylinder that stands, and pulled; n unknowns.
+
+    At every point the chain turns by θ/n between two links, so that
+    R_N = (T + T') sin(θ/2n) and (T' − T) cos(θ/2n) = |R_T|.
+    """
+
+    law: FrictionLaw
+    turn: float  # θ/n (rad)
+    stiffness: Array  # of the links behind the points, towards the pull (N/m), shape (n,)
+    tension: float = 1.0  # at the slack end (N)
+    speed: float = 1.0  # of the end that is pulled (m/s)
+
+    @property
+    def start(self) -> Array:
+        """Displacements under the same tension everywhere, shape (n,)."""
+        return -np.cumsum(self.tension / self.stiffness[::-1])[::-1]
+
+    def tensions(self, u: Any, t: Any) -> tuple[Any, Any]:
+        """Return tensions before and behind every point (N), shape (n,) each."""
+        n = len(self.stiffness)
+        behind = np.diag(self.stiffness[:-1], 1) - np.diag(self.stiffness)
+        before = np.diag(self.stiffness[:-1], -1) * -1.0
+        before += np.diag(np.concatenate([[0.0], self.stiffness[:-1]]))
+        pulled, slack = np.zeros(n), np.zeros(n)
+        pulled[-1], slack[0] = self.stiffness[-1] * self.speed, self.tension
+        after = np.einsum("ij,j->i", behind, u) + t * pulled
+        return np.einsum("ij,j->i", before, u) + slack, after
+
+    def residual(self, u: Any, v: Any, t: Any) -> Any:
+        """Shape (n,)."""
+        before, after = self.tensions(u, t)
+        normal = (before + after) * np.sin(0.5 * self.turn)
+        friction = self.law(normal, np.stack([v]))[0]
+        return (after - before) * np.cos(0.5 * self.turn) + friction
+
+    def exact_ratio(self, coefficient: float) -> float:
+        """Return T_n/T_0 in full slip: [(1 + f tan(θ/2n)) / (1 − f tan(θ/2n))]^n."""
+        s = coefficient * np.tan(0.5 * self.turn)
+        return float(((1.0 + s) / (1.0 - s)) ** len(self.stiffness))
 
 
 def zero_normal_force(omega: float = 1e-3, q: float = 0.1) -> Trial:
@@ -109,7 +214,7 @@ def reversal(q: float = 0.1, cycles: int = 2) -> Trial:
 def _dragged(
     law: NortonHoff, speed: float, start: float, span: tuple[float, float]
 ) -> tuple[float, float]:
-    """u at the end and ∫ u dt of u' = V − slip(u), with a spring and a normal force of 1."""
+    """Return u at the end and ∫ u dt of u' = V − slip(u), with a spring and a normal force of 1."""
     found = solve_ivp(
         lambda t, y: [speed - float(slip_at(law, y[0])), y[0]],
         span, [start, 0.0], method="Radau", rtol=1e-10, atol=1e-12,
@@ -118,7 +223,7 @@ def _dragged(
 
 
 def _integral(motion: Motion) -> float:
-    """∫ u dt along the cubics between the steps."""
+    """Return ∫ u dt along the cubics between the steps."""
     h, times = np.diff(motion.path.times), motion.path.times
     u, v = (np.array(x)[:, 0] for x in zip(*(motion.path(t) for t in times), strict=True))
     return float((h * (u[1:] + u[:-1]) / 2.0 + h**2 * (v[:-1] - v[1:]) / 12.0).sum())
@@ -157,7 +262,7 @@ ends at which it goes nowhere else."""
 
 
 def crept(node: CoupledNode, end: float) -> tuple[float, float]:
-    """When the coupled node runs away, nan if it does not, and u_x at the end, by Radau's method.
+    """Return when the coupled node runs away, nan if it does not, and u_x at the end, by Radau.
 
     What has run away glides on behind where it would be without contact, as fast as that moves.
     """
@@ -186,7 +291,7 @@ def crept(node: CoupledNode, end: float) -> tuple[float, float]:
 
 
 def _ratio(node: CoupledNode, t: float, x: float) -> float:
-    """−R_T/R_N in equilibrium, with N (N/K + u_z) = η δ and N = k u_z − c u_x + P."""
+    """Return −R_T/R_N in equilibrium, with N (N/K + u_z) = η δ and N = k u_z − c u_x + P."""
     contact, k, pull = node.contact, node.lift, node.coupling * x - node.pressing
     half = 0.5 * pull * (2.0 * k / contact.stiffness + 1.0)
     a = k * (k / contact.stiffness + 1.0)

@@ -15,11 +15,53 @@ from anmstrip.driver.scene import Scene
 from anmstrip.results.state import State
 from anmstrip.simulation.problem import FAINT
 from anmstrip.simulation.threading import stretches
-from bent_capstan import arc_ratio, lift_off, line_ratio, line_tension
 from motions import Trial
 from strips import CONTACT, MATERIAL, RADIUS, TENSION
 
 Array = NDArray[np.float64]
+
+
+def arc_ratio(f: float, angle: float, stiff: float) -> float:
+    """Return the ratio of tensions in full slip around an arc, with bending, D/(T2 R²) = ``stiff``.
+
+    Beyond the arc elasticas turn by α = 2 asin(√(D/T)/2R), to its curvature, and lean on its ends
+    with T sin α; so that T1 (cos α1 − f sin α1) = T2 (cos α2 + f sin α2) e^(f (θ − α1 − α2)).
+    """
+
+    def excess(ratio: float) -> float:
+        first, second = lift_off(np.array([stiff / ratio, stiff]))
+        low = (np.cos(second) + f * np.sin(second)) * np.exp(f * (angle - first - second))
+        return float(ratio * (np.cos(first) - f * np.sin(first)) - low)
+
+    return brentq(excess, 0.5, 2.0 * np.exp(f * angle), xtol=1e-14)
+
+
+def lift_off(stiff: Array) -> Array:
+    """Return angles α = 2 asin(√(D/T)/2R) of an elastica up to an arc's curvature, by D/(T R²)."""
+    return np.asarray(2.0 * np.arcsin(0.5 * np.sqrt(stiff)))
+
+
+def line_tension(bending: float, angle: float) -> float:
+    """Return the tension (N/m) below which the arc of contact is a line, D/(4R² sin²(θ/4))."""
+    return float(bending / (4.0 * RADIUS**2 * np.sin(0.25 * angle) ** 2))
+
+
+def line_ratio(f: float, angle: float) -> float:
+    """Return the ratio of tensions where a strip turns by an angle about one line and slips there.
+
+    Elasticas with the tensions T1, T2 turn by α1, α2 up to the line, with equal moments
+    2 √(D T) sin(α/2); the reaction leans by f: T1 cos α1 − T2 cos α2 = f (T1 sin α1 + T2 sin α2).
+    """
+
+    def leaning(first: float) -> tuple[float, float]:
+        second = angle - first
+        ratio = (np.sin(0.5 * second) / np.sin(0.5 * first)) ** 2
+        pulled = ratio * (np.cos(first) - f * np.sin(first))
+        return float(ratio), float(pulled - np.cos(second) - f * np.sin(second))
+
+    return leaning(brentq(lambda a: leaning(a)[1], 0.1 * angle, 0.5 * angle, xtol=1e-14))[0]
+
+
 Tables = dict[str, Any]
 
 PULL = {"name": "pull", "duration": 1.0, "friction": False, "exit": {"force": [TENSION, 0.0, 0.0]}}
@@ -33,7 +75,7 @@ LAY = {
 
 
 def tables_of(*stages: Tables, level: str = "section", refined: float = 0.05) -> Tables:
-    """Four metres of steel under 10 kN/m, above a roller of half a metre.
+    """Return four metres of steel under 10 kN/m, above a roller of half a metre.
 
     Parameters
     ----------
@@ -86,7 +128,7 @@ def trial(run: Run, found: float, exact: float, unit: float | None = None) -> Tr
 
 
 def end_of(run: Run) -> State:
-    """Its last state."""
+    """Return the last state of a run."""
     assert run.state is not None
     return run.state
 
@@ -157,7 +199,7 @@ def capstan(
 
 
 def ends_of(run: Run) -> tuple[float, float, float]:
-    """Tensions (N) at entry and exit, and the angle (rad) between them."""
+    """Return tensions (N) at entry and exit, and the angle (rad) between them."""
     state = end_of(run)
     entry, end = state.edge_force("entry"), state.edge_force("exit")
     angle = np.arctan2(-end[2], end[0]) + np.arctan2(-entry[2], -entry[0])
@@ -165,7 +207,7 @@ def ends_of(run: Run) -> tuple[float, float, float]:
 
 
 def _ratios(run: Run) -> tuple[float, float]:
-    """Ratio of tensions, and that of the formula."""
+    """Return the ratio of tensions, and that of the formula."""
     friction = run.assembly.friction
     assert friction is not None
     high, low, angle = ends_of(run)
@@ -260,7 +302,7 @@ def driven(speed: float = 1e-4, refined: float = 0.05) -> Trial:
 
 
 def _creep(run: Run) -> tuple[float, float]:
-    """Creep of a driven belt at 1 m/s, mean over the pressure, and all that its tension makes.
+    """Return the creep of a driven belt at 1 m/s, mean over the pressure, and its largest.
 
     Mass that passes makes slip grow with what the membrane force N falls, c = c0 + (N0 − N)/(E t).
     It falls by f_eff(c) times what presses: T sin α at both ends of the arc, from N0 = T1 cos α1 to

@@ -27,21 +27,12 @@ MOST_STEPS = 20_000
 
 @dataclass(frozen=True)
 class Motion:
-    """Steps in time of a point, and why there are no more of them if it stopped.
-
-    Attributes
-    ----------
-    path : ImplicitSolution
-    steps : tuple of TimeStep
-    cost : Cost
-    outcome : str
-        ``done``, or the sentence of what stopped it.
-    """
+    """Steps in time of a point, and why there are no more of them if it stopped."""
 
     path: ImplicitSolution
     steps: tuple[TimeStep, ...]
     cost: Cost
-    outcome: str
+    outcome: str  # ``done``, or the sentence of what stopped it
 
     @property
     def end(self) -> Array:
@@ -106,24 +97,14 @@ def _all_of(found: Iterator[TimeStep]) -> tuple[tuple[TimeStep, ...], str]:
 
 @dataclass(frozen=True)
 class Trial:
-    """One run of a hard case beside its answer.
-
-    Attributes
-    ----------
-    found, exact : float
-    error : float
-        Relative to the answer, or to the size that is named with the case.
-    steps, tangents : int
-    outcome : str
-        ``done``, or the sentence of what stopped it.
-    """
+    """One run of a hard case beside its answer."""
 
     found: float
     exact: float
-    error: float
+    error: float  # relative to the answer, or to the size that is named with the case
     steps: int
     tangents: int
-    outcome: str
+    outcome: str  # ``done``, or the sentence of what stopped it
 
     @classmethod
     def of(cls, motion: Motion, found: float, exact: float, unit: float | None = None) -> Trial:

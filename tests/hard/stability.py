@@ -9,7 +9,6 @@ than with the logarithm of the quantity.
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,30 +40,16 @@ a corner that is a decade sharper may ask every step for one branch more."""
 
 @dataclass(frozen=True)
 class Sweep:
-    """One case over a range.
+    """A case over a range of one quantity."""
 
-    Attributes
-    ----------
-    case : str
-        Its number in the list of hard cases, with a D.
-    what, level, quantity : str
-    run : callable
-        Value → trial, or a tuple that begins with one.
-    values : sequence
-    allowed : float
-        Largest error.
-    quick : bool
-        Whether it belongs to the quick study.
-    """
-
-    case: str
+    case: str  # number in the list of hard cases, with a D
     what: str
     level: str
     quantity: str
-    run: Callable[[Any], Any]
+    run: Callable[[Any], Any]  # value → trial, or a tuple that begins with one
     values: Sequence[float]
-    allowed: float
-    quick: bool = True
+    allowed: float  # largest error
+    quick: bool = True  # whether it belongs to the quick study
 
     def trials(self, quick: bool) -> list[tuple[float, Trial]]:
         """All runs; of a quick study the ends of the range."""
@@ -156,8 +141,7 @@ SWEEPS = (
 
 
 def study(quick: bool = False) -> Report:
-    """Do all sweeps."""
-    begin, at_work = time.perf_counter(), time.process_time()
+    """Do all sweeps over the ranges of the hard cases."""
     chosen = [sweep for sweep in SWEEPS if sweep.quick or not quick]
     found = [(sweep, sweep.trials(quick)) for sweep in chosen]
     rows = tuple(_row(sweep, trials) for sweep, trials in found)
@@ -169,11 +153,8 @@ def study(quick: bool = False) -> Report:
     return Report(
         name="stability",
         title="Hard cases: ranges, errors, work",
-        command=f"anmstrip study stability{' --quick' if quick else ''}",
         data=_long(found),
         sheets=(Sheet("Hard cases", COLUMNS, rows, note),),
-        seconds=time.perf_counter() - begin,
-        processor=time.process_time() - at_work,
     )
 
 
@@ -188,7 +169,7 @@ def _row(sweep: Sweep, trials: list[tuple[float, Trial]]) -> tuple[Cell, ...]:
 
 
 def growth(trials: list[tuple[float, Trial]], of: str = "tangents") -> float | None:
-    """What a decade adds, between the cheapest and the dearest run, if they span one."""
+    """Return what a decade adds, between the cheapest and the dearest run, if they span one."""
     counts = [getattr(trial, of) for _, trial in trials]
     values = [value for value, _ in trials if value > 0.0]
     decades = float(np.log10(max(values) / min(values))) if values else 0.0
@@ -196,7 +177,7 @@ def growth(trials: list[tuple[float, Trial]], of: str = "tangents") -> float | N
 
 
 def outcome(sweep: Sweep, trials: list[tuple[float, Trial]]) -> str:
-    """``done``, or what is wrong first."""
+    """Return ``done``, or what is wrong first."""
     for value, trial in trials:
         if trial.outcome != "done":
             return f"{sweep.quantity} = {value:g}: {trial.outcome}"

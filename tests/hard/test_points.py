@@ -22,9 +22,8 @@ from anmstrip.timestepping.functions import FunctionRateEquations
 from anmstrip.timestepping.implicit import LASTING
 from anmstrip.timestepping.index_one import instabilities, pivot
 from answers import right
-from hard_nodes import CONTACT
+from hard_nodes import CONTACT, CoupledNode, Slider, WrappedLinks
 from motions import moved
-from nodes import CoupledNode, Slider, WrappedLinks
 
 
 @pytest.mark.parametrize("omega", [1e-2, 1e-10])

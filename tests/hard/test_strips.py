@@ -13,7 +13,7 @@ import pytest
 import hard_strips as strips
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
-from anmstrip.simulation.march import Arrival, March
+from anmstrip.simulation.march import March, Step
 from answers import right
 from hard_strips import LAY, PULL, end_of, ran, tables_of, turning
 
@@ -198,9 +198,9 @@ def test_a_strip_that_ran_away_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """
     through = March._in_time
 
-    def snapping(march: March, plan: Any, settings: Any) -> Iterator[Arrival]:
+    def snapping(march: March, plan: Any, settings: Any) -> Iterator[Step]:
         for arrival in through(march, plan, settings):
-            yield replace(arrival, snap=True)
+            yield replace(arrival, snapped=True)
 
     monkeypatch.setattr(March, "_in_time", snapping)
     lift = {"name": "lift", "duration": 1.0, "entry": {"move": [0.0, 0.0, 4.7e-3]}}

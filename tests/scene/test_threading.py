@@ -18,7 +18,7 @@ from anmstrip.simulation import march
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
 from anmstrip.simulation.threading import stretches
-from comparisons import Finished
+from runs import finished
 from strips import threaded
 
 SCENES = {"one": ONE, "bridle": BRIDLE, "tower": TOWER, "leveller": LEVELLER}
@@ -274,11 +274,11 @@ def test_impossible_ways_are_refused(name: str) -> None:
 @pytest.mark.parametrize("stiffer", [1e-4, 1.0, 1e4])
 def test_contact_may_be_of_any_stiffness(stiffer: float) -> None:
     """Full slip: the capstan formula, here 1.2510 within 2e-4 where little is sunk in."""
-    finished = Finished.of(threaded("section", 2, 0.05, 1e-3, stiffer=stiffer))
-    assert finished.run.state is not None
-    ratio = finished.run.state.rollers["r1"].tension_ratio
+    run = finished(threaded("section", 2, 0.05, 1e-3, stiffer=stiffer))
+    assert run.state is not None
+    ratio = run.state.rollers["r1"].tension_ratio
     assert ratio == pytest.approx(1.25094, rel=2e-4 if stiffer >= 1.0 else 2e-2)
-    assert finished.run.cost.factorisations <= 60
+    assert run.cost.factorisations <= 60
 
 
 def test_where_the_guess_leads_nowhere_the_path_is_followed(monkeypatch) -> None:

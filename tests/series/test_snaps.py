@@ -7,8 +7,8 @@ import pytest
 
 from anmstrip.mechanics.laws import Tanh
 from anmstrip.timestepping.functions import FunctionRateEquations
+from hard_nodes import Slider
 from motions import moved
-from nodes import Slider
 
 
 def test_drag_is_as_large_as_friction_at_a_speed_of_one_in_its_time() -> None:

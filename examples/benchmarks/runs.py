@@ -1,8 +1,8 @@
-"""A strip that lies on a roller, ready for the roller to turn: what studies of friction share."""
+"""Runs of scenes, and of their last stages from a given state."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +19,23 @@ from anmstrip.simulation.problem import Assembly
 Array = NDArray[np.float64]
 
 
+def finished(scene: Scene) -> Run:
+    """Run a scene to its end."""
+    run = Run(scene)
+    for _ in run:
+        pass
+    assert run.outcome.done, run.message
+    return run
+
+
 def altered(scene: Scene, changes: Mapping[str, Any]) -> Scene:
-    """The same scene with other numbers; dotted keys as for ``--set``."""
+    """Return the same scene with other numbers; dotted keys as for ``--set``."""
     texts = [f"{key}={value}" for key, value in changes.items()]
     return Scene.from_tables(scene.to_dict(), Path("study"), texts)
 
 
 def wrapped(scene: Scene) -> Array:
-    """All unknowns at the end of the last stage but one."""
+    """Return all unknowns at the end of the last stage but one."""
     run = Run(scene)
     last = scene.course[-1].name
     for step in run:
@@ -37,14 +46,7 @@ def wrapped(scene: Scene) -> Array:
 
 
 class Turning:
-    """The last stage of a scene, from a given state.
-
-    Parameters
-    ----------
-    scene : Scene
-    full : ndarray, shape (unknowns,)
-        Where the stage before has ended.
-    """
+    """The last stage of a scene, from given unknowns ``full``, where the stage before has ended."""
 
     def __init__(self, scene: Scene, full: Array) -> None:
         self.march = March(Assembly(scene))
@@ -59,14 +61,14 @@ class Turning:
         plan = self.plan
         return Motion(plan.model, plan.supports, plan.controls, plan.start, plan.duration)
 
-    def followed(self) -> State:
-        """State at the end, by series; ``march.cost`` counts what it took."""
+    def states(self) -> Iterator[State]:
+        """Yield the states at the ends of steps by series; ``march.cost`` counts their cost."""
         for arrival in self.march.through(self.plan, 100_000):
             self.march.accept(arrival)
-        return arrival.state
+            yield arrival.state
 
     def ending(self, u: Array, v: Array) -> State:
-        """State at the end with given free unknowns and their velocities."""
+        """Return the state at the end with given free unknowns and their velocities."""
         full, velocity = self.plan.supports.full(u, 1.0), self.plan.moving(1.0)
         velocity[self.plan.supports.free] = v
         return State(self.plan, self.plan.start + self.plan.duration, 1.0, full, velocity)
