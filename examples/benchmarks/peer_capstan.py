@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from anmstrip.driver.scene import Scene
-from anmstrip.series import compiled
+from anmstrip.taylor import program
 from comparisons import Finished
 from strips import FRICTION, MATERIAL, RADIUS
 
@@ -75,8 +75,8 @@ def ours(
 
     The compiler of its kernels is imported before the time is taken, as the other programs are.
     """
-    if compiled.AVAILABLE:
-        import_module("anmstrip.series.kernels")
+    if program.AVAILABLE:
+        import_module("anmstrip.taylor.kernels")
 
     def solved(stiffer: float | None) -> Answer:
         scene = scene_of(level, across, refined, TOLERANCE, stiffer=stiffer)

@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from anmstrip.results.state import State
 from anmstrip.equilibrium import StageProblem
-from anmstrip.series.power_series import taylor
+from anmstrip.taylor.series import taylor
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from anmstrip.mechanics.laws import cone_speed, corner_speed
 from anmstrip.results.rollers import TOUCHING
-from anmstrip.series.events import Watch, minima
-from anmstrip.series.power_series import value_at
+from anmstrip.taylor.polynomials import Watch, minima, value_at
 
 if TYPE_CHECKING:
     from anmstrip.mechanics.contact import Contact, Friction
