@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.series.compiled import AVAILABLE
+from anmstrip.taylor import program
 from runs import finished
 from strips import FRICTION, MATERIAL, RADIUS, capstan, threaded
 
@@ -80,8 +80,8 @@ def solved(name: str, stiffer: float | None) -> Answer:
     """
     if name not in OURS:
         return import_module(f"peer_{name}").solved(stiffer)
-    if AVAILABLE:
-        import_module("anmstrip.series.kernels")
+    if program.AVAILABLE:
+        import_module("anmstrip.taylor.kernels")
     make, level, across, refined = OURS[name]
     scene, runs = make(level, across, refined, TOLERANCE, stiffer=stiffer), []
     seconds = timed(lambda: runs.append(finished(scene)))

@@ -7,18 +7,18 @@ Every class has the same five methods: ``residual`` (order 0), ``derivative``
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.fem.operators import Pattern
+from anmstrip.fem.sampling import REMEMBERED
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
-from anmstrip.series.compiled import orders_of
-from anmstrip.series.power_series import Series, Tape
+from anmstrip.taylor.series import Series, record
+from anmstrip.taylor.tape import Tape
 
 Array = NDArray[np.float64]
 
@@ -42,65 +42,154 @@ class Controls:
         return self.slope.get(name, 0.0)
 
 
+class AskedControls(Mapping[str, Any]):
+    """Controls as a law under record sees them: those that change are inputs.
+
+    Parameters
+    ----------
+    tape : Tape
+        Of the recording.
+    given : mapping
+    slope : mapping
+        Only its names count.
+
+    Attributes
+    ----------
+    moving : dict
+        Name → input, of those that the law asked for.
+    constant : dict
+        Name → value, of the others that it asked for.
+    """
+
+    def __init__(self, tape: Tape, given: Mapping[str, Any], slope: Mapping[str, Any]) -> None:
+        self.tape, self.given, self.slope = tape, given, slope
+        self.moving: dict[str, Series] = {}
+        self.constant: dict[str, Any] = {}
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self.slope:
+            return self.constant.setdefault(name, self.given[name])
+        if name not in self.moving:
+            self.moving[name] = Series.input(self.tape, self.given[name])
+        return self.moving[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.given)
+
+    def __len__(self) -> int:
+        return len(self.given)
+
+
+class RecordedLaw:
+    """Program of an effect's law: inputs x, v if the effect looks at it, and moving controls.
+
+    Parameters
+    ----------
+    effect : LawEffect
+    kinematic : list of ndarray
+        x, and v if the law depends on it.
+    control : float
+    controls : Controls
+    """
+
+    def __init__(
+        self, effect: LawEffect, kinematic: list[Array], control: float, controls: Controls
+    ) -> None:
+        self.effect = effect
+        values, slope = controls.at(control), controls.slope
+
+        def law(x: Series, v: Series | None = None) -> Any:
+            self.asked = AskedControls(x.tape, values, slope)
+            return effect.law(x, v, self.asked)
+
+        self.program = record(law, *kinematic, points=effect.operator.points, compiled=True)
+
+    def fits(self, effect: LawEffect, kinematic: list[Array], controls: Controls) -> bool:
+        """Whether the program holds for an effect with other controls."""
+        return (
+            effect is self.effect
+            and self.program.reusable
+            and len(self.program.inputs) == len(kinematic) + len(self.asked.moving)
+            and all(
+                name not in controls.slope and np.array_equal(controls.start[name], value)
+                for name, value in self.asked.constant.items()
+            )
+        )
+
+
+class RecordedLaws:
+    """Programs of the effects of a model, recorded once for the same points and constants."""
+
+    def __init__(self) -> None:
+        self.latest: dict[str, list[RecordedLaw]] = {}
+
+    def of(
+        self, effect: LawEffect, kinematic: list[Array], control: float, controls: Controls
+    ) -> RecordedLaw:
+        """The program for an effect at some of its points."""
+        latest = self.latest.setdefault(effect.name, [])
+        for law in latest:
+            if law.fits(effect, kinematic, controls):
+                return law
+        latest.insert(0, RecordedLaw(effect, kinematic, control, controls))
+        del latest[REMEMBERED:]
+        return latest[0]
+
+
 class LawSeries:
-    """A pointwise effect on a tape."""
+    """A pointwise effect."""
 
     def __init__(
         self,
         effect: LawEffect,
         order: int,
-        full: Array,
-        velocity: Array | None,
-        control: float,
+        state: tuple[Array, Array | None, float],
         controls: Controls,
+        laws: RecordedLaws,
     ) -> None:
         self.effect, self.operator = effect, effect.operator
-        self.tape = Tape(order)
-        self.x = self.tape.variable(self.operator.apply(full))
-        self.v: Series | None = None
+        full, velocity, control = state
+        self.in_rate = effect.rate_dependent and velocity is not None
+        kinematic = [self.operator.apply(full)]
         if effect.rate_dependent and velocity is not None:
-            self.v = self.tape.variable(self.operator.apply(velocity))
-        self.control = self.tape.variable(control)
-        self.stress = effect.law(self.x, self.v, controls.at(self.control))
-        self.orders = orders_of(self.tape, self.stress, self.operator.points)
+            kinematic.append(self.operator.apply(velocity))
+        law, values = laws.of(effect, kinematic, control, controls), controls.at(control)
+        moving = list(law.asked.moving)
+        self.slopes = [controls.slope.get(name) for name in moving]
+        self.orders = law.program.start(*kinematic, *(values[name] for name in moving), order=order)
+        self.shape = kinematic[0].shape
 
-    @cached_property
-    def follows(self) -> bool:
-        """Whether the law looks at what the control changes."""
-        return any(x is self.control for _, op in self.tape.computed for x in op.operands)
-
-    def _seeds(self, u: Array, v: Array | None, control: float) -> dict[Series, Array]:
-        seeds = {self.x: self.operator.apply(u)} if u.any() else {}
-        if control and self.follows:
-            seeds[self.control] = np.array(control)
-        if self.v is not None and v is not None:
-            seeds[self.v] = self.operator.apply(v)
-        return seeds
+    def _changes(self, u: Array, v: Array | None, control: float) -> list[Any]:
+        """Changes of the inputs, ``None`` for zero."""
+        found = [self.operator.apply(u) if u.any() else None]
+        if self.in_rate:
+            found.append(None if v is None else self.operator.apply(v))
+        return found + [
+            control * slope if control and slope is not None else None for slope in self.slopes
+        ]
 
     def residual(self) -> Array:
-        return self.operator.gather(self.stress.value)
+        return self.operator.gather(self.orders.value)
 
     def derivative(self, u: Array, v: Array | None, control: float) -> Array | None:
-        seeds = self._seeds(u, v, control)
-        return self.operator.gather(self.orders.derivative(seeds)) if seeds else None
+        changes = self._changes(u, v, control)
+        if all(change is None for change in changes):
+            return None
+        return self.operator.gather(self.orders.derivative(*changes))
 
     def advance(self, k: int) -> Array:
         return self.operator.gather(self.orders.advance(k))
 
     def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
-        self.orders.correct(k, self._seeds(u, v, control))
+        self.orders.correct(*self._changes(u, v, control))
 
     def add_tangent(self, pattern: Pattern, blocks: Array, rate: float) -> None:
-        shape = self.x.shape
-        count = int(np.prod(shape[:-1]))
-        unit = np.eye(count).reshape((count, *shape[:-1], 1))
-        unit = np.broadcast_to(unit, (count, *shape)).copy()
-        seeds = {self.x: unit}
-        if self.v is not None:
-            seeds[self.v] = rate * unit
-        derivative = self.orders.derivative(seeds)
+        count = int(np.prod(self.shape[:-1]))
+        unit = np.eye(count).reshape((count, *self.shape[:-1], 1))
+        unit = np.broadcast_to(unit, (count, *self.shape))
+        derivative = self.orders.derivative(*([unit, rate * unit] if self.in_rate else [unit]))
         self.operator.add_tangent(
-            derivative.reshape(shape[:-1] + derivative.shape[1:]), pattern, blocks
+            derivative.reshape(self.shape[:-1] + derivative.shape[1:]), pattern, blocks
         )
 
 
@@ -157,15 +246,16 @@ class LoadSeries:
 def series_of(
     effect: Effect,
     order: int,
-    full: Array,
-    velocity: Array | None,
-    control: float,
+    state: tuple[Array, Array | None, float],
     controls: Controls,
+    laws: RecordedLaws,
 ) -> LawSeries | LinearSeries | LoadSeries:
+    """What an effect adds to the orders about a state: all unknowns, their velocities, and λ."""
+    full, _, control = state
     if isinstance(effect, LinearEffect):
         return LinearSeries(effect, full)
     if isinstance(effect, LoadEffect):
         return LoadSeries(effect, control, controls)
     assert isinstance(effect, LawEffect)
     near = effect.near(full, controls.at(control))
-    return LawSeries(near, order, full, velocity, control, controls)
+    return LawSeries(near, order, state, controls, laws)

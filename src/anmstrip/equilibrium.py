@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from anmstrip.continuation.path import Branch
-from anmstrip.effect_series import Controls, series_of
+from anmstrip.effect_series import Controls, RecordedLaws, series_of
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern, Restriction
 from anmstrip.fem.strip import Strip
@@ -49,6 +49,7 @@ class Model:
         self.seconds = {effect.name: 0.0 for effect in effects}
         self.value_unknowns = strip.unknowns_of(strip.node_values)
         self.units = np.repeat(strip.dof_lengths, strip.count)
+        self.laws = RecordedLaws()
         self._restrictions: dict[bytes, Restriction] = {}
 
     @property
@@ -160,7 +161,7 @@ class Equilibrium:
         """∂R/∂v at a state, applied to changes of the free unknowns' velocity."""
         full, velocity = self.supports.full(u, control), self.full_velocity(u, control)
         parts = [
-            series_of(effect, 1, full, velocity, control, self.controls)
+            series_of(effect, 1, (full, velocity, control), self.controls, self.model.laws)
             for effect in self.model.effects
             if effect.rate_dependent
         ]
@@ -201,7 +202,7 @@ class EquilibriumSeries:
         full = equations.supports.full(u, control)
         velocity = equations.full_velocity(u, control)
         self.parts = [
-            series_of(effect, order, full, velocity, control, equations.controls)
+            series_of(effect, order, (full, velocity, control), equations.controls, self.model.laws)
             for effect in self.model.effects
         ]
         self.residual = self._summed(lambda part: part.residual())

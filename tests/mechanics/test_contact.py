@@ -17,7 +17,7 @@ from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.laws import NortonHoff, RepulsiveSignorini, Tanh
 from anmstrip.mechanics.loads import weight
 from anmstrip.mechanics.roller import Roller, Sides, combine
-from anmstrip.series.power_series import taylor
+from anmstrip.taylor.series import taylor
 from anmstrip.timestepping.formulas import AffineVelocity
 
 XS, YS = np.array([-0.3, -0.1, 0.0, 0.05, 0.3]), np.array([-0.2, 0.0, 0.3])

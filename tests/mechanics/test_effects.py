@@ -14,8 +14,8 @@ from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.mechanics.loads import edge_force, weight
 from anmstrip.mechanics.shell import Membrane, isometric_bending, plane_stress
-from anmstrip.series.power_series import taylor
 from anmstrip.simulation.stages import stretched
+from anmstrip.taylor.series import taylor
 
 XS, YS = np.array([-0.5, -0.2, 0.0, 0.1, 0.5]), np.array([-0.2, 0.0, 0.3])
 

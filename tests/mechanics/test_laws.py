@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anmstrip.mechanics.laws import GradedSignorini, NortonHoff, RepulsiveSignorini, Signorini, Tanh
-from anmstrip.series.power_series import taylor
+from anmstrip.taylor.series import taylor
 
 STIFFNESSES = 10.0 ** np.arange(3, 13)
 LAWS = [Signorini, RepulsiveSignorini]

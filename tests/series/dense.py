@@ -8,7 +8,7 @@ import numpy as np
 from anmstrip.continuation.expansion import Cost
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.linalg.solvers import DenseSolver
-from anmstrip.series.power_series import Tape
+from anmstrip.taylor.series import record
 
 
 @dataclass
@@ -35,23 +35,21 @@ class DenseEquations:
 
 class DenseRecurrence:
     def __init__(self, equations, u, control, order):
-        self.tape = Tape(order)
-        self.u, self.control = self.tape.variable(u), self.tape.variable(control)
-        self.out = equations.residual(self.u, self.control)
-        self.residual = self.out.value.copy()
+        self.size = len(u)
+        self.orders = record(equations.residual, u, control).start(u, control, order=order)
+        self.residual = self.orders.value
 
     def tangent(self):
-        return self.tape.derivative(self.out, {self.u: np.eye(*self.u.shape * 2)}).T
+        return self.orders.derivative(np.eye(self.size)).T
 
     def control_derivative(self):
-        return self.tape.derivative(self.out, {self.control: 1.0})
+        return self.orders.derivative(None, 1.0)
 
     def advance(self, k):
-        self.tape.advance(k)
-        return self.out.coefficients[k].copy()
+        return self.orders.advance(k)
 
     def correct(self, k, u, control):
-        self.tape.correct(k, {self.u: u, self.control: control})
+        self.orders.correct(u, control)
 
 
 def followed(equations, u, *, start=0.0, target=1.0, pace=None, cost=None, **choices):

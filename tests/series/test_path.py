@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from anmstrip.continuation.path import Branch, HermitePath, Path, first_root, roots_within
+from anmstrip.continuation.path import Branch, HermitePath, Path
 
 
 def branch(u, control, length):
@@ -114,20 +114,3 @@ def test_hermite_path_reproduces_cubics(c, t):
 def test_hermite_path_wants_increasing_times(times):
     with pytest.raises(ValueError, match="increasing"):
         HermitePath(times, np.zeros((len(times), 1)), np.zeros((len(times), 1)))
-
-
-@pytest.mark.parametrize("end", [1.0, 1.0 + 1e-13, 1.0 - 1e-13])
-def test_a_root_at_the_end_of_the_range_is_found(end):
-    """Where Bernstein coefficients are of one sign but for round-off."""
-    assert first_root(3.0 * np.array([-end, 1.0, 0.0]), 1.0) == pytest.approx(1.0, abs=1e-12)
-    assert first_root(np.array([1.0, 0.5, -0.4]), 1.0) is None
-
-
-def test_roots_are_those_of_the_companion_matrix(monkeypatch):
-    """Polynomials that are seen to have none have none."""
-    rng = np.random.default_rng(3)
-    cases = rng.normal(size=(300, 7)) + 2.0 * np.eye(7)[0]
-    quick = [roots_within(c, 1.3) for c in cases]
-    monkeypatch.setattr("anmstrip.continuation.path._never_zero", lambda _: False)
-    assert quick == [roots_within(c, 1.3) for c in cases]
-    assert 20 < sum(not found for found in quick) < 280

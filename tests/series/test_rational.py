@@ -5,9 +5,10 @@ import pytest
 from dense import DenseEquations, followed
 
 from anmstrip.continuation.expansion import Cost, Parameter, expand
-from anmstrip.continuation.path import Branch, roots_within
+from anmstrip.continuation.path import Branch
 from anmstrip.continuation.quotients import rational, stretched
 from anmstrip.linalg.solvers import DenseSolver
+from anmstrip.taylor.polynomials import roots_within
 
 N = 20
 STIFFNESS = 1.0 + np.arange(N) / N

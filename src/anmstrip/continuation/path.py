@@ -5,21 +5,21 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from itertools import pairwise
-from math import comb
 from typing import Any
 
 import numpy as np
 from numpy.polynomial.polynomial import polymul, polysub
 from numpy.typing import NDArray
 
-from anmstrip.series.power_series import derivative_coefficients, value_at
+from anmstrip.taylor.polynomials import (
+    derivative_coefficients,
+    first_root,
+    roots_within,
+    value_at,
+)
 
 Array = NDArray[np.float64]
-
-ROUND_OFF = 1e-9
-"""Value at an end of a range, over the largest inside, that may stand for a root there."""
 
 
 @dataclass(frozen=True)
@@ -126,44 +126,6 @@ class Branch:
             miss = control - value_at(moved.control, self.length) / q
             moved.control[1] += miss * q / self.length
         return moved
-
-
-def first_root(coefficients: Array, length: float) -> float | None:
-    """Smallest root of a polynomial in (0, length]."""
-    return next(iter(roots_within(coefficients, length)), None)
-
-
-def roots_within(coefficients: Array, length: float) -> list[float]:
-    """Roots of a polynomial in (0, length], in their order."""
-    scaled = coefficients * length ** np.arange(len(coefficients))
-    largest = np.abs(scaled).max()
-    if largest == 0.0:
-        return []
-    if _never_zero(scaled):
-        return []
-    scaled = np.trim_zeros(np.where(np.abs(scaled) < 1e-17 * largest, 0.0, scaled), "b")
-    roots = np.polynomial.polynomial.polyroots(scaled)
-    real = roots.real[(np.abs(roots.imag) < 1e-8) & (roots.real > 1e-12)]
-    inside = np.sort(real[real <= 1.0 + 1e-12])
-    return [min(float(root), 1.0) * length for root in inside]
-
-
-def _never_zero(coefficients: Array) -> bool:
-    """Whether a polynomial is seen to have no root in [0, 1], nor next to it.
-
-    Its Bernstein coefficients, whose means are its values there, are then of one sign.
-    """
-    found = _bernstein(len(coefficients) - 1) @ coefficients
-    least, largest = found.min(), found.max()
-    return bool(max(least, -largest) > ROUND_OFF * max(largest, -least))
-
-
-@lru_cache
-def _bernstein(degree: int) -> Array:
-    """Matrix that makes Bernstein coefficients of those of powers."""
-    return np.array(
-        [[comb(i, j) / comb(degree, j) for j in range(degree + 1)] for i in range(degree + 1)]
-    )
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 
 from anmstrip.continuation.expansion import TINY, Cost, Equations, inner, size
-from anmstrip.continuation.path import Branch, first_root
+from anmstrip.continuation.path import Branch
 from anmstrip.continuation.validity import errors, guessed, without_overshoot
+from anmstrip.taylor.polynomials import first_root
 
 LOOKED_AT = 4
 """Last orders that must be parallel, and in one ratio."""

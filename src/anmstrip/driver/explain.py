@@ -15,8 +15,8 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
 from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.series.power_series import Tape
 from anmstrip.simulation.problem import Assembly, flat_gap
+from anmstrip.taylor.series import record
 
 MEGABYTE = 2.0**20
 
@@ -111,11 +111,10 @@ def _memory(effect: Effect, order: int, plan: StageProblem) -> float:
     if isinstance(effect, LoadEffect):
         return effect.load.nbytes / MEGABYTE
     assert isinstance(effect, LawEffect)
-    tape = Tape(1)
-    x = tape.variable(effect.operator.apply(np.zeros(plan.model.strip.unknowns)))
-    with np.errstate(all="ignore"):  # only the size counts: a flat strip may cut an axis
-        effect.law(x, x, plan.controls.at(0.0))
-    return tape.nbytes / MEGABYTE * (order + 1) / 2
+    operator, controls = effect.operator, plan.controls.at(0.0)
+    x, law = operator.apply(np.zeros(plan.model.strip.unknowns)), effect.law
+    program = record(lambda x: law(x, x, controls), x, points=operator.points)
+    return program.nbytes(order) / MEGABYTE
 
 
 def _left_out(assembly: Assembly, plans: list[StageProblem]) -> Iterator[str]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +86,19 @@ REMEMBERED = 4
 """Latest choices of points, for what is near a roller hardly changes within a step."""
 
 
+T = TypeVar("T")
+
+
+def remembered(parts: dict[bytes, T], points: Index, make: Callable[[Index], T]) -> T:
+    """What belongs to a choice of points, made anew if it is none of the latest ones."""
+    key = points.tobytes()
+    if key not in parts:
+        while len(parts) >= REMEMBERED:
+            parts.pop(next(iter(parts)))
+        parts[key] = make(points)
+    return parts[key]
+
+
 class ContactOperator:
     """Values at the points where contact is looked at, with areas as weights.
 
@@ -129,17 +144,16 @@ class ContactOperator:
         """The same on some of the points, also several times; it keeps the cells of all."""
         if np.array_equal(points, np.arange(len(self.chosen))):
             return self
-        key = points.tobytes()
-        if key not in self.parts:
-            while len(self.parts) >= REMEMBERED:
-                self.parts.pop(next(iter(self.parts)))
-            part = self.parts[key] = copy(self)
-            part.parts = {}
-            part.chosen = self.chosen[points]
-            part.reference, part.weights = self.reference[:, points], self.weights[points]
-            part.matrix = self.matrix[points]
-            part.transposed = part.matrix.T.tocsr()
-        return self.parts[key]
+        return remembered(self.parts, points, self._part)
+
+    def _part(self, points: Index) -> ContactOperator:
+        part = copy(self)
+        part.parts = {}
+        part.chosen = self.chosen[points]
+        part.reference, part.weights = self.reference[:, points], self.weights[points]
+        part.matrix = self.matrix[points]
+        part.transposed = part.matrix.T.tocsr()
+        return part
 
     @property
     def points(self) -> int:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.series.power_series import taylor
+from anmstrip.taylor.series import taylor
 
 Array = NDArray[np.float64]
 

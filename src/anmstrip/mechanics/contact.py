@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.fem.kinematics import SHELL, Kinematics
-from anmstrip.fem.sampling import ContactOperator
+from anmstrip.fem.sampling import ContactOperator, remembered
 from anmstrip.mechanics.effects import LawEffect, Moment
 from anmstrip.mechanics.laws import ContactLaw
 from anmstrip.mechanics.roller import Projection, Roller
@@ -136,6 +136,14 @@ class Contact(LawEffect):
 
     def restricted(self, points: Index) -> Contact:
         """The same on some of the points."""
+        return remembered(self.parts, points, self._part)
+
+    @cached_property
+    def parts(self) -> dict[bytes, Contact]:
+        """The latest choices of points."""
+        return {}
+
+    def _part(self, points: Index) -> Contact:
         operator, roller = self.operator.restricted(points), self.roller.restricted(points)
         return replace(self, operator=operator, roller=roller)
 
@@ -171,8 +179,12 @@ class Contact(LawEffect):
 
     def near(self, full: Array, controls: Mapping[str, Any]) -> Contact:
         """The same effect on the points within reach."""
+        return self.restricted(self.within_reach(full, controls))
+
+    def within_reach(self, full: Array, controls: Mapping[str, Any]) -> Index:
+        """Numbers of the points within reach."""
         gap = self.seen(self.operator.apply(full), controls).gap
-        return self.restricted(np.flatnonzero(gap < self.reaches))
+        return np.flatnonzero(gap < self.reaches)
 
     def pressure(self, place: Projection) -> Any:
         """R (Pa), shape (points,)."""
@@ -258,7 +270,16 @@ class Friction(LawEffect):
 
     def near(self, full: Array, controls: Mapping[str, Any]) -> Friction:
         """The same effect on the points within reach."""
-        return replace(self, contact=self.contact.near(full, controls))
+        points = self.contact.within_reach(full, controls)
+        return remembered(self.parts, points, self._part)
+
+    @cached_property
+    def parts(self) -> dict[bytes, Friction]:
+        """The latest choices of points."""
+        return {}
+
+    def _part(self, points: Index) -> Friction:
+        return replace(self, contact=self.contact.restricted(points))
 
     def tangents(self, place: Projection) -> Any:
         """Directions of slip in the frame, (components of slip, directions, points)."""

@@ -21,13 +21,9 @@ def root_reaction(gap: Any, product: Any, stiffness: float) -> Any:
     stiffness : float
         K.
     """
-    root = np.sqrt(gap * gap + product * (4.0 / stiffness))
-    pressed = (root - gap) * (0.5 * stiffness)
     free = gap > 0.0
-    if not np.any(free):
-        return pressed
-    apart = product * 2.0 / (root + np.where(free, gap, -gap))
-    return np.where(free, apart, pressed)
+    root = np.sqrt(gap * gap + product * (4.0 / stiffness)) + np.where(free, gap, -gap)
+    return np.where(free, product * 2.0 / root, root * (0.5 * stiffness))
 
 
 class ContactLaw:
@@ -158,10 +154,8 @@ class GradedSignorini(ContactLaw):
     def __call__(self, gap: Any) -> Any:
         """Reaction at a gap, at most that at a depth of ``DEEPEST`` widths."""
         deepest = -DEEPEST * self.width
-        inside = gap < deepest
-        if np.any(inside):
-            gap = np.where(inside, deepest, gap)
-        return np.exp(gap * (-1.0 / self.width)) * self.pressure
+        seen = np.where(gap < deepest, deepest, gap)
+        return np.exp(seen * (-1.0 / self.width)) * self.pressure
 
     def gap(self, reaction: Any) -> Any:
         """Inverse law: h = −w log(R/p₀)."""

@@ -16,8 +16,8 @@ from anmstrip.continuation.status import PathStopped
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.mechanics.laws import cone_speed, corner_speed
 from anmstrip.paper.mass_spring import MassSpring, Parameters, PressedPlane
-from anmstrip.series.events import Watch
-from anmstrip.series.power_series import derivative_coefficients, taylor, value_at
+from anmstrip.taylor.polynomials import Watch, derivative_coefficients, value_at
+from anmstrip.taylor.series import taylor
 from anmstrip.timestepping.explicit import PiecewiseSeries, integrate_explicitly
 from anmstrip.timestepping.formulas import start_memory
 from anmstrip.timestepping.functions import FunctionRateEquations, ImplicitSolution

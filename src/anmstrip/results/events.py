@@ -14,8 +14,8 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.mechanics.laws import cone_speed, corner_speed
 from anmstrip.results.rollers import TOUCHING
 from anmstrip.results.state import State
-from anmstrip.series.events import Watch, minima
-from anmstrip.series.power_series import taylor, value_at
+from anmstrip.taylor.polynomials import Watch, minima, value_at
+from anmstrip.taylor.series import taylor
 
 if TYPE_CHECKING:
     from anmstrip.mechanics.contact import Contact, Friction

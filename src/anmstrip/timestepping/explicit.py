@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from anmstrip.continuation.expansion import TINY, Cost
 from anmstrip.continuation.status import Outcome, PathStopped
-from anmstrip.series.power_series import derivative_coefficients, value_at
+from anmstrip.taylor.polynomials import derivative_coefficients, value_at
+from anmstrip.taylor.series import recorded
 from anmstrip.timestepping.index_one import Point, Residual, consistent, size_of, stretch
 
 Array = NDArray[np.float64]
@@ -135,7 +136,7 @@ def integrate_explicitly(
     PathStopped
     """
     cost = Cost() if cost is None else cost
-    stepper = _Stepper(residual, order, tolerance, span[1] - span[0], speed, cost)
+    stepper = _Stepper(recorded(residual), order, tolerance, span[1] - span[0], speed, cost)
     left, (t, end) = tolerance, span
     for _ in range(MOST_STEPS):
         rate = min(left / (end - t), HASTE * tolerance / stepper.whole)
@@ -169,7 +170,8 @@ class _Stepper:
         """The longest series from t on that keeps the tolerance."""
         u, v = consistent(self.residual, u, v, t, self.tolerance, self.allowed(v))
         with self.cost.timed("series"):
-            u_orders, v_last = _orders(Point.at(self.residual, u, v, t, self.order))
+            point = Point.at(self.residual, u, v, t, self.order)
+            u_orders, v_last = _orders(point, self.order)
         self.cost.expansions += 1
         self.cost.factorisations += 1
         series, length = TimeSeries(u_orders, t, end), self.guess(u_orders, v_last, self.allowed(v))
@@ -222,17 +224,21 @@ class _Stepper:
         return replace(piece, error=inherited, passing=float(np.abs(shift).max()))
 
 
-def _orders(point: Point) -> tuple[Array, Array]:
+def _orders(point: Point, order: int) -> tuple[Array, Array]:
     """Coefficients of u, order by order, and the last one of v."""
-    tape, u, v, r = point.tape, point.u.coefficients, point.v.coefficients, point.residual
+    u, v = np.zeros((2, order + 1, len(point.u)))
+    u[0], v[0] = point.u, point.v
     P = point.driven[1]
     coupled = len(point.algebraic[0]) > 0
-    for p in range(1, tape.order + 1):
+    for p in range(1, order + 1):
         u[p] = P @ (P.T @ v[p - 1]) / p
-        tape.advance(p)
+        time = 1.0 if p == 1 else None
+        residual = point.orders.advance(p, u[p], None, time)
         if coupled:
-            u[p] += point.algebraic_part(r.coefficients[p])
-            tape.correct(p - 1, {point.v: p * u[p] - v[p - 1]})
-            tape.advance(p)
-        tape.correct(p, {point.v: point.driven_part(r.coefficients[p])})
-    return u.copy(), v[-1].copy()
+            u[p] += point.algebraic_part(residual)
+            point.orders.correct(None, p * u[p] - v[p - 1])
+            v[p - 1] = p * u[p]
+            residual = point.orders.advance(p, u[p], None, time)
+        v[p] = point.driven_part(residual)
+        point.orders.correct(None, v[p])
+    return u, v[-1]

@@ -4,23 +4,41 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from anmstrip.continuation.path import HermitePath
-from anmstrip.series.power_series import Series, Tape, taylor
+from anmstrip.taylor.series import RecordedFunction, recorded, taylor
 from anmstrip.timestepping.formulas import AffineVelocity, TimeStep
 from anmstrip.timestepping.index_one import stretch
 
 Array = NDArray[np.float64]
 
 
-class TracedRecurrence:
-    """Orders of a residual that was traced on series of u and of the control.
+class Substitution(Protocol):
+    """Arguments of a function as affine functions of the unknowns u and the control."""
 
-    The residual may look at u in another shape than that of a vector, and answers in it.
+    def arguments(self, u: Array, control: float) -> tuple[ArrayLike, ...]:
+        """Values of the arguments."""
+
+    def changes(self, u: Array | None, control: float) -> tuple[ArrayLike | None, ...]:
+        """Changes of the arguments with changes of u, (*batch, n), and of the control."""
+
+
+class TracedRecurrence:
+    """Orders of a recorded residual in u and the control.
+
+    Parameters
+    ----------
+    residual : RecordedFunction
+    inputs : Substitution
+        What the arguments of the residual are.
+    u : ndarray, shape (n,)
+    control : float
+    order : int
 
     Attributes
     ----------
@@ -30,37 +48,33 @@ class TracedRecurrence:
 
     def __init__(
         self,
-        residual: Callable[[Any, Any], Any],
+        residual: RecordedFunction,
+        inputs: Substitution,
         u: Array,
         control: float,
         order: int,
-        shape: tuple[int, ...] = (-1,),
     ) -> None:
-        self.tape = Tape(order)
-        self.u, self.control = self.tape.variable(u.reshape(shape)), self.tape.variable(control)
-        self.output: Series = residual(self.u, self.control)
-        self.residual = self.output.value.ravel()
+        self.inputs, self.size = inputs, len(u)
+        self.orders = residual.start(*inputs.arguments(u, control), order=order)
+        self.residual = self.orders.value.ravel()
 
     def tangent(self) -> Array:
         """∂R/∂u, shape (n, n)."""
-        n = self.u.value.size
-        unit = np.eye(n).reshape(n, *self.u.shape)
-        return self.tape.derivative(self.output, {self.u: unit}).reshape(n, n).T
+        unit = np.eye(self.size)
+        found = self.orders.derivative(*self.inputs.changes(unit, 0.0))
+        return found.reshape(self.size, self.size).T
 
     def control_derivative(self) -> Array:
         """∂R/∂λ, shape (n,)."""
-        return self.tape.derivative(self.output, {self.control: np.array(1.0)}).ravel()
+        return self.orders.derivative(*self.inputs.changes(None, 1.0)).ravel()
 
     def advance(self, k: int) -> Array:
         """Order k of R as if u_k = 0 and λ_k = 0."""
-        self.tape.advance(k)
-        return self.output.coefficients[k].flatten()
+        return self.orders.advance(k).ravel()
 
     def correct(self, k: int, u: Array, control: float) -> None:
         """Fix order k of the unknowns."""
-        if k == 1:
-            self.tape.advance(1)
-        self.tape.correct(k, {self.u: u.reshape(self.u.shape), self.control: np.array(control)})
+        self.orders.correct(*self.inputs.changes(u, control))
 
 
 @dataclass(frozen=True)
@@ -94,7 +108,19 @@ class FunctionEquations:
 
     def recurrence(self, u: Array, control: float, order: int) -> TracedRecurrence:
         """Start the series at a point."""
-        return TracedRecurrence(self.function, u, control, order)
+        return TracedRecurrence(self._recorded, self, u, control, order)
+
+    @cached_property
+    def _recorded(self) -> RecordedFunction:
+        return RecordedFunction(self.function)
+
+    def arguments(self, u: Array, control: float) -> tuple[ArrayLike, ...]:
+        """Return the unknowns and the control."""
+        return u, control
+
+    def changes(self, u: Array | None, control: float) -> tuple[ArrayLike | None, ...]:
+        """Changes of the arguments."""
+        return u, control if control else None
 
     def residual(self, u: Array, control: float) -> Array:
         """R(u, λ)."""
@@ -132,7 +158,8 @@ class FunctionRateEquations:
     def __init__(
         self, function: Callable[[Any, Any, Any], Any], whole: float, speed: float = np.inf
     ) -> None:
-        self.function, self.whole, self.speed = function, whole, speed
+        self.function = recorded(function)
+        self.whole, self.speed = whole, speed
         self.latest: tuple[Array, AffineVelocity] | None = None
 
     def during(self, t: float, h: float, velocity: AffineVelocity, about: Array) -> StepEquations:
@@ -180,13 +207,21 @@ class StepEquations:
         self.share = h / problem.whole if h > 0.0 else 1.0
         self.unit = self.share
 
-    def _function(self, u: Any, control: Any) -> Any:
-        velocity = u * self.velocity.rate + self.velocity.base + control * self.velocity.slope
-        return self.problem.function(u + self.about, velocity, control * self.h + self.t)
+    def arguments(self, u: Array, control: float) -> tuple[ArrayLike, ...]:
+        """State, velocity and time."""
+        return u + self.about, self.velocity(u, control), control * self.h + self.t
+
+    def changes(self, u: Array | None, control: float) -> tuple[ArrayLike | None, ...]:
+        """Changes of state, velocity and time."""
+        moved = control * self.velocity.slope if control else None
+        if u is None:
+            return None, moved, control * self.h
+        rate = u * self.velocity.rate
+        return u, rate if moved is None else rate + moved, control * self.h if control else None
 
     def recurrence(self, u: Array, control: float, order: int) -> TracedRecurrence:
         """Start the series at a point; its tangent turns residuals into changes of u."""
-        recurrence = TracedRecurrence(self._function, u, control, order)
+        recurrence = TracedRecurrence(self.problem.function, self, u, control, order)
         self.softness = np.abs(np.linalg.pinv(recurrence.tangent()))
         v = self.velocity(u, control)
         self.unit = self.share * stretch(v, self.problem.speed)
@@ -203,7 +238,7 @@ class StepEquations:
 
     def residual(self, u: Array, control: float) -> Array:
         """R at a point of the step."""
-        return np.asarray(self._function(u, np.float64(control)))
+        return np.asarray(self.problem.function(*self.arguments(u, np.float64(control))))
 
     @property
     def metric(self) -> float:

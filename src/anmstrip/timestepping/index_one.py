@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.continuation.status import Outcome, PathStopped
-from anmstrip.series.power_series import Series, Tape
+from anmstrip.taylor.program import Orders
+from anmstrip.taylor.series import recorded
 
 Array = NDArray[np.float64]
 Residual = Callable[[Any, Any, Any], Any]
@@ -31,19 +32,19 @@ class Point:
 
     Attributes
     ----------
-    tape : Tape
-        Recording of the residual, for the orders to come.
-    u, v, residual : Series, shape (n,)
+    orders : Orders
+        Of the residual, for those to come.
+    u, v, residual : ndarray, shape (n,)
     stiffness, damping : ndarray, shape (n, n)
         ∂R/∂u and ∂R/∂v.
     driven, algebraic : tuple of ndarray
         Rows of R (r, n) and directions (n, r) on which velocities act, and the rest.
     """
 
-    tape: Tape
-    u: Series
-    v: Series
-    residual: Series
+    orders: Orders
+    u: Array
+    v: Array
+    residual: Array
     stiffness: Array
     damping: Array
     driven: tuple[Array, Array]
@@ -51,19 +52,15 @@ class Point:
 
     @classmethod
     def at(cls, residual: Residual, u: Array, v: Array, t: float, order: int = 0) -> Point:
-        """Trace the residual once."""
-        tape = Tape(order)
-        us, vs, ts = tape.variable(u), tape.variable(v), tape.variable(t)
-        ts.coefficients[1:2] = 1.0
-        r = residual(us, vs, ts)
+        """Start the series of the residual."""
+        orders = recorded(residual).start(u, v, t, order=order)
         unit = np.eye(len(u))
-        stiffness = tape.derivative(r, {us: unit}).T
-        damping = tape.derivative(r, {vs: unit}).T
+        stiffness, damping = orders.derivative(unit).T, orders.derivative(None, unit).T
         left, values, right = np.linalg.svd(damping)
         smallest = 1e-12 * np.abs(stiffness).max() + 1e-10 * values[0]
         rank = int((values > smallest).sum())
         driven, algebraic = (left[:, :rank].T, right[:rank].T), (left[:, rank:].T, right[rank:].T)
-        return cls(tape, us, vs, r, stiffness, damping, driven, algebraic)
+        return cls(orders, u, v, orders.value, stiffness, damping, driven, algebraic)
 
     def algebraic_part(self, r: Array) -> Array:
         """Change of u in algebraic directions that takes ``r`` out of the algebraic rows."""
@@ -79,8 +76,8 @@ class Point:
 
     def correction(self) -> tuple[Array, Array]:
         """Newton's step to R = 0: algebraic part of u, driven part of v."""
-        shift = self.algebraic_part(self.residual.value)
-        return shift, self.driven_part(self.residual.value + self.stiffness @ shift)
+        shift = self.algebraic_part(self.residual)
+        return shift, self.driven_part(self.residual + self.stiffness @ shift)
 
     @property
     def growth_rate(self) -> float:
@@ -124,13 +121,14 @@ def consistent(
     ------
     PathStopped
     """
+    residual = recorded(residual)
     allowed = tolerance if rate_tolerance is None else rate_tolerance
     for _ in range(MOST_ITERATIONS):
         point = Point.at(residual, u, v, t)
         shift, kick = point.correction()
         if max(_ratio(shift, tolerance, u), _ratio(kick, allowed, v)) <= CONSISTENT:
             return u + shift, v + kick
-        size, part = np.abs(point.residual.value).max(), 1.0
+        size, part = np.abs(point.residual).max(), 1.0
         while part > 1e-6 and size_of(residual, u + part * shift, v + part * kick, t) >= size:
             part *= 0.5
         u, v = u + part * shift, v + part * kick
@@ -200,7 +198,7 @@ class Controlled(Generic[T]):
 
 def estimated(residual: Residual, path: TimePath) -> Array:
     """Estimated error of u at the knots of a path, shape (m + 1,)."""
-    total, errors = 0.0, [0.0]
+    residual, total, errors = recorded(residual), 0.0, [0.0]
     for start, end, error in zip(path.knots[:-1], path.knots[1:], path.errors, strict=True):
         times = start + (end - start) * NODES
         rates = np.array([Point.at(residual, *path(t), t).growth_rate for t in times])
@@ -310,7 +308,7 @@ def pivot(residual: Residual, u: Array, v: Array, t: float) -> tuple[float, floa
 
 def instabilities(residual: Residual, path: TimePath) -> list[Instability]:
     """Stretches in which a computed motion is unstable, in the order of time."""
-    whole = path.knots[-1] - path.knots[0]
+    residual, whole = recorded(residual), path.knots[-1] - path.knots[0]
     found: list[Instability] = []
     current: list[tuple[float, float, float]] = []
     for t in [*path.knots[1:], np.inf]:

@@ -1,4 +1,4 @@
-"""Roots of the series: where functions change their sign along a branch, none missed.
+"""Polynomials in a path parameter: values, derivatives, and roots, none missed.
 
 A polynomial of degree N on [0, length] is a convex combination of its Bernstein coefficients,
 and has at most as many roots there as they change their sign, less by an even number
@@ -16,28 +16,48 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from math import comb
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from .power_series import derivative_coefficients
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 EPSILON = float(np.finfo(float).eps)
 
-HALVINGS = 60
-"""Of an interval at most; round-off ends it long before."""
+END = 1e-12
+"""Share of an interval by which a root may lie behind its end, or just after its start."""
 
-BISECTIONS = 54
-"""Of an interval with one root: to the last digit."""
+MOST_ITERATIONS = 60
+"""Divisions of an interval, and steps to a root, at most; round-off ends them long before."""
 
 NEAR = 2.0 ** -np.arange(50.0, 0.0, -1.0)
 """Shares at which to look for a sign, if there is none at an end."""
 
 MIDDLES = np.array([0.5, 0.45, 0.55, 0.4, 0.6, 0.35, 0.65, 0.3, 0.7])
 """Shares at which to divide an interval: the first at which there is a sign."""
+
+
+def value_at(coefficients: Array, a: float) -> Any:
+    """Value of a series at parameter ``a``; ``coefficients`` has the orders first.
+
+    What order 0 is changed by is summed first, so that it is rounded once.
+    """
+    if coefficients.ndim == 1:
+        value = 0.0
+        for c in reversed(coefficients.tolist()):
+            value = value * a + c
+        return value
+    powers = a ** np.arange(1.0, len(coefficients))
+    changes = coefficients[1:].reshape(len(powers), coefficients[0].size)
+    return coefficients[0] + (powers @ changes).reshape(coefficients.shape[1:])
+
+
+def derivative_coefficients(coefficients: Array) -> Array:
+    """Coefficients of the derivative of a series, one order less."""
+    orders = np.arange(1, len(coefficients))
+    return coefficients[1:] * orders.reshape((-1,) + (1,) * (coefficients.ndim - 1))
 
 
 @dataclass(frozen=True)
@@ -62,7 +82,7 @@ class Roots:
         return len(self.which)
 
     def chosen(self, mask: NDArray[np.bool_]) -> Roots:
-        """Some of them."""
+        """Those of the roots that a mask chooses."""
         return Roots(self.which[mask], self.where[mask], self.sense[mask])
 
 
@@ -197,7 +217,7 @@ class _Isolation:
     def _isolate(
         self, bernstein: Array, noise: Array, which: Index, low: Array, high: Array
     ) -> None:
-        for _ in range(HALVINGS):
+        for _ in range(MOST_ITERATIONS):
             if not len(which):
                 return
             changes = _changes(bernstein, noise[which])
@@ -224,12 +244,33 @@ class _Isolation:
             return Roots(np.zeros(0, np.int64), np.zeros(0), np.zeros(0, np.int64))
         which, low, high, first = (np.concatenate(part) for part in zip(*self.found, strict=True))
         scaled = coefficients[:, which] * length ** np.arange(float(len(coefficients)))[:, None]
-        for _ in range(BISECTIONS):
-            middle = 0.5 * (low + high)
-            value = np.polynomial.polynomial.polyval(middle, scaled, tensor=False)
-            same = value * first > 0.0
-            low, high = np.where(same, middle, low), np.where(same, high, middle)
-        return Roots(which, high * length, -first.astype(np.int64))
+        where = _refined(scaled, low, high, first)
+        return Roots(which, where * length, -first.astype(np.int64))
+
+
+def _refined(coefficients: Array, low: Array, high: Array, first: Array) -> Array:
+    """Roots to the last digit by Newton's method, in brackets with one change of sign each.
+
+    ``first`` are the signs at ``low``.  A step that leaves its bracket, or is not half as long as
+    the one before, is a bisection.
+    """
+    slopes, orders = derivative_coefficients(coefficients), np.arange(float(len(coefficients)))
+    x, last = 0.5 * (low + high), high - low
+    for _ in range(MOST_ITERATIONS):
+        powers = x ** orders[:, None]
+        value = (powers * coefficients).sum(axis=0)
+        slope = (powers[:-1] * slopes).sum(axis=0)
+        before = value * first > 0.0
+        low, high = np.where(before, x, low), np.where(before, high, x)
+        with np.errstate(all="ignore"):
+            step = value / slope
+        good = (np.abs(step) <= 0.5 * last) & (x - step >= low) & (x - step <= high)
+        nearer = np.where(good, x - step, 0.5 * (low + high))
+        last = np.abs(nearer - x)
+        x = nearer
+        if (last <= EPSILON * high).all():
+            break
+    return x
 
 
 def _changes(bernstein: Array, noise: Array) -> Index:
@@ -262,3 +303,32 @@ def minima(coefficients: Array, length: float, below: Array | float) -> Roots:
     wanted = (turning.sense > 0) & (np.abs(value) <= limits[near[turning.which]])
     chosen = turning.chosen(wanted)
     return Roots(near[chosen.which], chosen.where, chosen.sense)
+
+
+def roots_within(coefficients: Array, length: float) -> list[float]:
+    """Roots of one polynomial in (0, length], in their order, those without change of sign too.
+
+    A root counts as being at the end if it is so within round-off.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (order + 1,)
+    length : float
+    """
+    column, further = coefficients[:, None], length * (1.0 + END)
+    bernstein, noise = _bernstein(column, further)
+    if bernstein.min() > noise[0] or bernstein.max() < -noise[0] or not noise[0]:
+        return []
+    found = [roots(column, further).where]
+    if _changes(bernstein, noise)[0] > 1:
+        found += [minima(sign * column, further, noise).where for sign in (1.0, -1.0)]
+    if abs(value_at(coefficients, length)) <= noise[0]:
+        found.append(np.array([length]))
+    whole = np.concatenate(found)
+    whole = np.minimum(whole[whole > END * length], length)
+    return [float(x) for x in np.unique(whole)]
+
+
+def first_root(coefficients: Array, length: float) -> float | None:
+    """Smallest root of a polynomial in (0, length]."""
+    return next(iter(roots_within(coefficients, length)), None)

@@ -11,9 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anmstrip.mechanics.roller import Roller
-from anmstrip.series import events
-from anmstrip.series.events import Watch, minima, roots
-from anmstrip.series.power_series import taylor
+from anmstrip.taylor import polynomials
+from anmstrip.taylor.polynomials import (
+    Watch,
+    derivative_coefficients,
+    first_root,
+    minima,
+    roots,
+    roots_within,
+    value_at,
+)
+from anmstrip.taylor.series import taylor
 
 POLYNOMIAL = np.polynomial.polynomial
 
@@ -102,13 +110,13 @@ def test_functions_without_a_root_are_settled_by_one_product(
     coefficients[:, 7] = 0.0
     coefficients[:2, 7] = -0.5, 1.0
     looked: list[int] = []
-    real = events._changes
+    real = polynomials._changes
 
     def counted(bernstein: np.ndarray, noise: np.ndarray) -> np.ndarray:
         looked.append(bernstein.shape[1])
         return real(bernstein, noise)
 
-    monkeypatch.setattr(events, "_changes", counted)
+    monkeypatch.setattr(polynomials, "_changes", counted)
     assert Watch().changes(coefficients, 1.0).which.tolist() == [7]
     assert looked == [1]
 
@@ -208,3 +216,41 @@ def test_no_event_of_random_paths_is_missed(count: int) -> None:
             assert len(left) % 2 == 0
             middle = 0.5 * (times[1:] + times[:-1])
             assert (np.sign(paths.gap(path, middle)) == senses[:-1]).all()
+
+
+@pytest.mark.parametrize("end", [1.0, 1.0 + 1e-13, 1.0 - 1e-13])
+def test_a_root_at_the_end_of_the_range_is_found(end: float) -> None:
+    """Where Bernstein coefficients are of one sign but for round-off."""
+    assert first_root(3.0 * np.array([-end, 1.0, 0.0]), 1.0) == pytest.approx(1.0, abs=1e-12)
+    assert first_root(np.array([1.0, 0.5, -0.4]), 1.0) is None
+
+
+@pytest.mark.parametrize("length", [0.3, 1.3, 1e-4])
+def test_roots_are_those_of_the_companion_matrix(length: float) -> None:
+    rng = np.random.default_rng(3)
+    cases = rng.normal(size=(300, 7)) + 2.0 * np.eye(7)[0]
+    cases /= length ** np.arange(7.0)
+    count = 0
+    for c in cases:
+        found = POLYNOMIAL.polyroots(c)
+        real = np.sort(found.real[(found.imag == 0.0) & (found.real > 0.0)])
+        assert roots_within(c, length) == pytest.approx(real[real <= length], rel=1e-9)
+        count += len(roots_within(c, length)) > 0
+    assert 20 < count < 280
+
+
+def test_a_double_root_is_a_root_though_no_change_of_sign() -> None:
+    squared = POLYNOMIAL.polyfromroots([0.25, 0.25, 3.0])
+    assert roots_within(squared, 1.0) == pytest.approx([0.25], abs=1e-7)
+    assert roots_within(-squared, 1.0) == pytest.approx([0.25], abs=1e-7)
+    assert roots_within(np.zeros(4), 1.0) == []
+
+
+def test_horner_and_derivative_coefficients() -> None:
+    c = np.array([[1.0, 2.0], [0.5, -1.0], [3.0, 4.0]])
+    np.testing.assert_allclose(value_at(c, 0.1), c[0] + 0.1 * c[1] + 0.01 * c[2], rtol=1e-15)
+    np.testing.assert_array_equal(derivative_coefficients(c), [[0.5, -1.0], [6.0, 8.0]])
+    assert value_at(np.array([2.0, 3.0]), 2.0) == 8.0
+    before = c.copy()
+    value_at(c, 0.3)
+    np.testing.assert_array_equal(c, before)
