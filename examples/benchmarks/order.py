@@ -13,7 +13,7 @@ from anmstrip.continuation.expansion import Cost
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import SparseSolver
-from anmstrip.scene.stage_tables import SolverSpec
+from anmstrip.scene.tables import SolverSpec
 from cantilever import LENGTH, cantilever, tip
 from figures import (
     Measured,

@@ -5,24 +5,12 @@ from __future__ import annotations
 import reprlib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 
 @dataclass(frozen=True)
 class Mistake:
     """One thing in an input that has to be changed before anything can run.
-
-    Attributes
-    ----------
-    file : str
-        Where it was typed: a file, or the option of the command line.
-    key : str
-        Dotted key, as ``--set`` takes it: ``rollers.r1.radius``; empty for a whole file.
-    value : object
-        What was given; None if nothing was.
-    expected : str
-        What would have been right, with its unit.
-    hint : str
-        What to type.
 
     Examples
     --------
@@ -33,15 +21,15 @@ class Mistake:
       type:     width = 1.0
     """
 
-    file: str
-    key: str
-    value: object
-    expected: str
-    hint: str
+    file: str  # the file, or the option of the command line, where it was typed
+    key: str  # dotted, as ``--set`` takes it: rollers.r1.radius; empty for a whole file
+    value: object  # as given; None if nothing was
+    expected: str  # with its unit
+    hint: str  # text that the user can type instead
 
     def __str__(self) -> str:
         lines = [": ".join(part for part in (self.file, self.key) if part)]
-        lines.append(f"  given:    {shown(self.value)}")
+        lines.append(f"  given:    {toml_text(self.value)}")
         lines.append(f"  expected: {self.expected}")
         lines.append(f"  type:     {self.hint.replace(chr(10), chr(10) + ' ' * 12)}")
         return "\n".join(lines)
@@ -66,24 +54,41 @@ class InputError(ValueError):
         return "\n".join(str(mistake) for mistake in self.mistakes)
 
 
-def shown(value: object) -> str:
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Return the hint for an unknown word: the nearest known one, else all of them.
+
+    Examples
+    --------
+    >>> nearest("thicknes", ["width", "thickness"])
+    'thickness (the nearest known one)'
+    >>> nearest("colour", ["width", "thickness"])
+    'one of: width, thickness'
+    """
+    known = list(known)
+    matches = get_close_matches(word.lower(), known, n=1, cutoff=0.6)
+    if matches:
+        return f"{matches[0]} (the nearest known one)"
+    return f"one of: {', '.join(known)}" if known else "nothing; take it out"
+
+
+def toml_text(value: object) -> str:
     """Return a value as it looks in TOML, shortened.
 
     Examples
     --------
-    >>> shown(None), shown(True), shown("tanh"), shown((1, 2))
+    >>> toml_text(None), toml_text(True), toml_text("tanh"), toml_text((1, 2))
     ('nothing', 'true', '"tanh"', '[1, 2]')
-    >>> shown({"surface_speed": 1.0, "release": True})
+    >>> toml_text({"surface_speed": 1.0, "release": True})
     '{ surface_speed = 1.0, release = true }'
     """
     if value is None:
         return "nothing"
     if isinstance(value, str):
         return f'"{value}"' if len(value) <= 120 else f'"{value[:117]}…"'
-    return _SHORT.repr(value)
+    return ShortRepr().repr(value)
 
 
-class _Short(reprlib.Repr):
+class ShortRepr(reprlib.Repr):
     """Nested values in TOML, cut short; integers of thousands of digits Python refuses to print."""
 
     def repr_bool(self, x: bool, level: int) -> str:
@@ -102,6 +107,3 @@ class _Short(reprlib.Repr):
     def repr_int(self, x: int, level: int) -> str:
         huge = x.bit_length() > 200
         return "an integer of more than 60 digits" if huge else super().repr_int(x, level)
-
-
-_SHORT = _Short()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 
 import pydantic
@@ -12,16 +11,16 @@ import pytest
 from pydantic import BaseModel, TypeAdapter
 
 from anmstrip.driver.scene import Scene
-from anmstrip.scene import schema, stage_tables, tables
-from anmstrip.scene.checks import EDGE_NAMES
+from anmstrip.errors import InputError
+from anmstrip.scene import schema, tables
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.scene.tables import Table
+from anmstrip.scene.tables import EDGE_NAMES, StageSpec, Table
 
 CAPSTAN = Path(__file__).with_name("capstan.toml")
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MODELS = [
     model
-    for module in (schema, stage_tables, tables)
+    for module in (schema, tables)
     for model in vars(module).values()
     if isinstance(model, type) and issubclass(model, Table) and model.__module__ == module.__name__
     if model is not Table
@@ -110,14 +109,15 @@ def _named(value: object) -> object:
     return [{"name": "n", **table} for table in value] if tables else value
 
 
-def _stage_keys() -> Iterator[str]:
-    yield from (key for key in schema.StageSpec.model_fields if key != "edges")
-    yield from EDGE_NAMES
-
-
 def test_keys_offered_in_a_stage_are_those_that_it_has() -> None:
-    offered = schema.StageSpec.model_fields["edges"].json_schema_extra["keys"]
-    assert offered == list(_stage_keys())
+    tables = tomllib.loads(CAPSTAN.read_text(encoding="utf-8"))
+    tables["stages"][0]["xyz"] = 1.0
+    with pytest.raises(InputError) as refused:
+        Scene.from_tables(tables, CAPSTAN)
+    (mistake,) = refused.value.mistakes
+    keys = [key for key in StageSpec.model_fields if key != "edges"]
+    assert mistake.key == "stages.tension.xyz"
+    assert mistake.hint == f"one of: {', '.join((*keys, *EDGE_NAMES))}"
 
 
 def test_unnamed_rollers_and_stages_are_numbered() -> None:

@@ -4,7 +4,7 @@ import pytest
 
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
-from anmstrip.scene.stage_tables import SolverSpec
+from anmstrip.scene.tables import SolverSpec
 from strips import capstan
 
 

@@ -15,8 +15,8 @@ from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.roller import Roller
 from anmstrip.results.state import ContactState, State
-from anmstrip.scene.checks import THREADING
 from anmstrip.scene.schema import SceneSpec, StageSpec
+from anmstrip.scene.tables import THREADING
 from anmstrip.simulation.meshing import QUARTER
 from anmstrip.simulation.problem import Assembly, cheapest_order, size_of
 from anmstrip.timestepping.implicit import RESIDUAL_SHARE

@@ -12,13 +12,12 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.errors import InputError, Mistake
+from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.paper.figures import draw_figures
 from anmstrip.paper.mass_spring import CASES, MassSpring, Parameters
 from anmstrip.paper.references import Reference, reference_solution
 from anmstrip.paper.schemes import SCHEMES, CaseEvent, CaseSolution, events_of, solve_case
 from anmstrip.results.files import atomic_write, write_table
-from anmstrip.scene.messages import nearest
 from anmstrip.timestepping.index_one import Instability, instabilities
 
 Array = NDArray[np.float64]

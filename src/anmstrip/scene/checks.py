@@ -5,38 +5,79 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
+from inspect import signature
 from itertools import combinations
 from math import hypot
 from typing import Any
 
-from anmstrip.errors import Mistake
-from anmstrip.scene.messages import missing, nearest
-from anmstrip.scene.stage_tables import EdgeControl, StageSpec
+import numpy as np
+
+from anmstrip.errors import Mistake, nearest
 from anmstrip.scene.tables import (
     EDGE_NAMES,
     ENDS,
+    STAGE_KEYS,
     THREADING,
     ContactSpec,
+    EdgeControl,
     EdgeSpec,
     FrictionSpec,
     MaterialSpec,
     RollerSpec,
+    StageSpec,
     StripSpec,
     ThreadingSpec,
+    missing,
 )
 
+Rollers = tuple[RollerSpec, ...]
+Stages = tuple[StageSpec, ...]
 
-def unique_rollers(rollers: tuple[RollerSpec, ...]) -> Iterator[Mistake]:
+SEEN = {"shell": "xyz", "section": "xz", "plate": "z"}
+"""Displacements that a level has; holding another one is harmless, moving or loading it is not."""
+
+WHY = {"section": 'a "section" has no width', "plate": 'a "plate" only moves up and down'}
+
+OTHER = {"section": 'kinematics = "shell"', "plate": 'kinematics = "section"'}
+"""The next level, which has more displacements."""
+
+CONTACT = "[contact]\nstiffness = 1.0e10\neta = 10.0\ndelta = 1.0e-3"
+"""An example of contact, to be typed."""
+
+PARALLEL = 0.99
+"""Least cosine of the angle between axes that count as parallel."""
+
+ACROSS = 0.9
+"""Least component along y of the unit axis of a roller that the strip is threaded around."""
+
+STRETCHED = 0.05
+"""Largest strain of a threaded strip: metals yield long before."""
+
+
+def edge_controls(stages: Stages) -> Iterator[tuple[str, str, EdgeControl]]:
+    """Yield the key, the edge and the control of every edge in every stage."""
+    for stage in stages:
+        for name, control in stage.edges.items():
+            yield f"stages.{stage.name}.{name}", name, control
+
+
+def nonzero(vector: tuple[float, float, float] | None) -> list[str]:
+    """Return the names of the components of a vector that are not zero."""
+    return [name for name, value in zip("xyz", vector or (), strict=False) if value != 0]
+
+
+def unique_rollers(rollers: Rollers) -> Iterator[Mistake]:
     """Yield rollers that have the name of another."""
-    yield from _duplicates("rollers", [roller.name for roller in rollers])
+    return duplicates("rollers", [roller.name for roller in rollers])
 
 
-def unique_stages(stages: tuple[StageSpec, ...]) -> Iterator[Mistake]:
+def unique_stages(stages: Stages) -> Iterator[Mistake]:
     """Yield stages that have the name of another."""
-    yield from _duplicates("stages", [stage.name for stage in stages])
+    return duplicates("stages", [stage.name for stage in stages])
 
 
-def _duplicates(key: str, names: list[str]) -> Iterator[Mistake]:
+def duplicates(key: str, names: list[str]) -> Iterator[Mistake]:
+    """Yield names of a list of tables that come more than once."""
     for name, count in Counter(names).items():
         if count > 1:
             free = next(f"{name}_{i}" for i in range(2, 999) if f"{name}_{i}" not in names)
@@ -45,36 +86,26 @@ def _duplicates(key: str, names: list[str]) -> Iterator[Mistake]:
 
 
 def known_edges(
-    strip: StripSpec, edges: Mapping[str, EdgeSpec], stages: tuple[StageSpec, ...]
+    strip: StripSpec, edges: Mapping[str, EdgeSpec], stages: Stages
 ) -> Iterator[Mistake]:
     """Yield names of edges that a strip without mesh file does not have."""
     if strip.mesh is not None:  # its own names; checked when it is read
         return
     known = ENDS if strip.kinematics == "section" else EDGE_NAMES
-    for name in edges:
-        if name not in known:
-            yield _no_edge(f"edges.{name}", name, "the name of an edge", known)
-    for stage in stages:
-        own = [field for field in type(stage).model_fields if field != "edges"]
-        for name in stage.edges:
-            if name not in known:
-                key, expected = f"stages.{stage.name}.{name}", "a known key or the name of an edge"
-                yield _no_edge(key, name, expected, known, own)
+    given = [(f"edges.{name}", name, "the name of an edge", known) for name in edges]
+    given += [
+        (key, name, "a known key or the name of an edge", (*known, *STAGE_KEYS))
+        for key, name, _ in edge_controls(stages)
+    ]
+    for key, name, expected, words in given:
+        if name in EDGE_NAMES and name not in known:
+            sides = 'entry or exit: a "section" has no width, hence no sides'
+            yield Mistake("", key, name, sides, 'take it out, or kinematics = "shell"')
+        elif name not in known:
+            yield Mistake("", key, name, expected, nearest(name, words))
 
 
-def _no_edge(
-    key: str, name: str, expected: str, known: tuple[str, ...], others: Iterable[str] = ()
-) -> Mistake:
-    """An edge that is not there: misspelt, or a side of a section."""
-    if name in EDGE_NAMES:
-        expected = 'entry or exit: a "section" has no width, hence no sides'
-        return Mistake("", key, name, expected, 'take it out, or kinematics = "shell"')
-    return Mistake("", key, name, expected, nearest(name, [*known, *others]))
-
-
-def known_rollers(
-    rollers: tuple[RollerSpec, ...], stages: tuple[StageSpec, ...]
-) -> Iterator[Mistake]:
+def known_rollers(rollers: Rollers, stages: Stages) -> Iterator[Mistake]:
     """Yield rollers of stages that the scene does not have."""
     known = [roller.name for roller in rollers]
     for stage in stages:
@@ -84,68 +115,116 @@ def known_rollers(
                 yield Mistake("", key, name, "the name of a roller", nearest(name, known))
 
 
-def held_components(
-    edges: Mapping[str, EdgeSpec], stages: tuple[StageSpec, ...]
+def plates(
+    strip: StripSpec, friction: FrictionSpec | None, threading: ThreadingSpec | None
 ) -> Iterator[Mistake]:
+    """Yield what needs a strip that moves along, or is bent far."""
+    if strip.kinematics != "plate":
+        return
+    key, hint = "strip.kinematics", OTHER["plate"]
+    if threading is not None:
+        expected = '"shell" or "section": a plate stays nearly flat, so it is not threaded'
+        yield Mistake("", key, "plate", expected, hint)
+    if friction is not None:
+        expected = '"shell" or "section": a plate does not move along, so nothing rubs'
+        yield Mistake("", key, "plate", expected, hint)
+    if strip.feed:
+        yield Mistake("", "strip.feed", True, "false: a plate does not move along", "feed = false")
+
+
+def rollers_of_a_section(strip: StripSpec, rollers: Rollers) -> Iterator[Mistake]:
+    """Yield rollers that are not the same all across."""
+    if strip.kinematics != "section":
+        return
+    for roller in rollers:
+        for key, value in roller.profile.items():
+            expected = f'no {key}, since "section" has no width'
+            yield Mistake("", f"rollers.{roller.name}.{key}", value, expected, OTHER["section"])
+        if roller.axis[0] or roller.axis[2]:
+            expected = 'an axis along y, since "section" has no width'
+            hint = "axis = [0.0, 1.0, 0.0]"
+            yield Mistake("", f"rollers.{roller.name}.axis", roller.axis, expected, hint)
+
+
+def directions(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
+    """Yield motion, force and gravity along what a level does not have."""
+    level = strip.kinematics
+    given = []
+    for stage in stages:
+        for name, control in stage.edges.items():
+            for key in ("move", "velocity", "force"):
+                place = f"stages.{stage.name}.{name}.{key}"
+                given.append((place, f"{name}.{key}", getattr(control, key)))
+        given.append((f"stages.{stage.name}.gravity", "gravity", stage.gravity))
+    for key, short, vector in given:
+        # along x the force on a plate's exit is its tension
+        seen = "xz" if (level, short) == ("plate", "exit.force") else SEEN[level]
+        unseen = [c for c in nonzero(vector) if c not in seen]
+        if vector is not None and unseen:
+            kept = [v if c in seen else 0.0 for c, v in zip("xyz", vector, strict=True)]
+            expected = f"0 along {' and '.join(unseen)}: {WHY[level]}"
+            yield Mistake("", key, vector, expected, f"{short} = {kept}, or {OTHER[level]}")
+
+
+def tension_of_a_plate(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
+    """Yield tensions that a plate does not look at: its own is that of exit.force."""
+    for key, _, control in edge_controls(stages):
+        if strip.kinematics == "plate" and control.tension is not None:
+            expected = 'nothing: the tension of a "plate" is the x of exit.force (N/m)'
+            hint = f"exit.force = [{control.tension:g}, 0.0, 0.0]"
+            yield Mistake("", f"{key}.tension", control.tension, expected, hint)
+
+
+def moments(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
+    """Yield moments on a strip that does not resist bending, or does not turn far."""
+    if strip.bending and strip.kinematics != "plate":
+        return
+    expected = 'nothing: a strip without bending has no moments, a "plate" takes none'
+    hint = OTHER["plate"] if strip.bending else "bending = true"
+    for key, _, control in edge_controls(stages):
+        if control.moment is not None:
+            yield Mistake("", f"{key}.moment", control.moment, expected, hint)
+
+
+def held_components(edges: Mapping[str, EdgeSpec], stages: Stages) -> Iterator[Mistake]:
     """Yield motion of free components and force on held ones; a release frees them all."""
-    held = {name: tuple(table.fixed) for name, table in edges.items()}
     released: set[str] = set()
-    for stage in stages:
-        for name, control in stage.edges.items():
-            if control.release:
-                released.add(name)
-            fixed = () if name in released else held.get(name, ())
-            for mistake in _misplaced(name, control, fixed, name in released):
-                yield replace(mistake, key=f"stages.{stage.name}.{name}.{mistake.key}")
+    for place, name, control in edge_controls(stages):
+        if control.release:
+            released.add(name)
+        fixed = edges[name].fixed if name in edges and name not in released else ()
+        release = f"{name}.release = true in this stage or an earlier one"
+        for key in ("move", "velocity"):
+            value = getattr(control, key)
+            if free := [c for c in nonzero(value) if c not in fixed]:
+                expected = f"0 in {', '.join(free)}: not held on this edge, so it cannot be moved"
+                wanted = ", ".join(f'"{c}"' for c in "xyz" if c in (*fixed, *free))
+                hint = f"[edges.{name}]\nfixed = [{wanted}]"
+                hint = f"{name}.force = […], for it was released" if name in released else hint
+                yield Mistake("", f"{place}.{key}", value, expected, hint)
+        if both := [c for c in nonzero(control.force) if c in fixed]:
+            expected = f"0 in {', '.join(both)}: the component is held; its reaction follows"
+            yield Mistake("", f"{place}.force", control.force, expected, f"0.0 there, or {release}")
+        if control.tension and {"x", "z"} <= set(fixed):
+            expected = "0: x and z are held, which take it; their reaction follows"
+            yield Mistake("", f"{place}.tension", control.tension, expected, release)
 
 
-def _misplaced(
-    name: str, control: EdgeControl, fixed: tuple[str, ...], released: bool
-) -> Iterator[Mistake]:
-    for key in ("move", "velocity"):
-        value = getattr(control, key)
-        if free := [c for c in nonzero(value) if c not in fixed]:
-            expected = f"0 in {', '.join(free)}: not held on this edge, so it cannot be moved"
-            wanted = ", ".join(f'"{c}"' for c in "xyz" if c in (*fixed, *free))
-            hint = f"[edges.{name}]\nfixed = [{wanted}]"
-            hint = f"{name}.force = […], for it was released" if released else hint
-            yield Mistake("", key, value, expected, hint)
-    if both := [c for c in nonzero(control.force) if c in fixed]:
-        expected = f"0 in {', '.join(both)}: the component is held; its reaction follows"
-        hint = f"0.0 there, or {name}.release = true in this stage or an earlier one"
-        yield Mistake("", "force", control.force, expected, hint)
-    if control.tension and {"x", "z"} <= set(fixed):
-        expected = "0: x and z are held, which take it; their reaction follows"
-        hint = f"{name}.release = true in this stage or an earlier one"
-        yield Mistake("", "tension", control.tension, expected, hint)
-
-
-def nonzero(vector: tuple[float, float, float] | None) -> list[str]:
-    """Components of a vector that are not zero, by name."""
-    return [name for name, value in zip("xyz", vector or (), strict=False) if value != 0]
-
-
-def tensions(stages: tuple[StageSpec, ...]) -> Iterator[Mistake]:
+def tensions(stages: Stages) -> Iterator[Mistake]:
     """Yield tensions that are not at an end of the strip."""
-    for stage in stages:
-        for name, control in stage.edges.items():
-            if control.tension is not None and name not in ENDS:
-                key = f"stages.{stage.name}.{name}.tension"
-                expected = "entry or exit, the ends of the strip"
-                yield Mistake("", key, control.tension, expected, "exit.tension = 1.0e4")
+    for key, name, control in edge_controls(stages):
+        if control.tension is not None and name not in ENDS:
+            expected = "entry or exit, the ends of the strip"
+            yield Mistake("", f"{key}.tension", control.tension, expected, "exit.tension = 1.0e4")
 
 
-CONTACT = "[contact]\nstiffness = 1.0e10\neta = 10.0\ndelta = 1.0e-3"
-"""What to type for contact."""
-
-
-def gravity_has_density(material: MaterialSpec, stages: tuple[StageSpec, ...]) -> Iterator[Mistake]:
+def gravity_has_density(material: MaterialSpec, stages: Stages) -> Iterator[Mistake]:
     """Yield a density that gravity lacks."""
     weighing = [stage.name for stage in stages if stage.gravity is not None]
     if weighing and material.density is None:
-        mistake = replace(missing(type(material), "density"), key="material.density")
+        mistake = missing(MaterialSpec, "density")
         expected = f"{mistake.expected}, since stage {weighing[0]} has gravity"
-        yield replace(mistake, expected=expected)
+        yield replace(mistake, key="material.density", expected=expected)
 
 
 def friction_has_contact(
@@ -166,9 +245,7 @@ def sharpened_laws_are_built_in(
         yield Mistake("", "friction.regularisation", "auto", expected, 'regularisation = "fixed"')
 
 
-def rollers_have_friction(
-    friction: FrictionSpec | None, rollers: tuple[RollerSpec, ...]
-) -> Iterator[Mistake]:
+def rollers_have_friction(friction: FrictionSpec | None, rollers: Rollers) -> Iterator[Mistake]:
     """Yield rollers with a coefficient of their own in a scene without friction."""
     for roller in rollers:
         if friction is None and roller.friction is not None:
@@ -177,89 +254,17 @@ def rollers_have_friction(
             yield Mistake("", f"rollers.{roller.name}.friction", roller.friction, expected, hint)
 
 
-def stages_have_friction(
-    friction: FrictionSpec | None, stages: tuple[StageSpec, ...]
-) -> Iterator[Mistake]:
+def stages_have_friction(friction: FrictionSpec | None, stages: Stages) -> Iterator[Mistake]:
     """Yield stages that ask for friction in a scene without."""
     for stage in stages:
         if friction is None and stage.friction and "friction" in stage.model_fields_set:
-            key = f"stages.{stage.name}.friction"
             expected = "false, since the scene has no [friction]"
             hint = "friction = false, or a table [friction] with coefficient and speed"
-            yield Mistake("", key, True, expected, hint)
-
-
-Vector = tuple[float, ...]
-
-
-PARALLEL = 0.99
-"""Least cosine of the angle between axes that count as parallel."""
-
-
-def apart(rollers: tuple[RollerSpec, ...]) -> Iterator[Mistake]:
-    """Yield parallel rollers that overlap: axes closer than the sum of the radii."""
-    for first, second in combinations(rollers, 2):
-        least = first.radius + second.radius
-        if abs(_product(_unit(first.axis), _unit(second.axis))) < PARALLEL:
-            continue
-        offset = _offset(first, second)
-        distance = hypot(*offset)
-        if distance < least * (1.0 - 1e-9):
-            expected = (
-                f"at least {least:g} m, the sum of both radii, between the axes of {first.name} "
-                f"and {second.name}, which overlap; now {distance:.4g} (m)"
-            )
-            key, hint = f"rollers.{second.name}.centre", _further(second, offset, least)
-            yield Mistake("", key, list(second.centre), expected, hint)
-
-
-def _offset(first: RollerSpec, second: RollerSpec) -> Vector:
-    """From the axis of the first to the centre of the second, square to the axis (m)."""
-    axis = _unit(first.axis)
-    way = tuple(b - a for a, b in zip(first.centre, second.centre, strict=True))
-    along = _product(way, axis)
-    return tuple(w - along * a for w, a in zip(way, axis, strict=True))
-
-
-def _further(roller: RollerSpec, offset: Vector, least: float) -> str:
-    """What to type to have a roller pushed out of another, and a little more."""
-    distance = hypot(*offset)
-    direction = (0.0, 0.0, 1.0) if distance == 0.0 else tuple(o / distance for o in offset)
-    push = 1.01 * least - distance
-    place = [f"{c + push * d:.4g}" for c, d in zip(roller.centre, direction, strict=True)]
-    return f"centre = [{', '.join(place)}], or smaller radii"
-
-
-def _unit(vector: Vector) -> Vector:
-    length = hypot(*vector)
-    return tuple(component / length for component in vector)
-
-
-def _product(a: Vector, b: Vector) -> float:
-    return sum(x * y for x, y in zip(a, b, strict=True))
-
-
-ACROSS = 0.9
-"""Least component along y of the unit axis of a roller that the strip is threaded around."""
-
-STRETCHED = 0.05
-"""Largest strain of a threaded strip: metals yield long before."""
-
-
-def one_length(threading: ThreadingSpec | None, strip: StripSpec) -> Iterator[Mistake]:
-    """Yield a length that is missing, or given besides both ends from which it follows."""
-    both = threading is not None and None not in (threading.entry, threading.exit)
-    given = strip.length is not None or strip.mesh is not None
-    if both and given:
-        key, value = ("length", strip.length) if strip.mesh is None else ("mesh", str(strip.mesh))
-        expected = "nothing, since the ends of [threading] say the length"
-        yield Mistake("", f"strip.{key}", value, expected, f"either {key} or threading.exit")
-    if not both and not given:
-        yield replace(missing(type(strip), "length"), key="strip.length")
+            yield Mistake("", f"stages.{stage.name}.friction", True, expected, hint)
 
 
 def threading_partners(
-    threading: ThreadingSpec | None, contact: ContactSpec | None, rollers: tuple[RollerSpec, ...]
+    threading: ThreadingSpec | None, contact: ContactSpec | None, rollers: Rollers
 ) -> Iterator[Mistake]:
     """Yield what is missing: the table, a side for some roller, or contact."""
     wrapped = [roller for roller in rollers if roller.wrap is not None]
@@ -275,6 +280,18 @@ def threading_partners(
         yield Mistake("", "contact", None, "a table, since there is [threading]", CONTACT)
 
 
+def one_length(threading: ThreadingSpec | None, strip: StripSpec) -> Iterator[Mistake]:
+    """Yield a length that is missing, or given besides both ends from which it follows."""
+    both = threading is not None and None not in (threading.entry, threading.exit)
+    given = strip.length is not None or strip.mesh is not None
+    if both and given:
+        key, value = ("length", strip.length) if strip.mesh is None else ("mesh", str(strip.mesh))
+        expected = "nothing, since the ends of [threading] say the length"
+        yield Mistake("", f"strip.{key}", value, expected, f"either {key} or threading.exit")
+    if not both and not given:
+        yield replace(missing(StripSpec, "length"), key="strip.length")
+
+
 def held_entry(threading: ThreadingSpec | None, edges: Mapping[str, EdgeSpec]) -> Iterator[Mistake]:
     """Yield an entry that gives way when the exit is pulled."""
     fixed = edges["entry"].fixed if "entry" in edges else ()
@@ -284,7 +301,7 @@ def held_entry(threading: ThreadingSpec | None, edges: Mapping[str, EdgeSpec]) -
         yield Mistake("", "edges.entry.fixed", list(fixed) or None, expected, hint)
 
 
-def own_name(threading: ThreadingSpec | None, stages: tuple[StageSpec, ...]) -> Iterator[Mistake]:
+def own_name(threading: ThreadingSpec | None, stages: Stages) -> Iterator[Mistake]:
     """Yield a stage that has the name of the threading."""
     if threading is not None and any(stage.name == THREADING for stage in stages):
         key = f"stages.{THREADING}.name"
@@ -293,9 +310,8 @@ def own_name(threading: ThreadingSpec | None, stages: tuple[StageSpec, ...]) -> 
 
 def threading_ends(threading: ThreadingSpec | None) -> Iterator[Mistake]:
     """Yield ends to one side: the way lies in the plane y = 0."""
-    if threading is None:
-        return
-    for name, place in (("entry", threading.entry), ("exit", threading.exit)):
+    ends = (threading.entry, threading.exit) if threading else ()
+    for name, place in zip(ENDS, ends, strict=False):
         if place is not None and place[1] != 0.0:
             expected = "0 along y: the middle of the strip runs in the plane y = 0 (m)"
             hint = f"{name} = [{place[0]:g}, 0.0, {place[2]:g}]"
@@ -317,136 +333,62 @@ def bearable(
         yield Mistake("", "threading.tension", threading.tension, expected, hint)
 
 
-def wrapped_axes(rollers: tuple[RollerSpec, ...]) -> Iterator[Mistake]:
+def wrapped_axes(rollers: Rollers) -> Iterator[Mistake]:
     """Yield axes along the strip: threading cuts rollers by planes y = const."""
     for roller in rollers:
-        x, y, z = roller.axis
-        if roller.wrap is not None and abs(y) < ACROSS * (x * x + y * y + z * z) ** 0.5:
+        if roller.wrap is not None and abs(roller.axis[1]) < ACROSS * hypot(*roller.axis):
             key = f"rollers.{roller.name}.axis"
             expected = "an axis nearly along y, since it says its wrap"
             yield Mistake("", key, roller.axis, expected, "axis = [0.0, 1.0, 0.0]")
 
 
-SEEN = {"shell": "xyz", "section": "xz", "plate": "z"}
-"""Displacements that a level has; holding another one is harmless, moving or loading it is not."""
-
-WHY = {"section": 'a "section" has no width', "plate": 'a "plate" only moves up and down'}
-
-OTHER = {"section": 'kinematics = "shell"', "plate": 'kinematics = "section"'}
-"""The next level, which sees it."""
-
-
-def plates(
-    strip: StripSpec, friction: FrictionSpec | None, threading: ThreadingSpec | None
-) -> Iterator[Mistake]:
-    """Yield what needs a strip that moves along, or is bent far."""
-    if strip.kinematics != "plate":
-        return
-    key, hint = "strip.kinematics", OTHER["plate"]
-    if threading is not None:
-        expected = '"shell" or "section": a plate stays nearly flat, so it is not threaded'
-        yield Mistake("", key, "plate", expected, hint)
-    if friction is not None:
-        expected = '"shell" or "section": a plate does not move along, so nothing rubs'
-        yield Mistake("", key, "plate", expected, hint)
-    if strip.feed:
-        yield Mistake("", "strip.feed", True, "false: a plate does not move along", "feed = false")
+def apart(rollers: Rollers) -> Iterator[Mistake]:
+    """Yield parallel rollers that overlap: axes closer than the sum of the radii."""
+    for first, second in combinations(rollers, 2):
+        axis, other = (np.array(r.axis) / hypot(*r.axis) for r in (first, second))
+        way = np.subtract(second.centre, first.centre)
+        offset = way - (way @ axis) * axis
+        distance, least = hypot(*offset), first.radius + second.radius
+        if abs(axis @ other) < PARALLEL or distance >= least * (1.0 - 1e-9):
+            continue
+        expected = (
+            f"at least {least:g} m, the sum of both radii, between the axes of {first.name} "
+            f"and {second.name}, which overlap; now {distance:.4g} (m)"
+        )
+        direction = offset / distance if distance else np.array([0.0, 0.0, 1.0])
+        centre = second.centre + (1.01 * least - distance) * direction
+        hint = f"centre = [{', '.join(f'{c:.4g}' for c in centre)}], or smaller radii"
+        key = f"rollers.{second.name}.centre"
+        yield Mistake("", key, list(second.centre), expected, hint)
 
 
-def rollers_of_a_section(strip: StripSpec, rollers: tuple[RollerSpec, ...]) -> Iterator[Mistake]:
-    """Yield rollers that are not the same all across."""
-    if strip.kinematics != "section":
-        return
-    for roller in rollers:
-        for key, value in roller.profile.items():
-            expected = f'no {key}, since "section" has no width'
-            yield Mistake("", f"rollers.{roller.name}.{key}", value, expected, OTHER["section"])
-        if roller.axis[0] or roller.axis[2]:
-            expected = 'an axis along y, since "section" has no width'
-            hint = "axis = [0.0, 1.0, 0.0]"
-            yield Mistake("", f"rollers.{roller.name}.axis", roller.axis, expected, hint)
-
-
-def directions(strip: StripSpec, stages: tuple[StageSpec, ...]) -> Iterator[Mistake]:
-    """Yield motion, force and gravity along what a level does not have."""
-    level = strip.kinematics
-    for stage in stages:
-        for name, control in stage.edges.items():
-            for key in ("move", "velocity", "force"):
-                seen = SEEN[level]
-                if (level, name, key) == ("plate", "exit", "force"):
-                    seen = "xz"  # along x it is the tension of the plate
-                place, value = f"{name}.{key}", getattr(control, key)
-                yield from _unseen(level, seen, f"stages.{stage.name}.{place}", place, value)
-        key = f"stages.{stage.name}.gravity"
-        yield from _unseen(level, SEEN[level], key, "gravity", stage.gravity)
-
-
-def _unseen(
-    level: str, seen: str, key: str, short: str, value: tuple[float, float, float] | None
-) -> Iterator[Mistake]:
-    """A vector with a component that is not seen."""
-    unseen = [c for c in nonzero(value) if c not in seen]
-    if value is None or not unseen:
-        return
-    kept = [v if c in seen else 0.0 for c, v in zip("xyz", value, strict=True)]
-    expected = f"0 along {' and '.join(unseen)}: {WHY[level]}"
-    yield Mistake("", key, value, expected, f"{short} = {kept}, or {OTHER[level]}")
-
-
-def moments(strip: StripSpec, stages: tuple[StageSpec, ...]) -> Iterator[Mistake]:
-    """Yield moments on a strip that does not resist bending, or does not turn far."""
-    if strip.bending and strip.kinematics != "plate":
-        return
-    expected = 'nothing: a strip without bending has no moments, a "plate" takes none'
-    hint = OTHER["plate"] if strip.bending else "bending = true"
-    for stage in stages:
-        for name, control in stage.edges.items():
-            if control.moment is not None:
-                key = f"stages.{stage.name}.{name}.moment"
-                yield Mistake("", key, control.moment, expected, hint)
-
-
-def tension_of_a_plate(strip: StripSpec, stages: tuple[StageSpec, ...]) -> Iterator[Mistake]:
-    """Yield tensions that a plate does not look at: its own is that of exit.force."""
-    if strip.kinematics != "plate":
-        return
-    for stage in stages:
-        for name, control in stage.edges.items():
-            if control.tension is not None:
-                key = f"stages.{stage.name}.{name}.tension"
-                expected = 'nothing: the tension of a "plate" is the x of exit.force (N/m)'
-                hint = f"exit.force = [{control.tension:g}, 0.0, 0.0]"
-                yield Mistake("", key, control.tension, expected, hint)
-
-
-RULES: tuple[tuple[Callable[..., Iterable[Mistake]], tuple[str, ...]], ...] = (
-    (unique_rollers, ("rollers",)),
-    (unique_stages, ("stages",)),
-    (known_edges, ("strip", "edges", "stages")),
-    (known_rollers, ("rollers", "stages")),
-    (plates, ("strip", "friction", "threading")),
-    (rollers_of_a_section, ("strip", "rollers")),
-    (directions, ("strip", "stages")),
-    (tension_of_a_plate, ("strip", "stages")),
-    (moments, ("strip", "stages")),
-    (held_components, ("edges", "stages")),
-    (tensions, ("stages",)),
-    (gravity_has_density, ("material", "stages")),
-    (friction_has_contact, ("friction", "contact")),
-    (sharpened_laws_are_built_in, ("friction", "contact")),
-    (rollers_have_friction, ("friction", "rollers")),
-    (stages_have_friction, ("friction", "stages")),
-    (threading_partners, ("threading", "contact", "rollers")),
-    (one_length, ("threading", "strip")),
-    (held_entry, ("threading", "edges")),
-    (own_name, ("threading", "stages")),
-    (threading_ends, ("threading",)),
-    (bearable, ("threading", "strip", "material")),
-    (wrapped_axes, ("rollers",)),
-    (apart, ("rollers",)),
+RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
+    unique_rollers,
+    unique_stages,
+    known_edges,
+    known_rollers,
+    plates,
+    rollers_of_a_section,
+    directions,
+    tension_of_a_plate,
+    moments,
+    held_components,
+    tensions,
+    gravity_has_density,
+    friction_has_contact,
+    sharpened_laws_are_built_in,
+    rollers_have_friction,
+    stages_have_friction,
+    threading_partners,
+    one_length,
+    held_entry,
+    own_name,
+    threading_ends,
+    bearable,
+    wrapped_axes,
+    apart,
 )
-"""Rules between the tables of a scene, each with the tables that it needs.
+"""Rules between the tables of a scene; their parameters are the names of the tables they need.
 
 Where two find fault with the same key the first one is told, so what a level of kinematics
 cannot have at all stands before what else is wrong with it.
@@ -462,8 +404,9 @@ def check_scene(tables: Mapping[str, Any]) -> Iterator[Mistake]:
         Tables by name; a rule whose tables are not all there is left out.
     """
     told: set[str] = set()
-    for rule, needed in RULES:
-        if all(name in tables for name in needed):
-            found = list(rule(*(tables[name] for name in needed)))
+    for rule in RULES:
+        needed = signature(rule).parameters
+        if needed.keys() <= tables.keys():
+            found = list(rule(**{name: tables[name] for name in needed}))
             yield from (mistake for mistake in found if mistake.key not in told)
             told.update(mistake.key for mistake in found)

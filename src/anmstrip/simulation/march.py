@@ -17,8 +17,8 @@ from anmstrip.continuation.follow import Pace, PathSolver, Settings, follow
 from anmstrip.equilibrium import Equilibrium, Motion, StageProblem
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.results.state import State
-from anmstrip.scene.checks import THREADING
 from anmstrip.scene.schema import StageSpec
+from anmstrip.scene.tables import THREADING
 from anmstrip.simulation.feed import Feed, relabelled
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course, stretched
