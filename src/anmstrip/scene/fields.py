@@ -149,7 +149,9 @@ class Surface:
         if self.membrane is None:
             found[0] = state.controls.get("exit.force", np.zeros(3))[0]
             return found
-        forces = self.membrane.forces(tangents.reshape(*tangents.shape[:2], -1))
+        natural = None if self.imperfection is None else self._bent(self.imperfection)[0]
+        flat = [t if t is None else t.reshape(*t.shape[:2], -1) for t in (tangents, natural)]
+        forces = self.membrane.forces(*flat)
         forces = forces.reshape(*forces.shape[:2], *tangents.shape[2:])
         found[0] = forces[0, 0]
         if len(forces) == 2:
