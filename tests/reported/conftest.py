@@ -46,3 +46,8 @@ def fed(tmp_path_factory: pytest.TempPathFactory) -> Results:
 @pytest.fixture(scope="session")
 def pressed(tmp_path_factory: pytest.TempPathFactory) -> Results:
     return made("PRESSED", tmp_path_factory)
+
+
+@pytest.fixture(scope="session")
+def thin(tmp_path_factory: pytest.TempPathFactory) -> Results:
+    return made("THIN", tmp_path_factory)

@@ -129,6 +129,15 @@ tolerance = 1.0e-3
 """
 """A shell around a crowned roller out of line and another; parts of it stick, others slip."""
 
+THIN = (
+    SHELL.split('[[stages]]\nname = "turn"', maxsplit=1)[0].replace("1.0e-3", "2.0e-4", 1)
+    + """
+[solver]
+tolerance = 1.0e-3
+"""
+).replace("crown = [1.0e-5, -2.0e-4]", "crown = [0.0, -2.0e-3]")
+"""The same strip a fifth as thick over a crown ten times as high: it is compressed across."""
+
 PLATE = """
 [strip]
 kinematics = "plate"

@@ -24,6 +24,11 @@ SHAPES: dict[str, dict[str, Shape]] = {
     "lifted": {"r": Shape(0.5, (0.0, 0.0, -0.52), law=Law(1e4, penalty=(1.0e10, 10.0, 1.0e-3)))},
 }
 
+SHAPES["thin"] = {
+    "front": Shape(0.5, (0.0, 0.1, -0.5), (0.006, 2.0, 0.004), (0.0, -2.0e-3), 0.3, law=WIDE),
+    "back": SHAPES["shell"]["back"],
+}
+
 
 def looks_at(results: Results, surface: Surface) -> dict[str, Look]:
     """Every roller of a run beside a written state."""
@@ -34,7 +39,7 @@ def looks_at(results: Results, surface: Surface) -> dict[str, Look]:
         full, rubs = np.array([0.01, 0.0, 0.02]), time > 2.5
         velocity = full / 0.4 if rubs else np.zeros(3)
         return {"r1": Look(surface, shapes["r1"], share * full, share * 1.0, velocity, rubs)}
-    if name == "shell":
+    if name in ("shell", "thin"):
         share, rubs = max(time - 2.0, 0.0) / 0.1, time > 2.0
         speeds = {"front": 0.002 * share, "back": -0.0004 * share}
         return {n: Look(surface, s, speed=speeds[n], rubs=rubs) for n, s in shapes.items()}

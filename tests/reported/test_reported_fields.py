@@ -106,7 +106,7 @@ def test_moments_are_those_of_the_curvatures(state: tuple[str, Surface]) -> None
 
 
 def test_mean_curvature_is_half_the_trace(state: tuple[str, Surface]) -> None:
-    name, surface = state
+    surface = state[1]
     trace = surface.curvature[..., 0] + surface.curvature[..., 1]
     close(surface.fields["mean_curvature"], surface.averaged(0.5 * trace))
 

@@ -315,7 +315,7 @@ def test_effects_add_up(results: Results) -> None:
         assert effect["total"] == pytest.approx(parts, rel=1e-12)
 
 
-# rollers as they are drawn -------------------------------------------------------------------------
+# rollers as they are drawn ------------------------------------------------------------------------
 
 
 def surface_travel(results: Results, name: str, time: float) -> float:
