@@ -311,3 +311,43 @@ duration = 1.0
 exit.force = [-100.0, 0.0, 0.0]
 """
 """A shell that is bent along by its first mode, and pressed by 61 % of Euler's force."""
+
+INFLATED = """
+[strip]
+kinematics = "section"
+length = 2.0
+width = 0.5
+thickness = 1.0e-3
+cells = [40, 2]
+bending = false
+
+[material]
+young = 2.0e11
+poisson = 0.3
+
+[edges.entry]
+fixed = ["x", "z"]
+
+[edges.exit]
+fixed = ["z"]
+
+[[stages]]
+name = "pull"
+duration = 1.0
+exit.force = [1.0e4, 0.0, 0.0]
+
+[[stages]]
+name = "follow"
+duration = 1.0
+exit.force = [0.0, 0.0, 0.0]
+exit.tension = 1.0e4
+
+[[stages]]
+name = "inflate"
+duration = 1.0
+pressure = 8.0e3
+
+[solver]
+tolerance = 1.0e-4
+"""
+"""A strip under a tension that follows it, blown to an arc of radius T/p."""

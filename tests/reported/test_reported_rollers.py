@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from reported_files import Results, Surface
+import reported_scenes as scenes
+from reported_files import Results, Surface, ran
 from reported_rollers import Look
 from reported_states import looks_at
 
@@ -139,6 +141,23 @@ def test_the_membrane_carries_the_tensions(turning: Results, shell: Results) -> 
             forces = surface.patch("membrane_force")[near][:, 0]
             told = results.summary["edges"][name]["tension"]
             assert forces.mean() == pytest.approx(told, rel=share)
+
+
+def test_a_tension_that_follows_is_told(tmp_path: Path) -> None:
+    """Of an arc of radius T/p over the chord c: T along it, p c/2 down at each of its ends."""
+    results = ran(scenes.INFLATED, tmp_path, options=("--quiet",))
+    edges, surface = results.summary["edges"], results.last
+    chord = np.ptp(surface.points[:, 0])
+    for name, outward in (("entry", -1.0), ("exit", 1.0)):
+        assert edges[name]["tension"] == pytest.approx(1.0e4, rel=2e-3)
+        x, _, z = edges[name]["force"]
+        assert np.hypot(x, z) == pytest.approx(0.5 * 1.0e4, rel=1e-3)
+        assert z == pytest.approx(-0.5 * 8.0e3 * chord * 0.5, rel=1e-3)
+        assert np.sign(x) == outward
+    radius = 1.0e4 / 8.0e3
+    top = surface.points[:, 2].max()
+    assert top == pytest.approx(radius - np.sqrt(radius**2 - 0.25 * chord**2), rel=1e-3)
+    assert edges["exit"]["tension"] == results.history["exit_tension"][-1]
 
 
 # the summary -----------------------------------------------------------------------------------
