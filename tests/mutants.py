@@ -683,10 +683,11 @@ def main() -> int:
             free.put(copied(Path(scratch) / f"copy{number}"))
 
         with ThreadPool(options.n) as pool:
-            copies = list(free.queue)
-            if any(pool.map(lambda top: failing([top / "tests" / "reported"], top), copies)):
-                print("The tests fail without any error.")
-                return 2
+            copies = list(free.queue)  # also compiles what is compiled
+            told = pool.map(lambda top: failing([top / "tests" / "reported"], top), copies)
+        if any(told):
+            print("The tests fail without any error:", *filter(None, told))
+            return 2
 
         def tried(mutant: Mutant) -> str:
             top = free.get()

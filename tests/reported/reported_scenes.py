@@ -278,12 +278,12 @@ rollers.r1.surface_speed = 2.0
 
 [[stages]]
 name = "convey"
-duration = 0.1
+duration = 0.03
 
 [solver]
 tolerance = 1.0e-3
 """
-"""A strip that a roller conveys by three elements; fresh ones follow."""
+"""A strip that a roller conveys by more than an element; a fresh one follows."""
 
 PRESSED = """
 [strip]

