@@ -12,6 +12,8 @@ from reported_files import rows_of, typed
 pytest.importorskip("distributed", reason="dask is not installed")
 
 
+# another cluster on this machine may have the port that dask asks for first
+@pytest.mark.filterwarnings("ignore:Port .* is already in use:UserWarning")
 def test_rows_are_what_the_scenes_left(tmp_path: Path) -> None:
     """Twice the width carries twice the force under the same tension; a scene is done or not."""
     scene = tmp_path / "plate.toml"
