@@ -57,9 +57,14 @@ class Membrane(LawEffect):
             natural = self.flat + self.operator.apply(imperfection)
             self.metric = np.einsum("iap,ibp->abp", natural, natural)
 
-    def forces(self, tangents: Any) -> Any:
-        """N (N/m), shape (d, d, points), from tangent vectors (components, d, points)."""
-        strain = (np.einsum("ia...,ib...->ab...", tangents, tangents) - self.metric) * 0.5
+    def forces(self, tangents: Any, natural: Array | None = None) -> Any:
+        """N (N/m), shape (d, d, points), from tangent vectors (components, d, points).
+
+        At other points than those of quadrature an imperfect strip needs its natural tangent
+        vectors there, of the same shape.
+        """
+        metric = self.metric if natural is None else np.einsum("iap,ibp->abp", natural, natural)
+        strain = (np.einsum("ia...,ib...->ab...", tangents, tangents) - metric) * 0.5
         return np.einsum("abcd,cd...->ab...", self.stiffness, strain)
 
     def at(self, full: Array) -> Array:

@@ -141,14 +141,16 @@ class FieldSampler:
     def _stress(self, state: State) -> dict[str, Array]:
         """Membrane forces, moments, von Mises stress of the top surface, mean curvature."""
         tangents, curvature = self._geometry(state.full)
-        bending = curvature
+        bending, natural = curvature, None
         if self.imperfection is not None:
-            bending = curvature - self._geometry(self.imperfection)[1]
+            natural, bent = self._geometry(self.imperfection)
+            bending, natural = curvature - bent, natural.reshape(*natural.shape[:2], -1)
         membrane = np.zeros_like(curvature)
         if self.membrane is None:
             membrane[0] = state.controls.get("exit.force", np.zeros(3))[0]
         else:
-            forces = self.membrane.forces(tangents.reshape(*tangents.shape[:2], -1))
+            flat = tangents.reshape(*tangents.shape[:2], -1)
+            forces = self.membrane.forces(flat, natural)
             membrane = _components(forces.reshape(*forces.shape[:2], *tangents.shape[2:]))
         stiffness = moduli(self.strip) if self.bends else np.zeros((3, 3))
         moments = np.einsum("xy,yep->xep", stiffness, bending)

@@ -1,0 +1,710 @@
+"""Deliberate errors in reported numbers, one at a time, and whether the tests notice them.
+
+    python tests/mutants.py [--only NAME] [-n 2]
+
+Every mutant is a piece of source text, found by searching all of the package, and what it is
+replaced by.  The work tree is left alone: each worker has a copy of the source and of the tests,
+in which it makes one error, runs the tests of the part that it is in, then all of
+``tests/reported`` (and files that a mutant names), and mends it again.  The exit status is 0 if at
+least 95 per cent are noticed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from multiprocessing.pool import ThreadPool
+from pathlib import Path
+from queue import Queue
+
+TOP = Path(__file__).parents[1]
+COPIED = ("src", "tests", "examples", "meshes", "pyproject.toml", "README.md")
+NEEDED = 0.95
+PATIENCE = 600.0
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One deliberate error.
+
+    Parameters
+    ----------
+    name : str
+    old, new : str
+        Source text that occurs once in the package, and what takes its place.
+    part : str
+        Which ``test_reported_PART.py`` is asked first.
+    more : str
+        Name of a test file outside ``tests/reported`` that is asked too, wherever it is.
+    """
+
+    name: str
+    old: str
+    new: str
+    part: str
+    more: str = ""
+
+
+STATE = (
+    Mutant("tension of an edge is its force", "@ outward) / edge.length", "@ outward)", "rollers"),
+    Mutant(
+        "force of an edge without its load",
+        "strip.kinematics.embed(values) + given",
+        "strip.kinematics.embed(values)",
+        "rollers",
+    ),
+    Mutant(
+        "following tension has the other sense",
+        "embed(-stress[:, 0] @ operator.weights)",
+        "embed(stress[:, 0] @ operator.weights)",
+        "rollers",
+    ),
+    Mutant(
+        "nothing holds a plate in its plane",
+        "np.array([-pull, 0.0, 0.0])",
+        "np.array([0.0, 0.0, 0.0])",
+        "rollers",
+    ),
+    Mutant(
+        "weight behind a roller for that before it",
+        "area = (x - begin) / (end - begin)",
+        "area = (end - x) / (end - begin)",
+        "rollers",
+    ),
+    Mutant(
+        "state inside a step on another parabola",
+        "u + s * (change - (1.0 - s) * curved)",
+        "u + s * (change - 0.9 * (1.0 - s) * curved)",
+        "events",
+    ),
+    Mutant(
+        "velocity inside a step is its mean",
+        "(change + (2.0 * s - 1.0) * curved) / h",
+        "change / h",
+        "fields",
+    ),
+)
+
+READINGS = (
+    Mutant(
+        "normal force 10 per cent off",
+        "normal_force=float((state.pressure * area).sum())",
+        "normal_force=1.1 * float((state.pressure * area).sum())",
+        "rollers",
+    ),
+    Mutant("drag has the other sign", "drag=float(", "drag=-float(", "rollers"),
+    Mutant("cone violation is always 0", "max(0.0, float(ratio.max()) - 1.0)", "0.0", "rollers"),
+    Mutant("wrap 1 per cent off", "float(np.ptp(angle))", "1.01 * float(np.ptp(angle))", "rollers"),
+    Mutant(
+        "tension before a roller is a force",
+        "np.linalg.norm(before) / width",
+        "np.linalg.norm(before)",
+        "rollers",
+    ),
+    Mutant(
+        "tension behind a roller is that before",
+        "np.linalg.norm(after) / width",
+        "np.linalg.norm(before) / width",
+        "rollers",
+    ),
+    Mutant(
+        "tension ratio upside down",
+        "self.tension_in / self.tension_out if",
+        "self.tension_out / self.tension_in if",
+        "rollers",
+    ),
+    Mutant(
+        "largest slip also out of contact",
+        "[touching].max(initial=0.0)),\n        creep_speed",
+        ".max(initial=0.0)),\n        creep_speed",
+        "rollers",
+    ),
+    Mutant("creep has the other sign", "creep_speed=-float(", "creep_speed=float(", "rollers"),
+    Mutant("touching is a fifth of the mean", "TOUCHING = 0.1", "TOUCHING = 0.2", "rollers"),
+)
+
+REGULARISATION = (
+    Mutant(
+        "creep of what slips",
+        "slip[sticks].max(initial=0.0)",
+        "slip[touching].max(initial=0.0)",
+        "rollers",
+    ),
+    Mutant(
+        "penetration is the mean",
+        "np.abs(state.gap[touching]).max()",
+        "np.abs(state.gap[touching]).mean()",
+        "rollers",
+    ),
+    Mutant(
+        "creep is a strain",
+        "creep * stay / arc * stiffness / tension",
+        "creep * stay / arc",
+        "rollers",
+    ),
+    Mutant(
+        "excess of the cone over the width forgotten",
+        "excess / (tension * state.width)",
+        "excess / tension",
+        "rollers",
+    ),
+    Mutant(
+        "uneven gaps not beside the strain",
+        "state.roller.radius / strain",
+        "state.roller.radius",
+        "rollers",
+    ),
+    Mutant(
+        "total without the cone",
+        "self.by_creep + self.by_cone + self.by_penetration",
+        "self.by_creep + self.by_penetration",
+        "rollers",
+    ),
+    Mutant("what sticks is less", "STICKS = 0.95", "STICKS = 0.5", "rollers"),
+    Mutant(
+        "strip stays as long as the roller turns",
+        "abs(speed - reading.creep_speed)",
+        "abs(speed)",
+        "rollers",
+    ),
+    Mutant(
+        "sharpened by half as much",
+        'f["exponent"] * cone',
+        'f["exponent"] * cone * 2.0',
+        "summary",
+    ),
+)
+
+FIELDS = (
+    Mutant("von Mises adds the product", "- sx * sy + sy**2", "+ sx * sy + sy**2", "fields"),
+    Mutant("von Mises with less shear", "3.0 * sxy**2", "sxy**2", "fields"),
+    Mutant("stress of the lower side", "t + 6.0 * moments", "t - 6.0 * moments", "fields"),
+    Mutant(
+        "mean curvature times 1.3",
+        "0.5 * (curvature[0] + curvature[1])",
+        "0.65 * (curvature[0] + curvature[1])",
+        "fields",
+    ),
+    Mutant("twisting moment", "[0.0, 0.0, 1.0 - nu]]", "[0.0, 0.0, 1.0 + nu]]", "fields"),
+    Mutant(
+        "shear force for the one across",
+        "found[1], found[2] = forces[1, 1], forces[0, 1]",
+        "found[1], found[2] = forces[0, 1], forces[1, 1]",
+        "fields",
+    ),
+    Mutant(
+        "slip of the farthest roller",
+        "np.argmin([f.gap for f in found], axis=0)",
+        "np.argmax([f.gap for f in found], axis=0)",
+        "fields",
+    ),
+    Mutant(
+        "gap of the farthest roller",
+        "np.min([f.gap for f in found], axis=0)",
+        "np.max([f.gap for f in found], axis=0)",
+        "fields",
+    ),
+    Mutant(
+        "contact points not in the middle",
+        "np.interp(x, [0.0, 0.5, 1.0], row)",
+        "np.interp(x, [0.0, 0.4, 1.0], row)",
+        "fields",
+    ),
+    Mutant(
+        "velocity is the displacement",
+        "self.interpolated(velocity)",
+        "self.interpolated(state.full)",
+        "fields",
+    ),
+    Mutant(
+        "a section is one metre wide",
+        "(levels / 3.0 - 0.5) * width",
+        "levels / 3.0 - 0.5",
+        "fields",
+    ),
+    Mutant(
+        "moments of the imperfection",
+        "curvature - self._bent(self.imperfection)[1]",
+        "curvature",
+        "fields",
+    ),
+    Mutant(
+        "membrane forces of the imperfection",
+        "natural = None if self.imperfection is None",
+        "natural = None if self.imperfection is not None",
+        "fields",
+    ),
+    Mutant(
+        "a plate has no tension",
+        'found[0] = state.controls.get("exit.force", np.zeros(3))[0]',
+        "pass",
+        "fields",
+    ),
+)
+
+FILES = (
+    Mutant(
+        "two nodes of a cell exchanged",
+        "3, 15, 12, 1, 2, 7, 11",
+        "3, 15, 12, 2, 1, 7, 11",
+        "fields",
+    ),
+    Mutant(
+        "plain cells crossed",
+        "grid[1:, 1:], grid[1:, :-1]",
+        "grid[1:, :-1], grid[1:, 1:]",
+        "fields",
+    ),
+    Mutant(
+        "rollers turn backwards",
+        "painted[:, None, None] + cylinder.angle",
+        "painted[:, None, None] - cylinder.angle",
+        "rollers",
+    ),
+    Mutant(
+        "angle of a roller is its travel",
+        "self.turned[r.name] / r.radius",
+        "self.turned[r.name]",
+        "rollers",
+    ),
+    Mutant(
+        "travel by the last speed",
+        "h * (speed - 0.5 * slope",
+        "h * (speed - 0.0 * slope",
+        "rollers",
+    ),
+    Mutant(
+        "profiles are not drawn",
+        "None if r.is_cylinder else r.radius_at",
+        "None",
+        "rollers",
+    ),
+    Mutant("rollers drawn longer", "return 1.2 * width", "return 1.5 * width", "rollers"),
+    Mutant(
+        "rollers drawn off their axes",
+        'edge")[:, None]\n    radius',
+        'edge")[:, None] * 1.1\n    radius',
+        "rollers",
+    ),
+    Mutant(
+        "times of states in other units",
+        "timestep=repr(entry.time)",
+        "timestep=repr(1.1 * entry.time)",
+        "rollers",
+    ),
+)
+
+HISTORY = (
+    Mutant(
+        "both tensions are the entry's",
+        "= state.tension(edge)",
+        '= state.tension("entry")',
+        "rollers",
+    ),
+    Mutant(
+        "range from the beginning of the stage",
+        "abs(control - float(step.branch.control[0]))",
+        "abs(control)",
+        "summary",
+    ),
+    Mutant(
+        "range of a step in time is its end",
+        "(order, step.end - step.start, step.imbalance)",
+        "(order, step.end, step.imbalance)",
+        "summary",
+    ),
+    Mutant(
+        "numbers with six digits", "return repr(float(value))", 'return f"{value:.6g}"', "summary"
+    ),
+    Mutant("residual is nought", '"residual": arrival.imbalance', '"residual": 0.0', "summary"),
+)
+
+SUMMARY = (
+    Mutant(
+        "tangents of stages are steps",
+        'entry["tangents"] += self.cost.expansions - expansions',
+        'entry["tangents"] += self.steps - steps',
+        "summary",
+    ),
+    Mutant(
+        "seconds of stages twice",
+        'entry["seconds"] += self.counted[0] - begin',
+        'entry["seconds"] += 3.0 * (self.counted[0] - begin)',
+        "summary",
+    ),
+    Mutant(
+        "message has another time",
+        'f"Done: {self.end_time:g} s in',
+        'f"Done: {self.scene.course[-1].duration:g} s in',
+        "summary",
+    ),
+    Mutant("fraction of steps", "self.state.time / self.end_time,", "1.0,", "summary"),
+    Mutant(
+        "mass of fresh strip per width",
+        "strip.material.density * strip.thickness * strip.width",
+        "strip.material.density * strip.thickness",
+        "summary",
+    ),
+    Mutant(
+        "travel without whole elements",
+        "self.elements * self.length + self._ahead(name, full)",
+        "self._ahead(name, full)",
+        "summary",
+    ),
+    Mutant(
+        "time left is the whole time",
+        "elapsed * (1 - fraction) / fraction",
+        "elapsed / fraction",
+        "summary",
+    ),
+    Mutant(
+        "tensions of a sweep twice",
+        '= values["tension"]',
+        '= 2.0 * values["tension"]',
+        "sweep",
+    ),
+)
+
+EVENTS = (
+    Mutant(
+        "dates on another clock",
+        "self.plan.duration * float(value_at(stretch.control, a))",
+        "self.plan.duration * float(value_at(stretch.control, 0.9 * a))",
+        "events",
+    ),
+    Mutant(
+        "contact at another pressure",
+        "law.gap(max(TOUCHING * tension / roller.radius, law.faint))",
+        "law.gap(max(TOUCHING * tension * roller.radius, law.faint))",
+        "events",
+    ),
+    Mutant("stick for slip", '("slip", "stick"), (', '("stick", "slip"), (', "events"),
+    Mutant(
+        "slip of an event squared",
+        "max(float(value_at(squared[:, column], a)), 0.0) ** 0.5",
+        "max(float(value_at(squared[:, column], a)), 0.0)",
+        "events",
+    ),
+    Mutant(
+        "corner of the law elsewhere", "share + speed - 1.0", "share + 0.5 * speed - 1.0", "events"
+    ),
+    Mutant(
+        "gap of an event above its level",
+        "gap=float(value_at(series.gap[:, column], a))",
+        "gap=float(value_at(series.gap[:, column], a)) * 1.001",
+        "events",
+    ),
+    Mutant(
+        "another number of a point",
+        "point=int(contact.operator.chosen[column])",
+        "point=int(column)",
+        "events",
+    ),
+    Mutant(
+        "first contact of a roller is not told",
+        "if touches != touched:",
+        "if touched and not touches:",
+        "events",
+    ),
+)
+
+ESTIMATES = (
+    Mutant(
+        "wraps in radians",
+        "{np.degrees(turn):.4g}°, {sides[0]}",
+        "{turn:.4g}°, {sides[0]}",
+        "explain",
+    ),
+    Mutant(
+        "points of an effect",
+        "isinstance(effect, LoadEffect) else effect.operator.points",
+        "isinstance(effect, LoadEffect) else effect.operator.points + 1",
+        "explain",
+    ),
+    Mutant(
+        "memory of fewer orders",
+        "MEGABYTE * (order + 1) / 2",
+        "MEGABYTE * order / 2",
+        "explain",
+    ),
+    Mutant(
+        "memory of a matrix in other units",
+        "effect.block.nbytes / MEGABYTE",
+        "effect.block.nbytes / MEGABYTE * 8.0",
+        "explain",
+    ),
+    Mutant(
+        "end of a stage is its duration",
+        'f"{plan.start + plan.duration:g}"',
+        'f"{plan.duration:g}"',
+        "explain",
+    ),
+    Mutant(
+        "free unknowns",
+        "str(len(plan.supports.free))",
+        "str(len(plan.supports.free) + 1)",
+        "explain",
+    ),
+    Mutant(
+        "radius below the strip's sides",
+        "roller.radius_at(y - roller.centre[1])",
+        "roller.radius_at(y)",
+        "explain",
+    ),
+    Mutant(
+        "points of a section",
+        "2 * lines, 4 * (lines - 1), 2 * lines - 1",
+        "2 * lines, 4 * (lines - 1), 2 * lines",
+        "explain",
+    ),
+    Mutant(
+        "factorisations are dearer",
+        "(2e-6 + 3e-8 * self.band)",
+        "(2e-6 + 3e-7 * self.band)",
+        "explain",
+    ),
+    Mutant(
+        "error of a plate twice", '"error": 50.0 * slope**2', '"error": 100.0 * slope**2', "explain"
+    ),
+    Mutant(
+        "sag of a string twice",
+        "2.0 * largest_force(a.scene) / length",
+        "1.0 * largest_force(a.scene) / length",
+        "explain",
+    ),
+    Mutant(
+        "elements of a whole layer",
+        "would be {QUARTER * layer:.3g} m",
+        "would be {layer:.3g} m",
+        "explain",
+    ),
+    Mutant(
+        "creep without friction",
+        "law.coefficient * tension / stiffness",
+        "tension / stiffness",
+        "explain",
+    ),
+    Mutant(
+        "bending stress of a beam",
+        "(2.0 * roller.radius * (1.0 - m.poisson**2))",
+        "(2.0 * roller.radius)",
+        "explain",
+    ),
+    Mutant(
+        "weight of a metre",
+        "gravity * strip.material.density * strip.thickness * strip.length",
+        "gravity * strip.material.density * strip.thickness",
+        "explain",
+    ),
+    Mutant("onset of contact twice", "half**2 / (2.0 * radius)", "half**2 / radius", "explain"),
+    Mutant(
+        "scale of forces without the width",
+        "tension * self.strip.width, tension)",
+        "tension, tension)",
+        "explain",
+    ),
+    Mutant(
+        "boundary layer of a beam",
+        "np.sqrt(bending_stiffness(scene) / tension)",
+        "np.sqrt(0.91 * bending_stiffness(scene) / tension)",
+        "explain",
+    ),
+)
+
+WRINKLES = (
+    Mutant("half of what a span bears", "bearable = 2.0 * q", "bearable = 1.0 * q", "summary"),
+    Mutant("wrinkles that are told late", "CLOSE = 0.5", "CLOSE = 2.1", "summary"),
+    Mutant("parabolas count as wrinkles", "SMOOTH = 2", "SMOOTH = 1", "summary"),
+    Mutant("spans that reach the rollers", "LAYERS = 4.0", "LAYERS = 1.0", "summary"),
+    Mutant(
+        "compression without its mean",
+        "compression = max(-float(low[worst]), 0.0)",
+        "compression = max(-float(low.mean()), 0.0)",
+        "summary",
+    ),
+    Mutant(
+        "share of the width",
+        "weights[compressed].sum() / weights[beside].sum()",
+        "weights[compressed].sum() / weights.sum()",
+        "summary",
+    ),
+)
+
+ADVICE = (
+    Mutant(
+        "bounds trebled",
+        "2 * getattr(failure.scene.solver, key)",
+        "3 * getattr(failure.scene.solver, key)",
+        "advice",
+    ),
+    Mutant("elements of a layer", "QUARTER * float(layer)", "float(layer)", "advice"),
+    Mutant(
+        "tolerance of the last digit",
+        "{2.0 * floor / CLEAR / share:.0e}",
+        "{0.02 * floor / CLEAR / share:.0e}",
+        "advice",
+    ),
+    Mutant(
+        "pressed by the double",
+        "{-least[worst]:.3g} N/m, and buckles",
+        "{-2.0 * least[worst]:.3g} N/m, and buckles",
+        "advice",
+    ),
+    Mutant(
+        "time of a stop",
+        'f"t = {failure.state.time:.6g} s"',
+        'f"t = {failure.plan.start:.6g} s"',
+        "advice",
+    ),
+    Mutant(
+        "rollers squeeze by their sum",
+        "overlap = a.radius + b.radius - distance",
+        "overlap = a.radius - distance",
+        "advice",
+        "test_diagnosis.py",
+    ),
+    Mutant(
+        "friction too steep by its width",
+        "DIGITS * seen / friction.omega",
+        "DIGITS * seen",
+        "advice",
+        "test_diagnosis.py",
+    ),
+    Mutant(
+        "finer mesh is the same",
+        "_finer(failure, 0.5 * element)",
+        "_finer(failure, element)",
+        "advice",
+        "test_diagnosis.py",
+    ),
+)
+
+MUTANTS = (
+    *STATE, *READINGS, *REGULARISATION, *FIELDS, *FILES, *HISTORY, *SUMMARY, *EVENTS, *ESTIMATES,
+    *WRINKLES, *ADVICE,
+)  # fmt: skip
+
+
+def sources(top: Path) -> Iterator[Path]:
+    """List the package's modules."""
+    return (top / "src" / "anmstrip").rglob("*.py")
+
+
+def places_of(mutant: Mutant, top: Path = TOP) -> list[Path]:
+    """List the modules that contain a mutant's text, once for every time."""
+    found = ((path, path.read_text(encoding="utf-8").count(mutant.old)) for path in sources(top))
+    return [path for path, count in found for _ in range(count)]
+
+
+def misplaced(top: Path = TOP) -> list[str]:
+    """Say which mutants are not found any more, or in several places."""
+    told = []
+    for mutant in MUTANTS:
+        places = places_of(mutant, top)
+        if len(places) != 1:
+            where = ", ".join(str(p.relative_to(top)) for p in places) or "not found"
+            told.append(f"{mutant.name}: {mutant.old!r}: {where}")
+    return told
+
+
+def noticed(mutant: Mutant, top: Path) -> str:
+    """Make an error in a copy, run the tests and mend it; return the test that notices it.
+
+    Empty if none does.
+    """
+    (path,) = places_of(mutant, top)
+    sound = path.read_text(encoding="utf-8")
+    path.write_text(sound.replace(mutant.old, mutant.new), encoding="utf-8")
+    try:
+        part = top / "tests" / "reported" / f"test_reported_{mutant.part}.py"
+        more = sorted((top / "tests").rglob(mutant.more)) if mutant.more else []
+        for files in ([part], more, [part.parent]):
+            if files and (test := failing(files, top)):
+                return test
+        return ""
+    finally:
+        path.write_text(sound, encoding="utf-8")
+
+
+def failing(files: list[Path], top: Path) -> str:
+    """Run test files of a copy; return the first test that fails, empty if all pass."""
+    given = {"PYTHONPATH": str(top / "src"), "OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "--tb=no"]
+    try:
+        ended = subprocess.run(
+            [*command, *map(str, files)],
+            cwd=top, env={**os.environ, **given}, capture_output=True, text=True,
+            timeout=PATIENCE, check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return "time is up"
+    if ended.returncode == 0:
+        return ""
+    found = re.search(r"^(?:FAILED|ERROR) \S*?([\w.]+::\S+)", ended.stdout, re.MULTILINE)
+    if ended.returncode != 1 or found is None:
+        raise RuntimeError(f"pytest ended with {ended.returncode}:\n{ended.stdout[-2000:]}")
+    return found[1]
+
+
+def copied(directory: Path) -> Path:
+    """Copy what the tests need."""
+    directory.mkdir()
+    for name in COPIED:
+        source = TOP / name
+        if source.is_dir():
+            shutil.copytree(source, directory / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy2(source, directory / name)
+    return directory
+
+
+def main() -> int:
+    """Try all mutants and print what has noticed them."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--only", metavar="NAME", help="mutants whose name contains this")
+    parser.add_argument("-n", type=int, default=2, metavar="WORKERS", help="at once (default: 2)")
+    options = parser.parse_args()
+    if told := misplaced():
+        print("Not exactly once in the package:", *told, sep="\n  ")
+        return 2
+    chosen = [m for m in MUTANTS if options.only is None or options.only in m.name]
+    with tempfile.TemporaryDirectory() as scratch:
+        free: Queue[Path] = Queue()
+        for number in range(options.n):
+            free.put(copied(Path(scratch) / f"copy{number}"))
+
+        with ThreadPool(options.n) as pool:
+            copies = list(free.queue)  # also compiles what is compiled
+            told = pool.map(lambda top: failing([top / "tests" / "reported"], top), copies)
+        if any(told):
+            print("The tests fail without any error:", *filter(None, told))
+            return 2
+
+        def tried(mutant: Mutant) -> str:
+            top = free.get()
+            try:
+                return noticed(mutant, top)
+            finally:
+                free.put(top)
+
+        survivors = []
+        with ThreadPool(options.n) as pool:
+            for mutant, test in zip(chosen, pool.imap(tried, chosen), strict=True):
+                print(f"{mutant.name:45} {'noticed' if test else 'SURVIVES':9} {test}", flush=True)
+                survivors += [] if test else [mutant.name]
+    share = 1.0 - len(survivors) / max(len(chosen), 1)
+    print(f"\n{len(chosen) - len(survivors)} of {len(chosen)} noticed, {100.0 * share:.1f} %.")
+    return 0 if share >= NEEDED else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,111 @@
+"""What a run that stops says: when and where it was, and numbers that help when they are typed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import reported_scenes as scenes
+from reported_files import Results, ran
+
+E, NU, T = 2.0e11, 0.3, 1.0e-3
+
+
+def stopped(text: str, where: Path, *settings: str) -> tuple[str, Results]:
+    """Run a scene that stops; return its sentence, which the summary has as well."""
+    results = ran(text, where, *settings, options=("--quiet",))
+    assert results.exit_code == 1
+    message = results.printed.splitlines()[0]
+    assert results.summary["message"] == message
+    if results.summary["steps"]:
+        at = re.search(r"at t = (\S+) s:", message)
+        assert at is not None
+        assert float(at[1]) == pytest.approx(results.history["time"][-1], rel=1e-5)
+        assert f"Stopped in stage {results.history['stage'][-1]} at" in message
+    return message, results
+
+
+@pytest.mark.parametrize("bound", ["steps", "tangents"])
+def test_a_bound_is_doubled(bound: str, tmp_path: Path) -> None:
+    """It was meant by the user; the run has made as many as it was allowed, and no more."""
+    message, results = stopped(scenes.LIFTED, tmp_path, f"solver.max_{bound}=4")
+    assert results.summary["status"] == f"too_many_{bound}"
+    assert results.summary[bound] == 4
+    assert f"Try --set solver.max_{bound}=8, then --resume." in message
+    scene = tmp_path / "scene.toml"
+    again = ran(
+        scene.read_text(encoding="utf-8"), tmp_path, f"solver.max_{bound}=8",
+        options=("--quiet", "--resume"),
+    )  # fmt: skip
+    assert again.summary[bound] == 8
+    assert len(again.history["time"]) == again.summary["steps"]
+
+
+def test_what_could_be_told_before_is_told(tmp_path: Path) -> None:
+    """A strip that is heavier than its tension: ρ t L g beside T."""
+    text = scenes.LIFTED.replace("poisson = 0.3", "poisson = 0.3\ndensity = 7850.0")
+    text = text.replace('name = "up"', 'name = "up"\ngravity = [0.0, 0.0, -981.0]')
+    message, _ = stopped(text, tmp_path, "solver.max_steps=2")
+    weight = 981.0 * 7850.0 * T * 2.0
+    assert f"But in stage up the strip weighs {weight:.2g} N/m, {weight / 1e4:.2g} times" in message
+
+
+def test_a_tolerance_near_round_off(tmp_path: Path) -> None:
+    """Twenty times what the last digit is worth; it is as small as can be reached."""
+    message, _ = stopped(scenes.LIFTED, tmp_path, "solver.tolerance=1e-12")
+    found = re.search(r"worth (\S+) of the forces. Try --set solver.tolerance=(\S+)\.", message)
+    assert found is not None
+    worth, proposed = float(found[1]), float(found[2])
+    assert proposed == pytest.approx(20.0 * worth, rel=0.2)  # of two numbers of one digit
+    typed = ran(
+        scenes.LIFTED, tmp_path, f"solver.tolerance={proposed:g}", "output.events=false",
+        options=("--quiet",),
+    )  # fmt: skip
+    assert typed.exit_code == 0
+    assert typed.history["residual"].max() <= proposed
+
+
+def test_long_elements_over_a_roller(tmp_path: Path) -> None:
+    """A quarter of √(D/T); the place is a node of the mesh, and near the roller."""
+    message, _ = stopped(scenes.TURNING, tmp_path, "solver.tolerance=1e-12")
+    tension = float(np.hypot(1e4, 5773.5))
+    layer = np.sqrt(E * T**3 / 12.0 / (1.0 - NU**2) / tension)
+    h = 0.5 * np.pi / np.ceil(0.5 * np.pi / 0.1)
+    assert (
+        f"Elements of {h:.3g} m over roller r1 are long against √(D/T) = {layer:.3g} m. "
+        f"Try --set strip.refined={0.25 * layer:.2g}."
+    ) in message
+    at = re.search(r"worst at x = (\S+) m \(in (\w), at roller r1\)", message)
+    assert at is not None
+    assert float(at[1]) / h == pytest.approx(round(float(at[1]) / h), abs=1e-3)
+    assert abs(float(at[1])) < 0.5 * np.pi * 0.5
+
+
+def test_a_strip_that_is_pushed_buckles(tmp_path: Path) -> None:
+    """E t times the strain of the way that its exit has gone; the middle of some element."""
+    text = (
+        scenes.STRIP.replace("refined = 0.1\n", "")
+        + """
+[edges.entry]
+fixed = ["x", "z"]
+
+[edges.exit]
+fixed = ["x", "z"]
+
+[[stages]]
+name = "push"
+duration = 2.0
+exit.move = [-0.01, 0.0, 0.0]
+"""
+    )
+    message, results = stopped(text, tmp_path, "solver.tolerance=1e-12")
+    pressed = re.search(r"pressed at x = (\S+) m with (\S+) N/m, and buckles", message)
+    assert pressed is not None
+    strain = 0.01 * results.history["time"][-1] / 2.0 / 4.0
+    assert float(pressed[2]) == pytest.approx(E * T * strain, rel=2e-3)
+    # beyond π² D/(4 h)² of an element of 0.25 m, which is what it bears
+    assert float(pressed[2]) > np.pi**2 * E * T**3 / 12.0 / (1.0 - NU**2) / (4 * 0.25) ** 2
+    assert (float(pressed[1]) + 2.0) / 0.25 % 1.0 == pytest.approx(0.5, abs=0.02)
+    assert "Try a larger x in stages.push.exit.move." in message
