@@ -18,12 +18,12 @@ from scipy.interpolate import CubicHermiteSpline
 from anmstrip.continuation.bifurcations import Remembering, SingularPoint, switched, watched
 from anmstrip.continuation.expansion import Cost
 from anmstrip.continuation.follow import Settings, follow
-from anmstrip.effect_series import Controls
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports, grip, symmetry
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.mechanics.effect_series import Controls
 from anmstrip.mechanics.shell import Membrane, isometric_bending
 from anmstrip.results.fields import FieldSampler
 from anmstrip.results.vtk import write_surface

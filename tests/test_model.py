@@ -9,7 +9,6 @@ import pytest
 from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.driver.scene import Scene
-from anmstrip.effect_series import Controls
 from anmstrip.equilibrium import Equilibrium, Model, Motion
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern
@@ -17,6 +16,7 @@ from anmstrip.fem.sampling import ContactOperator
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.contact import Contact, Friction
+from anmstrip.mechanics.effect_series import Controls
 from anmstrip.mechanics.laws import NortonHoff, RepulsiveSignorini
 from anmstrip.mechanics.loads import edge_force
 from anmstrip.mechanics.roller import Roller

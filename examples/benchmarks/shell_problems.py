@@ -19,13 +19,13 @@ from anmstrip.continuation.expansion import Cost
 from anmstrip.continuation.follow import Settings, Step, follow
 from anmstrip.continuation.newton import Corrected
 from anmstrip.continuation.path import Path
-from anmstrip.effect_series import Controls
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports, simple_support, symmetry
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.fem.surfaces import reference_surface
 from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.mechanics.effect_series import Controls
 from anmstrip.mechanics.effects import Effect, LoadEffect
 from anmstrip.mechanics.loads import edge_force, edge_moment
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending

@@ -24,12 +24,12 @@ from anmstrip.continuation.bifurcations import Remembering, SingularPoint, switc
 from anmstrip.continuation.expansion import Cost
 from anmstrip.continuation.follow import follow
 from anmstrip.continuation.status import PathStopped
-from anmstrip.effect_series import Controls
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports, grip, symmetry
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.mechanics.effect_series import Controls
 from anmstrip.mechanics.effects import Effect
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from figures import Line, drawn

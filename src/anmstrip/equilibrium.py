@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from anmstrip.continuation.path import Branch
-from anmstrip.effect_series import Controls, RecordedLaws, series_of
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern, Restriction
 from anmstrip.fem.strip import Strip
+from anmstrip.mechanics.effect_series import Controls, RecordedLaws, series_of
 from anmstrip.mechanics.effects import Effect, Moment
 from anmstrip.mechanics.shell import Membrane
 from anmstrip.timestepping.formulas import AffineVelocity

@@ -3,7 +3,6 @@
 import numpy as np
 from orders import orders
 
-from anmstrip.effect_series import Controls
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.kinematics import KINEMATICS
@@ -11,6 +10,7 @@ from anmstrip.fem.operators import Pattern
 from anmstrip.fem.sampling import ContactOperator
 from anmstrip.fem.strip import Material, Strip, grid, line
 from anmstrip.mechanics.contact import Contact, Friction
+from anmstrip.mechanics.effect_series import Controls
 from anmstrip.mechanics.laws import NortonHoff, RepulsiveSignorini
 from anmstrip.mechanics.loads import Pretension, edge_moment, edge_tension, pressure
 from anmstrip.mechanics.roller import Roller

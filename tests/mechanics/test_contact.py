@@ -7,13 +7,13 @@ import pytest
 from orders import orders
 from shapes import linear, rolled
 
-from anmstrip.effect_series import Controls
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.sampling import ContactOperator
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.mechanics.contact import Contact, Friction
+from anmstrip.mechanics.effect_series import Controls
 from anmstrip.mechanics.laws import NortonHoff, RepulsiveSignorini, Tanh
 from anmstrip.mechanics.loads import weight
 from anmstrip.mechanics.roller import Roller, Sides, combine

@@ -7,11 +7,11 @@ import pytest
 from orders import orders
 from shapes import linear, rolled, rotation
 
-from anmstrip.effect_series import Controls
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.mechanics.effect_series import Controls
 from anmstrip.mechanics.loads import edge_force, weight
 from anmstrip.mechanics.shell import Membrane, isometric_bending, plane_stress
 from anmstrip.simulation.stages import stretched

@@ -6,12 +6,12 @@ from levels import XS, YS, effect_of, free_equations, random_unknowns, strip_of
 from shapes import linear, rolled
 
 from anmstrip.continuation.follow import Settings, follow
-from anmstrip.effect_series import Controls
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.kinematics import SECTION
 from anmstrip.fem.operators import CellOperator, Pattern
 from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.mechanics.effect_series import Controls
 from anmstrip.mechanics.loads import Pretension, edge_force, edge_tension, pressure, weight
 from anmstrip.mechanics.shell import Membrane, isometric_bending
 

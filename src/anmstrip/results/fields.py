@@ -115,7 +115,9 @@ class FieldSampler:
             from scipy.interpolate import LinearNDInterpolator  # noqa: PLC0415 (triangles alone)
 
             points = contact_points(self.kind).T
-            return np.asarray(LinearNDInterpolator(points, np.eye(len(points)))(POINTS[self.kind].T))
+            return np.asarray(
+                LinearNDInterpolator(points, np.eye(len(points)))(POINTS[self.kind].T)
+            )
         hats = [np.interp(POINTS["line"][0], [0.0, 0.5, 1.0], row) for row in np.eye(3)]
         along = np.transpose(hats)
         return along if self.kind == "line" else np.kron(along, along)
@@ -125,14 +127,18 @@ class FieldSampler:
         found = list(state.contacts.values())
         if not found:
             nothing = np.zeros(self.reference.shape[1])
-            vectors = dict.fromkeys(("friction_traction", "slip_velocity"), np.zeros((len(nothing), 3)))
+            vectors = dict.fromkeys(
+                ("friction_traction", "slip_velocity"), np.zeros((len(nothing), 3))
+            )
             return {"normal_pressure": nothing, **vectors, "gap": nothing}
         assert self.contact is not None
         nearest = np.argmin([f.gap for f in found], axis=0)
         values = {
             "normal_pressure": np.sum([f.pressure for f in found], axis=0),
             "friction_traction": np.sum([f.traction for f in found], axis=0),
-            "slip_velocity": np.stack([f.slip for f in found])[nearest, :, np.arange(len(nearest))].T,
+            "slip_velocity": np.stack([f.slip for f in found])[
+                nearest, :, np.arange(len(nearest))
+            ].T,
             "gap": np.min([f.gap for f in found], axis=0),
         }
         cells = self.contact.cells

@@ -132,7 +132,9 @@ class Wrinkling:
         x = reference[0, [line[0] for line in lines]]
         bases = [np.vander(reference[1, line], SMOOTH + 1) for line in lines]
         pairs = list(zip(bases, lines, strict=True))
-        fits = np.stack([np.linalg.lstsq(basis, points[line], rcond=None)[0] for basis, line in pairs])
+        fits = np.stack(
+            [np.linalg.lstsq(basis, points[line], rcond=None)[0] for basis, line in pairs]
+        )
         normals = np.cross(np.gradient(fits[:, -1], x, axis=0), fits[:, -2])
         normals /= np.linalg.norm(normals, axis=1)[:, None]
         heights = np.array(

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.effect_series import Controls
 from anmstrip.equilibrium import Model, StageProblem
 from anmstrip.fem.constraints import Supports
 from anmstrip.fem.sampling import l2_projection, quadrature_points
+from anmstrip.mechanics.effect_series import Controls
 from anmstrip.scene.schema import StageSpec
 from anmstrip.simulation.problem import Assembly, middle_node
 from anmstrip.simulation.threading import stretches

@@ -145,10 +145,10 @@ class Thread:
     def _relaxed(self, strip: Strip, pattern: Pattern, full: Array) -> Array:
         """Let a shell slide along its own surface, between entry and exit, to equilibrium."""
         from anmstrip.continuation.follow import Settings, follow
-        from anmstrip.effect_series import Controls
         from anmstrip.equilibrium import Equilibrium, Model
         from anmstrip.fem.constraints import Scales, Supports
         from anmstrip.linalg.solvers import SparseSolver
+        from anmstrip.mechanics.effect_series import Controls
         from anmstrip.mechanics.loads import (
             Guide,
             edge_force,
