@@ -9,7 +9,7 @@ from anmstrip.continuation.follow import Settings, follow
 from anmstrip.effect_series import Controls
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
-from anmstrip.fem.kinematics import SECTION
+from anmstrip.fem.geometry import SECTION
 from anmstrip.fem.operators import CellOperator, Pattern
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.loads import Pretension, edge_force, edge_tension, pressure, weight

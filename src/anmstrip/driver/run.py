@@ -17,7 +17,7 @@ from anmstrip.continuation.status import Outcome, PathStopped
 from anmstrip.driver.diagnosis import Failure, diagnosis
 from anmstrip.driver.recorder import Recorder
 from anmstrip.equilibrium import StageProblem
-from anmstrip.fem.kinematics import SHELL
+from anmstrip.fem.geometry import SHELL
 from anmstrip.results.files import load_checkpoint
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec

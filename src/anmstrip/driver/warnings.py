@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from anmstrip.driver.string_estimate import ENDS, Way, way
 from anmstrip.equilibrium import StageProblem
-from anmstrip.fem.kinematics import KINEMATICS, Kinematics
+from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.mechanics.roller import Roller
 from anmstrip.simulation.meshing import QUARTER, boundary_layer, largest_force
 from anmstrip.simulation.problem import Assembly, size_of

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from skfem import Basis, FacetBasis, Mesh, MeshLine, MeshQuad, MeshTri
 
 from anmstrip.fem.elements import Argyris, BognerFoxSchmit, Hermite
-from anmstrip.fem.kinematics import SHELL, Kinematics
-from anmstrip.fem.surfaces import PAIRS, Frames, ReferenceSurface
+from anmstrip.fem.geometry import PAIRS, SHELL, Frames, Kinematics, ReferenceSurface
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
