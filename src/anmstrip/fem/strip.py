@@ -286,10 +286,7 @@ def line(xs: Array) -> MeshLine:
         Increasing coordinates of the nodes (m).
     """
     return MeshLine(xs).with_boundaries(
-        {
-            "entry": lambda x: np.isclose(x[0], xs[0]),
-            "exit": lambda x: np.isclose(x[0], xs[-1]),
-        }
+        {"entry": lambda x: np.isclose(x[0], xs[0]), "exit": lambda x: np.isclose(x[0], xs[-1])}
     )
 
 
