@@ -22,9 +22,9 @@ from anmstrip.continuation.path import Path
 from anmstrip.effect_series import Controls
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports, simple_support, symmetry
+from anmstrip.fem.geometry import reference_surface
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
-from anmstrip.fem.geometry import reference_surface
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Effect, LoadEffect
 from anmstrip.mechanics.loads import edge_force, edge_moment
