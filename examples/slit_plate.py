@@ -17,9 +17,9 @@ from anmstrip.continuation.expansion import Cost
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
+from anmstrip.fem.geometry import reference_surface
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
-from anmstrip.fem.surfaces import reference_surface
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effect_series import Controls
 from anmstrip.mechanics.loads import edge_force

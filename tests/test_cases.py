@@ -61,7 +61,7 @@ def test_the_error_is_below_the_tolerance(reports, name):
     report = reports(name)
     assert report.error <= 1e-4
     assert report.error_at_equal_times <= (2e-4 if name == "rotating-circle" else 1e-4)
-    assert report.solved.error / 10 < report.error < 10 * report.solved.error
+    assert report.solution.error / 10 < report.error < 10 * report.solution.error
 
 
 SLOW = 1e3

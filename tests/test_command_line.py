@@ -14,8 +14,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from anmstrip import cli as progress
-from anmstrip.cli import main
+from anmstrip.cli import describe_step, main, show_progress
 from anmstrip.errors import InputError, Mistake
 
 CAPSTAN = str(Path(__file__).parent / "scene" / "capstan.toml")
@@ -87,7 +86,8 @@ class Fakes:
         self.monkeypatch.setattr(f"{module}.{name}", fake)
 
     def put_run(self, **ending: Any) -> None:
-        def made(scene: Any, directory: Path, resume: bool) -> FakeRun:
+        def made(scene: Any, directory: Path, resume: bool, effects: Any) -> FakeRun:
+            assert not effects
             return FakeRun(scene, directory, resume, **ending)
 
         self.put("anmstrip.driver.scene", "Run", made)
@@ -256,19 +256,19 @@ def test_progress_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     stream = Terminal()
     steps = [step_at(1), step_at(3)]
-    assert list(progress.watched(steps, stream)) == steps
+    assert list(show_progress(steps, describe_step, stream)) == steps
     assert "turn, t = 0.6 of 0.6 s, 6 tangents, tension ratio 1.2500" in stream.getvalue()
 
 
 def test_progress_elsewhere_is_a_line_now_and_then() -> None:
     stream = io.StringIO()
     steps = [step_at(1), step_at(2, ratio=None), step_at(3)]
-    assert list(progress.watched(steps, stream, interval=0.0)) == steps
+    assert list(show_progress(steps, describe_step, stream, interval=0.0)) == steps
     first, second, _ = stream.getvalue().splitlines()
     assert first.startswith("turn, t = 0.2 of 0.6 s, 2 tangents, tension ratio 1.2500, ")
     assert "ratio" not in second
     stream = io.StringIO()
-    assert list(progress.watched(steps, stream, interval=1e9)) == steps
+    assert list(show_progress(steps, describe_step, stream, interval=1e9)) == steps
     assert not stream.getvalue()
 
 

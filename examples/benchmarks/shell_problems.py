@@ -21,9 +21,9 @@ from anmstrip.continuation.newton import Corrected
 from anmstrip.continuation.path import Path
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports, simple_support, symmetry
+from anmstrip.fem.geometry import reference_surface
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
-from anmstrip.fem.surfaces import reference_surface
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effect_series import Controls
 from anmstrip.mechanics.effects import Effect, LoadEffect

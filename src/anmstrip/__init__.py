@@ -60,7 +60,7 @@ _DOORS = {
     "Path": "anmstrip.continuation.path",
     "Settings": "anmstrip.continuation.follow",
     "follow": "anmstrip.continuation.follow",
-    "reference_surface": "anmstrip.fem.surfaces",
+    "reference_surface": "anmstrip.fem.geometry",
     "Remembering": "anmstrip.continuation.bifurcations",
     "watched": "anmstrip.continuation.bifurcations",
     "switched": "anmstrip.continuation.bifurcations",

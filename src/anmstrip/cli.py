@@ -4,27 +4,28 @@ from __future__ import annotations
 
 import errno
 import math
-import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TextIO, TypeVar
+from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
 import click
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from anmstrip.simulation.march import Step
+    from anmstrip.sweep.study import Ended
 
-    from anmstrip.driver.run import Run
-    from anmstrip.sweep.study import Ended, Sweep
+S = TypeVar("S", "Step", "Ended")
 
 STOPPED, WRONG = 1, 2
 """Exit statuses: stopped before the end, wrong input."""
+
+INTERVAL = 5.0
+"""Seconds between two lines where there is no terminal."""
 
 directory_option = click.option(
     "-o",
@@ -47,214 +48,49 @@ quiet_option = click.option(
 )
 
 
-INTERVAL = 5.0
-"""Seconds between two lines where there is no terminal."""
-
-
-class Progressing(Protocol):
-    """What is shown of an accepted step."""
-
-    @property
-    def stage(self) -> str:
-        """Name of the stage."""
-
-    @property
-    def time(self) -> float:
-        """Time reached (s)."""
-
-    @property
-    def end_time(self) -> float:
-        """Time at which the run ends (s)."""
-
-    @property
-    def fraction(self) -> float:
-        """How much of the run is done, from 0 to 1."""
-
-    @property
-    def tangents(self) -> int:
-        """Tangents factorised so far."""
-
-    @property
-    def tension_ratio(self) -> float | None:
-        """Tension at the exit over that at the entry, if there are both."""
-
-
-class Partial(Protocol):
-    """What has come a part of its way."""
-
-    @property
-    def fraction(self) -> float:
-        """How much is done, from 0 to 1."""
-
-
-S = TypeVar("S", bound=Partial)
-
-
-def summary_of(step: Progressing) -> str:
+def describe_step(step: Step) -> str:
     """Return a step in a few words: stage, time, tangents, tension ratio."""
-    words = [
-        step.stage,
-        f"t = {step.time:.4g} of {step.end_time:.4g} s",
-        f"{step.tangents} tangents",
-    ]
-    if step.tension_ratio is not None:
-        words.append(f"tension ratio {step.tension_ratio:.4f}")
-    return ", ".join(words)
+    words = f"{step.stage}, t = {step.time:.4g} of {step.end_time:.4g} s, {step.tangents} tangents"
+    ratio = step.tension_ratio
+    return words if ratio is None else f"{words}, tension ratio {ratio:.4f}"
 
 
-def watched(
+def show_progress(
     steps: Iterable[S],
+    describe: Callable[[S], str],
     stream: TextIO | None = None,
     interval: float = INTERVAL,
-    say: Callable[[Any], str] = summary_of,
 ) -> Iterator[S]:
-    """Return an iterator over steps that shows how far they are.
+    """Yield steps, and show how far they are and how much time is left.
 
     Parameters
     ----------
     steps : iterable
-        Accepted steps, or whatever knows its `fraction`.
+        Accepted steps of a run, or scenes of a sweep that have ended.
+    describe : callable
+        Puts a step in a few words.
     stream : text stream, optional
-        Where to; standard error if left out.
+        A terminal gets a bar, anything else lines; standard error if left out.
     interval : float, optional
         Seconds between two lines where `stream` is no terminal.
-    say : callable, optional
-        A step in a few words.
     """
     stream = stream or sys.stderr
     if stream.isatty():
-        return _with_bar(steps, stream, say)
-    return _with_lines(steps, stream, interval, say)
-
-
-def _with_bar(steps: Iterable[S], stream: TextIO, say: Callable[[Any], str]) -> Iterator[S]:
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(file=stream)) as bar:
-        task = bar.add_task("starting", total=1.0)
-        for step in steps:
-            bar.update(task, completed=step.fraction, description=say(step))
-            yield step
-
-
-def _with_lines(
-    steps: Iterable[S], stream: TextIO, interval: float, say: Callable[[Any], str]
-) -> Iterator[S]:
+        columns = TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn()
+        with Progress(*columns, console=Console(file=stream)) as bar:
+            task = bar.add_task("starting", total=1.0)
+            for step in steps:
+                bar.update(task, completed=step.fraction, description=describe(step))
+                yield step
+        return
     started = shown = time.monotonic()
     for step in steps:
-        now = time.monotonic()
+        now, done = time.monotonic(), step.fraction
         if now - shown >= interval:
-            left = _time_left(now - started, step.fraction)
-            print(f"{say(step)}, {left} left", file=stream, flush=True)
+            left = f"{(now - started) * (1 - done) / done:.0f} s" if done > 0 else "unknown"
+            print(f"{describe(step)}, {left} left", file=stream, flush=True)
             shown = now
         yield step
-
-
-def _time_left(elapsed: float, fraction: float) -> str:
-    """Return the time left if the rest goes like what is done.
-
-    Examples
-    --------
-    >>> _time_left(30.0, 0.25)
-    '90 s'
-    """
-    return f"{elapsed * (1 - fraction) / fraction:.0f} s" if fraction > 0 else "unknown"
-
-
-NEEDED = 'anmstrip sweep shares its scenes out by dask. Type: pip install "dask[distributed]"'
-
-
-@click.command(short_help="Run a scene with many values of a few keys.")
-@scene_argument
-@click.option(
-    "--vary",
-    "variations",
-    metavar="KEY=a:b:n",
-    multiple=True,
-    help="Key and values: n from a to b, or a list v1,v2,v3; several make all combinations.",
-)
-@settings_option
-@directory_option
-@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes (default: cores).")
-@click.option("--scheduler", metavar="ADDRESS", help="Use a dask cluster that runs already.")
-@quiet_option
-def sweep(
-    scene: Path,
-    variations: tuple[str, ...],
-    settings: tuple[str, ...],
-    directory: Path | None,
-    workers: int | None,
-    scheduler: str | None,
-    quiet: bool,
-) -> None:
-    """Run a scene with many values of a few keys, several at once.
-
-    \b
-      anmstrip sweep examples/capstan.toml --vary friction.coefficient=0.1:0.5:9
-      anmstrip sweep examples/capstan.toml --vary rollers.r1.radius=0.4,0.5 \\
-          --vary strip.thickness=0.5e-3:2e-3:4
-
-    DIR gets sweep.csv with a row for every scene, whole at any moment, sweep.png, and for
-    every scene a directory of results as of run. The same command again skips the scenes that
-    have ended, and goes on with the others from their checkpoints; delete a directory to have
-    its scene run afresh. Workers of --scheduler must see DIR under the same path.
-
-    Exit status: 0 all done, 1 interrupted or a scene stopped early, 2 wrong input.
-    """
-    if find_spec("distributed") is None:
-        click.echo(NEEDED, err=True)
-        sys.exit(WRONG)
-    from anmstrip.sweep.study import Sweep
-
-    study = Sweep(
-        scene, variations, settings, directory=directory or Path("results", f"{scene.stem}-sweep")
-    )
-    there = len(study.variants) - len(study.waiting)
-    finished = _swept(study, workers, scheduler, quiet)
-    click.echo(_said(study, there))
-    click.echo(f"Table {study.table.path}, figure {study.draw()}.")
-    if not finished:
-        click.echo("Interrupted. Next: the same command, which goes on from here.")
-    if study.stopped:
-        sys.exit(STOPPED)
-
-
-def _swept(study: Sweep, workers: int | None, scheduler: str | None, quiet: bool) -> bool:
-    """Run what is left; return False if the user interrupted it."""
-    if not study.waiting:
-        return True
-    try:
-        with _farm(study, workers, scheduler) as client:
-            for _ in _watched(study, client, quiet):
-                pass
-    except KeyboardInterrupt:
-        return False
-    return True
-
-
-def _farm(
-    study: Sweep, workers: int | None, scheduler: str | None
-) -> AbstractContextManager[Client]:
-    from anmstrip.sweep.study import local_workers, remote_workers
-
-    if scheduler is not None:
-        return remote_workers(scheduler)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return local_workers(min(workers or cores or 1, len(study.waiting)))
-
-
-def _watched(study: Sweep, client: Client, quiet: bool) -> Iterator[Ended]:
-    ended = study.run(client)
-    return ended if quiet else watched(ended, interval=0.0, say=str)
-
-
-def _said(study: Sweep, there: int) -> str:
-    """What has come out, in a line; then a line for each scene that stopped."""
-    done = len(study.rows) - len(study.stopped)
-    before = f", {there} of them ended before" if there else ""
-    lines = [f"{done} of {len(study.rows)} scenes done{before}."]
-    told = [row for row in study.stopped if row["status"] != "waiting"]
-    lines += [f"  {row['directory']}: {row['status']}: {row['message']}" for row in told]
-    return "\n".join(lines)
 
 
 class Commands(click.Group):
@@ -293,13 +129,13 @@ def main() -> None:
     """
 
 
-@main.command()
+@main.command("run")
 @scene_argument
 @directory_option
 @settings_option
 @click.option("--resume", is_flag=True, help="Go on where an earlier run in DIR was interrupted.")
 @quiet_option
-def run(
+def run_command(
     scene: Path, directory: Path | None, settings: tuple[str, ...], resume: bool, quiet: bool
 ) -> None:
     """Run a scene; its results can be looked at while it goes on.
@@ -319,7 +155,11 @@ def run(
 
     loaded = Scene.load(scene, settings)
     running = loaded.run(directory or Path("results", loaded.name), resume=resume)
-    if not _ran(running, quiet):
+    try:
+        for _ in running if quiet else show_progress(running, describe_step):
+            pass
+    except KeyboardInterrupt:
+        running.interrupted()
         click.echo(f"Interrupted. Everything up to here is in {running.directory}.")
         click.echo(f"Next: anmstrip run {scene} -o {running.directory} --resume")
         sys.exit(STOPPED)
@@ -331,22 +171,10 @@ def run(
         sys.exit(STOPPED)
 
 
-def _ran(running: Run, quiet: bool) -> bool:
-    """Take all steps; return False if the user interrupted them."""
-
-    try:
-        for _ in running if quiet else watched(running):
-            pass
-    except KeyboardInterrupt:
-        running.interrupted()
-        return False
-    return True
-
-
-@main.command(short_help="Say what a run would do, and warn.")
+@main.command("explain", short_help="Say what a run would do, and warn.")
 @scene_argument
 @settings_option
-def explain(scene: Path, settings: tuple[str, ...]) -> None:
+def explain_command(scene: Path, settings: tuple[str, ...]) -> None:
     """Say what a run of a scene would do, and warn; nothing is solved or written.
 
     Effects with their points and memory, what is left out, rollers with their wraps, stages,
@@ -358,7 +186,7 @@ def explain(scene: Path, settings: tuple[str, ...]) -> None:
     click.echo(explain(Scene.load(scene, settings)))
 
 
-@main.command(short_help="Run a mass-spring case of the paper.")
+@main.command("case", short_help="Run a mass-spring case of the paper.")
 @click.argument("name")
 @click.option(
     "--order",
@@ -385,7 +213,7 @@ def explain(scene: Path, settings: tuple[str, ...]) -> None:
     help="The paper's scheme, explicit in time, or the implicit one.",
 )
 @directory_option
-def case(
+def case_command(
     name: str,
     order: int,
     tolerance: float,
@@ -409,7 +237,7 @@ def case(
             name,
             order=order,
             tolerance=tolerance,
-            settings=_numbers(settings),
+            settings=parse_numbers(settings),
             scheme=scheme,
             directory=directory or Path("results", name),
         )
@@ -421,16 +249,20 @@ def case(
         sys.exit(STOPPED)
 
 
-def _numbers(settings: Iterable[str]) -> dict[str, float]:
-    """Return ``KEY=NUMBER`` texts as a mapping, or all that are none."""
+def parse_numbers(settings: Iterable[str]) -> dict[str, float]:
+    """Return ``KEY=NUMBER`` texts as a mapping, or refuse all that are none."""
     from anmstrip.errors import InputError, Mistake
 
     numbers, mistakes = {}, []
     for text in settings:
         key, _, value = text.partition("=")
         try:
-            numbers[key.strip()] = _finite(value)
+            number = float(value)
         except ValueError:
+            number = math.nan
+        if math.isfinite(number):
+            numbers[key.strip()] = number
+        else:
             hint = f"--set {key}=1.0"
             mistakes.append(Mistake(f"--set {text}", key, value or None, "a finite number", hint))
     if mistakes:
@@ -438,14 +270,7 @@ def _numbers(settings: Iterable[str]) -> dict[str, float]:
     return numbers
 
 
-def _finite(text: str) -> float:
-    number = float(text)
-    if not math.isfinite(number):
-        raise ValueError(text)
-    return number
-
-
-@main.command()
+@main.command("render")
 @click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
 @click.option(
     "--field",
@@ -453,7 +278,7 @@ def _finite(text: str) -> float:
     help="What colours the strip, e.g. gap or membrane_force.xx (default: pressure).",
 )
 @click.option("--movie", is_flag=True, help="All states as movie.gif as well.")
-def render(directory: Path, field: str | None, movie: bool) -> None:
+def render_command(directory: Path, field: str | None, movie: bool) -> None:
     """Draw pictures of a run, without a display.
 
     picture.png from above and picture_side.png from the side, of the last state, into DIR.
@@ -464,7 +289,76 @@ def render(directory: Path, field: str | None, movie: bool) -> None:
         click.echo(str(picture))
 
 
-main.add_command(sweep)
+@main.command("sweep", short_help="Run a scene with many values of a few keys.")
+@scene_argument
+@click.option(
+    "--vary",
+    "variations",
+    metavar="KEY=a:b:n",
+    multiple=True,
+    help="Key and values: n from a to b, or a list v1,v2,v3; several make all combinations.",
+)
+@settings_option
+@directory_option
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes (default: cores).")
+@click.option("--scheduler", metavar="ADDRESS", help="Use a dask cluster that runs already.")
+@quiet_option
+def sweep_command(
+    scene: Path,
+    variations: tuple[str, ...],
+    settings: tuple[str, ...],
+    directory: Path | None,
+    workers: int | None,
+    scheduler: str | None,
+    quiet: bool,
+) -> None:
+    """Run a scene with many values of a few keys, several at once.
+
+    \b
+      anmstrip sweep examples/capstan.toml --vary friction.coefficient=0.1:0.5:9
+      anmstrip sweep examples/capstan.toml --vary rollers.r1.radius=0.4,0.5 \\
+          --vary strip.thickness=0.5e-3:2e-3:4
+
+    DIR gets sweep.csv with a row for every scene, whole at any moment, sweep.png, and for
+    every scene a directory of results as of run. The same command again skips the scenes that
+    have ended, and goes on with the others from their checkpoints; delete a directory to have
+    its scene run afresh. Workers of --scheduler must see DIR under the same path.
+
+    Exit status: 0 all done, 1 interrupted or a scene stopped early, 2 wrong input.
+    """
+    if find_spec("distributed") is None:
+        needed = 'pip install "dask[distributed]"'
+        click.echo(f"anmstrip sweep shares its scenes out by dask. Type: {needed}", err=True)
+        sys.exit(WRONG)
+    from dask.system import CPU_COUNT
+
+    from anmstrip.sweep.study import Sweep, local_workers, remote_workers
+
+    study = Sweep(
+        scene, variations, settings, directory=directory or Path("results", f"{scene.stem}-sweep")
+    )
+    before, interrupted = len(study.variants) - len(study.waiting), False
+    try:
+        if left := len(study.waiting):
+            count = min(workers or CPU_COUNT, left)
+            farm = local_workers(count) if scheduler is None else remote_workers(scheduler)
+            with farm as client:
+                ended = study.run(client)
+                for _ in ended if quiet else show_progress(ended, str, interval=0.0):
+                    pass
+    except KeyboardInterrupt:
+        interrupted = True
+    done, total = len(study.rows) - len(study.stopped), len(study.rows)
+    earlier = f", {before} of them ended before" if before else ""
+    click.echo(f"{done} of {total} scenes done{earlier}.")
+    for row in study.stopped:
+        if row["status"] != "waiting":
+            click.echo(f"  {row['directory']}: {row['status']}: {row['message']}")
+    click.echo(f"Table {study.table}, figure {study.draw()}.")
+    if interrupted:
+        click.echo("Interrupted. Next: the same command, which goes on from here.")
+    if study.stopped:
+        sys.exit(STOPPED)
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ import numpy as np
 
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
-from anmstrip.driver.warnings import serious
+from anmstrip.driver.warnings import Preview, serious
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.errors import InputError
 from anmstrip.results.vtk import read_surface
@@ -241,7 +241,8 @@ def ending_of(tables: dict[str, Any]) -> Ending:
         message, tangents = run.message, run.cost.expansions
         faults = tuple(faults_of(directory, run))
     status = "done" if run.outcome.done else run.outcome.name.lower()
-    return Ending(status, message, tangents, seconds, faults, bool(serious(run.assembly)))
+    warned = bool(serious(Preview.of(run.assembly)))
+    return Ending(status, message, tangents, seconds, faults, warned)
 
 
 def faults_of(directory: Path, run: Run) -> Iterator[str]:

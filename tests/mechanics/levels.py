@@ -5,7 +5,7 @@ from orders import orders
 
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
-from anmstrip.fem.kinematics import KINEMATICS
+from anmstrip.fem.geometry import KINEMATICS
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.sampling import ContactOperator
 from anmstrip.fem.strip import Material, Strip, grid, line

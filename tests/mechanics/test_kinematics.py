@@ -16,7 +16,7 @@ from levels import (
 )
 from shapes import linear, rotation
 
-from anmstrip.fem.kinematics import KINEMATICS, PLATE, SECTION, SHELL
+from anmstrip.fem.geometry import KINEMATICS, PLATE, SECTION, SHELL
 from anmstrip.mechanics.shell import moduli, stiffness
 
 

@@ -6,9 +6,9 @@ from levels import free_equations, random_unknowns, strip_of
 from shapes import linear, rolled, rotation
 
 from anmstrip.fem.constraints import simple_support, symmetry
+from anmstrip.fem.geometry import reference_surface
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
-from anmstrip.fem.surfaces import reference_surface
 from anmstrip.mechanics.effect_series import Controls
 from anmstrip.mechanics.loads import edge_force, edge_moment, pressure, weight
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending

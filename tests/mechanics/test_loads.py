@@ -8,7 +8,7 @@ from shapes import linear, rolled
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
-from anmstrip.fem.kinematics import SECTION
+from anmstrip.fem.geometry import SECTION
 from anmstrip.fem.operators import CellOperator, Pattern
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effect_series import Controls

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from anmstrip.fem.kinematics import SECTION
+from anmstrip.fem.geometry import SECTION
 from anmstrip.fem.sampling import patches, shape_of, unit_grid
 from anmstrip.fem.strip import Material, Strip, grid, line
 

@@ -159,7 +159,7 @@ def test_derivatives_are_compared_as_forces_and_lengths() -> None:
 
 
 def diagnosis_place(run: Run, evidence: Evidence) -> str:
-    return str(Failure(run.assembly, run.scene.course[-1], run.state, stalled(evidence)).place)
+    return str(Failure(run.assembly, run.scene.course[-1], run.state, stalled(evidence)).location)
 
 
 def test_what_is_not_finite_comes_first() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from anmstrip.driver.explain import explain
 from anmstrip.driver.scene import Scene
-from anmstrip.driver.warnings import Rung, justified, ladder, walked, warnings
+from anmstrip.driver.warnings import Level, Preview, justified_level, levels, warnings
 from anmstrip.simulation.problem import Assembly
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -50,24 +50,27 @@ def bridle(**strip: Any) -> dict[str, Any]:
     }
 
 
-def rungs_of(scene: Scene) -> dict[str, Rung]:
-    assembly = Assembly(scene)
-    ways = [way for _, way in walked(assembly)]
-    return {rung.level.name: rung for rung in ladder(assembly, ways)}
+def levels_of(scene: Scene) -> dict[str, Level]:
+    found = levels(Preview.of(Assembly(scene)))
+    return {level.kinematics.name: level for level in found}
 
 
-def judged(tables: dict[str, Any]) -> tuple[str, dict[str, Rung]]:
-    rungs = rungs_of(Scene.model_validate(tables))
-    return justified(list(rungs.values())).level.name, rungs
+def justified(found: dict[str, Level]) -> str:
+    return justified_level(list(found.values())).kinematics.name
+
+
+def judged(tables: dict[str, Any]) -> tuple[str, dict[str, Level]]:
+    found = levels_of(Scene.model_validate(tables))
+    return justified(found), found
 
 
 def test_capstan_justifies_a_section() -> None:
     scene = Scene.load(EXAMPLES / "capstan.toml")
-    rungs = rungs_of(scene)
-    assert justified(list(rungs.values())).level.name == "section"
-    assert not rungs["section"].against
-    assert not rungs["shell"].against
-    friction, steep = rungs["plate"].against
+    found = levels_of(scene)
+    assert justified(found) == "section"
+    assert not found["section"].against
+    assert not found["shell"].against
+    friction, steep = found["plate"].against
     assert "friction" in friction
     assert "wrapping r1 by 43°" in steep
     text = explain(scene)
@@ -77,18 +80,18 @@ def test_capstan_justifies_a_section() -> None:
 
 def test_estimated_wrap_is_that_of_the_formula() -> None:
     """The exit leaves in the direction of its force, the entry is 0.45 m below."""
-    *_, (_, last) = walked(Assembly(Scene.load(EXAMPLES / "capstan.toml")))
+    last = Preview.of(Assembly(Scene.load(EXAMPLES / "capstan.toml"))).strings[-1]
     assert last.turns["r1"] == pytest.approx(0.7513, abs=2e-3)
     assert last.slope == pytest.approx(np.arctan2(5773.5, 1e4), rel=1e-6)
 
 
 @pytest.mark.parametrize(("degrees", "plate"), [(1.0, True), (4.0, True), (12.0, False)])
 def test_a_plate_needs_small_slopes(degrees: float, plate: bool) -> None:
-    name, rungs = judged(pressed(degrees))
+    name, found = judged(pressed(degrees))
     assert name == "section"
-    assert (not rungs["plate"].against) is plate
+    assert (not found["plate"].against) is plate
     if plate:
-        assert f"{0.5 * degrees:.2g}° cost" in rungs["plate"].lost
+        assert f"{0.5 * degrees:.2g}° cost" in found["plate"].lost
 
 
 @pytest.mark.parametrize(
@@ -100,9 +103,9 @@ def test_a_plate_needs_small_slopes(degrees: float, plate: bool) -> None:
     ],
 )
 def test_crown_and_misalignment_need_a_width(roller: dict[str, Any], words: str) -> None:
-    name, rungs = judged(pressed(1.0, **roller))
+    name, found = judged(pressed(1.0, **roller))
     assert name == "plate"
-    assert words in rungs["section"].against[0]
+    assert words in found["section"].against[0]
     name, _ = judged(pressed(20.0, **roller))
     assert name == "shell"
 
@@ -118,9 +121,9 @@ def test_crown_and_misalignment_need_a_width(roller: dict[str, Any], words: str)
 def test_what_varies_across_needs_a_width(change: dict[str, Any], against: str) -> None:
     tables = pressed(1.0)
     tables["stages"][1] |= change
-    name, rungs = judged(tables)
+    name, found = judged(tables)
     assert name != "section"
-    assert any(against in reason for reason in rungs["section"].against)
+    assert any(against in reason for reason in found["section"].against)
 
 
 @pytest.mark.parametrize(
@@ -135,8 +138,8 @@ def test_what_a_plate_does_not_see(change: dict[str, Any], against: str) -> None
     """A pressure of 1 kPa on 4 m of strip under 10 kN/m: slope p L / 2 T = 0.2."""
     tables = pressed(1.0)
     tables["stages"][1] |= change
-    _, rungs = judged(tables)
-    assert any(against in reason for reason in rungs["plate"].against)
+    _, found = judged(tables)
+    assert any(against in reason for reason in found["plate"].against)
 
 
 def test_threaded_bridle_shows_its_wraps() -> None:
@@ -146,17 +149,20 @@ def test_threaded_bridle_shows_its_wraps() -> None:
     lines = {line.split()[0]: line for line in explain(scene).splitlines() if line}
     for name, side in (("a", "over"), ("b", "under"), ("c", "over")):
         assert lines[name].endswith(f"{np.degrees(thread.turns[name]):.4g}°, {side}")
-    name, rungs = judged(bridle())
+    name, found = judged(bridle())
     assert name == "section"
-    assert any("[threading]" in reason for reason in rungs["plate"].against)
+    assert any("[threading]" in reason for reason in found["plate"].against)
 
 
 def test_mesh_warning_of_a_threaded_strip_is_about_its_arcs() -> None:
     """Only the elements that lie on a roller count, wherever the roller is in space."""
-    assembly = Assembly(Scene.model_validate(bridle(kinematics="section", refined=0.005)))
-    assert not any("elements over" in line for line in warnings(assembly))
-    coarse = warnings(Assembly(Scene.model_validate(bridle(kinematics="section"))))
-    told = [line for line in coarse if line.startswith("elements over")]
+
+    def told_of(**strip: Any) -> list[str]:
+        assembly = Assembly(Scene.model_validate(bridle(kinematics="section", **strip)))
+        return [line for line in warnings(Preview.of(assembly)) if "elements over" in line]
+
+    assert not told_of(refined=0.005)
+    told = told_of()
     assert [line.partition(" are ")[0] for line in told] == [
         "elements over a, c",
         "elements over b",
@@ -171,11 +177,12 @@ def test_unknowns_of_the_levels_are_those_of_their_strips(own: str) -> None:
         tables["strip"]["kinematics"] = level
         return Scene.model_validate(tables)
 
-    rungs = rungs_of(at(own))
-    assert rungs[own].cost == 1.0
-    for name, rung in rungs.items():
-        assert rung.unknowns == Assembly(at(name)).strip.unknowns
-    costs = {name: rung.cost or np.inf for name, rung in rungs.items()}
+    found = levels_of(at(own))
+    assert found[own].cost == 1.0
+    for name, level in found.items():
+        assert level.size is not None
+        assert level.size.unknowns == Assembly(at(name)).strip.unknowns
+    costs = {name: level.cost or np.inf for name, level in found.items()}
     assert costs["section"] < costs["plate"] < costs["shell"]
 
 
@@ -212,6 +219,6 @@ def test_fed_strip_says_so() -> None:
 
 
 def test_mesh_file_has_no_section() -> None:
-    rungs = rungs_of(Scene.load(EXAMPLES / "capstan_mesh.toml"))
-    assert rungs["section"].unknowns is None
-    assert justified(list(rungs.values())).level.name == "shell"
+    found = levels_of(Scene.load(EXAMPLES / "capstan_mesh.toml"))
+    assert found["section"].size is None
+    assert justified(found) == "shell"

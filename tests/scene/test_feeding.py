@@ -9,7 +9,7 @@ import pytest
 
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
-from anmstrip.fem.kinematics import SECTION, SHELL
+from anmstrip.fem.geometry import SECTION, SHELL
 from anmstrip.fem.strip import Material, Strip, grid, line
 from anmstrip.simulation.feed import Feed
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from anmstrip.driver.scene import Scene
-from anmstrip.driver.warnings import serious, warnings
+from anmstrip.driver.warnings import Preview, serious, warnings
 from anmstrip.simulation.problem import Assembly
 
 PULL = {
@@ -30,6 +30,10 @@ TABLES: dict[str, Any] = {
 }  # fmt: skip
 
 
+def preview_of(tables: dict[str, Any]) -> Preview:
+    return Preview.of(Assembly(Scene.model_validate(tables)))
+
+
 def doubts(
     key: str = "", value: Any = None, last: dict[str, Any] | None = None, friction: bool = True
 ) -> list[str]:
@@ -40,9 +44,9 @@ def doubts(
         tables[table][entry] = value
     if last is not None:
         tables["stages"].append({"name": "last", "duration": 1.0, "friction": friction, **last})
-    assembly = Assembly(Scene.model_validate(tables))
-    found = serious(assembly)
-    assert warnings(assembly)[: len(found)] == found
+    preview = preview_of(tables)
+    found = serious(preview)
+    assert warnings(preview)[: len(found)] == found
     return found
 
 
@@ -76,7 +80,7 @@ def test_contact_that_is_felt_far_from_a_roller(
     """A wide onset, given or of a coarse mesh, where the strip hardly turns."""
     tables = copy.deepcopy(TABLES) | {"contact": contact, "stages": TABLES["stages"][:1]}
     tables["strip"] |= {"cells": [2, 1], "refined": refined}
-    (found,) = serious(Assembly(Scene.model_validate(tables)))
+    (found,) = serious(preview_of(tables))
     assert "m away from roller r1, of radius 0.3 m" in found
     assert hint in found
     assert doubts() == []
@@ -88,12 +92,12 @@ def test_graded_contact_is_made_harder_by_its_onset(pressure: float | None, hint
     given = {"onset": 0.1} if pressure is None else {"onset": 0.1, "pressure": pressure}
     tables = copy.deepcopy(TABLES) | {"contact": given}
     tables["rollers"].append({"name": "r2", "radius": 3.0, "centre": [0.0, 0.0, -9.0]})
-    found = [told for told in serious(Assembly(Scene.model_validate(tables))) if "r1" in told]
+    found = [told for told in serious(preview_of(tables)) if "r1" in told]
     assert len(found) == 1
     assert "into roller r1" in found[0]
     assert f"Try --set contact.onset={hint:.1g}" in found[0]
     tables["contact"]["onset"] = hint
-    assert serious(Assembly(Scene.model_validate(tables))) == []
+    assert serious(preview_of(tables)) == []
 
 
 @pytest.mark.parametrize(
@@ -121,6 +125,6 @@ def test_what_has_no_equilibrium(
 def test_a_slack_strip_is_pulled_before_it_rubs() -> None:
     rubbing = {**PULL, "friction": True}
     tables = {**copy.deepcopy(TABLES), "stages": [rubbing, LAY]}
-    (found,) = serious(Assembly(Scene.model_validate(tables)))
+    (found,) = serious(preview_of(tables))
     assert "pulls a slack strip" in found
     assert "stages.pull.friction=false" in found

@@ -8,7 +8,7 @@ import pytest
 
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
-from anmstrip.fem.kinematics import KINEMATICS
+from anmstrip.fem.geometry import KINEMATICS
 from anmstrip.scene.checks import SEEN
 from anmstrip.simulation.problem import Assembly
 

@@ -122,7 +122,7 @@ def test_uniform_moments_balance_inside(strip: Strip) -> None:
         [up * a, up * b, up * c],
     )
     effect = isometric_bending(strip, Pattern(strip))
-    force = effect.force(full)
+    force = effect.product(full)
     d, nu = strip.bending_stiffness, strip.material.poisson
     density = d * ((1.0 - nu) * (a**2 + 2.0 * b**2 + c**2) + nu * (a + c) ** 2)
     assert full @ force == pytest.approx(6.0 * density, rel=1e-9)

@@ -1,9 +1,12 @@
-"""Why a run has stopped: stage, time, place and likely cause, with what to type."""
+"""Why a run has stopped: stage, time, place and likely cause, with what to type.
+
+Every cause is a function that looks at a :class:`Failure` and returns a sentence, or None.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 
@@ -12,8 +15,6 @@ from numpy.typing import NDArray
 
 from anmstrip.continuation.status import Evidence, Outcome, PathStopped
 from anmstrip.equilibrium import Equilibrium, StageProblem
-from anmstrip.fem.strip import Strip
-from anmstrip.mechanics.roller import Roller
 from anmstrip.results.state import ContactState, State
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import THREADING
@@ -26,93 +27,6 @@ Array = NDArray[np.float64]
 NEAR = 2.0
 """Gap, in lengths of the elements there, up to which a node counts as near a roller."""
 
-
-@dataclass(frozen=True)
-class Place:
-    """A node of the strip and what is around it.
-
-    Attributes
-    ----------
-    state : State
-        Last one that was accepted.
-    reference : ndarray, shape (3,)
-        Position in the flat strip (m).
-    component : str
-        x, y or z: which displacement failed.
-    """
-
-    state: State
-    reference: Array
-    component: str
-
-    @property
-    def strip(self) -> Strip:
-        """Whose place it is."""
-        return self.state.plan.model.strip
-
-    @cached_property
-    def element(self) -> float:
-        """Length of the elements here along the strip (m)."""
-        mesh = self.strip.mesh
-        distance = np.abs(mesh.p - self.reference[: len(mesh.p), None]).sum(axis=0)
-        around = (mesh.t == int(distance.argmin())).any(axis=0)
-        return float(self.strip.cell_sizes[0][around].max())
-
-    @cached_property
-    def roller(self) -> str:
-        """Name of the nearest roller, empty if none is near."""
-        gaps = [(self._gap(contact), name) for name, contact in self.state.contacts.items()]
-        gap, name = min(gaps, default=(np.inf, ""))
-        return name if gap < NEAR * self.element else ""
-
-    def _gap(self, contact: ContactState) -> float:
-        x = contact.contact.operator.reference
-        nearest = np.abs(x - self.reference[:, None]).sum(axis=0).argmin()
-        return float(contact.gap[nearest])
-
-    def __str__(self) -> str:
-        axes = "xy"[: self.strip.mesh.dim()]
-        at = ", ".join(f"{n} = {v:.4g} m" for n, v in zip(axes, self.reference, strict=False))
-        roller = f", at roller {self.roller}" if self.roller else ""
-        return f"{at} (in {self.component}{roller})"
-
-
-def place_of(evidence: Evidence, state: State) -> Place | None:
-    """Node and component at which a path has failed, ``None`` if nothing shows it."""
-    plan = state.plan
-    free, strip = plan.supports.free, plan.model.strip
-    number = _worst(evidence, plan.model.units[free])
-    if number is None:
-        return None
-    scalar, component = divmod(int(free[number]), strip.count)
-    name = "xyz"[strip.kinematics.components[component]]
-    return Place(state, _reference(strip, scalar), name)
-
-
-def _worst(evidence: Evidence, units: Array) -> int | None:
-    """Number of the free unknown that has most to do with it, ``None`` if all have the same.
-
-    A residual times the unit of its unknown is a force, a motion over it a length.
-    """
-    if evidence.unknown is not None:
-        return evidence.unknown
-    for values, scale in ((evidence.residual, units), (evidence.motion, 1.0 / units)):
-        if values is None or len(values) != len(units):
-            continue
-        size = np.where(np.isfinite(values), np.abs(values * scale), np.inf)
-        return int(np.argmax(size)) if size.max() > size.min() else None
-    return None
-
-
-def _reference(strip: Strip, scalar: int) -> Array:
-    """Reference position of a scalar degree of freedom, shape (3,)."""
-    at_node = np.argwhere(strip.basis.nodal_dofs == scalar)
-    if len(at_node):
-        return np.asarray(strip.nodes[:, at_node[0, 1]])
-    facet = np.argwhere(strip.basis.facet_dofs == scalar)[0, 1]
-    return strip.in_space(strip.mesh.p[:, strip.mesh.facets[:, [facet]]].mean(axis=1))[:, 0]
-
-
 COARSE = 0.5
 """Element over a roller, in boundary layers √(D/T), that is called too long."""
 
@@ -124,37 +38,74 @@ SHARE, DIGITS = 0.01, 1e3
 
 
 @dataclass(frozen=True)
-class Failure:
-    """A stopped path, seen from the scene.
+class Location:
+    """A node of the strip at which a path has failed."""
 
-    Attributes
-    ----------
-    assembly : Assembly
-    stage : StageSpec
-    state : State
-        Last one that was accepted, with the plan of the stage.
-    stopped : PathStopped
+    position: tuple[float, ...]  # in the flat strip, x of a section or x and y (m)
+    component: str  # x, y or z: which displacement failed
+    element: float  # length of the elements there along the strip (m)
+    roller: str  # name of the nearest roller, empty if none is near
+
+    def __str__(self) -> str:
+        at = ", ".join(f"{n} = {v:.4g} m" for n, v in zip("xy", self.position, strict=False))
+        roller = f", at roller {self.roller}" if self.roller else ""
+        return f"{at} (in {self.component}{roller})"
+
+
+def locate(evidence: Evidence, state: State) -> Location | None:
+    """Return the node that has most to do with a failure, None if nothing shows it.
+
+    A residual times the unit of its unknown is a force, a motion over it a length.
     """
+    strip, free = state.plan.model.strip, state.plan.supports.free
+    number, units = evidence.unknown, state.plan.model.units[free]
+    for values, scale in ((evidence.residual, units), (evidence.motion, 1.0 / units)):
+        if number is None and values is not None and len(values) == len(units):
+            size = np.where(np.isfinite(values), np.abs(values * scale), np.inf)
+            number = int(np.argmax(size)) if size.max() > size.min() else None
+    if number is None:
+        return None
+    scalar, component = divmod(int(free[number]), strip.count)
+    mesh, at_node = strip.mesh, np.argwhere(strip.basis.nodal_dofs == scalar)
+    if len(at_node):
+        point = mesh.p[:, at_node[0, 1]]
+    else:
+        facet = np.argwhere(strip.basis.facet_dofs == scalar)[0, 1]
+        point = mesh.p[:, mesh.facets[:, facet]].mean(axis=1)
+    node = int(np.abs(mesh.p - point[:, None]).sum(axis=0).argmin())
+    element = float(strip.cell_sizes[0][(mesh.t == node).any(axis=0)].max())
+    gaps = [(np.inf, "")]
+    for name, contact in state.contacts.items():
+        x = contact.contact.operator.reference[: len(point)]
+        gaps.append((float(contact.gap[np.abs(x - point[:, None]).sum(axis=0).argmin()]), name))
+    gap, roller = min(gaps)
+    name = "xyz"[strip.kinematics.components[component]]
+    return Location(tuple(point), name, element, roller if gap < NEAR * element else "")
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A stopped path, seen from the scene."""
 
     assembly: Assembly
     stage: StageSpec
-    state: State
+    state: State  # last one that was accepted, with the plan of the stage
     stopped: PathStopped
 
     @property
     def scene(self) -> SceneSpec:
-        """That was run."""
+        """Scene that was run."""
         return self.assembly.scene
 
     @property
     def plan(self) -> StageProblem:
-        """Of the stage."""
+        """Equations of the stage."""
         return self.state.plan
 
     @cached_property
-    def place(self) -> Place | None:
-        """Where on the strip."""
-        return place_of(self.stopped.evidence, self.state)
+    def location(self) -> Location | None:
+        """Node of the strip that shows it."""
+        return locate(self.stopped.evidence, self.state)
 
     @cached_property
     def touched(self) -> list[ContactState]:
@@ -163,12 +114,12 @@ class Failure:
 
 
 def diagnosis(failure: Failure) -> str:
-    """What has happened and where, then the likely cause and what to type."""
-    stopped, place = failure.stopped, failure.place
+    """Say what has happened and where, then the likely cause and what to type."""
+    stopped, location = failure.stopped, failure.location
     words = ": ".join(part for part in (stopped.outcome.value, stopped.detail) if part)
-    where = "" if place is None else f"; worst at {place}"
+    where = "" if location is None else f"; worst at {location}"
     with np.errstate(all="ignore"):
-        cause = next(found for f in CAUSES if (found := f(failure)))
+        cause = next(found for rule in CAUSES if (found := rule(failure)))
     time = f"t = {failure.state.time:.6g} s"
     return f"Stopped in stage {failure.stage.name} at {time}: {words}{where}. {cause}"
 
@@ -185,33 +136,26 @@ def too_many_steps(failure: Failure) -> str | None:
 
 
 def not_held(failure: Failure) -> str | None:
-    """A component that no edge holds, and no roller the strip lies on."""
-    plan, strip = failure.plan, failure.plan.model.strip
+    """No edge holds a component, and no roller the strip lies on."""
+    strip, edges = failure.plan.model.strip, failure.scene.edges
     held = np.ones(strip.unknowns, dtype=bool)
-    held[plan.supports.free] = False
-    rubbed = "xy" if plan.in_time else ""
+    held[failure.plan.supports.free] = False
+    rubbed = "xy" if failure.plan.in_time else ""
     by_rollers = rubbed + "z" if failure.touched else ""
     for place, component in enumerate(strip.kinematics.components):
         name = "xyz"[component]
         if held[strip.count * strip.node_values + place].any() or name in by_rollers:
             continue
-        return f"Nothing holds the strip in {name}. Try {_holding(failure, name)}."
+        edge = next(iter(edges), "entry")
+        fixed = sorted({*(edges[edge].fixed if edge in edges else ()), name})
+        listed = ", ".join(f'"{c}"' for c in fixed)
+        key = f"'edges.{edge}.fixed=[{listed}]'" if name != "y" else f"edges.{edge}.centred=true"
+        return f"Nothing holds the strip in {name}. Try --set {key}."
     return None
 
 
-def _holding(failure: Failure, component: str) -> str:
-    """What to type so that an edge holds a component."""
-    edges = failure.scene.edges
-    name = next(iter(edges), "entry")
-    if component == "y":
-        return f"--set edges.{name}.centred=true"
-    fixed = {*(edges[name].fixed if name in edges else ()), component}
-    listed = ", ".join(f'"{c}"' for c in sorted(fixed))
-    return f"--set 'edges.{name}.fixed=[{listed}]'"
-
-
 def squeezed(failure: Failure) -> str | None:
-    """Two rollers that overlap, or press on the same points."""
+    """Two rollers overlap, or press on the same points."""
     contacts, controls = failure.state.contacts, failure.state.controls
     for a, b in combinations(failure.assembly.rollers, 2):
         if not {a.name, b.name} <= set(contacts):
@@ -223,85 +167,31 @@ def squeezed(failure: Failure) -> str | None:
         overlap = a.radius + b.radius - distance
         if overlap > 0.0 or (contacts[a.name].touching & contacts[b.name].touching).any():
             away = 1.1 * max(overlap, failure.assembly.strip.thickness) / distance * across
+            key, value = f"rollers.{b.name}.centre", centre + away
+            control = failure.stage.rollers.get(b.name)
+            if control is not None and control.move is not None:
+                key = f"stages.{failure.stage.name}.rollers.{b.name}.move"
+                value -= np.array(b.centre)
             return (
                 f"Rollers {a.name} and {b.name} are {-overlap:.3g} m apart and squeeze the strip. "
-                f"Try {_put(failure, b, centre + away)}."
+                f"Try --set '{key}={_vector(value)}'."
             )
     return None
 
 
-def _put(failure: Failure, roller: Roller, centre: Array) -> str:
-    """What to type to have a roller elsewhere."""
-    control = failure.stage.rollers.get(roller.name)
-    if control is None or control.move is None:
-        return f"--set 'rollers.{roller.name}.centre={_numbers(centre)}'"
-    move = _numbers(centre - np.array(roller.centre))
-    return f"--set 'stages.{failure.stage.name}.rollers.{roller.name}.move={move}'"
-
-
-def slack(failure: Failure) -> str | None:
-    """No tension, or membrane forces that press more than an element bears unbuckled."""
-    membrane, strip = failure.assembly.membrane, failure.assembly.strip
-    if membrane is None:
-        return None
-    forces = membrane.forces(membrane.operator.apply(failure.state.full) + membrane.flat)
-    mean = forces.reshape(*forces.shape[:2], strip.mesh.nelements, -1).mean(axis=3)
-    least = np.linalg.eigvalsh(np.moveaxis(mean, 2, 0))[:, 0]
-    bearable = buckling_force(failure, 4.0 * strip.cell_sizes[0])
-    worst = int(np.argmin(least + bearable))
-    if least[worst] < -max(bearable[worst], 1e-3 * failure.assembly.scales.tension):
-        x = strip.mesh.p[0, strip.mesh.t[:, worst]].mean()
-        found = f"pressed at x = {x:.3g} m with {-least[worst]:.3g} N/m, and buckles"
-    elif mean[0, 0].max() < buckling_force(failure, np.array(strip.length)):
-        found = "under no tension, which is what holds a thin strip in shape"
-    else:
-        return None
-    return f"The strip is {found}. Try {_more_tension(failure)}."
-
-
-def buckling_force(failure: Failure, length: Array) -> Array:
-    """π² D / l² (N/m) of a free length (m)."""
-    strip = failure.assembly.strip
-    return (strip.bending_stiffness if failure.scene.strip.bending else 0.0) * (np.pi / length) ** 2
-
-
-def _more_tension(failure: Failure) -> str:
-    """What to type to pull more: twice as much, or to a strain of 5e-5."""
-    threading = failure.scene.threading
-    if threading is not None and failure.stage.name == THREADING:
-        return f"--set threading.tension={2.0 * threading.tension:.3g}"
-    if failure.plan.in_time and not failure.state.full.any():
-        return f"--set stages.{failure.stage.name}.friction=false, to pull it before it rubs"
-    force = failure.plan.controls.at(1.0).get("exit.force", np.zeros(3))
-    stage = failure.stage.name
-    if force[0] > 0.0:
-        return f"--set 'stages.{stage}.exit.force={_numbers(2.0 * force)}'"
-    held = failure.scene.edges.get("exit")
-    if held is not None and "x" in held.fixed:
-        return f"a larger x in stages.{stage}.exit.move"
-    tension = 5e-5 * failure.assembly.strip.tensile_stiffness
-    return f"--set 'stages.{failure.scene.stages[0].name}.exit.force=[{tension:.3g}, 0.0, 0.0]'"
-
-
-def forewarned(failure: Failure) -> str | None:
-    """What could be told before the run, of this stage and those before it."""
-    from anmstrip.driver.warnings import (
-        serious,
-        walked,
-    )
-
-    plans, ways = (list(found) for found in zip(*walked(failure.assembly), strict=True))
-    until = 1 + next(k for k, plan in enumerate(plans) if plan.name == failure.stage.name)
-    found = serious(failure.assembly, plans[:until], ways[:until])
-    return f"{found[0][0].upper()}{found[0][1:]}" if found else None
-
-
 def round_off(failure: Failure) -> str | None:
-    """A tolerance that the last digits of the state do not allow."""
-    plan, scene = failure.plan, failure.scene
+    """The last digits of the state do not allow the tolerance.
+
+    The floor is the imbalance, over the force scale, that a change of the last digit makes.
+    """
+    plan, state = failure.plan, failure.state
+    signs = np.where(np.arange(len(state.full)) % 3 == 1, -1.0, 1.0)
+    moved = state.full * (1.0 + np.finfo(float).eps * signs)
+    change = plan.model.force(moved, state.velocity, state.controls) - state.imbalance
+    equilibrium = Equilibrium(plan.model, plan.supports, plan.controls)
+    floor = equilibrium.imbalance(change[plan.supports.free])
     share = RESIDUAL_SHARE if plan.in_time else 1.0
-    floor = last_digit(failure.state)
-    if not floor > CLEAR * share * scene.solver.tolerance:
+    if not floor > CLEAR * share * failure.scene.solver.tolerance:
         return None
     return (
         f"The tolerance is near round-off: the last digit of the positions is worth {floor:.1g} "
@@ -309,38 +199,78 @@ def round_off(failure: Failure) -> str | None:
     )
 
 
-def last_digit(state: State) -> float:
-    """Imbalance, over the force scale, that a change of the last digit of the state makes."""
-    plan, full = state.plan, state.full
-    signs = np.where(np.arange(len(full)) % 3 == 1, -1.0, 1.0)
-    moved = full * (1.0 + np.finfo(float).eps * signs)
-    model, free = plan.model, plan.supports.free
-    change = model.force(moved, state.velocity, state.controls) - state.imbalance
-    return Equilibrium(model, plan.supports, plan.controls).imbalance(change[free])
+def forewarned(failure: Failure) -> str | None:
+    """It could be told before the run, of this stage and those before it."""
+    from anmstrip.driver.warnings import Preview, serious
+
+    preview = Preview.of(failure.assembly)
+    until = 1 + [plan.name for plan in preview.plans].index(failure.stage.name)
+    plans, strings = preview.plans[:until], preview.strings[:until]
+    found = serious(replace(preview, plans=plans, strings=strings))
+    return f"{found[0][0].upper()}{found[0][1:]}" if found else None
+
+
+def slack(failure: Failure) -> str | None:
+    """No tension, or membrane forces that press more than an element bears unbuckled."""
+    membrane, strip = failure.assembly.membrane, failure.assembly.strip
+    if membrane is None:
+        return None
+    forces = membrane.at(failure.state.full)
+    mean = forces.reshape(*forces.shape[:2], strip.mesh.nelements, -1).mean(axis=3)
+    least = np.linalg.eigvalsh(np.moveaxis(mean, 2, 0))[:, 0]
+    euler = np.pi**2 * strip.bending_stiffness if failure.scene.strip.bending else 0.0
+    bearable = euler / (4.0 * strip.cell_sizes[0]) ** 2
+    worst = int(np.argmin(least + bearable))
+    if least[worst] < -max(bearable[worst], 1e-3 * failure.assembly.scales.tension):
+        x = strip.mesh.p[0, strip.mesh.t[:, worst]].mean()
+        found = f"pressed at x = {x:.3g} m with {-least[worst]:.3g} N/m, and buckles"
+    elif mean[0, 0].max() < euler / strip.length**2:
+        found = "under no tension, which is what holds a thin strip in shape"
+    else:
+        return None
+    return f"The strip is {found}. Try {more_tension(failure)}."
+
+
+def more_tension(failure: Failure) -> str:
+    """Return what to type to pull more: twice as much, or to a strain of 5e-5."""
+    scene, stage = failure.scene, failure.stage.name
+    if scene.threading is not None and stage == THREADING:
+        return f"--set threading.tension={2.0 * scene.threading.tension:.3g}"
+    if failure.plan.in_time and not failure.state.full.any():
+        return f"--set stages.{stage}.friction=false, to pull it before it rubs"
+    force = failure.plan.controls.at(1.0).get("exit.force", np.zeros(3))
+    if force[0] > 0.0:
+        return f"--set 'stages.{stage}.exit.force={_vector(2.0 * force)}'"
+    held = scene.edges.get("exit")
+    if held is not None and "x" in held.fixed:
+        return f"a larger x in stages.{stage}.exit.move"
+    tension = 5e-5 * failure.assembly.strip.tensile_stiffness
+    return f"--set 'stages.{scene.stages[0].name}.exit.force=[{tension:.3g}, 0.0, 0.0]'"
 
 
 def coarse(failure: Failure) -> str | None:
-    """Elements over a roller that do not see the strip bend onto it."""
-    place = failure.place
-    if place is None or not place.roller or not failure.scene.strip.bending:
+    """Elements over a roller do not see the strip bend onto it."""
+    location, strip = failure.location, failure.assembly.strip
+    if location is None or not location.roller or not failure.scene.strip.bending:
         return None
-    layer = np.sqrt(failure.assembly.strip.bending_stiffness / failure.assembly.scales.tension)
-    if not place.element > COARSE * layer:
+    layer = float(np.sqrt(strip.bending_stiffness / failure.assembly.scales.tension))
+    if not location.element > COARSE * layer:
         return None
     return (
-        f"Elements of {place.element:.3g} m over roller {place.roller} are long "
-        f"against √(D/T) = {layer:.3g} m. Try {_finer(failure, QUARTER * float(layer))}."
+        f"Elements of {location.element:.3g} m over roller {location.roller} are long "
+        f"against √(D/T) = {layer:.3g} m. Try {finer_mesh(failure, QUARTER * layer)}."
     )
 
 
-def _finer(failure: Failure, length: float) -> str:
+def finer_mesh(failure: Failure, length: float) -> str:
+    """Return what to type for elements of a length over rollers."""
     if failure.scene.strip.mesh is not None:
         return f"a mesh with elements of {length:.2g} m there"
     return f"--set strip.refined={length:.2g}"
 
 
 def stiff_friction(failure: Failure) -> str | None:
-    """Friction that turns round within a speed at which the positions have no digits left."""
+    """Friction turns round within a speed at which the positions have no digits left."""
     friction, strip = failure.scene.friction, failure.assembly.strip
     if not failure.plan.in_time or friction is None or not failure.touched:
         return None
@@ -369,33 +299,32 @@ def low_order(failure: Failure) -> str | None:
 
 def still_coarse(failure: Failure) -> str | None:
     """Nothing else is known, but it is at a roller, where the mesh decides."""
-    place = failure.place
-    if place is None or not place.roller or failure.stopped.outcome is Outcome.FOLD:
+    location = failure.location
+    if location is None or not location.roller or failure.stopped.outcome is Outcome.FOLD:
         return None
-    element = min(place.element, failure.scene.strip.refined or np.inf)
-    return f"Try a finer mesh over roller {place.roller}: {_finer(failure, 0.5 * element)}."
+    element = min(location.element, failure.scene.strip.refined or np.inf)
+    finer = finer_mesh(failure, 0.5 * element)
+    return f"Try a finer mesh over roller {location.roller}: {finer}."
 
 
 def asked_too_much(failure: Failure) -> str:
-    """What the stage changes is more than the strip can follow."""
-    stage = failure.stage.name
-    changed = ", ".join(f"stages.{stage}.{key}" for key in _changes(failure))
-    if changed:
+    """The stage changes more than the strip can follow."""
+    stage = failure.stage
+    rollers = {f"rollers.{name}": roller for name, roller in stage.rollers.items()}
+    tables = {**stage.edges, **rollers}
+    keys = [
+        f"{n}.{k}" for n, table in tables.items() for k in table.model_dump(exclude_defaults=True)
+    ]
+    keys += [key for key in ("gravity", "pressure") if getattr(stage, key) is not None]
+    if keys:
+        changed = ", ".join(f"stages.{stage.name}.{key}" for key in keys)
         return f"This stage changes {changed}: try a smaller change."
-    return f"Try --set stages.{stage}.duration={2.0 * failure.plan.duration:g}."
+    return f"Try --set stages.{stage.name}.duration={2.0 * failure.plan.duration:g}."
 
 
-def _changes(failure: Failure) -> Iterator[str]:
-    """Keys of the stage that change something in it."""
-    for name, edge in failure.stage.edges.items():
-        yield from (f"{name}.{key}" for key in edge.model_dump(exclude_defaults=True))
-    for name, roller in failure.stage.rollers.items():
-        yield from (f"rollers.{name}.{key}" for key in roller.model_dump(exclude_defaults=True))
-    yield from (key for key in ("gravity", "pressure") if getattr(failure.stage, key) is not None)
-
-
-def _numbers(vector: Array) -> str:
-    return f"[{', '.join(f'{float(v):.4g}' for v in vector)}]"
+def _vector(values: Array) -> str:
+    """Return a vector as it is typed."""
+    return f"[{', '.join(f'{float(v):.4g}' for v in values)}]"
 
 
 CAUSES: tuple[Callable[[Failure], str | None], ...] = (

@@ -1,19 +1,17 @@
-"""What a run of a scene would do, in words and tables; nothing is solved."""
+"""A run of a scene in words and tables, before it is made; nothing is solved."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from io import StringIO
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from anmstrip.driver.string_estimate import Way
-from anmstrip.driver.warnings import Rung, justified, ladder, walked, warnings
+from anmstrip.driver.warnings import Level, Preview, justified_level, levels, warnings
 from anmstrip.equilibrium import StageProblem
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
-from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.simulation.problem import Assembly, flat_gap
 from anmstrip.taylor.series import record
@@ -29,15 +27,7 @@ REASONS = {
 
 
 def explain(scene: SceneSpec) -> str:
-    """Describe effects, what is left out, rollers, stages, scales and warnings.
-
-    Parameters
-    ----------
-    scene : SceneSpec
-
-    Returns
-    -------
-    str
+    """Describe effects, what is left out, rollers, stages, levels, scales and warnings.
 
     Raises
     ------
@@ -45,139 +35,149 @@ def explain(scene: SceneSpec) -> str:
         Mistakes that only the mesh shows.
     """
     assembly = Assembly(scene)
-    plans, ways = (list(found) for found in zip(*walked(assembly), strict=True))
-    rungs = ladder(assembly, ways)
+    preview = Preview.of(assembly)
+    strip, found = assembly.strip, levels(preview)
+    h, own = strip.cell_sizes[0], assembly.kinematics.name
     stream = StringIO()
     console = Console(file=stream, width=100, no_color=True, highlight=False)
-    console.print(scene.title or scene.name, markup=False)
-    console.print(_strip_line(assembly), markup=False)
-    console.print(_effect_table(assembly, plans))
+
+    def say(line: str) -> None:
+        console.print(line, markup=False)
+
+    say(scene.title or scene.name)
+    say(
+        f"Strip {strip.length:g} m × {strip.width:g} m × {strip.thickness:g} m, "
+        f"{strip.mesh.t.shape[1]} elements {h.min():.3g} to {h.max():.3g} m long, "
+        f"{strip.unknowns} unknowns, kinematics {scene.strip.kinematics}"
+        f"{', fed: fresh strip follows what has left' if scene.strip.feed else ''}."
+    )
+    console.print(effect_table(preview))
     if (bent := scene.strip.imperfection) is not None:
         words = f"by mode {bent.mode} of buckling at the end of stage {scene.course[0].name}"
-        console.print(f"Bent without stress by {bent.amplitude:g} m, {words}.", markup=False)
-    for line in _left_out(assembly, plans):
-        console.print(f"Left out: {line}", markup=False)
+        say(f"Bent without stress by {bent.amplitude:g} m, {words}.")
+    for line in left_out(preview):
+        say(f"Left out: {line}")
     if scene.rollers:
-        console.print(_roller_table(assembly, ways))
-    console.print(_stage_table(plans))
-    console.print(_ladder_table(rungs, assembly.kinematics.name))
-    for line in _verdict(rungs, assembly.kinematics.name):
-        console.print(line, markup=False)
+        console.print(roller_table(preview))
+    console.print(stage_table(preview.plans))
+    console.print(level_table(found, own))
+    for level in found:
+        if level.against:
+            say(f"Not {level.kinematics.name}: {'; '.join(level.against)}.")
+    best = justified_level(found)
+    name = best.kinematics.name
+    chosen = ", as chosen" if name == own else ""
+    say(f"These numbers justify: {name}{chosen}. {REASONS[name]}; {best.lost}.")
     if scene.contact is not None and scene.rollers:
-        console.print(_contact_line(assembly), markup=False)
-    console.print(_scale_line(assembly), markup=False)
-    for line in [*_blind(rungs, assembly.kinematics.name), *warnings(assembly, plans, ways)]:
-        console.print(f"Warning: {line}", markup=False)
+        law, given = assembly.signorini, scene.contact.constants or scene.contact.onset
+        resolved = "" if given else ", as the mesh resolves"
+        say(f"Contact: {law.words}, setting in over {law.width:.3g} m{resolved}.")
+    scales = assembly.scales
+    say(
+        f"Errors are relative to {scales.length:g} m (positions), {scales.force:g} N (imbalance) "
+        f"and {scales.tension:g} N/m (membrane forces); tolerance {scene.solver.tolerance:g}, "
+        f"order {assembly.order}{', the cheapest' if scene.solver.order is None else ''}."
+    )
+    for level in found:
+        if level.kinematics.name == own and level.against:
+            say(f"Warning: kinematics {own} does not see that {'; '.join(level.against)}.")
+    for line in warnings(preview):
+        say(f"Warning: {line}")
     return stream.getvalue().rstrip()
 
 
-def _strip_line(assembly: Assembly) -> str:
-    strip = assembly.strip
-    h = strip.cell_sizes[0]
-    fed = ", fed: fresh strip follows what has left" if assembly.scene.strip.feed else ""
-    return (
-        f"Strip {strip.length:g} m × {strip.width:g} m × {strip.thickness:g} m, "
-        f"{strip.mesh.t.shape[1]} elements {h.min():.3g} to {h.max():.3g} m long, "
-        f"{strip.unknowns} unknowns, kinematics {assembly.scene.strip.kinematics}{fed}."
-    )
-
-
 def _table(title: str, *columns: str) -> Table:
+    """Return an empty table, its first column to the left and the others to the right."""
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     for i, column in enumerate(columns):
         table.add_column(column, justify="left" if i == 0 else "right")
     return table
 
 
-def _effect_table(assembly: Assembly, plans: list[StageProblem]) -> Table:
+def effect_table(preview: Preview) -> Table:
+    """Return the effects with their points, unknowns, memory and stages."""
     table = _table("Effects", "effect", "points", "unknowns", "memory (MB)", "in stages")
-    order = assembly.order
     found: dict[str, tuple[Effect, list[StageProblem]]] = {}
-    for plan in plans:
+    for plan in preview.plans:
         for effect in plan.model.effects:
             found.setdefault(effect.name, (effect, []))[1].append(plan)
     for i, (name, (effect, acting)) in enumerate(found.items()):
-        own = str(assembly.strip.unknowns) if i == 0 else "0"
-        memory = f"{_memory(effect, order, acting[0]):.2f}"
+        own = str(preview.assembly.strip.unknowns) if i == 0 else "0"
+        used = memory(effect, preview.assembly.order, acting[0]) / MEGABYTE
         stages = ", ".join(plan.name for plan in acting)
-        table.add_row(name, str(effect.points), own, memory, stages)
+        table.add_row(name, str(effect.points), own, f"{used:.2f}", stages)
     return table
 
 
-def _memory(effect: Effect, order: int, plan: StageProblem) -> float:
-    """Megabytes: of the series of a law at all its points, else of the constants."""
+def memory(effect: Effect, order: int, plan: StageProblem) -> float:
+    """Return the bytes of the series of a law at all its points, else of its constants."""
     if isinstance(effect, LinearEffect):
-        return effect.block.nbytes / MEGABYTE
+        return effect.block.nbytes
     if isinstance(effect, LoadEffect):
-        return effect.load.nbytes / MEGABYTE
+        return effect.load.nbytes
     assert isinstance(effect, LawEffect)
     operator, controls = effect.operator, plan.controls.at(0.0)
     x, law = operator.apply(np.zeros(plan.model.strip.unknowns)), effect.law
     program = record(lambda x: law(x, x, controls), x, points=operator.points)
-    return program.nbytes(order) / MEGABYTE
+    return program.nbytes(order)
 
 
-def _left_out(assembly: Assembly, plans: list[StageProblem]) -> Iterator[str]:
-    scene = assembly.scene
-    active = {effect.name for plan in plans for effect in plan.model.effects}
-    if assembly.membrane is None:
-        yield "membrane (a plate has the tension that exit.force gives it)."
-    if not scene.strip.bending:
-        yield "bending (strip.bending = false): no boundary layer, any curvature is free."
-    if scene.contact is None:
-        yield "contact (no table [contact]): the rollers are only drawn."
-    if scene.friction is None:
-        yield "friction (no table [friction]): nothing depends on velocity."
-    elif not any(plan.in_time for plan in plans):
-        yield "friction (switched off in every stage): nothing depends on velocity."
-    if "weight" not in active:
-        yield "weight (no stage has gravity)."
-    if "pressure" not in active:
-        yield "pressure (no stage has it)."
-    if not any(name.startswith("tension on") for name in active):
-        yield "tension that follows the strip (no stage has entry.tension or exit.tension)."
-    if not any(name.startswith("moment on") for name in active):
-        yield "moments on edges (no stage has entry.moment or exit.moment)."
-    yield "inertia, plasticity, heat: not modelled."
+def left_out(preview: Preview) -> list[str]:
+    """Return the effects that do not act, with what in the scene says so."""
+    scene, active = preview.assembly.scene, [e.name for p in preview.plans for e in p.model.effects]
+    timed = any(plan.in_time for plan in preview.plans)
+    missing = {
+        "membrane (a plate has the tension that exit.force gives it).": "membrane" not in active,
+        "bending (strip.bending = false): no boundary layer, any curvature is free.": (
+            not scene.strip.bending
+        ),
+        "contact (no table [contact]): the rollers are only drawn.": scene.contact is None,
+        "friction (no table [friction]): nothing depends on velocity.": scene.friction is None,
+        "friction (switched off in every stage): nothing depends on velocity.": (
+            scene.friction is not None and not timed
+        ),
+        "weight (no stage has gravity).": "weight" not in active,
+        "pressure (no stage has it).": "pressure" not in active,
+        "tension that follows the strip (no stage has entry.tension or exit.tension).": (
+            not any(name.startswith("tension on") for name in active)
+        ),
+        "moments on edges (no stage has entry.moment or exit.moment).": (
+            not any(name.startswith("moment on") for name in active)
+        ),
+        "inertia, plasticity, heat: not modelled.": True,
+    }
+    return [line for line, is_missing in missing.items() if is_missing]
 
 
-def _roller_table(assembly: Assembly, ways: list[Way]) -> Table:
-    last = "wrap (°), side" if assembly.thread else "gap to the flat strip, wrap (°), side"
+def roller_table(preview: Preview) -> Table:
+    """Return the rollers, with their radii at the strip's sides, distances, wraps and sides."""
+    strip, thread = preview.assembly.strip, preview.assembly.thread
+    last = "wrap (°), side" if thread else "gap to the flat strip, wrap (°), side"
     table = _table("Rollers", "roller", "radius (m)", "centre (m)", "axis", last)
-    for roller in assembly.rollers:
-        centre = ", ".join(f"{c:g}" for c in roller.centre)
-        axis = ", ".join(f"{c:.3g}" for c in roller.unit_axis)
+    for roller in preview.assembly.rollers:
+        radius = f"{roller.radius:g}"
+        if not roller.is_cylinder:
+            left, right = strip.nodes[1].min(), strip.nodes[1].max()
+            low, high = (roller.radius_at(y - roller.centre[1]) for y in (left, right))
+            radius += f"; {low:g} at y = {left:g} m, {high:g} at y = {right:g} m"
+        turn = preview.turn(roller) if thread is None else thread.turns.get(roller.name)
+        turn = preview.turn(roller) if turn is None else turn
+        sides = [s.senses[roller.name] for s in preview.strings if roller.name in s.senses]
+        wrap = f"{np.degrees(turn):.4g}°, {sides[0]}" if sides else "not touched"
         table.add_row(
-            roller.name, _radius(assembly, roller), centre, axis, _wrapping(assembly, roller, ways)
+            roller.name,
+            radius,
+            ", ".join(f"{c:g}" for c in roller.centre),
+            ", ".join(f"{c:.3g}" for c in roller.unit_axis),
+            wrap if thread is not None else f"{flat_gap(strip, roller):.3g} m, {wrap}",
         )
     return table
 
 
-def _radius(assembly: Assembly, roller: Roller) -> str:
-    """The radius; below the strip's sides too where it is another there."""
-    if roller.is_cylinder:
-        return f"{roller.radius:g}"
-    left, right = (assembly.strip.nodes[1].min(), assembly.strip.nodes[1].max())
-    low, high = (roller.radius_at(y - roller.centre[1]) for y in (left, right))
-    return f"{roller.radius:g}; {low:g} at y = {left:g} m, {high:g} at y = {right:g} m"
-
-
-def _wrapping(assembly: Assembly, roller: Roller, ways: list[Way]) -> str:
-    """How far a roller is wrapped and on which side, and how far away it is at first."""
-    turn = max((w.turns.get(roller.name, 0.0) for w in ways), default=0.0)
-    if assembly.thread is not None and roller.name in assembly.thread.turns:
-        turn = assembly.thread.turns[roller.name]
-    sides = [w.senses[roller.name] for w in ways if roller.name in w.senses]
-    wrap = f"{np.degrees(turn):.4g}°, {sides[0]}" if sides else "not touched"
-    if assembly.thread is not None:
-        return wrap
-    return f"{flat_gap(assembly.strip, roller):.3g} m, {wrap}"
-
-
-def _stage_table(plans: list[StageProblem]) -> Table:
+def stage_table(plans: Sequence[StageProblem]) -> Table:
+    """Return the stages with their times, free unknowns and paths, and what moves in them."""
     table = _table("Stages", "stage", "from (s)", "to (s)", "free unknowns", "path", "what moves")
     for plan in plans:
-        path = "implicit in time (friction)" if plan.in_time else "rate-free, in the control"
         moving = sorted(plan.controls.slope)
         moving += ["held edges"] if np.any(plan.supports.slope) else []
         table.add_row(
@@ -185,53 +185,20 @@ def _stage_table(plans: list[StageProblem]) -> Table:
             f"{plan.start:g}",
             f"{plan.start + plan.duration:g}",
             str(len(plan.supports.free)),
-            path,
+            "implicit in time (friction)" if plan.in_time else "rate-free, in the control",
             ", ".join(moving) or "nothing",
         )
     return table
 
 
-def _ladder_table(rungs: list[Rung], own: str) -> Table:
+def level_table(found: Sequence[Level], own: str) -> Table:
+    """Return the levels of kinematics with their unknowns, points and costs."""
     columns = ("unknowns", "points", "cost of an expansion (estimate)", "sees this scene")
     table = _table("Kinematics", "level", *columns)
-    for rung in rungs:
-        counts = ["–" if n is None else str(n) for n in (rung.unknowns, rung.points)]
-        cost = "–" if rung.cost is None else f"× {rung.cost:.2g}"
-        name = f"{rung.level.name}, chosen" if rung.level.name == own else rung.level.name
-        table.add_row(name, *counts, cost, "no" if rung.against else "yes")
+    for level in found:
+        name, size = level.kinematics.name, level.size
+        counts = ("–", "–") if size is None else (str(size.unknowns), str(size.points))
+        cost = "–" if level.cost is None else f"× {level.cost:.2g}"
+        chosen = f"{name}, chosen" if name == own else name
+        table.add_row(chosen, *counts, cost, "no" if level.against else "yes")
     return table
-
-
-def _verdict(rungs: list[Rung], own: str) -> Iterator[str]:
-    """Why not the others, and what the numbers justify."""
-    for rung in rungs:
-        if rung.against:
-            yield f"Not {rung.level.name}: {'; '.join(rung.against)}."
-    best = justified(rungs)
-    chosen = ", as chosen" if best.level.name == own else ""
-    name = best.level.name
-    yield f"These numbers justify: {name}{chosen}. {REASONS[name]}; {best.lost}."
-
-
-def _blind(rungs: list[Rung], own: str) -> Iterator[str]:
-    """What the scene has and its own level does not see."""
-    for rung in rungs:
-        if rung.level.name == own and rung.against:
-            yield f"kinematics {own} does not see that {'; '.join(rung.against)}."
-
-
-def _contact_line(assembly: Assembly) -> str:
-    law, spec = assembly.signorini, assembly.scene.contact
-    assert spec is not None
-    own = "" if spec.constants or spec.onset else ", as the mesh resolves"
-    return f"Contact: {law.words}, setting in over {law.width:.3g} m{own}."
-
-
-def _scale_line(assembly: Assembly) -> str:
-    s, solver = assembly.scales, assembly.scene.solver
-    chosen = ", the cheapest" if solver.order is None else ""
-    return (
-        f"Errors are relative to {s.length:g} m (positions), {s.force:g} N (imbalance) and "
-        f"{s.tension:g} N/m (membrane forces); "
-        f"tolerance {solver.tolerance:g}, order {assembly.order}{chosen}."
-    )

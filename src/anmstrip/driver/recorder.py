@@ -34,12 +34,6 @@ EVENT_COLUMNS = ("time", "stage", "kind", "roller", "point", "x", "y", "gap", "s
 
 ROLLER_COLUMNS = ("normal_force", "drag", "wrap", "max_slip")
 
-READINGS = (
-    *("normal_force", "drag", "wrap", "tension_in", "tension_out", "tension_ratio"),
-    *("max_slip", "creep_speed", "cone_violation"),
-)
-"""Readings of a roller in the summary."""
-
 
 class Recorder:
     """Writes history, states, checkpoint and summary of a run into a directory.
@@ -158,15 +152,13 @@ class Recorder:
                     edges[name] = {"tension": state.tension(name), "force": state.edge_force(name)}
             for name, reading in state.rollers.items():
                 cost = state.regularisation[name]
-                rollers[name] = {key: getattr(reading, key) for key in READINGS} | {
+                effect = {n: getattr(cost, f"by_{n}") for n in ("creep", "cone", "penetration")}
+                rollers[name] = {
+                    **{key: value for key, value in asdict(reading).items() if key != "resultant"},
+                    "tension_ratio": reading.tension_ratio,
                     "sticking_creep": cost.sticking_creep,
                     "penetration": cost.penetration,
-                    "regularisation_effect": {
-                        "creep": cost.by_creep,
-                        "cone": cost.by_cone,
-                        "penetration": cost.by_penetration,
-                        "total": cost.effect,
-                    },
+                    "regularisation_effect": {**effect, "total": cost.effect},
                 }
         written = {"rollers": rollers, "edges": edges, "input": self.assembly.scene.to_dict()}
         summary = {**facts, **written, "versions": versions()}

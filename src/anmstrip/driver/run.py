@@ -17,7 +17,7 @@ from anmstrip.continuation.status import Outcome, PathStopped
 from anmstrip.driver.diagnosis import Failure, diagnosis
 from anmstrip.driver.recorder import Recorder
 from anmstrip.equilibrium import StageProblem
-from anmstrip.fem.kinematics import SHELL
+from anmstrip.fem.geometry import SHELL
 from anmstrip.results.files import load_checkpoint
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
@@ -173,13 +173,12 @@ class Run:
             arrays, resumed = load_checkpoint(self.directory / "checkpoint.npz")
             unpack(self, arrays, resumed)
         self.watch: EventWatch | None = None
-        if scene.output.events:
+        a = self.assembly
+        if scene.output.events and a.contact is not None:
             from anmstrip.results.events import EventWatch
 
-            a = self.assembly
-            self.watch = EventWatch(
-                a.contact, a.rollers, a.friction, a.scales.tension, scene.strip.feed
-            )
+            fed, tension = scene.strip.feed, a.scales.tension
+            self.watch = EventWatch(a.contact, a.rollers, a.friction, tension, fed)
         self.recorder: Recorder | None = None
         if self.directory is not None:
             self.recorder = Recorder(self.assembly, self.directory, resumed)

@@ -1,4 +1,7 @@
-"""Warnings before a scene runs: its mesh, forces, friction and level of kinematics."""
+"""Warnings before a scene runs, and the level of kinematics that its numbers justify.
+
+Every rule is a function that looks at a :class:`Preview` and yields sentences.
+"""
 
 from __future__ import annotations
 
@@ -6,103 +9,302 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anmstrip.driver.string_estimate import ENDS, Way, way
+from anmstrip.driver.string_estimate import ENDS, StringEstimate, string_estimate
 from anmstrip.equilibrium import StageProblem
-from anmstrip.fem.kinematics import KINEMATICS, Kinematics
+from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.mechanics.roller import Roller
 from anmstrip.simulation.meshing import QUARTER, boundary_layer, largest_force
-from anmstrip.simulation.problem import Assembly, size_of
+from anmstrip.simulation.problem import Assembly, Size, size_of
 from anmstrip.simulation.stages import Course
 
 STEEPEST = np.radians(5.0)
 """Slope up to which a plate is offered: it errs by slope²/2, which is 0.4 % there."""
 
-LOST = {
-    "shell": "nothing is lost",
-    "section": "lost is what the width does: anticlastic edges{edges}, contraction that the held "
-    "ends prevent, wrinkles, wandering",
-    "plate": "lost is motion in the plane: the tension stays as given, and slopes of {slope:.2g}° "
-    "cost {error:.2g} % (slope²/2)",
-}
+BENT = 0.5
+"""Turn (rad) within one element over a roller that it cannot follow."""
+
+SUNK = 0.1
+"""Share of a roller's radius that a strip may sink into it, pressed by its tension."""
+
+SLACK = 1e-2
+"""Share of the largest force below which an end that was pulled is slack."""
 
 
 @dataclass(frozen=True)
-class Rung:
-    """One level of the ladder, for one scene.
+class Preview:
+    """A scene before it runs."""
 
-    Attributes
-    ----------
-    level : Kinematics
-    unknowns, points : int or None
-        ``None`` where the scene's mesh cannot be used at this level.
-    cost : float or None
-        Estimated seconds of an expansion over those at the scene's own level.
-    against : tuple of str
-        What the scene has that the level cannot see; empty if it can be used.
-    lost : str
-        What the level leaves out even so.
+    assembly: Assembly
+    plans: Sequence[StageProblem]  # the stages as they would be solved
+    strings: Sequence[StringEstimate]  # the strip as a taut string at the end of each
+
+    @classmethod
+    def of(cls, assembly: Assembly) -> Preview:
+        """Walk through all stages."""
+        course, plans, strings = Course(assembly), [], []
+        for stage in assembly.scene.course:
+            plans.append(course.plan(stage, {}))
+            course.finish(stage)
+            strings.append(string_estimate(course))
+        return cls(assembly, plans, strings)
+
+    @property
+    def tension(self) -> float:
+        """Largest force of the scene (N/m)."""
+        return largest_force(self.assembly.scene)
+
+    @property
+    def steepest(self) -> StringEstimate:
+        """The string with the largest slope."""
+        return max(self.strings, key=lambda string: string.slope)
+
+    def turn(self, roller: Roller) -> float:
+        """Largest wrap of a roller in any stage (rad)."""
+        return max((string.turns.get(roller.name, 0.0) for string in self.strings), default=0.0)
+
+
+def warnings(preview: Preview) -> list[str]:
+    """Return all warnings, the serious ones first."""
+    return [*serious(preview), *(told for rule in OTHER_RULES for told in rule(preview))]
+
+
+def serious(preview: Preview) -> list[str]:
+    """Return the warnings for which a run may stop."""
+    if preview.tension == 0.0:
+        return []
+    return [told for rule in SERIOUS_RULES for told in rule(preview)]
+
+
+# for which a run may stop -----------------------------------------------------------------------
+
+
+def sharp_roller(preview: Preview) -> Iterator[str]:
+    """Elements that cannot follow a roller."""
+    for roller in preview.assembly.rollers if preview.assembly.scene.contact else ():
+        turn, h = preview.turn(roller), element_over(preview.assembly, roller)
+        if min(h / roller.radius, turn) > BENT:
+            yield (
+                f"roller {roller.name} turns the strip by {np.degrees(turn):.0f}°, and elements of "
+                f"{h:.2g} m cannot follow its radius of {roller.radius:.2g} m. "
+                f"Try --set strip.refined={QUARTER * roller.radius:.1g}."
+            )
+
+
+def soft_contact(preview: Preview) -> Iterator[str]:
+    """Contact that lets the strip sink into a roller, or sets in far away from it.
+
+    The setting that is told makes the strip sink in by a hundredth of the radius; the gap of a
+    graded law goes with its onset.
     """
+    contact = preview.assembly.scene.contact
+    for roller in preview.assembly.rollers if contact is not None else ():
+        assert contact is not None
+        law, pressure = preview.assembly.signorini, preview.tension / roller.radius
+        depth, least = -float(law.gap(np.float64(pressure))), SUNK**2 * roller.radius
+        if depth > SUNK * roller.radius and preview.turn(roller) > SUNK:
+            key = f"contact.onset={law.width * least / depth:.1g}"
+            if contact.constants is not None:
+                key = f"contact.stiffness={pressure / least:.1g}"
+            yield (
+                f"pressed by T/r = {pressure:.2g} Pa the strip sinks {depth:.2g} m "
+                f"into roller {roller.name}, of radius {roller.radius:.2g} m. Try --set {key}."
+            )
+        elif contact.constants is None and law.width > SUNK * roller.radius:
+            key = f"strip.refined={QUARTER * roller.radius:.1g}"
+            if contact.onset is not None:
+                key = f"contact.onset={least:.1g}"
+            yield (
+                f"contact sets in {law.width:.2g} m away from roller {roller.name}, of radius "
+                f"{roller.radius:.2g} m. Try --set {key}."
+            )
 
-    level: Kinematics
-    unknowns: int | None
-    points: int | None
-    cost: float | None
-    against: tuple[str, ...]
-    lost: str
+
+def slack_start(preview: Preview) -> Iterator[str]:
+    """A first stage that pulls the slack strip while it may rub, in time from no stiffness on."""
+    first = preview.plans[0]
+    ends = [first.controls.at(share).get("exit.force", np.zeros(3)) for share in (0.0, 1.0)]
+    slack = preview.assembly.thread is None and not np.any(ends[0])
+    if slack and first.in_time and np.any(ends[1]):
+        yield (
+            f"stage {first.name} pulls a slack strip, which has no stiffness across, while it may "
+            f"rub. Try --set stages.{first.name}.friction=false, to pull it before."
+        )
 
 
-def walked(assembly: Assembly) -> Iterator[tuple[StageProblem, Way]]:
-    """Stages as they would be solved, with the way of the strip at the end of each."""
-    course = Course(assembly)
-    for stage in assembly.scene.course:
-        plan = course.plan(stage, {})
-        course.finish(stage)
-        yield plan, way(course)
-
-
-def ladder(assembly: Assembly, ways: list[Way]) -> list[Rung]:
-    """The three levels, the cheapest first."""
-    sizes = {name: size_of(assembly, level) for name, level in KINEMATICS.items()}
-    own = sizes[assembly.kinematics.name]
-    assert own is not None
-    slope = max((w.slope for w in ways), default=0.0)
-    against = {"shell": (), "section": (*_across(assembly),), "plate": (*_large(assembly, ways),)}
-    facts = {"edges": _edges(assembly), "slope": np.degrees(slope), "error": 50.0 * slope**2}
-    rungs = []
-    for name in ("section", "plate", "shell"):
-        size, lost = sizes[name], LOST[name].format(**facts)
-        if size is None:
-            rungs.append(Rung(KINEMATICS[name], None, None, None, against[name], lost))
+def not_held(preview: Preview) -> Iterator[str]:
+    """Stages from which on no edge holds the strip in x, nor friction what is changed there."""
+    scene, names = preview.assembly.scene, {plan.name for plan in preview.plans}
+    holding = {name for name, edge in scene.edges.items() if "x" in edge.fixed}
+    for stage in (stage for stage in scene.stages if stage.name in names and holding):
+        holding -= {name for name, edge in stage.edges.items() if edge.release}
+        pulled = [name for name, edge in stage.edges.items() if edge.force or edge.tension]
+        rubs = preview.assembly.frictional(stage)
+        if holding or (rubs and not pulled):
             continue
-        cost = size.seconds(assembly.order) / own.seconds(assembly.order)
-        rungs.append(Rung(KINEMATICS[name], size.unknowns, size.points, cost, against[name], lost))
-    return rungs
+        who, key = ("only friction", "force") if rubs else ("nothing", "release")
+        what = f", which pulls at its {pulled[0]}" if rubs else ""
+        yield (
+            f"{who} holds the strip in x in stage {stage.name}{what}. "
+            f"Try it without stages.{stage.name}.{(pulled or ['entry'])[0]}.{key}."
+        )
 
 
-def justified(rungs: list[Rung]) -> Rung:
-    """The cheapest level that sees all that the scene has."""
-    return min((r for r in rungs if not r.against and r.cost is not None), key=_cost)
+def slack_end(preview: Preview) -> Iterator[str]:
+    """Stages at whose end an end that was pulled no longer is, and bending does not hold it."""
+    strip, largest = preview.assembly.strip, preview.tension
+    stiff = preview.assembly.scene.strip.bending
+    bearable = strip.bending_stiffness * (np.pi / strip.length) ** 2 if stiff else 0.0
+    for plan in preview.plans:
+        end = plan.controls.at(1.0)
+        force = end.get("exit.force")
+        if force is None or "exit.tension" in end or largest < 10.0 * bearable:
+            continue
+        before = np.linalg.norm(plan.controls.at(0.0)["exit.force"])
+        if np.linalg.norm(force) < SLACK * largest < before:
+            yield (
+                f"stage {plan.name} leaves the strip without tension, which is what holds it in "
+                f"shape. Try --set 'stages.{plan.name}.exit.force=[{0.1 * largest:.2g}, 0.0, 0.0]'."
+            )
 
 
-def _cost(rung: Rung) -> float:
-    return np.inf if rung.cost is None else rung.cost
+def heavy_strip(preview: Preview) -> Iterator[str]:
+    """Stages whose weight is more than the tension can carry without a deep sag."""
+    strip, largest = preview.assembly.strip, preview.tension
+    for plan in preview.plans:
+        gravity = np.linalg.norm(plan.controls.at(1.0).get("gravity", np.zeros(3)))
+        weight = gravity * strip.material.density * strip.thickness * strip.length
+        if weight > largest:
+            yield (
+                f"in stage {plan.name} the strip weighs {weight:.2g} N/m, {weight / largest:.2g} "
+                "times its tension, and sags deeply. Try a larger tension, or gravity from the "
+                "first stage on."
+            )
 
 
-def _edges(assembly: Assembly) -> str:
-    radii = [r.radius for r in assembly.rollers]
-    if not radii or not assembly.scene.strip.bending:
-        return ""
-    return f" (about √(r t) = {np.sqrt(min(radii) * assembly.strip.thickness):.2g} m wide)"
+# others ------------------------------------------------------------------------------------------
 
 
-# what it cannot see ------------------------------------------------------------
+def coarse_mesh(preview: Preview) -> Iterator[str]:
+    """Elements over rollers that are longer than a quarter of the boundary layer."""
+    layer = boundary_layer(preview.assembly.scene)
+    coarse: dict[str, list[str]] = {}
+    for roller in preview.assembly.rollers if preview.assembly.scene.contact else ():
+        if (h := element_over(preview.assembly, roller)) > 1.01 * QUARTER * layer:
+            coarse.setdefault(f"{h:.3g} m", []).append(roller.name)
+    for size, names in coarse.items():
+        yield (
+            f"elements over {', '.join(names)} are {size} long; a quarter of the boundary layer "
+            f"√(D/T) = {layer:.3g} m would be {QUARTER * layer:.3g} m (strip.refined)."
+        )
 
 
-def _across(assembly: Assembly) -> Iterator[str]:
-    """What a section, without width, does not see."""
-    scene = assembly.scene
+def slipping_friction(preview: Preview) -> Iterator[str]:
+    """A reference speed of friction far above the elastic creep of a driven strip."""
+    law, stages = preview.assembly.friction, preview.assembly.scene.stages
+    if law is None or preview.tension == 0.0:
+        return
+    given = [control.surface_speed for stage in stages for control in stage.rollers.values()]
+    speed = max((abs(s) for s in given if s), default=0.0)
+    creep = speed * law.coefficient * preview.tension / preview.assembly.strip.tensile_stiffness
+    if creep and law.speed > 10.0 * creep:
+        yield (
+            f"friction.speed V_c = {law.speed:g} m/s is far above the elastic creep of a driven "
+            f"strip, about {creep:.2g} m/s: rollers will slip visibly "
+            f"(V_c = {creep:.1g} is honest)."
+        )
+
+
+def beyond_yield(preview: Preview) -> Iterator[str]:
+    """Rollers over which the bent strip is stressed beyond its yield stress."""
+    scene, m, t = (
+        preview.assembly.scene,
+        preview.assembly.material,
+        preview.assembly.strip.thickness,
+    )
+    limit = scene.material.yield_stress
+    if limit is None or scene.contact is None or not scene.strip.bending:
+        return
+    for roller in preview.assembly.rollers:
+        stress = m.young * t / (2.0 * roller.radius * (1.0 - m.poisson**2))
+        if stress > limit:
+            yield (
+                f"bending over {roller.name} gives {stress / 1e6:.0f} MPa at the surface, "
+                f"above the yield stress {limit / 1e6:.0f} MPa; plasticity is not modelled."
+            )
+
+
+SERIOUS_RULES = (sharp_roller, soft_contact, slack_start, not_held, slack_end, heavy_strip)
+OTHER_RULES = (coarse_mesh, slipping_friction, beyond_yield)
+
+
+def element_over(assembly: Assembly, roller: Roller) -> float:
+    """Length of the longest element that comes to lie on a roller (m), 0 if none does."""
+    mesh, reach = assembly.strip.mesh, 0.5 * np.pi * roller.radius
+    first, last = roller.centre[0] - reach, roller.centre[0] + reach
+    if assembly.thread is not None:
+        if roller.name not in assembly.thread.arcs:
+            return 0.0
+        first, last = assembly.thread.arcs[roller.name]
+        if assembly.scene.strip.feed:
+            first, last = -np.inf, np.inf
+    x = mesh.p[0, mesh.t].mean(axis=0)
+    return float(assembly.strip.cell_sizes[0, (first <= x) & (x <= last)].max(initial=0.0))
+
+
+# levels of kinematics ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Level:
+    """A level of kinematics, for one scene."""
+
+    kinematics: Kinematics
+    size: Size | None  # None where the scene's mesh cannot be used
+    cost: float | None  # estimated seconds of an expansion over those at the scene's own level
+    against: tuple[str, ...]  # what the scene has that it cannot see; empty if it can be used
+    lost: str  # what it leaves out even so
+
+
+def levels(preview: Preview) -> list[Level]:
+    """Return the three levels, the cheapest first."""
+    assembly, slope = preview.assembly, preview.steepest.slope
+    own, edges = size_of(assembly, assembly.kinematics), ""
+    assert own is not None
+    if assembly.rollers and assembly.scene.strip.bending:
+        width = np.sqrt(min(r.radius for r in assembly.rollers) * assembly.strip.thickness)
+        edges = f" (about √(r t) = {width:.2g} m wide)"
+    told = {
+        "section": (
+            tuple(against_section(preview)),
+            f"lost is what the width does: anticlastic edges{edges}, contraction that the held "
+            "ends prevent, wrinkles, wandering",
+        ),
+        "plate": (
+            tuple(against_plate(preview)),
+            "lost is motion in the plane: the tension stays as given, and slopes of "
+            f"{np.degrees(slope):.2g}° cost {50.0 * slope**2:.2g} % (slope²/2)",
+        ),
+        "shell": ((), "nothing is lost"),
+    }
+    found = []
+    for name, (against, lost) in told.items():
+        size = size_of(assembly, KINEMATICS[name])
+        order = assembly.order
+        cost = None if size is None else size.seconds(order) / own.seconds(order)
+        found.append(Level(KINEMATICS[name], size, cost, against, lost))
+    return found
+
+
+def justified_level(found: Sequence[Level]) -> Level:
+    """Return the cheapest level that sees all that the scene has."""
+    costs = [(level.cost, k) for k, level in enumerate(found) if level.cost and not level.against]
+    return found[min(costs)[1]]
+
+
+def against_section(preview: Preview) -> Iterator[str]:
+    """Facts that a section, without width, does not see."""
+    scene = preview.assembly.scene
     if scene.strip.mesh is not None:
         yield "the mesh comes from a file, which may have holes or any outline"
     for roller in scene.rollers:
@@ -122,16 +324,23 @@ def _across(assembly: Assembly) -> Iterator[str]:
         yield f"{name}, a side, is held, pulled or moved"
 
 
-def _large(assembly: Assembly, ways: list[Way]) -> Iterator[str]:
-    """What a plate, with small slopes and nothing in its plane, does not see."""
-    scene = assembly.scene
-    if any(assembly.frictional(stage) for stage in scene.course):
+def against_plate(preview: Preview) -> Iterator[str]:
+    """Facts that a plate, with small slopes and nothing in its plane, does not see."""
+    scene, steep = preview.assembly.scene, preview.steepest
+    if any(preview.assembly.frictional(stage) for stage in scene.course):
         yield "friction moves the strip along"
     if scene.strip.feed:
         yield "the strip is fed, so it moves along"
-    steepest = max(ways, key=lambda w: w.slope)
-    if steepest.slope > STEEPEST:
-        yield _steep(steepest)
+    if steep.slope > STEEPEST:
+        wraps = [f"{n} by {np.degrees(t):.3g}°" for n, t in steep.turns.items() if t > 0.0]
+        error = (
+            f"{50.0 * steep.slope**2:.0f} %" if steep.slope <= 1.0 else "beyond all small slopes"
+        )
+        yield (
+            f"slopes reach {np.degrees(steep.slope):.3g}°"
+            f"{', wrapping ' if wraps else ''}{', '.join(wraps)}: the error, slope²/2, would be "
+            f"{error} (bound {np.degrees(STEEPEST):.0f}°)"
+        )
     if scene.threading is not None:
         yield "[threading] lays the strip around rollers"
     for stage in scene.stages:
@@ -142,217 +351,3 @@ def _large(assembly: Assembly, ways: list[Way]) -> Iterator[str]:
                 yield f"{name}.tension in stage {stage.name}: only exit.force pulls a plate"
             elif c.force is not None and any(c.force[name == "exit" : 2]):
                 yield f"stage {stage.name} pulls {name} in the plane, not by exit.force along x"
-
-
-def _steep(found: Way) -> str:
-    wraps = ", ".join(f"{n} by {np.degrees(t):.3g}°" for n, t in found.turns.items() if t > 0.0)
-    wrapped = f", wrapping {wraps}" if wraps else ""
-    error = "beyond all small slopes" if found.slope > 1.0 else f"{50.0 * found.slope**2:.0f} %"
-    return (
-        f"slopes reach {np.degrees(found.slope):.3g}°{wrapped}: the error, slope²/2, would be "
-        f"{error} (bound {np.degrees(STEEPEST):.0f}°)"
-    )
-
-
-BENT = 0.5
-"""Turn (rad) within one element over a roller that it cannot follow."""
-
-SUNK = 0.1
-"""Share of a roller's radius that a strip may sink into it, pressed by its tension."""
-
-FAINT = 1e-2
-"""Share of the largest force below which an end that was pulled is slack."""
-
-
-def warnings(
-    assembly: Assembly, plans: Sequence[StageProblem] = (), ways: Sequence[Way] = ()
-) -> list[str]:
-    """All of them; plans and ways as from :func:`anmstrip.driver.warnings.walked`."""
-    told = [*serious(assembly, plans, ways), *_mesh_warnings(assembly)]
-    return [*told, *_friction_warnings(assembly), *_stress_warnings(assembly)]
-
-
-def serious(
-    assembly: Assembly, plans: Sequence[StageProblem] = (), ways: Sequence[Way] = ()
-) -> list[str]:
-    """Those for which a run may stop."""
-    if not plans or not ways:
-        plans, ways = (list(found) for found in zip(*walked(assembly), strict=True))
-    if largest_force(assembly.scene) == 0.0:
-        return []
-    found = [*_roller_doubts(assembly, ways)] if assembly.scene.contact is not None else []
-    found += [*_pulled_slack(assembly, plans), *_not_held(assembly, plans)]
-    return [*found, *_slack(assembly, plans), *_heavy(assembly, plans)]
-
-
-def _roller_doubts(assembly: Assembly, ways: Sequence[Way]) -> Iterator[str]:
-    """Elements that cannot follow a roller, contact that sets in far out or lets the strip sink."""
-    tension = largest_force(assembly.scene)
-    x = assembly.strip.mesh.p[0, assembly.strip.mesh.t].mean(axis=0)
-    for roller in assembly.rollers:
-        turn = max((way.turns.get(roller.name, 0.0) for way in ways), default=0.0)
-        over, least = _over(assembly, roller, x), QUARTER * roller.radius
-        h = assembly.strip.cell_sizes[0, over].max() if over.any() else 0.0
-        if min(h / roller.radius, turn) > BENT:
-            yield (
-                f"roller {roller.name} turns the strip by {np.degrees(turn):.0f}°, and elements of "
-                f"{h:.2g} m cannot follow its radius of {roller.radius:.2g} m. "
-                f"Try --set strip.refined={least:.1g}."
-            )
-        depth = -float(assembly.signorini.gap(np.float64(tension / roller.radius)))
-        if depth > SUNK * roller.radius and turn > SUNK:
-            yield (
-                f"pressed by T/r = {tension / roller.radius:.2g} Pa the strip sinks {depth:.2g} m "
-                f"into roller {roller.name}, of radius {roller.radius:.2g} m. "
-                f"Try --set {_harder(assembly, roller, tension / roller.radius, depth)}."
-            )
-        elif (width := _onset(assembly)) > SUNK * roller.radius:
-            given = assembly.scene.contact is not None and assembly.scene.contact.onset is not None
-            keys = f"strip.refined={least:.1g}", f"contact.onset={SUNK**2 * roller.radius:.1g}"
-            yield (
-                f"contact sets in {width:.2g} m away from roller {roller.name}, of radius "
-                f"{roller.radius:.2g} m. Try --set {keys[given]}."
-            )
-
-
-def _onset(assembly: Assembly) -> float:
-    """Gap (m) over which contact without a penalty sets in."""
-    contact = assembly.scene.contact
-    return assembly.signorini.width if contact is not None and contact.constants is None else 0.0
-
-
-def _harder(assembly: Assembly, roller: Roller, pressure: float, depth: float) -> str:
-    """Setting of the scene's own law with which the strip sinks in by a hundredth of the radius.
-
-    The gap of a graded law goes with its onset.
-    """
-    contact, least = assembly.scene.contact, SUNK**2 * roller.radius
-    assert contact is not None
-    if contact.constants is not None:
-        return f"contact.stiffness={pressure / least:.1g}"
-    width = assembly.signorini.width
-    return f"contact.onset={width * least / depth:.1g}"
-
-
-def _pulled_slack(assembly: Assembly, plans: Sequence[StageProblem]) -> Iterator[str]:
-    """A first stage that pulls the slack strip while it may rub, in time from no stiffness on."""
-    first = plans[0]
-    ends = [first.controls.at(share).get("exit.force", np.zeros(3)) for share in (0.0, 1.0)]
-    if assembly.thread is None and first.in_time and not np.any(ends[0]) and np.any(ends[1]):
-        yield (
-            f"stage {first.name} pulls a slack strip, which has no stiffness across, while it may "
-            f"rub. Try --set stages.{first.name}.friction=false, to pull it before."
-        )
-
-
-def _not_held(assembly: Assembly, plans: Sequence[StageProblem]) -> Iterator[str]:
-    """Stages from which on no edge holds the strip in x, nor friction what is changed there."""
-    holding = {name for name, edge in assembly.scene.edges.items() if "x" in edge.fixed}
-    names = {plan.name for plan in plans}
-    for stage in (stage for stage in assembly.scene.stages if stage.name in names and holding):
-        holding -= {name for name, edge in stage.edges.items() if edge.release}
-        pulled = [name for name, edge in stage.edges.items() if edge.force or edge.tension]
-        rubs = assembly.frictional(stage)
-        if holding or (rubs and not pulled):
-            continue
-        who, key = ("only friction", "force") if rubs else ("nothing", "release")
-        what = f", which pulls at its {pulled[0]}" if rubs else ""
-        yield (
-            f"{who} holds the strip in x in stage {stage.name}{what}. "
-            f"Try it without stages.{stage.name}.{(pulled or ['entry'])[0]}.{key}."
-        )
-
-
-def _slack(assembly: Assembly, plans: Sequence[StageProblem]) -> Iterator[str]:
-    """Stages at whose end an end that was pulled no longer is."""
-    largest, strip = largest_force(assembly.scene), assembly.strip
-    stiff = assembly.scene.strip.bending
-    bearable = strip.bending_stiffness * (np.pi / strip.length) ** 2 if stiff else 0.0
-    for plan in plans:
-        end = plan.controls.at(1.0)
-        force = end.get("exit.force")
-        if force is None or "exit.tension" in end or largest < 10.0 * bearable:
-            continue
-        before = np.linalg.norm(plan.controls.at(0.0)["exit.force"])
-        if np.linalg.norm(force) < FAINT * largest < before:
-            yield (
-                f"stage {plan.name} leaves the strip without tension, which is what holds it in "
-                f"shape. Try --set 'stages.{plan.name}.exit.force=[{0.1 * largest:.2g}, 0.0, 0.0]'."
-            )
-
-
-def _heavy(assembly: Assembly, plans: Sequence[StageProblem]) -> Iterator[str]:
-    """Stages whose weight is more than the tension can carry without a deep sag."""
-    largest, strip = largest_force(assembly.scene), assembly.strip
-    for plan in plans:
-        gravity = np.linalg.norm(plan.controls.at(1.0).get("gravity", np.zeros(3)))
-        weight = gravity * strip.material.density * strip.thickness * strip.length
-        if weight > largest:
-            yield (
-                f"in stage {plan.name} the strip weighs {weight:.2g} N/m, {weight / largest:.2g} "
-                "times its tension, and sags deeply. Try a larger tension, or gravity from the "
-                "first stage on."
-            )
-
-
-def _mesh_warnings(assembly: Assembly) -> Iterator[str]:
-    layer = boundary_layer(assembly.scene)
-    if assembly.scene.contact is None or not np.isfinite(layer):
-        return
-    x = assembly.strip.mesh.p[0, assembly.strip.mesh.t].mean(axis=0)
-    coarse: dict[str, list[str]] = {}
-    for roller in assembly.rollers:
-        over = _over(assembly, roller, x)
-        if over.any() and (h := assembly.strip.cell_sizes[0, over].max()) > 1.01 * QUARTER * layer:
-            coarse.setdefault(f"{h:.3g} m", []).append(roller.name)
-    for size, names in coarse.items():
-        yield (
-            f"elements over {', '.join(names)} are {size} long; a quarter of the boundary layer "
-            f"√(D/T) = {layer:.3g} m would be {QUARTER * layer:.3g} m (strip.refined)."
-        )
-
-
-def _over(assembly: Assembly, roller: Roller, x: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Elements, by their middles x in the reference, that come to lie on a roller."""
-    if assembly.thread is None:
-        return np.abs(x - roller.centre[0]) <= 0.5 * np.pi * roller.radius
-    if roller.name not in assembly.thread.arcs:
-        return np.zeros(x.shape, dtype=bool)
-    if assembly.scene.strip.feed:
-        return np.ones(x.shape, dtype=bool)
-    first, last = assembly.thread.arcs[roller.name]
-    return (first <= x) & (x <= last)
-
-
-def _friction_warnings(assembly: Assembly) -> Iterator[str]:
-    law, tension = assembly.friction, largest_force(assembly.scene)
-    if law is None or tension == 0.0:
-        return
-    speeds = [
-        abs(control.surface_speed)
-        for stage in assembly.scene.stages
-        for control in stage.rollers.values()
-        if control.surface_speed
-    ]
-    stiffness = assembly.material.young * assembly.strip.thickness
-    creep = max(speeds, default=0.0) * law.coefficient * tension / stiffness
-    if creep and law.speed > 10.0 * creep:
-        yield (
-            f"friction.speed V_c = {law.speed:g} m/s is far above the elastic creep of a driven "
-            f"strip, about {creep:.2g} m/s: rollers will slip visibly "
-            f"(V_c = {creep:.1g} is honest)."
-        )
-
-
-def _stress_warnings(assembly: Assembly) -> Iterator[str]:
-    limit = assembly.scene.material.yield_stress
-    m, t = assembly.material, assembly.strip.thickness
-    if limit is None or assembly.scene.contact is None or not assembly.scene.strip.bending:
-        return
-    for roller in assembly.rollers:
-        stress = m.young * t / (2.0 * roller.radius * (1.0 - m.poisson**2))
-        if stress > limit:
-            yield (
-                f"bending over {roller.name} gives {stress / 1e6:.0f} MPa at the surface, "
-                f"above the yield stress {limit / 1e6:.0f} MPa; plasticity is not modelled."
-            )

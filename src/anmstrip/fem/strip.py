@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from skfem import Basis, FacetBasis, Mesh, MeshLine, MeshQuad, MeshTri
 
 from anmstrip.fem.elements import Argyris, BognerFoxSchmit, Hermite
-from anmstrip.fem.kinematics import SHELL, Kinematics
-from anmstrip.fem.surfaces import PAIRS, Frames, ReferenceSurface
+from anmstrip.fem.geometry import PAIRS, SHELL, Frames, Kinematics, ReferenceSurface
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -287,10 +286,7 @@ def line(xs: Array) -> MeshLine:
         Increasing coordinates of the nodes (m).
     """
     return MeshLine(xs).with_boundaries(
-        {
-            "entry": lambda x: np.isclose(x[0], xs[0]),
-            "exit": lambda x: np.isclose(x[0], xs[-1]),
-        }
+        {"entry": lambda x: np.isclose(x[0], xs[0]), "exit": lambda x: np.isclose(x[0], xs[-1])}
     )
 
 

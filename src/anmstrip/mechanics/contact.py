@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.fem.kinematics import SHELL, Kinematics
+from anmstrip.fem.geometry import SHELL, Kinematics
 from anmstrip.fem.sampling import ContactOperator, remembered
 from anmstrip.mechanics.effects import LawEffect, Moment
 from anmstrip.mechanics.laws import ContactLaw

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from anmstrip.fem.kinematics import Kinematics
+from anmstrip.fem.geometry import Kinematics
 from anmstrip.fem.operators import Pattern
 
 Array = NDArray[np.float64]

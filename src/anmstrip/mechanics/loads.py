@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.fem.kinematics import PLATE, dot, normal_vector, normal_work
+from anmstrip.fem.geometry import PLATE, dot, normal_vector, normal_work
 from anmstrip.fem.operators import CellOperator
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.effects import LawEffect, LoadEffect, Operator

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.fem.kinematics import dot, normal_vector, normal_work
+from anmstrip.fem.geometry import dot, normal_vector, normal_work
 from anmstrip.fem.operators import CellOperator, Pattern
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.effects import LawEffect, LinearEffect
@@ -36,7 +36,7 @@ class Membrane(LawEffect):
 
     With the tangent vectors r,a (columns of an array): E = ½ (r,a · r,b − δ_ab),
     N = C : E, and the first Piola stress is r,a N_ab.  Derivatives are those of
-    :mod:`anmstrip.fem.surfaces`, along orthonormal frames of the reference.
+    :mod:`anmstrip.fem.geometry`, along orthonormal frames of the reference.
 
     Parameters
     ----------

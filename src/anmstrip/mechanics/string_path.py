@@ -57,18 +57,10 @@ class FixedEnd:
 
 @dataclass(frozen=True)
 class StraightEnd:
-    """An end whose heading and straight run are given, not its place.
+    """An end whose heading and straight run are given, not its place."""
 
-    Attributes
-    ----------
-    length : array_like, shape () or (fibres,)
-        L > 0 (m), from the end to the first or last circle.
-    angle : float
-        Heading t (rad); 0, along +x, if not given.
-    """
-
-    length: ArrayLike
-    angle: float = 0.0
+    length: ArrayLike  # L > 0 (m), to the first or last circle, shape () or (fibres,)
+    angle: float = 0.0  # heading t (rad); 0 along +x
 
     def __post_init__(self) -> None:
         length = np.asarray(self.length, dtype=float)
@@ -77,7 +69,7 @@ class StraightEnd:
 
     def place(self, centre: Array, rho: Array, way: int) -> Array:
         """c + ρ n ± L u, shape (2, fibres): way −1 behind the circle, +1 ahead of it."""
-        u, n = _frame(np.array([self.angle]))
+        u, n = frame(np.array([self.angle]))
         return centre + rho * n + way * np.asarray(self.length, dtype=float) * u
 
 
@@ -85,7 +77,7 @@ End = FixedEnd | StraightEnd
 
 
 class Arcs(NamedTuple):
-    """Where the path lies on the circles; each of shape (circles, fibres).
+    """Contact of the path with the circles; each of shape (circles, fibres).
 
     `start` and `end` are arc lengths (m), `turn` is the angle of wrap (rad), ≥ 0.
     """
@@ -97,24 +89,12 @@ class Arcs(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StringPath:
-    """Straight run, arc, straight run, ..., straight run: 2 circles + 1 pieces.
+    """Straight run, arc, straight run, ..., straight run: 2 circles + 1 pieces."""
 
-    Attributes
-    ----------
-    starts : array, shape (pieces + 1, fibres)
-        Arc lengths at the joints, from 0 to the whole length (m).
-    points : array, shape (2, pieces, fibres)
-        Where the pieces start (m).
-    angles : array, shape (pieces, fibres)
-        Headings t there (rad), up to full turns.
-    curvatures : array, shape (pieces, fibres)
-        κ = dt/ds (1/m): −1/ρ on arcs, 0 on straight runs.
-    """
-
-    starts: Array
-    points: Array
-    angles: Array
-    curvatures: Array
+    starts: Array  # arc lengths at the joints, 0 to the whole length (m), (pieces + 1, fibres)
+    points: Array  # starts of the pieces (m), (2, pieces, fibres)
+    angles: Array  # headings t there (rad), up to full turns, (pieces, fibres)
+    curvatures: Array  # κ = dt/ds (1/m), −1/ρ on arcs, 0 on straight runs, (pieces, fibres)
 
     @property
     def length(self) -> Array:
@@ -130,7 +110,7 @@ class StringPath:
     @property
     def directions(self) -> tuple[Array, Array]:
         """u at the entry and at the exit, each of shape (2, fibres)."""
-        return _frame(self.angles[0])[0], _frame(self.angles[-1])[0]
+        return frame(self.angles[0])[0], frame(self.angles[-1])[0]
 
     def at(self, s: ArrayLike, fibre: ArrayLike) -> tuple[Array, Array]:
         """Position and direction at arc lengths s; beyond the ends straight on.
@@ -151,8 +131,8 @@ class StringPath:
         piece = np.sum(s >= self.starts[1:-1][:, fibre], axis=0)
         sigma = s - self.starts[piece, fibre]
         t, half = self.angles[piece, fibre], 0.5 * self.curvatures[piece, fibre] * sigma
-        chord = sigma * np.sinc(half / np.pi) * _frame(t + half)[0]
-        return self.points[:, piece, fibre] + chord, _frame(t + 2.0 * half)[0]
+        chord = sigma * np.sinc(half / np.pi) * frame(t + half)[0]
+        return self.points[:, piece, fibre] + chord, frame(t + 2.0 * half)[0]
 
 
 def string_path(
@@ -188,22 +168,6 @@ def string_path(
     array([[-2.,  0.],
            [ 0.,  0.]])
     """
-    c, rho = _with_ends(*_circles(centres, radii, senses), entry, exit)
-    t, runs = _tangents(c, rho)
-    turns = _turns(t, runs, rho[1:-1])
-    lengths = _interleaved(runs, np.abs(rho[1:-1]) * turns)
-    n = _frame(t)[1]
-    leaving, arriving = c[:, :-1] + rho[:-1] * n, c[:, 1:-1] + rho[1:-1] * n[:, :-1]
-    return StringPath(
-        starts=np.concatenate([np.zeros_like(runs[:1]), np.cumsum(lengths, axis=0)]),
-        points=_interleaved(leaving, arriving, axis=1),
-        angles=_interleaved(t, t[:-1]),
-        curvatures=_interleaved(np.zeros_like(t), -1.0 / rho[1:-1]),
-    )
-
-
-def _circles(centres: ArrayLike, radii: ArrayLike, senses: ArrayLike) -> tuple[Array, Array]:
-    """Checked c, shape (2, circles, fibres), and ρ, shape (circles, fibres)."""
     c, r, s = (np.asarray(given, dtype=float) for given in (centres, radii, senses))
     if c.ndim != 3 or c.shape[1] != 2 or r.ndim != 2 or not len(c) == len(r) == len(s):
         raise ValueError(
@@ -214,78 +178,68 @@ def _circles(centres: ArrayLike, radii: ArrayLike, senses: ArrayLike) -> tuple[A
         raise ValueError("Radii have to be positive; over and under are told by the senses.")
     if not np.all(np.abs(s) == 1.0):
         raise ValueError(f"Senses are +1 (over) or -1 (under), not {s}.")
-    return c.swapaxes(0, 1), r * s[:, None]
+    c, rho = c.swapaxes(0, 1), r * s[:, None]
 
-
-def _with_ends(c: Array, rho: Array, entry: End, exit: End) -> tuple[Array, Array]:
-    """Append the ends as circles of radius 0: (2, circles + 2, fibres), (circles + 2, fibres)."""
-    if rho.shape[0]:
-        first = entry.place(c[:, 0], rho[0], -1)
-        last = exit.place(c[:, -1], rho[-1], +1)
+    # the ends as circles of radius 0
+    zero = np.zeros(1)
+    if len(r):
+        first, last = entry.place(c[:, 0], rho[0], -1), exit.place(c[:, -1], rho[-1], +1)
+    elif isinstance(entry, FixedEnd):
+        first = entry.place(zero, zero, -1)
+        last = exit.place(first, zero, +1)
+    elif isinstance(exit, FixedEnd):
+        last = exit.place(zero, zero, +1)
+        first = entry.place(last, zero, -1)
     else:
-        first, last = _facing(entry, exit)
+        raise ValueError("A strip that passes no circle needs a FixedEnd at one of its ends.")
     fibres = np.broadcast_shapes(*(x.shape[-1:] for x in (c, rho, first, last)))
     c, first, last = (np.broadcast_to(x, x.shape[:-1] + fibres) for x in (c, first, last))
-    nodes = np.concatenate([first[:, None], c, last[:, None]], axis=1)
-    return nodes, np.pad(np.broadcast_to(rho, rho.shape[:1] + fibres), ((1, 1), (0, 0)))
+    c = np.concatenate([first[:, None], c, last[:, None]], axis=1)
+    rho = np.pad(np.broadcast_to(rho, rho.shape[:1] + fibres), ((1, 1), (0, 0)))
 
-
-def _facing(entry: End, exit: End) -> tuple[Array, Array]:
-    """Places of two ends without a circle between them."""
-    zero = np.zeros(1)
-    if isinstance(entry, FixedEnd):
-        first = entry.place(zero, zero, -1)
-        return first, exit.place(first, zero, +1)
-    if isinstance(exit, FixedEnd):
-        last = exit.place(zero, zero, +1)
-        return entry.place(last, zero, -1), last
-    raise ValueError("A strip that passes no circle needs a FixedEnd at one of its ends.")
-
-
-def _tangents(c: Array, rho: Array) -> tuple[Array, Array]:
-    """Headings t and lengths L of the straight runs, each of shape (circles + 1, fibres).
-
-    Both feet c + ρ n lie on one line: with d = c' − c, d·n = ρ − ρ' and d·u = L.
-    """
+    # straight runs: both feet c + ρ n lie on one line, with d = c' − c, d·n = ρ − ρ', d·u = L
     d, across = np.diff(c, axis=1), -np.diff(rho, axis=0)
     distance2 = np.sum(d**2, axis=0)
     wrong = (across**2 > distance2 * (1.0 + 1e-12)) | (distance2 == 0.0)
     if np.any(wrong):
         raise NoTangentError(int(np.argmax(wrong.any(axis=1))))
-    run = np.sqrt(np.maximum(distance2 - across**2, 0.0))
-    return np.arctan2(d[1], d[0]) - np.arctan2(across, run), run
+    runs = np.sqrt(np.maximum(distance2 - across**2, 0.0))
+    t = np.arctan2(d[1], d[0]) - np.arctan2(across, runs)
+
+    turns = wrap_angles(t, runs, rho[1:-1])
+    arcs = np.abs(rho[1:-1]) * turns
+    n = frame(t)[1]
+    leaving, arriving = c[:, :-1] + rho[:-1] * n, c[:, 1:-1] + rho[1:-1] * n[:, :-1]
+    alternating = np.arange(1, len(arcs) + 1)  # arcs between runs
+    lengths = np.insert(runs, alternating, arcs, axis=0)
+    return StringPath(
+        starts=np.concatenate([np.zeros_like(runs[:1]), np.cumsum(lengths, axis=0)]),
+        points=np.insert(leaving, alternating, arriving, axis=1),
+        angles=np.insert(t, alternating, t[:-1], axis=0),
+        curvatures=np.insert(np.zeros_like(t), alternating, -1.0 / rho[1:-1], axis=0),
+    )
 
 
-def _turns(t: Array, runs: Array, rho: Array) -> Array:
-    """Angles of wrap s (t_in − t_out), shape (circles, fibres), in [0, LARGEST_TURN]."""
+def wrap_angles(t: Array, runs: Array, rho: Array) -> Array:
+    """Angles of wrap s (t_in − t_out) from headings, shape (circles, fibres), ≥ 0.
+
+    A turn in [0, 2π) may stand for the negative turn − 2π of a circle that is not touched.  The
+    lines on which the strip comes and goes meet, if the turn is above π, at r tan(π − turn/2)
+    behind the first and ahead of the second point of contact.  A strip cannot pass through
+    itself, so one of the two runs has to end before that.  This tells a lifted roller from a
+    bridle at any angle; very short runs tell nothing and leave the decision to LARGEST_TURN.
+    """
     turn = np.mod(-np.sign(rho) * np.diff(t, axis=0) + ROUNDING, 2.0 * np.pi) - ROUNDING
-    untouched = _is_untouched(turn, runs, np.abs(rho))
+    meeting = np.abs(rho) * np.tan(np.pi - 0.5 * turn)
+    shorter = np.minimum(runs[:-1], runs[1:])
+    untouched = (turn > LARGEST_TURN) | ((turn > np.pi) & (meeting < shorter))
     if np.any(untouched):
         missing = np.where(untouched, 2.0 * np.pi - turn, 0.0).max(axis=1)
         raise NotTouchedError(int(np.argmax(missing)), -float(np.max(missing)))
     return np.maximum(turn, 0.0)
 
 
-def _is_untouched(turn: Array, runs: Array, r: Array) -> NDArray[np.bool_]:
-    """Whether a turn in [0, 2π) stands for the negative turn − 2π.
-
-    The lines on which the strip comes and goes meet, if the turn is above π,
-    at r tan(π − turn/2) behind the first and ahead of the second point of
-    contact. A strip cannot pass through itself, so one of the two runs has to
-    end before that. This tells a lifted roller from a bridle at any angle; very
-    short runs tell nothing and leave the decision to LARGEST_TURN.
-    """
-    meeting = r * np.tan(np.pi - 0.5 * turn)
-    shorter = np.minimum(runs[:-1], runs[1:])
-    return (turn > LARGEST_TURN) | ((turn > np.pi) & (meeting < shorter))
-
-
-def _interleaved(runs: Array, arcs: Array, axis: int = 0) -> Array:
-    """Run, arc, run, ..., run along an axis."""
-    return np.insert(runs, np.arange(1, arcs.shape[axis] + 1), arcs, axis=axis)
-
-
-def _frame(t: Array) -> tuple[Array, Array]:
-    """u and n of headings t, each of shape (2, ...)."""
+def frame(t: Array) -> tuple[Array, Array]:
+    """Directions u and normals n of headings t, each of shape (2, ...)."""
     cos, sin = np.cos(t), np.sin(t)
     return np.stack([cos, sin]), np.stack([-sin, cos])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -37,54 +38,33 @@ NOTHING_SET: Mapping[str, float] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class CaseReport:
-    """What a case gave; ``str`` is a table.
-
-    Attributes
-    ----------
-    name, scheme : str
-    order : int
-    tolerance : float
-        m.
-    case : MassSpring
-    solved : CaseSolution
-    rows : ndarray, shape (401, 7)
-        The columns of ``case.csv``.
-    error : float
-        Largest distance of the rows from the reference (m), motion faster than
-        V_c measured along the curve in (V_c t, u); None if there is no reference.
-    error_at_equal_times : float
-        Largest difference at the time of a row (m).
-    seconds : float
-    events : tuple of CaseEvent
-        Contact, stick and slip, the cone, and the loss of Coulomb's solution.
-    unstable : tuple of Instability
-        Stretches in which there is no equilibrium to follow.
-    files : tuple of Path
-    """
+    """Result of a case; ``str`` is a table."""
 
     name: str
     scheme: str
     order: int
-    tolerance: float
+    tolerance: float  # m
     case: MassSpring
-    solved: CaseSolution
-    rows: Array
+    solution: CaseSolution
+    rows: Array  # columns of case.csv, shape (401, 7)
     error: float | None
-    error_at_equal_times: float | None
+    """Largest distance of the rows from the reference (m), motion faster than V_c measured along
+    the curve in (V_c t, u); None if there is no reference."""
+    error_at_equal_times: float | None  # largest difference at the time of a row (m)
     seconds: float
     events: tuple[CaseEvent, ...] = ()
-    unstable: tuple[Instability, ...] = ()
+    unstable: tuple[Instability, ...] = ()  # stretches with no equilibrium to follow
     files: tuple[Path, ...] = ()
 
     @property
     def steps(self) -> int:
         """Steps of the integration that kept the tolerance."""
-        return len(self.solved.path.errors)
+        return len(self.solution.path.errors)
 
     @property
     def tangents(self) -> int:
         """Tangents factorised, in all passes."""
-        return self.solved.cost.factorisations
+        return self.solution.cost.factorisations
 
     @property
     def end(self) -> Array:
@@ -94,19 +74,19 @@ class CaseReport:
     @property
     def done(self) -> bool:
         """Whether the end of the time span was reached within the tolerance."""
-        return self.solved.stopped is None and self.solved.error <= self.tolerance
+        return self.solution.stopped is None and self.solution.error <= self.tolerance
 
     @property
     def message(self) -> str:
         """How it ended, as a sentence."""
-        if self.solved.stopped is not None:
-            return f"stopped: {self.solved.stopped}"
-        if self.solved.error > self.tolerance:
+        if self.solution.stopped is not None:
+            return f"stopped: {self.solution.stopped}"
+        if self.solution.error > self.tolerance:
             return "the tolerance could not be kept"
         return "reached the end"
 
     def summary(self) -> dict[str, object]:
-        """What ``case.json`` holds."""
+        """Content of ``case.json``."""
         return {
             "name": self.name,
             "scheme": self.scheme,
@@ -115,42 +95,45 @@ class CaseReport:
             "message": self.message,
             "steps": self.steps,
             "paper_steps": PAPER_STEPS[self.name],
-            "passes": self.solved.passes,
+            "passes": self.solution.passes,
             "tangents": self.tangents,
             "seconds": self.seconds,
             "end": {"time": self.rows[-1, 0], "ux": self.end[0], "uy": self.end[1]},
             "error": self.error,
             "error_at_equal_times": self.error_at_equal_times,
-            "estimated_error": self.solved.error,
+            "estimated_error": self.solution.error,
             "events": [asdict(event) for event in self.events],
             "unstable": [str(stretch) for stretch in self.unstable],
             "parameters": asdict(self.case.parameters),
         }
 
     def __str__(self) -> str:
-        lines = [f"{label:<18}{text}" for label, text in self._lines()]
-        return "\n".join([*lines, *(f"{'written':<18}{file}" for file in self.files)])
-
-    def _lines(self) -> Iterator[tuple[str, str]]:
-        yield "case", f"{self.name}: {self.message}"
-        yield "scheme", f"{self.scheme}, order {self.order}, tolerance {self.tolerance:g} m"
-        yield "steps", f"{self.steps} (paper: {PAPER_STEPS[self.name]})"
-        yield "tangents", f"{self.tangents} in {self.solved.passes} pass(es)"
-        yield "time taken", f"{self.seconds:.2f} s"
         ux, uy = self.end
-        yield "end", f"t = {self.rows[-1, 0]:g} s, ux = {ux:.6f} m, uy = {uy:.6f} m"
-        for event in self.events:
-            label = f"t = {event.time:.6f} s"
-            yield label, ". ".join(filter(None, (event.kind, event.message)))
-        for stretch in self.unstable:
-            yield "unstable", str(stretch)
-        yield "estimated error", f"{self.solved.error:.2g} m"
+        events = [
+            (f"t = {e.time:.6f} s", ". ".join(filter(None, (e.kind, e.message))))
+            for e in self.events
+        ]
         if self.error is None or self.error_at_equal_times is None:
-            yield "error to Radau", "unknown: scipy could not integrate this case"
-            return
-        yield "error to Radau", f"{self.error:.2g} m"
-        if self.error_at_equal_times > 1.01 * self.error:
-            yield "", f"{self.error_at_equal_times:.2g} m at equal times, where it is fast"
+            errors = [("error to Radau", "unknown: scipy could not integrate this case")]
+        else:
+            errors = [("error to Radau", f"{self.error:.2g} m")]
+            if self.error_at_equal_times > 1.01 * self.error:
+                text = f"{self.error_at_equal_times:.2g} m at equal times, where it is fast"
+                errors.append(("", text))
+        lines = [
+            ("case", f"{self.name}: {self.message}"),
+            ("scheme", f"{self.scheme}, order {self.order}, tolerance {self.tolerance:g} m"),
+            ("steps", f"{self.steps} (paper: {PAPER_STEPS[self.name]})"),
+            ("tangents", f"{self.tangents} in {self.solution.passes} pass(es)"),
+            ("time taken", f"{self.seconds:.2f} s"),
+            ("end", f"t = {self.rows[-1, 0]:g} s, ux = {ux:.6f} m, uy = {uy:.6f} m"),
+            *events,
+            *(("unstable", str(stretch)) for stretch in self.unstable),
+            ("estimated error", f"{self.solution.error:.2g} m"),
+            *errors,
+            *(("written", str(file)) for file in self.files),
+        ]
+        return "\n".join(f"{label:<18}{text}" for label, text in lines)
 
 
 def run_case(
@@ -188,51 +171,49 @@ def run_case(
     InputError
         With all mistakes; then nothing was written.
     """
-    mistakes = [*_mistakes(name, order, tolerance, scheme), *_wrong_settings(settings)]
-    if mistakes:
+    if mistakes := list(find_mistakes(name, order, tolerance, settings, scheme)):
         raise InputError(mistakes)
-    case = _with(CASES[name](), settings)
-    if case.parameters.eta >= case.parameters.K * case.parameters.delta:
-        wrong = case.parameters.eta
-        raise InputError([Mistake("--set", "eta", wrong, "below K delta (N)", "eta=0.01")])
-    begin = time.perf_counter()
-    found = solve_case(case, scheme, order=order, tolerance=tolerance)
-    seconds = time.perf_counter() - begin
-    rows = _rows(case, found, np.linspace(0.0, found.path.knots[-1], ROWS))
-    error, equal = _errors(case, rows[:, 0], rows[:, 1 : 1 + case.size], tolerance)
-    events = tuple(events_of(case, found.path.polynomials()))
-    unstable = tuple(instabilities(case.residual, found.path))
-    report = CaseReport(
-        name, scheme, order, tolerance, case, found, rows, error, equal, seconds, events, unstable
-    )
-    return replace(report, files=_written(report, Path(directory or f"results/case-{name}")))
-
-
-def _with(case: MassSpring, settings: Mapping[str, float]) -> MassSpring:
+    case = CASES[name]()
     values = {key: float(value) for key, value in settings.items()}
-    return replace(case, parameters=replace(case.parameters, **values))
+    p = replace(case.parameters, **values)
+    if p.eta >= p.K * p.delta:
+        raise InputError([Mistake("--set", "eta", p.eta, "below K delta (N)", "eta=0.01")])
+    case = replace(case, parameters=p)
+    begin = time.perf_counter()
+    solution = solve_case(case, scheme, order=order, tolerance=tolerance)
+    seconds = time.perf_counter() - begin
+    path = solution.path
+    rows = table_rows(case, solution, np.linspace(0.0, path.knots[-1], ROWS))
+    error = equal = None
+    with suppress(ArithmeticError):
+        u = rows[:, 1 : 1 + case.size]
+        error, equal = distances(reference_solution(case), rows[:, 0], u, p.V_c, 0.1 * tolerance)
+    report = CaseReport(
+        name,
+        scheme,
+        order,
+        tolerance,
+        case,
+        solution,
+        rows,
+        error,
+        equal,
+        seconds,
+        tuple(events_of(case, path.polynomials())),
+        tuple(instabilities(case.residual, path)),
+    )
+    return replace(report, files=write_case(report, Path(directory or f"results/case-{name}")))
 
 
-def _rows(case: MassSpring, found: CaseSolution, times: Array) -> Array:
+def table_rows(case: MassSpring, solution: CaseSolution, times: Array) -> Array:
     """The columns of ``case.csv``, from the dense output."""
     rows = np.zeros((len(times), len(COLUMNS)))
     rows[:, 0] = times
     for row in rows:
-        u, v = found.path(row[0])
+        u, v = solution.path(row[0])
         row[1 : 1 + case.size], row[3 : 3 + case.size] = u, v
         row[5:] = [float(np.squeeze(r)) for r in case.reactions(u, v, row[0])]
     return rows
-
-
-def _errors(
-    case: MassSpring, times: Array, u: Array, tolerance: float
-) -> tuple[float, float] | tuple[None, None]:
-    """Largest distance from the reference, along the curve and at equal times."""
-    try:
-        reference = reference_solution(case)
-    except ArithmeticError:
-        return None, None
-    return distances(reference, times, u, case.parameters.V_c, 0.1 * tolerance)
 
 
 def distances(
@@ -256,7 +237,8 @@ def distances(
     return float(max(along)), float(equal.max())
 
 
-def _written(report: CaseReport, directory: Path) -> tuple[Path, ...]:
+def write_case(report: CaseReport, directory: Path) -> tuple[Path, ...]:
+    """Write table, summary, events and figures, and return their paths."""
     directory.mkdir(parents=True, exist_ok=True)
     table, summary = directory / "case.csv", directory / "case.json"
     with atomic_write(table) as temporary:
@@ -267,12 +249,15 @@ def _written(report: CaseReport, directory: Path) -> tuple[Path, ...]:
         temporary.write_text(json.dumps(report.summary(), indent=2) + "\n", encoding="utf-8")
     events = directory / "events.csv"
     write_table(events, [f.name for f in fields(CaseEvent)], map(asdict, report.events))
-    times = np.union1d(report.rows[:, 0], report.solved.path.knots)  # a snap falls between rows
-    states = _rows(report.case, report.solved, times)
+    times = np.union1d(report.rows[:, 0], report.solution.path.knots)  # a snap falls between rows
+    states = table_rows(report.case, report.solution, times)
     return table, summary, events, *draw_figures(report.case, states, directory)
 
 
-def _mistakes(name: str, order: int, tolerance: float, scheme: str) -> Iterator[Mistake]:
+def find_mistakes(
+    name: str, order: int, tolerance: float, settings: Mapping[str, float], scheme: str
+) -> Iterator[Mistake]:
+    """Check what a user gave."""
     if name not in CASES:
         yield Mistake("case", "", name, "a case of the paper", nearest(name, CASES))
     if scheme not in SCHEMES:
@@ -281,18 +266,16 @@ def _mistakes(name: str, order: int, tolerance: float, scheme: str) -> Iterator[
         yield Mistake("--order", "", order, "an order of at least 2", "--order 19")
     if not 0.0 < tolerance < 1.0:
         yield Mistake("--tolerance", "", tolerance, "above 0 and below 1 (m)", "--tolerance 1e-4")
-
-
-def _wrong_settings(settings: Mapping[str, float]) -> Iterator[Mistake]:
-    defaults = Parameters()
+    defaults = asdict(Parameters())
     for key, value in settings.items():
-        if key not in Parameters.names():
-            hint = nearest(key, Parameters.names())
+        if key not in defaults:
+            hint = nearest(key, defaults)
             yield Mistake("--set", key, value, "a symbol of the paper", hint)
-        elif not np.isfinite(value):
-            yield Mistake("--set", key, value, "a finite number", f"{key}={getattr(defaults, key)}")
+            continue
+        hint = f"{key}={defaults[key]}"
+        if not np.isfinite(value):
+            yield Mistake("--set", key, value, "a finite number", hint)
         elif key == "q" and not 0.0 < value <= 1.0:
-            yield Mistake("--set", key, value, "above 0 and at most 1", "q=0.05")
+            yield Mistake("--set", key, value, "above 0 and at most 1", hint)
         elif key not in ANY_SIGN and value <= 0.0:
-            hint = f"{key}={getattr(defaults, key)}"
             yield Mistake("--set", key, value, "a number above 0", hint)

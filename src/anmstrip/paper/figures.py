@@ -56,14 +56,18 @@ def draw_figures(case: MassSpring, rows: Array, directory: Path) -> tuple[Path, 
     elif isinstance(case, RotatingCircle):
         figures["trajectory"] = trajectory(case, rows)
         figures["reactions"] = reactions(case, rows)
-    return tuple(_saved(figure, directory / f"{name}.png") for name, figure in figures.items())
+    paths = tuple(directory / f"{name}.png" for name in figures)
+    for path, figure in zip(paths, figures.values(), strict=True):
+        with atomic_write(path) as temporary:
+            figure.savefig(temporary, format="png")
+    return paths
 
 
 def displacement(case: MassSpring, rows: Array) -> Figure:
     """u_x against time, with Coulomb's law (figures 4 and 6)."""
-    figure, axes = _sheet("time (s)", "$u_x$ (m)")
+    figure, axes = axes_of_figure("time (s)", "$u_x$ (m)")
     times = rows[:, 0]
-    _coulomb_line(axes, times, coulomb(case).displacement(times)[:, 0])
+    plot_coulomb(axes, times, coulomb(case).displacement(times)[:, 0])
     axes.plot(times, rows[:, 1], color=INK, label="series")
     axes.legend(frameon=False)
     return figure
@@ -71,7 +75,7 @@ def displacement(case: MassSpring, rows: Array) -> Figure:
 
 def friction_law(laws: dict[str, NortonHoff], title: str) -> Figure:
     """−R_T/(f R_N) against slip (figures 1 and 2)."""
-    figure, axes = _sheet("slip velocity / $V_c$", "$-R_T / (f R_N)$")
+    figure, axes = axes_of_figure("slip velocity / $V_c$", "$-R_T / (f R_N)$")
     slip = np.linspace(-2.0, 2.0, 800)  # even: no sample at rest, where Coulomb's law jumps
     for label, law in laws.items():
         axes.plot(slip, -law(np.ones_like(slip), slip[None])[0], label=label)
@@ -81,14 +85,14 @@ def friction_law(laws: dict[str, NortonHoff], title: str) -> Figure:
 
 def trajectory(case: RotatingCircle, rows: Array) -> Figure:
     """Path of the mass around the circle (figure 8)."""
-    figure, axes = _sheet("x (m)", "y (m)")
+    figure, axes = axes_of_figure("x (m)", "y (m)")
     p = case.parameters
     angle = np.linspace(0.0, 2.0 * np.pi, 200)
     axes.fill(p.r * np.sin(angle), p.r * np.cos(angle), color="#e6e6e6", label="circle")
     axes.axvline(0.0, color=QUIET, linewidth=0.6)
     height = p.r + p.delta
     exact = coulomb(case).displacement(rows[:, 0])
-    _coulomb_line(axes, exact[:, 0], exact[:, 1] + height)
+    plot_coulomb(axes, exact[:, 0], exact[:, 1] + height)
     axes.plot(rows[:, 1], rows[:, 2] + height, color=INK, label="series")
     axes.set_aspect("equal")
     axes.legend(frameon=False, loc="upper left", bbox_to_anchor=(1.02, 1.0))
@@ -97,10 +101,10 @@ def trajectory(case: RotatingCircle, rows: Array) -> Figure:
 
 def reactions(case: RotatingCircle, rows: Array) -> Figure:
     """Normal and tangential reaction against time (figure 9)."""
-    figure, axes = _sheet("time (s)", "reaction (N)")
+    figure, axes = axes_of_figure("time (s)", "reaction (N)")
     times, exact = rows[:, 0], coulomb(case)
     normal, tangential = balanced_reactions(case, times, exact.displacement(times))
-    _coulomb_line(axes, times, normal)
+    plot_coulomb(axes, times, normal)
     axes.plot(times, tangential, color=ACCENT, linestyle="--")
     axes.plot(times, rows[:, 5], color=INK, label="$R_N$, series")
     axes.plot(times, rows[:, 6], color=QUIET, label="$R_T$, series")
@@ -111,22 +115,14 @@ def reactions(case: RotatingCircle, rows: Array) -> Figure:
     return figure
 
 
-def _coulomb_line(axes: Axes, x: Array, y: Array) -> None:
+def plot_coulomb(axes: Axes, x: Array, y: Array) -> None:
     axes.plot(x, y, color=ACCENT, linestyle="--", label="Coulomb")
 
 
-def _sheet(x: str, y: str) -> tuple[Figure, Axes]:
+def axes_of_figure(x: str, y: str) -> tuple[Figure, Axes]:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.0, 4.0), dpi=150, layout="constrained")
     axes = figure.add_subplot(xlabel=x, ylabel=y)
     axes.spines[["top", "right"]].set_visible(False)
     return figure, axes
-
-
-def _saved(figure: Figure, path: Path) -> Path:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    with atomic_write(path) as temporary, temporary.open("wb") as file:
-        FigureCanvasAgg(figure).print_png(file)
-    return path

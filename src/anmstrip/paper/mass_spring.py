@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
@@ -57,125 +58,120 @@ class Parameters:
 
 
 @dataclass(frozen=True)
-class PressedPlane:
-    """§3.1: a mass pressed with a given force on a plane that moves; one unknown, u_x."""
+class MassSpring(ABC):
+    """Quasi-static equilibrium of a mass on springs, pressed against an obstacle.
 
-    parameters: Parameters = Parameters(t_end=4.0)
-    size: ClassVar[int] = 1
+    n is the unit normal of the obstacle, and (n_y, −n_x) its tangent, in the sense in which
+    the obstacle moves.  All methods take arrays or series, components first.
+    """
+
+    parameters: Parameters = Parameters()
+    size: ClassVar[int] = 2  # number of unknowns, u_x and u_y
+
+    @abstractmethod
+    def contact(self, u: Any) -> tuple[Any, Any]:
+        """Gap h (m) and unit normal n."""
+
+    @abstractmethod
+    def slip_along(self, n: Any, v: Any) -> Any:
+        """Tangential velocity relative to the obstacle (m/s)."""
+
+    @abstractmethod
+    def imbalance(self, u: Any, t: Any, n: Any, normal: Any, tangential: Any) -> Any:
+        """Sum of all forces on the mass (N), shape (size,)."""
 
     def gap(self, u: Any) -> Any:
-        """None: always pressed."""
-        return 0.0 * u[0]
+        """Gap h (m)."""
+        return self.contact(u)[0]
 
     def slip(self, u: Any, v: Any) -> Any:
-        """Velocity relative to the plane."""
-        return v[0] - self.parameters.V
+        """Tangential velocity relative to the obstacle (m/s)."""
+        return self.slip_along(self.contact(u)[1], v)
+
+    def forces(self, h: Any, n: Any, v: Any) -> tuple[Any, Any]:
+        """Normal and tangential reaction (N), (5c) and (5d)."""
+        p = self.parameters
+        normal = p.contact(h)
+        slip = np.stack([self.slip_along(n, v)])
+        return normal, p.friction(p.regular_normal(normal), slip)[0]
 
     def reactions(self, u: Any, v: Any, t: Any) -> tuple[Any, Any]:
-        """Normal (a constant) and tangential reaction."""
-        p = self.parameters
-        return p.R_N, p.friction(p.R_N + 0.0 * u[0], v - p.V)
+        """Normal and tangential reaction (N)."""
+        return self.forces(*self.contact(u), v)
 
     def residual(self, u: Any, v: Any, t: Any) -> Any:
-        """Equation (3): −k u + R_T."""
-        return self.reactions(u, v, t)[1] - u * self.parameters.k
+        """Equilibrium with the law of friction, equations (3) or (5a) and (5b)."""
+        h, n = self.contact(u)
+        return self.imbalance(u, t, n, *self.forces(h, n, v))
 
     def sliding(self, u: Any, t: Any, share: float) -> Any:
         """Equilibrium with the friction ``share`` f R_N, whatever the velocity."""
-        p = self.parameters
-        return share * p.f * p.R_N - u * p.k + t * 0.0
+        h, n = self.contact(u)
+        normal = self.parameters.contact(h)
+        return self.imbalance(u, t, n, normal, normal * (share * self.parameters.f))
 
 
 @dataclass(frozen=True)
-class MovingPlane:
+class MovingPlane(MassSpring):
     """§3.2: a mass lowered by a growing force onto a moving plane; u = (u_x, u_y)."""
 
     parameters: Parameters = Parameters(t_end=3.0)
-    size: ClassVar[int] = 2
 
-    def gap(self, u: Any) -> Any:
-        """h, to the plane."""
-        return u[1] + self.parameters.delta
+    def contact(self, u: Any) -> tuple[Any, Any]:
+        return u[1] + self.parameters.delta, (0.0, 1.0)
 
-    def slip(self, u: Any, v: Any) -> Any:
-        """Velocity relative to the plane."""
+    def slip_along(self, n: Any, v: Any) -> Any:
         return v[0] - self.parameters.V
 
-    def reactions(self, u: Any, v: Any, t: Any) -> tuple[Any, Any]:
-        """Normal and tangential reaction, (5c) and (5d)."""
-        p = self.parameters
-        normal = p.contact(self.gap(u))
-        return normal, p.friction(p.regular_normal(normal), np.stack([self.slip(u, v)]))[0]
-
-    def residual(self, u: Any, v: Any, t: Any) -> Any:
-        """Equations (5a) and (5b)."""
-        return self._balance(u, t, *self.reactions(u, v, t))
-
-    def sliding(self, u: Any, t: Any, share: float) -> Any:
-        """Equilibrium with the friction ``share`` f R_N, whatever the velocity."""
-        normal = self.parameters.contact(self.gap(u))
-        return self._balance(u, t, normal, normal * (share * self.parameters.f))
-
-    def _balance(self, u: Any, t: Any, normal: Any, tangential: Any) -> Any:
+    def imbalance(self, u: Any, t: Any, n: Any, normal: Any, tangential: Any) -> Any:
         p = self.parameters
         return np.stack([tangential - u[0] * p.k, normal - u[1] * p.k - t * p.F])
 
 
 @dataclass(frozen=True)
-class RotatingCircle:
+class PressedPlane(MovingPlane):
+    """§3.1: a mass pressed with a given force on a plane that moves; one unknown, u_x."""
+
+    parameters: Parameters = Parameters(t_end=4.0)
+    size: ClassVar[int] = 1
+
+    def contact(self, u: Any) -> tuple[Any, Any]:
+        return 0.0 * u[0], (0.0, 1.0)
+
+    def forces(self, h: Any, n: Any, v: Any) -> tuple[Any, Any]:
+        p = self.parameters
+        slip = np.stack([self.slip_along(n, v)])
+        return p.R_N, p.friction(p.R_N + h, slip)[0]
+
+    def imbalance(self, u: Any, t: Any, n: Any, normal: Any, tangential: Any) -> Any:
+        return np.stack([tangential - u[0] * self.parameters.k])
+
+    def sliding(self, u: Any, t: Any, share: float) -> Any:
+        p = self.parameters
+        return share * p.f * p.R_N - u * p.k + t * 0.0
+
+
+@dataclass(frozen=True)
+class RotatingCircle(MassSpring):
     """§3.3: the same mass on a circle that turns; u = (u_x, u_y), centre at the origin."""
 
     parameters: Parameters = Parameters(t_end=2.5)
-    size: ClassVar[int] = 2
 
-    def reactions(self, u: Any, v: Any, t: Any) -> tuple[Any, Any]:
-        """Normal and tangential reaction; the tangent is the sense of turning."""
-        return self._reactions(*self.frame(u), v)
-
-    def frame(self, u: Any) -> tuple[Any, tuple[Any, Any]]:
-        """Distance from the centre, and unit normal."""
+    def contact(self, u: Any) -> tuple[Any, Any]:
         p = self.parameters
         x, y = u[0], u[1] + (p.r + p.delta)
         distance = np.sqrt(x * x + y * y)
-        return distance, (x / distance, y / distance)
+        return distance - p.r, (x / distance, y / distance)
 
-    def gap(self, u: Any) -> Any:
-        """h, to the circle."""
-        return self.frame(u)[0] - self.parameters.r
+    def slip_along(self, n: Any, v: Any) -> Any:
+        return v[0] * n[1] - v[1] * n[0] - self.parameters.Omega * self.parameters.r
 
-    def slip(self, u: Any, v: Any) -> Any:
-        """Tangential velocity relative to the circle."""
-        return self._slip(self.frame(u)[1], v)
-
-    def _slip(self, n: tuple[Any, Any], v: Any) -> Any:
-        p = self.parameters
-        return v[0] * n[1] - v[1] * n[0] - p.Omega * p.r
-
-    def _reactions(self, distance: Any, n: tuple[Any, Any], v: Any) -> tuple[Any, Any]:
-        p = self.parameters
-        normal = p.contact(distance - p.r)
-        return normal, p.friction(p.regular_normal(normal), np.stack([self._slip(n, v)]))[0]
-
-    def residual(self, u: Any, v: Any, t: Any) -> Any:
-        """Equilibrium in the fixed frame."""
-        distance, n = self.frame(u)
-        return self._balance(u, t, n, *self._reactions(distance, n, v))
-
-    def sliding(self, u: Any, t: Any, share: float) -> Any:
-        """Equilibrium with the friction ``share`` f R_N, whatever the velocity."""
-        distance, n = self.frame(u)
-        normal = self.parameters.contact(distance - self.parameters.r)
-        return self._balance(u, t, n, normal, normal * (share * self.parameters.f))
-
-    def _balance(self, u: Any, t: Any, n: tuple[Any, Any], normal: Any, tangential: Any) -> Any:
+    def imbalance(self, u: Any, t: Any, n: Any, normal: Any, tangential: Any) -> Any:
         p = self.parameters
         x = normal * n[0] + tangential * n[1]
         y = normal * n[1] - tangential * n[0] - t * p.F
         return np.stack([x, y]) - u * p.k
 
-
-MassSpring = PressedPlane | MovingPlane | RotatingCircle
-"""Any of the three."""
 
 CASES: dict[str, type[MassSpring]] = {
     "pressed-plane": PressedPlane,

@@ -26,32 +26,21 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Coulomb:
-    """The rigid obstacle with Coulomb's law.
+    """Solution of the rigid obstacle with Coulomb's law."""
 
-    Attributes
-    ----------
-    displacement : callable
-        ``displacement(times)``, shape (m,) → (m, n).
-    until : float
-        Time from which no quasi-static solution exists (s).
-    """
-
-    displacement: Callable[[Array], Array]
-    until: float = np.inf
+    displacement: Callable[[Array], Array]  # of times (m,), shape (m, n)
+    until: float = np.inf  # time from which no quasi-static solution exists (s)
 
 
 def coulomb(case: MassSpring) -> Coulomb:
     """Closed-form solution of a case without regularisation."""
     p = case.parameters
+    if isinstance(case, RotatingCircle):
+        return coulomb_on_circle(p)
     if isinstance(case, PressedPlane):
         limit = p.f * p.R_N / p.k
         return Coulomb(lambda t: np.clip(p.V * t, -limit, limit)[:, None])
-    return _coulomb_on_plane(p) if isinstance(case, MovingPlane) else _coulomb_on_circle(p)
-
-
-def _coulomb_on_plane(p: Parameters) -> Coulomb:
-    """Slides at once, or sticks for ever where the plane is slower than the cone grows."""
-    speed = float(np.clip(p.V, -p.f * p.F / p.k, p.f * p.F / p.k))
+    speed = float(np.clip(p.V, -p.f * p.F / p.k, p.f * p.F / p.k))  # stick, or slide at once
 
     def displacement(t: Array) -> Array:
         pressed = np.maximum(t - p.k * p.delta / p.F, 0.0)
@@ -60,10 +49,11 @@ def _coulomb_on_plane(p: Parameters) -> Coulomb:
     return Coulomb(displacement)
 
 
-def _coulomb_on_circle(p: Parameters) -> Coulomb:
+def coulomb_on_circle(p: Parameters) -> Coulomb:
     """Free, sliding with sin φ + f cos φ = f k r/A, then sticking until the cone is left.
 
-    A = k (r + δ) − F t is what the springs and the load leave to lift the mass.
+    A = k (r + δ) − F t is what the springs and the load leave to lift the mass.  The cone is
+    left when |A| (sin φ − f cos φ) = f k r, with A < 0.
     """
     contact, cone = p.k * p.delta / p.F, np.arctan(p.f)
     sense, Omega = np.sign(p.Omega), abs(p.Omega)
@@ -86,7 +76,13 @@ def _coulomb_on_circle(p: Parameters) -> Coulomb:
         later = sliding(stuck) + Omega * (t - stuck)
         return np.where(t < contact, 0.0, np.where(t < stuck, sliding(np.minimum(t, stuck)), later))
 
-    until = _cone_left(p, lift, angle, stuck)
+    def beyond(t: Array) -> Array:
+        return -lift(t) * (np.sin(angle(t)) - p.f * np.cos(angle(t))) - p.f * p.k * p.r
+
+    times = np.linspace(stuck, max(p.t_end, stuck), 2001)
+    outside, until = np.flatnonzero(beyond(times) > 0.0), np.inf
+    if outside.size and outside[0]:
+        until = float(brentq(beyond, times[outside[0] - 1], times[outside[0]]))
 
     def displacement(t: Array) -> Array:
         phi = np.where(t <= until, sense * angle(t), np.nan)
@@ -94,22 +90,6 @@ def _coulomb_on_circle(p: Parameters) -> Coulomb:
         return np.stack([rho * np.sin(phi), rho * np.cos(phi) - p.r - p.delta], axis=1)
 
     return Coulomb(displacement, until)
-
-
-def _cone_left(
-    p: Parameters, lift: Callable[[Array], Array], angle: Callable[[Array], Array], stuck: float
-) -> float:
-    """First time at which |A| (sin φ − f cos φ) = f k r, with A < 0; infinite if none."""
-
-    def beyond(t: Array) -> Array:
-        return -lift(t) * (np.sin(angle(t)) - p.f * np.cos(angle(t))) - p.f * p.k * p.r
-
-    times = np.linspace(stuck, max(p.t_end, stuck), 2001)
-    outside = np.flatnonzero(beyond(times) > 0.0)
-    if not outside.size or outside[0] == 0:
-        return np.inf
-    i = int(outside[0])
-    return float(brentq(beyond, times[i - 1], times[i]))
 
 
 def balanced_reactions(case: MovingPlane | RotatingCircle, t: Array, u: Array) -> Array:
@@ -128,7 +108,7 @@ def balanced_reactions(case: MovingPlane | RotatingCircle, t: Array, u: Array) -
     force = np.stack([p.k * u[:, 0], p.k * u[:, 1] + p.F * t])
     n = np.stack([np.zeros_like(t), np.ones_like(t)])
     if isinstance(case, RotatingCircle):
-        n = np.stack(case.frame(u.T)[1])
+        n = np.stack(case.contact(u.T)[1])
     return np.stack([(force * n).sum(0), force[0] * n[1] - force[1] * n[0]])
 
 
@@ -180,75 +160,54 @@ def slip_at(law: NortonHoff, ratio: ArrayLike) -> Array:
 
 @dataclass(frozen=True)
 class Reduced:
-    """One scalar equation z' = rate(t, z), and the displacement that z stands for.
+    """One scalar equation z' = rate(t, z), and the displacement that z stands for."""
 
-    Attributes
-    ----------
-    rate : callable
-        ``rate(t, z)`` with arrays that broadcast.
-    displacement : callable
-        ``displacement(t, z)``, components on the first axis.
-    """
-
-    rate: Callable[[Array, Array], Array]
-    displacement: Callable[[Array, Array], Array]
+    rate: Callable[[Array, Array], Array]  # of arrays that broadcast
+    displacement: Callable[[Array, Array], Array]  # of t and z, components first
 
 
 def reduced(case: MassSpring) -> Reduced:
-    """The case with its normal problem solved."""
+    """Scalar equation of a case whose normal problem is solved.
+
+    Of the planes z = u_x, and the friction law is solved for the slip that it needs.  Of the
+    circle z is the angle φ from the top in the sense of turning: with A = k (r + δ) − F t the
+    equilibrium in polar coordinates (ρ, φ) reads R_N = k ρ − A cos φ along the normal and
+    R_T = A sin φ along the tangent.
+    """
     p = case.parameters
+    if isinstance(case, RotatingCircle):
+
+        def contact(t: Array, phi: Array) -> tuple[Array, Array, Array]:
+            A = p.k * (p.r + p.delta) - p.F * t
+            gap = A * np.cos(phi) / p.k - p.r
+            R = normal_reaction(p, gap, p.k * (p.delta - gap))
+            return A, R, (R + A * np.cos(phi)) / p.k
+
+        def turning(t: Array, phi: Array) -> Array:
+            A, R, rho = contact(t, phi)
+            slip = -slip_at(p.friction, A * np.sin(phi) / p.regular_normal(R))
+            return (slip + p.Omega * p.r) / rho
+
+        def position(t: Array, phi: Array) -> Array:
+            rho = contact(t, phi)[2]
+            return np.stack([rho * np.sin(phi), rho * np.cos(phi) - p.r - p.delta])
+
+        return Reduced(turning, position)
     if isinstance(case, PressedPlane):
-        return _pressed(p)
-    return _on_plane(p) if isinstance(case, MovingPlane) else _on_circle(p)
-
-
-def _pressed(p: Parameters) -> Reduced:
-    """k u = −R_N μ(v − V), solved for v."""
-
-    def rate(t: Array, u: Array) -> Array:
-        return p.V - slip_at(p.friction, p.k * u / p.R_N)
-
-    return Reduced(rate, lambda t, u: np.stack([u]))
-
-
-def _on_plane(p: Parameters) -> Reduced:
-    """As for the first case, with R_N from (5b) and (5c)."""
+        return Reduced(
+            lambda t, u: p.V - slip_at(p.friction, p.k * u / p.R_N), lambda t, u: np.stack([u])
+        )
 
     def normal(t: Array) -> Array:
-        return _normal_reaction(p, p.delta - p.F * t / p.k, p.F * t)
+        return normal_reaction(p, p.delta - p.F * t / p.k, p.F * t)
 
-    def rate(t: Array, u: Array) -> Array:
-        return p.V - slip_at(p.friction, p.k * u / p.regular_normal(normal(t)))
-
-    return Reduced(rate, lambda t, u: np.stack([u, (normal(t) - p.F * t) / p.k + 0.0 * u]))
-
-
-def _on_circle(p: Parameters) -> Reduced:
-    """Polar coordinates (ρ, φ) about the centre, φ from the top in the sense of turning.
-
-    With A = k (r + δ) − F t the equilibrium reads R_N = k ρ − A cos φ along the
-    normal and R_T = A sin φ along the tangent.
-    """
-
-    def normal(t: Array, phi: Array) -> tuple[Array, Array, Array]:
-        A = p.k * (p.r + p.delta) - p.F * t
-        gap = A * np.cos(phi) / p.k - p.r
-        R = _normal_reaction(p, gap, p.k * (p.delta - gap))
-        return A, R, (R + A * np.cos(phi)) / p.k
-
-    def rate(t: Array, phi: Array) -> Array:
-        A, R, rho = normal(t, phi)
-        slip = -slip_at(p.friction, A * np.sin(phi) / p.regular_normal(R))
-        return (slip + p.Omega * p.r) / rho
-
-    def displacement(t: Array, phi: Array) -> Array:
-        rho = normal(t, phi)[2]
-        return np.stack([rho * np.sin(phi), rho * np.cos(phi) - p.r - p.delta])
-
-    return Reduced(rate, displacement)
+    return Reduced(
+        lambda t, u: p.V - slip_at(p.friction, p.k * u / p.regular_normal(normal(t))),
+        lambda t, u: np.stack([u, (normal(t) - p.F * t) / p.k + 0.0 * u]),
+    )
 
 
-def _normal_reaction(p: Parameters, gap: Array, load: Array) -> Array:
+def normal_reaction(p: Parameters, gap: Array, load: Array) -> Array:
     """Root R of (5c) with h = gap + R/k, where ``load`` is k (δ − gap)."""
     b, c = gap + p.eta / p.k, p.eta * load / p.k
     compliance = 1.0 / p.K + 1.0 / p.k
@@ -259,25 +218,16 @@ def _normal_reaction(p: Parameters, gap: Array, load: Array) -> Array:
 
 @dataclass(frozen=True)
 class Reference:
-    """Displacement of a regularised case, to about nine digits.
-
-    Attributes
-    ----------
-    equation : Reduced
-    angle : callable
-        Dense output: times → z.
-    nodes : ndarray
-        Times of the integrator's own steps, dense where the mass is fast.
-    """
+    """Displacement of a regularised case, to about nine digits."""
 
     equation: Reduced
-    angle: Callable[[Array], Array]
-    nodes: Array
+    unknown: Callable[[Array], Array]  # dense output, times → z
+    nodes: Array  # times of the integrator's own steps, dense where the mass is fast
 
     def __call__(self, times: ArrayLike) -> Array:
         """Displacement, shape (m, n), at times (m,)."""
         t = np.asarray(times, dtype=float)
-        return self.equation.displacement(t, self.angle(t)[0]).T
+        return self.equation.displacement(t, self.unknown(t)[0]).T
 
     def distance(self, t: float, u: Array, speed: float) -> float:
         """Distance of (t, u) from the solution as a curve in (V t, u).

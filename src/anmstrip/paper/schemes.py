@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -22,8 +22,9 @@ from anmstrip.timestepping.explicit import PiecewiseSeries, integrate_explicitly
 from anmstrip.timestepping.formulas import start_memory
 from anmstrip.timestepping.functions import FunctionRateEquations, ImplicitSolution
 from anmstrip.timestepping.implicit import Stepping, integrate
-from anmstrip.timestepping.index_one import Controlled, TimePath, consistent, controlled
+from anmstrip.timestepping.index_one import TimePath, consistent, controlled
 
+Array = NDArray[np.float64]
 Step = TypeVar("Step")
 
 FIRST_STEP = 1e-3
@@ -41,26 +42,13 @@ MOST_STEPS = 200_000
 
 @dataclass(frozen=True)
 class CaseSolution:
-    """What an integration gave.
-
-    Attributes
-    ----------
-    path : TimePath
-    error : float
-        Estimated error of u (m), in fast motion along the curve.
-    passes : int
-        Integrations that it took to keep the tolerance.
-    cost : Cost
-        Of all passes.
-    stopped : PathStopped or None
-        Why the path ended before its time.
-    """
+    """Result of an integration."""
 
     path: TimePath
-    error: float
-    passes: int
-    cost: Cost
-    stopped: PathStopped | None
+    error: float  # estimated error of u (m), in fast motion along the curve
+    passes: int  # integrations that it took to keep the tolerance
+    cost: Cost  # of all passes
+    stopped: PathStopped | None  # why the path ended before its time
 
 
 def solve_case(case: MassSpring, scheme: str, *, order: int, tolerance: float) -> CaseSolution:
@@ -88,9 +76,7 @@ def solve_case(case: MassSpring, scheme: str, *, order: int, tolerance: float) -
         reasons.append(reason)
         return path
 
-    found: Controlled[TimePath] = controlled(
-        run, case.residual, tolerance, speed=FAST * case.parameters.V_c
-    )
+    found = controlled(run, case.residual, tolerance, speed=FAST * case.parameters.V_c)
     return CaseSolution(found.path, found.error, found.passes, cost, reasons[-1])
 
 
@@ -99,18 +85,17 @@ def explicit_scheme(
 ) -> tuple[TimePath, PathStopped | None]:
     """The paper's scheme, explicit in time."""
     p, rest = case.parameters, np.zeros(case.size)
-    pieces, reason = _until_stopped(
-        integrate_explicitly(
-            case.residual,
-            rest,
-            rest,
-            (0.0, p.t_end),
-            order=order,
-            tolerance=tolerance,
-            speed=FAST * p.V_c,
-            cost=cost,
-        )
+    steps = integrate_explicitly(
+        case.residual,
+        rest,
+        rest,
+        (0.0, p.t_end),
+        order=order,
+        tolerance=tolerance,
+        speed=FAST * p.V_c,
+        cost=cost,
     )
+    pieces, reason = collect_steps(steps)
     return PiecewiseSeries(pieces), reason
 
 
@@ -120,24 +105,23 @@ def implicit_scheme(
     """Backward differences of order 1 and 2, each step a path of its own."""
     p, rest = case.parameters, np.zeros(case.size)
     u, v = consistent(case.residual, rest, rest, 0.0, tolerance, 0.0)
-    steps, reason = _until_stopped(
-        integrate(
-            FunctionRateEquations(case.residual, p.t_end, p.V_c),
-            start_memory(0.0, u, v, FIRST_STEP * p.t_end),
-            p.t_end,
-            solver=DenseSolver(),
-            settings=Settings(order=order, tolerance=tolerance, max_steps=MOST_STEPS),
-            stepping=Stepping(p.t_end),
-            cost=cost,
-        )
+    steps = integrate(
+        FunctionRateEquations(case.residual, p.t_end, p.V_c),
+        start_memory(0.0, u, v, FIRST_STEP * p.t_end),
+        p.t_end,
+        solver=DenseSolver(),
+        settings=Settings(order=order, tolerance=tolerance, max_steps=MOST_STEPS),
+        stepping=Stepping(p.t_end),
+        cost=cost,
     )
-    return ImplicitSolution(u, v, steps, tolerance, p.V_c), reason
+    taken, reason = collect_steps(steps)
+    return ImplicitSolution(u, v, taken, tolerance, p.V_c), reason
 
 
 SCHEMES = {"taylor": explicit_scheme, "implicit": implicit_scheme}
 
 
-def _until_stopped(steps: Iterable[Step]) -> tuple[list[Step], PathStopped | None]:
+def collect_steps(steps: Iterable[Step]) -> tuple[list[Step], PathStopped | None]:
     """All steps, and why there are no more if the path stopped early."""
     found: list[Step] = []
     try:
@@ -149,8 +133,6 @@ def _until_stopped(steps: Iterable[Step]) -> tuple[list[Step], PathStopped | Non
         return found, stopped
     return found, None
 
-
-Array = NDArray[np.float64]
 
 KINDS = (
     ("contact lost", "contact made"),
@@ -166,28 +148,16 @@ SAMPLES = 9
 
 @dataclass(frozen=True)
 class CaseEvent:
-    """Something that happened.
+    """Change of contact, of stick and slip, of the cone; loss of Coulomb's solution."""
 
-    Attributes
-    ----------
-    time : float
-        s.
-    kind : str
-    ux, uy : float
-        Where (m).
-    value : float
-        Gap (m) of contact and law, slip (m/s) of stick, slip and cone, and of a loss of
-        existence the slip that Coulomb's law asks for.
-    message : str
-        Of a loss of existence.
-    """
-
-    time: float
+    time: float  # s
     kind: str
-    ux: float
-    uy: float
+    ux: float  # m
+    uy: float  # m
     value: float
-    message: str = ""
+    """Gap (m) of contact and law, slip (m/s) of stick, slip and cone, and of a loss of existence
+    the slip that Coulomb's law asks for."""
+    message: str = ""  # of a loss of existence
 
 
 def events_of(case: MassSpring, pieces: Iterator[tuple[float, float, Array]]) -> list[CaseEvent]:
@@ -199,29 +169,47 @@ def events_of(case: MassSpring, pieces: Iterator[tuple[float, float, Array]]) ->
     pieces : iterable of (start, length, coefficients)
         Polynomials of u in the time since their start, shape (order + 1, n).
     """
+    p = case.parameters
+    pressed = isinstance(case, PressedPlane)
+    level = -1.0 if pressed else touch_gap(p)
+    corners = np.array([corner_speed(p.friction), cone_speed(p.friction)]) ** 2
+
+    def indicators(u: Any, v: Any) -> Any:
+        """Functions whose roots are events, in the order of ``KINDS``."""
+        h, slip = case.gap(u), case.slip(u, v)
+        return np.stack([h - level, *(slip * slip - s for s in corners), h - p.delta])
+
     whole, watch, found = list(pieces), Watch(), list[CaseEvent]()
     for start, length, u in whole:
         t = np.zeros(len(u))
         t[:2] = start, 1.0
         v = np.concatenate([derivative_coefficients(u), np.zeros((1, u.shape[1]))])
-        functions = taylor(lambda u, v: _functions(case, u, v), u, v)
-        changes = watch.changes(functions, length)
+        changes = watch.changes(taylor(indicators, u, v), length)
         for which, a, sense in zip(changes.which, changes.where, changes.sense, strict=True):
             x, speed = value_at(u, a), value_at(v, a)
-            if which in (1, 2) and not _touches(case, x):
+            if which in (1, 2) and not (pressed or case.gap(x) <= level):
                 continue
             value = float(case.slip(x, speed) if which in (1, 2) else case.gap(x))
             kind = KINDS[which][0 if sense > 0 else 1]
             ux, uy = (*map(float, x), 0.0)[:2]
             event = CaseEvent(float(start + a), kind, ux, uy, value)
-            since = found[-1].time if found else whole[0][0]
-            found.append(_dated_back(case, event, whole, since) if kind == "stick" else event)
-            if kind == "cone left":
-                found += _existence(case, found[-1], x)
+            if kind == "stick":
+                event = turn_of_sliding(case, event, whole, found[-1].time if found else 0.0)
+            found.append(event)
+            sliding = float(np.sign(value))
+            if kind == "cone left" and (
+                (slip := coulomb_slip(case, x, event.time, sliding)) * sliding <= 0.0
+            ):
+                message = (
+                    "Coulomb's problem has no quasi-static solution from here on: friction has "
+                    f"reached its cone, and sliding in equilibrium would go {abs(slip):.3g} m/s "
+                    "the other way"
+                )
+                found.append(replace(event, kind="existence lost", value=slip, message=message))
     return found
 
 
-def _dated_back(
+def turn_of_sliding(
     case: MassSpring, stick: CaseEvent, pieces: list[tuple[float, float, Array]], since: float
 ) -> CaseEvent:
     """The latest instant, since the last event, at which sliding at the cone turned round."""
@@ -247,22 +235,10 @@ def _dated_back(
     return stick
 
 
-def _functions(case: MassSpring, u: Any, v: Any) -> Any:
-    """Roots of these are events; shape (4,)."""
-    p, h, slip = case.parameters, case.gap(u), case.slip(u, v)
-    speeds = corner_speed(p.friction), cone_speed(p.friction)
-    level = -1.0 if isinstance(case, PressedPlane) else touch_gap(p)
-    return np.stack([h - level, *(slip * slip - s**2 for s in speeds), h - p.delta])
-
-
 def touch_gap(p: Parameters) -> float:
     """h with R_N(h) = k h, the positive root of (5c): h² (k + k²/K) + η h = η δ."""
     a = p.k * (1.0 + p.k / p.K)
     return float(2.0 * p.eta * p.delta / (p.eta + np.sqrt(p.eta**2 + 4.0 * a * p.eta * p.delta)))
-
-
-def _touches(case: MassSpring, u: Array) -> bool:
-    return isinstance(case, PressedPlane) or bool(case.gap(u) <= touch_gap(case.parameters))
 
 
 def coulomb_slip(case: MassSpring, u: Array, t: float, sense: float) -> float:
@@ -277,15 +253,3 @@ def coulomb_slip(case: MassSpring, u: Array, t: float, sense: float) -> float:
     slopes = [taylor(lambda x: case.sliding(x, t, -sense), [u, e])[1] for e in unit]
     rate = taylor(lambda s: case.sliding(u, s, -sense), [t, 1.0])[1]
     return float(case.slip(u, -np.linalg.solve(np.stack(slopes, axis=1), rate)))
-
-
-def _existence(case: MassSpring, event: CaseEvent, u: Array) -> Iterator[CaseEvent]:
-    """Whether leaving the cone is the end of Coulomb's solution."""
-    sense = float(np.sign(event.value))
-    slip = coulomb_slip(case, u, event.time, sense)
-    if slip * sense <= 0.0:
-        message = (
-            "Coulomb's problem has no quasi-static solution from here on: friction has reached "
-            f"its cone, and sliding in equilibrium would go {abs(slip):.3g} m/s the other way"
-        )
-        yield CaseEvent(event.time, "existence lost", event.ux, event.uy, slip, message)

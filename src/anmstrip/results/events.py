@@ -5,22 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.equilibrium import StageProblem
-from anmstrip.mechanics.laws import cone_speed, corner_speed
+from anmstrip.mechanics.contact import Contact, Friction
+from anmstrip.mechanics.laws import FrictionLaw, cone_speed, corner_speed
+from anmstrip.mechanics.roller import Roller
 from anmstrip.results.rollers import TOUCHING
 from anmstrip.results.state import State
 from anmstrip.taylor.polynomials import Watch, minima, value_at
 from anmstrip.taylor.series import taylor
-
-if TYPE_CHECKING:
-    from anmstrip.mechanics.contact import Contact, Friction
-    from anmstrip.mechanics.laws import FrictionLaw
-    from anmstrip.mechanics.roller import Roller
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -127,7 +124,7 @@ class EventWatch:
 
     Parameters
     ----------
-    contact : Contact or None
+    contact : Contact
         Contact of all pairs of points and rollers.
     rollers : sequence of Roller
     friction_law : FrictionLaw or None
@@ -144,7 +141,7 @@ class EventWatch:
 
     def __init__(
         self,
-        contact: Contact | None,
+        contact: Contact,
         rollers: Sequence[Roller],
         friction_law: FrictionLaw | None,
         tension: float,
@@ -159,7 +156,6 @@ class EventWatch:
     @cached_property
     def levels(self) -> Array:
         """Gap (m) below which a pair touches, shape (pairs,)."""
-        assert self.contact is not None
         law, tension = self.contact.signorini, self.tension
         least = [max(TOUCHING * tension / roller.radius, law.faint) for roller in self.rollers]
         return self._of_pairs([float(law.gap(pressure)) for pressure in least])
@@ -177,7 +173,6 @@ class EventWatch:
 
     def _of_pairs(self, values: list[Any]) -> Array:
         """Return one value for each roller as one for each pair."""
-        assert self.contact is not None
         value = np.asarray(self.contact.roller.of(values), dtype=float)
         return np.broadcast_to(value, (self.contact.operator.points,)).copy()
 
@@ -190,8 +185,6 @@ class EventWatch:
             In the labels of this step, if fresh strip has been fed in since.
         state : State
         """
-        if self.contact is None:
-            return ()
         plan, stretch = state.plan, Stretch.between(before, state)
         moved = _at_points(self.contact, stretch.full)
         controls = plan.controls.at(float(stretch.control[0]))
@@ -216,7 +209,6 @@ class EventWatch:
 
     def _choose(self, gap: Array, moved: Array, stretch: Stretch, rubbing: bool) -> Index:
         """Pairs that may have an event: no gap changes by more than its point and roller move."""
-        assert self.contact is not None
         powers = stretch.length ** np.arange(1.0, max(len(moved), len(stretch.control)))
         travel = powers[: len(moved) - 1] @ np.linalg.norm(moved[1:], axis=1)
         control = np.abs(stretch.control[1:]) @ powers[: len(stretch.control) - 1]
@@ -232,14 +224,19 @@ class EventWatch:
         self, gap: Array, squared: Array | None, chosen: Index, stretch: Stretch
     ) -> Iterator[Event]:
         """Events of the chosen pairs, sorted, with what they mean for the rollers."""
-        assert self.contact is not None
         functions = [gap.copy()]
         functions[0][0] -= self.levels[chosen]
         if squared is not None:
             functions += [squared.copy() for _ in self.speeds]
             for function, speed in zip(functions[1:], self.speeds, strict=True):
                 function[0] -= speed**2
-            self._start_slip(chosen, functions[1])
+            slips, cones = self.watches[1:]
+            assert slips.signs is not None
+            assert cones.signs is not None
+            touching = self.touching[chosen]
+            slips.signs[chosen[~touching]] = cones.signs[chosen[~touching]] = 0.0
+            fresh = touching & (slips.signs[chosen] == 0.0)  # not looked at before
+            self.sticking[chosen[fresh]] = functions[1][0, fresh] <= 0.0
         found = []
         for watch, values, kinds in zip(self.watches, functions, KINDS, strict=False):
             roots = watch.changes(values, stretch.length, chosen)
@@ -256,30 +253,14 @@ class EventWatch:
             if kind in (*KINDS[1], *KINDS[2]) and not self.touching[pair]:
                 continue
             slow = len(functions) > 1 and bool(value_at(functions[1][:, column], a) <= 0.0)
-            event = Event(
-                time=self.plan.start + self.plan.duration * float(value_at(stretch.control, a)),
-                stage=self.plan.name,
-                kind=kind,
-                roller=self.rollers[self.which[pair]].name,
-                point=int(self.contact.operator.chosen[pair]),
-                x=float(x[column]),
-                y=float(y[column]),
-                gap=float(value_at(gap[:, column], a)),
-            )
+            time = self.plan.start + self.plan.duration * float(value_at(stretch.control, a))
+            point, name = self.contact.operator.chosen[pair], self.rollers[self.which[pair]].name
+            here = float(x[column]), float(y[column]), float(value_at(gap[:, column], a))
+            slip = None
             if squared is not None:
                 slip = max(float(value_at(squared[:, column], a)), 0.0) ** 0.5
-                event = replace(event, slip=slip)
+            event = Event(time, self.plan.name, kind, name, int(point), *here, slip)
             yield from self._count(event, pair, slow)
-
-    def _start_slip(self, chosen: Index, slow: Array) -> None:
-        """Note what sticks of those pairs whose slip has not been looked at before."""
-        slips, cones = self.watches[1:]
-        assert slips.signs is not None
-        assert cones.signs is not None
-        apart = chosen[~self.touching[chosen]]
-        slips.signs[apart] = cones.signs[apart] = 0.0
-        fresh = self.touching[chosen] & (slips.signs[chosen] == 0.0)
-        self.sticking[chosen[fresh]] = slow[0, fresh] <= 0.0
 
     def _count(self, event: Event, pair: int, slow: bool) -> Iterator[Event]:
         """Yield an event, and what it means for its roller as a whole."""

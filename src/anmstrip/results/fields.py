@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.fem.sampling import contact_points, patches, shape_of, unit_grid
-from anmstrip.mechanics.shell import moduli
+from anmstrip.fem.sampling import ContactOperator, contact_points, patches, shape_of, unit_grid
+from anmstrip.fem.strip import Strip
+from anmstrip.mechanics.shell import Membrane, moduli
+from anmstrip.results.state import State
 from anmstrip.results.vtk import triangle_lattice
-
-if TYPE_CHECKING:
-    from anmstrip.fem.sampling import ContactOperator
-    from anmstrip.fem.strip import Strip
-    from anmstrip.mechanics.shell import Membrane
-    from anmstrip.results.state import State
 
 Array = NDArray[np.float64]
 
@@ -112,7 +107,7 @@ class FieldSampler:
         Shape (points of output, contact points).
         """
         if self.kind == "triangle":
-            from scipy.interpolate import LinearNDInterpolator  # noqa: PLC0415 (triangles alone)
+            from scipy.interpolate import LinearNDInterpolator
 
             points = contact_points(self.kind).T
             return np.asarray(

@@ -5,14 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
+
 import numpy as np
 from numpy.typing import NDArray
+
+from anmstrip.continuation.path import Branch
+from anmstrip.equilibrium import StageProblem
 from anmstrip.mechanics.loads import FollowerLoad
 from anmstrip.mechanics.shell import Membrane, principal
-from anmstrip.results.rollers import ContactState, RollerReading, reading_of
-from anmstrip.results.rollers import Regularisation, regularisation_of
-from anmstrip.equilibrium import StageProblem
-from anmstrip.continuation.path import Branch
+from anmstrip.results.rollers import (
+    ContactState,
+    Regularisation,
+    RollerReading,
+    reading_of,
+    regularisation_of,
+)
 
 if TYPE_CHECKING:
     from anmstrip.mechanics.contact import Contact, Friction

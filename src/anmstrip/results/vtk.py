@@ -207,17 +207,15 @@ def write_rollers(
     """
     pairs = zip(rollers, angles, strict=True)
     surfaces = [roller_surface(roller, 1.2 * width, angle) for roller, angle in pairs]
-    sizes = [len(surface.points) for surface in surfaces]
-    starts = np.cumsum([0, *sizes[:-1]])
-    write_surface(
-        path,
-        np.concatenate([surface.points for surface in surfaces]),
-        np.concatenate([s.cells + start for s, start in zip(surfaces, starts, strict=True)]),
-        {
-            "surface_angle": np.concatenate([s.fields["surface_angle"] for s in surfaces]),
-            "roller": np.repeat(np.arange(len(sizes), dtype=float), sizes),
-        },
-    )
+    count = np.cumsum([0, *(len(surface.points) for surface in surfaces)])
+    cells = [surface.cells + count[k] for k, surface in enumerate(surfaces)]
+    painted = np.concatenate([surface.fields["surface_angle"] for surface in surfaces])
+    fields = {
+        "surface_angle": painted,
+        "roller": np.repeat(np.arange(len(surfaces)), np.diff(count)),
+    }
+    points = np.concatenate([surface.points for surface in surfaces])
+    write_surface(path, points, np.concatenate(cells), fields)
 
 
 @dataclass(frozen=True)

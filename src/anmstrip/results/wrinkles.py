@@ -137,14 +137,10 @@ class Wrinkling:
         )
         normals = np.cross(np.gradient(fits[:, -1], x, axis=0), fits[:, -2])
         normals /= np.linalg.norm(normals, axis=1)[:, None]
-        heights = np.array(
-            [
-                np.abs((points[line] - basis @ fit) @ normal).max()
-                for (basis, line), fit, normal in zip(pairs, fits, normals, strict=True)
-            ]
-        )
-        inside = ((span.start <= x) & (x <= span.end) for span in self.spans)
-        return [float(heights[part].max(initial=0.0)) for part in inside]
+        triples = zip(pairs, fits, normals, strict=True)
+        off = [np.abs((points[k] - basis @ fit) @ n).max() for (basis, k), fit, n in triples]
+        spans = [(span.start <= x) & (x <= span.end) for span in self.spans]
+        return [float(np.max(off, initial=0.0, where=inside)) for inside in spans]
 
     def amplitude(self, sampler: FieldSampler | None = None) -> float | None:
         """Largest of :meth:`amplitudes` (m)."""

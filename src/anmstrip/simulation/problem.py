@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from anmstrip.errors import InputError, Mistake
 from anmstrip.fem.constraints import Scales
-from anmstrip.fem.kinematics import KINEMATICS, PLATE, SECTION, Kinematics
+from anmstrip.fem.geometry import KINEMATICS, PLATE, SECTION, Kinematics
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, renumbered
 from anmstrip.mechanics.effects import Effect, LawEffect

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anmstrip.continuation.status import Outcome
+from anmstrip.driver import run
 from anmstrip.errors import InputError, Mistake
 from anmstrip.results.files import atomic_write, write_table
 from anmstrip.scene.schema import SceneSpec
@@ -22,18 +23,27 @@ from anmstrip.sweep.variations import Variant, variants
 if TYPE_CHECKING:
     from distributed import Client
     from matplotlib.axes import Axes
-
-
+    from matplotlib.axis import Axis
 PATIENCE = 10.0
 """Seconds to wait for a scheduler's answer."""
 
-DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
-"""For workers, since a terminal tells every process of Ctrl-C: they are ended by their farm."""
+IGNORE_INTERRUPT = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+"""Preload of workers: a terminal tells every process of Ctrl-C, and their cluster ends them."""
+
+INPUT, SUMMARY, CHECKPOINT = "input.json", "summary.json", "checkpoint.npz"
+
+FACTS = ("status", "message", "steps", "tangents", "wall_seconds")
+"""Columns of the table for every scene."""
+
+CURVES = 7
+"""Most values of a second key that are drawn as curves; more of them make a map."""
+
+Row = Mapping[str, Any]
 
 
 @contextmanager
 def local_workers(workers: int) -> Iterator[Client]:
-    """So many processes of one thread each; dask replaces those that die."""
+    """Yield a client of so many processes of one thread each; dask replaces those that die."""
     from distributed import Client, LocalCluster
 
     with (
@@ -43,7 +53,7 @@ def local_workers(workers: int) -> Iterator[Client]:
             processes=True,
             memory_limit=0,
             silence_logs=logging.ERROR,
-            preload=DEAF,
+            preload=IGNORE_INTERRUPT,
             dashboard_address=None,
             worker_dashboard_address=None,
         ) as cluster,
@@ -54,9 +64,9 @@ def local_workers(workers: int) -> Iterator[Client]:
 
 @contextmanager
 def remote_workers(address: str) -> Iterator[Client]:
-    """Workers of a scheduler that runs somewhere.
+    """Yield a client of a scheduler that runs somewhere.
 
-    They must have this package and see the same files under the same paths.
+    Its workers must have this package and see the same files under the same paths.
 
     Raises
     ------
@@ -75,17 +85,14 @@ def remote_workers(address: str) -> Iterator[Client]:
         yield client
 
 
-INPUT, SUMMARY, CHECKPOINT = "input.json", "summary.json", "checkpoint.npz"
-
-
 def ended_summary(scene: SceneSpec, directory: Path) -> dict[str, Any] | None:
-    """Summary of an earlier run of this very scene that came to an end, else None.
+    """Return the summary of an earlier run of this very scene that came to an end, else None.
 
     A run that stopped by itself has ended too: the same input stops at the same place.
     """
-    summary = _read(directory / SUMMARY) or {}
+    summary = read_json(directory / SUMMARY) or {}
     interrupted = summary.get("status") in (None, Outcome.INTERRUPTED.name.lower())
-    return None if interrupted or not _began(scene, directory) else summary
+    return None if interrupted or not has_begun(scene, directory) else summary
 
 
 def run_scene(scene: SceneSpec, directory: Path) -> dict[str, Any]:
@@ -94,29 +101,28 @@ def run_scene(scene: SceneSpec, directory: Path) -> dict[str, Any]:
     Any number of processes may die in here, and the next one goes on: results that belong
     to another input are dropped before this one's is written down.
     """
-    from anmstrip.driver.run import Run
-
     if (summary := ended_summary(scene, directory)) is not None:
         return summary
-    if not _began(scene, directory):
+    if not has_begun(scene, directory):
         directory.mkdir(parents=True, exist_ok=True)
         for name in (INPUT, SUMMARY, CHECKPOINT):
             (directory / name).unlink(missing_ok=True)
         with atomic_write(directory / INPUT) as temporary:
             temporary.write_text(json.dumps(scene.to_dict(), indent=2), encoding="utf-8")
-    for _ in Run(scene, directory, resume=(directory / CHECKPOINT).exists()):
+    for _ in run.Run(scene, directory, resume=(directory / CHECKPOINT).exists()):
         pass
-    summary = _read(directory / SUMMARY)
+    summary = read_json(directory / SUMMARY)
     assert summary is not None
     return summary
 
 
-def _began(scene: SceneSpec, directory: Path) -> bool:
-    """Whether what lies in a directory belongs to this scene."""
-    return _read(directory / INPUT) == json.loads(json.dumps(scene.to_dict()))
+def has_begun(scene: SceneSpec, directory: Path) -> bool:
+    """Return whether what lies in a directory belongs to this scene."""
+    return read_json(directory / INPUT) == json.loads(json.dumps(scene.to_dict()))
 
 
-def _read(path: Path) -> dict[str, Any] | None:
+def read_json(path: Path) -> dict[str, Any] | None:
+    """Return the table in a file, or None if there is none."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -124,72 +130,25 @@ def _read(path: Path) -> dict[str, Any] | None:
     return found if isinstance(found, dict) else None
 
 
-WAITING = "waiting"
-
-FACTS = ("status", "message", "steps", "tangents", "wall_seconds")
-
-
-class SweepTable:
-    """``sweep.csv``, replaced whenever a row changes, so that it can be read at any time.
-
-    Columns: the varied keys, `FACTS`, ``EDGE_tension`` (N/m), ``ROLLER_normal_force`` and
-    all else that ``summary.json`` says of a roller, ``directory``.
-
-    Parameters
-    ----------
-    path : Path
-    variants : sequence of Variant
-    """
-
-    def __init__(self, path: Path, variants: Sequence[Variant]) -> None:
-        self.path, self.varied = path, tuple(variants[0].values)
-        self.rows = [
-            {**v.values, "status": WAITING, "directory": v.directory.name} for v in variants
-        ]
-
-    def update(self, number: int, summary: Mapping[str, Any]) -> None:
-        """Fill in what a scene's summary says."""
-        self.rows[number].update(row_of(summary))
-
-    def fail(self, number: int, error: BaseException) -> None:
-        """Say that a scene could not be run, and why; it is tried again next time."""
-        message = f"{type(error).__name__}: {error}"
-        self.rows[number].update(status="failed", message=" ".join(message.split()))
-
-    def write(self) -> None:
-        """Write all rows."""
-        first = (*self.varied, *FACTS)
-        found = dict.fromkeys(column for row in self.rows for column in row)
-        more = [column for column in found if column not in (*first, "directory")]
-        write_table(self.path, (*first, *more, "directory"), self.rows)
-
-
 def row_of(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """What the table says of a scene, from its ``summary.json``."""
+    """Return the columns of the table for a scene, from its ``summary.json``."""
     row = {fact: summary.get(fact) for fact in FACTS}
     for edge, values in summary.get("edges", {}).items():
         row[f"{edge}_tension"] = values["tension"]
-    for roller, values in summary.get("rollers", {}).items():
-        row |= _flat(roller, values)
-    return row
+    return {**row, **flatten(summary.get("rollers", {}))}
 
 
-def _flat(name: str, value: Any) -> dict[str, Any]:
-    """Columns of a value, one for each number that it holds."""
-    if not isinstance(value, Mapping):
-        return {name: value}
-    parts = [_flat(f"{name}_{key}", inner) for key, inner in value.items()]
-    return {key: inner for part in parts for key, inner in part.items()}
-
-
-CURVES = 7
-"""Most values of a second key that are drawn as curves; more of them make a map."""
-
-Row = Mapping[str, Any]
+def flatten(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return nested tables as one, the names on the way joined by underscores."""
+    flat: dict[str, Any] = {}
+    for key, value in tables.items():
+        name = f"{prefix}{key}"
+        flat |= flatten(value, f"{name}_") if isinstance(value, Mapping) else {name: value}
+    return flat
 
 
 def figure(rows: Sequence[Row], varied: Sequence[str]) -> bytes:
-    """A panel for every roller: tension ratio against the first key; a PNG.
+    """Draw a panel for every roller: tension ratio against the first key; return a PNG.
 
     A second key makes curves, or a map if it has many values; further keys more curves.
     Without rollers the tensions of the edges are drawn. What has not ended is left out.
@@ -197,110 +156,85 @@ def figure(rows: Sequence[Row], varied: Sequence[str]) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    names = shown(rows)
-    figure = Figure(figsize=(4.8 * len(names), 3.8), dpi=130, layout="constrained")
-    panels = figure.subplots(1, len(names), squeeze=False)[0]
-    several = len(varied) == 2 and len(values_of(rows, varied[1])) > CURVES
-    for axes, name in zip(panels, names, strict=True):
-        (_map if several else _curves)(axes, rows, varied, name)
-        axes.set_xlabel(varied[0])
+    drawn = {name for row in rows for name in row if row[name] is not None}
+    found = [name for name in dict.fromkeys(name for row in rows for name in row) if name in drawn]
+    ratios = [name for name in found if name.endswith("_tension_ratio")]
+    columns = ratios or ["entry_tension", "exit_tension"]
+    figure = Figure(figsize=(4.8 * len(columns), 3.8), dpi=130, layout="constrained")
+    panels = figure.subplots(1, len(columns), squeeze=False)[0]
+    second = {json.dumps(row[varied[1]]) for row in rows} if len(varied) == 2 else set()
+    draw = draw_map if len(second) > CURVES else draw_curves
+    for axes, name in zip(panels, columns, strict=True):
+        values = [np.nan if row.get(name) is None else row[name] for row in rows]
+        draw(axes, rows, varied, values)
         axes.set_title(name.replace("_", " "))
     stream = BytesIO()
     FigureCanvasAgg(figure).print_png(stream)
     return stream.getvalue()
 
 
-def shown(rows: Sequence[Row]) -> list[str]:
-    """Columns that are drawn."""
-    ratios = dict.fromkeys(
-        name
-        for row in rows
-        for name, value in row.items()
-        if name.endswith("_tension_ratio") and value is not None
-    )
-    return list(ratios) or ["entry_tension", "exit_tension"]
-
-
-def values_of(rows: Sequence[Row], key: str) -> list[str]:
-    """Values that a key takes, as text, in their order."""
-    return list(dict.fromkeys(json.dumps(row[key]) for row in rows))
-
-
-def places(rows: Sequence[Row], key: str) -> tuple[dict[str, float], bool]:
-    """Where the values of a key lie on an axis, and whether they are numbers."""
-    values = values_of(rows, key)
-    numbers = [json.loads(value) for value in values]
-    if all(isinstance(v, int | float) and not isinstance(v, bool) for v in numbers):
-        return dict(zip(values, map(float, numbers), strict=True)), True
-    return {value: float(place) for place, value in enumerate(values)}, False
-
-
-def _ticks(axes: Axes, which: str, where: Mapping[str, float], numeric: bool) -> None:
-    """Names of values that are no numbers; a logarithmic axis for decades."""
-    places = np.array(list(where.values()))
-    if not numeric:
-        axes.set(**{f"{which}ticks": places, f"{which}ticklabels": list(where)})
-    elif places.min() > 0.0 and places.max() >= 100.0 * places.min():
-        axes.set(**{f"{which}scale": "log"})
-
-
-def _curves(axes: Axes, rows: Sequence[Row], varied: Sequence[str], name: str) -> None:
+def draw_curves(
+    axes: Axes, rows: Sequence[Row], varied: Sequence[str], values: Sequence[float]
+) -> None:
+    """Draw values against the first key, a curve for each choice of the others."""
     first, *others = varied
-    where, numeric = places(rows, first)
     curves: dict[str, list[tuple[float, float]]] = {}
-    for row in rows:
+    for row, place, value in zip(rows, axis_places(axes.xaxis, rows, first), values, strict=True):
         label = ", ".join(f"{key} = {json.dumps(row[key])}" for key in others)
-        value = row.get(name)
-        point = (where[json.dumps(row[first])], np.nan if value is None else value)
-        curves.setdefault(label, []).append(point)
+        curves.setdefault(label, []).append((place, value))
     for label, points in curves.items():
         axes.plot(*np.array(sorted(points)).T, marker="o", markersize=3, label=label)
-    _ticks(axes, "x", where, numeric)
     axes.spines[["top", "right"]].set_visible(False)
     if others and len(curves) <= 2 * CURVES:
         axes.legend(frameon=False, fontsize=7)
 
 
-def _map(axes: Axes, rows: Sequence[Row], varied: Sequence[str], name: str) -> None:
-    (x, *x_kind), (y, *y_kind) = (places(rows, key) for key in varied)
+def draw_map(
+    axes: Axes, rows: Sequence[Row], varied: Sequence[str], values: Sequence[float]
+) -> None:
+    """Draw values by colour over two keys."""
+    x, i = np.unique(axis_places(axes.xaxis, rows, varied[0]), return_inverse=True)
+    y, j = np.unique(axis_places(axes.yaxis, rows, varied[1]), return_inverse=True)
     grid = np.full((len(y), len(x)), np.nan)
-    for row in rows:
-        i, j = (list(w).index(json.dumps(row[k])) for w, k in ((y, varied[1]), (x, varied[0])))
-        value = row.get(name)
-        grid[i, j] = np.nan if value is None else value
-    columns, lines = (np.argsort(list(w.values())) for w in (x, y))
-    mesh = axes.pcolormesh(
-        np.sort(list(x.values())),
-        np.sort(list(y.values())),
-        np.ma.masked_invalid(grid[np.ix_(lines, columns)]),
-        shading="nearest",
-    )
+    grid[j, i] = values
+    mesh = axes.pcolormesh(x, y, np.ma.masked_invalid(grid), shading="nearest")
     assert axes.figure is not None
     axes.figure.colorbar(mesh, ax=axes)
-    axes.set_ylabel(varied[1])
-    _ticks(axes, "x", x, *x_kind)
-    _ticks(axes, "y", y, *y_kind)
+
+
+def axis_places(axis: Axis, rows: Sequence[Row], key: str) -> list[float]:
+    """Prepare an axis for a key and return the place of every row on it.
+
+    Values that are no numbers stand side by side; decades get a logarithmic axis.
+    """
+    axes, horizontal = axis.axes, axis is axis.axes.xaxis
+    axis.set_label_text(key)
+    texts = [json.dumps(row[key]) for row in rows]
+    values = list(dict.fromkeys(texts))
+    try:
+        places = {value: float(value) for value in values}
+    except ValueError:
+        places = {value: float(place) for place, value in enumerate(values)}
+        ticks = list(places.values())
+        axis.set_ticks(ticks, labels=values)
+        axes.update_datalim(np.column_stack([ticks, ticks]), horizontal, not horizontal)
+    else:
+        if 0.0 < 100.0 * min(places.values()) <= max(places.values()):
+            (axes.set_xscale if horizontal else axes.set_yscale)("log")
+    return [places[text] for text in texts]
 
 
 @dataclass(frozen=True)
 class Ended:
-    """A scene of a sweep that has come to its end.
+    """A scene of a sweep that has come to its end."""
 
-    Attributes
-    ----------
-    row : dict
-        Of the table.
-    done, total : int
-        Scenes that have ended, those of earlier calls included; all scenes.
-    """
-
-    row: dict[str, Any]
-    done: int
+    row: dict[str, Any]  # of the table
+    done: int  # scenes that have ended, those of earlier calls included
     total: int
 
     @property
     def fraction(self) -> float:
-        """Of the sweep."""
+        """Share of the sweep that is done."""
         return self.done / self.total
 
     def __str__(self) -> str:
@@ -311,7 +245,11 @@ class Ended:
 
 
 class Sweep:
-    """All scenes of a parameter study, and their table.
+    """All scenes of a parameter study, and their table ``sweep.csv``.
+
+    The table has a row for every scene, and is replaced whenever one changes, so that it can be
+    read at any time.  Columns: the varied keys, `FACTS`, ``EDGE_tension`` (N/m),
+    ``ROLLER_normal_force`` and all else that ``summary.json`` says of a roller, ``directory``.
 
     Parameters
     ----------
@@ -320,7 +258,7 @@ class Sweep:
     variations, settings : iterable of str
         Options ``--vary`` and ``--set``.
     directory : path
-        Of the table and the figure; scenes get directories inside.
+        For the table and the figure; scenes get directories inside.
 
     Raises
     ------
@@ -332,7 +270,7 @@ class Sweep:
     A client of any dask cluster will do, as long as its workers see the same files::
 
         sweep = Sweep("capstan.toml", ["friction.coefficient=0.1:0.5:9"], directory="results")
-        with local(workers=2) as client:
+        with local_workers(2) as client:
             for ended in sweep.run(client):
                 print(ended)
         sweep.draw()
@@ -347,21 +285,18 @@ class Sweep:
         directory: str | Path,
     ) -> None:
         self.directory = Path(directory).absolute()
+        self.table = self.directory / "sweep.csv"
         given = tuple(variations), tuple(settings), self.directory
         self.variants: tuple[Variant, ...] = variants(Path(path), *given)
-        self.table = SweepTable(self.directory / "sweep.csv", self.variants)
+        self.rows: list[dict[str, Any]] = []
         self.waiting: list[int] = []
         for number, variant in enumerate(self.variants):
-            summary = ended_summary(variant.scene, variant.directory)
-            if summary is None:
+            row = {**variant.values, "status": "waiting", "directory": variant.directory.name}
+            self.rows.append(row)
+            if (summary := ended_summary(variant.scene, variant.directory)) is None:
                 self.waiting.append(number)
             else:
-                self.table.update(number, summary)
-
-    @property
-    def rows(self) -> list[dict[str, Any]]:
-        """Of the table, one for every scene."""
-        return self.table.rows
+                row.update(row_of(summary))
 
     @property
     def stopped(self) -> list[dict[str, Any]]:
@@ -371,39 +306,44 @@ class Sweep:
     def run(self, client: Client) -> Iterator[Ended]:
         """Run what is left, as many scenes at once as there are workers.
 
-        Whatever order they end in, the table has them in their own.
+        Whatever order they end in, the table has them in their own.  A scene that could not be
+        run has the reason in its row, and is tried again next time.
         """
         from distributed import as_completed
 
         self.directory.mkdir(parents=True, exist_ok=True)
-        self.table.write()
-        jobs = {
-            client.submit(run_scene, v.scene, v.directory, pure=False): number
-            for number in self.waiting
-            for v in [self.variants[number]]
-        }
+        self.write_table()
+        jobs = {}
+        for number in self.waiting:
+            variant = self.variants[number]
+            job = client.submit(run_scene, variant.scene, variant.directory, pure=False)
+            jobs[job] = number
+        total = len(self.variants)
         try:
             for job in as_completed(list(jobs)):
-                yield self._ended(jobs[job], job)
+                row = self.rows[jobs[job]]
+                if (error := job.exception()) is None:
+                    row.update(row_of(job.result()))
+                else:
+                    words = f"{type(error).__name__}: {error}".split()
+                    row.update(status="failed", message=" ".join(words))
+                self.waiting.remove(jobs[job])
+                self.write_table()
+                yield Ended(row, total - len(self.waiting), total)
         finally:
             client.cancel(list(jobs))
 
-    def _ended(self, number: int, job: Any) -> Ended:
-        error = job.exception()
-        if error is None:
-            self.table.update(number, job.result())
-        else:
-            self.table.fail(number, error)
-        self.waiting.remove(number)
-        self.table.write()
-        total = len(self.variants)
-        return Ended(self.rows[number], total - len(self.waiting), total)
+    def write_table(self) -> None:
+        """Write all rows of ``sweep.csv``."""
+        first = (*self.variants[0].values, *FACTS)
+        found = dict.fromkeys(column for row in self.rows for column in row)
+        more = [column for column in found if column not in (*first, "directory")]
+        write_table(self.table, (*first, *more, "directory"), self.rows)
 
     def draw(self) -> Path:
         """Draw ``sweep.png`` of what there is so far."""
-
         path = self.directory / "sweep.png"
-        self.table.write()
+        self.write_table()
         with atomic_write(path) as temporary:
-            temporary.write_bytes(figure(self.rows, self.table.varied))
+            temporary.write_bytes(figure(self.rows, tuple(self.variants[0].values)))
         return path
