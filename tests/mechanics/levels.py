@@ -1,7 +1,6 @@
 """Small strips of every level of description, and orders of a residual along a line."""
 
 import numpy as np
-from orders import orders
 
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
@@ -16,6 +15,7 @@ from anmstrip.mechanics.loads import Pretension, edge_moment, edge_tension, pres
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from anmstrip.timestepping.formulas import AffineVelocity
+from orders import orders
 
 XS, YS = np.array([-0.5, -0.2, 0.0, 0.1, 0.5]), np.array([-0.2, 0.0, 0.3])
 WIDTH, THICKNESS = 0.5, 1e-2

@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from orders import orders
-from shapes import linear, rolled
 
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
@@ -19,6 +17,8 @@ from anmstrip.mechanics.loads import weight
 from anmstrip.mechanics.roller import Roller, Sides, combine
 from anmstrip.taylor.series import taylor
 from anmstrip.timestepping.formulas import AffineVelocity
+from orders import orders
+from shapes import linear, rolled
 
 XS, YS = np.array([-0.3, -0.1, 0.0, 0.05, 0.3]), np.array([-0.2, 0.0, 0.3])
 RADIUS = 0.4

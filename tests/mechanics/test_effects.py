@@ -4,8 +4,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from orders import orders
-from shapes import linear, rolled, rotation
 
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
@@ -16,6 +14,8 @@ from anmstrip.mechanics.loads import edge_force, weight
 from anmstrip.mechanics.shell import Membrane, isometric_bending, plane_stress
 from anmstrip.simulation.stages import stretched
 from anmstrip.taylor.series import taylor
+from orders import orders
+from shapes import linear, rolled, rotation
 
 XS, YS = np.array([-0.5, -0.2, 0.0, 0.1, 0.5]), np.array([-0.2, 0.0, 0.3])
 

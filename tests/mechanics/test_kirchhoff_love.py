@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from levels import free_equations, random_unknowns, strip_of
-from shapes import linear, rolled, rotation
 
 from anmstrip.fem.constraints import simple_support, symmetry
 from anmstrip.fem.geometry import reference_surface
@@ -12,6 +10,8 @@ from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.mechanics.effect_series import Controls
 from anmstrip.mechanics.loads import edge_force, edge_moment, pressure, weight
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
+from levels import free_equations, random_unknowns, strip_of
+from shapes import linear, rolled, rotation
 
 RADIUS = 2.0
 

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from levels import XS, YS, effect_of, free_equations, random_unknowns, strip_of
-from shapes import linear, rolled
 
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.equilibrium import Equilibrium, Model
@@ -14,6 +12,8 @@ from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effect_series import Controls
 from anmstrip.mechanics.loads import Pretension, edge_force, edge_tension, pressure, weight
 from anmstrip.mechanics.shell import Membrane, isometric_bending
+from levels import XS, YS, effect_of, free_equations, random_unknowns, strip_of
+from shapes import linear, rolled
 
 FINE = np.linspace(-0.5, 0.5, 41)
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from levels import HOFF, LAW, random_unknowns, strip_of
 from scipy.optimize import minimize
-from shapes import linear, rolled, rotation
 
 from anmstrip.fem.sampling import ContactOperator
 from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.roller import Roller, Sides, polynomial
+from levels import HOFF, LAW, random_unknowns, strip_of
+from shapes import linear, rolled, rotation
 
 number = st.floats(-1.0, 1.0)
 axes = st.tuples(number, number, number).filter(lambda a: np.linalg.norm(a) > 1e-3)

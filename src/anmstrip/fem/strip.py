@@ -125,7 +125,7 @@ class Strip:
         return np.concatenate([points, missing])
 
     def frames(self, basis: Any = None) -> Frames:
-        """Of the reference at the quadrature points of the strip, or of another basis."""
+        """Frames of the reference at the quadrature points of the strip, or of another basis."""
         if self.surface is None:
             level = self.kinematics
             straight = np.zeros((level.count, len(PAIRS[level.directions]), 1))

@@ -67,20 +67,11 @@ class Signorini:
     """R (R/K + h) = η (δ − h): the paper's law (5c).
 
     Repulsive for h < δ only; beyond it tends to the small attraction −η.
-
-    Attributes
-    ----------
-    stiffness : float
-        K (N/m, or Pa/m).
-    eta : float
-        η (N, or Pa).
-    delta : float
-        δ (m), the gap at which the reaction vanishes; η < K δ.
     """
 
-    stiffness: float
-    eta: float
-    delta: float
+    stiffness: float  # K (N/m, or Pa/m)
+    eta: float  # η (N, or Pa)
+    delta: float  # δ (m), where (5c) vanishes; η < K δ
 
     def __call__(self, gap: Any) -> Any:
         """Reaction at a gap."""
@@ -96,13 +87,12 @@ class RepulsiveSignorini(ContactLaw):
     """R (R/K + h) = η δ: everywhere repulsive, for surfaces with distant nodes.
 
     It agrees with (5c) where |h| ≪ δ and decays like η δ/h, so that a strip
-    feels no attraction from a roller that it does not touch.  Attributes as in
-    :class:`Signorini`.
+    feels no attraction from a roller that it does not touch.
     """
 
-    stiffness: float
-    eta: float
-    delta: float
+    stiffness: float  # K (N/m, or Pa/m)
+    eta: float  # η (N, or Pa)
+    delta: float  # δ (m), where (5c) vanishes; η < K δ
 
     def __call__(self, gap: Any) -> Any:
         """Reaction at a gap."""
@@ -124,7 +114,7 @@ class RepulsiveSignorini(ContactLaw):
 
     @property
     def words(self) -> str:
-        """For a report."""
+        """Description for a report."""
         return f"K = {self.stiffness:.3g} Pa/m"
 
 
@@ -139,17 +129,10 @@ class GradedSignorini(ContactLaw):
 
     A strip pressed by p₀ lies on the surface, h = 0, and sinks by w for every factor of e in the
     pressure.  The law has no singularity anywhere, and friction does not reach far.
-
-    Attributes
-    ----------
-    pressure : float
-        p₀ (Pa).
-    width : float
-        w (m).
     """
 
-    pressure: float
-    width: float
+    pressure: float  # p₀ (Pa)
+    width: float  # w (m)
 
     def __call__(self, gap: Any) -> Any:
         """Reaction at a gap, at most that at a depth of ``DEEPEST`` widths."""
@@ -168,7 +151,7 @@ class GradedSignorini(ContactLaw):
 
     @property
     def words(self) -> str:
-        """For a report."""
+        """Description for a report."""
         return f"without penetration at {self.pressure:.3g} Pa"
 
 
@@ -213,23 +196,12 @@ class NortonHoff(FrictionLaw):
 
     Invertible, and not bounded by f: at |v| = 10 V_c and q = 0.1 the ratio
     |R_T|/R_N is 1.26 f.
-
-    Attributes
-    ----------
-    coefficient : float, or ndarray of shape (points,)
-        f.
-    exponent : float
-        q in (0, 1]; 0 would be Coulomb's law.
-    omega : float
-        ω, width of the smoothed corner in units of V_c.
-    speed : float
-        V_c (m/s).
     """
 
-    coefficient: Any
-    exponent: float
-    omega: float
-    speed: float
+    coefficient: Any  # f, a number or (points,)
+    exponent: float  # q in (0, 1]; 0 would be Coulomb's law
+    omega: float  # ω, width of the smoothed corner in units of V_c
+    speed: float  # V_c (m/s)
 
     def __call__(self, normal: Any, slip: Any) -> Any:
         """Tangential reaction, components on the first axis."""
@@ -240,15 +212,11 @@ class NortonHoff(FrictionLaw):
 
 @dataclass(frozen=True)
 class Tanh(FrictionLaw):
-    """R_T = −f R_N tanh(|v|_reg / V_c) v / |v|_reg: bounded by f.
+    """R_T = −f R_N tanh(|v|_reg / V_c) v / |v|_reg: bounded by f."""
 
-    Attributes as in :class:`NortonHoff`, without exponent; ω only keeps the
-    direction of slip smooth at rest.
-    """
-
-    coefficient: Any
-    omega: float
-    speed: float
+    coefficient: Any  # f, a number or (points,)
+    omega: float  # ω, which only keeps the direction of slip smooth at rest
+    speed: float  # V_c (m/s)
 
     def __call__(self, normal: Any, slip: Any) -> Any:
         """Tangential reaction, components on the first axis."""
@@ -273,7 +241,7 @@ def cone_speed(law: FrictionLaw) -> float:
 
 
 def _speed_where(law: FrictionLaw, excess: Callable[[float, float], float]) -> float:
-    """Where an increasing function of |R_T|/(f R_N) and |v|/V_c vanishes."""
+    """Speed at which an increasing function of |R_T|/(f R_N) and |v|/V_c vanishes."""
     from scipy.optimize import brentq
 
     unit = law.with_coefficient(1.0)

@@ -139,18 +139,10 @@ class Pretension(LawEffect):
 
 @dataclass(frozen=True)
 class Drag(LawEffect):
-    """Residual c v per area.
+    """Residual c v per area."""
 
-    Attributes
-    ----------
-    operator : Operator
-        Values at points, with areas as weights.
-    coefficient : float
-        c (Pa s/m).
-    """
-
-    operator: Operator
-    coefficient: float
+    operator: Operator  # values at points, with areas as weights
+    coefficient: float  # c (Pa s/m)
 
     name = "drag"
     rate_dependent = True

@@ -78,7 +78,7 @@ class CaseReport:
 
     @property
     def message(self) -> str:
-        """How it ended, as a sentence."""
+        """The outcome as a sentence."""
         if self.solution.stopped is not None:
             return f"stopped: {self.solution.stopped}"
         if self.solution.error > self.tolerance:
@@ -87,20 +87,21 @@ class CaseReport:
 
     def summary(self) -> dict[str, object]:
         """Content of ``case.json``."""
-        return {
-            "name": self.name,
-            "scheme": self.scheme,
-            "order": self.order,
-            "tolerance": self.tolerance,
-            "message": self.message,
-            "steps": self.steps,
+        keys = [
+            "name",
+            "scheme",
+            "order",
+            "tolerance",
+            "message",
+            "steps",
+            "tangents",
+            "seconds",
+            "error",
+        ]
+        return {key: getattr(self, key) for key in [*keys, "error_at_equal_times"]} | {
             "paper_steps": PAPER_STEPS[self.name],
             "passes": self.solution.passes,
-            "tangents": self.tangents,
-            "seconds": self.seconds,
             "end": {"time": self.rows[-1, 0], "ux": self.end[0], "uy": self.end[1]},
-            "error": self.error,
-            "error_at_equal_times": self.error_at_equal_times,
             "estimated_error": self.solution.error,
             "events": [asdict(event) for event in self.events],
             "unstable": [str(stretch) for stretch in self.unstable],
@@ -212,7 +213,7 @@ def table_rows(case: MassSpring, solution: CaseSolution, times: Array) -> Array:
     for row in rows:
         u, v = solution.path(row[0])
         row[1 : 1 + case.size], row[3 : 3 + case.size] = u, v
-        row[5:] = [float(np.squeeze(r)) for r in case.reactions(u, v, row[0])]
+        row[5:] = [float(np.squeeze(r)) for r in case.forces(*case.contact(u), v)]
     return rows
 
 

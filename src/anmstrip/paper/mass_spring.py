@@ -95,10 +95,6 @@ class MassSpring(ABC):
         slip = np.stack([self.slip_along(n, v)])
         return normal, p.friction(p.regular_normal(normal), slip)[0]
 
-    def reactions(self, u: Any, v: Any, t: Any) -> tuple[Any, Any]:
-        """Normal and tangential reaction (N)."""
-        return self.forces(*self.contact(u), v)
-
     def residual(self, u: Any, v: Any, t: Any) -> Any:
         """Equilibrium with the law of friction, equations (3) or (5a) and (5b)."""
         h, n = self.contact(u)

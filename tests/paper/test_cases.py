@@ -18,7 +18,7 @@ from anmstrip.paper.references import coulomb, reference_solution
 from anmstrip.paper.schemes import events_of, explicit_scheme, solve_case
 from anmstrip.results import files as history
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 PICTURES = {
     "pressed-plane": ["displacement", "friction-law-omega", "friction-law-q"],
     "moving-plane": ["displacement"],

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from levels import XS, random_unknowns, strip_of
 
 from anmstrip.fem.operators import CellOperator, Pattern
 from anmstrip.fem.sampling import l2_projection, quadrature_points
+from levels import XS, random_unknowns, strip_of
 
 
 @pytest.mark.parametrize("level", ["shell", "section", "plate"])
