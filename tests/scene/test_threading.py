@@ -12,12 +12,11 @@ from threaded import BRIDLE, LEVELLER, ONE, TOWER, ended, roller, scene_of, turn
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.errors import InputError
 from anmstrip.mechanics.loads import Guide
-from anmstrip.mechanics.shell import Membrane
+from anmstrip.mechanics.shell import Membrane, uniaxial_stretches
 from anmstrip.mechanics.string_path import FixedEnd, string_path
 from anmstrip.simulation import march
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
-from anmstrip.simulation.threading import stretches
 from runs import finished
 from strips import threaded
 
@@ -26,7 +25,7 @@ SCENES = {"one": ONE, "bridle": BRIDLE, "tower": TOWER, "leveller": LEVELLER}
 
 @pytest.mark.parametrize("tension", [1.0, 1e4, 1e7])
 def test_stretches_are_those_of_a_strip_under_tension(tension: float) -> None:
-    along, across = stretches(tension, 2e8, 0.3)
+    along, across = uniaxial_stretches(tension, 2e8, 0.3)
     strain = 0.5 * (along**2 - 1.0)
     assert along * 2e8 * strain == pytest.approx(tension, rel=1e-6)
     assert across**2 == pytest.approx(1.0 - 0.6 * strain)

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from anmstrip.continuation.expansion import Cost
 from anmstrip.continuation.follow import Pace
 from anmstrip.continuation.status import Outcome, PathStopped
-from anmstrip.driver.diagnosis import Failure, diagnosis
 from anmstrip.driver.recorder import Recorder
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import SHELL
@@ -205,6 +204,8 @@ class Run:
                 yield from self._run_stage(stage)
             self.outcome, self.message = Outcome.DONE, self._success()
         except PathStopped as stopped:
+            from anmstrip.driver.diagnosis import Failure, diagnosis
+
             self.outcome = stopped.outcome
             stage = course[min(self.first_stage, len(course) - 1)]
             state = self.march.here(self.march.course.plan(stage, {}))

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from anmstrip.driver.run import Run
-from anmstrip.driver.sharpening import SharpenedRun
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.simulation.problem import EffectMaker
 
@@ -47,5 +46,7 @@ class Scene(SceneSpec):
         Run
         """
         if self.friction is not None and self.friction.regularisation == "auto":
+            from anmstrip.driver.sharpening import SharpenedRun
+
             return SharpenedRun(self, directory, resume=resume, effects=effects)
         return Run(self, directory, resume=resume, effects=effects)

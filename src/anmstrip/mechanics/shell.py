@@ -83,6 +83,23 @@ class Membrane(LawEffect):
         return np.einsum("abcd,cd...->ab...", self.stiffness, product)
 
 
+def uniaxial_stretches(
+    tension: float, tensile_stiffness: float, poisson: float
+) -> tuple[float, float]:
+    """Return the stretches along and across a strip under tension.
+
+    The strain E along solves T = √(1 + 2E) E_young t E; the strip contracts across by −ν E.
+    """
+    strain = tension / tensile_stiffness
+    for _ in range(30):
+        stretch = np.sqrt(1.0 + 2.0 * strain)
+        change = (tensile_stiffness * strain * stretch - tension) / (
+            tensile_stiffness * (stretch + strain / stretch)
+        )
+        strain -= change
+    return float(np.sqrt(1.0 + 2.0 * strain)), float(np.sqrt(1.0 - 2.0 * poisson * strain))
+
+
 def principal(forces: Array) -> tuple[Array, Array]:
     """Principal membrane forces (N/m), ascending, (points, d), and directions (points, d, d).
 

@@ -19,7 +19,6 @@ from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.results.state import State
 from anmstrip.scene.schema import StageSpec
 from anmstrip.scene.tables import THREADING
-from anmstrip.simulation.feed import Feed, relabelled
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course, stretched
 from anmstrip.timestepping.formulas import Memory, start_memory
@@ -27,6 +26,7 @@ from anmstrip.timestepping.implicit import UNHURRIED, Stepping, TimeStep, integr
 
 if TYPE_CHECKING:
     from anmstrip.results.events import Event
+    from anmstrip.simulation.feed import Feed
 
 Array = NDArray[np.float64]
 
@@ -117,7 +117,11 @@ class March:
         self.memory: Memory | None = None
         self.slack = False
         self.past: StageProblem | None = None
-        self.feed = Feed(assembly.strip) if assembly.scene.strip.feed else None
+        self.feed: Feed | None = None
+        if assembly.scene.strip.feed:
+            from anmstrip.simulation.feed import Feed
+
+            self.feed = Feed(assembly.strip)
 
     def planned(self, stage: StageSpec, state: State | None) -> StageProblem:
         """A stage ready to be solved; what it releases goes on as a load."""
@@ -270,6 +274,8 @@ class March:
         elements = self._due()
         if self.feed is None or not elements:
             return plan, memory
+        from anmstrip.simulation.feed import relabelled
+
         with unbroken():
             plan, memory = relabelled(self.feed, elements, plan, self.course, memory)
             self.full = self.feed.moved(self.full, elements)

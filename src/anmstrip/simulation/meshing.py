@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,9 @@ from skfem import MeshLine, MeshQuad
 from anmstrip.errors import InputError, Mistake
 from anmstrip.fem.strip import grid, line
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.simulation.threading import Thread
+
+if TYPE_CHECKING:
+    from anmstrip.simulation.threading import Thread
 
 Array = NDArray[np.float64]
 

@@ -30,15 +30,14 @@ from anmstrip.mechanics.loads import (
 )
 from anmstrip.mechanics.roller import Roller, Sides
 from anmstrip.mechanics.shell import Membrane
-from anmstrip.scene.mesh_file import read_mesh
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
 from anmstrip.simulation.meshing import largest_force, strip_mesh
-from anmstrip.simulation.threading import Thread, thread_of
 
 if TYPE_CHECKING:
     from anmstrip.fem.sampling import ContactOperator
     from anmstrip.mechanics.contact import Contact, Friction
     from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
+    from anmstrip.simulation.threading import Thread
 
 GENTLE = {
     "crown": "crown = [0.0, -{:g}]",
@@ -178,17 +177,22 @@ class Assembly:
     @cached_property
     def thread(self) -> Thread | None:
         """Path of a threaded strip around its rollers."""
+        if self.scene.threading is None:
+            return None
+        from anmstrip.simulation.threading import thread_of
+
         return thread_of(self.scene, self.rollers)
 
     @cached_property
     def strip(self) -> Strip:
         """Mesh and basis."""
         spec = self.scene.strip
-        mesh = (
-            strip_mesh(self.scene, self.thread)
-            if spec.mesh is None
-            else renumbered(read_mesh(self.scene))
-        )
+        if spec.mesh is None:
+            mesh = strip_mesh(self.scene, self.thread)
+        else:
+            from anmstrip.scene.mesh_file import read_mesh
+
+            mesh = renumbered(read_mesh(self.scene))
         width = spec.width or 1.0
         strip = Strip(mesh, spec.thickness, self.material, self.kinematics, width)
         check_geometry(self.scene, strip, self.rollers)

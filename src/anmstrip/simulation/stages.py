@@ -11,9 +11,9 @@ from anmstrip.equilibrium import Model, StageProblem
 from anmstrip.fem.constraints import Supports
 from anmstrip.fem.sampling import l2_projection, quadrature_points
 from anmstrip.mechanics.effect_series import Controls
+from anmstrip.mechanics.shell import uniaxial_stretches
 from anmstrip.scene.schema import StageSpec
 from anmstrip.simulation.problem import Assembly, middle_node
-from anmstrip.simulation.threading import stretches
 
 Array = NDArray[np.float64]
 
@@ -186,7 +186,7 @@ def stretched(assembly: Assembly, tension: float) -> Array:
         T (N/m) along x.
     """
     strip = assembly.strip
-    along, across = stretches(tension, strip.tensile_stiffness, strip.material.poisson)
+    along, across = uniaxial_stretches(tension, strip.tensile_stiffness, strip.material.poisson)
     p = quadrature_points(strip)
     middle = 0.5 * (strip.nodes[1].min() + strip.nodes[1].max())
     x, y = (along - 1.0) * (p[0] - strip.nodes[0].min()), (across - 1.0) * (p[1] - middle)

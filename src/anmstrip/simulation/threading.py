@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from anmstrip.errors import InputError, Mistake
 from anmstrip.mechanics.roller import Roller
+from anmstrip.mechanics.shell import uniaxial_stretches
 
 if TYPE_CHECKING:
     from anmstrip.fem.operators import Pattern
@@ -29,21 +30,6 @@ DEEPEST = 0.5
 
 RELAXATION_ORDER, RELAXATION_TOLERANCE = 8, 1e-4
 """Of the path that lets the guess slide into place: almost linear, and a guess."""
-
-
-def stretches(tension: float, tensile_stiffness: float, poisson: float) -> tuple[float, float]:
-    """Stretch along and across a strip under tension.
-
-    The strain E along solves T = √(1 + 2E) E_young t E; the strip contracts across by −ν E.
-    """
-    strain = tension / tensile_stiffness
-    for _ in range(30):
-        stretch = np.sqrt(1.0 + 2.0 * strain)
-        change = (tensile_stiffness * strain * stretch - tension) / (
-            tensile_stiffness * (stretch + strain / stretch)
-        )
-        strain -= change
-    return float(np.sqrt(1.0 + 2.0 * strain)), float(np.sqrt(1.0 - 2.0 * poisson * strain))
 
 
 @dataclass(frozen=True)
@@ -182,16 +168,15 @@ class Thread:
         return np.stack([position[0], y * self.across, position[1]])
 
 
-def thread_of(scene: SceneSpec, rollers: Sequence[Roller]) -> Thread | None:
-    """The way of a scene's strip, ``None`` if it is not threaded.
+def thread_of(scene: SceneSpec, rollers: Sequence[Roller]) -> Thread:
+    """Return the way of a threaded strip.
 
     Raises
     ------
     InputError
         The strip cannot pass a roller on the side that is asked for, or is too short.
     """
-    if scene.threading is None:
-        return None
+    assert scene.threading is not None
     from anmstrip.mechanics.string_path import (
         FixedEnd,
         NoTangentError,
@@ -211,7 +196,7 @@ def thread_of(scene: SceneSpec, rollers: Sequence[Roller]) -> Thread | None:
         np.array([SENSES[sides[roller.name]] for roller in chosen]),
         np.array([_depth(scene, roller) for roller in chosen]),
         tuple(None if p is None else FixedEnd((p[0], p[2])) for p in (spec.entry, spec.exit)),
-        *stretches(spec.tension, m.young * scene.strip.thickness, m.poisson),
+        *uniaxial_stretches(spec.tension, m.young * scene.strip.thickness, m.poisson),
         spec.tension,
         length,
     )

@@ -23,7 +23,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from anmstrip.taylor.numpy_kernels import NumpyExecutor
 from anmstrip.taylor.tape import Tables, Tape, Variable
 
 Array = NDArray[np.float64]
@@ -77,11 +76,16 @@ class Program:
     def __init__(self, tape: Tape, output: Variable, *, compiled: bool = False) -> None:
         self.inputs, self.output, self.points = tuple(tape.inputs), output, tape.points
         self.reusable = not tape.decided
-        block = NumpyExecutor.block
+        kind: type[Executor]
         if compiled and AVAILABLE:
             from anmstrip.taylor.kernels import CompiledExecutor
 
-            block = CompiledExecutor.block
+            kind = CompiledExecutor
+        else:
+            from anmstrip.taylor.numpy_kernels import NumpyExecutor
+
+            kind = NumpyExecutor
+        block = kind.block
         self.blocks = max(-(-self.points // block), 1)
         self.lanes = -(-self.points // self.blocks)
         code = np.array(tape.code, dtype=np.int64).reshape(-1, 5)
@@ -95,8 +99,7 @@ class Program:
             output.rows.ravel(),
         )
         self.kept = int(self.tables.kept.max(initial=-1)) + 1
-        made = CompiledExecutor if compiled and AVAILABLE else NumpyExecutor
-        self.executor: Executor = made(self.tables)
+        self.executor: Executor = kind(self.tables)
 
     def start(self, *values: ArrayLike, order: int = 1) -> Orders:
         """Compute order 0 at a state, the values of the inputs."""
