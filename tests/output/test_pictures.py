@@ -11,13 +11,13 @@ import pytest
 from matplotlib.colors import to_rgb
 from PIL import Image
 from PIL.ImageSequence import Iterator
-from wrapped_strip import lattice, tensor_grids, wrapped, write_state
 
 from anmstrip.errors import InputError
 from anmstrip.pictures import render as pictures
 from anmstrip.pictures.render import render
 from anmstrip.pictures.views import Eye
 from anmstrip.results.vtk import Collection, read_surface, subdivide, write_surface
+from wrapped_strip import lattice, tensor_grids, wrapped, write_state
 
 PROBE = "import pyvista; pyvista.Sphere().plot(off_screen=True, screenshot='probe.png')"
 RED, GREY = "#8c1c2b", "#8d9197"
