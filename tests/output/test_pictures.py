@@ -11,13 +11,13 @@ import pytest
 from matplotlib.colors import to_rgb
 from PIL import Image
 from PIL.ImageSequence import Iterator
-from wrapped_strip import lattice, tensor_grids, wrapped, write_state
 
 from anmstrip.errors import InputError
 from anmstrip.pictures import render as pictures
 from anmstrip.pictures.render import render
 from anmstrip.pictures.views import Eye
 from anmstrip.results.vtk import Collection, read_surface, subdivide, write_surface
+from wrapped_strip import lattice, tensor_grids, wrapped, write_state
 
 PROBE = "import pyvista; pyvista.Sphere().plot(off_screen=True, screenshot='probe.png')"
 RED, GREY = "#8c1c2b", "#8d9197"
@@ -100,7 +100,7 @@ def test_a_movie_has_all_states(any_renderer, run):
 )
 def test_where_vtk_crashes_one_line_says_what_helps(run, monkeypatch, caplog, program):
     monkeypatch.delenv("ANMSTRIP_RENDERER", raising=False)
-    monkeypatch.setattr(pictures, "_DRAWING", (sys.executable, "-c", program))
+    monkeypatch.setattr(pictures, "DRAWING", (sys.executable, "-c", program))
     with caplog.at_level(logging.WARNING):
         still, _ = render(run)
     assert share_of(pixels(still), GREY) > 0.02
@@ -179,7 +179,7 @@ def test_a_flat_strip_is_drawn(without_opengl, tmp_path):
     ],
 )
 def test_the_scale_starts_at_zero_or_is_even_about_it(values, expected):
-    assert pictures._limits(np.array(values)) == pytest.approx(expected)
+    assert pictures.scale_limits(np.array(values)) == pytest.approx(expected)
 
 
 def test_the_eye_sees_the_whole_box_and_fills_the_picture():
@@ -208,11 +208,11 @@ def test_a_field_written_nearly_right_is_recognised(run):
 
 def test_the_field_chosen_shows_something(without_opengl, run):
     state = read_surface(run / "strip_2.vtu")
-    assert pictures._chosen(state, None) == "normal_pressure"
+    assert pictures.choose_field(state, None) == "normal_pressure"
     state.fields["normal_pressure"][:] = 0.0
-    assert pictures._chosen(state, None) == "von_mises"
+    assert pictures.choose_field(state, None) == "von_mises"
     del state.fields["von_mises"]
-    assert pictures._chosen(state, None) == "displacement"
+    assert pictures.choose_field(state, None) == "displacement"
 
 
 def lose_everything(run):

@@ -90,7 +90,7 @@ T = TypeVar("T")
 
 
 def remembered(parts: dict[bytes, T], points: Index, make: Callable[[Index], T]) -> T:
-    """What belongs to a choice of points, made anew if it is none of the latest ones."""
+    """Object of a choice of points, made anew if it is none of the latest ones."""
     key = points.tobytes()
     if key not in parts:
         while len(parts) >= REMEMBERED:

@@ -87,18 +87,11 @@ class CaseReport:
 
     def summary(self) -> dict[str, object]:
         """Content of ``case.json``."""
-        keys = [
-            "name",
-            "scheme",
-            "order",
-            "tolerance",
-            "message",
-            "steps",
-            "tangents",
-            "seconds",
-            "error",
-        ]
-        return {key: getattr(self, key) for key in [*keys, "error_at_equal_times"]} | {
+        given = ("name", "scheme", "order", "tolerance", "seconds", "error", "error_at_equal_times")
+        return {key: getattr(self, key) for key in given} | {
+            "message": self.message,
+            "steps": self.steps,
+            "tangents": self.tangents,
             "paper_steps": PAPER_STEPS[self.name],
             "passes": self.solution.passes,
             "end": {"time": self.rows[-1, 0], "ux": self.end[0], "uy": self.end[1]},
@@ -183,8 +176,9 @@ def run_case(
     begin = time.perf_counter()
     solution = solve_case(case, scheme, order=order, tolerance=tolerance)
     seconds = time.perf_counter() - begin
-    path = solution.path
-    rows = table_rows(case, solution, np.linspace(0.0, path.knots[-1], ROWS))
+    rows = table_rows(case, solution, np.linspace(0.0, solution.path.knots[-1], ROWS))
+    events = tuple(events_of(case, solution.path.polynomials()))
+    unstable = tuple(instabilities(case.residual, solution.path))
     error = equal = None
     with suppress(ArithmeticError):
         u = rows[:, 1 : 1 + case.size]
@@ -200,8 +194,8 @@ def run_case(
         error,
         equal,
         seconds,
-        tuple(events_of(case, path.polynomials())),
-        tuple(instabilities(case.residual, path)),
+        events,
+        unstable,
     )
     return replace(report, files=write_case(report, Path(directory or f"results/case-{name}")))
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import logging
 import os
+import pickle
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,34 +19,25 @@ from PIL import Image
 
 from anmstrip.errors import InputError, Mistake
 from anmstrip.pictures.plot import draw_plot, draw_side
-from anmstrip.pictures.views import Frame, Job, box, choices
+from anmstrip.pictures.views import Eye, Frame, Job, choices
 from anmstrip.results.files import atomic_write
 from anmstrip.results.vtk import SurfaceMesh, read_collection, read_surface
 
 RENDERER = "ANMSTRIP_RENDERER"
 """Environment variable; `matplotlib` draws without OpenGL."""
 
-_PREFERRED = "normal_pressure", "von_mises", "displacement"
-_SIZE, _MOVIE_SIZE = (1400, 800), (980, 560)
-_MOST_FRAMES = 120
-_FRAME_MILLISECONDS = 80
-_MOVIE_COLOURS = 128
-_TINY = 0.02
-_SECONDS_TO_START, _SECONDS_PER_FRAME = 120.0, 20.0
-_DRAWING = sys.executable, "-P", "-m", "anmstrip.pictures.draw"
-_HELP = (
-    "pyvista cannot draw here (%s); matplotlib drew instead. On Debian and Ubuntu this helps: "
-    "apt install libegl1 libgl1-mesa-dri"
-)
+PREFERRED = "normal_pressure", "von_mises", "displacement"
+SIZE, MOVIE_SIZE = (1400, 800), (980, 560)
+MOST_FRAMES = 120
+FRAME_MILLISECONDS = 80
+MOVIE_COLOURS = 128
+TINY = 0.02
+SECONDS_TO_START, SECONDS_PER_FRAME = 120.0, 20.0
+DRAWING = sys.executable, "-P", "-m", "anmstrip.pictures.draw"
+State = tuple[float, Path, Path | None]
+"""Time, file of the strip, and file of the rollers if there is one."""
 
-_log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class _State:
-    time: float
-    strip: Path
-    rollers: Path | None
+log = logging.getLogger(__name__)
 
 
 def render(
@@ -80,161 +71,142 @@ def render(
         A picture cannot be written.
     """
     folder = Path(directory)
-    states = _states(folder)
-    chosen = _chosen(_surface(states[-1].strip), field)
+    states = list_states(folder)
+    chosen = choose_field(read_state(states[-1][1]), field)
     with TemporaryDirectory(prefix="anmstrip-") as scratch:
-        last = _job(states[-1:], chosen, _SIZE, Path(scratch))
-        pictures = [
-            _drawn(last, _draw_in_space, folder / "picture.png"),
-            _drawn(last, draw_side, folder / "picture_side.png"),
-        ]
+        last = plan_job(states[-1:], chosen, SIZE, Path(scratch))
+        draw_in_space(last)
+        pictures = [save_picture(last, folder / "picture.png")]
+        draw_side(last)
+        pictures.append(save_picture(last, folder / "picture_side.png"))
         if movie:
-            every = _job(_thinned(states), chosen, _MOVIE_SIZE, Path(scratch))
-            pictures.append(_drawn(every, _draw_in_space, folder / "movie.gif"))
+            count = min(len(states), MOST_FRAMES)
+            kept = np.unique(np.linspace(0, len(states) - 1, count).round().astype(int))
+            every = plan_job([states[k] for k in kept], chosen, MOVIE_SIZE, Path(scratch))
+            draw_in_space(every)
+            with atomic_write(folder / "movie.gif") as temporary:
+                first, *others = [quantize(frame.picture) for frame in every.frames]
+                first.save(
+                    temporary,
+                    format="GIF",
+                    save_all=True,
+                    append_images=others,
+                    duration=FRAME_MILLISECONDS,
+                    loop=0,
+                )
+            pictures.append(folder / "movie.gif")
     return pictures
 
 
-def _states(folder: Path) -> list[_State]:
-    """All states of a run, with the rollers at the same times where they were written."""
+def list_states(folder: Path) -> list[State]:
+    """Return all states of a run, with the rollers at the same times where they were written."""
     contents = folder / "strip.pvd"
     if not contents.is_file():
         found = "nothing of that name" if folder.exists() else "no such directory"
-        raise _refused(contents, found)
+        raise refuse_results(contents, found)
     entries = read_collection(contents)
     if not entries:
-        raise _refused(contents, "no states in it")
+        raise refuse_results(contents, "no states in it")
     beside = folder / "rollers.pvd"
     rollers = read_collection(beside) if beside.is_file() else ()
     files = {entry.time: (folder / entry.file).resolve() for entry in rollers}
-    return [
-        _State(entry.time, (folder / entry.file).resolve(), files.get(entry.time))
-        for entry in entries
-    ]
+    return [(e.time, (folder / e.file).resolve(), files.get(e.time)) for e in entries]
 
 
-def _surface(path: Path) -> SurfaceMesh:
+def read_state(path: Path) -> SurfaceMesh:
+    """Read the surface of a state, or refuse a file that is missing or damaged."""
     try:
         return read_surface(path)
     except FileNotFoundError as error:
-        raise _refused(path, "no such file") from error
+        raise refuse_results(path, "no such file") from error
     except ValueError as error:
-        raise _refused(path, str(error)) from error
+        raise refuse_results(path, str(error)) from error
 
 
-def _refused(path: Path, found: str) -> InputError:
-    mistake = Mistake(
-        file=str(path),
-        key="",
-        value=found,
-        expected="the states that a run wrote",
-        hint="anmstrip run SCENE.toml -o DIR, then anmstrip render DIR",
-    )
-    return InputError((mistake,))
+def refuse_results(path: Path, found: str) -> InputError:
+    """Return the error of a file that is not what a run writes."""
+    hint = "anmstrip run SCENE.toml -o DIR, then anmstrip render DIR"
+    return InputError([Mistake(str(path), "", found, "the states that a run wrote", hint)])
 
 
-def _chosen(surface: SurfaceMesh, field: str | None) -> str:
+def choose_field(surface: SurfaceMesh, field: str | None) -> str:
     """Check the field that was asked for, or choose one that shows something."""
     names = list(surface.fields)
     if field is None and names:
-        found = [name for name in _PREFERRED if np.any(np.nan_to_num(surface.fields.get(name, 0)))]
+        found = [name for name in PREFERRED if np.any(np.nan_to_num(surface.fields.get(name, 0)))]
         return [*found, *names][0]
     if field not in choices(names):
         near = get_close_matches(field or "", choices(names), n=1) or names or ["NAME"]
         expected = f"a field of this run: {', '.join(names) or 'it has none'}"
-        raise InputError((Mistake("--field", "", field, expected, f"--field {near[0]}"),))
+        raise InputError([Mistake("--field", "", field, expected, f"--field {near[0]}")])
     return field
 
 
-def _thinned(states: Sequence[_State]) -> list[_State]:
-    count = min(len(states), _MOST_FRAMES)
-    chosen = np.unique(np.linspace(0, len(states) - 1, count).round().astype(int))
-    return [states[k] for k in chosen]
-
-
-def _job(states: Sequence[_State], field: str, size: tuple[int, int], scratch: Path) -> Job:
-    """Choose one scale and one box for all states."""
+def plan_job(states: Sequence[State], field: str, size: tuple[int, int], scratch: Path) -> Job:
+    """Choose one scale and one view for all states."""
     frames = tuple(
-        Frame(
-            str(state.strip),
-            str(state.rollers or ""),
-            state.time,
-            str(scratch / f"{size[0]}_{k:04d}.png"),
-        )
-        for k, state in enumerate(states)
+        Frame(strip, rollers, time, scratch / f"{size[0]}_{k:04d}.png")
+        for k, (time, strip, rollers) in enumerate(states)
     )
-    files = [path for state in states for path in (state.strip, state.rollers) if path]
-    low, high = box(_surface(path) for path in files)
-    values = np.concatenate([frame.strip_coloured(field)[2] for frame in frames])
-    return Job(frames, field, _limits(values), tuple(low.tolist()), tuple(high.tolist()), size)
+    files = [path for frame in frames for path in (frame.strip, frame.rollers) if path]
+    points = np.concatenate([read_state(path).points for path in files])
+    values = np.concatenate([frame.read_strip(field)[2] for frame in frames])
+    eye = Eye.seeing(points.min(axis=0), points.max(axis=0), size)
+    return Job(frames, field, scale_limits(values), eye, size)
 
 
-def _limits(values: NDArray[np.float64]) -> tuple[float, float]:
-    """Ends of a scale: from zero, or even about zero, unless the values stay far from it."""
+def scale_limits(values: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the ends of a scale: from zero, or even about it, unless the values stay far away."""
     finite = values[np.isfinite(values)]
     if not np.any(finite):
         return 0.0, 1.0
     low, high = float(finite.min()), float(finite.max())
     largest = max(-low, high)
-    if min(-low, high) > _TINY * largest:
+    if min(-low, high) > TINY * largest:
         return -largest, largest
     if abs(low + high) / 2.0 < 1.5 * (high - low):
         return (0.0, high) if high > -low else (low, 0.0)
-    room = max(high - low, _TINY * largest) - (high - low)
+    room = max(high - low, TINY * largest) - (high - low)
     return low - 0.5 * room, high + 0.5 * room
 
 
-def _drawn(job: Job, draw: Callable[[Job], None], target: Path) -> Path:
-    """Draw aside, then keep one picture, or all of them in a movie."""
-    draw(job)
+def save_picture(job: Job, target: Path) -> Path:
+    """Keep the picture of the only frame of a job."""
     with atomic_write(target) as temporary:
-        if target.suffix == ".gif":
-            _assemble([frame.picture for frame in job.frames], temporary)
-        else:
-            temporary.write_bytes(Path(job.frames[0].picture).read_bytes())
+        temporary.write_bytes(job.frames[0].picture.read_bytes())
     return target
 
 
-def _assemble(pictures: Sequence[str], target: Path) -> None:
-    first, *others = [_indexed(picture) for picture in pictures]
-    first.save(
-        target,
-        format="GIF",
-        save_all=True,
-        append_images=others,
-        duration=_FRAME_MILLISECONDS,
-        loop=0,
-    )
-
-
-def _indexed(picture: str) -> Image.Image:
+def quantize(picture: Path) -> Image.Image:
+    """Return a picture in the few colours of a movie."""
     with Image.open(picture) as image:
-        return image.convert("RGB").quantize(_MOVIE_COLOURS)
+        return image.convert("RGB").quantize(MOVIE_COLOURS)
 
 
-def _draw_in_space(job: Job) -> None:
+def draw_in_space(job: Job) -> None:
+    """Draw with pyvista in a process of its own, or with matplotlib where that fails."""
     if os.environ.get(RENDERER) == "matplotlib":
-        draw_plot(job)
-    elif reason := _failure_of_pyvista(job):
-        _log.warning(_HELP, reason)
-        draw_plot(job)
-
-
-def _failure_of_pyvista(job: Job) -> str:
-    """Draw in another process; why that failed, or nothing if it did not."""
-    seconds = _SECONDS_TO_START + _SECONDS_PER_FRAME * len(job.frames)
+        return draw_plot(job)
+    seconds = SECONDS_TO_START + SECONDS_PER_FRAME * len(job.frames)
     try:
         done = subprocess.run(
-            _DRAWING,
-            input=job.to_json(),
-            text=True,
-            capture_output=True,
-            timeout=seconds,
-            check=False,
+            DRAWING, input=pickle.dumps(job), capture_output=True, timeout=seconds, check=False
         )
     except subprocess.TimeoutExpired:
-        return f"no picture after {seconds:g} s"
-    if done.returncode < 0:
-        return f"killed by {signal.Signals(-done.returncode).name}"
-    if done.returncode:
-        return (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
-    return "" if all(Path(frame.picture).exists() for frame in job.frames) else "no picture"
+        reason = f"no picture after {seconds:g} s"
+    else:
+        lines = done.stderr.decode(errors="replace").strip().splitlines()
+        if done.returncode < 0:
+            reason = f"killed by {signal.Signals(-done.returncode).name}"
+        elif done.returncode:
+            reason = lines[-1] if lines else f"exit status {done.returncode}"
+        elif all(frame.picture.exists() for frame in job.frames):
+            return None
+        else:
+            reason = "no picture"
+    log.warning(
+        "pyvista cannot draw here (%s); matplotlib drew instead. On Debian and Ubuntu this helps: "
+        "apt install libegl1 libgl1-mesa-dri",
+        reason,
+    )
+    return draw_plot(job)

@@ -2,39 +2,29 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Self
 
 import numpy as np
 from matplotlib.colors import Colormap, LinearSegmentedColormap
 from numpy.typing import NDArray
 
-from anmstrip.results.vtk import Points, SurfaceMesh, read_surface, subdivide
+from anmstrip.results.vtk import Points, read_surface, subdivide
 
 VECTOR = ("x", "y", "z")
 TENSOR = ("xx", "yy", "xy")
-_PREFIXES = {-6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+PREFIXES = {-6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
 @dataclass(frozen=True)
 class Field:
-    """How one field is shown.
-
-    Attributes
-    ----------
-    label : str
-        In words.
-    unit : str
-        SI unit, as printed.
-    components : tuple of str
-        Names of the columns; empty for a scalar.
-    """
+    """Label and unit of a field."""
 
     label: str
-    unit: str
-    components: tuple[str, ...] = ()
+    unit: str  # of SI, as printed
+    components: tuple[str, ...] = ()  # names of the columns; none for a scalar
 
 
 FIELDS = {
@@ -115,7 +105,7 @@ def title(name: str, largest: float) -> tuple[str, float]:
     title : str
         Label and prefixed unit.
     factor : float
-        What to multiply SI values by.
+        Factor of values in SI.
 
     Examples
     --------
@@ -126,53 +116,40 @@ def title(name: str, largest: float) -> tuple[str, float]:
     field = FIELDS.get(base, Field(base.replace("_", " "), ""))
     component = component or ("xx" if field.components == TENSOR else "")
     label = f"{field.label}, {component}" if component else field.label
-    power = _power_of_ten(largest) if field.unit and not field.unit.startswith("1/") else 0
-    unit = f" [{_PREFIXES[power]}{field.unit}]" if field.unit else ""
+    power = 0
+    if field.unit and not field.unit.startswith("1/") and 0.0 < largest < np.inf:
+        power = 3 * int(np.floor(np.log10(largest) / 3.0))
+        power = min(max(power, min(PREFIXES)), max(PREFIXES))
+    unit = f" [{PREFIXES[power]}{field.unit}]" if field.unit else ""
     return label + unit, 10.0**-power
 
 
-def _power_of_ten(largest: float) -> int:
-    if not np.isfinite(largest) or largest <= 0.0:
-        return 0
-    thousands = 3 * int(np.floor(np.log10(largest) / 3.0))
-    return min(max(thousands, min(_PREFIXES)), max(_PREFIXES))
-
-
 DIRECTION = np.array([-0.32, -0.80, 0.50])
-"""From the scene towards the eye: the side, the top and the entry are all seen."""
+"""Vector from the scene towards the eye: the side, the top and the entry are all seen."""
 GREYS = "#8d9197", "#a9adb2"
 """The two tones of a roller, whose sectors show its turning."""
 LIGHT = np.array([-0.15, 0.5, 0.85])
-"""Towards the lamp, in the axes of the eye."""
+"""Vector towards the lamp, in the axes of the eye."""
 AMBIENT = 0.45
+"""Share of light that comes from everywhere."""
 OUTLINE = "#3b4046"
-_SECTORS = 12
-_STEEL = ["#c4ced8", "#9fc3d4", "#f2c14e", "#e4652c", "#8c1c2b"]
-_MARGIN = 1.06
+NO_VALUE = "#d9d9d9"
+STEEL = "#c4ced8", "#9fc3d4", "#f2c14e", "#e4652c", "#8c1c2b"
+SIGNED = "#2a5d9f", "#e8e8e6", "#b0303a"
+SECTORS = 12
+MARGIN = 1.06
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One picture to draw.
+    """One picture to draw."""
 
-    Attributes
-    ----------
-    strip : str
-        The `.vtu` of the strip.
-    rollers : str
-        The `.vtu` of the rollers; empty if there are none.
-    time : float
-        When.
-    picture : str
-        The `.png` to write.
-    """
-
-    strip: str
-    rollers: str
+    strip: Path  # .vtu file
+    rollers: Path | None  # .vtu file, if there are any
     time: float
-    picture: str
+    picture: Path  # .png file to write
 
-    def strip_coloured(self, field: str) -> tuple[Points, NDArray[np.int64], NDArray[np.float64]]:
+    def read_strip(self, field: str) -> tuple[Points, NDArray[np.int64], NDArray[np.float64]]:
         """Read the points, the plain quadrilaterals and the values that colour them.
 
         A triangle is a quadrilateral whose last two corners coincide.  The values are NaN in a
@@ -187,81 +164,23 @@ class Frame:
             values = np.full(len(surface.points), np.nan)
         return surface.points, cells, scalars(field, values)
 
-    def rollers_toned(self) -> tuple[SurfaceMesh, NDArray[np.int64]] | None:
-        """Read the rollers and the tone, 0 or 1, of each of their quadrilaterals."""
-        if not self.rollers:
+    def read_rollers(self) -> tuple[Points, NDArray[np.int64], NDArray[np.int64]] | None:
+        """Read the points, the quadrilaterals and the tone, 0 or 1, of each of them."""
+        if self.rollers is None:
             return None
         surface = read_surface(self.rollers)
         angle = surface.fields["surface_angle"][surface.cells].mean(axis=1)
-        return surface, np.floor(angle * _SECTORS / (2.0 * np.pi)).astype(int) % 2
-
-
-@dataclass(frozen=True)
-class Job:
-    """Pictures with the same field, scale, eye and size.
-
-    Attributes
-    ----------
-    frames : tuple of Frame
-        What to draw, in the order of time.
-    field : str
-        A field of the strip, or a field and a component.
-    limits : (float, float)
-        Ends of the colour scale, in SI.
-    low, high : (float, float, float)
-        Corners of the box that must be seen, in metres.
-    size : (int, int)
-        Width and height of a picture, in pixels.
-    """
-
-    frames: tuple[Frame, ...]
-    field: str
-    limits: tuple[float, float]
-    low: tuple[float, float, float]
-    high: tuple[float, float, float]
-    size: tuple[int, int]
-
-    def to_json(self) -> str:
-        """Write the job so that another process can take it over."""
-        return json.dumps(asdict(self))
-
-    @classmethod
-    def from_json(cls, text: str) -> Self:
-        """Take over a job."""
-        job = cls(**json.loads(text))
-        frames = tuple(Frame(**frame) for frame in job.frames)  # type: ignore[arg-type]
-        return cls(frames, job.field, job.limits, job.low, job.high, job.size)
-
-    @property
-    def colours(self) -> Colormap:
-        """Colours of the scale: two-sided if the values are of both signs."""
-        if self.limits[0] < 0.0 < self.limits[1]:
-            return LinearSegmentedColormap.from_list("sign", ["#2a5d9f", "#e8e8e6", "#b0303a"])
-        return LinearSegmentedColormap.from_list("steel", _STEEL)
-
-    @property
-    def eye(self) -> "Eye":  # noqa: UP037
-        """Where the box of the job fills the picture, without perspective."""
-        return Eye.seeing(np.array(self.low), np.array(self.high), self.size)
+        tones = np.floor(angle * SECTORS / (2.0 * np.pi)).astype(int) % 2
+        return surface.points, surface.cells, tones
 
 
 @dataclass(frozen=True)
 class Eye:
-    """A parallel projection.
+    """A parallel projection."""
 
-    Attributes
-    ----------
-    axes : (3, 3) array
-        Rows: to the right, upwards, towards the eye.
-    focus : (3,) array
-        The point in the middle of the picture, in metres.
-    half_height : float
-        Half of what is seen from bottom to top, in metres.
-    """
-
-    axes: Points
-    focus: Points
-    half_height: float
+    axes: Points  # rows: to the right, upwards, towards the eye
+    focus: Points  # the point in the middle of the picture (m)
+    half_height: float  # half of what is seen from bottom to top (m)
 
     @classmethod
     def seeing(cls, low: Points, high: Points, size: tuple[int, int]) -> Self:
@@ -274,15 +193,33 @@ class Eye:
         seen = corners @ axes.T
         middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
         width, height, _ = np.ptp(seen, axis=0)
-        half_height = 0.5 * _MARGIN * max(height, width * size[1] / size[0])
+        half_height = 0.5 * MARGIN * max(height, width * size[1] / size[0])
         return cls(axes, middle @ axes, max(half_height, np.finfo(float).tiny))
 
     def projected(self, points: Points) -> Points:
-        """Coordinates to the right, upwards and towards the eye; (..., 3) in metres."""
+        """Return coordinates to the right, upwards and towards the eye; (..., 3) in metres."""
         return (points - self.focus) @ self.axes.T
 
 
-def box(surfaces: Iterable[SurfaceMesh]) -> tuple[Points, Points]:
-    """Lowest and highest corner of a box around all points."""
-    points = np.concatenate([surface.points for surface in surfaces])
-    return points.min(axis=0), points.max(axis=0)
+@dataclass(frozen=True)
+class Job:
+    """Pictures with the same field, scale, eye and size."""
+
+    frames: tuple[Frame, ...]  # in the order of time
+    field: str  # a field of the strip, or a field and a component
+    limits: tuple[float, float]  # ends of the colour scale, in SI
+    eye: Eye
+    size: tuple[int, int]  # width and height of a picture, in pixels
+
+    @property
+    def colours(self) -> Colormap:
+        """Colours of the scale: two-sided if the values are of both signs."""
+        signed = self.limits[0] < 0.0 < self.limits[1]
+        return LinearSegmentedColormap.from_list("strip", SIGNED if signed else STEEL)
+
+    @property
+    def scale(self) -> tuple[str, float, tuple[float, float]]:
+        """Title of the scale, factor of values in SI, and its ends in the unit of the title."""
+        low, high = self.limits
+        label, factor = title(self.field, max(abs(low), abs(high)))
+        return label, factor, (low * factor, high * factor)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from anmstrip.mechanics.roller import Roller
-from anmstrip.results.vtk import triangle_lattice, write_rollers, write_surface
+from anmstrip.results.vtk import Collection, triangle_lattice, write_rollers, write_surface
 
 RADIUS, WRAP = 0.5, np.pi / 6
 
@@ -64,3 +64,12 @@ def write_state(directory: Path, k: int, share: float, triangles: bool = False) 
     write_surface(directory / f"strip_{k}.vtu", points, cells, fields)
     roller = Roller("r1", RADIUS, (0.0, 0.0, -RADIUS - 1e-3))
     write_rollers(directory / f"rollers_{k}.vtu", [roller], [k], 1.0)
+
+
+def write_run(directory: Path) -> None:
+    """Write the results of a run with three states."""
+    contents = {name: Collection(directory / f"{name}.pvd") for name in ("strip", "rollers")}
+    for k, share in enumerate((0.0, 0.5, 1.0)):
+        write_state(directory, k, share)
+        for name, collection in contents.items():
+            collection.add(0.5 * k, f"{name}_{k}.vtu")
