@@ -112,6 +112,8 @@ class StripSpec(Table):
     """whether the strip resists bending, true, false or "kirchhoff-love" (text)"""
     feed: StrictBool = Field(False, examples=["true"])
     """whether fresh strip follows what has left (true or false)"""
+    foundation: Positive | None = Field(None, examples=["1.0e5"])
+    """stiffness of an elastic foundation under the strip, a number above 0 (Pa/m)"""
     imperfection: ImperfectionSpec | None = Field(
         None, examples=["{ mode = 1, amplitude = 1.0e-4 }"]
     )

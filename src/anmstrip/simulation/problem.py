@@ -332,6 +332,10 @@ class Assembly:
             own.insert(0, self.pretension)
         if stage.friction:
             own.append(self.rubbing)
+        if (stiffness := self.scene.strip.foundation) is not None:
+            from anmstrip.mechanics.foundation import Foundation
+
+            own.append(Foundation(self.strip, stiffness))
         effects: list[Effect] = [effect for effect in own if effect is not None]
         makers = {
             "force": edge_force,
