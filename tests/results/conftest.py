@@ -1,6 +1,7 @@
 """Results of a run."""
 
 import pytest
+
 from wrapped_strip import write_run
 
 

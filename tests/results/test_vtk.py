@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from wrapped_strip import RADIUS, lattice, tensor_grids, triangular_lattices
 
 from anmstrip.mechanics.roller import Roller
 from anmstrip.results.vtk import (
@@ -15,6 +14,7 @@ from anmstrip.results.vtk import (
     write_rollers,
     write_surface,
 )
+from wrapped_strip import RADIUS, lattice, tensor_grids, triangular_lattices
 
 pyvista = pytest.importorskip("pyvista", exc_type=ImportError, reason="VTK cannot be imported")
 

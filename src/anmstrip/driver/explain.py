@@ -124,29 +124,23 @@ def memory(effect: Effect, order: int, plan: StageProblem) -> float:
 
 def left_out(preview: Preview) -> list[str]:
     """Return the effects that do not act, with what in the scene says so."""
-    scene, active = preview.assembly.scene, [e.name for p in preview.plans for e in p.model.effects]
-    timed = any(plan.in_time for plan in preview.plans)
-    missing = {
-        "membrane (a plate has the tension that exit.force gives it).": "membrane" not in active,
-        "bending (strip.bending = false): no boundary layer, any curvature is free.": (
-            not scene.strip.bending
-        ),
-        "contact (no table [contact]): the rollers are only drawn.": scene.contact is None,
-        "friction (no table [friction]): nothing depends on velocity.": scene.friction is None,
-        "friction (switched off in every stage): nothing depends on velocity.": (
-            scene.friction is not None and not timed
-        ),
-        "weight (no stage has gravity).": "weight" not in active,
-        "pressure (no stage has it).": "pressure" not in active,
-        "tension that follows the strip (no stage has entry.tension or exit.tension).": (
-            not any(name.startswith("tension on") for name in active)
-        ),
-        "moments on edges (no stage has entry.moment or exit.moment).": (
-            not any(name.startswith("moment on") for name in active)
-        ),
-        "inertia, plasticity, heat: not modelled.": True,
+    scene, names = preview.assembly.scene, {e.name for p in preview.plans for e in p.model.effects}
+    follows, bent = (any(n.startswith(f"{k} on") for n in names) for k in ("tension", "moment"))
+    still = scene.friction is not None and not any(plan.in_time for plan in preview.plans)
+    bends = scene.strip.bending
+    acting = {
+        "membrane (a plate has the tension that exit.force gives it).": "membrane" in names,
+        "bending (strip.bending = false): no boundary layer, any curvature is free.": bends,
+        "contact (no table [contact]): the rollers are only drawn.": scene.contact,
+        "friction (no table [friction]): nothing depends on velocity.": scene.friction,
+        "friction (switched off in every stage): nothing depends on velocity.": not still,
+        "weight (no stage has gravity).": "weight" in names,
+        "pressure (no stage has it).": "pressure" in names,
+        "tension that follows the strip (no stage has entry.tension or exit.tension).": follows,
+        "moments on edges (no stage has entry.moment or exit.moment).": bent,
+        "inertia, plasticity, heat: not modelled.": False,
     }
-    return [line for line, is_missing in missing.items() if is_missing]
+    return [line for line, acts in acting.items() if not acts]
 
 
 def roller_table(preview: Preview) -> Table:

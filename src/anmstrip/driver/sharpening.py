@@ -20,17 +20,15 @@ MOST_RUNS = 6
 AIM = 0.2
 """Share of the tolerance that each of the three parts is aimed at."""
 
-LEAST_EXPONENT, LEAST_OMEGA_SPEED, STIFFEST = 1e-7, 1e-13, 1e14
-"""Sharpest laws: q, ω V_c (m/s) near the last digit of positions, and K (Pa/m)."""
-
 CONSTANTS = {
-    "exponent": ("friction", "q = {:.2g}"),
-    "speed": ("friction", "V_c = {:.2g} m/s"),
-    "stiffness": ("contact", "K = {:.2g} Pa/m"),
-    "eta": ("contact", "η = {:.2g} Pa"),
-    "onset": ("contact", "an onset of {:.2g} m"),
+    "exponent": ("friction", "q = {:.2g}", "by_cone", 1e-7),
+    "speed": ("friction", "V_c = {:.2g} m/s", "by_creep", 1e-13),
+    "stiffness": ("contact", "K = {:.2g} Pa/m", "by_penetration", 1e14),
+    "eta": ("contact", "η = {:.2g} Pa", "by_penetration", 0.0),
+    "onset": ("contact", "an onset of {:.2g} m", "by_penetration", 0.0),
 }
-"""Table of each constant that is sharpened, and how it is written in a message."""
+"""Table of each constant that is sharpened, how it is written, the effect that goes with it, and
+its sharpest value; ω V_c instead of V_c, near the last digit of positions."""
 
 
 class SharpenedRun(Run):
@@ -111,26 +109,13 @@ class SharpenedRun(Run):
     def sharper(self) -> dict[str, float]:
         """Return laws that bring every part of the effect to its share of the tolerance."""
         assert self.scene.friction is not None
-        goal = AIM * self.scene.solver.tolerance
+        goal, sharper = AIM * self.scene.solver.tolerance, {}
         every = [cost for costs in self.costs.values() for cost in costs]
-        creep, cone, depth = (
-            min(1.0, goal / max([1e-300, *parts]))
-            for parts in (
-                [cost.by_creep for cost in every],
-                [cost.by_cone for cost in every],
-                [cost.by_penetration for cost in every],
-            )
-        )
-        rules = {  # factor, and the sharpest value
-            "exponent": (cone, LEAST_EXPONENT),
-            "speed": (creep, LEAST_OMEGA_SPEED / self.scene.friction.omega),
-            "stiffness": (1.0 / depth, STIFFEST),
-            "eta": (depth, 0.0),
-            "onset": (depth, 0.0),
-        }
-        sharper = {}
         for key, value in self.laws().items():
-            factor, limit = rules[key]
+            _, _, part, limit = CONSTANTS[key]
+            factor = min(1.0, goal / max([1e-300, *(getattr(cost, part) for cost in every)]))
+            limit = limit / self.scene.friction.omega if key == "speed" else limit
             least, most = sorted((value, limit))
-            sharper[key] = float(np.clip(value * factor, least, most))
+            new = value / factor if key == "stiffness" else value * factor
+            sharper[key] = float(np.clip(new, least, most))
         return sharper

@@ -17,6 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from anmstrip.errors import InputError, Mistake
 
+AnyPath = str | os.PathLike[str]
+
 _FACTS, _ARRAY = "facts", "array/"
 
 
@@ -36,7 +38,7 @@ def _named_errors(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
+def atomic_write(path: AnyPath) -> Iterator[Path]:
     """Create or replace a file all at once.
 
     The body writes to the temporary path that it is given, in the same directory.  When it
@@ -94,7 +96,7 @@ def plain(value: Any, *, keep_nonfinite: bool = False) -> Any:
     return value
 
 
-def write_summary(path: str | os.PathLike[str], summary: Mapping[str, Any]) -> None:
+def write_summary(path: AnyPath, summary: Mapping[str, Any]) -> None:
     """Write a `.json` of what :func:`plain` takes, all at once.
 
     Raises
@@ -110,7 +112,7 @@ def write_summary(path: str | os.PathLike[str], summary: Mapping[str, Any]) -> N
 
 
 def save_checkpoint(
-    path: str | os.PathLike[str], arrays: Mapping[str, ArrayLike], facts: Mapping[str, Any]
+    path: AnyPath, arrays: Mapping[str, ArrayLike], facts: Mapping[str, Any]
 ) -> None:
     """Write a `.npz`; a kill at any instant leaves the old one or the new one.
 
@@ -138,7 +140,7 @@ def save_checkpoint(
         np.savez(file, **contents)
 
 
-def load_checkpoint(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+def load_checkpoint(path: AnyPath) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Read arrays and facts as they were saved; facts are lists, numbers and text.
 
     Raises
@@ -181,17 +183,14 @@ class History:
     """
 
     def __init__(
-        self,
-        path: str | os.PathLike[str],
-        columns: Sequence[str],
-        rows: Iterable[Sequence[str]] = (),
+        self, path: AnyPath, columns: Sequence[str], rows: Iterable[Sequence[str]] = ()
     ) -> None:
         self.path, self.columns = Path(path), tuple(columns)
         with atomic_write(path) as temporary:
             temporary.write_bytes(_encode([self.columns, *rows]))
 
     @classmethod
-    def reopen(cls, path: str | os.PathLike[str], columns: Sequence[str], rows: int) -> Self:
+    def reopen(cls, path: AnyPath, columns: Sequence[str], rows: int) -> Self:
         """Go on after the first rows of an existing file; the others are dropped.
 
         Raises
@@ -227,16 +226,14 @@ class History:
             file.write(line)
 
 
-def write_table(
-    path: str | os.PathLike[str], columns: Sequence[str], rows: Iterable[Mapping[str, Any]]
-) -> None:
+def write_table(path: AnyPath, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
     """Write a whole table at once; rows as for :meth:`History.append`."""
     with atomic_write(path) as temporary:
         cells = ([row.get(column) for column in columns] for row in rows)
         temporary.write_bytes(_encode([columns, *cells]))
 
 
-def read_history(path: str | os.PathLike[str]) -> dict[str, NDArray[np.float64] | list[str]]:
+def read_history(path: AnyPath) -> dict[str, NDArray[np.float64] | list[str]]:
     """Read the columns of a table, even while it grows.
 
     Returns
@@ -260,7 +257,7 @@ def read_history(path: str | os.PathLike[str]) -> dict[str, NDArray[np.float64] 
     return table
 
 
-def _records(path: str | os.PathLike[str]) -> list[list[str]]:
+def _records(path: AnyPath) -> list[list[str]]:
     """Return the cells of the complete lines of a table, its header first."""
     complete, _, _ = Path(path).read_bytes().rpartition(b"\n")
     return list(csv.reader(io.StringIO(complete.decode(), newline=""))) or [[]]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from anmstrip.errors import InputError, Mistake
 from anmstrip.mechanics.roller import Roller
-from anmstrip.results.files import atomic_write
+from anmstrip.results.files import AnyPath, atomic_write
 
 Points = NDArray[np.float64]
 Cells = NDArray[np.int64]
@@ -61,10 +60,7 @@ class SurfaceMesh:
 
 
 def write_surface(
-    path: str | os.PathLike[str],
-    points: ArrayLike,
-    cells: ArrayLike,
-    fields: Mapping[str, ArrayLike],
+    path: AnyPath, points: ArrayLike, cells: ArrayLike, fields: Mapping[str, ArrayLike]
 ) -> None:
     """Write a surface and its fields as a `.vtu`, all at once; see :class:`SurfaceMesh`.
 
@@ -90,7 +86,7 @@ def write_surface(
         mesh.write(temporary, file_format="vtu")
 
 
-def read_surface(path: str | os.PathLike[str]) -> SurfaceMesh:
+def read_surface(path: AnyPath) -> SurfaceMesh:
     """Read what `write_surface` wrote.
 
     Raises
@@ -199,7 +195,7 @@ def roller_surface(
 
 
 def write_rollers(
-    path: str | os.PathLike[str], rollers: Sequence[Roller], angles: Sequence[float], width: float
+    path: AnyPath, rollers: Sequence[Roller], angles: Sequence[float], width: float
 ) -> None:
     """Write all rollers of a state in one `.vtu`, with `surface_angle` and `roller` (0, 1, …).
 
@@ -240,12 +236,12 @@ class Collection:
         What it already lists.
     """
 
-    def __init__(self, path: str | os.PathLike[str], entries: tuple[Entry, ...] = ()) -> None:
+    def __init__(self, path: AnyPath, entries: tuple[Entry, ...] = ()) -> None:
         self.path = Path(path)
         self.entries = entries
 
     @classmethod
-    def reopen(cls, path: str | os.PathLike[str], until_time: float) -> Self:
+    def reopen(cls, path: AnyPath, until_time: float) -> Self:
         """Go on with an existing file from a time on; what came later is dropped from it.
 
         Raises
@@ -258,7 +254,7 @@ class Collection:
         collection._write()
         return collection
 
-    def add(self, time: float, file: str | os.PathLike[str]) -> None:
+    def add(self, time: float, file: AnyPath) -> None:
         """Add a state, not before the last one, that is on disk in the directory of the `.pvd`."""
         self.entries = (*self.entries, Entry(float(time), Path(file).name))
         self._write()
@@ -275,7 +271,7 @@ class Collection:
             ElementTree.ElementTree(root).write(temporary, "utf-8", xml_declaration=True)
 
 
-def read_collection(path: str | os.PathLike[str]) -> tuple[Entry, ...]:
+def read_collection(path: AnyPath) -> tuple[Entry, ...]:
     """List the states of a `.pvd`.
 
     Raises

@@ -75,15 +75,9 @@ def free_spans(state: State) -> Iterator[Span]:
         beside = np.abs(x - x[worst]) <= 0.5 * strip.cell_sizes[0].max()
         compressed = beside & (low < PART * low[worst])
         bearable = 2.0 * q * np.sqrt(d * (d * q**2 + max(high[worst], 0.0))) + 2.0 * d * q**2
-        yield Span(
-            before,
-            after,
-            float(start),
-            float(end),
-            compression=max(-float(low[worst]), 0.0),
-            bearable=float(bearable),
-            share=float(area[compressed].sum() / area[beside].sum()),
-        )
+        share, pressed = area[compressed].sum() / area[beside].sum(), max(-float(low[worst]), 0.0)
+        numbers = pressed, float(bearable), float(share)
+        yield Span(before, after, float(start), float(end), *numbers)
 
 
 @dataclass(frozen=True)
