@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.continuation.newton import Corrections, Newton
 from anmstrip.equilibrium import Equilibrium, Model

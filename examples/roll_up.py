@@ -11,7 +11,7 @@ import argparse
 
 import numpy as np
 
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.continuation.path import Path
 from anmstrip.equilibrium import Equilibrium, Model

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from anmstrip.continuation.bifurcations import Kind, Remembering, SingularPoint, switched, watched
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.bifurcations import Kind, SingularPoint, switched, watched
+from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports, simple_support, symmetry

@@ -13,7 +13,7 @@ import argparse
 
 import numpy as np
 
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports

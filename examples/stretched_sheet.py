@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from anmstrip.continuation.bifurcations import Remembering, SingularPoint, switched, watched
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.bifurcations import SingularPoint, switched, watched
+from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports, grip, symmetry

@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.continuation.expansion import Cost, Parameter, expand
+from anmstrip.continuation.equations import Cost
+from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.equilibrium import Equilibrium, Motion

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings
 from anmstrip.continuation.status import PathStopped
+from anmstrip.continuation.tolerances import Tolerances
 from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.paper.mass_spring import Parameters
@@ -185,8 +186,8 @@ class Mass:
                 start_memory(0.0, u, v, 1e-3 * p.t_end),
                 p.t_end,
                 solver=DenseSolver(),
-                settings=Settings(order=20, tolerance=self.tolerance, max_steps=100_000),
-                stepping=Stepping(p.t_end),
+                settings=Settings(20, Tolerances(self.tolerance).time_residual, 100_000),
+                stepping=Stepping(p.t_end, self.tolerance),
                 cost=cost,
             ):
                 steps.append(step)

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.driver.run import Run
 from anmstrip.linalg.solvers import SparseSolver

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import PathSolver, Settings, follow
 from anmstrip.continuation.status import Outcome
 from anmstrip.driver.run import Run

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.continuation.expansion import Cost, Equations, inner
-from anmstrip.continuation.follow import Pace, Settings, Step
+from anmstrip.continuation.equations import Cost, Equations, inner
+from anmstrip.continuation.follow import Pace, PathStep, Settings
 from anmstrip.continuation.newton import Corrected, Corrections, Newton
 from anmstrip.continuation.path import Branch
 from anmstrip.continuation.status import Outcome, PathStopped
@@ -99,7 +99,7 @@ class NewtonPath:
         target: float = 1.0,
         pace: Pace | None = None,
         cost: Cost | None = None,
-    ) -> Iterator[Step]:
+    ) -> Iterator[PathStep]:
         """Yield converged states, as straight branches from one to the next."""
         cost = Cost() if cost is None else cost
         velocity = getattr(equations, "velocity", None)
@@ -119,10 +119,10 @@ class NewtonPath:
             u, control = found.u, found.control
 
 
-def _straight(u: Array, control: float, found: Corrected) -> Step:
+def _straight(u: Array, control: float, found: Corrected) -> PathStep:
     ways = np.array([u, found.u - u]), np.array([control, found.control - control])
     branch = Branch(u=ways[0], control=ways[1], length=1.0, residual=np.zeros_like(u))
-    return Step(branch, found.imbalance, Pace(found.control, found.control - control))
+    return PathStep(branch, found.imbalance, Pace(found.control, found.control - control))
 
 
 # steps along an arc ----------------------------------------------------------------

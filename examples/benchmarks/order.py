@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import SparseSolver

@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.continuation.bifurcations import Remembering, SingularPoint, watched
-from anmstrip.continuation.expansion import Cost
-from anmstrip.continuation.follow import Settings, Step, follow
+from anmstrip.continuation.bifurcations import SingularPoint, watched
+from anmstrip.continuation.equations import Cost
+from anmstrip.continuation.follow import PathStep, Settings, follow
 from anmstrip.continuation.newton import Corrected
 from anmstrip.continuation.path import Path
 from anmstrip.equilibrium import Equilibrium, Model
@@ -202,7 +202,7 @@ class Followed:
     """A benchmark followed to the end of its table."""
 
     benchmark: Benchmark
-    steps: tuple[Step, ...]
+    steps: tuple[PathStep, ...]
     points: tuple[SingularPoint, ...]  # if they were looked for
     tangents: int  # of the path itself
     seconds: float

@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from anmstrip.continuation.expansion import Cost, Parameter, expand
+from anmstrip.continuation.equations import Cost
+from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.driver.run import Run
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.linalg.direct import BandPlan, PardisoPlan, SuperLUPlan, pardiso_is_there
-from anmstrip.linalg.solvers import SparseSolver, planned
+from anmstrip.linalg.solvers import SparseSolver, fastest_plan
 from effects import equations_at_end
 from figures import Plot, curves, exponent
 from harness import Report, Sheet, main
@@ -140,7 +141,7 @@ def lying(cells: tuple[int, int]) -> tuple[Equilibrium, Array, float]:
 
 def solvers_of(across: int, matrix: csc_matrix) -> Iterator[Direct]:
     """Time every solver that is there on one matrix."""
-    chosen, width = type(planned(matrix)), BandPlan(matrix).width
+    chosen, width = type(fastest_plan(matrix)), BandPlan(matrix).width
     b = matrix @ np.cos(np.arange(matrix.shape[0]))
     kinds = [BandPlan] if width <= WIDEST else []
     for kind in [*kinds, SuperLUPlan, *([PardisoPlan] if pardiso_is_there() else [])]:

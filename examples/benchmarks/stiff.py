@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings
+from anmstrip.continuation.tolerances import Tolerances
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.mechanics.laws import NortonHoff
 from anmstrip.timestepping.formulas import start_memory
@@ -78,8 +79,8 @@ def differences(epsilon: float, tolerance: float) -> Solved:
             start_memory(0.0, REST, REST, 1e-3),
             END,
             solver=DenseSolver(),
-            settings=Settings(order=15, tolerance=tolerance, max_steps=100_000),
-            stepping=Stepping(END, 5),
+            settings=Settings(15, Tolerances(tolerance).time_residual, 100_000),
+            stepping=Stepping(END, tolerance, 5),
             cost=cost,
         )
     )

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings
 from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import DenseSolver
@@ -121,8 +121,8 @@ def smooth_error(reference: Reference, order: int, h: float) -> tuple[float, int
         memory,
         end,
         solver=DenseSolver(),
-        settings=Settings(tolerance=1e-10),
-        stepping=Stepping(end, order, h),
+        settings=Settings(tolerance=1e-12),
+        stepping=Stepping(end, 1e-10, order, h),
         cost=cost,
     )
     return float(np.abs(last.u - reference([end])[0]).max()), cost.factorisations

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-from anmstrip.continuation.bifurcations import Remembering, SingularPoint, switched, watched
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.bifurcations import SingularPoint, switched, watched
+from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import follow
 from anmstrip.continuation.status import PathStopped
 from anmstrip.equilibrium import Equilibrium, Model

@@ -61,7 +61,7 @@ _DOORS = {
     "Settings": "anmstrip.continuation.follow",
     "follow": "anmstrip.continuation.follow",
     "reference_surface": "anmstrip.fem.geometry",
-    "Remembering": "anmstrip.continuation.bifurcations",
+    "Remembering": "anmstrip.linalg.solvers",
     "watched": "anmstrip.continuation.bifurcations",
     "switched": "anmstrip.continuation.bifurcations",
 }

@@ -145,7 +145,7 @@ class Equilibrium:
         forces = self.model.force(full, self.full_velocity(u, control), self.controls.at(control))
         return forces[self.supports.free]
 
-    def hidden(self, branch: Branch) -> float | None:
+    def interior_check(self, branch: Branch) -> float | None:
         """Return where on a branch the strip crosses a roller that neither end shows."""
 
         def states(shares: Array) -> Iterator[Moment]:

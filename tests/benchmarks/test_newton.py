@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import follow
 from anmstrip.continuation.newton import Corrections, Newton
 from anmstrip.driver.run import Run

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from anmstrip.continuation.bifurcations import Kind
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import follow
 from anmstrip.linalg.solvers import SparseSolver
 from harness import run

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings
 from anmstrip.continuation.status import PathStopped
+from anmstrip.continuation.tolerances import Tolerances
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.timestepping import formulas as backward_differences
 from anmstrip.timestepping import implicit as implicit_dae
@@ -74,8 +75,8 @@ def moved(
         backward_differences.start_memory(span[0], u, v, first * whole),
         span[1],
         solver=DenseSolver(),
-        settings=Settings(order=order, tolerance=tolerance, max_steps=MOST_STEPS),
-        stepping=implicit_dae.Stepping(whole),
+        settings=Settings(order, Tolerances(tolerance).time_residual, MOST_STEPS),
+        stepping=implicit_dae.Stepping(whole, tolerance),
         cost=cost,
     )
     steps, outcome = _all_of(found)

@@ -244,8 +244,8 @@ def drag(memory: Any = None, first: float = 1e-3, end: float = 2.0) -> list[Time
             memory or start,
             end,
             solver=DenseSolver(),
-            settings=Settings(order=19, tolerance=1e-3),
-            stepping=implicit_dae.Stepping(2.0),
+            settings=Settings(order=19, tolerance=1e-5),
+            stepping=implicit_dae.Stepping(2.0, 1e-3),
         )
     )
 

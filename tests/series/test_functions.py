@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from anmstrip.continuation.expansion import inner
+from anmstrip.continuation.equations import inner
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.timestepping.formulas import AffineVelocity

@@ -9,23 +9,14 @@ from itertools import islice
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anmstrip.continuation.expansion import (
-    Cost,
-    Equations,
-    Parameter,
-    Recurrence,
-    expand,
-    inner,
-    size,
-)
-from anmstrip.continuation.follow import Pace, Settings, Step
+from anmstrip.continuation.equations import Array, Cost, Equations, Recurrence, inner, size
+from anmstrip.continuation.expansion import Parameter, expand
+from anmstrip.continuation.follow import Pace, PathStep, Settings
 from anmstrip.continuation.path import Branch
 from anmstrip.continuation.status import Outcome, PathStopped
-from anmstrip.linalg.solvers import Factors, LinearSolver
-
-Array = NDArray[np.float64]
+from anmstrip.linalg.factors import Factors
+from anmstrip.linalg.solvers import LinearSolver, Remembering
 
 PUSH = 1e-6
 """Force of the pushed branch, as a share of what moves the path along."""
@@ -46,7 +37,7 @@ Mark = tuple[float, int]
 
 
 class Kind(Enum):
-    """What happens at a singular point; the value is the word for the user."""
+    """Kind of a singular point; the value is the word for the user."""
 
     LIMIT = "limit point"
     BIFURCATION = "bifurcation"
@@ -54,61 +45,31 @@ class Kind(Enum):
 
 @dataclass(frozen=True)
 class SingularPoint:
-    """A point of a path at which the tangent is singular.
-
-    Attributes
-    ----------
-    kind : Kind
-    u : ndarray, shape (n,)
-    control : float
-    mode : ndarray, shape (n,)
-        Null vector of the tangent, of length 1 in the equations' own scales.
-    before, after : int
-        Negative eigenvalues of the tangent at both ends of the step that holds the point.
-    """
+    """A point of a path at which the tangent is singular."""
 
     kind: Kind
-    u: Array
+    u: Array  # (n,)
     control: float
-    mode: Array
-    before: int
-    after: int
-
-
-class Remembering:
-    """A linear solver that keeps its last factors."""
-
-    def __init__(self, solver: LinearSolver) -> None:
-        self.solver = solver
-        self.factors: Factors | None = None
-
-    def factorise(self, matrix: Any) -> Factors:
-        """Factors of a matrix."""
-        self.factors = self.solver.factorise(matrix)
-        return self.factors
-
-    @property
-    def negatives(self) -> int:
-        """Of the last matrix."""
-        assert self.factors is not None
-        return self.factors.negatives
+    mode: Array  # null vector of the tangent, of length 1 in the equations' own scales, (n,)
+    before: int  # negative eigenvalues of the tangent at the start of the step with the point
+    after: int  # and at its end
 
 
 def watched(
     equations: Equations,
-    steps: Iterable[Step],
+    steps: Iterable[PathStep],
     solver: Remembering,
     settings: Settings,
     cost: Cost | None = None,
     *,
     stop: bool = False,
-) -> Iterator[tuple[Step, list[SingularPoint]]]:
+) -> Iterator[tuple[PathStep, list[SingularPoint]]]:
     """Steps of a path with the singular points in each.
 
     Parameters
     ----------
     equations : Equations
-    steps : iterable of Step
+    steps : iterable of PathStep
         From :func:`anmstrip.continuation.follow.follow` with the same solver.
     solver : Remembering
     settings : Settings
@@ -124,29 +85,26 @@ def watched(
         As the steps do, after the last of them.
     """
     finder = _Finder(equations, solver.solver, settings, Cost() if cost is None else cost)
-    for step, before, after in _spanned(steps, solver, finder):
-        found = list(islice(finder.points(step, before, after), 1 if stop else None))
-        yield step, found
-        if stop and found:
-            return
-
-
-def _spanned(
-    steps: Iterable[Step], solver: Remembering, finder: _Finder
-) -> Iterator[tuple[Step, int, int]]:
-    """Steps with the negative eigenvalues at both ends."""
-    held: tuple[Step, int] | None = None
+    held: tuple[PathStep, int] | None = None
     stopped: PathStopped | None = None
-    try:
-        for step in steps:
-            now = solver.negatives
-            if held is not None:
-                yield *held, now
-            held = (step, now)
-    except PathStopped as end:
-        stopped = end
-    if held is not None:
-        yield *held, finder.negatives(*held[0].branch.end)
+    following = iter(steps)
+    while True:
+        try:
+            step = next(following, None)
+        except PathStopped as end:
+            step, stopped = None, end
+        if step is not None:
+            now = solver.factors.negatives
+        elif held is not None:
+            now = finder.negatives(*held[0].branch.end)
+        if held is not None:
+            found = list(islice(finder.points(*held, now), 1 if stop else None))
+            yield held[0], found
+            if stop and found:
+                return
+        if step is None:
+            break
+        held = (step, now)
     if stopped is not None:
         raise stopped
 
@@ -165,8 +123,8 @@ class _Finder:
         self.cost.factorisations += 1
         return self.solver.factorise(self.equations.recurrence(u, control, 1).tangent()).negatives
 
-    def points(self, step: Step, before: int, after: int) -> Iterator[SingularPoint]:
-        """In their order; bifurcations where limit points do not account for the inertia."""
+    def points(self, step: PathStep, before: int, after: int) -> Iterator[SingularPoint]:
+        """Singular points in order; bifurcations where limit points do not explain the inertia."""
         branch, folds = step.branch, step.branch.folds
         change = abs(after - before)
         hidden = change > len(folds) or bool((change - len(folds)) % 2)
@@ -176,7 +134,11 @@ class _Finder:
             if hidden:
                 yield from self._bifurcations(branch, low, self._mark(branch, fold - aside))
                 low = self._mark(branch, fold + aside)
-            yield SingularPoint(Kind.LIMIT, *self._limit(branch, fold), before, after)
+            here = self._about(branch, fold)
+            near = min(here.turns, key=abs, default=0.0)
+            direction = here.direction(near)[0]
+            mode = direction / size(self.equations, direction)
+            yield SingularPoint(Kind.LIMIT, *here(near), mode, before, after)
         if hidden:
             yield from self._bifurcations(branch, low, (branch.length, after))
 
@@ -184,7 +146,7 @@ class _Finder:
         return a, self.negatives(*branch(a))
 
     def _bifurcations(self, branch: Branch, low: Mark, high: Mark) -> Iterator[SingularPoint]:
-        """Those in a piece of a branch whose inertia is known at both ends."""
+        """Bifurcations in a piece of a branch whose inertia is known at both ends."""
         if low[1] == high[1]:
             return
         a, u, control, mode = self._bifurcation(branch, low[0], high[0], low[1])
@@ -199,14 +161,6 @@ class _Finder:
         if above != high:
             yield from self._bifurcations(branch, above, high)
 
-    def _limit(self, branch: Branch, a: float) -> tuple[Array, float, Array]:
-        """State, control and mode where the control turns back."""
-        here = self._about(branch, a)
-        near = min(here.turns, key=abs, default=0.0)
-        u, control = here(near)
-        direction = here.direction(near)[0]
-        return u, control, direction / size(self.equations, direction)
-
     def _bifurcation(
         self, branch: Branch, low: float, high: float, before: int
     ) -> tuple[float, Array, float, Array]:
@@ -214,11 +168,9 @@ class _Finder:
         a = 0.5 * (low + high)
         for _ in range(MOST_ITERATIONS):
             here = self._about(branch, a)
-            low, high = (a, high) if self.solver.negatives == before else (low, a)
+            low, high = (a, high) if self.solver.factors.negatives == before else (low, a)
             response = self._response(here)
-            pole = inner(self.equations, *response) / inner(
-                self.equations, response[1], response[1]
-            )
+            pole = inner(self.equations, *response) / size(self.equations, response[1]) ** 2
             if abs(pole) < NEAR * branch.length:
                 here = Branch(here.u[:3], here.control[:3], 1.0, here.residual)
                 break
@@ -235,9 +187,7 @@ class _Finder:
         u, control = branch(a)
         direction = branch.direction(a)
         for order, moving in ((CORRECTING, 0.0), (self.settings.order, 1.0)):
-            scale = moving * np.sqrt(
-                inner(self.equations, direction[0], direction[0]) + direction[1] ** 2
-            )
+            scale = moving * np.hypot(size(self.equations, direction[0]), direction[1])
             parameter = Parameter(scale, arclength=True, forward=direction)
             here = expand(
                 self.equations, u, control,
@@ -251,7 +201,6 @@ class _Finder:
     def _response(self, here: Branch) -> tuple[Array, Array]:
         """The last two orders of the answer to a push; the tangent is that of the branch."""
         factors = self.solver.factors
-        assert factors is not None
         push = np.cos(np.arange(1.0, len(here.residual) + 1.0) ** 2)
         answer = factors.solve(push)
         push *= PUSH * size(self.equations, here.u[1]) / size(self.equations, answer)
@@ -260,14 +209,14 @@ class _Finder:
             here.u[0],
             float(here.control[0]),
             order=here.order,
-            solver=_Done(factors),
+            solver=_GivenFactors(factors),
             parameter=self.parameter,
         )
         return pushed.u[-2] - here.u[-2], pushed.u[-1] - here.u[-1]
 
 
-class _Done:
-    """A solver whose factors are there already."""
+class _GivenFactors:
+    """A solver that has its factors already."""
 
     def __init__(self, factors: Factors) -> None:
         self.factors = factors
@@ -276,7 +225,7 @@ class _Done:
         return self.factors
 
 
-class _Pushed:
+class _Pushed(Equations):
     """Equations with a force that grows with the path parameter."""
 
     def __init__(self, equations: Equations, push: Array) -> None:
@@ -296,9 +245,6 @@ class _Pushed:
 
     def imbalance(self, residual: Array) -> float:
         return self.equations.imbalance(residual)
-
-
-MOST_SWITCHING_ITERATIONS = 20
 
 
 def switched(
@@ -328,7 +274,7 @@ def switched(
     """
     cost = Cost() if cost is None else cost
     u, control = point.u + distance * point.mode, point.control
-    for _ in range(MOST_SWITCHING_ITERATIONS):
+    for _ in range(MOST_ITERATIONS):
         recurrence = equations.recurrence(u, control, 1)
         if equations.imbalance(recurrence.residual) <= tolerance:
             forward = (np.sign(distance) * point.mode, 0.0)

@@ -5,105 +5,65 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anmstrip.continuation.expansion import Cost, Equations
-from anmstrip.linalg.solvers import Factors, LinearSolver, SingularTangentError
-
-Array = NDArray[np.float64]
+from anmstrip.continuation.equations import Array, Cost, Equations
+from anmstrip.linalg.factors import Factors, SingularTangentError
+from anmstrip.linalg.solvers import LinearSolver
 
 
 @dataclass(frozen=True)
 class Corrections:
-    """Choices of the iteration.
+    """Choices of the iteration."""
 
-    Attributes
-    ----------
-    tolerance : float
-        Largest imbalance of a state that is found, in units of the problem's forces.
-    most : int
-        Iterations after which a guess is given up.
-    kept : float
-        A tangent is kept while an iteration leaves less than this part of the imbalance; 0
-        makes a new one for each.
-    halvings : int
-        Of a correction that makes the imbalance grow (line search); 0 takes it as it is.
-    """
-
-    tolerance: float = 1e-8
-    most: int = 20
-    kept: float = 0.0
-    halvings: int = 0
+    tolerance: float = 1e-8  # largest imbalance of a state that is found
+    most: int = 20  # iterations after which a guess is given up
+    kept: float = 0.0  # part of the imbalance: while an iteration leaves less, the tangent is kept
+    halvings: int = 0  # of a correction that makes the imbalance grow (line search)
 
 
 @dataclass(frozen=True)
 class Corrected:
-    """A state that was found.
+    """A state in equilibrium."""
 
-    Attributes
-    ----------
-    u : ndarray, shape (n,)
-    control : float
-    iterations : int
-        That it took.
-    imbalance : float
-    """
-
-    u: Array
+    u: Array  # (n,)
     control: float
     iterations: int
     imbalance: float
 
 
+@dataclass(frozen=True)
 class Newton:
-    """Newton's iteration; the tangents of one state are not kept for the next.
+    """Newton's iteration; the tangents of one state are not kept for the next."""
 
-    Parameters
-    ----------
-    equations : Equations
-    solver : LinearSolver
-    settings : Corrections
-    cost : Cost
-        Counters to add to.
-    """
-
-    def __init__(
-        self, equations: Equations, solver: LinearSolver, settings: Corrections, cost: Cost
-    ) -> None:
-        self.equations, self.solver, self.settings, self.cost = equations, solver, settings, cost
+    equations: Equations
+    solver: LinearSolver
+    settings: Corrections
+    cost: Cost  # counters to add to
 
     def corrected(self, u: Array, control: float) -> Corrected | None:
         """The state nearby that is in equilibrium, or None if that does not converge."""
-        factors: Factors | None = None
+        cost, factors, before = self.cost, None, np.inf
         residual, imbalance = self._residual(u, control)
-        before = np.inf
         for iteration in range(self.settings.most + 1):
             if imbalance <= self.settings.tolerance:
                 return Corrected(u, control, iteration, imbalance)
             if not np.isfinite(imbalance):
                 return None
             if factors is None or imbalance > self.settings.kept * before:
-                factors = self._factorised(u, control)
+                factors = self._factors(u, control)
                 if factors is None:
                     return None
-            self.cost.solves += 1
-            with self.cost.timed("back-substitution"):
+            cost.solves += 1
+            with cost.timed("back-substitution"):
                 change = factors.solve(residual)
-            before = imbalance
-            u, residual, imbalance = self._searched(u, change, control, imbalance)
-        return None
-
-    def _searched(
-        self, u: Array, change: Array, control: float, imbalance: float
-    ) -> tuple[Array, Array, float]:
-        """The corrected state, with as much of the correction as does not make it worse."""
-        residual, found = self._residual(u - change, control)
-        for _ in range(self.settings.halvings):
-            if found < imbalance:
-                break
-            change = 0.5 * change
             residual, found = self._residual(u - change, control)
-        return u - change, residual, found
+            for _ in range(self.settings.halvings):
+                if found < imbalance:
+                    break
+                change = 0.5 * change
+                residual, found = self._residual(u - change, control)
+            u, before, imbalance = u - change, imbalance, found
+        return None
 
     def _residual(self, u: Array, control: float) -> tuple[Array, float]:
         self.cost.residuals += 1
@@ -111,7 +71,8 @@ class Newton:
             residual = self.equations.residual(u, control)
             return residual, self.equations.imbalance(residual)
 
-    def _factorised(self, u: Array, control: float) -> Factors | None:
+    def _factors(self, u: Array, control: float) -> Factors | None:
+        """Factors of the tangent, or None if it is singular or no more are allowed."""
         if self.cost.expansions >= self.cost.most:
             return None
         with self.cost.timed("tangent"):

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.polynomial.polynomial import polymul, polysub
@@ -27,35 +24,16 @@ class Branch:
     """One truncated series of a path parameter a, valid on [0, length].
 
     It may be a quotient: then u and control hold the numerators.
-
-    Attributes
-    ----------
-    u : ndarray, shape (order + 1, n)
-        Coefficients of the unknowns.
-    control : ndarray, shape (order + 1,)
-        Coefficients of the control (load factor, or time).
-    length : float
-        Range of validity in a.
-    residual : ndarray, shape (n,)
-        Initial imbalance R_0; the branch satisfies R(a) = R_0 (1 − a / carried_over).
-    carried_over : float
-    forces : tuple of float
-        Imbalance that would be left without the last term but one, and without the
-        last, at a = 1.
-    denominator : ndarray
-        Coefficients, the first of them 1, at least two.
-    aim : float or None
-        Control at the end, where it is known: a quotient has it to round-off of large terms only.
     """
 
-    u: Array
-    control: Array
-    length: float
-    residual: Array
+    u: Array  # coefficients of the unknowns, (order + 1, n)
+    control: Array  # coefficients of the control λ (load factor, or time), (order + 1,)
+    length: float  # range of validity in a
+    residual: Array  # initial imbalance R_0, (n,): R(a) = R_0 (1 − a / carried_over)
     carried_over: float = 1.0
-    forces: tuple[float, float] = (0.0, 0.0)
-    denominator: Array = field(default_factory=lambda: np.array([1.0, 0.0]))
-    aim: float | None = None
+    forces: tuple[float, float] = (0.0, 0.0)  # imbalance at a = 1 without the last two terms each
+    denominator: Array = field(default_factory=lambda: np.array([1.0, 0.0]))  # begins with 1
+    aim: float | None = None  # control at the end, where known: a quotient has it to round-off
 
     @property
     def order(self) -> int:
@@ -94,10 +72,6 @@ class Branch:
         """Smallest a in (0, length] at which the control has the given value."""
         shifted = np.asarray(polysub(self.control, control * self.denominator), dtype=np.float64)
         return first_root(shifted, self.length)
-
-    def fold(self) -> float | None:
-        """Smallest a in (0, length] at which the control turns back."""
-        return next(iter(self.folds), None)
 
     @property
     def folds(self) -> list[float]:
@@ -160,43 +134,6 @@ class Path:
         if self.branches and control == self.branches[0].control[0]:
             return self.branches[0].u[0]
         for branch in self.branches:
-            a = branch.reaches(control)
-            if a is not None:
+            if (a := branch.reaches(control)) is not None:
                 return branch(a)[0]
         raise ValueError(f"the path does not reach the control {control!r}")
-
-
-class HermitePath:
-    """States and velocities at instants, joined by cubic Hermite polynomials.
-
-    Parameters
-    ----------
-    times : sequence of float, increasing, length m ≥ 2
-    states, velocities : sequences of ndarray, each shape (n,)
-        A jump of the velocity at an instant is allowed: give the instant's
-        velocities before and after as a pair.
-    """
-
-    def __init__(self, times: Sequence[float], states: Sequence[Array], velocities: Any) -> None:
-        if len(times) < 2 or any(b <= a for a, b in pairwise(times)):
-            raise ValueError("at least two increasing times are needed")
-        self.times = np.asarray(times, dtype=float)
-        self.states = np.asarray(states, dtype=float)
-        self.velocities = np.asarray(velocities, dtype=float)
-
-    def __call__(self, t: float) -> tuple[Array, Array]:
-        """State and velocity at time ``t``."""
-        i = int(np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2))
-        u, a = self._cubic(i), t - self.times[i]
-        return value_at(u, a), value_at(derivative_coefficients(u), a)
-
-    def polynomials(self) -> Iterator[tuple[float, float, Array]]:
-        """Start, length and coefficients of the pieces."""
-        for i, (start, end) in enumerate(pairwise(self.times)):
-            yield start, end - start, self._cubic(i)
-
-    def _cubic(self, i: int) -> Array:
-        """Coefficients in the time since an instant, shape (4, n)."""
-        h, u, v = self.times[i + 1] - self.times[i], self.states[i], self.velocities[i]
-        slope, last = (self.states[i + 1] - u) / h, self.velocities[i + 1]
-        return np.stack([u, v, (3.0 * slope - 2.0 * v - last) / h, (v + last - 2.0 * slope) / h**2])

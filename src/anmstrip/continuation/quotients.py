@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 
-from anmstrip.continuation.expansion import TINY, Cost, Equations, inner, size
+from anmstrip.continuation.equations import TINY, Array, Cost, Equations, inner, size
 from anmstrip.continuation.path import Branch
-from anmstrip.continuation.validity import errors, guessed, without_overshoot
+from anmstrip.continuation.validity import errors, guessed_range
 from anmstrip.taylor.polynomials import first_root
 
 LOOKED_AT = 4
@@ -55,8 +54,6 @@ def cleared(equations: Equations, branch: Branch) -> Branch:
     forces = (unit * size(equations, u[-2]), unit * size(equations, u[-1]))
     return replace(branch, u=u, control=control, forces=forces)
 
-
-Array = NDArray[np.float64]
 
 RUNG = 1.05
 """Lengths that are tried are powers of this, times that of the series: what round-off changes in
@@ -104,8 +101,7 @@ def stretched(
 
     None where the quotient does not meet it, or the series itself arrives.
     """
-    reach = min(reach, without_overshoot(equations, series, tolerance))
-    guess = guessed(series, tolerance, reach)
+    guess, reach = guessed_range(equations, series, tolerance, reach)
     if series.order < 3 or guess >= reach:
         return None
     quotient, limit = rational(equations, series.cut(guess)), min(reach, FURTHER * guess)

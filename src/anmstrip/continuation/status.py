@@ -1,4 +1,4 @@
-"""How a path ends, and the exception that says so."""
+"""Outcomes of a path, and the exception that tells one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 class Outcome(Enum):
-    """How a path ended; the value is the sentence for the user."""
+    """Outcome of a path; the value is the sentence for the user."""
 
     DONE = "reached the end"
     FOLD = "the control cannot be increased further: the path turned back at a limit point"
@@ -31,49 +31,25 @@ class Outcome(Enum):
 
 @dataclass(frozen=True)
 class Evidence:
-    """Which unknowns a path failed at, as far as it shows.
+    """Unknowns at which a path failed, as far as it shows."""
 
-    Attributes
-    ----------
-    unknown : int or None
-        Number of the one whose pivot vanished, or that is not finite.
-    residual : ndarray or None, shape (n,)
-        Imbalance that stays, or where a step ends the first that comes.
-    motion : ndarray or None, shape (n,)
-        Change of state that goes wrong: the error of a step, or the way back of a fold.
-    """
-
-    unknown: int | None = None
-    residual: Array | None = None
-    motion: Array | None = None
+    unknown: int | None = None  # number of the one whose pivot vanished, or that is not finite
+    residual: Array | None = None  # (n,), imbalance that stays, or the first that comes
+    motion: Array | None = None  # (n,), change that goes wrong: error of a step, way back of a fold
 
 
 NO_EVIDENCE = Evidence()
 
 
 class PathStopped(Exception):  # noqa: N818
-    """A path ended before its target.
+    """A path ended before its target, at ``control``, for the reason ``outcome``.
 
-    Attributes
-    ----------
-    outcome : Outcome
-    control : float
-        Where.
-    detail : str
-        What else is known.
-    evidence : Evidence
-        Where among the unknowns.
+    ``detail`` says what else is known, ``evidence`` which unknowns show it.
     """
 
     def __init__(
-        self,
-        outcome: Outcome,
-        control: float,
-        detail: str = "",
-        evidence: Evidence = NO_EVIDENCE,
+        self, outcome: Outcome, control: float, detail: str = "", evidence: Evidence = NO_EVIDENCE
     ) -> None:
         super().__init__(f"{outcome.value} (at {control:.6g}){': ' + detail if detail else ''}")
-        self.outcome = outcome
-        self.control = control
-        self.detail = detail
+        self.outcome, self.control, self.detail = outcome, control, detail
         self.evidence = evidence

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anmstrip.continuation.expansion import Cost, Equations, term_range
+from anmstrip.continuation.equations import Array, Cost, Equations
 from anmstrip.continuation.path import Branch
 from anmstrip.continuation.status import Evidence, Outcome, PathStopped
-
-Array = NDArray[np.float64]
 
 
 def validated(
@@ -34,18 +31,24 @@ def validated(
     PathStopped
         If no length is found.
     """
-    order = branch.order
-    reach = min(reach, without_overshoot(equations, branch, tolerance))
-    guess = guessed(branch, tolerance, reach)
+
+    def predicted(length: float, error: float) -> float:
+        """Length at which the error would be half the tolerance."""
+        if not np.isfinite(error):
+            return 0.2 * length
+        return np.inf if error == 0.0 else length * (0.5 * tolerance / error) ** power
+
+    power = 1.0 / (branch.order + 1)
+    guess, reach = guessed_range(equations, branch, tolerance, reach)
     error, imbalance = errors(equations, branch, guess, cost, tolerance)
-    longer = _predicted(guess, error, tolerance, order)
+    longer = predicted(guess, error)
     if error <= tolerance and longer > 1.05 * guess and guess < reach:
         trial = min(longer, 2.0 * guess, reach)
         better = errors(equations, branch, trial, cost, tolerance)
         if better[0] <= tolerance:
             return branch.cut(trial), better[1]
     while error > tolerance:
-        guess *= np.clip(_predicted(1.0, error, tolerance, order), 0.2, 0.9)
+        guess *= np.clip(predicted(1.0, error), 0.2, 0.9)
         if guess < 1e-9:
             raise PathStopped(
                 Outcome.STALLED if np.isfinite(error) else Outcome.NOT_FINITE,
@@ -57,34 +60,29 @@ def validated(
     return branch.cut(guess), imbalance
 
 
-def guessed(branch: Branch, tolerance: float, reach: float) -> float:
-    """Length at which the last terms reach the tolerance, at most ``reach``."""
-    guess = min(term_range(branch, tolerance), reach)
-    return guess if np.isfinite(guess) else 1.0
+def guessed_range(
+    equations: Equations, branch: Branch, tolerance: float, reach: float
+) -> tuple[float, float]:
+    """Length at which the last two terms reach the tolerance, and the longest of interest.
 
-
-def _predicted(length: float, error: float, tolerance: float, order: int) -> float:
-    """Length at which an error that grows like a^(N+1) would be half the tolerance."""
-    if not np.isfinite(error):
-        return 0.2 * length
-    if error == 0.0:
-        return np.inf
-    return length * (0.5 * tolerance / error) ** (1.0 / (order + 1))
-
-
-def without_overshoot(equations: Equations, branch: Branch, tolerance: float) -> float:
-    """Length up to which taking the initial imbalance away does not make a new one."""
+    A term is measured by the imbalance that would be left without it.  Both are
+    looked at because every other coefficient may vanish.  The longest is at most ``reach``, and
+    no longer than taking the initial imbalance away does not make a new one.
+    """
     initial = equations.imbalance(branch.residual)
-    if initial == 0.0:
-        return np.inf
-    spare = 0.5 * tolerance / initial if initial <= tolerance else 0.0
-    return branch.carried_over * (1.0 + spare)
+    if initial > 0.0:
+        spare = 0.5 * tolerance / initial if initial <= tolerance else 0.0
+        reach = min(reach, branch.carried_over * (1.0 + spare))
+    terms = zip((branch.order - 1, branch.order), branch.forces, strict=True)
+    ranges = [(tolerance / force) ** (1.0 / k) for k, force in terms if k > 0 and force > 0.0]
+    guess = min([*ranges, reach])
+    return (guess if np.isfinite(guess) else 1.0), reach
 
 
 def errors(
     equations: Equations, branch: Branch, a: float, cost: Cost, tolerance: float = 0.0
 ) -> tuple[float, float]:
-    """What is to meet the tolerance at a, and the imbalance there."""
+    """Error that is to meet the tolerance at a, and the imbalance there."""
     cost.residuals += 1
     with cost.timed("residual"), np.errstate(over="ignore", invalid="ignore"):
         residual = equations.residual(*branch(a))

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.continuation.status import Evidence, Outcome, PathStopped
+from anmstrip.continuation.tolerances import RESIDUAL_SHARE
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.results.state import ContactState, State
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import THREADING
 from anmstrip.simulation.meshing import QUARTER
 from anmstrip.simulation.problem import Assembly, cheapest_order, size_of
-from anmstrip.timestepping.implicit import RESIDUAL_SHARE
 
 Array = NDArray[np.float64]
 

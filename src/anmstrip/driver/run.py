@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Pace
 from anmstrip.continuation.status import Outcome, PathStopped
 from anmstrip.driver.recorder import Recorder
@@ -252,7 +252,7 @@ class Run:
         if step.snapped:
             values = self.assembly.strip.unknowns_of(self.assembly.strip.node_values)
             distance = float(np.abs(state.full - self.march.full)[values].max())
-            if distance > self.scene.solver.tolerance * self.assembly.scales.length:
+            if distance > self.march.tolerances.position * self.assembly.scales.length:
                 told = {"stage": plan.name, "time": state.time, "distance": distance}
                 self.snaps.append(told)
         self.state = state

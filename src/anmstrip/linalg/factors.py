@@ -1,8 +1,9 @@
-"""What all factorisations share: a protocol, their errors, and scaling."""
+"""Factors of a matrix, the errors of factorising it, and the scaling before."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,21 +11,24 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import SuperLU, splu
 
 Array = NDArray[np.float64]
+Solve = Callable[[Array], Array]
 
 SCALED = 20.0
 """Largest entry of a column, or its reciprocal, that counts as of order one."""
 
 MOST_SCALINGS = 10
 
+ENOUGH = 1e-15
+"""Backward error after which refinement stops."""
+
+TOO_MUCH = 1e-9
+"""Backward error with which factors are of no use."""
+
+MOST_REFINEMENTS = 3
+
 
 class SingularTangentError(ArithmeticError):
-    """The tangent has no usable factorisation: a singular point of the path.
-
-    Attributes
-    ----------
-    unknown : int or None
-        Number of the unknown at which it shows.
-    """
+    """The tangent has no usable factorisation; ``unknown`` is the number of the one it shows at."""
 
     def __init__(self, message: str, unknown: int | None = None) -> None:
         super().__init__(message)
@@ -32,30 +36,37 @@ class SingularTangentError(ArithmeticError):
 
 
 class NonFiniteTangentError(SingularTangentError):
-    """The tangent has entries that are not finite."""
+    """The tangent has entries that are not finite, first in the column ``unknown``."""
+
+    def __init__(self, unknown: int) -> None:
+        super().__init__("the tangent has entries that are not finite", unknown)
 
 
-class Factors(Protocol):
-    """A factorised matrix."""
+class Factors:
+    """Factorised matrix K.
 
-    @property
+    Parameters
+    ----------
+    solve : callable
+        From b, shape (n,), to the solution of K x = b.
+    count_negatives : callable
+        Number of negative eigenvalues; of a matrix that is not symmetric, of negative pivots.
+    """
+
+    def __init__(self, solve: Solve, count_negatives: Callable[[], int]) -> None:
+        self.solve, self.count_negatives = solve, count_negatives
+
+    @cached_property
     def negatives(self) -> int:
-        """Number of negative eigenvalues; of a matrix that is not symmetric, of negative pivots."""
-
-    def solve(self, right: Array) -> Array:
-        """Solution of K x = right."""
+        """Number of negative eigenvalues, counted when it is first asked for."""
+        return self.count_negatives()
 
 
-def not_finite(unknown: int) -> NonFiniteTangentError:
-    return NonFiniteTangentError("the tangent has entries that are not finite", unknown)
-
-
-def no_stiffness(unknown: int) -> SingularTangentError:
-    return SingularTangentError(f"unknown {unknown} has no stiffness", unknown)
-
-
-def no_pivot(unknown: int) -> SingularTangentError:
-    return SingularTangentError(f"the pivot of unknown {unknown} is zero", unknown)
+def require_stiffness(largest: Array) -> None:
+    """Raise an error that names the first row or column whose largest entry is zero."""
+    if (largest == 0.0).any():
+        unknown = int(np.argmin(largest))
+        raise SingularTangentError(f"unknown {unknown} has no stiffness", unknown)
 
 
 def equilibrated(matrix: csc_matrix) -> Array:
@@ -64,29 +75,27 @@ def equilibrated(matrix: csc_matrix) -> Array:
     The diagonal gives them at once where it is not small beside the rest; where it
     is (multipliers), the iteration of Ruiz (2001) goes on from there.
     """
+
+    def column_maxima(entries: Array) -> Array:
+        filled = np.flatnonzero(np.diff(matrix.indptr))
+        maxima = np.zeros(matrix.shape[1])
+        maxima[filled] = np.maximum.reduceat(entries, matrix.indptr[filled])
+        return maxima
+
     magnitude = np.abs(matrix.data)
-    largest = _column_maxima(magnitude, matrix.indptr)
-    if (largest == 0.0).any():
-        raise no_stiffness(int(np.argmin(largest)))
+    largest = column_maxima(magnitude)
+    require_stiffness(largest)
     diagonal = np.abs(matrix.diagonal())
     d = 1.0 / np.sqrt(np.where(diagonal > 1e-8 * largest, diagonal, largest))
     for _ in range(MOST_SCALINGS):
-        size = d * _column_maxima(magnitude * d[matrix.indices], matrix.indptr)
+        size = d * column_maxima(magnitude * d[matrix.indices])
         if size.max() < SCALED and size.min() > 1.0 / SCALED:
             break
         d /= np.sqrt(size)
     return d
 
 
-def _column_maxima(magnitude: Array, indptr: NDArray[np.int_]) -> Array:
-    """Largest entry of every column, 0 where it has none."""
-    filled = np.flatnonzero(np.diff(indptr))
-    maxima = np.zeros(len(indptr) - 1)
-    maxima[filled] = np.maximum.reduceat(magnitude, indptr[filled])
-    return maxima
-
-
-def on_diagonal(matrix: csc_matrix) -> SuperLU:
+def symmetric_lu(matrix: csc_matrix) -> SuperLU:
     """Sparse LU in a symmetric order that keeps the diagonal as pivots."""
     try:
         return splu(
@@ -99,31 +108,35 @@ def on_diagonal(matrix: csc_matrix) -> SuperLU:
         raise SingularTangentError(str(error)) from error
 
 
-def negative_pivots(lu: SuperLU) -> int:
-    """By Sylvester's law the number of negative eigenvalues of a symmetric matrix."""
-    return int((lu.U.diagonal() < 0.0).sum())
+def negative_pivots(matrix: csc_matrix) -> int:
+    """Number of negative pivots, by Sylvester's law that of negative eigenvalues if symmetric."""
+    return int((symmetric_lu(matrix).U.diagonal() < 0.0).sum())
 
 
-class Plan:
-    """What depends on the pattern alone."""
+def refined(solve: Solve, matrix: csc_matrix) -> Solve:
+    """Solver with as many steps of iterative refinement as a trial asks for.
 
-    name = ""
+    Raises
+    ------
+    SingularTangentError
+        The factors do not solve the system.
+    """
+    norm, b = float(abs(matrix).sum(axis=1).max()), np.cos(np.arange(matrix.shape[0]))
 
-    def __init__(self, matrix: csc_matrix) -> None:
-        self.indptr, self.indices = matrix.indptr, matrix.indices
-        self.counts = np.diff(matrix.indptr)
+    def backward_error(x: Array) -> float:
+        scale = norm * np.abs(x).max() + np.abs(b).max()
+        return float(np.abs(b - matrix @ x).max() / scale)
 
-    def scaled(self, matrix: csc_matrix, d: Array) -> Array:
-        """Entries d_i K_ij d_j, in the order of the matrix."""
-        data = d[self.indices]
-        data *= np.repeat(d, self.counts)
-        data *= matrix.data
-        return data
+    x, left, steps = solve(b), np.inf, 0
+    while (error := backward_error(x)) > ENOUGH and steps < MOST_REFINEMENTS and error < left / 2:
+        x, left, steps = x + solve(b - matrix @ x), error, steps + 1
+    if not error < TOO_MUCH:
+        raise SingularTangentError(f"the factors leave a residual of {error:.1g}")
 
-    def fits(self, matrix: csc_matrix) -> bool:
-        """Whether the matrix has the pattern that was planned for."""
-        return matrix.indices is self.indices or (
-            matrix.nnz == len(self.indices)
-            and np.array_equal(matrix.indptr, self.indptr)
-            and np.array_equal(matrix.indices, self.indices)
-        )
+    def solve_and_refine(b: Array) -> Array:
+        x = solve(b)
+        for _ in range(steps):
+            x += solve(b - matrix @ x)
+        return x
+
+    return solve_and_refine

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,21 +14,8 @@ from anmstrip.linalg.factors import (
     Factors,
     NonFiniteTangentError,
     SingularTangentError,
-    equilibrated,
-    no_pivot,
-    no_stiffness,
-    not_finite,
+    require_stiffness,
 )
-
-__all__ = [
-    "DenseSolver",
-    "Factors",
-    "LinearSolver",
-    "NonFiniteTangentError",
-    "SingularTangentError",
-    "SparseSolver",
-    "equilibrated",
-]
 
 WIDEST_BAND = 450
 """Half bandwidth above which SuperLU is faster than the band LU (measured)."""
@@ -39,76 +25,69 @@ WIDEST_BEFORE_PARDISO = 200
 
 
 class LinearSolver(Protocol):
-    """Makes factors of matrices."""
+    """Anything that makes factors of matrices."""
 
     def factorise(self, matrix: Any) -> Factors:
-        """LU factors; raises :class:`SingularTangentError`."""
+        """Factors; raises :class:`~anmstrip.linalg.factors.SingularTangentError`."""
+
+
+class Remembering:
+    """A linear solver that keeps its last factors."""
+
+    def __init__(self, solver: LinearSolver) -> None:
+        self.solver = solver
+
+    def factorise(self, matrix: Any) -> Factors:
+        """Factors of a matrix, also kept as ``factors``."""
+        self.factors = self.solver.factorise(matrix)
+        return self.factors
 
 
 class DenseSolver:
     """Full LU with partial pivoting, for a handful of unknowns."""
 
     def factorise(self, matrix: Array) -> Factors:
+        """LU factors of the matrix with rows and columns scaled to a largest entry of 1."""
         finite = np.isfinite(matrix).all(axis=0)
         if not finite.all():
-            raise not_finite(int(np.argmin(finite)))
+            raise NonFiniteTangentError(int(np.argmin(finite)))
         columns = np.abs(matrix).max(axis=0)
-        if (columns == 0.0).any():
-            raise no_stiffness(int(np.argmin(columns)))
+        require_stiffness(columns)
         rows = np.abs(matrix / columns).max(axis=1)
-        if (rows == 0.0).any():
-            raise no_stiffness(int(np.argmin(rows)))
+        require_stiffness(rows)
         lu, pivots, info = lapack.dgetrf(matrix / columns / rows[:, None])
         if info > 0:
-            raise no_pivot(info - 1)
-        return _DenseFactors(lu, pivots, rows, columns, matrix)
-
-
-class _DenseFactors:
-    def __init__(
-        self, lu: Array, pivots: Array, rows: Array, columns: Array, matrix: Array
-    ) -> None:
-        self.lu, self.pivots, self.rows, self.columns = lu, pivots, rows, columns
-        self.matrix = matrix
-
-    @cached_property
-    def negatives(self) -> int:
-        return int((np.linalg.eigvals(self.matrix).real < 0.0).sum())
-
-    def solve(self, right: Array) -> Array:
-        return lapack.dgetrs(self.lu, self.pivots, right / self.rows)[0] / self.columns
+            raise SingularTangentError(f"the pivot of unknown {info - 1} is zero", info - 1)
+        return Factors(
+            lambda right: lapack.dgetrs(lu, pivots, right / rows)[0] / columns,
+            lambda: int((np.linalg.eigvals(matrix).real < 0.0).sum()),
+        )
 
 
 class SparseSolver:
-    """Chooses band or sparse LU from the first matrix; keeps the plan while the pattern stays.
+    """Chooses band or sparse LU from the first matrix; keeps the plan while the pattern stays."""
 
-    Attributes
-    ----------
-    latest : tuple or None
-        Matrix and factors of the last factorisation.
-    """
-
-    def __init__(self) -> None:
-        self.plan: BandPlan | SuperLUPlan | None = None
-        self.latest: tuple[csc_matrix, Factors] | None = None
+    plan: BandPlan | SuperLUPlan | None = None
 
     def factorise(self, matrix: csc_matrix) -> Factors:
+        """Factors by the plan for the pattern of the matrix."""
         finite = np.isfinite(matrix.data)
         if not finite.all():
             first = int(np.argmin(finite))
-            raise not_finite(int(np.searchsorted(matrix.indptr, first, side="right")) - 1)
+            raise NonFiniteTangentError(
+                int(np.searchsorted(matrix.indptr, first, side="right")) - 1
+            )
         if self.plan is None or not self.plan.fits(matrix):
-            self.plan = planned(matrix)
-        self.latest = matrix, self.plan.factorise(matrix)
-        return self.latest[1]
+            self.plan = fastest_plan(matrix)
+        return self.plan.factorise(matrix)
 
     @property
     def name(self) -> str:
-        """What was chosen, for reports."""
+        """Name of the factorisation that was chosen, for reports."""
         return "none yet" if self.plan is None else self.plan.name
 
 
-def planned(matrix: csc_matrix) -> BandPlan | SuperLUPlan:
+def fastest_plan(matrix: csc_matrix) -> BandPlan | SuperLUPlan:
     """The fastest plan for the pattern of a matrix, from the width of its band."""
     band, there = BandPlan(matrix), pardiso_is_there()
     if band.width <= (WIDEST_BEFORE_PARDISO if there else WIDEST_BAND):

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings
 from anmstrip.continuation.status import PathStopped
+from anmstrip.continuation.tolerances import Tolerances
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.mechanics.laws import cone_speed, corner_speed
 from anmstrip.paper.mass_spring import MassSpring, Parameters, PressedPlane
@@ -110,8 +111,8 @@ def implicit_scheme(
         start_memory(0.0, u, v, FIRST_STEP * p.t_end),
         p.t_end,
         solver=DenseSolver(),
-        settings=Settings(order=order, tolerance=tolerance, max_steps=MOST_STEPS),
-        stepping=Stepping(p.t_end),
+        settings=Settings(order, Tolerances(tolerance).time_residual, MOST_STEPS),
+        stepping=Stepping(p.t_end, tolerance),
         cost=cost,
     )
     taken, reason = collect_steps(steps)

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Pace, PathSolver, Settings, follow
+from anmstrip.continuation.tolerances import Tolerances
 from anmstrip.equilibrium import Equilibrium, Motion, StageProblem
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.results.state import State
@@ -29,9 +30,6 @@ if TYPE_CHECKING:
     from anmstrip.simulation.feed import Feed
 
 Array = NDArray[np.float64]
-
-LOOSEST = 1e-2
-"""Largest imbalance on a rate-free path; at 0.1 some paths stall."""
 
 MOST_CORRECTIONS = 100
 """Of the guess of a threaded strip, after which its path is followed."""
@@ -108,6 +106,7 @@ class March:
     def __init__(self, assembly: Assembly) -> None:
         self.follow: PathSolver = follow
         self.assembly, self.scene = assembly, assembly.scene
+        self.tolerances = Tolerances(assembly.scene.solver.tolerance)
         self.course, self.solver = Course(assembly), SparseSolver()
         self.cost = Cost(most=assembly.scene.solver.max_tangents)
         self.full = np.zeros(assembly.strip.unknowns)
@@ -161,7 +160,7 @@ class March:
         """
         settings = Settings(
             order=self.assembly.order,
-            tolerance=self.scene.solver.tolerance,
+            tolerance=self.tolerances.time_residual if plan.in_time else self.tolerances.path,
             max_steps=steps,
             rational=not self.scene.output.events,  # events are roots of polynomials
         )
@@ -169,8 +168,7 @@ class March:
 
     def _rate_free(self, plan: StageProblem, settings: Settings) -> Iterator[Step]:
         u, equations = self._start(plan)
-        tolerance = min(settings.tolerance, LOOSEST)
-        settings = replace(settings, tolerance=tolerance, unhurried=UNHURRIED)
+        settings = replace(settings, unhurried=UNHURRIED)
         for step in self.follow(
             equations, u, solver=self.solver, settings=settings, pace=self.pace, cost=self.cost
         ):
@@ -202,7 +200,7 @@ class March:
             Newton,
         )
 
-        settings = Corrections(self.scene.solver.tolerance, most=MOST_CORRECTIONS, halvings=8)
+        settings = Corrections(self.tolerances.correction, most=MOST_CORRECTIONS, halvings=8)
         found = Newton(equations, self.solver, settings, self.cost).corrected(guess, 0.0)
         return guess if found is None else found.u
 
@@ -260,7 +258,11 @@ class March:
             solver=self.solver,
             settings=settings,
             stepping=Stepping(
-                sum(stages), solver.highest_time_order, solver.time_step, self.follow
+                sum(stages),
+                self.tolerances.time,
+                solver.highest_time_order,
+                solver.time_step,
+                self.follow,
             ),
             cost=self.cost,
         )

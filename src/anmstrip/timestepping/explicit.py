@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.continuation.expansion import TINY, Cost
+from anmstrip.continuation.equations import TINY, Cost
 from anmstrip.continuation.status import Outcome, PathStopped
 from anmstrip.taylor.polynomials import derivative_coefficients, value_at
 from anmstrip.taylor.series import recorded

@@ -7,12 +7,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anmstrip.continuation.expansion import Equations
+from anmstrip.continuation.equations import Array, Equations
 from anmstrip.continuation.follow import PathSolver, follow
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -30,13 +27,13 @@ class AffineVelocity:
 
 @dataclass(frozen=True)
 class Memory:
-    """Past of an integration: times and states, the latest first; next step and order to try."""
+    """Past of an integration, the latest first."""
 
     times: tuple[float, ...]
-    states: tuple[Array, ...]
-    v: Array
-    step: float
-    order: int = 1
+    states: tuple[Array, ...]  # each (n,)
+    v: Array  # velocity at the latest instant
+    step: float  # length to try next
+    order: int = 1  # of the formula to try next
 
     @property
     def available(self) -> int:
@@ -47,6 +44,15 @@ class Memory:
 def start_memory(t: float, u: Array, v: Array, step: float) -> Memory:
     """Memory of an integration that begins."""
     return Memory((t,), (u,), v, step)
+
+
+def lagrange(times: tuple[float, ...], new: float) -> Array:
+    """Values at ``new`` of the Lagrange polynomials of some instants, shape (instants,)."""
+    nodes, values = np.array(times), np.empty(len(times))
+    for j, node in enumerate(nodes):
+        others = np.delete(nodes, j)
+        values[j] = np.prod((new - others) / (node - others))
+    return values
 
 
 def formula(times: tuple[float, ...], new: float, order: int) -> tuple[Array, float]:
@@ -66,111 +72,84 @@ def formula(times: tuple[float, ...], new: float, order: int) -> tuple[Array, fl
         polynomial through the new and ``order`` past states.
     rate : float
     """
-    nodes = np.array(times[:order])
-    distance = new - nodes
-    rate = float((1.0 / distance).sum())
-    past = np.empty(order)
-    for j in range(order):
-        others = np.delete(np.arange(order), j)
-        past[j] = -np.prod(distance[others] / (nodes[j] - nodes[others])) / distance[j]
-    return past, rate
+    distance = new - np.array(times[:order])
+    return -lagrange(times[:order], new) / distance, float((1.0 / distance).sum())
 
 
 def predicted(times: tuple[float, ...], states: tuple[Array, ...], new: float) -> Array:
     """Value at ``new`` of the polynomial through all given past states."""
-    nodes = np.array(times)
-    total = np.zeros_like(states[0])
-    for j, state in enumerate(states):
-        others = np.delete(nodes, j)
-        total += np.prod((new - others) / (nodes[j] - others)) * state
-    return total
+    return lagrange(times, new) @ np.array(states)
 
 
 class StepEquations(Equations, Protocol):
-    """The equations of one time step."""
+    """The equations of one time step, R(u, v(u, λ), t + λ h) = 0, for the increment u.
+
+    1. At λ = 0 the increment 0 solves them up to the imbalance of the state before.
+    2. ``resistance`` is the derivative of the same R that ``residual`` gives.
+    """
 
     def resistance(self, u: Array, control: float) -> Callable[[Array], Array]:
         """∂R/∂v at a state: from a change of the velocity to one of R, shape (n,) both."""
 
     def turned(self, u: Array) -> float:
-        """Resistance that may be wrong, for slip turns round within the step, in units of force."""
+        """Resistance that may be wrong, for slip turns round within the step, in units of force.
+
+        None by default: every error in time then counts as one that lasts or fades.
+        """
+        return 0.0
 
 
 class RateEquations(Protocol):
-    """A problem whose residual depends on velocities."""
+    """A problem R(u, v, t) = 0, u' = v, whose residual depends on velocities.
+
+    1. ``during`` gives a step's equations, with λ ∈ [0, 1] as control; their unknown, and that of
+       ``velocity``, is the increment from ``about``: of a short step it is far smaller than the
+       state, whose round-off divided by h would be seen in the velocity.  For h = 0 nothing given
+       moves, and λ only takes an imbalance away.
+    2. ``error`` and ``fading_error`` measure the same change: what of it lasts, and those of its
+       consequences that the motion forgets.  Both are in the scales of the tolerance, and are
+       asked for after ``during``.
+    3. ``dragged`` is asked for where no velocity balances the forces.
+    """
 
     def during(self, t: float, h: float, velocity: AffineVelocity, about: Array) -> StepEquations:
-        """The equations of the step from t to t + h, with λ ∈ [0, 1] as control.
+        """The equations of the step from t to t + h."""
 
-        Their unknown, and that of ``velocity``, is the increment from ``about``: of a short
-        step it is far smaller than the state, whose round-off divided by h would be seen
-        in the velocity.  For h = 0 nothing given moves, and λ only takes an imbalance away.
-        """
+    def error(self, u: Array, change: Array) -> float:
+        """Size of an error ``change`` of the state u that lasts."""
+
+    def fading_error(self, u: Array, change: Array) -> float:
+        """Size of the consequences of ``change`` that the motion forgets; none by default."""
+        return 0.0
 
     def dragged(self, t: float, u: Array, v: Array, time: float) -> RateEquations | None:
         """The same with a drag that lasts so long: as large as the problem's forces where a
-        motion as large as the problem takes this time; None if none can be told."""
-
-    def error(self, u: Array, change: Array) -> float:
-        """Size of an error ``change`` of the state u that lasts, in the problem's scales."""
-
-    def fading_error(self, u: Array, change: Array) -> float:
-        """Size of those consequences of ``change`` that the motion forgets, likewise."""
+        motion as large as the problem takes this time; None, the default, if none can be told."""
+        return None
 
 
 @dataclass(frozen=True)
 class Stepping:
-    """How time is stepped.
+    """Choices of the integration in time."""
 
-    Attributes
-    ----------
-    whole : float
-        Duration over which the errors may add up to the tolerance.
-    order : int
-        Highest order of the formula, 1 to 5.
-    fixed : float or None
-        Length of all steps, of the highest order that the past allows; their error in time
-        is estimated but not controlled.
-    follow : callable
-        What leads from λ = 0 to 1.
-    """
-
-    whole: float
-    order: int = 2
-    fixed: float | None = None
-    follow: PathSolver = follow
+    whole: float  # duration over which the errors may add up to the tolerance
+    tolerance: float  # error in time: of all steps together what lasts, of each what fades
+    order: int = 2  # highest order of the formula, 1 to 5
+    fixed: float | None = None  # length of all steps, whose error is then not controlled
+    follow: PathSolver = follow  # leads from λ = 0 to 1
 
 
 @dataclass(frozen=True)
 class TimeStep:
-    """One accepted step.
-
-    Attributes
-    ----------
-    start, end : float
-        Times.
-    u, v : ndarray, shape (n,)
-        State and velocity at ``end``.
-    order : int
-        Of the formula.
-    error : float
-        Estimated local error, over what is allowed.
-    imbalance : float
-    branches : int
-        Tangents that the step took.
-    memory : Memory
-        What a later call needs to go on as if never interrupted.
-    snap : bool
-        Whether it holds a motion that time does not tell, see :mod:`anmstrip.timestepping.implicit`.
-    """  # noqa: E501
+    """One accepted step in time."""
 
     start: float
     end: float
-    u: Array
-    v: Array
-    order: int
-    error: float
-    imbalance: float
-    branches: int
-    memory: Memory
-    snap: bool = False
+    u: Array  # state at the end, (n,)
+    v: Array  # velocity there, (n,)
+    order: int  # of the formula
+    error: float  # estimated local error, over what is allowed
+    imbalance: float  # residual at the end, in units of the problem's forces
+    branches: int  # tangents that the step took
+    memory: Memory  # what a later call needs to go on as if never interrupted
+    snap: bool = False  # whether it holds a motion with drag, whose duration means nothing

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicHermiteSpline
 
-from anmstrip.continuation.path import HermitePath
+from anmstrip.continuation.equations import Array, Equations
 from anmstrip.taylor.series import RecordedFunction, recorded, taylor
-from anmstrip.timestepping.formulas import AffineVelocity, TimeStep
+from anmstrip.timestepping.formulas import AffineVelocity, RateEquations, StepEquations, TimeStep
 from anmstrip.timestepping.index_one import stretch
-
-Array = NDArray[np.float64]
 
 
 class Substitution(Protocol):
@@ -78,17 +78,8 @@ class TracedRecurrence:
 
 
 @dataclass(frozen=True)
-class FunctionEquations:
+class FunctionEquations(Equations):
     """R(u, λ) = 0 for :func:`anmstrip.continuation.follow.follow`.
-
-    Attributes
-    ----------
-    function : callable
-        ``function(u, control)`` of arrays (n,), () → (n,), written in numpy.
-    scale : float
-        Change of u that counts as 1.
-    force : float
-        Residual that counts as 1.
 
     Examples
     --------
@@ -102,9 +93,9 @@ class FunctionEquations:
     1.0
     """
 
-    function: Callable[[Any, Any], Any]
-    scale: float = 1.0
-    force: float = 1.0
+    function: Callable[[Any, Any], Any]  # of arrays (n,), () → (n,), written in numpy
+    scale: float = 1.0  # change of u that counts as 1
+    force: float = 1.0  # residual that counts as 1
 
     def recurrence(self, u: Array, control: float, order: int) -> TracedRecurrence:
         """Start the series at a point."""
@@ -136,7 +127,7 @@ class FunctionEquations:
         return float(np.abs(residual).max()) / self.force
 
 
-class FunctionRateEquations:
+class FunctionRateEquations(RateEquations):
     """R(u, v, t) = 0 with u' = v for :func:`anmstrip.timestepping.implicit.integrate`.
 
     Errors are changes of u in its own unit; a residual is measured by the change
@@ -162,10 +153,12 @@ class FunctionRateEquations:
         self.whole, self.speed = whole, speed
         self.latest: tuple[Array, AffineVelocity] | None = None
 
-    def during(self, t: float, h: float, velocity: AffineVelocity, about: Array) -> StepEquations:
+    def during(
+        self, t: float, h: float, velocity: AffineVelocity, about: Array
+    ) -> FunctionStepEquations:
         """The equations of the step from t to t + h, with λ ∈ [0, 1] as control."""
         self.latest = (about, velocity)
-        return StepEquations(self, t, h, velocity, about)
+        return FunctionStepEquations(self, t, h, velocity, about)
 
     def dragged(self, t: float, u: Array, v: Array, time: float) -> FunctionRateEquations | None:
         """The same with a drag as large as friction at a speed of 1 in this time, if it moves."""
@@ -185,12 +178,8 @@ class FunctionRateEquations:
         v = velocity(u - about, 1.0)
         return float(np.abs(change).max()) / stretch(v, self.speed)
 
-    def fading_error(self, u: Array, change: Array) -> float:
-        """Nothing: every change counts as lasting."""
-        return 0.0
 
-
-class StepEquations:
+class FunctionStepEquations(StepEquations):
     """One step of a formula, as equations for the increment u with λ as control."""
 
     def __init__(
@@ -232,10 +221,6 @@ class StepEquations:
         state, t, v = u + self.about, control * self.h + self.t, self.velocity(u, control)
         return lambda change: taylor(lambda s: self.problem.function(state, s, t), [v, change])[1]
 
-    def turned(self, u: Array) -> float:
-        """Nothing: every error lasts."""
-        return 0.0
-
     def residual(self, u: Array, control: float) -> Array:
         """R at a point of the step."""
         return np.asarray(self.problem.function(*self.arguments(u, np.float64(control))))
@@ -250,8 +235,8 @@ class StepEquations:
         return float((self.softness @ np.abs(residual)).max()) / self.unit
 
 
-class ImplicitSolution(HermitePath):
-    """Steps of the implicit scheme joined by cubics.
+class ImplicitSolution:
+    """Steps of the implicit scheme joined by cubics; a :class:`TimePath`.
 
     Parameters
     ----------
@@ -262,22 +247,25 @@ class ImplicitSolution(HermitePath):
         In units of which their errors are given.
     speed : float
         V of the equations.
-
-    Attributes
-    ----------
-    knots : ndarray, shape (m + 1,)
-    errors, passing : ndarray, shape (m,)
-        What each step adds to the error of u at equal times; nothing is passing.
     """
 
     def __init__(
         self, u: Array, v: Array, steps: Sequence[TimeStep], tolerance: float, speed: float
     ) -> None:
-        times = [steps[0].start, *(s.end for s in steps)]
-        super().__init__(times, [u, *(s.u for s in steps)], [v, *(s.v for s in steps)])
-        self.knots = self.times
-        share = np.diff(self.times) / (times[-1] - times[0])
-        stretched = np.array([stretch(s.v, speed) for s in steps])
+        self.knots = np.array([steps[0].start, *(s.end for s in steps)])
+        states, velocities = [u, *(s.u for s in steps)], [v, *(s.v for s in steps)]
+        self.cubics = CubicHermiteSpline(self.knots, states, velocities)
+        share = np.diff(self.knots) / (self.knots[-1] - self.knots[0])
+        stretches = np.array([stretch(s.v, speed) for s in steps])
         found = np.array([s.error * tolerance + s.imbalance for s in steps])
-        self.errors = share * stretched * found
+        self.errors = share * stretches * found
         self.passing = np.zeros(len(steps))
+
+    def __call__(self, t: float) -> tuple[Array, Array]:
+        """State and velocity at time ``t``."""
+        return self.cubics(t), self.cubics(t, 1)
+
+    def polynomials(self) -> Iterator[tuple[float, float, Array]]:
+        """Start, length and coefficients of the pieces."""
+        for i, (start, end) in enumerate(pairwise(self.knots)):
+            yield start, end - start, self.cubics.c[::-1, i]

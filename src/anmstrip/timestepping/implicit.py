@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anmstrip.continuation.expansion import Cost
-from anmstrip.continuation.follow import Settings, Step
+from anmstrip.continuation.equations import Array, Cost
+from anmstrip.continuation.follow import PathStep, Settings
 from anmstrip.continuation.status import Evidence, Outcome, PathStopped
-from anmstrip.linalg.solvers import Factors, LinearSolver
+from anmstrip.linalg.solvers import LinearSolver, Remembering
 from anmstrip.timestepping.formulas import (
     AffineVelocity,
     Memory,
@@ -27,9 +24,6 @@ from anmstrip.timestepping.formulas import (
     predicted,
     start_memory,
 )
-
-if TYPE_CHECKING:
-    from anmstrip.timestepping.formulas import TimeStep
 
 LASTING = (1e-6, 1e-4)
 """Times in which forces overcome the drag of motions as large as the problem, over the whole: the
@@ -48,49 +42,6 @@ FIRST = 1e-4
 MOST = 400
 """Steps of a snap."""
 
-
-def snapped(
-    stepped: Callable[[Memory], TimeStep], memory: Memory, lasting: float
-) -> TimeStep | None:
-    """Steps with drag until the state rests, as one; None if it does not run away or not rest.
-
-    Parameters
-    ----------
-    stepped : callable
-        The next step with drag, from a memory.
-    memory : Memory
-        At the start.
-    lasting : float
-        Duration (s) that the drag was chosen for.
-    """
-    t, u, v, branches = memory.times[0], memory.states[0], memory.v, 0
-    for _ in range(MOST):
-        step = stepped(memory)
-        memory, branches = step.memory, branches + step.branches
-        way, spent = np.abs(step.u - u).max(), step.end - t
-        ran = way > RAN * np.abs(step.v).max() * spent
-        rests, v = np.abs(step.v - v).max() * lasting < CALM * way, step.v
-        if ran and rests and step.end - step.start > lasting:
-            break
-        if not ran and spent > SOON * lasting:
-            return None
-    else:
-        return None
-    past = replace(_unfolded(memory), order=1)
-    return replace(step, start=t, branches=branches, memory=past, snap=True)
-
-
-def _unfolded(memory: Memory) -> Memory:
-    """The past as far as its instants can be told apart."""
-    last = next(
-        (k for k, (a, b) in enumerate(pairwise(memory.times), start=1) if not a > b),
-        len(memory.times),
-    )
-    return replace(memory, times=memory.times[:last], states=memory.states[:last])
-
-
-Array = NDArray[np.float64]
-
 GROWTH = (2.0, 2.0, 1.5, 1.25, 1.12)
 """Largest ratio of successive steps by order, below the bounds of stability.
 
@@ -98,10 +49,6 @@ Those are 1 + √2, 1.53, 1.28 and 1.13 for the orders 2 to 5 with variable step
 Grande & Grigorieff, *On the zero stability of the variable order variable stepsize
 BDF-formulas*, Numer. Math. 57, 1990).
 """
-
-
-RESIDUAL_SHARE = 0.01
-"""Tolerance of the residual over that of the error in time, in which it must not be seen."""
 
 UNHURRIED = 0.03
 """Share of what is left of a step over which a small imbalance is taken away at least.
@@ -155,11 +102,10 @@ def integrate(
     ----------
     equations : RateEquations
     memory : Memory
-        From :func:`start`, or of the last step of an interrupted run.
+        From :func:`start_memory`, or of the last step of an interrupted run.
     end : float
     settings : Settings
-        Order and tolerance of the branches; the tolerance is also the error in
-        time that all steps of the whole duration together may make.
+        Order and tolerance of the branches, rational or not; ``max_steps`` bounds the time steps.
     stepping : Stepping
 
     Raises
@@ -167,7 +113,7 @@ def integrate(
     PathStopped
     """
     cost = Cost() if cost is None else cost
-    integrator = _Integrator(equations, solver, settings, stepping, cost)
+    integrator = _Integrator(equations, Remembering(solver), settings, stepping, cost)
     if memory.available == 1:
         memory = integrator.settled(memory)
     for _ in range(settings.max_steps):
@@ -181,6 +127,8 @@ def integrate(
 
 @dataclass(frozen=True)
 class _Trial:
+    """End of a step that was solved, before its error in time is known."""
+
     u: Array
     v: Array
     imbalance: float
@@ -200,39 +148,13 @@ class _Trial:
         return self.path.turned(self.increment)
 
 
-class _LastFactors:
-    """A linear solver that remembers what it has factorised last."""
-
-    def __init__(self, solver: LinearSolver) -> None:
-        self.solver = solver
-        self.factors: Factors | None = None
-
-    def factorise(self, matrix: Any) -> Factors:
-        self.factors = self.solver.factorise(matrix)
-        return self.factors
-
-
+@dataclass(frozen=True)
 class _Integrator:
-    def __init__(
-        self,
-        equations: RateEquations,
-        solver: LinearSolver,
-        settings: Settings,
-        stepping: Stepping,
-        cost: Cost,
-    ) -> None:
-        self.equations, self.solver, self.settings = equations, _LastFactors(solver), settings
-        self.whole, self.time_order = stepping.whole, stepping.order
-        self.fixed, self.follow, self.cost = stepping.fixed, stepping.follow, cost
-        self.path_settings = Settings(
-            order=settings.order,
-            tolerance=RESIDUAL_SHARE * settings.tolerance,
-            max_steps=MOST_BRANCHES,
-            shortest=NARROW,
-            give_way=False,
-            rational=settings.rational,
-            unhurried=UNHURRIED,
-        )
+    equations: RateEquations
+    solver: Remembering
+    settings: Settings
+    stepping: Stepping
+    cost: Cost
 
     def step(self, memory: Memory, end: float) -> TimeStep:
         """The next step, in which the state may also snap to another place.
@@ -240,75 +162,54 @@ class _Integrator:
         That is looked for early where the series fail in brief steps, and last of all where
         only the error in time asks for steps as short as can be.
         """
-        brief = BRIEF * self.whole
+        brief = BRIEF * self.stepping.whole
         try:
             return self.tried(memory, end, BRIEF if memory.step > brief else SHORTEST)
         except PathStopped as stopped:
-            if stopped.outcome is not Outcome.STALLED or self.fixed is not None:
+            if stopped.outcome is not Outcome.STALLED or self.stepping.fixed is not None:
                 raise
             timed = memory.step > brief and stopped.evidence.motion is not None
-            snap = None if timed else self._snapped(memory, end)
+            snap = None if timed else self.snap(memory, end)
             if snap is None and memory.step > brief:
                 return self.step(replace(memory, step=brief), end)
             if snap is None:
                 raise
             return snap
 
-    def _snapped(self, memory: Memory, end: float) -> TimeStep | None:
-        """Steps with drag, as a single one, if that is what is missing."""
-        found = (self._dragged(memory, end, share * self.whole) for share in LASTING)
-        return next((step for step in found if step is not None), None)
-
-    def _dragged(self, memory: Memory, end: float, lasting: float) -> TimeStep | None:
-        """The same with a drag that lasts so long."""
-        t, u, v = memory.times[0], memory.states[0], memory.v
-        dragged = self.equations.dragged(t, u, v, lasting)
-        if dragged is None or DIGITS_OF_TIME * np.spacing(t) > FIRST * lasting:
-            return None
-        other = self._with(dragged)
-        other.settings = replace(self.settings, tolerance=max(self.settings.tolerance, ROUGH))
-        slowed = min(1.0, float(np.abs(u).max() / np.abs(v).max()) / lasting)
-        begin = start_memory(t, u, slowed * v, FIRST * lasting)
-        try:
-            begin = replace(begin, v=other._trial(begin, t + begin.step, 1).v)
-            return snapped(lambda now: other.tried(now, end, SHORTEST), begin, lasting)
-        except PathStopped as stopped:
-            if stopped.outcome is Outcome.TOO_MANY_TANGENTS:
-                raise
-            return None
-
-    def _with(self, equations: RateEquations) -> _Integrator:
-        """The same with other equations."""
-        other = copy(self)
-        other.equations = equations
-        return other
-
     def tried(self, memory: Memory, end: float, shortest: float) -> TimeStep:
         """Try, estimate, and shorten until the error is allowed."""
-        t = memory.times[0]
-        least = max(shortest * self.whole, DIGITS_OF_TIME * np.spacing(t))
-        h, barred = min(self.fixed or max(memory.step, 2.0 * least), end - t), False
-        rising = memory.order if self.fixed is None else self.time_order
-        order = min(rising, self.time_order, memory.available)
+        t, (whole, fixed) = memory.times[0], (self.stepping.whole, self.stepping.fixed)
+        least = max(shortest * whole, DIGITS_OF_TIME * np.spacing(t))
+        h, barred = min(fixed or max(memory.step, 2.0 * least), end - t), False
+        rising = memory.order if fixed is None else self.stepping.order
+        order = min(rising, self.stepping.order, memory.available)
         failed = PathStopped(Outcome.STALLED, t)
         while h > least:
             new = end if h >= (end - t) * (1.0 - 1e-10) else t + h
             try:
-                trial = self._trial(memory, new, order)
+                trial = self.trial(memory, new, order)
             except PathStopped as stopped:
                 failed, h, barred = stopped, 0.25 * (new - t), True
                 continue
-            local = self._local_error(memory, trial.u, new, order)
-            error = self._error(memory, trial, new, local)
-            ratio = self._ratio(error, order)
-            if error <= 1.0 or self.fixed is not None:
-                following, ratio = self._next_order(memory, trial, new, order, ratio)
+            local = self.local_error(memory, trial.u, new, order)
+            error = self.error(memory, trial, new, local)
+            ratio = _ratio(error, order)
+            if error <= 1.0 or fixed is not None:
+                following, ratio = self.next_order(memory, trial, new, order, ratio)
                 growth = min(ratio, 1.0 if barred else GROWTH[following - 1])
-                return self._accepted(memory, trial, new, (order, error, growth), following)
+                times = (new, *memory.times[: self.stepping.order])
+                states = (trial.u, *memory.states[: self.stepping.order])
+                past = Memory(times, states, trial.v, (new - t) * growth, following)
+                return TimeStep(
+                    t, new, trial.u, trial.v, order, error, trial.imbalance, trial.branches, past
+                )
             h, barred = max(0.1, min(ratio, 0.9)) * (new - t), True
             detail = f"the error in time is {error:.2g} times what is allowed"
             failed = PathStopped(Outcome.STALLED, t, detail, Evidence(motion=local))
-        raise _given_up(failed, t)
+        if failed.outcome is Outcome.TOO_MANY_STEPS:
+            detail = "even the shortest step in time needs too many tangents"
+            raise PathStopped(Outcome.STALLED, t, detail, failed.evidence)
+        raise PathStopped(failed.outcome, t, failed.detail, failed.evidence)
 
     def settled(self, memory: Memory) -> Memory:
         """The same start, in equilibrium, with the velocity after the first instant.
@@ -320,44 +221,49 @@ class _Integrator:
         The path to rest is one of polynomials: a quotient may end in the core of sharp
         friction, which is too stiff to leave at rest.
         """
+        t, u = memory.times[0], memory.states[0]
+        velocity = AffineVelocity(1.0 / self.stepping.whole, memory.v, np.zeros_like(u))
+        path = self.equations.during(t, 0.0, velocity, u)
         try:
-            still = self._at_rest(memory)
-            t = memory.times[0]
+            rest = self.followed(path, len(u), rational=False, shortest=NARROWEST)
+            still = replace(memory, states=(u + rest.branch.end[0],))
             instant = max(SETTLING * memory.step, DIGITS_OF_TIME * np.spacing(t))
-            trial = self._trial(still, t + instant, 1)
+            return replace(still, v=self.trial(still, t + instant, 1).v)
         except PathStopped:
             return memory
-        return replace(still, v=trial.v)
 
-    def _at_rest(self, memory: Memory) -> Memory:
-        t, u = memory.times[0], memory.states[0]
-        velocity = AffineVelocity(1.0 / self.whole, memory.v, np.zeros_like(u))
-        path = self.equations.during(t, 0.0, velocity, u)
-        settings = replace(self.path_settings, rational=False, shortest=NARROWEST)
-        found = self._followed(path, len(u), settings)
-        return replace(memory, states=(u + found.branch.end[0],))
-
-    def _followed(self, path: StepEquations, size: int, settings: Settings) -> Step:
+    def followed(
+        self, path: StepEquations, size: int, *, rational: bool, shortest: float
+    ) -> PathStep:
         """Last step of the path of the increment from λ = 0 to 1."""
-        zero = np.zeros(size)
-        *_, last = self.follow(path, zero, solver=self.solver, settings=settings, cost=self.cost)
+        settings = replace(
+            self.settings,
+            max_steps=MOST_BRANCHES,
+            shortest=shortest,
+            give_way=False,
+            rational=rational,
+            unhurried=UNHURRIED,
+        )
+        *_, last = self.stepping.follow(
+            path, np.zeros(size), solver=self.solver, settings=settings, cost=self.cost
+        )
         return last
 
-    def _trial(self, memory: Memory, new: float, order: int) -> _Trial:
-        t, u = memory.times[0], memory.states[0]
+    def trial(self, memory: Memory, new: float, order: int) -> _Trial:
+        """Solve a step."""
+        t, u, before = memory.times[0], memory.states[0], self.cost.expansions
         past, rate = formula(memory.times, new, order)
         w = np.zeros_like(u)
         for weight, state in zip(past[1:], memory.states[1:], strict=False):
             w += weight * (state - u)
         velocity = AffineVelocity(rate, memory.v, w - memory.v)
-        before = self.cost.expansions
         path = self.equations.during(t, new - t, velocity, u)
-        last = self._followed(path, len(u), self.path_settings)
+        last = self.followed(path, len(u), rational=self.settings.rational, shortest=NARROW)
         increment = last.branch.end[0]
         v, spent = velocity(increment, 1.0), self.cost.expansions - before
         return _Trial(u + increment, v, last.imbalance, spent, path, increment, rate)
 
-    def _local_error(self, memory: Memory, u: Array, new: float, order: int) -> Array:
+    def local_error(self, memory: Memory, u: Array, new: float, order: int) -> Array:
         """Local error, from the predictor through order + 1 past states.
 
         The predictor's error is Π(new − t_j) u^(k+1)/(k+1)!, the formula's is
@@ -366,42 +272,30 @@ class _Integrator:
         used = min(memory.available, order + 1)
         times, states = memory.times[:used], memory.states[:used]
         if used > order:
-            guess = predicted(times, states, new)
-            factor = 1.0 / (formula(memory.times, new, order)[1] * (new - times[-1]) + 1.0)
-        else:
-            guess = memory.states[0] + (new - times[0]) * memory.v
-            factor = 0.5
-        return factor * (u - guess)
+            rate = formula(memory.times, new, order)[1]
+            factor = 1.0 / (rate * (new - times[-1]) + 1.0)
+            return factor * (u - predicted(times, states, new))
+        return 0.5 * (u - memory.states[0] - (new - times[0]) * memory.v)
 
-    def _error(self, memory: Memory, trial: _Trial, new: float, local: Array) -> float:
+    def error(self, memory: Memory, trial: _Trial, new: float, local: Array) -> float:
         """Local error over what is allowed.
 
         What lasts may add up to the tolerance over the whole time; what fades may
-        be as large as the tolerance in every step.  Where slip turns round in a step, its
-        end does not tell what resisted in between: if that may be seen, nothing has faded.
+        be as large as the tolerance in every step.  The formula errs in the velocity; the
+        equations answer with a change of state, which is small where stiffness, not resistance
+        to motion, decides.  Where slip turns round in a step, its end does not tell what
+        resisted in between: if that may be seen, nothing has faded.
         """
-        share = max((new - memory.times[0]) / self.whole, LEAST_SHARE)
+        tolerance, answer = self.stepping.tolerance, local
+        share = max((new - memory.times[0]) / self.stepping.whole, LEAST_SHARE)
         lasting = self.equations.error(trial.u, local) / share
-        told = trial.turned <= self.settings.tolerance
-        answer = self._answered(trial, trial.rate * local) if told else local
-        fading = self.equations.fading_error(trial.u, answer)
-        return max(lasting, fading) / self.settings.tolerance
+        if trial.turned <= tolerance:
+            self.cost.solves += 1
+            with self.cost.timed("error in time"):
+                answer = self.solver.factors.solve(trial.resistance(trial.rate * local))
+        return max(lasting, self.equations.fading_error(trial.u, answer)) / tolerance
 
-    def _answered(self, trial: _Trial, error: Array) -> Array:
-        """What an error of the velocity changes in the state that the step has found.
-
-        The formula errs in the velocity; the equations answer with a change of state, which
-        is small where stiffness, not resistance to motion, decides.
-        """
-        assert self.solver.factors is not None
-        self.cost.solves += 1
-        with self.cost.timed("error in time"):
-            return self.solver.factors.solve(trial.resistance(error))
-
-    def _ratio(self, error: float, order: int) -> float:
-        return GROWTH[0] if error == 0.0 else float((0.5 / error) ** (1.0 / order))
-
-    def _next_order(
+    def next_order(
         self, memory: Memory, trial: _Trial, new: float, order: int, ratio: float
     ) -> tuple[int, float]:
         """Order that allows the longest next step, and how much longer it is.
@@ -409,42 +303,67 @@ class _Integrator:
         Up to the second order the order rises as soon as the past allows; beyond, it goes to
         a neighbour that allows a step a tenth longer.
         """
-        if order < min(2, self.time_order):
+        highest = self.stepping.order
+        if order < min(2, highest):
             return order + 1, ratio
         best = (order, ratio)
         for other in (order - 1, order + 1):
-            if 2 <= other <= self.time_order and memory.available > other:
-                local = self._local_error(memory, trial.u, new, other)
-                found = self._ratio(self._error(memory, trial, new, local), other)
+            if 2 <= other <= highest and memory.available > other:
+                local = self.local_error(memory, trial.u, new, other)
+                found = _ratio(self.error(memory, trial, new, local), other)
                 best = max(best, (other, found / 1.1), key=lambda pair: pair[1])
         return best
 
-    def _accepted(
-        self,
-        memory: Memory,
-        trial: _Trial,
-        new: float,
-        judged: tuple[int, float, float],
-        following_order: int,
-    ) -> TimeStep:
-        order, error, growth = judged
-        keep = self.time_order
-        following = Memory(
-            (new, *memory.times[:keep]),
-            (trial.u, *memory.states[:keep]),
-            trial.v,
-            (new - memory.times[0]) * growth,
-            following_order,
-        )
-        return TimeStep(
-            memory.times[0], new, trial.u, trial.v, order, error, trial.imbalance,
-            trial.branches, following,
-        )  # fmt: skip
+    def snap(self, memory: Memory, end: float) -> TimeStep | None:
+        """Steps with drag until the state rests, as a single one, if a drag is what is missing.
+
+        None if no drag can be told, or the state does not run away with it, or does not rest.
+        """
+        t, u, v = memory.times[0], memory.states[0], memory.v
+        tolerance = max(self.stepping.tolerance, ROUGH)
+        for lasting in (share * self.stepping.whole for share in LASTING):
+            dragged = self.equations.dragged(t, u, v, lasting)
+            if dragged is None or DIGITS_OF_TIME * np.spacing(t) > FIRST * lasting:
+                continue
+            stepping = replace(self.stepping, tolerance=tolerance)
+            other = replace(self, equations=dragged, stepping=stepping)
+            slowed = min(1.0, float(np.abs(u).max() / np.abs(v).max()) / lasting)
+            begin = start_memory(t, u, slowed * v, FIRST * lasting)
+            try:
+                begin = replace(begin, v=other.trial(begin, t + begin.step, 1).v)
+                step = other.run_away(begin, end, lasting)
+            except PathStopped as stopped:
+                if stopped.outcome is Outcome.TOO_MANY_TANGENTS:
+                    raise
+                continue
+            if step is not None:
+                return step
+        return None
+
+    def run_away(self, memory: Memory, end: float, lasting: float) -> TimeStep | None:
+        """Steps until the state rests, as one; None if it does not run away or not rest.
+
+        ``lasting`` is the duration (s) that the drag was chosen for.
+        """
+        t, u, v, branches = memory.times[0], memory.states[0], memory.v, 0
+        for _ in range(MOST):
+            step = self.tried(memory, end, SHORTEST)
+            memory, branches = step.memory, branches + step.branches
+            way, spent = np.abs(step.u - u).max(), step.end - t
+            ran = way > RAN * np.abs(step.v).max() * spent
+            rests, v = np.abs(step.v - v).max() * lasting < CALM * way, step.v
+            if ran and rests and step.end - step.start > lasting:
+                break
+            if not ran and spent > SOON * lasting:
+                return None
+        else:
+            return None
+        told_apart = [a > b for a, b in pairwise(memory.times)]
+        known = [*told_apart, False].index(False) + 1  # instants that differ
+        past = replace(memory, times=memory.times[:known], states=memory.states[:known], order=1)
+        return replace(step, start=t, branches=branches, memory=past, snap=True)
 
 
-def _given_up(failed: PathStopped, t: float) -> PathStopped:
-    """What the shortest step failed of, as the end of the integration at t."""
-    if failed.outcome is Outcome.TOO_MANY_STEPS:
-        detail = "even the shortest step in time needs too many tangents"
-        return PathStopped(Outcome.STALLED, t, detail, failed.evidence)
-    return PathStopped(failed.outcome, t, failed.detail, failed.evidence)
+def _ratio(error: float, order: int) -> float:
+    """Ratio of the next step to this one with which half of what is allowed is used."""
+    return GROWTH[0] if error == 0.0 else float((0.5 / error) ** (1.0 / order))

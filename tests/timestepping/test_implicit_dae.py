@@ -1,16 +1,17 @@
 """Backward differences by branches."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.timestepping import formulas as backward_differences
 from anmstrip.timestepping import implicit as implicit_dae
-from anmstrip.timestepping.formulas import Memory, formula, predicted
+from anmstrip.timestepping.formulas import Memory, TimeStep, formula, predicted
 from anmstrip.timestepping.functions import FunctionRateEquations, ImplicitSolution
 
 DENSE = DenseSolver()
@@ -30,7 +31,7 @@ def stiff_friction(u, v, t):
 def run(residual, u, v, end, *, tolerance=1e-4, first=1e-3, speed=np.inf, time_order=2, **options):
     equations = FunctionRateEquations(residual, end, speed)
     start = backward_differences.start_memory(0.0, np.array(u), np.array(v), first)
-    settings = Settings(order=15, tolerance=tolerance, max_steps=20_000)
+    settings = Settings(order=15, tolerance=0.01 * tolerance, max_steps=20_000)
     return list(
         implicit_dae.integrate(
             equations,
@@ -38,7 +39,7 @@ def run(residual, u, v, end, *, tolerance=1e-4, first=1e-3, speed=np.inf, time_o
             end,
             solver=DENSE,
             settings=settings,
-            stepping=implicit_dae.Stepping(end, time_order),
+            stepping=implicit_dae.Stepping(end, tolerance, time_order),
             **options,
         )
     )
@@ -64,19 +65,15 @@ def fixed_steps(order, ratio, count):
     lengths = np.resize([1.0, ratio], count)
     knots = np.concatenate([[0.0], np.cumsum(lengths) / lengths.sum()])
     equations = FunctionRateEquations(smooth, 1.0)
-    settings = Settings(order=15, tolerance=1e-3)
-    integrator = implicit_dae._Integrator(
-        equations, DENSE, settings, implicit_dae.Stepping(1.0, order), Cost()
-    )
-    integrator.path_settings = Settings(order=15, tolerance=1e-10, give_way=False)
-    past = [(-x, np.sin([-x])) for x in knots[1:order]]  # exact history
-    times, states = [0.0, *(t for t, _ in past)], [np.zeros(1), *(s for _, s in past)]
-    memory = Memory(tuple(times), tuple(states), np.ones(1), 1.0)
-    for _, new in pairwise(knots):
-        trial = integrator._trial(memory, new, order)
-        memory = Memory(
-            (new, *memory.times[: order - 1]), (trial.u, *memory.states[: order - 1]), trial.v, 1.0
+    settings = Settings(order=15, tolerance=1e-10)
+    times = (0.0, *(-x for x in knots[1 : order + 1]))  # exact history
+    memory = Memory(times, tuple(np.sin([t]) for t in times), np.ones(1), 1.0, order)
+    for start, end in pairwise(knots):
+        stepping = implicit_dae.Stepping(1.0, 1.0, order, fixed=end - start)
+        (step,) = implicit_dae.integrate(
+            equations, memory, end, solver=DENSE, settings=settings, stepping=stepping
         )
+        memory = replace(step.memory, order=order)
     return abs(memory.states[0][0] - np.sin(1.0))
 
 
@@ -142,8 +139,8 @@ def test_one_tangent_per_step_where_it_is_smooth():
 
 def test_going_on_from_memory_gives_the_same_answer():
     equations = FunctionRateEquations(smooth, 2.0)
-    settings = Settings(order=15, tolerance=1e-4)
-    options = {"solver": DENSE, "settings": settings, "stepping": implicit_dae.Stepping(2.0)}
+    settings, stepping = Settings(order=15, tolerance=1e-6), implicit_dae.Stepping(2.0, 1e-4)
+    options = {"solver": DENSE, "settings": settings, "stepping": stepping}
     memory = backward_differences.start_memory(0.0, np.zeros(1), np.ones(1), 1e-2)
     whole = list(implicit_dae.integrate(equations, memory, 2.0, **options))
     half = whole[len(whole) // 2]
@@ -160,3 +157,19 @@ def test_the_solution_can_be_called_between_the_steps():
         assert u == pytest.approx(np.sin([t]), abs=1e-4)
         assert v == pytest.approx(np.cos([t]), abs=1e-3)
     assert path.errors.sum() < 2e-4
+
+
+def test_the_solution_between_the_steps_is_the_cubic_through_states_and_velocities():
+    p = np.polynomial.Polynomial([1.0, -2.0, 0.5, 0.3])
+    memory = Memory((0.0,), (np.zeros(1),), np.zeros(1), 1.0)
+    steps = [
+        TimeStep(a, b, p([b]), p.deriv()([b]), 1, 0.0, 0.0, 1, memory)
+        for a, b in pairwise([0.0, 0.4, 1.7, 3.0])
+    ]
+    path = ImplicitSolution(p([0.0]), p.deriv()([0.0]), steps, 1.0, np.inf)
+    for t in (0.0, 0.2, 0.4, 1.0, 2.9, 3.0):
+        assert path(t) == (pytest.approx(p([t])), pytest.approx(p.deriv()([t])))
+    for start, length, cubic in path.polynomials():
+        assert np.polynomial.polynomial.polyval(length, cubic[:, 0]) == pytest.approx(
+            p(start + length)
+        )

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.equations import Cost, Equations
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.taylor.series import record
 
 
 @dataclass
-class DenseEquations:
+class DenseEquations(Equations):
     """The law in units: u in ``length``, R in ``force``."""
 
     law: Callable

@@ -6,13 +6,8 @@ from scipy.sparse import csc_matrix, diags
 
 from anmstrip.linalg import solvers as linear_solvers
 from anmstrip.linalg.direct import BandPlan, PardisoPlan, SuperLUPlan, pardiso_is_there
-from anmstrip.linalg.solvers import (
-    DenseSolver,
-    NonFiniteTangentError,
-    SingularTangentError,
-    SparseSolver,
-    equilibrated,
-)
+from anmstrip.linalg.factors import NonFiniteTangentError, SingularTangentError, equilibrated
+from anmstrip.linalg.solvers import DenseSolver, SparseSolver
 
 
 def banded(n, width, rng, kind):
@@ -209,7 +204,7 @@ def test_pardiso_is_never_needed(monkeypatch):
     assert not pardiso_is_there()
     a = csc_matrix(banded(80, 6, np.random.default_rng(5), "unsymmetric"))
     monkeypatch.setattr(linear_solvers, "WIDEST_BAND", 5)
-    assert isinstance(linear_solvers.planned(a), SuperLUPlan)
+    assert isinstance(linear_solvers.fastest_plan(a), SuperLUPlan)
 
 
 @pytest.mark.parametrize("plan", [SuperLUPlan, PardisoPlan])

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from anmstrip.continuation.path import Branch, HermitePath, Path
+from anmstrip.continuation.path import Branch, Path
 
 
 def branch(u, control, length):
@@ -57,9 +57,9 @@ def test_what_is_behind_or_beyond_is_not_reached():
 @pytest.mark.parametrize("at", [1e-3, 0.3, 0.499])
 def test_fold_is_where_the_control_turns(at):
     b = branch([0.0, 1.0, 0.0], [0.0, 2.0 * at, -1.0], 0.5)
-    assert b.fold() == pytest.approx(at, rel=1e-12)
-    assert b.cut(0.9 * at).fold() is None
-    assert branch([0.0, 1.0], [0.0, 1.0], 0.5).fold() is None
+    assert b.folds == pytest.approx([at], rel=1e-12)
+    assert b.cut(0.9 * at).folds == []
+    assert branch([0.0, 1.0], [0.0, 1.0], 0.5).folds == []
 
 
 def test_high_orders_that_underflow_are_harmless():
@@ -97,20 +97,3 @@ def test_control_that_is_not_reached():
         sine_path()(2.5)
     with pytest.raises(ValueError, match="does not reach"):
         Path(())(0.0)
-
-
-@settings(max_examples=30, deadline=None)
-@given(c=st.lists(st.floats(-2.0, 2.0), min_size=4, max_size=4), t=st.floats(0.0, 3.0))
-def test_hermite_path_reproduces_cubics(c, t):
-    p = np.polynomial.Polynomial(c)
-    times = [0.0, 0.4, 1.7, 3.0]
-    path = HermitePath(times, [[p(s)] for s in times], [[p.deriv()(s)] for s in times])
-    u, v = path(t)
-    assert u[0] == pytest.approx(p(t), abs=1e-12)
-    assert v[0] == pytest.approx(p.deriv()(t), abs=1e-12)
-
-
-@pytest.mark.parametrize("times", [[0.0], [0.0, 0.0], [1.0, 0.5]])
-def test_hermite_path_wants_increasing_times(times):
-    with pytest.raises(ValueError, match="increasing"):
-        HermitePath(times, np.zeros((len(times), 1)), np.zeros((len(times), 1)))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from anmstrip.continuation.expansion import Cost
+from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.status import PathStopped
 from anmstrip.timestepping.explicit import HASTE, PiecewiseSeries, integrate_explicitly
 from anmstrip.timestepping.index_one import Point, consistent

@@ -5,14 +5,10 @@ import pytest
 from dense import DenseEquations, followed, one
 from scipy.sparse import csc_matrix
 
-from anmstrip.continuation.follow import Settings
+from anmstrip.continuation.follow import Settings, follow
 from anmstrip.continuation.status import Evidence, Outcome, PathStopped
-from anmstrip.linalg.solvers import (
-    DenseSolver,
-    NonFiniteTangentError,
-    SingularTangentError,
-    SparseSolver,
-)
+from anmstrip.linalg.factors import NonFiniteTangentError, SingularTangentError
+from anmstrip.linalg.solvers import DenseSolver, SparseSolver
 from anmstrip.timestepping import formulas as backward_differences
 from anmstrip.timestepping import implicit as implicit_dae
 from anmstrip.timestepping.functions import FunctionRateEquations
@@ -24,15 +20,15 @@ def test_message_is_outcome_place_and_detail():
     assert stopped.evidence == Evidence()
 
 
-def in_time(residual, settings=None):
+def in_time(residual, follow=follow):
     """The exception that ends an integration up to t = 1."""
     steps = implicit_dae.integrate(
         FunctionRateEquations(residual, 1.0),
         backward_differences.start_memory(0.0, np.zeros(2), np.zeros(2), 1e-2),
         1.0,
         solver=DenseSolver(),
-        settings=settings or Settings(order=10, tolerance=1e-4),
-        stepping=implicit_dae.Stepping(1.0),
+        settings=Settings(order=10, tolerance=1e-6),
+        stepping=implicit_dae.Stepping(1.0, 1e-4, follow=follow),
     )
     with np.errstate(all="ignore"), pytest.raises(PathStopped) as stopped:
         list(steps)
@@ -58,9 +54,11 @@ def test_step_in_time_that_cannot_be_done_is_told_once(residual):
 
 
 def test_too_many_tangents_in_one_step_do_not_ask_for_more_steps():
-    failed = PathStopped(Outcome.TOO_MANY_STEPS, 0.3)
-    told = implicit_dae._given_up(failed, 2.0)
-    assert (told.outcome, told.control) == (Outcome.STALLED, 2.0)
+    def never(*_, **choices):
+        raise PathStopped(Outcome.TOO_MANY_STEPS, 0.3)
+
+    told = in_time(ends, never)
+    assert (told.outcome, told.control) == (Outcome.STALLED, 0.0)
     assert "too many tangents" in told.detail
 
 

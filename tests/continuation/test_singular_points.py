@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 from dense import DenseEquations
 
-from anmstrip.continuation.bifurcations import Kind, Remembering, SingularPoint, switched, watched
-from anmstrip.continuation.expansion import Cost, Parameter, expand, size
+from anmstrip.continuation.bifurcations import Kind, SingularPoint, switched, watched
+from anmstrip.continuation.equations import Cost, size
+from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.follow import Pace, Settings, follow
 from anmstrip.continuation.path import Branch
 from anmstrip.continuation.quotients import cleared, progression
 from anmstrip.continuation.status import Outcome, PathStopped
 from anmstrip.continuation.validity import validated
-from anmstrip.linalg.solvers import DenseSolver
+from anmstrip.linalg.solvers import DenseSolver, Remembering
 
 FOLD = 2.0 / 3.0**1.5
 

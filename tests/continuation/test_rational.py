@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from dense import DenseEquations, followed
 
-from anmstrip.continuation.expansion import Cost, Parameter, expand
+from anmstrip.continuation.equations import Cost
+from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.path import Branch
 from anmstrip.continuation.quotients import rational, stretched
 from anmstrip.linalg.solvers import DenseSolver
@@ -54,7 +55,7 @@ def test_values_derivatives_and_turns_of_a_quotient():
     direction, slope = branch.direction(0.5)
     assert direction[0] == pytest.approx((1 - 0.25) / 1.25**2)
     assert slope == pytest.approx((1 - 1.0 - 0.25) / 1.25**2)
-    assert branch.fold() == pytest.approx(np.sqrt(2.0) - 1.0, abs=1e-14)
+    assert branch.folds == pytest.approx([np.sqrt(2.0) - 1.0], abs=1e-14)
     assert branch.reaches(0.2) == pytest.approx(1 / 3)
     assert branch.landed(-0.4001).end[1] == -0.4001
 

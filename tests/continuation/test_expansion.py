@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 from dense import DenseEquations, coupled, one
 
-from anmstrip.continuation.expansion import Cost, Parameter, expand, inner, size, term_range
-from anmstrip.linalg.solvers import DenseSolver, SingularTangentError
+from anmstrip.continuation.equations import Cost, inner, size
+from anmstrip.continuation.expansion import Parameter, expand
+from anmstrip.continuation.validity import guessed_range
+from anmstrip.linalg.factors import SingularTangentError
+from anmstrip.linalg.solvers import DenseSolver
 
 
 def branch_of(equations, u, control=0.0, order=10, parameter=None, **options):
@@ -70,7 +73,7 @@ def test_sense_follows_the_unknowns_at_a_fold():
         equations, [1e-3], 1.0 - 1e-6, parameter=Parameter(0.1, arclength=True, forward=forward)
     )
     assert branch.direction(0.0)[0][0] < 0.0
-    assert branch.cut(0.1).fold() == pytest.approx(1e-2, rel=1e-3)
+    assert branch.cut(0.1).folds == pytest.approx([1e-2], rel=1e-3)
 
 
 @pytest.mark.parametrize("order", [9, 10, 19, 20])
@@ -80,7 +83,7 @@ def test_range_of_an_odd_function_looks_at_two_orders(order):
     last = branch.u[order - 1 + order % 2]
     assert last[0] != 0.0
     np.testing.assert_array_equal(branch.u[2::2], 0.0)
-    reach = term_range(branch, 1e-8)
+    reach, _ = guessed_range(equations, branch, 1e-8, np.inf)
     assert 0.0 < reach < 0.4
     assert equations.imbalance(equations.residual(*branch(reach))) < 1e-7
 
@@ -89,7 +92,7 @@ def test_series_that_ends_has_no_finite_range():
     equations = DenseEquations(lambda u, control: 2.0 * u - control)
     branch = branch_of(equations, [0.0], order=20, parameter=Parameter(1.0, 1.0), tolerance=1e-6)
     assert branch.order < 6
-    assert term_range(branch, 1e-6) == np.inf
+    assert guessed_range(equations, branch, 1e-6, 7.0) == (7.0, 7.0)
     assert branch(1.0)[0][0] == 0.5
 
 

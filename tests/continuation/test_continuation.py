@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from dense import DenseEquations, coupled, followed, one
 
-from anmstrip.continuation.expansion import Cost, Parameter, expand
-from anmstrip.continuation.follow import Settings, _gives_way, follow
+from anmstrip.continuation.equations import Cost
+from anmstrip.continuation.expansion import Parameter, expand
+from anmstrip.continuation.follow import Settings, _nears_limit_point, follow
 from anmstrip.continuation.path import Branch
 from anmstrip.continuation.status import Outcome, PathStopped
 from anmstrip.continuation.validity import validated
@@ -76,7 +77,7 @@ def test_folds_of_a_cubic_are_passed_and_found(mode, order):
         one(cubic), [-1.2], start=-0.528, target=1.0,
         tolerance=1e-11, order=order, max_steps=80, **MODES[mode],
     )  # fmt: skip
-    folds = [step.fold for step in steps if step.fold is not None]
+    folds = [step.branch(a)[1] for step in steps for a in step.branch.folds]
     assert folds == pytest.approx([FOLD, -FOLD], abs=1e-8)
     state, control = steps[-1].branch.end
     assert control == pytest.approx(1.0, abs=1e-15)
@@ -322,5 +323,5 @@ def test_more_steps_than_allowed():
 )
 def test_a_limit_point_is_told_by_a_path_that_steepens_in_every_step(slopes, told):
     lengths = (1.0, 0.7, 0.5, 0.4, 0.3)
-    assert _gives_way(tuple(zip(lengths, slopes, strict=True))) is told
-    assert not _gives_way(tuple(zip((1.0, 0.9, 0.8, 0.7, 0.6), slopes, strict=True)))
+    assert _nears_limit_point(tuple(zip(lengths, slopes, strict=True))) is told
+    assert not _nears_limit_point(tuple(zip((1.0, 0.9, 0.8, 0.7, 0.6), slopes, strict=True)))
