@@ -89,7 +89,7 @@ def test_circle_is_followed_round_and_round():
     with pytest.raises(PathStopped) as stopped:
         from_top(steps)
     assert stopped.value.outcome is Outcome.TOO_MANY_STEPS
-    folds = [s.fold for s in steps if s.fold is not None]
+    folds = [s.branch(a)[1] for s in steps for a in s.branch.folds]
     assert len(folds) > 3
     np.testing.assert_allclose(np.abs(folds), 1.0, atol=1e-8)
     assert np.sign(folds[:4]).tolist() == [1.0, -1.0, 1.0, -1.0]
