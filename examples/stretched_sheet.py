@@ -22,7 +22,7 @@ from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports, grip, symmetry
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
-from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.linalg.solvers import Remembering, SparseSolver
 from anmstrip.mechanics.effect_series import Controls
 from anmstrip.mechanics.shell import Membrane, isometric_bending
 from anmstrip.results.fields import FieldSampler

@@ -24,7 +24,7 @@ from anmstrip.fem.constraints import Scales, Supports, simple_support, symmetry
 from anmstrip.fem.geometry import reference_surface
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
-from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.linalg.solvers import Remembering, SparseSolver
 from anmstrip.mechanics.effect_series import Controls
 from anmstrip.mechanics.effects import Effect, LoadEffect
 from anmstrip.mechanics.loads import edge_force, edge_moment
