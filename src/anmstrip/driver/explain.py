@@ -18,13 +18,6 @@ from anmstrip.taylor.series import record
 
 MEGABYTE = 2.0**20
 
-REASONS = {
-    "shell": "The cheaper levels would miss what is said above",
-    "section": "Nothing is said to vary across the width, and any rotation is allowed",
-    "plate": "Slopes stay small and nothing moves along the strip",
-}
-"""Why a level is enough."""
-
 
 def explain(scene: SceneSpec) -> str:
     """Describe effects, what is left out, rollers, stages, levels, scales and warnings.
@@ -67,7 +60,7 @@ def explain(scene: SceneSpec) -> str:
     best = justified_level(found)
     name = best.kinematics.name
     chosen = ", as chosen" if name == own else ""
-    say(f"These numbers justify: {name}{chosen}. {REASONS[name]}; {best.lost}.")
+    say(f"These numbers justify: {name}{chosen}. {best.lost}.")
     if scene.contact is not None and scene.rollers:
         law, given = assembly.signorini, scene.contact.constants or scene.contact.onset
         resolved = "" if given else ", as the mesh resolves"

@@ -277,15 +277,15 @@ def levels(preview: Preview) -> list[Level]:
     told = {
         "section": (
             tuple(against_section(preview)),
-            f"lost is what the width does: anticlastic edges{edges}, contraction that the held "
+            f"Lost is what the width does: anticlastic edges{edges}, contraction that the held "
             "ends prevent, wrinkles, wandering",
         ),
         "plate": (
             tuple(against_plate(preview)),
-            "lost is motion in the plane: the tension stays as given, and slopes of "
+            "Lost is motion in the plane: the tension stays as given, and slopes of "
             f"{np.degrees(slope):.2g}° cost {50.0 * slope**2:.2g} % (slope²/2)",
         ),
-        "shell": ((), "nothing is lost"),
+        "shell": ((), "Nothing is lost"),
     }
     found = []
     for name, (against, lost) in told.items():

@@ -198,7 +198,15 @@ class EventWatch:
         friction: Any = None
         if stretch.velocity is not None:
             friction = next((e for e in plan.model.effects if e.name == "friction"), None)
-        chosen = self._choose(gap, moved, stretch, friction is not None)
+        # No gap changes by more than its point and its roller move
+        powers = stretch.length ** np.arange(1.0, max(len(moved), len(stretch.control)))
+        travel = powers[: len(moved) - 1] @ np.linalg.norm(moved[1:], axis=1)
+        control = np.abs(stretch.control[1:]) @ powers[: len(stretch.control) - 1]
+        rates = [plan.controls.rate(f"rollers.{roller.name}.centre") for roller in self.rollers]
+        travel += control * self._of_pairs([float(np.linalg.norm(rate)) for rate in rates])
+        near = np.abs(gap) <= 1.01 * travel + self.contact.signorini.width
+        jumped, rubbing = (gap <= 0.0) != self.touching, friction is not None
+        chosen = np.flatnonzero(near | jumped | (rubbing & self.touching))
         if not len(chosen):
             return ()
         contact = self.contact.restricted(chosen)
@@ -206,19 +214,6 @@ class EventWatch:
             friction = replace(friction, contact=friction.contact.restricted(chosen))
         gap, squared = gap_and_slip(contact, friction, plan, stretch)
         return tuple(self._events(gap, squared, chosen, stretch))
-
-    def _choose(self, gap: Array, moved: Array, stretch: Stretch, rubbing: bool) -> Index:
-        """Pairs that may have an event: no gap changes by more than its point and roller move."""
-        powers = stretch.length ** np.arange(1.0, max(len(moved), len(stretch.control)))
-        travel = powers[: len(moved) - 1] @ np.linalg.norm(moved[1:], axis=1)
-        control = np.abs(stretch.control[1:]) @ powers[: len(stretch.control) - 1]
-        rates = [
-            float(np.linalg.norm(self.plan.controls.rate(f"rollers.{roller.name}.centre")))
-            for roller in self.rollers
-        ]
-        reach = 1.01 * (travel + control * self._of_pairs(rates)) + self.contact.signorini.width
-        jumped = (gap <= 0.0) != self.touching
-        return np.flatnonzero((np.abs(gap) <= reach) | jumped | (rubbing & self.touching))
 
     def _events(
         self, gap: Array, squared: Array | None, chosen: Index, stretch: Stretch
