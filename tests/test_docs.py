@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import ast
 import re
+import sys
 import tomllib
 from collections.abc import Iterator, Mapping
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import Any, get_args
 
 import pytest
+from pydantic import BaseModel
 
 from anmstrip import Scene
 from anmstrip.cli import main
+from anmstrip.scene.schema import SceneSpec
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -102,12 +106,14 @@ def test_python_runs(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     tree = ast.parse(text)
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("anmstrip"):
-            module = import_module(str(node.module))
+            source = import_module(str(node.module))
             for alias in node.names:
-                assert hasattr(module, alias.name), f"{node.module}.{alias.name}"
+                assert hasattr(source, alias.name), f"{node.module}.{alias.name}"
     if any(isinstance(node, ast.Assert) for node in ast.walk(tree)):
         monkeypatch.chdir(tmp_path)
-        exec(compile(tree, "<documentation>", "exec"), {"__name__": "documentation"})
+        module = ModuleType("documentation")  # dataclasses look their module up
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+        exec(compile(tree, "<documentation>", "exec"), module.__dict__)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -129,3 +135,21 @@ def test_every_command_and_option_is_in_the_readme() -> None:
         for parameter in command.params:
             if parameter.param_type_name == "option":
                 assert any(option in row for option in parameter.opts), (name, parameter.opts)
+
+
+def tables_of(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    """Yield a model and those of the tables in it."""
+    yield model
+    for field in model.model_fields.values():
+        for part in (field.annotation, *get_args(field.annotation)):
+            for inner in (part, *get_args(part)):
+                if isinstance(inner, type) and issubclass(inner, BaseModel):
+                    yield from tables_of(inner)
+
+
+def test_every_key_of_a_scene_is_described() -> None:
+    text = without_blocks((ROOT / "docs" / "scenes.md").read_text(encoding="utf-8"))
+    words = set(re.findall(r"[a-z_]+", " ".join(re.findall(r"`([^`]+)`", text))))
+    keys = {key for model in tables_of(SceneSpec) for key in model.model_fields}
+    assert {"stiffness", "rounding", "release", "times"} <= keys
+    assert keys <= words, keys - words
