@@ -29,7 +29,7 @@ MOST = 1024
 
 
 def deepest(contact: Contact, places: Callable[[Array], Array]) -> float | None:
-    """Where on its way a point lies deeper than at either end, by more than the onset.
+    """Return where on its way a point lies deeper than at either end, by more than the onset.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ class Contact(LawEffect):
         return transform(self.view, x) + offset
 
     def seen(self, x: Any, controls: Mapping[str, Any]) -> Projection:
-        """Where displaced points are, on arrays or series."""
+        """Return the projections of displaced points on the roller, arrays or series."""
         return self.roller.project(self.position(x, controls))
 
     def crossing(self, states: Callable[[Array], Iterable[Moment]]) -> float | None:
@@ -229,12 +229,12 @@ class Friction(LawEffect):
 
     @property
     def roller(self) -> Roller:
-        """Of the contact."""
+        """Roller of the contact."""
         return self.contact.roller
 
     @property
     def operator(self) -> ContactOperator:  # type: ignore[override]
-        """Of the contact."""
+        """Operator of the contact."""
         return self.contact.operator
 
     @cached_property

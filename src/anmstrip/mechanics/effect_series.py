@@ -250,7 +250,7 @@ def series_of(
     controls: Controls,
     laws: RecordedLaws,
 ) -> LawSeries | LinearSeries | LoadSeries:
-    """What an effect adds to the orders about a state: all unknowns, their velocities, and λ."""
+    """Return the orders of an effect about a state: all unknowns, their velocities, and λ."""
     full, _, control = state
     if isinstance(effect, LinearEffect):
         return LinearSeries(effect, full)

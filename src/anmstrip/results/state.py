@@ -90,7 +90,7 @@ class State:
 
     @property
     def membrane(self) -> Membrane | None:
-        """Of the strip; a plate has none."""
+        """Membrane of the strip; a plate has none."""
         return next((e for e in self.plan.model.effects if isinstance(e, Membrane)), None)
 
     @cached_property
@@ -123,7 +123,7 @@ class State:
         return np.zeros(3)
 
     def _outside(self, name: str, length: float) -> Array:
-        """What holds a plate in its own plane, where it has no unknowns (N), shape (3,)."""
+        """Return the force that holds a plate in its plane, where it has no unknowns (N), shape (3,)."""
         if name != "entry" or 0 in self.plan.model.strip.kinematics.components:
             return np.zeros(3)
         pull = self.controls.get("exit.force", np.zeros(3))[0] * length

@@ -47,7 +47,7 @@ class Feed:
 
     @property
     def length(self) -> float:
-        """Of an element (m)."""
+        """Length of an element (m)."""
         return float(self.strip.cell_sizes[0].mean())
 
     @cached_property
@@ -73,7 +73,7 @@ class Feed:
         return self.elements * self.length + self._ahead(name, full)
 
     def _ahead(self, name: str, full: Array) -> float:
-        """How far an end is ahead of its beginning, in lengths of the unstretched strip (m)."""
+        """Return how far an end is ahead of its beginning, as unstretched length (m)."""
         position, direction = self._end(self.strip.edges[name], full)
         before, along = self.home[name]
         unit = along / np.linalg.norm(along)
@@ -117,7 +117,7 @@ class Feed:
         return moved
 
     def facts(self, full: Array) -> dict[str, Any]:
-        """What went through, for the summary."""
+        """Return what went through, for the summary."""
         strip = self.strip
         passed = {name: self.travel(name, full) for name in self.home}
         mass = strip.material.density * strip.thickness * strip.width

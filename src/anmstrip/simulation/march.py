@@ -80,7 +80,7 @@ class Step:
 
 
 class March:
-    """Where the strip is, and what it needs to go on.
+    """The steps of a scene's stages, from the state that the steps before have reached.
 
     Parameters
     ----------

@@ -156,18 +156,18 @@ class Assembly:
 
     @cached_property
     def material(self) -> Material:
-        """Of the strip."""
+        """Material of the strip."""
         m = self.scene.material
         return Material(m.young, m.poisson, m.density or 0.0)
 
     @property
     def kinematics(self) -> Kinematics:
-        """Which displacements are unknown."""
+        """Level of kinematics: the displacements that are unknown."""
         return KINEMATICS[self.scene.strip.kinematics]
 
     @cached_property
     def order(self) -> int:
-        """Of the series: the scene's, or the cheapest."""
+        """Order of the series: the scene's, or the cheapest."""
         if self.scene.solver.order is not None:
             return self.scene.solver.order
         size = size_of(self, self.kinematics)
@@ -200,12 +200,12 @@ class Assembly:
 
     @cached_property
     def pattern(self) -> Pattern:
-        """Of the tangent."""
+        """Sparsity pattern of the tangent."""
         return Pattern(self.strip)
 
     @cached_property
     def membrane(self) -> Membrane | None:
-        """Of all but a plate, which has a given tension instead."""
+        """Membrane of all but a plate, which has a given tension instead."""
         return None if self.kinematics is PLATE else Membrane(self.strip, self.imperfection)
 
     @cached_property
@@ -228,7 +228,7 @@ class Assembly:
 
     @cached_property
     def contact_operator(self) -> ContactOperator:
-        """Where contact is looked at."""
+        """Operator to the contact points."""
         from anmstrip.fem.sampling import ContactOperator
 
         return ContactOperator(self.strip)
@@ -318,7 +318,7 @@ class Assembly:
         return Contact(rollers, self.signorini, pairs, tuple(reaches), self.kinematics)
 
     def effects(self, stage: StageSpec, controls: Iterable[str]) -> list[Effect]:
-        """What acts in a stage.
+        """Return the effects that act in a stage.
 
         Parameters
         ----------
@@ -367,7 +367,7 @@ class Assembly:
 
     @cached_property
     def scales(self) -> Scales:
-        """From the largest edge force of the scene, else from bending."""
+        """Scales of length, force and tension: the largest edge force, else from bending."""
         tension = largest_force(self.scene)
         if tension == 0.0:
             tension = self.strip.bending_stiffness / self.strip.length**2

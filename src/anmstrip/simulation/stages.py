@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass
 class Course:
-    """What the stages so far have left: the values that the next one starts from.
+    """Values that the stages so far have left, from which the next one starts.
 
     Attributes
     ----------

@@ -70,7 +70,7 @@ class Thread:
 
     @property
     def length(self) -> float:
-        """Of the unstretched strip (m)."""
+        """Length of the unstretched strip (m)."""
         return float(self.middle.length[0]) / self.along if self.given is None else self.given
 
     @property
@@ -161,7 +161,7 @@ class Thread:
         return supports.full(*last.branch.end)
 
     def positions(self, reference: Array, begin: float) -> Array:
-        """Where points of the flat strip, which begins at x = begin, come to lie, (3, points)."""
+        """Return the places of points of a flat strip that begins at x = begin, (3, points)."""
         x, y = reference[0], reference[1]
         lines, fibre = np.unique(y, return_inverse=True)
         position, _ = self.string_path(lines).at((x - begin) * self.along, fibre)
@@ -253,7 +253,7 @@ def _depth(scene: SceneSpec, roller: Roller) -> float:
 
 
 def _refused(scene: SceneSpec, rollers: Sequence[Roller], error: ValueError) -> InputError:
-    """What is wrong with the way, in terms of the scene."""
+    """Return what is wrong with the way of the strip, in terms of the scene."""
     index, turn = getattr(error, "index", 0), getattr(error, "turn", None)
     names = [roller.name for roller in rollers]
     if turn is not None:
