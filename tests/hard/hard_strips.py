@@ -12,9 +12,9 @@ from scipy.optimize import brentq
 
 from anmstrip.driver.run import Run, Step
 from anmstrip.driver.scene import Scene
+from anmstrip.mechanics.shell import uniaxial_stretches
 from anmstrip.results.state import State
 from anmstrip.simulation.problem import FAINT
-from anmstrip.simulation.threading import stretches
 from motions import Trial
 from strips import CONTACT, MATERIAL, RADIUS, TENSION
 
@@ -312,7 +312,7 @@ def _creep(run: Run) -> tuple[float, float]:
     assert law is not None
     ends, angle = np.array(ends_of(run)[:2]), ends_of(run)[2]
     stiffness, poisson = run.assembly.strip.tensile_stiffness, run.assembly.material.poisson
-    stretch, _ = stretches(float(ends.mean()), stiffness, poisson)
+    stretch, _ = uniaxial_stretches(float(ends.mean()), stiffness, poisson)
     stiffness *= stretch * (1.5 * stretch**2 - 0.5)  # λ dT/dλ by Green's strain
     lift = lift_off(run.assembly.strip.bending_stiffness / ends / RADIUS**2)
     first, last = ends * np.cos(lift)
