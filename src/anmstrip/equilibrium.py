@@ -124,7 +124,7 @@ class Equilibrium:
 
     @property
     def metric(self) -> Array:
-        """Metric of changes of position: their mean square over the nodes, over the length scale."""
+        """Metric of changes of position: mean square over the nodes, over the length scale."""
         return self._metric
 
     def full_velocity(self, u: Array, control: float) -> Array | None:

@@ -123,7 +123,7 @@ class State:
         return np.zeros(3)
 
     def _outside(self, name: str, length: float) -> Array:
-        """Return the force that holds a plate in its plane, where it has no unknowns (N), shape (3,)."""
+        """Return the force (N) that holds a plate in its own plane, shape (3,)."""
         if name != "entry" or 0 in self.plan.model.strip.kinematics.components:
             return np.zeros(3)
         pull = self.controls.get("exit.force", np.zeros(3))[0] * length
