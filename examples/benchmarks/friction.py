@@ -24,7 +24,7 @@ from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.paper.mass_spring import Parameters
 from anmstrip.paper.references import slip_at
 from anmstrip.timestepping.formulas import start_memory
-from anmstrip.timestepping.functions import FunctionRateEquations, ImplicitSolution
+from anmstrip.timestepping.functions import FunctionRateEquations, join_steps
 from anmstrip.timestepping.implicit import Stepping, integrate
 from anmstrip.timestepping.index_one import consistent
 from figures import (
@@ -193,7 +193,7 @@ class Mass:
                 steps.append(step)
         except PathStopped:
             return np.nan, cost.factorisations
-        path = ImplicitSolution(u, v, steps, self.tolerance, p.V)
+        path = join_steps(u, v, steps, self.tolerance, p.V)
         found = np.array([path(t)[0][0] for t in self.times])
         return float(np.abs(found - self.reference(p, self.times)).max()), cost.factorisations
 

@@ -7,7 +7,7 @@ from dense import DenseEquations, followed
 from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.path import Branch
-from anmstrip.continuation.quotients import rational, stretched
+from anmstrip.continuation.quotients import longest_quotient, rational
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.taylor.polynomials import roots_within
 
@@ -73,7 +73,7 @@ def start():
 def test_it_stops_before_a_pole():
     equations = DenseEquations(lambda u, control: u * (1.0 - control / STIFFNESS) - LOAD)
     branch = expanded(equations, LOAD)
-    further, _ = stretched(equations, branch, 1e-6, 50.0, Cost())
+    further, _ = longest_quotient(equations, branch, 1e-6, 50.0, Cost())
     assert further.length < 1.0
     assert not roots_within(further.denominator, further.length)
 
@@ -88,7 +88,7 @@ def test_it_does_not_leap_over_a_pole(monkeypatch):
     product = np.convolve(factor, branch.control)[:5]
     candidate = Branch(np.tile(product[:, None], 5), product, 0.5, np.zeros(5), denominator=factor)
     monkeypatch.setattr("anmstrip.continuation.quotients.rational", lambda *_: candidate)
-    found, _ = stretched(equations, branch, 1e-6, 10.0, Cost())
+    found, _ = longest_quotient(equations, branch, 1e-6, 10.0, Cost())
     assert 1.5 < found.length < 2.0
 
 
@@ -97,13 +97,13 @@ def test_a_series_of_what_is_no_number_has_no_quotient(number):
     equations = DenseEquations(resonant)
     branch = expanded(equations, np.zeros(N))
     branch.u[7, 3] = number
-    assert stretched(equations, branch, 1e-6, np.inf, Cost()) is None
+    assert longest_quotient(equations, branch, 1e-6, np.inf, Cost()) is None
 
 
 def test_a_series_that_arrives_needs_no_quotient():
     equations = DenseEquations(lambda u, control: u + u * u - control)
     branch, cost = expanded(equations, np.zeros(N)), Cost()
-    assert stretched(equations, branch, 1e-6, 0.1, cost) is None
+    assert longest_quotient(equations, branch, 1e-6, 0.1, cost) is None
     assert cost.residuals == 0
 
 

@@ -17,8 +17,8 @@ from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.timestepping import formulas as backward_differences
 from anmstrip.timestepping import implicit as implicit_dae
 from anmstrip.timestepping.formulas import TimeStep
-from anmstrip.timestepping.functions import FunctionRateEquations, ImplicitSolution
-from anmstrip.timestepping.index_one import consistent
+from anmstrip.timestepping.functions import FunctionRateEquations, join_steps
+from anmstrip.timestepping.index_one import TimePath, consistent
 
 Array = NDArray[np.float64]
 Residual = Callable[[Any, Any, Any], Any]
@@ -30,7 +30,7 @@ MOST_STEPS = 20_000
 class Motion:
     """Steps in time of a point, and why there are no more of them if it stopped."""
 
-    path: ImplicitSolution
+    path: TimePath
     steps: tuple[TimeStep, ...]
     cost: Cost
     outcome: str  # ``done``, or the sentence of what stopped it
@@ -80,7 +80,7 @@ def moved(
         cost=cost,
     )
     steps, outcome = _all_of(found)
-    path = ImplicitSolution(u, v, steps, tolerance, speed)
+    path = join_steps(u, v, steps, tolerance, speed)
     return Motion(path, steps, cost, outcome)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from anmstrip.timestepping.explicit import PiecewiseSeries, integrate_explicitly
+from anmstrip.timestepping.explicit import integrate_explicitly, join_series
 from anmstrip.timestepping.index_one import Point, controlled, estimated
 
 
@@ -14,7 +14,7 @@ def drift(rate):
 
 def run(residual, tolerance, end=4.0, order=10):
     start = np.ones(1)
-    return PiecewiseSeries(
+    return join_series(
         list(
             integrate_explicitly(
                 residual, start, start, (0.0, end), order=order, tolerance=tolerance

@@ -12,7 +12,7 @@ from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.timestepping import formulas as backward_differences
 from anmstrip.timestepping import implicit as implicit_dae
 from anmstrip.timestepping.formulas import Memory, TimeStep, formula, predicted
-from anmstrip.timestepping.functions import FunctionRateEquations, ImplicitSolution
+from anmstrip.timestepping.functions import FunctionRateEquations, join_steps
 
 DENSE = DenseSolver()
 
@@ -151,7 +151,7 @@ def test_going_on_from_memory_gives_the_same_answer():
 
 def test_the_solution_can_be_called_between_the_steps():
     steps = run(smooth, [0.0], [1.0], 1.0)
-    path = ImplicitSolution(np.zeros(1), np.ones(1), steps, 1e-4, np.inf)
+    path = join_steps(np.zeros(1), np.ones(1), steps, 1e-4, np.inf)
     for t in np.linspace(0.0, 1.0, 23):
         u, v = path(t)
         assert u == pytest.approx(np.sin([t]), abs=1e-4)
@@ -166,7 +166,7 @@ def test_the_solution_between_the_steps_is_the_cubic_through_states_and_velociti
         TimeStep(a, b, p([b]), p.deriv()([b]), 1, 0.0, 0.0, 1, memory)
         for a, b in pairwise([0.0, 0.4, 1.7, 3.0])
     ]
-    path = ImplicitSolution(p([0.0]), p.deriv()([0.0]), steps, 1.0, np.inf)
+    path = join_steps(p([0.0]), p.deriv()([0.0]), steps, 1.0, np.inf)
     for t in (0.0, 0.2, 0.4, 1.0, 2.9, 3.0):
         assert path(t) == (pytest.approx(p([t])), pytest.approx(p.deriv()([t])))
     for start, length, cubic in path.polynomials():

@@ -12,7 +12,7 @@ import numpy as np
 from anmstrip.continuation.equations import Array, Cost, Equations, size
 from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.path import Branch
-from anmstrip.continuation.quotients import cleared, stretched
+from anmstrip.continuation.quotients import cleared, longest_quotient
 from anmstrip.continuation.status import Evidence, Outcome, PathStopped
 from anmstrip.continuation.validity import errors, excess, validated
 from anmstrip.linalg.factors import NonFiniteTangentError, SingularTangentError
@@ -176,7 +176,7 @@ class _Follower:
         tolerance = self.settings.tolerance
         while True:
             given = (self.equations, series, tolerance, reach, self.cost)
-            quotient = stretched(*given) if self.settings.rational else None
+            quotient = longest_quotient(*given) if self.settings.rational else None
             branch, imbalance = quotient or validated(*given)
             inside = self.equations.interior_check(branch)
             if inside is None:

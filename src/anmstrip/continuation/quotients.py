@@ -62,15 +62,6 @@ an error does not change them."""
 FIRST = 10
 """Rung that is tried first: most quotients hold up to there."""
 
-TRIALS = 4
-"""Lengths that are tried."""
-
-AIM = 0.7
-"""Share of the tolerance that the next one aims at."""
-
-SHORT_OF_POLE = 0.95
-"""Longest length, over that of a pole."""
-
 POLES = 12
 """Largest degree of the denominator."""
 
@@ -81,11 +72,11 @@ FURTHER = 4.0
 """Where they are weighted, and the longest that is tried, over the length of the series."""
 
 DAMPING = 1e-7
-"""Of the denominator's coefficients, over the largest term there.  With 1e-9 steps in mm and in m
-are of other lengths, by 4e-3 after 50 of them, with 1e-7 by 5e-9; tangents are hardly fewer."""
+"""Damping of the denominator's coefficients, over the largest term.  With 1e-9 steps in mm and in
+m are of other lengths, by 4e-3 after 50 of them, with 1e-7 by 5e-9; tangents are hardly fewer."""
 
 
-def stretched(
+def longest_quotient(
     equations: Equations, series: Branch, tolerance: float, reach: float, cost: Cost
 ) -> tuple[Branch, float] | None:
     """The rational form of a series, if it meets the tolerance further on than its terms tell.
@@ -108,63 +99,53 @@ def stretched(
     if quotient is None:
         return None
     pole = first_root(quotient.denominator, limit)
-    limit = limit if pole is None else SHORT_OF_POLE * pole
+    limit = limit if pole is None else pole / RUNG
     rung, best, least, power = FIRST, 0, np.inf, series.order + 1.0
-    last, found = (np.inf, np.inf), None
-    for _ in range(TRIALS):
+    last, last_error = np.inf, np.inf
+    found: tuple[Branch, float] | None = None
+    while best < rung < least:
         length = min(guess * RUNG**rung, limit)
-        if not best < rung < least or length <= (guess if found is None else found[0].length):
+        if length <= (guess if found is None else found[0].length):
             break
         error, imbalance = errors(equations, quotient, length, cost, tolerance)
         if error <= tolerance:
             found, best = (quotient.cut(length), imbalance), rung
         else:
             least = rung
-        power = _power(last, (length, error)) or power
-        last = length, error
-        rung += _rungs(AIM * tolerance / max(error, TINY), power)
+        if length != last and 0.0 < error < np.inf and 0.0 < last_error < np.inf:
+            power = max(float(np.log(error / last_error) / np.log(length / last)), 1.0)
+        last, last_error = length, error
+        growth = np.log(0.5 * tolerance / max(error, TINY)) / power  # half of it is aimed at
+        rung += int(np.floor(np.clip(growth, -np.log(2.0), np.log(2.0)) / np.log(RUNG)))
     return found
 
 
-def _power(before: tuple[float, float], now: tuple[float, float]) -> float | None:
-    """Power of the length with which the error grows, of two trials if they are finite."""
-    (a, first), (b, second) = before, now
-    if a == b or not (0.0 < first < np.inf and 0.0 < second < np.inf):
-        return None
-    return max(float(np.log(second / first) / np.log(b / a)), 1.0)
-
-
-def _rungs(allowed: float, power: float) -> int:
-    """Rungs, down to half and up to twice the length, over which an error may grow so much."""
-    growth = np.clip(np.log(max(allowed, TINY)) / power, -np.log(2.0), np.log(2.0))
-    return int(np.floor(growth / np.log(RUNG)))
-
-
 def rational(equations: Equations, branch: Branch) -> Branch | None:
-    """The same orders as a quotient; None if there are numbers too large for that."""
-    size, scale = branch.order + 1, FURTHER * branch.length
-    with np.errstate(all="ignore"):
-        powers = scale ** np.arange(1.0, size)
-        terms = coordinates(equations, branch) * powers[:, None]
-        if not np.isfinite(np.linalg.norm(terms)):
-            return None
-        scaled = _denominator(terms)
-        found = np.concatenate([[1.0], scaled / powers[: len(scaled)]])
-        product = toeplitz(np.concatenate([found, np.zeros(size - len(found))]), np.zeros(size))
-        u, control = product @ branch.u, product @ branch.control
-    return replace(branch, u=u, control=control, denominator=found)
+    """The same orders as a quotient; None if there are numbers too large for that.
 
-
-def _denominator(terms: Array) -> Array:
-    """Coefficients d_1 … d_m from orders 1 … N in coordinates (rows), at a = 1."""
-    n, width = terms.shape
+    The denominator's coefficients d_1 … d_m make the last orders of the product vanish, in
+    coordinates of what the orders span, by damped least squares.
+    """
+    n, scale = branch.order, FURTHER * branch.length
     degree, last = min(POLES, n - 1), min(LAST, n - 1)
-    padded = np.vstack([np.zeros((degree, width)), terms])
-    columns = [padded[degree + n - last - j : degree + n - j].ravel() for j in range(degree + 1)]
-    damping = DAMPING * np.linalg.norm(terms, axis=1).max()
-    matrix = np.vstack([np.stack(columns[1:], axis=1), damping * np.eye(degree)])
-    wanted = -np.concatenate([columns[0], np.zeros(degree)])
-    return np.asarray(np.linalg.lstsq(matrix, wanted, rcond=None)[0])
+    with np.errstate(all="ignore"):
+        powers = scale ** np.arange(1.0, n + 1)
+        terms = coordinates(equations, branch) * powers[:, None]
+        largest = np.linalg.norm(terms, axis=1).max()
+        if not np.isfinite(largest):
+            return None
+        padded = np.vstack([np.zeros((degree, terms.shape[1])), terms])
+        columns = [
+            padded[degree + n - last - j : degree + n - j].ravel() for j in range(degree + 1)
+        ]
+        matrix = np.vstack([np.stack(columns[1:], axis=1), DAMPING * largest * np.eye(degree)])
+        wanted = -np.concatenate([columns[0], np.zeros(degree)])
+        found = np.linalg.lstsq(matrix, wanted, rcond=None)[0] / powers[:degree]
+        denominator = np.concatenate([[1.0], found])
+        first = np.concatenate([denominator, np.zeros(n - degree)])
+        product = toeplitz(first, np.zeros(n + 1))
+        u, control = product @ branch.u, product @ branch.control
+    return replace(branch, u=u, control=control, denominator=denominator)
 
 
 def coordinates(equations: Equations, branch: Branch) -> Array:

@@ -19,9 +19,9 @@ from anmstrip.mechanics.laws import cone_speed, corner_speed
 from anmstrip.paper.mass_spring import MassSpring, Parameters, PressedPlane
 from anmstrip.taylor.polynomials import Watch, derivative_coefficients, value_at
 from anmstrip.taylor.series import taylor
-from anmstrip.timestepping.explicit import PiecewiseSeries, integrate_explicitly
+from anmstrip.timestepping.explicit import integrate_explicitly, join_series
 from anmstrip.timestepping.formulas import start_memory
-from anmstrip.timestepping.functions import FunctionRateEquations, ImplicitSolution
+from anmstrip.timestepping.functions import FunctionRateEquations, join_steps
 from anmstrip.timestepping.implicit import Stepping, integrate
 from anmstrip.timestepping.index_one import TimePath, consistent, controlled
 
@@ -97,7 +97,7 @@ def explicit_scheme(
         cost=cost,
     )
     pieces, reason = collect_steps(steps)
-    return PiecewiseSeries(pieces), reason
+    return join_series(pieces), reason
 
 
 def implicit_scheme(
@@ -116,7 +116,7 @@ def implicit_scheme(
         cost=cost,
     )
     taken, reason = collect_steps(steps)
-    return ImplicitSolution(u, v, taken, tolerance, p.V_c), reason
+    return join_steps(u, v, taken, tolerance, p.V_c), reason
 
 
 SCHEMES = {"taylor": explicit_scheme, "implicit": implicit_scheme}

@@ -6,15 +6,20 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.interpolate import PPoly
 
-from anmstrip.continuation.equations import TINY, Cost
+from anmstrip.continuation.equations import TINY, Array, Cost
 from anmstrip.continuation.status import Outcome, PathStopped
 from anmstrip.taylor.polynomials import derivative_coefficients, value_at
 from anmstrip.taylor.series import recorded
-from anmstrip.timestepping.index_one import Point, Residual, consistent, size_of, stretch
-
-Array = NDArray[np.float64]
+from anmstrip.timestepping.index_one import (
+    Point,
+    Residual,
+    TimePath,
+    consistent,
+    residual_size,
+    stretch,
+)
 
 MOST_STEPS = 200_000
 
@@ -31,23 +36,13 @@ shorter one."""
 
 @dataclass(frozen=True)
 class TimeSeries:
-    """Taylor series of u in time on [start, end].
+    """Taylor series of u in time on [start, end]."""
 
-    Attributes
-    ----------
-    coefficients : ndarray, shape (order + 1, n)
-    start, end : float
-    error : float
-        Estimated error of u that the step hands on to the next.
-    passing : float
-        Estimated error of its algebraic part, which the next one takes away.
-    """
-
-    coefficients: Array
+    coefficients: Array  # (order + 1, n)
     start: float
     end: float
-    error: float = 0.0
-    passing: float = 0.0
+    error: float = 0.0  # estimated error of u that the step hands on to the next
+    passing: float = 0.0  # estimated error of its algebraic part, which the next takes away
 
     def __call__(self, t: float) -> tuple[Array, Array]:
         """State and velocity at time ``t``."""
@@ -56,33 +51,12 @@ class TimeSeries:
         return value_at(self.coefficients, a), value_at(rates, a)
 
 
-class PiecewiseSeries:
-    """Time series end to end, callable at any time inside.
-
-    Attributes
-    ----------
-    pieces : tuple of TimeSeries
-    knots : ndarray, shape (number of pieces + 1,)
-        Times at which they meet.
-    errors, passing : ndarray, shape (number of pieces,)
-        What each adds to the error of u, for good and at its end only.
-    """
-
-    def __init__(self, pieces: Sequence[TimeSeries]) -> None:
-        self.pieces = tuple(pieces)
-        self.knots = np.array([pieces[0].start, *(p.end for p in pieces)])
-        self.errors = np.array([p.error for p in pieces])
-        self.passing = np.array([p.passing for p in pieces])
-
-    def __call__(self, t: float) -> tuple[Array, Array]:
-        """State and velocity at time ``t``."""
-        i = int(np.searchsorted(self.knots[1:], t))
-        return self.pieces[min(i, len(self.pieces) - 1)](t)
-
-    def polynomials(self) -> Iterator[tuple[float, float, Array]]:
-        """Start, length and coefficients of the pieces."""
-        for piece in self.pieces:
-            yield piece.start, piece.end - piece.start, piece.coefficients
+def join_series(pieces: Sequence[TimeSeries]) -> TimePath:
+    """Time series end to end, callable at any time inside."""
+    knots = [pieces[0].start, *(p.end for p in pieces)]
+    curve = PPoly(np.stack([p.coefficients[::-1] for p in pieces], axis=1), knots)
+    errors, passing = np.array([(p.error, p.passing) for p in pieces]).T
+    return TimePath(curve, errors, passing)
 
 
 def integrate_explicitly(
@@ -174,7 +148,10 @@ class _Stepper:
             u_orders, v_last = _orders(point, self.order)
         self.cost.expansions += 1
         self.cost.factorisations += 1
-        series, length = TimeSeries(u_orders, t, end), self.guess(u_orders, v_last, self.allowed(v))
+        series, N = TimeSeries(u_orders, t, end), self.order
+        terms = [(N, np.abs(v_last).max()), (N - 1, N * np.abs(u_orders[N]).max())]
+        guesses = [(self.allowed(v) / x) ** (1.0 / k) for k, x in terms if x > 0.0 and k > 0]
+        length = min(guesses, default=np.inf)  # where the last two terms of u' reach the defect
         while True:
             if length < 1e-12 * self.whole:
                 reason = f"no step above {length:.2g} keeps the tolerance"
@@ -205,19 +182,12 @@ class _Stepper:
         share = (piece.end - piece.start) * rate
         return piece, max(piece.passing / self.tolerance, piece.error / share)
 
-    def guess(self, u: Array, v_last: Array, allowed: float) -> float:
-        """Length at which the last two terms of the velocity reach the allowed defect."""
-        N = self.order
-        terms = [(N, np.abs(v_last).max()), (N - 1, N * np.abs(u[N]).max())]
-        lengths = [(allowed / x) ** (1.0 / k) for k, x in terms if x > 0.0 and k > 0]
-        return min(lengths, default=np.inf)
-
     def judged(self, piece: TimeSeries) -> TimeSeries:
         """The piece with its errors, from Newton's correction at its end."""
         self.cost.residuals += 1
         with np.errstate(all="ignore"):
             u, v = piece(piece.end)
-            if not np.isfinite(size_of(self.residual, u, v, piece.end)):
+            if not np.isfinite(residual_size(self.residual, u, v, piece.end)):
                 return replace(piece, error=np.inf, passing=np.inf)
             shift, kick = Point.at(self.residual, u, v, piece.end).correction()
         inherited = float(np.abs(kick).max()) * (piece.end - piece.start) / (self.order + 1)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,7 +14,7 @@ from scipy.interpolate import CubicHermiteSpline
 from anmstrip.continuation.equations import Array, Equations
 from anmstrip.taylor.series import RecordedFunction, recorded, taylor
 from anmstrip.timestepping.formulas import AffineVelocity, RateEquations, StepEquations, TimeStep
-from anmstrip.timestepping.index_one import stretch
+from anmstrip.timestepping.index_one import TimePath, stretch
 
 
 class Substitution(Protocol):
@@ -235,8 +234,10 @@ class FunctionStepEquations(StepEquations):
         return float((self.softness @ np.abs(residual)).max()) / self.unit
 
 
-class ImplicitSolution:
-    """Steps of the implicit scheme joined by cubics; a :class:`TimePath`.
+def join_steps(
+    u: Array, v: Array, steps: Sequence[TimeStep], tolerance: float, speed: float
+) -> TimePath:
+    """Steps of the implicit scheme joined by cubics.
 
     Parameters
     ----------
@@ -248,24 +249,9 @@ class ImplicitSolution:
     speed : float
         V of the equations.
     """
-
-    def __init__(
-        self, u: Array, v: Array, steps: Sequence[TimeStep], tolerance: float, speed: float
-    ) -> None:
-        self.knots = np.array([steps[0].start, *(s.end for s in steps)])
-        states, velocities = [u, *(s.u for s in steps)], [v, *(s.v for s in steps)]
-        self.cubics = CubicHermiteSpline(self.knots, states, velocities)
-        share = np.diff(self.knots) / (self.knots[-1] - self.knots[0])
-        stretches = np.array([stretch(s.v, speed) for s in steps])
-        found = np.array([s.error * tolerance + s.imbalance for s in steps])
-        self.errors = share * stretches * found
-        self.passing = np.zeros(len(steps))
-
-    def __call__(self, t: float) -> tuple[Array, Array]:
-        """State and velocity at time ``t``."""
-        return self.cubics(t), self.cubics(t, 1)
-
-    def polynomials(self) -> Iterator[tuple[float, float, Array]]:
-        """Start, length and coefficients of the pieces."""
-        for i, (start, end) in enumerate(pairwise(self.knots)):
-            yield start, end - start, self.cubics.c[::-1, i]
+    knots = np.array([steps[0].start, *(s.end for s in steps)])
+    curve = CubicHermiteSpline(knots, [u, *(s.u for s in steps)], [v, *(s.v for s in steps)])
+    share = np.diff(knots) / (knots[-1] - knots[0])
+    stretches = np.array([stretch(s.v, speed) for s in steps])
+    found = np.array([s.error * tolerance + s.imbalance for s in steps])
+    return TimePath(curve, share * stretches * found, np.zeros(len(steps)))

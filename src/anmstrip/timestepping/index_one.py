@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.interpolate import PPoly
 
+from anmstrip.continuation.equations import TINY, Array
 from anmstrip.continuation.status import Outcome, PathStopped
 from anmstrip.taylor.program import Orders
 from anmstrip.taylor.series import recorded
 
-Array = NDArray[np.float64]
 Residual = Callable[[Any, Any, Any], Any]
 """``residual(u, v, t)`` of arrays (n,), (n,), () → (n,), written in numpy."""
 
@@ -23,32 +24,19 @@ CONSISTENT = 1e-3
 MOST_ITERATIONS = 500
 """Of Newton's method: far away a saturating law, like |v|^q, lets it come nearer by a third."""
 
-TINY = float(np.finfo(float).tiny)
-
 
 @dataclass(frozen=True)
 class Point:
-    """The equations at one state: residual, derivatives, and the split of directions.
+    """The equations at one state: residual, derivatives, and the split of directions."""
 
-    Attributes
-    ----------
-    orders : Orders
-        Of the residual, for those to come.
-    u, v, residual : ndarray, shape (n,)
-    stiffness, damping : ndarray, shape (n, n)
-        ∂R/∂u and ∂R/∂v.
-    driven, algebraic : tuple of ndarray
-        Rows of R (r, n) and directions (n, r) on which velocities act, and the rest.
-    """
-
-    orders: Orders
-    u: Array
-    v: Array
-    residual: Array
-    stiffness: Array
-    damping: Array
-    driven: tuple[Array, Array]
-    algebraic: tuple[Array, Array]
+    orders: Orders  # of the residual, for those to come
+    u: Array  # (n,)
+    v: Array  # (n,)
+    residual: Array  # (n,)
+    stiffness: Array  # ∂R/∂u, (n, n)
+    damping: Array  # ∂R/∂v, (n, n)
+    driven: tuple[Array, Array]  # rows of R (r, n), directions (n, r) on which velocities act
+    algebraic: tuple[Array, Array]  # the rest
 
     @classmethod
     def at(cls, residual: Residual, u: Array, v: Array, t: float, order: int = 0) -> Point:
@@ -80,6 +68,13 @@ class Point:
         return shift, self.driven_part(self.residual + self.stiffness @ shift)
 
     @property
+    def driven_stiffness(self) -> Array:
+        """∂R/∂u in the driven directions, the algebraic part eliminated, shape (r, r)."""
+        rows, P = self.driven
+        whole = [p + self.algebraic_part(self.stiffness @ p) for p in P.T]
+        return rows @ self.stiffness @ np.stack(whole, axis=1)
+
+    @property
     def growth_rate(self) -> float:
         """Rate at which neighbouring solutions drift apart (1/s; negative: come together).
 
@@ -90,8 +85,7 @@ class Point:
         rows, P = self.driven
         if not len(rows):
             return -np.inf
-        whole = np.stack([p + self.algebraic_part(self.stiffness @ p) for p in P.T], axis=1)
-        kappa = np.linalg.solve(rows @ self.damping @ P, rows @ self.stiffness @ whole)
+        kappa = np.linalg.solve(rows @ self.damping @ P, self.driven_stiffness)
         return float(np.linalg.eigvalsh(-0.5 * (kappa + kappa.T))[-1])
 
 
@@ -126,16 +120,20 @@ def consistent(
     for _ in range(MOST_ITERATIONS):
         point = Point.at(residual, u, v, t)
         shift, kick = point.correction()
-        if max(_ratio(shift, tolerance, u), _ratio(kick, allowed, v)) <= CONSISTENT:
+        ratios = [
+            np.abs(change).max() / max(bound, 1e-9 * np.abs(value).max(), TINY)  # or of round-off
+            for change, bound, value in ((shift, tolerance, u), (kick, allowed, v))
+        ]
+        if max(ratios) <= CONSISTENT:
             return u + shift, v + kick
         size, part = np.abs(point.residual).max(), 1.0
-        while part > 1e-6 and size_of(residual, u + part * shift, v + part * kick, t) >= size:
+        while part > 1e-6 and residual_size(residual, u + part * shift, v + part * kick, t) >= size:
             part *= 0.5
         u, v = u + part * shift, v + part * kick
     raise PathStopped(Outcome.STALLED, t, "no velocity satisfies the friction law here")
 
 
-def size_of(residual: Residual, u: Array, v: Array, t: float) -> float:
+def residual_size(residual: Residual, u: Array, v: Array, t: float) -> float:
     """Largest entry of the residual, infinite where it is not a number."""
     with np.errstate(all="ignore"):
         return float(np.nan_to_num(np.abs(residual(u, v, t)).max(), nan=np.inf))
@@ -146,54 +144,40 @@ def stretch(v: Array, speed: float) -> float:
     return float(np.hypot(1.0, np.abs(v).max() / speed))
 
 
-def _ratio(change: Array, allowed: float, value: Array) -> float:
-    """Largest change in units of what is allowed, or of round-off if that is more."""
-    unit = max(allowed, 1e-9 * float(np.abs(value).max()), TINY)
-    return float(np.abs(change).max()) / unit
-
-
 NODES = np.array([0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15)])
 WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 
 
-class TimePath(Protocol):
-    """A computed solution."""
+@dataclass(frozen=True)
+class TimePath:
+    """A computed solution u(t) of m steps."""
 
-    knots: Array
-    """Ends of its steps, shape (m + 1,)."""
+    curve: PPoly  # of n polynomials in every step
+    errors: Array  # error of u for good that each step adds, (m,)
+    passing: Array  # error of u at the end of each step that the next takes away, (m,)
 
-    errors: Array
-    """What each step adds to the error of u for good, shape (m,)."""
-
-    passing: Array
-    """Error of u at the end of each step that the next takes away, shape (m,)."""
+    @property
+    def knots(self) -> Array:
+        """Ends of the steps, shape (m + 1,)."""
+        return np.asarray(self.curve.x)
 
     def __call__(self, t: float) -> tuple[Array, Array]:
         """State and velocity at time ``t``."""
+        return self.curve(t), self.curve(t, 1)
 
     def polynomials(self) -> Iterator[tuple[float, float, Array]]:
-        """Start, length and coefficients (order + 1, n) of its pieces."""
-
-
-T = TypeVar("T", bound=TimePath)
+        """Start, length and coefficients (order + 1, n) of the pieces."""
+        for i, (start, end) in enumerate(pairwise(self.knots)):
+            yield start, end - start, self.curve.c[::-1, i]
 
 
 @dataclass(frozen=True)
-class Controlled(Generic[T]):
-    """A solution with its estimated error.
+class Controlled:
+    """A solution with its estimated error."""
 
-    Attributes
-    ----------
-    path : TimePath
-    error : float
-        Estimate of the largest error of u at any time.
-    passes : int
-        Integrations that it took.
-    """
-
-    path: T
-    error: float
-    passes: int
+    path: TimePath
+    error: float  # estimate of the largest error of u at any time
+    passes: int  # integrations that it took
 
 
 def estimated(residual: Residual, path: TimePath) -> Array:
@@ -209,13 +193,13 @@ def estimated(residual: Residual, path: TimePath) -> Array:
 
 
 def controlled(
-    run: Callable[[float], T],
+    run: Callable[[float], TimePath],
     residual: Residual,
     tolerance: float,
     *,
     speed: float = np.inf,
     max_passes: int = 6,
-) -> Controlled[T]:
+) -> Controlled:
     """Integrate until the estimated error of u is below the tolerance at all times.
 
     In motion faster than V an error along the way is a shift in time, and
@@ -258,25 +242,13 @@ MANY = 10.0
 
 @dataclass(frozen=True)
 class Instability:
-    """A stretch of time in which a motion was unstable.
+    """A stretch of time in which a motion was unstable, from the first to the last such step."""
 
-    Attributes
-    ----------
-    start, end : float
-        s; from the first to the last such step.
-    pivot : float
-        Lowest pivot of the rate-free tangent along the motion there (N/m).
-    rate : float
-        Largest rate at which it left its equilibria (1/s).
-    distance : float
-        By which the state has changed meanwhile (its own unit).
-    """
-
-    start: float
-    end: float
-    pivot: float
-    rate: float
-    distance: float
+    start: float  # s
+    end: float  # s
+    pivot: float  # lowest pivot of the rate-free tangent along the motion there (N/m)
+    rate: float  # largest rate at which it left its equilibria (1/s)
+    distance: float  # by which the state has changed meanwhile (its own unit)
 
     def __str__(self) -> str:
         return (
@@ -297,12 +269,10 @@ def pivot(residual: Residual, u: Array, v: Array, t: float) -> tuple[float, floa
     rows, P = point.driven
     if not len(rows):
         return np.inf, -np.inf
-    whole = np.stack([p + point.algebraic_part(point.stiffness @ p) for p in P.T], axis=1)
-    resistance, tangent = rows @ point.damping @ P, rows @ point.stiffness @ whole
     along = P.T @ v
     length = float(np.linalg.norm(along))
     along = along / length if length > 0.0 else np.eye(len(along))[0]
-    D, S = along @ resistance @ along, along @ tangent @ along
+    D, S = along @ rows @ point.damping @ P @ along, along @ point.driven_stiffness @ along
     return float(S * np.sign(D)), float(-S / D)
 
 
