@@ -120,11 +120,11 @@ def consistent(
     for _ in range(MOST_ITERATIONS):
         point = Point.at(residual, u, v, t)
         shift, kick = point.correction()
-        ratios = [
-            np.abs(change).max() / max(bound, 1e-9 * np.abs(value).max(), TINY)  # or of round-off
-            for change, bound, value in ((shift, tolerance, u), (kick, allowed, v))
-        ]
-        if max(ratios) <= CONSISTENT:
+        changes = ((shift, tolerance, u), (kick, allowed, v))
+        if all(
+            np.abs(change).max() <= CONSISTENT * max(bound, 1e-9 * np.abs(value).max(), TINY)
+            for change, bound, value in changes  # the second bound is that of round-off
+        ):
             return u + shift, v + kick
         size, part = np.abs(point.residual).max(), 1.0
         while part > 1e-6 and residual_size(residual, u + part * shift, v + part * kick, t) >= size:
