@@ -132,7 +132,7 @@ def slack_start(preview: Preview) -> Iterator[str]:
         )
 
 
-def not_held(preview: Preview) -> Iterator[str]:
+def released_strip(preview: Preview) -> Iterator[str]:
     """Stages from which on no edge holds the strip in x, nor friction what is changed there."""
     scene, names = preview.assembly.scene, {plan.name for plan in preview.plans}
     holding = {name for name, edge in scene.edges.items() if "x" in edge.fixed}
@@ -234,7 +234,7 @@ def beyond_yield(preview: Preview) -> Iterator[str]:
             )
 
 
-SERIOUS_RULES = (sharp_roller, soft_contact, slack_start, not_held, slack_end, heavy_strip)
+SERIOUS_RULES = (sharp_roller, soft_contact, slack_start, released_strip, slack_end, heavy_strip)
 OTHER_RULES = (coarse_mesh, slipping_friction, beyond_yield)
 
 
