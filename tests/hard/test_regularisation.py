@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from anmstrip.driver.run import Run
-from anmstrip.driver.scene import Scene
-from anmstrip.driver.sharpening import SharpenedRun
+from anmstrip.driver.scene import Scene, SharpenedRun
 from anmstrip.errors import InputError
 from anmstrip.results.rollers import Regularisation
 from hard_strips import LAY, PULL, end_of, ran, tables_of, turning
