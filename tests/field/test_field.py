@@ -405,7 +405,7 @@ def test_statics() -> None:
     assert reactions == pytest.approx([0.4, 1.1, 1.1, 0.4], abs=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.field
 @pytest.mark.parametrize("name", SCENES)
 def test_scene_ends_right_at_the_first_run(name: str, tmp_path: Path) -> None:
     """Within a minute of one core, exit status 0, and right by statics."""
