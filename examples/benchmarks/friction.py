@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from anmstrip.continuation.equations import Cost
+from anmstrip.continuation.equations import Cost, Tolerances
 from anmstrip.continuation.follow import Settings
 from anmstrip.continuation.status import PathStopped
-from anmstrip.continuation.tolerances import Tolerances
 from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.paper.mass_spring import Parameters

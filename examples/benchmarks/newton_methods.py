@@ -17,7 +17,7 @@ from anmstrip.continuation.follow import Pace, PathStep, Settings
 from anmstrip.continuation.newton import Corrected, Corrections, Newton
 from anmstrip.continuation.path import Branch
 from anmstrip.continuation.status import Outcome, PathStopped
-from anmstrip.linalg.factors import SingularTangentError
+from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.linalg.solvers import LinearSolver
 from anmstrip.timestepping.formulas import AffineVelocity, RateEquations, StepEquations, predicted
 

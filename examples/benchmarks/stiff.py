@@ -19,9 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from anmstrip.continuation.equations import Cost
+from anmstrip.continuation.equations import Cost, Tolerances
 from anmstrip.continuation.follow import Settings
-from anmstrip.continuation.tolerances import Tolerances
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.mechanics.laws import NortonHoff
 from anmstrip.timestepping.formulas import start_memory

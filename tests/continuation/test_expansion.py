@@ -7,7 +7,7 @@ from dense import DenseEquations, coupled, one
 from anmstrip.continuation.equations import Cost, inner, size
 from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.validity import guessed_range
-from anmstrip.linalg.factors import SingularTangentError
+from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.linalg.solvers import DenseSolver
 
 

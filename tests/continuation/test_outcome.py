@@ -7,7 +7,7 @@ from scipy.sparse import csc_matrix
 
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.continuation.status import Evidence, Outcome, PathStopped
-from anmstrip.linalg.factors import NonFiniteTangentError, SingularTangentError
+from anmstrip.linalg.direct import NonFiniteTangentError, SingularTangentError
 from anmstrip.linalg.solvers import DenseSolver, SparseSolver
 from anmstrip.timestepping import formulas as backward_differences
 from anmstrip.timestepping import implicit as implicit_dae

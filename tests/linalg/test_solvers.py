@@ -5,8 +5,15 @@ import pytest
 from scipy.sparse import csc_matrix, diags
 
 from anmstrip.linalg import solvers as linear_solvers
-from anmstrip.linalg.direct import BandPlan, PardisoPlan, SuperLUPlan, pardiso_is_there
-from anmstrip.linalg.factors import NonFiniteTangentError, SingularTangentError, equilibrated
+from anmstrip.linalg.direct import (
+    BandPlan,
+    NonFiniteTangentError,
+    PardisoPlan,
+    SingularTangentError,
+    SuperLUPlan,
+    equilibrated,
+    pardiso_is_there,
+)
 from anmstrip.linalg.solvers import DenseSolver, SparseSolver
 
 

@@ -15,7 +15,7 @@ from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.follow import Pace, PathStep, Settings
 from anmstrip.continuation.path import Branch
 from anmstrip.continuation.status import Outcome, PathStopped
-from anmstrip.linalg.factors import Factors
+from anmstrip.linalg.direct import Factors
 from anmstrip.linalg.solvers import LinearSolver, Remembering
 
 PUSH = 1e-6

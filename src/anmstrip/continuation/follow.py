@@ -15,7 +15,7 @@ from anmstrip.continuation.path import Branch
 from anmstrip.continuation.quotients import cleared, longest_quotient
 from anmstrip.continuation.status import Evidence, Outcome, PathStopped
 from anmstrip.continuation.validity import errors, excess, validated
-from anmstrip.linalg.factors import NonFiniteTangentError, SingularTangentError
+from anmstrip.linalg.direct import NonFiniteTangentError, SingularTangentError
 from anmstrip.linalg.solvers import LinearSolver
 
 SHRUNK = 0.4

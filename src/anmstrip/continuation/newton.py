@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from anmstrip.continuation.equations import Array, Cost, Equations
-from anmstrip.linalg.factors import Factors, SingularTangentError
+from anmstrip.linalg.direct import Factors, SingularTangentError
 from anmstrip.linalg.solvers import LinearSolver
 
 

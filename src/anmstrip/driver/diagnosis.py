@@ -13,8 +13,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from anmstrip.continuation.equations import RESIDUAL_SHARE
 from anmstrip.continuation.status import Evidence, Outcome, PathStopped
-from anmstrip.continuation.tolerances import RESIDUAL_SHARE
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.results.state import ContactState, State
 from anmstrip.scene.schema import SceneSpec, StageSpec

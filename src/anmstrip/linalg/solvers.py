@@ -8,12 +8,15 @@ import numpy as np
 from scipy.linalg import lapack
 from scipy.sparse import csc_matrix
 
-from anmstrip.linalg.direct import BandPlan, PardisoPlan, SuperLUPlan, pardiso_is_there
-from anmstrip.linalg.factors import (
+from anmstrip.linalg.direct import (
     Array,
+    BandPlan,
     Factors,
     NonFiniteTangentError,
+    PardisoPlan,
     SingularTangentError,
+    SuperLUPlan,
+    pardiso_is_there,
     require_stiffness,
 )
 
@@ -28,7 +31,7 @@ class LinearSolver(Protocol):
     """Anything that makes factors of matrices."""
 
     def factorise(self, matrix: Any) -> Factors:
-        """Factors; raises :class:`~anmstrip.linalg.factors.SingularTangentError`."""
+        """Factors; raises :class:`~anmstrip.linalg.direct.SingularTangentError`."""
 
 
 class Remembering:

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from anmstrip.continuation.equations import Cost
+from anmstrip.continuation.equations import Cost, Tolerances
 from anmstrip.continuation.follow import Settings
 from anmstrip.continuation.status import PathStopped
-from anmstrip.continuation.tolerances import Tolerances
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.mechanics.laws import cone_speed, corner_speed
 from anmstrip.paper.mass_spring import MassSpring, Parameters, PressedPlane

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.continuation.equations import Cost
+from anmstrip.continuation.equations import Cost, Tolerances
 from anmstrip.continuation.follow import Pace, PathSolver, Settings, follow
-from anmstrip.continuation.tolerances import Tolerances
 from anmstrip.equilibrium import Equilibrium, Motion, StageProblem
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.results.state import State
