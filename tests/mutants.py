@@ -237,8 +237,8 @@ FIELDS = (
     ),
     Mutant(
         "membrane forces of the imperfection",
-        "natural = None if self.imperfection is None",
-        "natural = None if self.imperfection is not None",
+        "self.membrane.forces(*flat)",
+        "self.membrane.forces(flat[0])",
         "fields",
     ),
     Mutant(
