@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from anmstrip import Scene
-from anmstrip.scene.measures import State
-from anmstrip.scene.run import Run
+from anmstrip.driver.run import Run
+from anmstrip.results.state import State
 
 HERE = Path(__file__).parent
 SLIDING = 0.5
@@ -46,7 +46,7 @@ def full_slip(settings: list[str]) -> tuple[float, float]:
 
 
 def pulled(settings: list[str], pull: float, seconds: float) -> dict[str, tuple[float, float]]:
-    """What partial slip leaves on rollers that stand: quantity → found, expected.
+    """Return what partial slip leaves on rollers that stand: quantity → found, expected.
 
     The pull is slow, so that slip is as fast as V_c, where the law has its nominal coefficient.
     """

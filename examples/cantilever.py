@@ -11,17 +11,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anmstrip.model import Equilibrium
-from anmstrip.series.continuation import Settings, follow
-from anmstrip.series.expansion import Cost
-from anmstrip.series.linear_solvers import SparseSolver
-from anmstrip.studies.cantilever import cantilever
-from anmstrip.studies.newton import load_steps
+from anmstrip.continuation.equations import Cost
+from anmstrip.continuation.follow import Settings, follow
+from anmstrip.continuation.newton import Corrections, Newton
+from anmstrip.equilibrium import Equilibrium, Model
+from anmstrip.fem.constraints import Scales, Supports
+from anmstrip.fem.operators import Pattern
+from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.mechanics.effect_series import Controls
+from anmstrip.mechanics.loads import edge_force
+from anmstrip.mechanics.shell import Membrane, isometric_bending
+
+LENGTH, FORCE, STIFFNESS = 10.0, 4.0, 100.0  # m, N/m, N m
 
 
 @dataclass(frozen=True)
 class Bent:
-    """Tip displacement (m), tangents that it took, and what it was made with."""
+    """Tip displacement (m) and the tangents that it took."""
 
     tip: tuple[float, float]
     tangents: int
@@ -30,19 +37,48 @@ class Bent:
         return f"U = {self.tip[0]:.6f} m, W = {self.tip[1]:.6f} m, {self.tangents} tangents"
 
 
+def cantilever(cells: int = 16, thickness: float = 0.1) -> Equilibrium:
+    """Return the equations; another thickness changes E so that the stiffness stays."""
+    mesh = grid(np.linspace(0.0, LENGTH, cells + 1), np.array([-0.5, 0.5]))
+    strip = Strip(mesh, thickness, Material(young=12.0 * STIFFNESS / thickness**3, poisson=0.0))
+    pattern = Pattern(strip)
+    effects = [Membrane(strip), isometric_bending(strip, pattern), edge_force(strip, "exit")]
+    model = Model(strip, pattern, effects, Scales(LENGTH, FORCE, FORCE))
+    supports = Supports.at_rest(strip.unknowns, strip.clamp("entry"))
+    force = Controls({"exit.force": np.zeros(3)}, {"exit.force": np.array([0.0, 0.0, FORCE])})
+    return Equilibrium(model, supports, force)
+
+
 def bent(equations: Equilibrium, *, newton: bool = False, tolerance: float = 1e-4) -> Bent:
     """Follow the force from nothing to its full size."""
     strip, supports, cost = equations.model.strip, equations.supports, Cost()
-    u, choices = np.zeros(len(supports.free)), {"solver": SparseSolver(), "cost": cost}
+    u = np.zeros(len(supports.free))
     if newton:
-        *_, last = load_steps(equations, u, **choices)
-        u = last.u
+        u = load_steps(equations, u, cost)
     else:
         settings = Settings(order=20, tolerance=tolerance, arclength=True)
-        *_, last = follow(equations, u, settings=settings, **choices)
+        *_, last = follow(equations, u, solver=SparseSolver(), settings=settings, cost=cost)
         u = last.branch.end[0]
     tip = supports.full(u, 1.0).reshape(-1, 3)[strip.edges["exit"].values].mean(axis=0)
     return Bent((float(tip[0]), float(tip[2])), cost.factorisations)
+
+
+def load_steps(equations: Equilibrium, u: np.ndarray, cost: Cost) -> np.ndarray:
+    """Return the state under the full force, by Newton's method in steps of the load.
+
+    They grow and shrink with the iterations that they take; one that fails is halved.
+    """
+    newton = Newton(equations, SparseSolver(), Corrections(), cost)
+    load, size = 0.0, 0.1
+    while load < 1.0:
+        aim = min(1.0, load + size)
+        found = newton.corrected(u, aim)
+        if found is None:
+            size = 0.5 * (aim - load)
+        else:
+            u, load = found.u, aim
+            size *= float(np.clip(np.sqrt(8.0 / max(found.iterations, 1)), 0.5, 2.0))
+    return u
 
 
 def main() -> tuple[Bent, Bent]:

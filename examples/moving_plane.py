@@ -3,7 +3,7 @@
 It touches at t = 1 s and is then dragged along at 0.29 m/s; Coulomb's law says 0.3 m/s.
 """
 
-from anmstrip.studies.cases import CaseReport, run_case
+from anmstrip.paper.cases import CaseReport, run_case
 
 
 def main() -> CaseReport:

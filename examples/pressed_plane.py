@@ -3,7 +3,7 @@
 Friction drags the mass along until the spring balances it: u = 0.298585 m.
 """
 
-from anmstrip.studies.cases import CaseReport, run_case
+from anmstrip.paper.cases import CaseReport, run_case
 
 
 def main() -> CaseReport:

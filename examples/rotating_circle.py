@@ -4,7 +4,7 @@ At t = 1.8 s friction can no longer hold it; it snaps round the circle and comes
 x = 0 below it, up to 0.036 m that the regularised friction holds without contact.
 """
 
-from anmstrip.studies.cases import CaseReport, run_case
+from anmstrip.paper.cases import CaseReport, run_case
 
 
 def main() -> CaseReport:

@@ -8,16 +8,14 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from click.testing import CliRunner, Result
 
-from anmstrip import progress
-from anmstrip.command_line import main
-from anmstrip.scene import InputError
-from anmstrip.scene.errors import Mistake
+from anmstrip.cli import describe_step, main, show_progress
+from anmstrip.errors import InputError, Mistake
 
 CAPSTAN = str(Path(__file__).parent / "scene" / "capstan.toml")
 MISTAKE = InputError([Mistake("strip.msh", "edges.entry", None, "a named edge", "one of: exit")])
@@ -82,15 +80,17 @@ class Fakes:
         self.calls: list[Any] = []
 
     def put(self, module: str, name: str, result: Any) -> None:
-        fake = ModuleType(module)
-        setattr(fake, name, lambda *given, **named: self._called(result, given, named))
-        self.monkeypatch.setitem(sys.modules, module, fake)
+        def fake(*given: Any, **named: Any) -> Any:
+            return self._called(result, given, named)
+
+        self.monkeypatch.setattr(f"{module}.{name}", fake)
 
     def put_run(self, **ending: Any) -> None:
-        def made(scene: Any, directory: Path, resume: bool) -> FakeRun:
+        def made(scene: Any, directory: Path, resume: bool, effects: Any) -> FakeRun:
+            assert not effects
             return FakeRun(scene, directory, resume, **ending)
 
-        self.put("anmstrip.scene.run", "Run", made)
+        self.put("anmstrip.driver.scene", "Run", made)
 
     def _called(self, result: Any, given: tuple[Any, ...], named: dict[str, Any]) -> Any:
         if isinstance(result, Exception):
@@ -158,7 +158,7 @@ def test_run_on_a_full_disk(fakes: Fakes) -> None:
 
 
 def test_run_refused_by_its_mesh(fakes: Fakes) -> None:
-    fakes.put("anmstrip.scene.run", "Run", MISTAKE)
+    fakes.put("anmstrip.driver.scene", "Run", MISTAKE)
     result = typed("run", CAPSTAN)
     assert (result.exit_code, result.stdout) == (2, "")
     assert result.stderr == f"{MISTAKE}\n"
@@ -189,8 +189,8 @@ def test_wrong_input_is_told_and_nothing_is_written(
 ) -> None:
     (tmp_path / "a_file").touch()
     fakes.put_run()
-    fakes.put("anmstrip.scene.explain", "explain", "")
-    fakes.put("anmstrip.studies.cases", "run_case", "")
+    fakes.put("anmstrip.driver.explain", "explain", "")
+    fakes.put("anmstrip.paper.cases", "run_case", "")
     result = typed(*arguments)
     assert (result.exit_code, result.stdout, fakes.calls) == (2, "", [])
     assert words in result.stderr
@@ -199,7 +199,7 @@ def test_wrong_input_is_told_and_nothing_is_written(
 
 def test_explain(fakes: Fakes) -> None:
     fakes.put(
-        "anmstrip.scene.explain", "explain", lambda scene: f"a strip of {scene.strip.width} m"
+        "anmstrip.driver.explain", "explain", lambda scene: f"a strip of {scene.strip.width} m"
     )
     result = typed("explain", CAPSTAN)
     assert (result.exit_code, result.stdout) == (0, "a strip of 1.0 m\n")
@@ -208,7 +208,7 @@ def test_explain(fakes: Fakes) -> None:
 
 
 def test_case(fakes: Fakes) -> None:
-    fakes.put("anmstrip.studies.cases", "run_case", FakeReport("a table"))
+    fakes.put("anmstrip.paper.cases", "run_case", FakeReport("a table"))
     result = typed("case", "moving-plane", "--order", "15", "--set", "f=0.4", "--set", "V_c=2")
     assert (result.exit_code, result.stdout) == (0, "a table\n")
     ((given, named, _),) = fakes.calls
@@ -223,18 +223,18 @@ def test_case(fakes: Fakes) -> None:
 
 
 def test_case_that_stops_early(fakes: Fakes) -> None:
-    fakes.put("anmstrip.studies.cases", "run_case", StoppedReport("half a table"))
+    fakes.put("anmstrip.paper.cases", "run_case", StoppedReport("half a table"))
     result = typed("case", "moving-plane")
     assert (result.exit_code, result.stdout) == (1, "half a table\n")
 
 
 def test_unknown_case(fakes: Fakes) -> None:
-    fakes.put("anmstrip.studies.cases", "run_case", MISTAKE)
+    fakes.put("anmstrip.paper.cases", "run_case", MISTAKE)
     assert typed("case", "moving-plain").exit_code == 2
 
 
 def test_render(fakes: Fakes) -> None:
-    fakes.put("anmstrip.output.pictures", "render", [Path("a/one.png"), Path("a/two.png")])
+    fakes.put("anmstrip.pictures.render", "render", [Path("a/one.png"), Path("a/two.png")])
     result = typed("render", "a", "--field", "gap", "--movie")
     assert (result.exit_code, result.stdout) == (0, "a/one.png\na/two.png\n")
     ((given, named, _),) = fakes.calls
@@ -242,7 +242,7 @@ def test_render(fakes: Fakes) -> None:
 
 
 def test_unknown_field(fakes: Fakes) -> None:
-    fakes.put("anmstrip.output.pictures", "render", MISTAKE)
+    fakes.put("anmstrip.pictures.render", "render", MISTAKE)
     assert typed("render", "a").exit_code == 2
 
 
@@ -256,19 +256,19 @@ def test_progress_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     stream = Terminal()
     steps = [step_at(1), step_at(3)]
-    assert list(progress.watched(steps, stream)) == steps
+    assert list(show_progress(steps, describe_step, stream)) == steps
     assert "turn, t = 0.6 of 0.6 s, 6 tangents, tension ratio 1.2500" in stream.getvalue()
 
 
 def test_progress_elsewhere_is_a_line_now_and_then() -> None:
     stream = io.StringIO()
     steps = [step_at(1), step_at(2, ratio=None), step_at(3)]
-    assert list(progress.watched(steps, stream, interval=0.0)) == steps
+    assert list(show_progress(steps, describe_step, stream, interval=0.0)) == steps
     first, second, _ = stream.getvalue().splitlines()
     assert first.startswith("turn, t = 0.2 of 0.6 s, 2 tangents, tension ratio 1.2500, ")
     assert "ratio" not in second
     stream = io.StringIO()
-    assert list(progress.watched(steps, stream, interval=1e9)) == steps
+    assert list(show_progress(steps, describe_step, stream, interval=1e9)) == steps
     assert not stream.getvalue()
 
 
@@ -303,7 +303,7 @@ def test_what_a_level_does_not_have(tmp_path: Path, kinematics: str) -> None:
 
 def test_help_imports_nothing_heavy() -> None:
     code = (
-        "import sys, anmstrip.command_line as c\n"
+        "import sys, anmstrip.cli as c\n"
         "try: c.main(['--help'])\n"
         "except SystemExit as end: assert end.code == 0\n"
         "print('heavy:', sorted({'numpy', 'scipy', 'skfem', 'pyvista'} & set(sys.modules)))"

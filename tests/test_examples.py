@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from anmstrip import Scene
-from anmstrip.scene.fields import Surface
-from anmstrip.scene.run import Run, Step
+from anmstrip.driver.run import Run, Step
+from anmstrip.results.fields import FieldSampler
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
@@ -150,8 +150,8 @@ def test_profile_makes_the_middle_carry_more(scene: str, tensions: dict[float, f
     """On the roller more in the middle than at the edges; symmetric; nothing rubs."""
     run, last = ended(f"{scene}.toml")
     strip, state = run.assembly.strip, last.state
-    surface = Surface(strip, run.assembly.membrane, run.assembly.contact_operator)
-    force = surface.fields(state)["membrane_force"][:, 0]
+    surface = FieldSampler(strip, run.assembly.membrane, run.assembly.contact_operator)
+    force = surface.sample(state)["membrane_force"][:, 0]
     x, y, _ = surface.reference
     on = np.abs(x) < 0.1
     for place, expected in tensions.items():

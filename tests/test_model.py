@@ -6,22 +6,22 @@ from functools import cache
 import numpy as np
 import pytest
 
-from anmstrip.mechanics.bending import isometric_bending
-from anmstrip.mechanics.cells import Pattern
+from anmstrip.continuation.expansion import Parameter, expand
+from anmstrip.continuation.follow import Settings, follow
+from anmstrip.driver.scene import Scene
+from anmstrip.equilibrium import Equilibrium, Model, Motion
+from anmstrip.fem.constraints import Scales, Supports
+from anmstrip.fem.operators import Pattern
+from anmstrip.fem.sampling import ContactOperator
+from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.contact import Contact, Friction
-from anmstrip.mechanics.friction import NortonHoff
+from anmstrip.mechanics.effect_series import Controls
+from anmstrip.mechanics.laws import NortonHoff, RepulsiveSignorini
 from anmstrip.mechanics.loads import edge_force
-from anmstrip.mechanics.membrane import Membrane
-from anmstrip.mechanics.points import ContactOperator
 from anmstrip.mechanics.roller import Roller
-from anmstrip.mechanics.signorini import RepulsiveSignorini
-from anmstrip.mechanics.strip import Material, Strip, grid
-from anmstrip.model import Controls, Equilibrium, Model, Motion, Scales, Supports
-from anmstrip.scene import Scene
-from anmstrip.series.backward_differences import AffineVelocity
-from anmstrip.series.continuation import Settings, follow
-from anmstrip.series.expansion import Parameter, expand
-from anmstrip.series.linear_solvers import SparseSolver
+from anmstrip.mechanics.shell import Membrane, isometric_bending
+from anmstrip.timestepping.formulas import AffineVelocity
 
 TENSION, RADIUS = 1e4, 0.5
 CONTROLS = {

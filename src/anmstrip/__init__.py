@@ -1,32 +1,33 @@
 """anmstrip: thin metal strip over rollers, with contact and friction, by Taylor series.
 
-The public door.  Notation, shared by code, messages and documentation:
+These are the public names.  Code, messages and documentation share the notation:
 
-======  ====================  ==========================================  ======  ===============
-symbol  name                  meaning                                     unit    where
-======  ====================  ==========================================  ======  ===============
-u       displacement          of the mid-surface from the flat strip      m       strip
-v       velocity              du/dt                                       m/s     implicit_dae
-a       path parameter        of a series                                 1       expansion
-λ       control               load factor, or share of a time step        1       continuation
-N       order                 highest order of the series                 1       expansion
-E, ν    young, poisson        elasticity of the material                  Pa, 1   strip
-t       thickness             of the strip                                m       strip
-D       bending stiffness     E t³ / 12 (1 − ν²)                          N m     bending
-T       tension               force per width                             N/m     measures
-r       radius                of a roller                                 m       roller
-n       normal                of a roller, towards the strip              1       roller
-h       gap                   distance to a roller, negative inside       m       roller
-R_N     pressure, reaction    R (R/K + h) = η δ or η (δ − h), eq. (5c)    Pa, N   signorini
-K       stiffness             of contact                                  Pa/m    signorini
-η, δ    eta, delta            regularisation of contact                   Pa, m   signorini
-p₀, w   pressure, onset       R_N = p₀ (√(h² + w²) − h)² / w²             Pa, m   signorini
-R_T     traction              −f R_N |v_s|^(q−1) v_s / V_c^q, (2), (5d)   Pa, N   friction
-v_s     slip                  tangential velocity relative to a surface   m/s     contact
-f, q    coefficient, exponent of friction                                 1       friction
-ω, V_c  omega, speed          corner and characteristic speed             1, m/s  friction
-======  ====================  ==========================================  ======  ===============
+======  =====================  =====================================  ======  ======================
+symbol  name                   meaning                                unit    where
+======  =====================  =====================================  ======  ======================
+u       displacement           of the mid-surface from the reference  m       fem.strip
+v       velocity               du/dt                                  m/s     timestepping.formulas
+a       path parameter         of a series                            1       continuation.path
+λ       control                load factor, or share of a stage       1       continuation.equations
+N       order                  highest order of the series            1       continuation.expansion
+E, ν    young, poisson         elasticity of the material             Pa, 1   fem.strip
+t       thickness              of the strip                           m       fem.strip
+D       bending stiffness      E t³ / 12 (1 − ν²)                     N m     mechanics.shell
+T       tension                force per width                        N/m     results.state
+r       radius                 of a roller                            m       mechanics.roller
+n       normal                 of a roller, towards the strip         1       mechanics.roller
+h       gap                    distance to a roller, negative inside  m       mechanics.roller
+R_N     pressure, reaction     of a roller or obstacle, normal to it  Pa, N   mechanics.laws
+p₀, w   pressure, width        R_N = p₀ exp(−h/w), the default        Pa, m   mechanics.laws
+K       stiffness              of a penalty, R_N (R_N/K + h) = η δ    Pa/m    mechanics.laws
+η, δ    eta, delta             of a penalty; η (δ − h) in eq. (5c)    Pa, m   mechanics.laws
+R_T     traction               −f R_N |v|^(q−1) v_s / V_c^q, (5d)     Pa, N   mechanics.laws
+v_s     slip                   tangential velocity on a roller        m/s     mechanics.contact
+f, q    coefficient, exponent  of friction                            1       mechanics.laws
+ω, V_c  omega, speed           corner and characteristic speed        1, m/s  mechanics.laws
+======  =====================  =====================================  ======  ======================
 
+Modules in the last column are those of ``anmstrip`` that define or compute the quantity.
 Equation numbers are those of Béchet, Lejeune & Potier-Ferry (2010).
 """
 
@@ -36,31 +37,37 @@ from importlib import import_module
 from typing import Any
 
 _DOORS = {
-    "Scene": "anmstrip.scene",
-    "InputError": "anmstrip.scene",
+    "Scene": "anmstrip.driver.scene",
+    "InputError": "anmstrip.errors",
     "Roller": "anmstrip.mechanics.roller",
-    "Material": "anmstrip.mechanics.strip",
-    "Strip": "anmstrip.mechanics.strip",
-    "grid": "anmstrip.mechanics.strip",
-    "Signorini": "anmstrip.mechanics.signorini",
-    "RepulsiveSignorini": "anmstrip.mechanics.signorini",
-    "GradedSignorini": "anmstrip.mechanics.signorini",
-    "NortonHoff": "anmstrip.mechanics.friction",
-    "Tanh": "anmstrip.mechanics.friction",
-    "Series": "anmstrip.series.power_series",
-    "Tape": "anmstrip.series.power_series",
-    "taylor": "anmstrip.series.power_series",
-    "Branch": "anmstrip.series.path",
-    "Path": "anmstrip.series.path",
-    "Settings": "anmstrip.series.continuation",
-    "follow": "anmstrip.series.continuation",
-    "mapped": "anmstrip.mapping",
-    "Remembering": "anmstrip.series.singular_points",
-    "watched": "anmstrip.series.singular_points",
-    "switched": "anmstrip.series.branch_switching",
+    "Material": "anmstrip.fem.strip",
+    "Run": "anmstrip.driver.run",
+    "Effect": "anmstrip.mechanics.effects",
+    "LawEffect": "anmstrip.mechanics.effects",
+    "ContactLaw": "anmstrip.mechanics.laws",
+    "FrictionLaw": "anmstrip.mechanics.laws",
+    "ContactOperator": "anmstrip.fem.sampling",
+    "Strip": "anmstrip.fem.strip",
+    "grid": "anmstrip.fem.strip",
+    "Signorini": "anmstrip.mechanics.laws",
+    "RepulsiveSignorini": "anmstrip.mechanics.laws",
+    "GradedSignorini": "anmstrip.mechanics.laws",
+    "NortonHoff": "anmstrip.mechanics.laws",
+    "Tanh": "anmstrip.mechanics.laws",
+    "Series": "anmstrip.taylor.series",
+    "record": "anmstrip.taylor.series",
+    "taylor": "anmstrip.taylor.series",
+    "Branch": "anmstrip.continuation.path",
+    "Path": "anmstrip.continuation.path",
+    "Settings": "anmstrip.continuation.follow",
+    "follow": "anmstrip.continuation.follow",
+    "reference_surface": "anmstrip.fem.geometry",
+    "Remembering": "anmstrip.linalg.solvers",
+    "watched": "anmstrip.continuation.bifurcations",
+    "switched": "anmstrip.continuation.bifurcations",
 }
 
-__all__ = sorted(_DOORS)  # noqa: PLE0605 (a sorted list of the names above)
+__all__ = sorted(_DOORS)  # noqa: PLE0605
 
 
 def __getattr__(name: str) -> Any:

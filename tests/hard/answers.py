@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from anmstrip.studies.motions import Trial
+from motions import Trial
 
 
 def right(trial: Trial, allowed: float, tangents: int) -> None:

@@ -20,8 +20,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from anmstrip.scene import InputError, Scene
-from anmstrip.scene.loading import parse_scene, scene_of
+from anmstrip.driver.scene import Scene
+from anmstrip.errors import InputError
+from anmstrip.scene.loading import parse_scene
 
 TOP = Path(__file__).parents[2]
 TEXTS = tuple(path.read_text(encoding="utf-8") for path in sorted(TOP.glob("examples/*.toml")))
@@ -188,8 +189,8 @@ def read_one(seed: int) -> Scene | InputError:
     settings = [setting_of(dice)] if dice.random() < 0.1 else []
     try:
         if dice.random() < 0.25:
-            return scene_of(tables_of(dice), SOURCE, settings)
-        return scene_of(parse_scene(text_of(dice), str(SOURCE)), SOURCE, settings)
+            return Scene.from_tables(tables_of(dice), SOURCE, settings)
+        return Scene.from_tables(parse_scene(text_of(dice), str(SOURCE)), SOURCE, settings)
     except InputError as error:
         assert str(error)
         assert error.mistakes

@@ -24,12 +24,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from anmstrip.model import Equilibrium
-from anmstrip.output.vtk import read_surface
-from anmstrip.scene import InputError
-from anmstrip.scene.forewarnings import serious
-from anmstrip.scene.loading import scene_of
-from anmstrip.scene.run import Run
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.driver.warnings import Preview, serious
+from anmstrip.equilibrium import Equilibrium
+from anmstrip.errors import InputError
+from anmstrip.results.vtk import read_surface
 
 Option = TypeVar("Option")
 
@@ -232,7 +232,7 @@ def ending_of(tables: dict[str, Any]) -> Ending:
     with tempfile.TemporaryDirectory() as name:
         directory = Path(name)
         try:
-            run = Run(scene_of(tables, directory / "scene.toml"), directory)
+            run = Run(Scene.from_tables(tables, directory / "scene.toml"), directory)
             for _ in run:
                 pass
         except InputError as error:
@@ -241,7 +241,8 @@ def ending_of(tables: dict[str, Any]) -> Ending:
         message, tangents = run.message, run.cost.expansions
         faults = tuple(faults_of(directory, run))
     status = "done" if run.outcome.done else run.outcome.name.lower()
-    return Ending(status, message, tangents, seconds, faults, bool(serious(run.assembly)))
+    warned = bool(serious(Preview.of(run.assembly)))
+    return Ending(status, message, tangents, seconds, faults, warned)
 
 
 def faults_of(directory: Path, run: Run) -> Iterator[str]:

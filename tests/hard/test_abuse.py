@@ -16,17 +16,17 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from fuzz_reader import fuzzed, read_one
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from random_scenes import MOST_TANGENTS, Dice, ending_of, from_seed, tables_of
 
-from anmstrip.command_line import main
-from anmstrip.output.collection import read as listed
-from anmstrip.output.vtk import read_surface
-from anmstrip.scene import InputError, Scene
-from anmstrip.scene.build import Assembly
-from anmstrip.scene.loading import scene_of
+from anmstrip.cli import main
+from anmstrip.driver.scene import Scene
+from anmstrip.errors import InputError
+from anmstrip.results.vtk import read_collection as listed
+from anmstrip.results.vtk import read_surface
+from anmstrip.simulation.problem import Assembly
+from fuzz_reader import fuzzed, read_one
+from random_scenes import MOST_TANGENTS, Dice, ending_of, from_seed, tables_of
 
 QUICK = """
 [strip]
@@ -118,7 +118,7 @@ def test_a_run_stops_at_the_tangents_that_it_may_make(tmp_path: Path) -> None:
     """Steps in time that are tried again and again count as well."""
     tables = from_seed(5)
     tables["solver"]["max_tangents"] = 30
-    run = scene_of(tables, tmp_path / "scene.toml").run()
+    run = Scene.from_tables(tables, tmp_path / "scene.toml").run()
     assert list(run)
     assert run.cost.expansions == 30
     assert "the allowed number of tangents was used up" in run.message
@@ -128,8 +128,8 @@ def test_a_run_stops_at_the_tangents_that_it_may_make(tmp_path: Path) -> None:
 # disks ---------------------------------------------------------------------------
 
 LIMITED = (
-    "import resource, sys; import anmstrip.scene.run, anmstrip.output.vtk;"
-    "from anmstrip.command_line import main;"
+    "import resource, sys; import anmstrip.driver.run, anmstrip.results.vtk;"
+    "from anmstrip.cli import main;"
     "resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv.pop(1)),) * 2); main()"
 )
 """The command line where no file may grow beyond a number of bytes."""
@@ -228,7 +228,7 @@ def test_doubts_are_told_with_the_end_of_the_tangents(tmp_path: Path) -> None:
     """More tangents alone would not help a strip of elements as long as its roller is wide."""
     tables = from_seed(97)
     tables["solver"]["max_tangents"] = 30
-    run = scene_of(tables, tmp_path / "scene.toml").run()
+    run = Scene.from_tables(tables, tmp_path / "scene.toml").run()
     assert list(run)
     assert "then --resume. But roller r" in run.message
     assert "cannot follow its radius" in run.message

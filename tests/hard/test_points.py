@@ -7,23 +7,23 @@ from typing import Any
 
 import numpy as np
 import pytest
-from answers import right
 
-from anmstrip.mechanics.friction import NortonHoff, Tanh
-from anmstrip.mechanics.mass_spring import RotatingCircle
-from anmstrip.mechanics.nodes import CoupledNode, Slider, WrappedLinks
-from anmstrip.series import backward_differences, implicit_dae
-from anmstrip.series.continuation import Settings
-from anmstrip.series.functions import FunctionRateEquations
-from anmstrip.series.instability import instabilities, pivot
-from anmstrip.series.linear_solvers import DenseSolver
-from anmstrip.series.outcome import PathStopped
-from anmstrip.series.snaps import LASTING
-from anmstrip.series.time_steps import TimeStep
-from anmstrip.studies import hard_nodes as nodes
-from anmstrip.studies.case_runs import solved
-from anmstrip.studies.hard_nodes import CONTACT
-from anmstrip.studies.motions import moved
+import hard_nodes as nodes
+from anmstrip.continuation.follow import Settings
+from anmstrip.continuation.status import PathStopped
+from anmstrip.linalg.solvers import DenseSolver
+from anmstrip.mechanics.laws import NortonHoff, Tanh
+from anmstrip.paper.mass_spring import RotatingCircle
+from anmstrip.paper.schemes import solve_case
+from anmstrip.timestepping import formulas as backward_differences
+from anmstrip.timestepping import implicit as implicit_dae
+from anmstrip.timestepping.formulas import TimeStep
+from anmstrip.timestepping.functions import FunctionRateEquations
+from anmstrip.timestepping.implicit import LASTING
+from anmstrip.timestepping.index_one import instabilities, pivot
+from answers import right
+from hard_nodes import CONTACT, CoupledNode, Slider, WrappedLinks
+from motions import moved
 
 
 @pytest.mark.parametrize("omega", [1e-2, 1e-10])
@@ -237,15 +237,15 @@ def test_neighbours_of_very_different_stiffness() -> None:
 
 def drag(memory: Any = None, first: float = 1e-3, end: float = 2.0) -> list[TimeStep]:
     slider = Slider(NortonHoff(0.3, 0.1, 1e-4, 1.0), stiffness=1.0, speed=1.0)
-    start = backward_differences.start(0.0, np.zeros(1), np.ones(1), first)
+    start = backward_differences.start_memory(0.0, np.zeros(1), np.ones(1), first)
     return list(
         implicit_dae.integrate(
             FunctionRateEquations(slider.residual, 2.0),
             memory or start,
             end,
             solver=DenseSolver(),
-            settings=Settings(order=19, tolerance=1e-3),
-            stepping=implicit_dae.Stepping(2.0),
+            settings=Settings(order=19, tolerance=1e-5),
+            stepping=implicit_dae.Stepping(2.0, 1e-3),
         )
     )
 
@@ -285,7 +285,7 @@ def test_a_short_stage_that_comes_late() -> None:
 def test_beyond_existence() -> None:
     """D18: found where Coulomb's law has no solution from 1.805 s on, and passed."""
     case = RotatingCircle()
-    found = solved(case, "taylor", order=19, tolerance=1e-4)
+    found = solve_case(case, "taylor", order=19, tolerance=1e-4)
     assert found.stopped is None
     stretch = max(instabilities(case.residual, found.path), key=lambda s: s.distance)
     assert stretch.start == pytest.approx(1.805, abs=0.01)

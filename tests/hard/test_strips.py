@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from answers import right
 
-from anmstrip.scene.march import Arrival, March
-from anmstrip.scene.run import Run
-from anmstrip.scene.schema import Scene
-from anmstrip.studies import hard_strips as strips
-from anmstrip.studies.hard_strips import LAY, PULL, end_of, ran, tables_of, turning
+import hard_strips as strips
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.simulation.march import March, Step
+from answers import right
+from hard_strips import LAY, PULL, end_of, ran, tables_of, turning
 
 
 @pytest.mark.parametrize("gap", [1e-3, 0.2])
@@ -152,7 +152,7 @@ def test_numbering_does_not_matter(level: str, monkeypatch: pytest.MonkeyPatch) 
 
     def forces(shuffled: bool) -> list[float]:
         if shuffled:
-            monkeypatch.setattr("anmstrip.scene.build.strip_mesh", renumbered)
+            monkeypatch.setattr("anmstrip.simulation.problem.strip_mesh", renumbered)
         tables = tables_of(PULL, LAY, turning(duration=0.02), level=level, refined=0.4)
         tables["solver"]["tolerance"] = 1e-6
         run, _ = ran(tables)
@@ -165,7 +165,7 @@ def test_numbering_does_not_matter(level: str, monkeypatch: pytest.MonkeyPatch) 
 
 def renumbered(scene: Scene, thread: Any) -> Any:
     """The mesh with its nodes in another order."""
-    from anmstrip.scene.meshing import strip_mesh  # noqa: PLC0415
+    from anmstrip.simulation.meshing import strip_mesh
 
     mesh = strip_mesh(scene, thread)
     order = np.random.default_rng(1).permutation(mesh.p.shape[1])
@@ -198,9 +198,9 @@ def test_a_strip_that_ran_away_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """
     through = March._in_time
 
-    def snapping(march: March, plan: Any, settings: Any) -> Iterator[Arrival]:
+    def snapping(march: March, plan: Any, settings: Any) -> Iterator[Step]:
         for arrival in through(march, plan, settings):
-            yield replace(arrival, snap=True)
+            yield replace(arrival, snapped=True)
 
     monkeypatch.setattr(March, "_in_time", snapping)
     lift = {"name": "lift", "duration": 1.0, "entry": {"move": [0.0, 0.0, 4.7e-3]}}

@@ -1,22 +1,21 @@
 """Small strips of every level of description, and orders of a residual along a line."""
 
 import numpy as np
-from orders import orders
 
-from anmstrip.mechanics.bending import isometric_bending
-from anmstrip.mechanics.cells import Pattern
+from anmstrip.equilibrium import Equilibrium, Model
+from anmstrip.fem.constraints import Scales, Supports
+from anmstrip.fem.geometry import KINEMATICS
+from anmstrip.fem.operators import Pattern
+from anmstrip.fem.sampling import ContactOperator
+from anmstrip.fem.strip import Material, Strip, grid, line
 from anmstrip.mechanics.contact import Contact, Friction
-from anmstrip.mechanics.friction import NortonHoff
-from anmstrip.mechanics.kinematics import KINEMATICS
-from anmstrip.mechanics.kirchhoff_love import KirchhoffLove
+from anmstrip.mechanics.effect_series import Controls
+from anmstrip.mechanics.laws import NortonHoff, RepulsiveSignorini
 from anmstrip.mechanics.loads import Pretension, edge_moment, edge_tension, pressure
-from anmstrip.mechanics.membrane import Membrane
-from anmstrip.mechanics.points import ContactOperator
 from anmstrip.mechanics.roller import Roller
-from anmstrip.mechanics.signorini import RepulsiveSignorini
-from anmstrip.mechanics.strip import Material, Strip, grid, line
-from anmstrip.model import Controls, Equilibrium, Model, Scales, Supports
-from anmstrip.series.backward_differences import AffineVelocity
+from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
+from anmstrip.timestepping.formulas import AffineVelocity
+from orders import orders
 
 XS, YS = np.array([-0.5, -0.2, 0.0, 0.1, 0.5]), np.array([-0.2, 0.0, 0.3])
 WIDTH, THICKNESS = 0.5, 1e-2

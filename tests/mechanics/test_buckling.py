@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anmstrip.mechanics.bending import isometric_bending
-from anmstrip.mechanics.buckling import buckling_modes, compressive_stiffness
-from anmstrip.mechanics.cells import Pattern
-from anmstrip.mechanics.membrane import Membrane
-from anmstrip.mechanics.projection import projected, quadrature_points
-from anmstrip.mechanics.strip import Material, Strip, grid
-from anmstrip.mechanics.supports import Scales, Supports
-from anmstrip.model import Controls, Equilibrium, Model
-from anmstrip.series.linear_solvers import SparseSolver
+from anmstrip.equilibrium import Equilibrium, Model
+from anmstrip.fem.constraints import Scales, Supports
+from anmstrip.fem.operators import Pattern
+from anmstrip.fem.sampling import l2_projection, quadrature_points
+from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.mechanics.effect_series import Controls
+from anmstrip.mechanics.shell import Membrane, isometric_bending
+from anmstrip.simulation.imperfection import buckling_modes, compressive_stiffness
 
 LENGTH, WIDTH, THICKNESS = 1.0, 0.6, 1e-3
 
@@ -38,7 +38,7 @@ def matrices(along: float, across: float):
     strains = np.array([along - 0.3 * across, across - 0.3 * along]) / strip.tensile_stiffness
     stretches = np.sqrt(1.0 + 2.0 * strains) - 1.0
     moved = np.stack([*(stretches[:, None] * points[:2]), 0.0 * points[0]])
-    full = projected(strip, pattern, moved)
+    full = l2_projection(strip, pattern, moved)
     supports = Supports(supports.free, full, supports.slope)
     equations = Equilibrium(model, supports, Controls({}))
     tangent = equations.recurrence(full[supports.free], 0.0, 1).tangent()
@@ -74,7 +74,7 @@ def test_tension_is_no_compression():
     strip, *_ = plate_modes(1e4, -100.0, 1)
     membrane, pattern = Membrane(strip), Pattern(strip)
     points = quadrature_points(strip)
-    full = projected(strip, pattern, 1e-3 * np.stack([points[0], points[1], 0.0 * points[0]]))
+    full = l2_projection(strip, pattern, 1e-3 * np.stack([points[0], points[1], 0.0 * points[0]]))
     assert np.abs(compressive_stiffness(membrane, full, pattern)).max() == 0.0
 
 

@@ -4,20 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
+from anmstrip.equilibrium import Equilibrium, Model
+from anmstrip.fem.constraints import Scales, Supports
+from anmstrip.fem.operators import Pattern
+from anmstrip.fem.sampling import ContactOperator
+from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.mechanics.contact import Contact, Friction
+from anmstrip.mechanics.effect_series import Controls
+from anmstrip.mechanics.laws import NortonHoff, RepulsiveSignorini, Tanh
+from anmstrip.mechanics.loads import weight
+from anmstrip.mechanics.roller import Roller, Sides, combine
+from anmstrip.taylor.series import taylor
+from anmstrip.timestepping.formulas import AffineVelocity
 from orders import orders
 from shapes import linear, rolled
-
-from anmstrip.mechanics.cells import Pattern
-from anmstrip.mechanics.contact import Contact, Friction
-from anmstrip.mechanics.friction import NortonHoff, Tanh
-from anmstrip.mechanics.loads import weight
-from anmstrip.mechanics.points import ContactOperator
-from anmstrip.mechanics.roller import Roller, Sides, together
-from anmstrip.mechanics.signorini import RepulsiveSignorini
-from anmstrip.mechanics.strip import Material, Strip, grid
-from anmstrip.model import Controls, Equilibrium, Model, Scales, Supports
-from anmstrip.series.backward_differences import AffineVelocity
-from anmstrip.series.power_series import taylor
 
 XS, YS = np.array([-0.3, -0.1, 0.0, 0.05, 0.3]), np.array([-0.2, 0.0, 0.3])
 RADIUS = 0.4
@@ -304,7 +305,9 @@ def test_rollers_together_do_what_each_does_alone(strip, operator, rubbing, reac
     full, velocity = 1e-3 * rng_unknowns(strip, 21), rng_unknowns(strip, 22)
     reaches = np.broadcast_to(reach, 3)
     pairs = operator.restricted(np.tile(np.arange(operator.points), 3))
-    many = Contact(together(THREE, operator.points), LAW, pairs, tuple(reaches))
+    many = Contact(
+        combine(THREE, np.repeat(np.arange(3), operator.points)), LAW, pairs, tuple(reaches)
+    )
     alone = [Contact(r, LAW, operator, float(h)) for r, h in zip(THREE, reaches, strict=True)]
     effects = [[many], alone]
     if rubbing:
@@ -327,11 +330,11 @@ def test_rollers_together_do_what_each_does_alone(strip, operator, rubbing, reac
 
 def test_one_of_several_rollers_can_be_looked_at(strip, operator):
     pairs = operator.restricted(np.tile(np.arange(operator.points), 3))
-    many = Contact(together(THREE, operator.points), LAW, pairs)
-    assert list(many.singles) == ["a", "b", "c"]
+    many = Contact(combine(THREE, np.repeat(np.arange(3), operator.points)), LAW, pairs)
+    assert list(many.by_roller) == ["a", "b", "c"]
     x = operator.apply(1e-3 * rng_unknowns(strip, 23))
     for roller in THREE:
-        single, expected = many.singles[roller.name], Contact(roller, LAW, operator)
+        single, expected = many.by_roller[roller.name], Contact(roller, LAW, operator)
         gap, found = expected.seen(x, SEVERAL).gap, single.seen(x, SEVERAL)
         np.testing.assert_allclose(found.gap, gap, atol=1e-14)
         normal = single.normal(found)
@@ -341,7 +344,7 @@ def test_one_of_several_rollers_can_be_looked_at(strip, operator):
 def test_every_roller_may_have_its_own_friction(strip, operator):
     """Together as alone, with the law's coefficient where a roller has none of its own."""
     pairs = operator.restricted(np.tile(np.arange(operator.points), 3))
-    contact = Contact(together(THREE, operator.points), LAW, pairs)
+    contact = Contact(combine(THREE, np.repeat(np.arange(3), operator.points)), LAW, pairs)
     own = (0.1, 0.3, 0.0)
     many = Friction(contact, HOFF, own)
     x, v = (operator.apply(rng_unknowns(strip, seed)) for seed in (24, 25))
@@ -351,7 +354,7 @@ def test_every_roller_may_have_its_own_friction(strip, operator):
         alone = Friction(Contact(roller, LAW, operator), replace(HOFF, coefficient=f))
         expected = alone.law(1e-3 * x, v, SEVERAL)
         np.testing.assert_allclose(found[:, k], expected, rtol=1e-12, atol=1e-9)
-        assert many.singles[roller.name].law_of_slip.coefficient == f
+        assert many.by_roller[roller.name].law_of_slip.coefficient == f
     assert np.abs(found[:, 1]).max() > 0.0
 
 
@@ -377,4 +380,6 @@ def test_slip_turns_round_only_where_friction_is_near_its_cone_before_and_after(
             @ contact.operator.weights
         )
     )
-    assert friction.turned(*moments) == pytest.approx(twice if turned else 0.0, rel=1e-12)
+    assert friction.reversed_friction(*moments) == pytest.approx(
+        twice if turned else 0.0, rel=1e-12
+    )

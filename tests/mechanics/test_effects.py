@@ -4,17 +4,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
+from anmstrip.equilibrium import Equilibrium, Model
+from anmstrip.fem.constraints import Scales, Supports
+from anmstrip.fem.operators import Pattern
+from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.mechanics.effect_series import Controls
+from anmstrip.mechanics.loads import edge_force, weight
+from anmstrip.mechanics.shell import Membrane, isometric_bending, plane_stress
+from anmstrip.simulation.stages import stretched
+from anmstrip.taylor.series import taylor
 from orders import orders
 from shapes import linear, rolled, rotation
-
-from anmstrip.mechanics.bending import isometric_bending
-from anmstrip.mechanics.cells import Pattern
-from anmstrip.mechanics.loads import edge_force, weight
-from anmstrip.mechanics.membrane import Membrane, plane_stress
-from anmstrip.mechanics.strip import Material, Strip, grid
-from anmstrip.model import Controls, Equilibrium, Model, Scales, Supports
-from anmstrip.scene.stages import stretched
-from anmstrip.series.power_series import taylor
 
 XS, YS = np.array([-0.5, -0.2, 0.0, 0.1, 0.5]), np.array([-0.2, 0.0, 0.3])
 
@@ -58,7 +59,7 @@ def test_rigid_motion_makes_no_force(strip, elastic, seed):
     assert np.abs(full).max() > 0.5
     force = in_newton(strip, membrane_force(membrane, full))
     assert np.abs(force).max() < 1e-14 * strip.membrane_stiffness * strip.width
-    force = in_newton(strip, bending.force(full))
+    force = in_newton(strip, bending.product(full))
     smallest = strip.cell_sizes.min()
     assert np.abs(force).max() < 1e-12 * strip.bending_stiffness / smallest**2
 
@@ -68,7 +69,7 @@ def test_a_stretch_and_a_bend_do_make_a_force(strip, elastic):
     membrane, bending = elastic
     force = in_newton(strip, membrane_force(membrane, linear(strip, np.diag([1.0 + 1e-6, 1, 1]))))
     assert np.abs(force).max() > 1e-8 * strip.membrane_stiffness * strip.width
-    force = in_newton(strip, bending.force(rolled(strip, 10.0)))
+    force = in_newton(strip, bending.product(rolled(strip, 10.0)))
     assert np.abs(force).max() > 1e-4 * strip.bending_stiffness
 
 
@@ -121,7 +122,7 @@ def rolled_energy_error(cells, radius=0.3):
     bending = isometric_bending(strip, Pattern(strip))
     full = rolled(strip, radius)
     exact = 0.5 * strip.bending_stiffness / radius**2 * strip.length * strip.width
-    return 0.5 * full @ bending.force(full) / exact - 1.0
+    return 0.5 * full @ bending.product(full) / exact - 1.0
 
 
 def test_bending_energy_of_a_cylinder():
@@ -146,7 +147,7 @@ def test_twist_and_saddle_energies(strip, elastic):
         u = np.zeros((strip.scalars, 3))
         for dofs, value in zip(strip.basis.nodal_dofs, values, strict=True):
             u[dofs, 2] = value
-        energy = 0.5 * u.ravel() @ bending.force(u.ravel())
+        energy = 0.5 * u.ravel() @ bending.product(u.ravel())
         assert energy == pytest.approx(strip.bending_stiffness * factor * kappa**2 * area)
 
 
@@ -206,7 +207,11 @@ def test_membrane_force_along_a_rotation(strip):
 
 def test_weight_is_that_of_the_strip(strip):
     effect = weight(strip)
-    force = effect.force(np.array([0.0, 0.0, -9.81])).reshape(-1, 3)[strip.node_values].sum(axis=0)
+    force = (
+        effect.load_vector(np.array([0.0, 0.0, -9.81]))
+        .reshape(-1, 3)[strip.node_values]
+        .sum(axis=0)
+    )
     mass = 1000.0 * 1e-2 * strip.length * strip.width
     np.testing.assert_allclose(force, [0.0, 0.0, mass * 9.81], rtol=1e-12)
     x = np.zeros(strip.scalars)

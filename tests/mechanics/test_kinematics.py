@@ -2,6 +2,9 @@
 
 import numpy as np
 import pytest
+
+from anmstrip.fem.geometry import KINEMATICS, PLATE, SECTION, SHELL
+from anmstrip.mechanics.shell import moduli, stiffness
 from levels import (
     CASES,
     XS,
@@ -15,9 +18,6 @@ from levels import (
     strip_of,
 )
 from shapes import linear, rotation
-
-from anmstrip.mechanics.bending import moduli, stiffness
-from anmstrip.mechanics.kinematics import KINEMATICS, PLATE, SECTION, SHELL
 
 
 def test_levels_name_their_components():

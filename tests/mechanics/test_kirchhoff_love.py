@@ -2,18 +2,16 @@
 
 import numpy as np
 import pytest
+
+from anmstrip.fem.constraints import simple_support, symmetry
+from anmstrip.fem.geometry import reference_surface
+from anmstrip.fem.operators import Pattern
+from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.mechanics.effect_series import Controls
+from anmstrip.mechanics.loads import edge_force, edge_moment, pressure, weight
+from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from levels import free_equations, random_unknowns, strip_of
 from shapes import linear, rolled, rotation
-
-from anmstrip.mapping import mapped
-from anmstrip.mechanics.bending import isometric_bending
-from anmstrip.mechanics.cells import Pattern
-from anmstrip.mechanics.kirchhoff_love import KirchhoffLove
-from anmstrip.mechanics.loads import edge_force, edge_moment, pressure, weight
-from anmstrip.mechanics.membrane import Membrane
-from anmstrip.mechanics.strip import Material, Strip, grid
-from anmstrip.mechanics.supports import mirrored, traced
-from anmstrip.model import Controls
 
 RADIUS = 2.0
 
@@ -65,7 +63,7 @@ def test_rigid_motion_of_a_flat_strip_makes_no_moment(seed):
 @pytest.mark.parametrize("surface", [arc, skewed])
 @pytest.mark.parametrize("effect", [Membrane, KirchhoffLove])
 def test_a_mapped_reference_has_no_stress(surface, effect):
-    strip = sheet(3, mapped(surface))
+    strip = sheet(3, reference_surface(surface))
     law = effect(strip)
     stress = law.law(law.operator.apply(np.zeros(strip.unknowns)), None, {})
     assert np.abs(stress).max() < 1e-12 * strip.membrane_stiffness
@@ -77,7 +75,7 @@ def test_rigid_motion_of_a_mapped_reference_converges_with_the_element(surface, 
     """The map is exact, the displacement is a bicubic: strains h³, second derivatives h²."""
     turn, worst = rotation(np.random.default_rng(5)), []
     for cells in (4, 8):
-        strip = sheet(cells, mapped(surface))
+        strip = sheet(cells, reference_surface(surface))
         law = effect(strip)
         full = interpolated(strip, lambda r: turn @ r - r)
         assert np.abs(full).max() > 0.3
@@ -92,25 +90,25 @@ def rolled_up(r, radius=0.4):
     return np.stack([radius * np.sin(angle), r[1], radius * (1.0 - np.cos(angle))]) - r
 
 
-@pytest.mark.parametrize(("surface", "rtol"), [(None, 4e-3), (mapped(skewed), 2e-2)])
+@pytest.mark.parametrize(("surface", "rtol"), [(None, 4e-3), (reference_surface(skewed), 2e-2)])
 def test_coordinates_do_not_matter_on_a_flat_sheet(surface, rtol):
     """The same bend in straight and in skewed coordinates, with both energies."""
     strip = sheet(10, surface)
     full, curved = interpolated(strip, rolled_up), KirchhoffLove(strip)
     curvature = curved.bent(curved.operator.apply(full) + curved.reference)
     np.testing.assert_allclose(np.abs(curvature[0] + curvature[1]), 2.5, rtol=rtol)
-    work = full @ isometric_bending(strip, Pattern(strip)).force(full) / strip.weights().sum()
+    work = full @ isometric_bending(strip, Pattern(strip)).product(full) / strip.weights().sum()
     assert work == pytest.approx(strip.bending_stiffness * 2.5**2, rel=1e-3)
 
 
 def test_isometric_bending_refuses_a_curved_reference():
-    strip = sheet(2, mapped(arc))
+    strip = sheet(2, reference_surface(arc))
     with pytest.raises(ValueError, match="KirchhoffLove"):
         isometric_bending(strip, Pattern(strip))
 
 
 def test_area_edges_and_loads_of_a_curved_reference():
-    strip = sheet(4, mapped(lambda x, y: arc(x * RADIUS, y * RADIUS)))
+    strip = sheet(4, reference_surface(lambda x, y: arc(x * RADIUS, y * RADIUS)))
     assert strip.weights().sum() == pytest.approx(0.6 * RADIUS**2, rel=1e-10)
     assert [strip.edges[e].length for e in ("entry", "left")] == pytest.approx([1.2, 2.0])
     total = edge_force(strip, "left").load[strip.node_values].sum()
@@ -124,7 +122,7 @@ def test_area_edges_and_loads_of_a_curved_reference():
 
 def test_a_cylinder_unrolled_to_another_radius():
     """κ = 1/R − 1/R' without stretch, so that the moment is D κ at every point."""
-    strip = sheet(16, mapped(arc))
+    strip = sheet(16, reference_surface(arc))
 
     def unrolled(r):
         x = RADIUS * np.arctan2(r[0], r[2])
@@ -145,7 +143,7 @@ def test_both_bendings_agree_on_a_rolled_strip():
     full = rolled(strip, 0.4)
     for stretch, bound in ((0.0, 2e-3), (1e-2, 5e-2)):
         state = (1.0 + stretch) * (full + strip_positions(strip)) - strip_positions(strip)
-        isometric = isometric_bending(strip, Pattern(strip)).force(state)
+        isometric = isometric_bending(strip, Pattern(strip)).product(state)
         change = np.abs(force_of(KirchhoffLove(strip), state) - isometric)
         worst = (change.reshape(-1, 3) * strip.dof_lengths[:, None]).max()
         size = (np.abs(isometric).reshape(-1, 3) * strip.dof_lengths[:, None]).max()
@@ -220,16 +218,16 @@ def test_a_section_bends_like_a_shell_without_poisson():
 def test_symmetry_and_traces_hold_the_right_unknowns():
     strip = sheet(2)
     half = strip.edges["entry"]
-    held = mirrored(strip, "entry", 0)
+    held = symmetry(strip, "entry", 0)
     expected = [3 * strip.dofs(n)[half.nodes] + c for n, cs in (
         ("u", [0]), ("u_y", [0]), ("u_x", [1, 2]), ("u_xy", [1, 2])) for c in cs]  # fmt: skip
     np.testing.assert_array_equal(held, np.sort(np.concatenate(expected)))
     line = [3 * strip.dofs(n)[strip.edges["left"].nodes] + 2 for n in ("u", "u_x")]
-    np.testing.assert_array_equal(traced(strip, "left", 2), np.sort(np.concatenate(line)))
+    np.testing.assert_array_equal(simple_support(strip, "left", 2), np.sort(np.concatenate(line)))
 
 
 def test_tangent_of_a_curved_shell_is_symmetric():
-    strip = sheet(2, mapped(arc))
+    strip = sheet(2, reference_surface(arc))
     equations = free_equations(strip, [Membrane(strip), KirchhoffLove(strip)], Controls({}))
     tangent = equations.recurrence(1e-2 * random_unknowns(strip, 1), 0.0, 1).tangent()
     scaled = tangent.multiply(equations.model.units[:, None]).multiply(equations.model.units)

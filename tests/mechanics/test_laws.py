@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anmstrip.mechanics.friction import NortonHoff, Tanh
-from anmstrip.mechanics.signorini import GradedSignorini, RepulsiveSignorini, Signorini
-from anmstrip.series.power_series import taylor
+from anmstrip.mechanics.laws import GradedSignorini, NortonHoff, RepulsiveSignorini, Signorini, Tanh
+from anmstrip.taylor.series import taylor
 
 STIFFNESSES = 10.0 ** np.arange(3, 13)
 LAWS = [Signorini, RepulsiveSignorini]

@@ -2,17 +2,18 @@
 
 import numpy as np
 import pytest
+
+from anmstrip.continuation.follow import Settings, follow
+from anmstrip.equilibrium import Equilibrium, Model
+from anmstrip.fem.constraints import Scales, Supports
+from anmstrip.fem.geometry import SECTION
+from anmstrip.fem.operators import CellOperator, Pattern
+from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.mechanics.effect_series import Controls
+from anmstrip.mechanics.loads import Pretension, edge_force, edge_tension, pressure, weight
+from anmstrip.mechanics.shell import Membrane, isometric_bending
 from levels import XS, YS, effect_of, free_equations, random_unknowns, strip_of
 from shapes import linear, rolled
-
-from anmstrip.mechanics.bending import isometric_bending
-from anmstrip.mechanics.cells import Pattern, jets
-from anmstrip.mechanics.kinematics import SECTION
-from anmstrip.mechanics.loads import Pretension, edge_force, edge_tension, pressure, weight
-from anmstrip.mechanics.membrane import Membrane
-from anmstrip.model import Controls, Equilibrium, Model, Scales, Supports
-from anmstrip.series.continuation import Settings, follow
-from anmstrip.series.linear_solvers import SparseSolver
 
 FINE = np.linspace(-0.5, 0.5, 41)
 
@@ -196,9 +197,9 @@ def test_pretension_is_the_slope_of_the_membrane_about_a_tensioned_strip():
 def test_jets_are_value_and_gradient():
     strip = strip_of("shell")
     full = linear(strip, [[1.1, 0.2, 0], [0.3, 0.9, 0], [0.5, -0.4, 1]], (1.0, 2.0, 3.0))
-    found = jets(strip).apply(full)
+    found = CellOperator(strip, (0, 1)).apply(full)
     np.testing.assert_allclose(found[:, 1:].mean(axis=2), [[0.1, 0.2], [0.3, -0.1], [0.5, -0.4]])
-    edge = jets(strip, strip.edge_basis("exit"))
+    edge = CellOperator(strip, (0, 1), strip.edge_basis("exit"))
     assert edge.weights.sum() == pytest.approx(np.ptp(YS))
     at = edge.apply(full)[:, 0]
     assert at[0] @ edge.weights == pytest.approx((0.1 * 0.5 + 0.2 * 0.05 + 1.0) * 0.5)

@@ -1,14 +1,13 @@
 """Rollers that points cross between the ends of a way."""
 
-import numpy as np
+import numpy as np  # noqa: I001
 import pytest
 
-from anmstrip.mechanics.contact import Contact
-from anmstrip.mechanics.passing import MOST, deepest
-from anmstrip.mechanics.points import ContactOperator
-from anmstrip.mechanics.roller import Roller, together
-from anmstrip.mechanics.signorini import GradedSignorini
-from anmstrip.mechanics.strip import Material, Strip, grid
+from anmstrip.fem.sampling import ContactOperator
+from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.mechanics.contact import Contact, MOST, deepest
+from anmstrip.mechanics.laws import GradedSignorini
+from anmstrip.mechanics.roller import Roller, combine
 
 LAW = GradedSignorini(pressure=2e4, width=1e-4)
 RADIUS = 0.25
@@ -23,7 +22,11 @@ def operator():
 def contact_of(operator, *rollers):
     count = operator.points
     points = np.tile(np.arange(count), len(rollers))
-    return Contact(together(rollers, count), LAW, operator.restricted(points))
+    return Contact(
+        combine(rollers, np.repeat(np.arange(len(rollers)), count)),
+        LAW,
+        operator.restricted(points),
+    )
 
 
 def way(contact, start, end, sag=0.0):

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from levels import HOFF, LAW, random_unknowns, strip_of
 from scipy.optimize import minimize
-from shapes import linear, rolled, rotation
 
+from anmstrip.fem.sampling import ContactOperator
 from anmstrip.mechanics.contact import Contact, Friction
-from anmstrip.mechanics.points import ContactOperator
 from anmstrip.mechanics.roller import Roller, Sides, polynomial
+from levels import HOFF, LAW, random_unknowns, strip_of
+from shapes import linear, rolled, rotation
 
 number = st.floats(-1.0, 1.0)
 axes = st.tuples(number, number, number).filter(lambda a: np.linalg.norm(a) > 1e-3)
@@ -43,8 +43,8 @@ def numerical_normal(roller, angle, s):
     return normal / np.linalg.norm(normal), around / np.linalg.norm(around)
 
 
-def place_of(roller, points):
-    return roller.seen(np.reshape(points, (3, -1))[: roller.rows])
+def projection(roller, points):
+    return roller.project(np.reshape(points, (3, -1))[: roller.rows])
 
 
 def padded(roller, vector):
@@ -54,7 +54,7 @@ def padded(roller, vector):
 @pytest.mark.parametrize("angle", [0.0, 1.0, 3.0, -2.0])
 @pytest.mark.parametrize("s", [-0.4, 0.0, 0.3])
 def test_normal_is_that_of_the_surface_of_revolution(roller, angle, s):
-    place = place_of(roller, surface(roller, angle, s))
+    place = projection(roller, surface(roller, angle, s))
     normal, around = numerical_normal(roller, angle, s)
     np.testing.assert_allclose(padded(roller, roller.normal(place))[:, 0], normal, atol=1e-9)
     turning, meridian = roller.tangents(place, 3)[..., 0]
@@ -81,7 +81,7 @@ def test_gap_is_the_distance_to_first_order(roller, sign):
     errors = []
     for gap in (1e-1, 1e-2):
         point = at + sign * gap * normal
-        found = place_of(roller, point).gap[0]
+        found = projection(roller, point).gap[0]
         assert abs(found) == pytest.approx(distance(roller, point), abs=0.2 * gap**2 + 1e-7)
         errors.append(abs(found - sign * gap))
     if len(roller.crown) < 2 and roller.sides is None:
@@ -109,7 +109,7 @@ def test_directions_are_orthonormal(angle, s, lift):
     roller = Roller("r", 0.5, (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.05, 0.1, -0.3))
     point = surface(roller, angle, s)
     point[:2] *= 1.0 + lift
-    place = place_of(roller, point)
+    place = projection(roller, point)
     basis = np.concatenate([roller.tangents(place, 3)[..., 0], roller.normal(place).T])
     np.testing.assert_allclose(basis @ basis.T, np.eye(3), atol=1e-14)
 
@@ -138,7 +138,7 @@ def test_slope_is_that_of_the_radius(profile):
 def test_gap_to_a_cone_is_exact_at_any_distance(alpha, rho, s):
     """(ρ − r) cos α − s sin α, with tan α = taper: the distance to a straight generator."""
     cone = Roller("r", 0.6, (0.0, 0.0, 0.0), crown=(np.tan(alpha),))
-    found = cone.seen(np.array([[0.6 * rho], [0.8 * rho], [s]])).gap[0]
+    found = cone.project(np.array([[0.6 * rho], [0.8 * rho], [s]])).gap[0]
     assert found == pytest.approx((rho - 0.6) * np.cos(alpha) - s * np.sin(alpha), abs=1e-14)
 
 

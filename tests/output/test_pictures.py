@@ -11,14 +11,13 @@ import pytest
 from matplotlib.colors import to_rgb
 from PIL import Image
 from PIL.ImageSequence import Iterator
-from wrapped_strip import lattice, tensor_grids, wrapped, write_state
 
-from anmstrip.output import pictures
-from anmstrip.output.collection import Collection
-from anmstrip.output.pictures import render
-from anmstrip.output.views import Eye
-from anmstrip.output.vtk import read_surface, subdivided, write_surface
-from anmstrip.scene.errors import InputError
+from anmstrip.errors import InputError
+from anmstrip.pictures import render as pictures
+from anmstrip.pictures.render import render
+from anmstrip.pictures.views import Eye
+from anmstrip.results.vtk import Collection, read_surface, subdivide, write_surface
+from wrapped_strip import lattice, tensor_grids, wrapped, write_state
 
 PROBE = "import pyvista; pyvista.Sphere().plot(off_screen=True, screenshot='probe.png')"
 RED, GREY = "#8c1c2b", "#8d9197"
@@ -101,7 +100,7 @@ def test_a_movie_has_all_states(any_renderer, run):
 )
 def test_where_vtk_crashes_one_line_says_what_helps(run, monkeypatch, caplog, program):
     monkeypatch.delenv("ANMSTRIP_RENDERER", raising=False)
-    monkeypatch.setattr(pictures, "_DRAWING", (sys.executable, "-c", program))
+    monkeypatch.setattr(pictures, "DRAWING", (sys.executable, "-c", program))
     with caplog.at_level(logging.WARNING):
         still, _ = render(run)
     assert share_of(pixels(still), GREY) > 0.02
@@ -113,7 +112,7 @@ def test_where_vtk_crashes_one_line_says_what_helps(run, monkeypatch, caplog, pr
 
 def test_drawing_without_opengl_does_not_import_vtk(run):
     code = (
-        "import sys; from anmstrip.output.pictures import render; render(sys.argv[1]);"
+        "import sys; from anmstrip.pictures.render import render; render(sys.argv[1]);"
         "assert not {'vtk', 'vtkmodules', 'pyvista'} & set(sys.modules)"
     )
     environment = {"ANMSTRIP_RENDERER": "matplotlib"}
@@ -122,7 +121,7 @@ def test_drawing_without_opengl_does_not_import_vtk(run):
 
 def test_the_other_modules_import_neither_vtk_nor_matplotlib():
     code = (
-        "import sys; from anmstrip.output import checkpoint, collection, history, summary, vtk;"
+        "import sys; from anmstrip.results import files, vtk;"
         "assert not {'vtk', 'vtkmodules', 'pyvista', 'matplotlib'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
@@ -137,7 +136,7 @@ def test_a_component_can_be_drawn(without_opengl, run):
 def test_a_strip_without_rollers_and_of_plain_cells_is_drawn(any_renderer, tmp_path):
     s, y = lattice(10, 1, (-2.0, 2.0), (-0.5, 0.5))
     x, z = wrapped(s)
-    cells = subdivided(tensor_grids(10, 1))
+    cells = subdivide(tensor_grids(10, 1))
     write_surface(tmp_path / "strip_0.vtu", np.column_stack([x, y, z]), cells, {"gap": s * np.nan})
     Collection(tmp_path / "strip.pvd").add(0.0, "strip_0.vtu")
     for picture in render(tmp_path):
@@ -180,7 +179,7 @@ def test_a_flat_strip_is_drawn(without_opengl, tmp_path):
     ],
 )
 def test_the_scale_starts_at_zero_or_is_even_about_it(values, expected):
-    assert pictures._limits(np.array(values)) == pytest.approx(expected)
+    assert pictures.scale_limits(np.array(values)) == pytest.approx(expected)
 
 
 def test_the_eye_sees_the_whole_box_and_fills_the_picture():
@@ -209,11 +208,11 @@ def test_a_field_written_nearly_right_is_recognised(run):
 
 def test_the_field_chosen_shows_something(without_opengl, run):
     state = read_surface(run / "strip_2.vtu")
-    assert pictures._chosen(state, None) == "normal_pressure"
+    assert pictures.choose_field(state, None) == "normal_pressure"
     state.fields["normal_pressure"][:] = 0.0
-    assert pictures._chosen(state, None) == "von_mises"
+    assert pictures.choose_field(state, None) == "von_mises"
     del state.fields["von_mises"]
-    assert pictures._chosen(state, None) == "displacement"
+    assert pictures.choose_field(state, None) == "displacement"
 
 
 def lose_everything(run):

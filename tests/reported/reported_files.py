@@ -16,7 +16,7 @@ import meshio
 import numpy as np
 from click.testing import CliRunner
 
-from anmstrip.command_line import main
+from anmstrip.cli import main
 
 NODES = [(0, 0), (3, 0), (3, 3), (0, 3), (1, 0), (2, 0), (3, 1), (3, 2), (1, 3), (2, 3), (0, 1),
          (0, 2), (1, 1), (2, 1), (1, 2), (2, 2)]  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from anmstrip import Scene
-from anmstrip.mechanics.kirchhoff_love import KirchhoffLove
+from anmstrip.mechanics.shell import KirchhoffLove
 
 ROLLED = """
 [strip]

@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from anmstrip.mechanics.signorini import GradedSignorini
-from anmstrip.scene.build import Assembly
-from anmstrip.scene.run import Run
-from anmstrip.scene.schema import Scene
-from anmstrip.studies.contact import pressed as under
-from anmstrip.studies.strips import capstan, pressed
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.mechanics.laws import GradedSignorini
+from anmstrip.simulation.problem import Assembly
+from contact import pressed as under
+from strips import capstan, pressed
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PENALTY = {"stiffness": 1e10, "eta": 10.0, "delta": 1e-3}

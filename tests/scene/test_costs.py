@@ -3,8 +3,7 @@
 import pytest
 from threaded import ONE, scene_of
 
-from anmstrip.scene.build import Assembly
-from anmstrip.scene.costs import Size, cheapest_order
+from anmstrip.simulation.problem import Assembly, Size, cheapest_order
 
 SMALL, LARGE = Size(200, 200, 500, 20), Size(40_000, 80_000, 400_000, 500)
 

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anmstrip.mechanics.kinematics import SECTION, SHELL
-from anmstrip.mechanics.strip import Material, Strip, grid, line
-from anmstrip.scene import Scene
-from anmstrip.scene.feeding import Feed
-from anmstrip.scene.run import Run
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.fem.geometry import SECTION, SHELL
+from anmstrip.fem.strip import Material, Strip, grid, line
+from anmstrip.simulation.feed import Feed
 
 H = 0.05
 STEEL = Material(2e11, 0.3, 7850.0)

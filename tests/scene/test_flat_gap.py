@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anmstrip.mechanics.roller import Roller
-from anmstrip.scene.build import flat_gap
+from anmstrip.simulation.problem import flat_gap
 
 X, Y = np.linspace(-2.0, 2.0, 401), np.linspace(-0.5, 0.5, 101)
 STRIP = SimpleNamespace(nodes=np.stack([*np.meshgrid(X, Y), np.zeros((101, 401))]).reshape(3, -1))

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from threaded import ONE, ended, scene_of
 
-from anmstrip.mechanics.projection import projected, quadrature_points
-from anmstrip.scene import Scene, imperfection
-from anmstrip.scene.errors import InputError
-from anmstrip.scene.explain import explain
-from anmstrip.scene.fields import Surface
-from anmstrip.scene.imperfection import imperfection_of
-from anmstrip.scene.wrinkling import Wrinkling
+from anmstrip.driver.explain import explain
+from anmstrip.driver.scene import Scene
+from anmstrip.errors import InputError
+from anmstrip.fem.sampling import l2_projection, quadrature_points
+from anmstrip.results.fields import FieldSampler
+from anmstrip.results.wrinkles import Wrinkling
+from anmstrip.simulation import imperfection
+from anmstrip.simulation.imperfection import imperfection_of
 
 LENGTH, WIDTH, THICKNESS, YOUNG = 1.0, 0.4, 1e-3, 2e11
 EULER = np.pi**2 * YOUNG * THICKNESS**3 / 12.0 / LENGTH**2
@@ -116,10 +117,10 @@ def test_explain_names_the_imperfection_and_solves_nothing():
 def test_moments_count_from_the_imperfect_strip():
     """N times the height in the middle, of a strip that is bent without moments."""
     run, state = ended(pressed(0.6, imperfection=bent()))
-    surface = Surface(
+    surface = FieldSampler(
         run.assembly.strip, run.assembly.membrane, None, imperfection=run.assembly.imperfection
     )
-    moments = np.abs(surface.fields(state)["bending_moment"][:, 0])
+    moments = np.abs(surface.sample(state)["bending_moment"][:, 0])
     assert moments.max() == pytest.approx(0.6 * EULER * HEIGHT / 0.4, rel=0.02)
 
 
@@ -134,7 +135,7 @@ def wavy(height: float, waves: int = 4):
     x, y, _ = quadrature_points(strip)
     wave = height * np.cos(2.0 * waves * np.pi * y / WIDTH) * np.cos(np.pi * x / LENGTH)
     lifted = np.stack([0.0 * x, 0.0 * x, wave + 0.1 * x + 0.01 * y + 0.02 * y**2])
-    return replace(last.state, full=projected(strip, run.assembly.pattern, lifted))
+    return replace(last.state, full=l2_projection(strip, run.assembly.pattern, lifted))
 
 
 def test_amplitude_is_that_of_the_waves_alone():
@@ -176,10 +177,10 @@ def test_summary_of_a_shell_tells_of_wrinkles(tmp_path):
 
 def test_section_does_not_pay(tmp_path):
     """Neither in words nor in modules."""
-    for name in [name for name in sys.modules if name.endswith((".wrinkling", ".buckling"))]:
+    for name in [name for name in sys.modules if name.endswith((".wrinkles", ".imperfection"))]:
         del sys.modules[name]
     for _ in pressed(0.5, kinematics="section").run(tmp_path):
         pass
-    assert "anmstrip.scene.wrinkling" not in sys.modules
-    assert "anmstrip.mechanics.buckling" not in sys.modules
+    assert "anmstrip.results.wrinkles" not in sys.modules
+    assert "anmstrip.simulation.imperfection" not in sys.modules
     assert "warnings" not in json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))

@@ -1,6 +1,6 @@
 """Runs that are killed or interrupted at any instant, and go on as if nothing had happened."""
 
-from __future__ import annotations
+from __future__ import annotations  # noqa: I001
 
 import json
 import os
@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anmstrip.output import checkpoint, history
-from anmstrip.output.collection import read as listed
-from anmstrip.output.vtk import read_surface
-from anmstrip.scene import Scene
+from anmstrip.results import files as checkpoint, files as history
+from anmstrip.results.vtk import read_collection as listed
+from anmstrip.results.vtk import read_surface
+from anmstrip.driver.scene import Scene
 
 TABLES = """
 [strip]
@@ -79,8 +79,8 @@ every = 3
 
 PROGRAM = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
-    "from anmstrip.scene import recorder; recorder.CHECKPOINT_SECONDS = 0.1;"
-    "from anmstrip.command_line import main; main()"
+    "from anmstrip.driver import recorder; recorder.CHECKPOINT_SECONDS = 0.1;"
+    "from anmstrip.cli import main; main()"
 )
 """The command line, saving more often than it would, since the run is short.
 
@@ -154,7 +154,7 @@ def check_readable(directory: Path) -> None:
     """Whatever is there can be read, and belongs together."""
     rows = 0
     if (directory / "history.csv").exists():
-        table = history.read(directory / "history.csv")
+        table = history.read_history(directory / "history.csv")
         rows = len(table["time"])
         assert list(table["step"]) == list(range(1, rows + 1))
         assert (np.diff(table["time"]) > 0.0).all()
@@ -167,7 +167,7 @@ def check_readable(directory: Path) -> None:
                 surface = read_surface(directory / entry.file)
                 assert np.isfinite(surface.points).all()
     if (directory / "checkpoint.npz").exists():
-        _, facts = checkpoint.load(directory / "checkpoint.npz")
+        _, facts = checkpoint.load_checkpoint(directory / "checkpoint.npz")
         assert facts["rows"] == facts["steps"] <= rows
     if (directory / "summary.json").exists():
         summary = summary_of(directory)
@@ -181,7 +181,9 @@ def summary_of(directory: Path) -> Any:
 
 def check_same(whole: Whole, directory: Path) -> None:
     """State, tensions and history of both runs, to 1e-12."""
-    mine, theirs = (checkpoint.load(d / "checkpoint.npz")[0] for d in (directory, whole.directory))
+    mine, theirs = (
+        checkpoint.load_checkpoint(d / "checkpoint.npz")[0] for d in (directory, whole.directory)
+    )
     length = Scene.load(whole.scene).strip.length
     np.testing.assert_allclose(mine["full"], theirs["full"], rtol=0.0, atol=1e-12 * length)
     found, wanted = summary_of(directory), summary_of(whole.directory)
@@ -190,7 +192,9 @@ def check_same(whole: Whole, directory: Path) -> None:
         assert found["edges"][edge]["tension"] == pytest.approx(values["tension"], rel=1e-12)
     assert found["steps"] == wanted["steps"]
     assert found["tangents"] >= wanted["tangents"]
-    ours, reference = (history.read(d / "history.csv") for d in (directory, whole.directory))
+    ours, reference = (
+        history.read_history(d / "history.csv") for d in (directory, whole.directory)
+    )
     np.testing.assert_allclose(ours["time"], reference["time"], rtol=1e-12)
     entries = [listed(d / "strip.pvd") for d in (directory, whole.directory)]
     assert [e.file for e in entries[0]] == [e.file for e in entries[1]]
@@ -235,7 +239,7 @@ def test_stopped_runs_end_where_the_other_did(
 
 def check_nothing_lost(directory: Path) -> None:
     """After an interruption all files tell of the same steps."""
-    summary, rows = summary_of(directory), history.read(directory / "history.csv")["time"]
+    summary, rows = summary_of(directory), history.read_history(directory / "history.csv")["time"]
     assert summary["status"] in ("interrupted", "done")
-    assert checkpoint.load(directory / "checkpoint.npz")[1]["steps"] == summary["steps"]
+    assert checkpoint.load_checkpoint(directory / "checkpoint.npz")[1]["steps"] == summary["steps"]
     assert summary["steps"] == len(rows)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from threaded import BRIDLE, DENSITY, YOUNG, ended, scene_of, values
 
-from anmstrip.scene import Scene
-from anmstrip.scene.measures import State
-from anmstrip.scene.run import Run
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.results.state import State
 
 G, T = 9.81, 1e-3
 

@@ -11,8 +11,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from anmstrip.scene import InputError, Scene
-from anmstrip.scene.loading import load_scene, parse_scene, scene_of
+from anmstrip.driver.scene import Scene
+from anmstrip.errors import InputError
+from anmstrip.scene.loading import parse_scene
 
 CAPSTAN = Path(__file__).with_name("capstan.toml")
 GOOD = CAPSTAN.read_text(encoding="utf-8")
@@ -36,7 +37,7 @@ def test_file_that_is_no_scene(tmp_path: Path, content: bytes, words: str) -> No
     path = tmp_path / "scene.toml"
     path.write_bytes(content)
     with pytest.raises(InputError) as caught:
-        load_scene(path)
+        Scene.load(path)
     assert str(path) in str(caught.value)
     assert words in str(caught.value)
 
@@ -44,13 +45,13 @@ def test_file_that_is_no_scene(tmp_path: Path, content: bytes, words: str) -> No
 @pytest.mark.parametrize("name", ["none.toml", ".", "a" * 300, "a\0b"])
 def test_path_that_is_no_file(tmp_path: Path, name: str) -> None:
     with pytest.raises(InputError, match="a file"):
-        load_scene(tmp_path / name)
+        Scene.load(tmp_path / name)
 
 
 def test_file_from_another_system(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())
-    assert load_scene(path).to_dict() == load_scene(CAPSTAN).to_dict()
+    assert Scene.load(path).to_dict() == Scene.load(CAPSTAN).to_dict()
 
 
 @pytest.mark.parametrize(
@@ -71,7 +72,7 @@ def test_file_from_another_system(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_override(setting: str, path: tuple[str | int, ...], value: object) -> None:
-    inside = load_scene(CAPSTAN, [setting]).to_dict()
+    inside = Scene.load(CAPSTAN, [setting]).to_dict()
     for part in path:
         inside = inside[part]
     assert inside == value
@@ -80,18 +81,18 @@ def test_override(setting: str, path: tuple[str | int, ...], value: object) -> N
 def test_override_reaches_unnamed_tables_by_default_name(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(GOOD.replace('name = "turn"\n', ""), encoding="utf-8")
-    assert load_scene(path, ["stages.stage3.duration=9"]).stages[2].duration == 9.0
+    assert Scene.load(path, ["stages.stage3.duration=9"]).stages[2].duration == 9.0
 
 
 def test_last_override_wins() -> None:
-    scene = load_scene(CAPSTAN, ["strip.width=2", "strip.width=3"])
+    scene = Scene.load(CAPSTAN, ["strip.width=2", "strip.width=3"])
     assert scene.strip.width == 3.0
 
 
 def test_override_may_mend_the_file(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(GOOD.replace("radius = 0.5", "radius = -0.5"), encoding="utf-8")
-    assert load_scene(path, ["rollers.r1.radius=0.5"]).rollers[0].radius == 0.5
+    assert Scene.load(path, ["rollers.r1.radius=0.5"]).rollers[0].radius == 0.5
 
 
 @pytest.mark.parametrize(
@@ -114,7 +115,7 @@ def test_override_may_mend_the_file(tmp_path: Path) -> None:
 )
 def test_wrong_override_is_named(setting: str, words: str) -> None:
     with pytest.raises(InputError) as caught:
-        load_scene(CAPSTAN, [setting])
+        Scene.load(CAPSTAN, [setting])
     (mistake,) = [m for m in caught.value.mistakes if words in str(m)]
     assert mistake.file == f"--set {setting}"
 
@@ -123,7 +124,7 @@ def test_wrong_overrides_and_file_are_named_together(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(GOOD.replace("radius = 0.5", "radius = -0.5"), encoding="utf-8")
     with pytest.raises(InputError) as caught:
-        load_scene(path, ["strip.width=", "strip.thickness=0"])
+        Scene.load(path, ["strip.width=", "strip.thickness=0"])
     assert {m.key for m in caught.value.mistakes} == {
         "strip.width",
         "strip.thickness",
@@ -180,7 +181,7 @@ def _mutated(path: tuple[str | int, ...], value: object, take_out: bool) -> dict
 def test_mutated_tables_are_a_scene_or_an_input_error(
     path: tuple[str | int, ...], value: object, take_out: bool
 ) -> None:
-    _accepts_or_tells(lambda: scene_of(_mutated(path, value, take_out), CAPSTAN))
+    _accepts_or_tells(lambda: Scene.from_tables(_mutated(path, value, take_out), CAPSTAN))
 
 
 @settings(deadline=None, max_examples=200)
@@ -191,7 +192,7 @@ def test_mutated_tables_are_a_scene_or_an_input_error(
 )
 def test_mutated_text_is_a_scene_or_an_input_error(at: int, length: int, text: str) -> None:
     mutated = GOOD[:at] + text + GOOD[at + length :]
-    _accepts_or_tells(lambda: scene_of(parse_scene(mutated, "scene.toml"), CAPSTAN))
+    _accepts_or_tells(lambda: Scene.from_tables(parse_scene(mutated, "scene.toml"), CAPSTAN))
 
 
 @settings(deadline=None, max_examples=200)
@@ -202,4 +203,4 @@ def test_mutated_text_is_a_scene_or_an_input_error(at: int, length: int, text: s
     value=st.one_of(VALUES.map(str), st.text(max_size=8)),
 )
 def test_any_override_is_taken_or_an_input_error(key: str, value: str) -> None:
-    _accepts_or_tells(lambda: load_scene(CAPSTAN, [f"{key}={value}"]))
+    _accepts_or_tells(lambda: Scene.load(CAPSTAN, [f"{key}={value}"]))

@@ -8,9 +8,10 @@ import meshio
 import numpy as np
 import pytest
 
-from anmstrip.mechanics.strip import grid
-from anmstrip.scene import InputError, Scene
-from anmstrip.scene.build import Assembly
+from anmstrip.driver.scene import Scene
+from anmstrip.errors import InputError
+from anmstrip.fem.strip import grid
+from anmstrip.simulation.problem import Assembly
 
 XS, YS = np.array([-1.0, -0.3, 0.0, 0.3, 1.0]), np.array([-0.4, 0.0, 0.4])
 

@@ -17,12 +17,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anmstrip.output import checkpoint, history
-from anmstrip.output.collection import read as listed
-from anmstrip.output.vtk import read_surface
-from anmstrip.scene import Scene
-from anmstrip.scene.run import Run, Step
-from anmstrip.series.outcome import Outcome
+from anmstrip.continuation.status import Outcome
+from anmstrip.driver.run import Run, Step
+from anmstrip.driver.scene import Scene
+from anmstrip.results import files as checkpoint
+from anmstrip.results import files as history
+from anmstrip.results.vtk import read_collection as listed
+from anmstrip.results.vtk import read_surface
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 CAPSTAN, PRESS = EXAMPLES / "capstan.toml", EXAMPLES / "press.toml"
@@ -67,7 +68,7 @@ class Finished:
 
     @property
     def history(self) -> Any:
-        return history.read(self.directory / "history.csv")
+        return history.read_history(self.directory / "history.csv")
 
 
 @pytest.fixture(scope="module")
@@ -398,7 +399,7 @@ def test_resumed_run_ends_where_the_other_did(small: Finished, tmp_path: Path, w
     assert np.abs((run.march.full - small.run.march.full) / units).max() < (
         1e-10 if where == "wrap" else 1e-14
     )
-    table = history.read(tmp_path / "history.csv")
+    table = history.read_history(tmp_path / "history.csv")
     assert (np.diff(table["time"]) > 0.0).all()
     assert table["step"].tolist() == list(range(1, run.steps + 1))
     summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
@@ -432,7 +433,7 @@ def test_run_that_stops_early_says_where(tmp_path: Path, most: int) -> None:
     summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
     assert (summary["status"], summary["steps"]) == ("too_many_steps", most)
     assert "stage wrap" in summary["message"]
-    checkpoint.load(tmp_path / "checkpoint.npz")
+    checkpoint.load_checkpoint(tmp_path / "checkpoint.npz")
 
 
 def options(overrides: list[str]) -> list[str]:
@@ -442,7 +443,7 @@ def options(overrides: list[str]) -> list[str]:
 PROGRAM = """
 import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)  # background jobs ignore it
-from anmstrip.command_line import main
+from anmstrip.cli import main
 main()
 """
 COMMAND = [sys.executable, "-c", PROGRAM]
@@ -488,14 +489,14 @@ def test_killed_run_can_be_read_and_resumed(small: Finished, tmp_path: Path) -> 
         reader.set_active_time_point(number)
         block = reader.read()[0]
         assert set(block.point_data) >= FIELDS
-    table = history.read(tmp_path / "history.csv")
+    table = history.read_history(tmp_path / "history.csv")
     assert len(table["time"]) >= len(reader.time_values)
-    _, facts = checkpoint.load(tmp_path / "checkpoint.npz")
+    _, facts = checkpoint.load_checkpoint(tmp_path / "checkpoint.npz")
     assert 1 <= facts["steps"] <= len(table["time"])
     assert not (tmp_path / "summary.json").exists()
     ended = command("run", CAPSTAN, "-o", tmp_path, "--resume", *options(SMALL))
     assert (ended.returncode, "Traceback" in ended.stderr) == (0, False), ended.stderr
-    found, facts = checkpoint.load(tmp_path / "checkpoint.npz")
+    found, facts = checkpoint.load_checkpoint(tmp_path / "checkpoint.npz")
     np.testing.assert_allclose(found["full"], small.run.march.full, rtol=1e-9, atol=1e-10)
     assert json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["status"] == "done"
     assert not list(tmp_path.glob("*.tmp*"))
@@ -508,6 +509,6 @@ def test_interrupted_run_writes_what_it_has(tmp_path: Path) -> None:
     assert summary["status"] == "interrupted"
     assert summary["steps"] >= 3
     assert re.search("interrupted", summary["message"])
-    _, facts = checkpoint.load(tmp_path / "checkpoint.npz")
+    _, facts = checkpoint.load_checkpoint(tmp_path / "checkpoint.npz")
     assert facts["steps"] == summary["steps"]
     assert summary["rollers"]["r1"]["tension_out"] > 0.0

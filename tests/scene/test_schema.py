@@ -4,19 +4,27 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 
 import pydantic
 import pytest
 from pydantic import BaseModel, TypeAdapter
 
-from anmstrip.scene import Scene, schema
-from anmstrip.scene.rules import EDGE_NAMES
+from anmstrip.driver.scene import Scene
+from anmstrip.errors import InputError
+from anmstrip.scene import schema, tables
+from anmstrip.scene.schema import SceneSpec
+from anmstrip.scene.tables import EDGE_NAMES, StageSpec, Table
 
 CAPSTAN = Path(__file__).with_name("capstan.toml")
 EXAMPLES = Path(__file__).parents[2] / "examples"
-MODELS = [getattr(schema, name) for name in schema.__all__]
+MODELS = [
+    model
+    for module in (schema, tables)
+    for model in vars(module).values()
+    if isinstance(model, type) and issubclass(model, Table) and model.__module__ == module.__name__
+    if model is not Table
+]
 FIELDS = [(model, name) for model in MODELS for name in model.model_fields]
 
 
@@ -90,7 +98,7 @@ def test_every_field_says_what_it_is_and_in_which_unit(model: type[BaseModel], n
 def test_every_example_can_be_typed_as_it_stands(model: type[BaseModel], name: str) -> None:
     field = model.model_fields[name]
     (example,) = field.examples
-    typed = example if model is Scene and name != "title" else f"{name} = {example}"
+    typed = example if model is SceneSpec and name != "title" else f"{name} = {example}"
     value = tomllib.loads(typed)[name]
     if name != "mesh":
         assert TypeAdapter(field.annotation).validate_python(_named(value)) is not None
@@ -101,14 +109,15 @@ def _named(value: object) -> object:
     return [{"name": "n", **table} for table in value] if tables else value
 
 
-def _stage_keys() -> Iterator[str]:
-    yield from (key for key in schema.StageSpec.model_fields if key != "edges")
-    yield from EDGE_NAMES
-
-
 def test_keys_offered_in_a_stage_are_those_that_it_has() -> None:
-    offered = schema.StageSpec.model_fields["edges"].json_schema_extra["keys"]
-    assert offered == list(_stage_keys())
+    tables = tomllib.loads(CAPSTAN.read_text(encoding="utf-8"))
+    tables["stages"][0]["xyz"] = 1.0
+    with pytest.raises(InputError) as refused:
+        Scene.from_tables(tables, CAPSTAN)
+    (mistake,) = refused.value.mistakes
+    keys = [key for key in StageSpec.model_fields if key != "edges"]
+    assert mistake.key == "stages.tension.xyz"
+    assert mistake.hint == f"one of: {', '.join((*keys, *EDGE_NAMES))}"
 
 
 def test_unnamed_rollers_and_stages_are_numbered() -> None:

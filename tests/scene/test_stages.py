@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from threaded import ONE, scene_of
 
-from anmstrip.scene import Scene
-from anmstrip.scene.build import Assembly
-from anmstrip.scene.stages import Course, Plan
+from anmstrip.driver.scene import Scene
+from anmstrip.equilibrium import StageProblem
+from anmstrip.simulation.problem import Assembly
+from anmstrip.simulation.stages import Course
 
 
-def plans(*stages: dict[str, Any], friction: bool = True) -> list[Plan]:
+def plans(*stages: dict[str, Any], friction: bool = True) -> list[StageProblem]:
     """The stages of a section that is held at its entry, over a roller far below."""
     tables: dict[str, Any] = {
         "strip": {
@@ -35,7 +36,7 @@ def plans(*stages: dict[str, Any], friction: bool = True) -> list[Plan]:
     return found
 
 
-def entry(plan: Plan, control: float) -> tuple[float, float]:
+def entry(plan: StageProblem, control: float) -> tuple[float, float]:
     """Displacement and velocity of the entry along x."""
     strip = plan.model.strip
     place = 2 * strip.edges["entry"].values[0]

@@ -9,23 +9,23 @@ import numpy as np
 import pytest
 from threaded import BRIDLE, LEVELLER, ONE, TOWER, ended, roller, scene_of, turned, values
 
-from anmstrip.mechanics.belt import Point, belt
-from anmstrip.mechanics.guide import Guide
-from anmstrip.mechanics.membrane import Membrane
-from anmstrip.model import Equilibrium
-from anmstrip.scene import InputError, march
-from anmstrip.scene.build import Assembly
-from anmstrip.scene.stages import Course
-from anmstrip.scene.threading import stretches
-from anmstrip.studies.comparisons import Finished
-from anmstrip.studies.strips import threaded
+from anmstrip.equilibrium import Equilibrium
+from anmstrip.errors import InputError
+from anmstrip.mechanics.loads import Guide
+from anmstrip.mechanics.shell import Membrane, uniaxial_stretches
+from anmstrip.mechanics.string_path import FixedEnd, string_path
+from anmstrip.simulation import march
+from anmstrip.simulation.problem import Assembly
+from anmstrip.simulation.stages import Course
+from runs import finished
+from strips import threaded
 
 SCENES = {"one": ONE, "bridle": BRIDLE, "tower": TOWER, "leveller": LEVELLER}
 
 
 @pytest.mark.parametrize("tension", [1.0, 1e4, 1e7])
 def test_stretches_are_those_of_a_strip_under_tension(tension: float) -> None:
-    along, across = stretches(tension, 2e8, 0.3)
+    along, across = uniaxial_stretches(tension, 2e8, 0.3)
     strain = 0.5 * (along**2 - 1.0)
     assert along * 2e8 * strain == pytest.approx(tension, rel=1e-6)
     assert across**2 == pytest.approx(1.0 - 0.6 * strain)
@@ -78,9 +78,9 @@ def test_bent_strip_goes_around_a_larger_roller() -> None:
     d, tension, radius = run.assembly.strip.bending_stiffness, 1e4, 0.5
     wider = radius + d / (2.0 * tension * radius)
     at = values(run, state)
-    ends = (Point(at[[0, 2], at[0].argmin()]), Point(at[[0, 2], at[0].argmax()]))
-    expected = belt([[[0.0], [-0.5]]], [[wider]], [1], *ends).arcs.turn[0, 0]
-    geometric = belt([[[0.0], [-0.5]]], [[radius]], [1], *ends).arcs.turn[0, 0]
+    ends = (FixedEnd(at[[0, 2], at[0].argmin()]), FixedEnd(at[[0, 2], at[0].argmax()]))
+    expected = string_path([[[0.0], [-0.5]]], [[wider]], [1], *ends).arcs.turn[0, 0]
+    geometric = string_path([[[0.0], [-0.5]]], [[radius]], [1], *ends).arcs.turn[0, 0]
     assert turned(state) == pytest.approx(expected, abs=0.02 * (expected - geometric))
     lift_off = 2.0 * np.arcsin(np.sqrt(d / tension) / (2.0 * radius))
     arc = expected - 2.0 * lift_off
@@ -273,11 +273,11 @@ def test_impossible_ways_are_refused(name: str) -> None:
 @pytest.mark.parametrize("stiffer", [1e-4, 1.0, 1e4])
 def test_contact_may_be_of_any_stiffness(stiffer: float) -> None:
     """Full slip: the capstan formula, here 1.2510 within 2e-4 where little is sunk in."""
-    finished = Finished.of(threaded("section", 2, 0.05, 1e-3, stiffer=stiffer))
-    assert finished.run.state is not None
-    ratio = finished.run.state.rollers["r1"].tension_ratio
+    run = finished(threaded("section", 2, 0.05, 1e-3, stiffer=stiffer))
+    assert run.state is not None
+    ratio = run.state.rollers["r1"].tension_ratio
     assert ratio == pytest.approx(1.25094, rel=2e-4 if stiffer >= 1.0 else 2e-2)
-    assert finished.run.cost.factorisations <= 60
+    assert run.cost.factorisations <= 60
 
 
 def test_where_the_guess_leads_nowhere_the_path_is_followed(monkeypatch) -> None:

@@ -2,10 +2,10 @@
 
 import pytest
 
-from anmstrip.scene.run import Run
-from anmstrip.scene.schema import Scene
-from anmstrip.scene.stage_tables import SolverSpec
-from anmstrip.studies.strips import capstan
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.scene.tables import SolverSpec
+from strips import capstan
 
 
 @pytest.mark.parametrize(

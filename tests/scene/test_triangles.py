@@ -12,17 +12,16 @@ import pytest
 from numpy.typing import NDArray
 from skfem import FacetBasis, MeshTri
 
-from anmstrip.mechanics.bending import isometric_bending
-from anmstrip.mechanics.cells import Pattern, gradients
-from anmstrip.mechanics.elements import facet_normals
-from anmstrip.mechanics.membrane import Membrane
-from anmstrip.mechanics.points import ContactOperator
-from anmstrip.mechanics.strip import Material, Strip
-from anmstrip.scene import Scene
-from anmstrip.scene.measures import State
-from anmstrip.scene.run import Run
-from anmstrip.series.outcome import Outcome
-from anmstrip.studies.strips import CONTACT, MATERIAL, RADIUS, TENSION, capstan
+from anmstrip.continuation.status import Outcome
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.fem.elements import facet_normals
+from anmstrip.fem.operators import CellOperator, Pattern
+from anmstrip.fem.sampling import ContactOperator
+from anmstrip.fem.strip import Material, Strip
+from anmstrip.mechanics.shell import Membrane, isometric_bending
+from anmstrip.results.state import State
+from strips import CONTACT, MATERIAL, RADIUS, TENSION, capstan
 
 Array = NDArray[np.float64]
 
@@ -83,7 +82,7 @@ def forces(strip: Strip, full: Array) -> tuple[Array, Array]:
     """Of membrane and bending, each (scalars, 3), in units of values."""
     membrane = Membrane(strip)
     stress = membrane.law(membrane.operator.apply(full), None, {})
-    bending = isometric_bending(strip, Pattern(strip)).force(full)
+    bending = isometric_bending(strip, Pattern(strip)).product(full)
     units = strip.dof_lengths[:, None]
     own = membrane.operator.gather(stress).reshape(-1, 3)
     return own * units, bending.reshape(-1, 3) * units
@@ -123,7 +122,7 @@ def test_uniform_moments_balance_inside(strip: Strip) -> None:
         [up * a, up * b, up * c],
     )
     effect = isometric_bending(strip, Pattern(strip))
-    force = effect.force(full)
+    force = effect.product(full)
     d, nu = strip.bending_stiffness, strip.material.poisson
     density = d * ((1.0 - nu) * (a**2 + 2.0 * b**2 + c**2) + nu * (a + c) ** 2)
     assert full @ force == pytest.approx(6.0 * density, rel=1e-9)
@@ -138,7 +137,7 @@ def test_membrane_of_one_triangle_resists_all_but_rigid_motion() -> None:
         1e-3,
         Material(2e11, 0.3),
     )
-    table = gradients(strip).table[0].reshape(2, -1, 21)
+    table = CellOperator(strip, [1]).table[0].reshape(2, -1, 21)
     (along, across), nothing = table, np.zeros_like(table[0])
     strains = [
         np.hstack([along, nothing]), np.hstack([nothing, across]), np.hstack([across, along]),

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.scene import Scene
-from anmstrip.scene.measures import State
-from anmstrip.scene.run import Run
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.results.state import State
 
 YOUNG, DENSITY = 2e11, 7850.0
 

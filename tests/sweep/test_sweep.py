@@ -13,14 +13,14 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from anmstrip.command_line import main
-from anmstrip.output import history
-from anmstrip.scene import InputError, Scene
-from anmstrip.scene.run import Run
-from anmstrip.sweep import command, scenes
-from anmstrip.sweep.figure import figure
-from anmstrip.sweep.study import Sweep
-from anmstrip.sweep.table import row_of
+from anmstrip import cli as command
+from anmstrip.cli import main
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.errors import InputError
+from anmstrip.results import files as history
+from anmstrip.sweep import study as scenes
+from anmstrip.sweep.study import Sweep, figure, row_of
 from anmstrip.sweep.variations import Variation, folder
 
 CAPSTAN = Path(__file__).parents[2] / "examples" / "capstan.toml"
@@ -182,7 +182,7 @@ def test_without_dask(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 def test_a_scheduler_that_is_not_there(
     monkeypatch: pytest.MonkeyPatch, pull: Path, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("anmstrip.sweep.farm.PATIENCE", 0.2)
+    monkeypatch.setattr("anmstrip.sweep.study.PATIENCE", 0.2)
     ended = typed(
         pull,
         "-o",
@@ -205,7 +205,7 @@ def test_on_workers(pull: Path, tmp_path: Path) -> None:
     assert ended.exit_code == 0, ended.output
     assert "3 of 3 scenes done." in ended.stdout
     assert ended.stderr.count(" of 3 scenes, strip.length=") == 3
-    rows = history.read(out / "sweep.csv")
+    rows = history.read_history(out / "sweep.csv")
     assert list(rows["strip.length"]) == [3.0, 2.0, 1.0]
     assert rows["status"] == ["done"] * 3
     for number, length in enumerate(("3.0", "2.0", "1.0")):
@@ -268,7 +268,7 @@ def test_an_unfinished_scene_goes_on_from_its_checkpoint(
     text += text[text.index("[[stages]]") :].replace("pull", "more").replace("5.0]", "9.0]")
     pull.write_text(text, encoding="utf-8")
     scene, directory = Scene.load(pull), tmp_path / "out"
-    whole = scenes.run(scene, tmp_path / "whole")
+    whole = scenes.run_scene(scene, tmp_path / "whole")
     assert len(whole["stages"]) == 2
 
     class Killed(BaseException):
@@ -283,15 +283,15 @@ def test_an_unfinished_scene_goes_on_from_its_checkpoint(
             if step.stage == "more" and not resume:
                 raise Killed
 
-    monkeypatch.setattr("anmstrip.scene.run.Run", killed_once)
+    monkeypatch.setattr("anmstrip.driver.run.Run", killed_once)
     with pytest.raises(Killed):
-        scenes.run(scene, directory)
-    assert scenes.ended(scene, directory) is None
-    summary = scenes.run(scene, directory)
+        scenes.run_scene(scene, directory)
+    assert scenes.ended_summary(scene, directory) is None
+    summary = scenes.run_scene(scene, directory)
     assert begun == [False, True]
     assert summary["steps"] == whole["steps"]
     assert row_of(summary)["exit_tension"] == row_of(whole)["exit_tension"]
-    assert scenes.ended(scene, directory) == summary
+    assert scenes.ended_summary(scene, directory) == summary
 
 
 @pytest.mark.parametrize(
@@ -307,7 +307,7 @@ def test_an_unfinished_scene_goes_on_from_its_checkpoint(
 @pytest.mark.parametrize("ended", [True, False])
 def test_figures(varied: dict[str, list[Any]], ended: bool) -> None:
     """Also of a sweep of which nothing has ended."""
-    from itertools import product  # noqa: PLC0415
+    from itertools import product
 
     rows = [dict(zip(varied, values, strict=True)) for values in product(*varied.values())]
     for number, row in enumerate(rows[: -1 if ended else 0]):
@@ -318,10 +318,10 @@ def test_figures(varied: dict[str, list[Any]], ended: bool) -> None:
 @pytest.mark.slow
 def test_killed_workers_lose_nothing(tmp_path: Path) -> None:
     """Both workers are killed in the midst of their scenes, after one has ended."""
-    from anmstrip.sweep.farm import local  # noqa: PLC0415 (dask is optional)
+    from anmstrip.sweep.study import local_workers
 
     study = Sweep(CAPSTAN, ["friction.coefficient=0.1:0.4:4"], COARSE, directory=tmp_path / "out")
-    with local(workers=2) as client:
+    with local_workers(workers=2) as client:
         running = study.run(client)
         first = study.directory / next(running).row["directory"]
         wait_for_steps(study, 2)
@@ -335,7 +335,7 @@ def test_killed_workers_lose_nothing(tmp_path: Path) -> None:
     assert len(begun) >= 2
     assert {path: stamp(path / "input.json") for path in begun} == begun  # gone on with
     for variant, row in zip(study.variants, study.rows, strict=True):
-        wanted = row_of(scenes.run(variant.scene, tmp_path / variant.directory.name))
+        wanted = row_of(scenes.run_scene(variant.scene, tmp_path / variant.directory.name))
         told = [name for name in wanted if name.startswith("r1_")]
         assert {n: row[n] for n in told} == pytest.approx({n: wanted[n] for n in told}, rel=1e-12)
         assert row["steps"] == wanted["steps"]
@@ -352,7 +352,7 @@ def wait_for_steps(study: Sweep, checkpoints: int) -> None:
     while time.monotonic() < until:
         going = [study.variants[number].directory for number in study.waiting]
         rows = [
-            history.read(d / "history.csv")["step"]
+            history.read_history(d / "history.csv")["step"]
             for d in going
             if (d / "checkpoint.npz").exists()
         ]

@@ -1,1 +1,1 @@
-
+"""Mechanics: what strains, loads and rollers do to a strip."""

@@ -1,16 +1,8 @@
-"""Contact of the strip with rollers: normal pressure, and friction.
-
-Both are looked at near the rollers only.  Beyond a gap where the regularised
-pressure is negligible a point is left out, and with it the singularities of its
-series, which would shorten every step for a force that nobody sees.
-
-Everything is computed in the rollers' frames, see :mod:`anmstrip.mechanics.roller`,
-and for all of them at once: a pair of a point and a roller is a point of its own.
-"""
+"""Contact of the strip with rollers: normal pressure, and friction."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -18,30 +10,86 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .kinematics import SHELL, Kinematics
-from .points import ContactOperator
-from .roller import Place, Roller, Rollers
-from .signorini import GradedSignorini, RepulsiveSignorini
+from anmstrip.fem.geometry import SHELL, Kinematics
+from anmstrip.fem.sampling import ContactOperator, remembered
+from anmstrip.mechanics.effects import LawEffect, Moment
+from anmstrip.mechanics.laws import ContactLaw
+from anmstrip.mechanics.roller import Projection, Roller
 
 if TYPE_CHECKING:
-    from .friction import FrictionLaw
+    from anmstrip.mechanics.laws import FrictionLaw
 
 Array = NDArray[np.float64]
+
+CHORD = 0.25
+"""Longest way of a point between two looks, in radii; it is taken as straight in between."""
+
+MOST = 1024
+"""Looks at one step."""
+
+
+def deepest(contact: Contact, places: Callable[[Array], Array]) -> float | None:
+    """Return where on its way a point lies deeper than at either end, by more than the onset.
+
+    Parameters
+    ----------
+    contact : Contact
+    places : callable
+        Shares of the way, shape (m,), to positions in the rollers' frames, (m, rows, points).
+
+    Returns
+    -------
+    float or None
+        Share of the way at which the deepest of them is.
+    """
+    shares = np.linspace(0.0, 1.0, 3)
+    y = places(shares)
+    while (more := _chords(contact, y)) > 1.0 and len(shares) < MOST:
+        shares = np.linspace(0.0, 1.0, min(int(np.ceil(more * (len(shares) - 1))), MOST) + 1)
+        y = places(shares)
+    nearest = _nearest(y)
+    first, last, *between = _gaps(contact, y, nearest)
+    dip = np.minimum(first, last) - between
+    if not dip.max() > contact.signorini.width:
+        return None
+    j, point = np.unravel_index(dip.argmax(), dip.shape)
+    return float(shares[j] + nearest[j, point] * (shares[j + 1] - shares[j]))
+
+
+def _gaps(contact: Contact, y: Array, nearest: Array) -> Array:
+    """Gaps at both ends, and where each piece is nearest to the axis, (2 + pieces, points)."""
+    between = y[:-1] + nearest[:, None] * np.diff(y, axis=0)
+    looks = np.concatenate([y[[0, -1]], between]).swapaxes(0, 1)
+    with np.errstate(invalid="ignore"):  # on the axis there is no direction
+        return np.asarray(contact.roller.project(looks).gap)
+
+
+def _chords(contact: Contact, y: Array) -> float:
+    """Longest way between two looks, over what it may be."""
+    moved = np.sqrt((np.diff(y, axis=0) ** 2).sum(axis=1))
+    return float((moved / contact.roller.radius).max(initial=0.0)) / CHORD
+
+
+def _nearest(y: Array) -> Array:
+    """Share of every piece of the way at which each point is nearest to the axis."""
+    step = np.diff(y[:, :2], axis=0)
+    square = np.maximum((step**2).sum(axis=1), np.finfo(float).tiny)
+    return np.asarray(np.clip(-(y[:-1, :2] * step).sum(axis=1) / square, 0.0, 1.0))
+
+
 Index = NDArray[np.int64]
-Moment = tuple[Array, Array, Mapping[str, Any]]
-"""All unknowns, their velocities, and the controls."""
 
 
 @dataclass(frozen=True)
-class Contact:
+class Contact(LawEffect):
     """Normal tractions R n of rollers at points of the strip.
 
     Controls: ``rollers.NAME.centre`` (m).
 
     Attributes
     ----------
-    roller : Roller or Rollers
-    signorini : RepulsiveSignorini or GradedSignorini
+    roller : Roller
+    signorini : ContactLaw
         In pressures.
     operator : ContactOperator
         At the points, once for every roller.
@@ -51,8 +99,8 @@ class Contact:
         Which displacements the points have.
     """
 
-    roller: Roller | Rollers
-    signorini: RepulsiveSignorini | GradedSignorini
+    roller: Roller
+    signorini: ContactLaw
     operator: ContactOperator
     reach: float | Sequence[float] = np.inf
     kinematics: Kinematics = SHELL
@@ -74,9 +122,9 @@ class Contact:
         return np.asarray(self.signorini(np.asarray(self.reaches)))
 
     @cached_property
-    def singles(self) -> dict[str, Contact]:
+    def by_roller(self) -> dict[str, Contact]:
         """Roller → its own contact, at all points of the strip."""
-        if isinstance(self.roller, Roller):
+        if self.roller.which is None:
             return {self.roller.name: self}
         reaches = np.broadcast_to(np.asarray(self.reach, dtype=float), len(self.roller.members))
         found = {}
@@ -88,6 +136,14 @@ class Contact:
 
     def restricted(self, points: Index) -> Contact:
         """The same on some of the points."""
+        return remembered(self.parts, points, self._part)
+
+    @cached_property
+    def parts(self) -> dict[bytes, Contact]:
+        """The latest choices of points."""
+        return {}
+
+    def _part(self, points: Index) -> Contact:
         operator, roller = self.operator.restricted(points), self.roller.restricted(points)
         return replace(self, operator=operator, roller=roller)
 
@@ -100,34 +156,41 @@ class Contact:
     @cached_property
     def origin(self) -> Array:
         """Reference positions in the frames, shape (rows, points)."""
-        return np.asarray(mapped(self.roller.frame[: self.roller.rows], self.operator.reference))
+        return np.asarray(transform(self.roller.frame[: self.roller.rows], self.operator.reference))
 
     def position(self, x: Any, controls: Mapping[str, Any]) -> Any:
         """Displaced points in the rollers' frames, (rows, points), on arrays or series."""
         centre = control_of(self.roller, controls, "centre")
-        offset = self.origin - mapped(self.roller.frame[: self.roller.rows], centre)
-        return mapped(self.view, x) + offset
+        offset = self.origin - transform(self.roller.frame[: self.roller.rows], centre)
+        return transform(self.view, x) + offset
 
-    def seen(self, x: Any, controls: Mapping[str, Any]) -> Place:
-        """Where displaced points are, on arrays or series."""
-        return self.roller.seen(self.position(x, controls))
+    def seen(self, x: Any, controls: Mapping[str, Any]) -> Projection:
+        """Return the projections of displaced points on the roller, arrays or series."""
+        return self.roller.project(self.position(x, controls))
 
-    def passed(self, places: Callable[[Array], Array]) -> float | None:
-        """Share of a way at which it crosses a roller, see :mod:`anmstrip.mechanics.passing`."""
-        from .passing import deepest  # noqa: PLC0415
+    def crossing(self, states: Callable[[Array], Iterable[Moment]]) -> float | None:
+        """Return where a step crosses a roller, as a share of it; see :func:`deepest`."""
+
+        def places(shares: Array) -> Array:
+            moments = states(shares)
+            return np.array([self.position(self.operator.apply(u), c) for u, _, c in moments])
 
         return deepest(self, places)
 
     def near(self, full: Array, controls: Mapping[str, Any]) -> Contact:
         """The same effect on the points within reach."""
-        gap = self.seen(self.operator.apply(full), controls).gap
-        return self.restricted(np.flatnonzero(gap < self.reaches))
+        return self.restricted(self.within_reach(full, controls))
 
-    def pressure(self, place: Place) -> Any:
+    def within_reach(self, full: Array, controls: Mapping[str, Any]) -> Index:
+        """Numbers of the points within reach."""
+        gap = self.seen(self.operator.apply(full), controls).gap
+        return np.flatnonzero(gap < self.reaches)
+
+    def pressure(self, place: Projection) -> Any:
         """R (Pa), shape (points,)."""
         return self.signorini(place.gap) - self.least
 
-    def normal(self, place: Place) -> Array:
+    def normal(self, place: Projection) -> Array:
         """Unit normal in space, shape (3, points)."""
         frame = self.roller.frame[: self.roller.rows]
         return np.einsum("ix...,i...->x...", frame, self.roller.normal(place))
@@ -136,11 +199,11 @@ class Contact:
         """Residual per area: minus the traction of the roller, (components, points)."""
         place = self.seen(x, controls)
         traction = self.roller.normal(place) * self.pressure(place)
-        return mapped(-self.view.swapaxes(0, 1), traction)
+        return transform(-self.view.swapaxes(0, 1), traction)
 
 
 @dataclass(frozen=True)
-class Friction:
+class Friction(LawEffect):
     """Tangential tractions R_T of rollers at points of the strip.
 
     The slip has one component along the direction of turning and, in space, one along
@@ -165,13 +228,13 @@ class Friction:
     rate_dependent = True
 
     @property
-    def roller(self) -> Roller | Rollers:
-        """Of the contact."""
+    def roller(self) -> Roller:
+        """Roller of the contact."""
         return self.contact.roller
 
     @property
-    def operator(self) -> ContactOperator:
-        """Of the contact."""
+    def operator(self) -> ContactOperator:  # type: ignore[override]
+        """Operator of the contact."""
         return self.contact.operator
 
     @cached_property
@@ -185,44 +248,53 @@ class Friction:
         return np.einsum("ix...,cx->ic...", self.frame, self.contact.kinematics.chosen)
 
     @cached_property
-    def singles(self) -> dict[str, Friction]:
+    def by_roller(self) -> dict[str, Friction]:
         """Roller → its own friction, at all points of the strip."""
         return {
             name: Friction(contact, self._law_on(k))
-            for k, (name, contact) in enumerate(self.contact.singles.items())
+            for k, (name, contact) in enumerate(self.contact.by_roller.items())
         }
 
     def _law_on(self, roller: int) -> FrictionLaw:
         """The law on one of the rollers."""
         if self.coefficients is None:
             return self.law_of_slip
-        return replace(self.law_of_slip, coefficient=self.coefficients[roller])
+        return self.law_of_slip.with_coefficient(self.coefficients[roller])
 
     @cached_property
     def acting(self) -> FrictionLaw:
         """The law with the coefficient of each point's roller."""
         if self.coefficients is None:
             return self.law_of_slip
-        return replace(self.law_of_slip, coefficient=self.roller.of(list(self.coefficients)))
+        return self.law_of_slip.with_coefficient(self.roller.of(list(self.coefficients)))
 
     def near(self, full: Array, controls: Mapping[str, Any]) -> Friction:
         """The same effect on the points within reach."""
-        return replace(self, contact=self.contact.near(full, controls))
+        points = self.contact.within_reach(full, controls)
+        return remembered(self.parts, points, self._part)
 
-    def tangents(self, place: Place) -> Any:
+    @cached_property
+    def parts(self) -> dict[bytes, Friction]:
+        """The latest choices of points."""
+        return {}
+
+    def _part(self, points: Index) -> Friction:
+        return replace(self, contact=self.contact.restricted(points))
+
+    def tangents(self, place: Projection) -> Any:
         """Directions of slip in the frame, (components of slip, directions, points)."""
         return self.roller.tangents(place, len(self.frame))
 
-    def slip(self, place: Place, tangents: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+    def slip(self, place: Projection, tangents: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Tangential velocity relative to the surface (m/s), (components of slip, points)."""
-        own = mapped(self.frame, control_of(self.roller, controls, "velocity"))
-        relative = mapped(self.view, v) - own
+        own = transform(self.frame, control_of(self.roller, controls, "velocity"))
+        relative = transform(self.view, v) - own
         speed = control_of(self.roller, controls, "surface_speed")
         turning = np.eye(len(self.frame) - 1)[0][:, None]
         surface = (turning if place.ratio is None else place.ratio * turning) * speed
         return np.einsum("ki...,i...->k...", tangents, relative) - surface
 
-    def turned(self, before: Moment, after: Moment) -> float:
+    def reversed_friction(self, before: Moment, after: Moment) -> float:
         """Friction (N) by which the strip may be off where points slip the other way than before.
 
         Of a point that slips at half the cone or more before and after, and touches both times,
@@ -239,6 +311,7 @@ class Friction:
     def _sliding(self, moment: Moment) -> tuple[Array, Array]:
         """Slip (m/s), (components of slip, points), and pressure (Pa) of all points."""
         full, velocity, controls = moment
+        assert velocity is not None
         place = self.contact.seen(self.operator.apply(full), controls)
         slip = self.slip(place, self.tangents(place), self.operator.apply(velocity), controls)
         return np.asarray(slip), np.asarray(self.contact.pressure(place))
@@ -250,7 +323,7 @@ class Friction:
         pressure = self.contact.pressure(place)
         traction = self.acting(pressure, self.slip(place, tangents, v, controls))
         local = np.einsum("ki...,k...->i...", tangents, traction)
-        return mapped(-self.view.swapaxes(0, 1), local)
+        return transform(-self.view.swapaxes(0, 1), local)
 
     def in_space(self, x: Array, v: Array, controls: Mapping[str, Any]) -> tuple[Array, Array]:
         """Slip (m/s) and traction (Pa) in space, shape (3, points) each."""
@@ -263,13 +336,13 @@ class Friction:
         return along, across
 
 
-def mapped(matrix: Array, vectors: Any) -> Any:
+def transform(matrix: Array, vectors: Any) -> Any:
     """One matrix (i, c), or one for each point (i, c, points), times vectors (c, points)."""
     subscripts = "ic,c...->i..." if matrix.ndim == 2 else "ic...,c...->i..."
     return np.einsum(subscripts, matrix, vectors)
 
 
-def control_of(roller: Roller | Rollers, controls: Mapping[str, Any], name: str) -> Any:
+def control_of(roller: Roller, controls: Mapping[str, Any], name: str) -> Any:
     """A control of the roller that sees each point, a vector as (3, 1 or points)."""
     values = [controls[f"rollers.{r.name}.{name}"] for r in roller.members]
     value = roller.of(values)

@@ -1,14 +1,8 @@
-"""What all effects share: a residual is a sum of them.
-
-A :class:`LawEffect` is an operator, a pointwise law and weights; its law runs on
-arrays and on series.  Linear effects and dead loads need no law: a
-:class:`LinearEffect` is a constant matrix, a :class:`LoadEffect` a constant
-vector times a control.
-"""
+"""What all effects share: a residual is a sum of them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
@@ -17,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from .cells import Pattern
-from .kinematics import Kinematics
+from anmstrip.fem.geometry import Kinematics
+from anmstrip.fem.operators import Pattern
 
 Array = NDArray[np.float64]
 
@@ -40,30 +34,81 @@ class Operator(Protocol):
         """Add Lᵀ w J L."""
 
 
-class LawEffect(Protocol):
-    """Residual Lᵀ w law(L u, L v, controls)."""
+Moment = tuple[Array, Array | None, Mapping[str, Any]]
+"""Displacements and velocities of all unknowns, and the values of the controls."""
+
+
+class Effect:
+    """One term of the residual R(u, v, controls) of a strip.
+
+    1. ``name`` stands in reports, and ``points`` counts the points of evaluation.
+    2. ``force`` is the residual in plain numbers, shape (unknowns,).
+    3. ``rate_dependent`` says that the residual depends on v; stages with such an effect run
+       in time.
+    4. The remaining methods matter to contact and friction; others keep the defaults.
+    """
+
+    name: str
+    points: int
+    rate_dependent: bool = False
+
+    def force(self, full: Array, velocity: Array | None, controls: Mapping[str, Any]) -> Array:
+        """Return the residual of all unknowns, shape (unknowns,)."""
+        raise NotImplementedError
 
     @property
-    def name(self) -> str:
-        """For reports."""
+    def by_roller(self) -> Mapping[str, Effect]:
+        """The parts of an effect of rollers, by the names of the rollers."""
+        return {}
+
+    def crossing(self, states: Callable[[Array], Iterable[Moment]]) -> float | None:
+        """Return where a step crosses a roller, as a share of it, though neither end shows it.
+
+        Parameters
+        ----------
+        states : callable
+            Shares of the step, shape (m,), to the states there.
+        """
+        return None
+
+    def reversed_friction(self, before: Moment, after: Moment) -> float:
+        """Return the friction (N) of points whose slip has turned round between two states."""
+        return 0.0
+
+
+class LawEffect(Effect):
+    """Residual Lᵀ w law(L u, L v, controls): an operator, a pointwise law, and weights.
+
+    A law is a plain function of arrays that also runs on truncated power series; from it follow
+    the orders of the residual and the tangent.  A subclass has a ``name``, an ``operator``
+    (L and w) and a ``law``.
+    """
+
+    operator: Operator
 
     @property
-    def operator(self) -> Operator:
-        """Where the law is looked at."""
-
-    @property
-    def rate_dependent(self) -> bool:
-        """Whether the law looks at the velocity."""
+    def points(self) -> int:  # type: ignore[override]
+        """Number of points of the operator."""
+        return self.operator.points
 
     def near(self, full: Array, controls: Mapping[str, Any]) -> LawEffect:
-        """The same effect on those points where it is not negligible at this state."""
+        """Return the effect on those points where it is not negligible in a state."""
+        return self
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
-        """Generalised stress at the points, same shape as ``x``."""
+        """Return the generalised stress at the points, of the shape of ``x`` = L u."""
+        raise NotImplementedError
+
+    def force(self, full: Array, velocity: Array | None, controls: Mapping[str, Any]) -> Array:
+        """Return Lᵀ w law(L u, L v, controls), shape (unknowns,)."""
+        effect = self.near(full, controls)
+        operator = effect.operator
+        v = operator.apply(velocity) if self.rate_dependent and velocity is not None else None
+        return operator.gather(effect.law(operator.apply(full), v, controls))
 
 
 @dataclass(frozen=True)
-class LinearEffect:
+class LinearEffect(Effect):
     """Residual K u, the same scalar matrix K for every component.
 
     Attributes
@@ -81,9 +126,13 @@ class LinearEffect:
     block: Array
     pattern: Pattern
 
-    def force(self, full: Array) -> Array:
-        """K u, shape (unknowns,)."""
+    def product(self, full: Array) -> Array:
+        """Return K u, shape (unknowns,)."""
         return (self.matrix @ full.reshape(-1, self.pattern.count)).ravel()
+
+    def force(self, full: Array, velocity: Array | None, controls: Mapping[str, Any]) -> Array:
+        """Return K u, shape (unknowns,)."""
+        return self.product(full)
 
     @cached_property
     def matrix(self) -> csr_matrix:
@@ -98,7 +147,7 @@ class LinearEffect:
 
 
 @dataclass(frozen=True)
-class LoadEffect:
+class LoadEffect(Effect):
     """Residual −load ⊗ control: a dead force that a vector in space scales.
 
     Attributes
@@ -117,9 +166,12 @@ class LoadEffect:
     load: Array
     kinematics: Kinematics
 
-    def force(self, control: Array) -> Array:
-        """Residual of a value of the control, shape (unknowns,)."""
+    points = 0
+
+    def force(self, full: Array, velocity: Array | None, controls: Mapping[str, Any]) -> Array:
+        """Return minus the load, shape (unknowns,)."""
+        return self.load_vector(controls[self.control])
+
+    def load_vector(self, control: Array) -> Array:
+        """Return the residual of a value of the control, shape (unknowns,)."""
         return -np.outer(self.load, self.kinematics.pick(control)).ravel()
-
-
-Effect = LawEffect | LinearEffect | LoadEffect

@@ -1,4 +1,4 @@
-"""Loads: forces and tension on edges, weight, pressure, and the tension of a plate."""
+"""Loads: forces and tension on edges, weight, pressure, drag and guides."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .cells import CellOperator, gradients, jets
-from .effects import LoadEffect
-from .kinematics import PLATE
-from .normals import dot, normals
-from .strip import Strip
+from anmstrip.fem.geometry import PLATE, dot, normal_vector, normal_work
+from anmstrip.fem.operators import CellOperator
+from anmstrip.fem.strip import Strip
+from anmstrip.mechanics.effects import LawEffect, LoadEffect, Operator
 
 Array = NDArray[np.float64]
 
@@ -35,48 +34,28 @@ def weight(strip: Strip) -> LoadEffect:
 
 
 @dataclass(frozen=True)
-class Following:
-    """A load that follows the strip: residual −control × stress(tangent vectors).
-
-    Attributes
-    ----------
-    name : str
-    control : str
-        Name of the control, a number.
-    operator : CellOperator
-        Value and derivatives.
-    reference : ndarray, shape (components, directions, points or 1)
-        Tangent vectors of the reference.
-    stress : callable
-        What does work with value and derivatives for a unit control per length or area,
-        (components, 1 + directions, points), from the tangent vectors, (components,
-        directions, points).
-    """
+class FollowerLoad(LawEffect):
+    """A load that follows the strip: residual −control × stress(tangent vectors)."""
 
     name: str
-    control: str
-    operator: CellOperator
-    reference: Array
+    control: str  # name of the control, a number
+    operator: CellOperator  # value and first derivatives
+    reference: Array  # tangent vectors of the reference, (components, directions, points or 1)
     stress: Callable[[Any], Any]
-
-    rate_dependent = False
-
-    def near(self, full: Array, controls: Mapping[str, Any]) -> Following:
-        """Everywhere."""
-        return self
+    """Stress that does work with value and derivatives for a unit control per length or area,
+    (components, 1 + directions, points), from tangent vectors (components, directions, points)."""
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Generalised stress, (components, 1 + directions, points)."""
         return self.stress(x[:, 1:] + self.reference) * controls[self.control] * -1.0
 
 
-def _on_value(force: Callable[[Any], Any], directions: int) -> Callable[[Any], Any]:
-    """A force (components, points) as a stress: it does work with the value alone."""
-    value = np.eye(1 + directions)[0]
-    return lambda tangents: np.einsum("i...,a->ia...", force(tangents), value)
+def on_value(force: Any, directions: int) -> Any:
+    """Stress (components, 1 + directions, points) of a force, which works on the value alone."""
+    return np.einsum("i...,a->ia...", force, np.eye(1 + directions)[0])
 
 
-def edge_tension(strip: Strip, name: str) -> Following:
+def edge_tension(strip: Strip, name: str) -> FollowerLoad:
     """Tension (N/m) along the strip's own direction at an edge, control ``NAME.tension``.
 
     ±r,x / |r,x|: forwards at the end of larger x, backwards at the other.
@@ -84,63 +63,58 @@ def edge_tension(strip: Strip, name: str) -> Following:
     middle = strip.mesh.p[0].min() + 0.5 * strip.length
     sign = 1.0 if strip.nodes[0, strip.edges[name].nodes].mean() > middle else -1.0
 
-    def direction(tangents: Any) -> Any:
+    def stress(tangents: Any) -> Any:
         along = tangents[:, 0]
-        return along * sign / np.sqrt(dot(along, along))
+        return on_value(along * sign / np.sqrt(dot(along, along)), strip.kinematics.directions)
 
     basis = strip.edge_basis(name)
-    return Following(
-        f"tension on {name}",
-        f"{name}.tension",
-        jets(strip, basis),
-        strip.frames(basis).tangents,
-        _on_value(direction, strip.kinematics.directions),
-    )
+    operator, reference = CellOperator(strip, (0, 1), basis), strip.frames(basis).tangents
+    return FollowerLoad(f"tension on {name}", f"{name}.tension", operator, reference, stress)
 
 
-def edge_moment(strip: Strip, name: str) -> Following:
+def edge_moment(strip: Strip, name: str) -> FollowerLoad:
     """Moment (N m/m) about an edge, control ``NAME.moment``; it bends towards the normal n.
 
     Does work with the angle by which the strip turns about the edge: M n · δr,a (a^a · c),
     where a^a are the reciprocals of the tangent vectors, and c is the unit vector across the
     edge, outwards, in the deformed surface.  That angle is the one of Kirchhoff–Love bending.
     """
-    basis, turn = strip.edge_basis(name), normals(strip.kinematics)
+    basis = strip.edge_basis(name)
     frames = strip.frames(basis)
     outwards = frames.covector(np.asarray(basis.normals))
     directions = range(strip.kinematics.directions)
 
     def stress(tangents: Any) -> Any:
-        m = turn.vector(tangents)
+        m = normal_vector(tangents)
         size = np.sqrt(dot(m, m))
         n = m / size
-        reciprocal = [q / size for q in turn.works(tangents, n)]
+        reciprocal = [q / size for q in normal_work(tangents, n)]
         across = sum(reciprocal[a] * outwards[a] for a in directions)
         across = across / np.sqrt(dot(across, across))
         turned = [n * dot(reciprocal[a], across) for a in directions]
         return np.stack([n * 0.0, *turned], axis=1)
 
-    operator = jets(strip, basis)
-    return Following(f"moment on {name}", f"{name}.moment", operator, frames.tangents, stress)
+    operator = CellOperator(strip, (0, 1), basis)
+    return FollowerLoad(f"moment on {name}", f"{name}.moment", operator, frames.tangents, stress)
 
 
-def pressure(strip: Strip) -> Following:
+def pressure(strip: Strip) -> FollowerLoad:
     """Pressure (Pa) from below, normal to the deformed strip, control ``pressure``.
 
     r,x × r,y per reference area; of a section the tangent turned by a right angle, of a
     plate the upward direction.
     """
     level = strip.kinematics
-    force = _upwards if level is PLATE else normals(level).vector
-    stress = _on_value(force, level.directions)
-    return Following("pressure", "pressure", jets(strip), strip.frames().tangents, stress)
+
+    def stress(tangents: Any) -> Any:
+        up = tangents[:, 0] * 0.0 + 1.0 if level is PLATE else normal_vector(tangents)
+        return on_value(up, level.directions)
+
+    operator, reference = CellOperator(strip, (0, 1)), strip.frames().tangents
+    return FollowerLoad("pressure", "pressure", operator, reference, stress)
 
 
-def _upwards(tangents: Any) -> Any:
-    return tangents[:, 0] * 0.0 + 1.0
-
-
-class Pretension:
+class Pretension(LawEffect):
     """Tension along x of a plate: residual T w,x against the derivative along x.
 
     The linear part of what the membrane does about a flat state under the force
@@ -153,16 +127,57 @@ class Pretension:
     """
 
     name = "tension"
-    rate_dependent = False
     control = "exit.force"
 
     def __init__(self, strip: Strip) -> None:
-        self.operator = gradients(strip)
-
-    def near(self, full: Array, controls: Mapping[str, Any]) -> Pretension:
-        """Everywhere."""
-        return self
+        self.operator = CellOperator(strip, [1])
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """T (w,x, 0), shape (1, 2, points)."""
         return np.einsum("ia...,ab->ib...", x, np.diag([1.0, 0.0])) * controls[self.control][0]
+
+
+@dataclass(frozen=True)
+class Drag(LawEffect):
+    """Residual c v per area."""
+
+    operator: Operator  # values at points, with areas as weights
+    coefficient: float  # c (Pa s/m)
+
+    name = "drag"
+    rate_dependent = True
+
+    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+        """c v, (components, points)."""
+        return v * self.coefficient
+
+
+class Guide(LawEffect):
+    """Springs along the normals of a state of a shell: residual k n (n · (u − u_0)).
+
+    Along the surface nothing holds the strip, so that the membrane can relax there without
+    buckling.
+
+    Parameters
+    ----------
+    strip : Strip
+        A shell.
+    full : ndarray, shape (unknowns,)
+        The state u_0 whose surface guides.
+    """
+
+    name = "guide"
+
+    def __init__(self, strip: Strip, full: Array) -> None:
+        self.operator = CellOperator(strip, (0, 1))
+        at = self.operator.apply(full)
+        tangents = at[:, 1:] + strip.kinematics.flat
+        normal = np.cross(tangents[:, 0], tangents[:, 1], axis=0)
+        self.start: Array = at[:, 0]
+        self.normal: Array = normal / np.linalg.norm(normal, axis=0)
+        self.stiffness = strip.membrane_stiffness / float(strip.cell_sizes.min()) ** 2
+
+    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+        """Generalised stress, (3, 3, points): the value's part alone."""
+        away = dot(self.normal, x[:, 0] - self.start)
+        return on_value(self.normal * away * self.stiffness, 2)

@@ -1,15 +1,4 @@
-"""A rigid roller that turns about its axis and may be moved; cylindrical, tapered or crowned.
-
-Seen in its own frame: two directions across the axis, and the axis.  A profile
-R(s) = r + Σ c_k s^k − α (d(s − b) + d(s + b) − 2 d(b))/2 along the axis, s measured from the
-centre, d(x) = √(x² + w²), gives the surface
-
-    ρ = R(s),  gap h = (ρ − R)/w,  normal (e_ρ − R' a)/w,  meridian (R' e_ρ + a)/w
-
-with w = √(1 + R'²): exact normal, and a gap that is exact to first order in the
-distance (for cylinders and cones at any distance).  The last terms are conical sides, of slope
-α beyond |s| = b, that go over into a cylinder over the length w.
-"""
+"""Rigid rollers that turn about their axis and may be moved; cylindrical, tapered or crowned."""
 
 from __future__ import annotations
 
@@ -27,29 +16,19 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Sides:
-    """Conical sides, the same on both: numbers, or one for each point.
+    """Conical sides, the same on both; numbers, or arrays (points,)."""
 
-    Attributes
-    ----------
-    slope : float, or ndarray of shape (points,)
-        α, by which the radius falls for each metre.
-    begin : float, or ndarray
-        b (m): half the length of the cylinder between them.
-    rounding : float, or ndarray
-        w (m).
-    """
-
-    slope: Any
-    begin: Any
-    rounding: Any
+    slope: Any  # α, by which the radius falls for each metre
+    begin: Any  # b (m), half the length of the cylinder between them
+    rounding: Any  # w (m), over which the edge is rounded
 
     def fall(self, s: Any) -> Any:
-        """By how much the radius is smaller at s than at the centre (m)."""
+        """α/2 (d(s − b) + d(s + b) − 2 d(b)), d(x) = √(x² + w²): how far the radius falls (m)."""
         here = self._distance(s - self.begin) + self._distance(s + self.begin)
         return (here - 2.0 * self._distance(self.begin)) * (0.5 * self.slope)
 
     def rate(self, s: Any) -> Any:
-        """Derivative of it."""
+        """Derivative of :meth:`fall`."""
         ends = (s - self.begin, s + self.begin)
         return sum(x / self._distance(x) for x in ends) * (0.5 * self.slope)
 
@@ -61,47 +40,73 @@ NO_SIDES = Sides(0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
-class Place:
-    """Where points are, as a roller sees them; arrays or series.
+class Projection:
+    """Points seen from a roller's surface; arrays or series."""
 
-    Attributes
-    ----------
-    gap : shape (points,)
-        h (m).
-    radial : shape (2, points)
-        Unit vector e_ρ away from the axis, in the roller's frame.
-    slope : shape (points,), or None
-        R' of the profile, ``None`` for a cylinder.
-    ratio : shape (points,), or None
-        R / r, ``None`` for a cylinder.
+    gap: Any  # h (m), shape (points,)
+    radial: Any  # unit vector e_ρ away from the axis in the roller's frame, (2, points)
+    slope: Any = None  # R' of the profile, (points,); None for a cylinder
+    ratio: Any = None  # R / r, (points,); None for a cylinder
+
+
+@dataclass(frozen=True)
+class Roller:
+    """A roller, or several of them at once with one for each point.
+
+    Its surface is one of revolution about the line c + s a, with the radius
+    R(s) = r + c_1 s + c_2 s² + … less what conical sides take off.  Of several rollers,
+    made by :func:`combine`, all numbers are arrays over trailing points, so that the same
+    operations serve them all.
     """
 
-    gap: Any
-    radial: Any
-    slope: Any = None
-    ratio: Any = None
+    name: str
+    radius: Any  # r (m)
+    centre: Any  # c (m), shape (3,)
+    axis: Any = (0.0, 1.0, 0.0)  # a, any length; speed along y moves the top towards +x
+    crown: Sequence[Any] = ()  # c_1, c_2, … (1, 1/m, …)
+    sides: Sides | None = None
+    several: tuple[Roller, ...] = ()
+    which: Index | None = None  # number of each point's roller among several, (points,)
 
+    @property
+    def members(self) -> tuple[Roller, ...]:
+        """Several rollers, or this one."""
+        return self.several or (self,)
 
-class Revolved:
-    """A surface of revolution, or several of them with one for each point.
+    def of(self, values: Sequence[Any]) -> Any:
+        """Values at the points, (..., points), from one for each roller; one alone as it is."""
+        return values[0] if self.which is None else at_points(values, self.which)
 
-    Attributes
-    ----------
-    radius : float, or ndarray of shape (points,)
-        r (m).
-    crown : sequence of float, or of ndarray
-        c_1, c_2, …
-    sides : Sides or None
-    """
+    def restricted(self, points: Index) -> Roller:
+        """The same for some of the points."""
+        return self if self.which is None else combine(self.several, self.which[points])
 
-    radius: Any
-    crown: Sequence[Any]
-    sides: Sides | None
+    @cached_property
+    def unit_axis(self) -> Array:
+        """a / |a|, shape (3[, points])."""
+        a = np.asarray(self.axis, dtype=float)
+        return a / np.linalg.norm(a, axis=0)
+
+    @cached_property
+    def frame(self) -> Array:
+        """Rows e_1, e_2, a: right-handed, e_1 as near to z as it can; (3, 3[, points])."""
+        if self.which is not None:
+            return np.asarray(self.of([roller.frame for roller in self.several]))
+        a = self.unit_axis
+        up = np.eye(3)[2] if abs(a[2]) < 0.9 else np.eye(3)[0]
+        first = up - (up @ a) * a
+        first /= np.linalg.norm(first)
+        return np.stack([first, np.cross(a, first), a])
 
     @property
     def is_cylinder(self) -> bool:
         """Whether the radius is the same everywhere."""
         return self.sides is None and not self.crown
+
+    @property
+    def rows(self) -> int:
+        """Number of directions of the frame that the gap depends on."""
+        return 2 if self.is_cylinder else 3
 
     def radius_at(self, s: Any) -> Any:
         """R(s) (m)."""
@@ -113,8 +118,10 @@ class Revolved:
         slope = polynomial([k * c for k, c in enumerate(self.crown, start=1)] or [0.0], s)
         return slope if self.sides is None else slope - self.sides.rate(s)
 
-    def seen(self, y: Any) -> Place:
+    def project(self, y: Any) -> Projection:
         """Gap and directions of points.
+
+        h = (ρ − R(s)) / √(1 + R'²), exact for cylinders and cones, of first order else.
 
         Parameters
         ----------
@@ -125,30 +132,25 @@ class Revolved:
         across = y if self.is_cylinder else y[:2]
         distance = np.sqrt(np.einsum("i...,i...->...", across, across))
         if self.is_cylinder:
-            return Place(distance - self.radius, across / distance)
+            return Projection(distance - self.radius, across / distance)
         radius, slope = self.radius_at(y[2]), self.slope_at(y[2])
         gap = (distance - radius) / np.sqrt(slope * slope + 1.0)
-        return Place(gap, across / distance, slope, radius / self.radius)
+        return Projection(gap, across / distance, slope, radius / self.radius)
 
-    @property
-    def rows(self) -> int:
-        """How many directions of its frame the gap depends on."""
-        return 2 if self.is_cylinder else 3
+    def normal(self, at: Projection) -> Any:
+        """Unit normal in the frame, (e_ρ, −R') / √(1 + R'²), shape (rows, points)."""
+        if at.slope is None:
+            return at.radial
+        inverse = 1.0 / np.sqrt(at.slope * at.slope + 1.0)
+        radial = at.radial * inverse
+        return np.stack([radial[0], radial[1], at.slope * inverse * -1.0])
 
-    def normal(self, place: Place) -> Any:
-        """Unit normal in the frame, shape (rows, points)."""
-        if place.slope is None:
-            return place.radial
-        inverse = 1.0 / np.sqrt(place.slope * place.slope + 1.0)
-        radial = place.radial * inverse
-        return np.stack([radial[0], radial[1], place.slope * inverse * -1.0])
-
-    def tangents(self, place: Place, directions: int) -> Any:
+    def tangents(self, at: Projection, directions: int) -> Any:
         """Unit tangents of the surface in the frame: of turning, and the meridian.
 
         Parameters
         ----------
-        place : Place
+        at : Projection
         directions : int
             2 for the plane across the axis, where turning is all there is; 3 in space.
 
@@ -156,129 +158,49 @@ class Revolved:
         -------
         array or Series, shape (directions − 1, directions, points)
         """
-        first, second = place.radial[0], place.radial[1]
+        first, second = at.radial[0], at.radial[1]
         if directions == 2:
             return np.stack([second * -1.0, first])[None]
         zero, one = np.zeros(first.shape), np.ones(first.shape)
         turning = np.stack([second * -1.0, first, zero])
-        if place.slope is None:
+        if at.slope is None:
             return np.stack([turning, np.stack([zero, zero, one])])
-        inverse = 1.0 / np.sqrt(place.slope * place.slope + 1.0)
-        outwards = place.radial * (place.slope * inverse)
+        inverse = 1.0 / np.sqrt(at.slope * at.slope + 1.0)
+        outwards = at.radial * (at.slope * inverse)
         return np.stack([turning, np.stack([outwards[0], outwards[1], inverse])])
 
 
-@dataclass(frozen=True)
-class Roller(Revolved):
-    """Geometry of a roller.
+def combine(rollers: Sequence[Roller], which: Index) -> Roller:
+    """Several rollers as one, which has arrays over the points for numbers.
 
-    Attributes
+    Parameters
     ----------
-    name : str
-    radius : float
-        r (m).
-    centre : tuple of float
-        A point c of the axis (m).
-    axis : tuple of float
-        Direction a, any length, right-handed: a positive surface speed moves
-        the top of a roller along y towards +x.
-    crown : tuple of float
-        c_1, c_2, … (1, per metre, …): the radius at s is r + c_1 s + c_2 s² + …
-    sides : Sides or None
-        Conical sides, by which it is smaller.
-    """
-
-    name: str
-    radius: float
-    centre: tuple[float, float, float]
-    axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
-    crown: tuple[float, ...] = ()
-    sides: Sides | None = None
-
-    @cached_property
-    def unit_axis(self) -> Array:
-        """a, shape (3,)."""
-        a = np.asarray(self.axis, dtype=float)
-        return a / np.linalg.norm(a)
-
-    @cached_property
-    def frame(self) -> Array:
-        """Rows e_1, e_2, a: right-handed, e_1 as near to z as it can; shape (3, 3)."""
-        a = self.unit_axis
-        up = np.eye(3)[2] if abs(a[2]) < 0.9 else np.eye(3)[0]
-        first = up - (up @ a) * a
-        first /= np.linalg.norm(first)
-        return np.stack([first, np.cross(a, first), a])
-
-    @property
-    def members(self) -> tuple[Roller, ...]:
-        """Itself: it stands for all rollers that are looked at."""
-        return (self,)
-
-    def of(self, values: Sequence[Any]) -> Any:
-        """What belongs to a point, of one value for each roller."""
-        return values[0]
-
-    def restricted(self, points: Index) -> Roller:
-        """The same for some of the points."""
-        return self
-
-
-@dataclass(frozen=True)
-class Rollers(Revolved):
-    """Several rollers at once: every point is seen by one of them.
-
-    What is computed for one roller is computed for all in the same operations.
-
-    Attributes
-    ----------
-    members : tuple of Roller
+    rollers : sequence of Roller
     which : ndarray of int, shape (points,)
-        Number of the roller that sees each point.
+        Number of the roller that sees each point; one roller alone sees all of them.
     """
-
-    members: tuple[Roller, ...]
-    which: Index
-
-    @cached_property
-    def radius(self) -> Array:
-        """r of each point's roller, shape (points,)."""
-        return np.asarray(self.of([roller.radius for roller in self.members]))
-
-    @cached_property
-    def crown(self) -> Sequence[Array]:  # type: ignore[override]
-        """Coefficients of each point's roller, zero where it has fewer."""
-        most = max(len(roller.crown) for roller in self.members)
-        padded = [(*r.crown, *(most - len(r.crown)) * (0.0,)) for r in self.members]
-        return [np.asarray(self.of(c)) for c in zip(*padded, strict=True)]
-
-    @cached_property
-    def sides(self) -> Sides | None:  # type: ignore[override]
-        """Of each point's roller, level where it has none."""
-        if all(roller.sides is None for roller in self.members):
-            return None
-        given = [astuple(roller.sides or NO_SIDES) for roller in self.members]
-        return Sides(*(np.asarray(self.of(values)) for values in zip(*given, strict=True)))
-
-    @cached_property
-    def frame(self) -> Array:
-        """Frame of each point's roller, shape (3, 3, points)."""
-        return np.asarray(self.of([roller.frame for roller in self.members]))
-
-    def of(self, values: Sequence[Any]) -> Any:
-        """What belongs to each point, of one value for each roller, (..., points)."""
-        return np.stack(list(values), axis=-1)[..., self.which]
-
-    def restricted(self, points: Index) -> Rollers:
-        """The same for some of the points."""
-        return Rollers(self.members, self.which[points])
-
-
-def together(rollers: Sequence[Roller], points: int) -> Roller | Rollers:
-    """Rollers that each look at all points: first all of them for the first roller, then…"""
     if len(rollers) == 1:
         return rollers[0]
-    return Rollers(tuple(rollers), np.repeat(np.arange(len(rollers)), points))
+    most = max(len(roller.crown) for roller in rollers)
+    crowns = [(*r.crown, *(most - len(r.crown)) * (0.0,)) for r in rollers]
+    sides = [astuple(roller.sides or NO_SIDES) for roller in rollers]
+    return Roller(
+        " and ".join(roller.name for roller in rollers),
+        at_points([roller.radius for roller in rollers], which),
+        at_points([roller.centre for roller in rollers], which),
+        at_points([roller.axis for roller in rollers], which),
+        tuple(at_points(c, which) for c in zip(*crowns, strict=True)),
+        Sides(*(at_points(values, which) for values in zip(*sides, strict=True)))
+        if any(roller.sides for roller in rollers)
+        else None,
+        tuple(rollers),
+        which,
+    )
+
+
+def at_points(values: Sequence[Any], which: Index) -> Any:
+    """Value of each point's roller, (..., points), from one for each roller."""
+    return np.stack(list(values), axis=-1)[..., which]
 
 
 def polynomial(coefficients: Sequence[float], s: Any) -> Any:

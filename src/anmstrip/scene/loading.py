@@ -1,62 +1,137 @@
-"""From a TOML file to a scene that can be run, or to all that is wrong with it."""
+"""From a TOML file and values of the command line to a checked scene."""
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from anmstrip.scene import rules
-from anmstrip.scene.errors import InputError, Mistake
-from anmstrip.scene.naming import with_default_names
-from anmstrip.scene.overrides import Override
-from anmstrip.scene.schema import Scene
-from anmstrip.scene.wording import mistakes_of
+from anmstrip.errors import InputError, Mistake, nearest
+from anmstrip.scene.checks import check_scene
+from anmstrip.scene.messages import mistakes_of
 
-_STARTS = "[strip]\nlength = 4.0\nwidth = 1.0\nthickness = 1.0e-3\ncells = [16, 2]"
+S = TypeVar("S", bound=BaseModel)
 
 
-def load_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
-    """Read a scene.
+@dataclass(frozen=True)
+class Override:
+    """One value to put into a scene."""
 
-    Parameters
-    ----------
-    path : str or Path
-        TOML file.
-    overrides : iterable of str, optional
-        ``KEY=VALUE`` with dotted keys and values in TOML syntax; entries of lists of tables
-        are addressed by name: ``rollers.r1.radius=0.3``.
+    text: str  # as it was typed
+    path: tuple[str, ...]  # keys from the outside in; entries of lists of tables by their name
+    value: object
 
-    Returns
-    -------
-    Scene
-        Paths in it are absolute; those in the file are relative to the file.
+    @classmethod
+    def parse(cls, text: str) -> Override:
+        """Read ``KEY=VALUE``, the key dotted and the value in TOML syntax.
 
-    Raises
-    ------
-    InputError
-        With all mistakes at once.
+        Raises
+        ------
+        InputError
+            If it is not of this form.
+
+        Examples
+        --------
+        >>> Override.parse("rollers.r1.radius=0.3").path
+        ('rollers', 'r1', 'radius')
+        """
+        name, equals, typed = (part.strip() for part in text.partition("="))
+        inside: Any = None
+        try:
+            if "\n" not in name:
+                inside = tomllib.loads(f"{name} = 0")
+        except (ValueError, RecursionError):
+            pass
+        path: list[str] = []
+        while isinstance(inside, Mapping) and len(inside) == 1:
+            path.extend(inside)
+            inside = inside[path[-1]]
+        if not equals or not path:
+            wrong = (name, "a dotted key") if equals else (text, "KEY=VALUE")
+            raise _refused(text, wrong[0], None, wrong[1], "--set friction.coefficient=0.2")
+        key = ".".join(path)
+        try:
+            (value,) = tomllib.loads(f"value = {typed}").values()
+        except (ValueError, RecursionError):
+            hint = f"""a number, true, [1.0, 0.0, 0.0], or text in quotes: '{key}="{typed}"'"""
+            raise _refused(text, key, typed, "a value in TOML syntax", hint) from None
+        return cls(text, tuple(path), value)
+
+    def covers(self, key: str) -> bool:
+        """Return whether a dotted key is the one set, below it, or a table around it."""
+        own = ".".join(self.path)
+        return key == own or key.startswith(f"{own}.") or own.startswith(f"{key}.")
+
+    def applied_to(self, tables: Any, depth: int = 0) -> Any:
+        """Return tables with the value put in; those that are not there are made.
+
+        Parameters
+        ----------
+        tables : mapping, or list of mappings with a name
+        depth : int, optional
+            Number of keys of the path that lead to `tables`.
+
+        Raises
+        ------
+        InputError
+            If the path leads through something that is no table, or to an unknown name.
+        """
+        if depth == len(self.path):
+            return self.value
+        head = self.path[depth]
+        if isinstance(tables, Mapping):
+            return {**tables, head: self.applied_to(tables.get(head, {}), depth + 1)}
+        if not isinstance(tables, list | tuple):
+            key = ".".join(self.path[:depth])
+            raise _refused(self.text, key, tables, "a table", f"--set {key}=… with a value")
+        names = [table.get("name") if isinstance(table, Mapping) else None for table in tables]
+        if head not in names:
+            key, known = ".".join(self.path), [name for name in names if isinstance(name, str)]
+            raise _refused(self.text, key, head, "a known name", nearest(head, known))
+        return [
+            self.applied_to(table, depth + 1) if name == head else table
+            for table, name in zip(tables, names, strict=True)
+        ]
+
+
+def _refused(text: str, key: str, value: object, expected: str, hint: str) -> InputError:
+    return InputError([Mistake(f"--set {text}", key, value, expected, hint)])
+
+
+def with_default_names(scene: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the tables of a scene where rollers and stages without a name have one.
+
+    Examples
+    --------
+    >>> with_default_names({"rollers": [{"radius": 1.0}, {"name": "big"}, {}]})
+    {'rollers': [{'name': 'r1', 'radius': 1.0}, {'name': 'big'}, {'name': 'r3'}]}
     """
-    source = Path(path)
-    return scene_of(parse_scene(_text_of(source), str(source)), source, overrides)
+    named = dict(scene)
+    for key, prefix in (("rollers", "r"), ("stages", "stage")):
+        if isinstance(tables := scene.get(key), list | tuple):
+            named[key] = [
+                {"name": f"{prefix}{position}", **table} if isinstance(table, Mapping) else table
+                for position, table in enumerate(tables, start=1)
+            ]
+    return named
 
 
-def scene_of(tables: Mapping[str, Any], source: Path, overrides: Iterable[str] = ()) -> Scene:
-    """Return the scene of tables as they stand in a file; see :func:`load_scene`."""
-    data, applied, mistakes = _overridden(_named(tables), overrides)
-    data = _with_absolute_mesh(data, source)
+def read_text(source: Path) -> str:
+    """Return the text of a scene file, or refuse a file that cannot be read."""
     try:
-        scene = Scene.model_validate(data)
-    except ValidationError as error:
-        mistakes += [_placed(m, source, applied) for m in _all_mistakes(error, data)]
-    if mistakes:
-        raise InputError(mistakes)
-    scene._source = source
-    return scene
+        return source.read_text(encoding="utf-8-sig")
+    except IsADirectoryError:
+        expected, hint = "a file, not a directory", "its scene.toml"
+    except UnicodeDecodeError as error:
+        expected, hint = f"text in UTF-8; byte {error.start} is not", "the same, saved as UTF-8"
+    except (OSError, ValueError) as error:
+        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
+        expected, hint = f"a file that can be read ({reason})", "the path of a scene in TOML"
+    raise InputError([Mistake(str(source), "", None, expected, hint)])
 
 
 def parse_scene(text: str, source: str) -> dict[str, Any]:
@@ -65,70 +140,54 @@ def parse_scene(text: str, source: str) -> dict[str, Any]:
     Parameters
     ----------
     text : str
-        The text.
     source : str
-        Where it is from, for messages.
+        Name of its file, for messages.
 
     Raises
     ------
     InputError
         If it is not TOML, or empty.
     """
+    key, value = "", None
     try:
-        data = tomllib.loads(text)
+        if data := tomllib.loads(text):
+            return data
+        expected = "a scene; the file is empty"
+        hint = "[strip]\nlength = 4.0\nwidth = 1.0\nthickness = 1.0e-3\ncells = [16, 2]"
     except RecursionError:
-        raise _broken(source, None, "TOML of reasonable depth", "fewer brackets") from None
+        expected, hint = "TOML of reasonable depth", "fewer brackets"
     except ValueError as error:
-        raise _syntax_error(source, text, str(error)) from None
-    if not data:
-        raise _broken(source, None, "a scene; the file is empty", _STARTS)
-    return data
+        expected, hint = f"TOML: {error}", "valid TOML, see https://toml.io"
+        number = str(error).partition("(at line ")[2].partition(",")[0]
+        if number.isdigit():
+            key, lines = f"line {number}", text.splitlines()
+            value = lines[int(number) - 1] if int(number) <= len(lines) else None
+            hint = "valid TOML: key = value, text in quotes, each key once"
+    raise InputError([Mistake(source, key, value, expected, hint)])
 
 
-def _syntax_error(source: str, text: str, message: str) -> InputError:
-    """Return the error of text that is no TOML, with the line if it is known."""
-    _, _, after = message.partition("(at line ")
-    number = after.partition(",")[0]
-    lines = text.splitlines()
-    if not number.isdigit():
-        return _broken(source, None, f"TOML: {message}", "valid TOML, see https://toml.io")
-    line = lines[int(number) - 1] if int(number) <= len(lines) else None
-    hint = "valid TOML: key = value, text in quotes, each key once"
-    return InputError((Mistake(source, f"line {number}", line, f"TOML: {message}", hint),))
+def validate_scene(
+    model: type[S], tables: Mapping[str, Any], source: Path, overrides: Iterable[str] = ()
+) -> S:
+    """Return the scene of tables as they stand in a file.
 
+    Parameters
+    ----------
+    model : type
+        The model of a scene.
+    tables : mapping
+    source : Path
+        The file; paths in the tables are relative to it.
+    overrides : iterable of str, optional
+        Texts ``KEY=VALUE``, see :meth:`Override.parse`.
 
-def _text_of(source: Path) -> str:
-    try:
-        return source.read_text(encoding="utf-8-sig")
-    except IsADirectoryError:
-        raise _broken(str(source), None, "a file, not a directory", "its scene.toml") from None
-    except UnicodeDecodeError as error:
-        expected = f"text in UTF-8; byte {error.start} is not"
-        raise _broken(str(source), None, expected, "the same, saved as UTF-8") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        expected = f"a file that can be read ({reason})"
-        raise _broken(str(source), None, expected, "the path of a scene in TOML") from None
-
-
-def _broken(source: str, value: object, expected: str, hint: str) -> InputError:
-    return InputError((Mistake(source, "", value, expected, hint),))
-
-
-def _named(data: Mapping[str, Any]) -> dict[str, Any]:
-    prefixes = {"rollers": "r", "stages": "stage"}
-    return {
-        key: with_default_names(value, prefixes[key]) if key in prefixes else value
-        for key, value in data.items()
-    }
-
-
-def _overridden(
-    data: dict[str, Any], texts: Iterable[str]
-) -> tuple[dict[str, Any], list[Override], list[Mistake]]:
-    applied: list[Override] = []
-    mistakes: list[Mistake] = []
-    for text in texts:
+    Raises
+    ------
+    InputError
+        With all mistakes at once, each with the place where it was typed.
+    """
+    data, applied, mistakes = with_default_names(tables), list[Override](), list[Mistake]()
+    for text in overrides:
         try:
             override = Override.parse(text)
             data = override.applied_to(data)
@@ -136,41 +195,37 @@ def _overridden(
             mistakes += error.mistakes
         else:
             applied.append(override)
-    return data, applied, mistakes
-
-
-def _with_absolute_mesh(data: dict[str, Any], source: Path) -> dict[str, Any]:
     strip = data.get("strip")
-    if not isinstance(strip, Mapping) or not isinstance(strip.get("mesh"), str):
-        return data
-    mesh = source.parent / strip["mesh"]
-    return {**data, "strip": {**strip, "mesh": str(mesh.absolute())}}
+    if isinstance(strip, Mapping) and isinstance(mesh := strip.get("mesh"), str):
+        data["strip"] = {**strip, "mesh": str((source.parent / mesh).absolute())}
+    try:
+        scene = model.model_validate(data)
+    except ValidationError as error:
+        for mistake in (*mistakes_of(error, model, data), *_hidden_mistakes(error, model, data)):
+            set_by = [override.text for override in applied if override.covers(mistake.key)]
+            mistakes.append(replace(mistake, file=f"--set {set_by[-1]}" if set_by else str(source)))
+    if mistakes:
+        raise InputError(mistakes)
+    return scene
 
 
-def _all_mistakes(error: ValidationError, data: Mapping[str, Any]) -> Iterable[Mistake]:
-    """Yield pydantic's findings, then what is wrong between the tables that are right.
+def _hidden_mistakes(
+    error: ValidationError, model: type[BaseModel], data: Mapping[str, Any]
+) -> Iterable[Mistake]:
+    """Return what is wrong between those tables that are right in themselves.
 
-    Rules between tables are checked by pydantic only once every table is right; the user
-    wants to hear of everything at once.
+    Pydantic checks the whole once every table is right; the user wants to hear of all at once.
     """
-    yield from mistakes_of(error, Scene, data)
-    broken = {location[0] for found in error.errors() if (location := found["loc"])}
-    if broken:
-        yield from rules.scene(_right_tables(data, broken))
-
-
-def _right_tables(data: Mapping[str, Any], broken: set[int | str]) -> dict[str, Any]:
-    right = {name: field for name, field in Scene.model_fields.items() if name not in broken}
-    given: dict[str, Any] = {name: field.annotation for name, field in right.items()}
-    return {
-        name: TypeAdapter(given[name]).validate_python(data[name])
-        if name in data
-        else field.get_default()
-        for name, field in right.items()
-    }
-
-
-def _placed(mistake: Mistake, source: Path, applied: Sequence[Override]) -> Mistake:
-    """Return a mistake with the place where it was typed."""
-    set_by = [override.text for override in applied if override.covers(mistake.key)]
-    return replace(mistake, file=f"--set {set_by[-1]}" if set_by else str(source))
+    broken = {found["loc"][0] for found in error.errors() if found["loc"]}
+    if not broken:  # the whole has been checked
+        return ()
+    right = {name: field for name, field in model.model_fields.items() if name not in broken}
+    annotations: dict[str, Any] = {name: field.annotation for name, field in right.items()}
+    return check_scene(
+        {
+            name: TypeAdapter(annotations[name]).validate_python(data[name])
+            if name in data
+            else field.get_default()
+            for name, field in right.items()
+        }
+    )

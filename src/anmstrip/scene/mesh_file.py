@@ -5,37 +5,131 @@ from __future__ import annotations
 import contextlib
 import io
 import warnings
-from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import meshio
 import numpy as np
-from numpy.typing import NDArray
-from skfem import Mesh
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+from skfem import Mesh, MeshQuad
 from skfem.io import from_meshio
 
-from anmstrip.mechanics.strip import renumbered
-from anmstrip.scene.errors import InputError, Mistake
-from anmstrip.scene.mesh_checks import Unfit, check_flat, check_shapes
-from anmstrip.scene.wording import nearest
+from anmstrip.errors import InputError, Mistake, nearest
+from anmstrip.scene.schema import SceneSpec
+from anmstrip.scene.tables import ENDS
 
-if TYPE_CHECKING:
-    from anmstrip.scene.schema import Scene
+Array = NDArray[np.float64]
 
-Index = NDArray[np.int64]
-Chosen = NDArray[np.bool_]
+NEARLY = 1e-6
+"""Lengths below this share of an element's size count as none."""
 
 NAMING = (
     "name the sides in the mesh file: physical groups of lines (Gmsh, .msh) or node sets "
     "(Abaqus, .inp); most other formats, .vtk and .vtu too, keep no names of lines"
 )
-_BELOW = "vertex", "line"
-_EXAMPLES = "see meshes/README.md for meshes that are right and the commands that make them"
+"""Advice for a mesh without names."""
+
+EXAMPLES = "see meshes/README.md for meshes that are right and the commands that make them"
+"""Advice for a mesh that cannot be used."""
 
 
-def read_mesh(scene: Scene) -> Mesh:
-    """Mesh of a scene's file, nodes numbered along the strip.
+class MeshError(ValueError):
+    """A mesh cannot be used: the message says what it should be, the hint what to do."""
+
+    def __init__(self, expected: str, hint: str = "") -> None:
+        super().__init__(expected)
+        self.hint = hint
+
+
+def check_flat(points: ArrayLike, cells: ArrayLike) -> None:
+    """Refuse nodes of cells that are no numbers or not in the plane z = 0.
+
+    Parameters
+    ----------
+    points : (n, 2) or (n, 3) array
+    cells : (m, k) array of int
+    """
+    used = np.asarray(points, dtype=float)[np.unique(cells)]
+    if not np.isfinite(used).all():
+        raise MeshError("nodes at finite places")
+    height = np.abs(used[:, 2:]).max(initial=0.0)
+    if height > NEARLY * np.ptp(used, axis=0).max():
+        raise MeshError(f"a flat mesh in the plane z = 0 (a node is {height:g} m off)")
+
+
+def check_shapes(mesh: Mesh) -> None:
+    """Refuse elements of no use, and neighbours that are not joined.
+
+    Parameters
+    ----------
+    mesh : skfem.MeshQuad or skfem.MeshTri
+    """
+    corners = mesh.p[:, mesh.t]
+    if isinstance(mesh, MeshQuad):
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        room = NEARLY * (high - low)
+        near = np.abs(corners - low[:, None]) <= room[:, None]
+        near |= np.abs(corners - high[:, None]) <= room[:, None]
+        bent = np.abs(corners[:, 0] - corners[:, 1] + corners[:, 2] - corners[:, 3]) > 4.0 * room
+        wrong = ~near.all(axis=(0, 1)) | bent.any(axis=0) | (high <= low).any(axis=0)
+        kind, more = "rectangles with sides along x and y", "are none"
+        hint = "cut the quadrilaterals into triangles, which may have any shape"
+    else:
+        (x1, y1), (x2, y2) = (corners[:, k] - corners[:, 0] for k in (1, 2))
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=0).max(axis=0)
+        wrong = np.abs(x1 * y2 - x2 * y1) <= NEARLY * longest**2
+        kind, more, hint = "triangles with an area", "have none", ""
+    if wrong.any():
+        place = point_text(corners.mean(axis=1)[:, wrong])
+        raise MeshError(f"{kind} ({wrong.sum()} {more}, the first at {place})", hint)
+    ends = mesh.p[:, mesh.facets[:, mesh.boundary_facets()]]
+    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=0)
+    pairs = cKDTree(mesh.p.T).query_pairs(NEARLY * lengths.min(), output_type="ndarray")
+    if len(pairs):
+        raise MeshError(
+            f"neighbours that share their nodes ({len(pairs)} pairs of nodes lie at one place, "
+            f"the first at {point_text(mesh.p[:, pairs[:, 0]])})",
+            "merge nodes at the same place, in Gmsh: Coherence Mesh",
+        )
+    hanging = hanging_nodes(ends, lengths)
+    if hanging.size:
+        raise MeshError(
+            f"neighbours that share whole sides ({hanging.shape[1]} nodes lie inside the side of "
+            f"another element, the first at {point_text(hanging)})",
+            "refine without hanging nodes, or use triangles",
+        )
+
+
+def hanging_nodes(ends: Array, lengths: Array) -> Array:
+    """Return the nodes of the boundary that lie inside one of its sides.
+
+    Parameters
+    ----------
+    ends : (2, 2, sides) array
+        Coordinates of the two ends of each side.
+    lengths : (sides,) array
+
+    Returns
+    -------
+    (2, n) array
+    """
+    nodes = np.unique(ends.reshape(2, -1), axis=1)
+    found: set[int] = set()
+    near = cKDTree(nodes.T).query_ball_point(ends.mean(axis=1).T, (0.5 - NEARLY) * lengths)
+    for k, candidates in enumerate(near):
+        (x, y), (dx, dy) = ends[:, 0, k], ends[:, 1, k] - ends[:, 0, k]
+        aside = np.abs((nodes[0, candidates] - x) * dy - (nodes[1, candidates] - y) * dx)
+        found.update(np.asarray(candidates)[aside < NEARLY * lengths[k] ** 2].tolist())
+    return nodes[:, sorted(found)]
+
+
+def point_text(points: Array) -> str:
+    """Return the coordinates of the first of some points (2, n)."""
+    return "({:g}, {:g})".format(*points[:, 0])
+
+
+def read_mesh(scene: SceneSpec) -> Mesh:
+    """Return the mesh of a scene's file, with the names of its edges.
 
     Any file that meshio reads will do.  Edges are sides of the boundary with a name: groups
     of lines, sets of nodes, or boundaries that scikit-fem saved.
@@ -53,100 +147,90 @@ def read_mesh(scene: Scene) -> Mesh:
     """
     path, file = Path(str(scene.strip.mesh)), str(scene.source or "scene")
     try:
-        raw = _read(path)
-        mesh = _with_edges(_unnamed(raw), raw)
+        mesh = named_mesh(read_silently(path))
         check_shapes(mesh)
-    except Unfit as error:
-        expected, hint = str(error), error.hint or _EXAMPLES
-        raise InputError([Mistake(file, "strip.mesh", str(path), expected, hint)]) from error
-    if mistakes := list(_unknown_edges(scene, sorted(mesh.boundaries or {}), file)):
+    except MeshError as error:
+        hint = error.hint or EXAMPLES
+        raise InputError([Mistake(file, "strip.mesh", str(path), str(error), hint)]) from error
+    known = sorted(mesh.boundaries or {})
+    wanted = [(f"edges.{name}", name) for name in scene.edges]
+    wanted += [(f"stages.{s.name}.{name}", name) for s in scene.stages for name in s.edges]
+    expected = "an edge on the boundary that the mesh names"
+    mistakes = [
+        Mistake(file, key, name, expected, nearest(name, known) if known else NAMING)
+        for key, name in wanted
+        if name not in known
+    ]
+    mistakes += [
+        Mistake(file, "strip.mesh", name, "edges named entry and exit", NAMING)
+        for name in ENDS
+        if name not in known
+    ]
+    if mistakes:
         raise InputError(mistakes)
-    return renumbered(mesh)
+    return mesh
 
 
-def _read(path: Path) -> meshio.Mesh:
+def read_silently(path: Path) -> meshio.Mesh:
+    """Return the contents of a file, as meshio reads it; it neither prints nor leaves Python."""
+    silence = io.StringIO()
     try:
-        with warnings.catch_warnings(), _silent():
+        with (
+            warnings.catch_warnings(),
+            contextlib.redirect_stdout(silence),
+            contextlib.redirect_stderr(silence),
+        ):
             warnings.simplefilter("ignore")
             return meshio.read(path)
-    except (Exception, SystemExit) as error:  # meshio leaves Python where no reader is right
+    except (Exception, SystemExit) as error:  # meshio exits where no reader is right
         reason = str(error) or type(error).__name__
-        raise Unfit(
-            f"a mesh of quadrilaterals or triangles that meshio reads ({reason})"
-        ) from error
+        expected = f"a mesh of quadrilaterals or triangles that meshio reads ({reason})"
+        raise MeshError(expected) from error
 
 
-@contextlib.contextmanager
-def _silent() -> Iterator[None]:
-    """Keep meshio from printing."""
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        yield
+def named_mesh(raw: meshio.Mesh) -> Mesh:
+    """Return the quadrilaterals or triangles of a file, with names of sides of the boundary.
 
-
-def _unnamed(raw: meshio.Mesh) -> Mesh:
-    """Quadrilaterals or triangles of a file, on all of its nodes."""
-    kinds = {block.type for block in raw.cells if len(block.data)} - set(_BELOW)
+    A set of lines is an edge if all of them lie on the boundary; a set of nodes is one if each
+    of them is an end of a side between two of the set.  Nodes of no cell are left out.
+    """
+    kinds = {block.type for block in raw.cells if len(block.data)} - {"vertex", "line"}
     if kinds not in ({"quad"}, {"triangle"}):
         found = f"{', '.join(sorted(kinds))} were found" if kinds else "no cells were found"
-        raise Unfit(f"quadrilaterals alone or triangles alone, of straight sides ({found})")
+        raise MeshError(f"quadrilaterals alone or triangles alone, of straight sides ({found})")
     (kind,) = kinds
-    cells = _gathered(raw, kind, [block.data for block in raw.cells]).astype(np.int64)
+    blocks = [k for k, block in enumerate(raw.cells) if block.type == kind]
+    cells = np.concatenate([raw.cells[k].data for k in blocks]).astype(np.int64)
     if cells.min() < 0 or cells.max() >= len(raw.points):
-        raise Unfit("cells of nodes that exist (it is damaged)")
+        raise MeshError("cells of nodes that exist (it is damaged)")
     check_flat(raw.points, cells)
     saved = {
-        name: [_gathered(raw, kind, blocks)]
-        for name, blocks in raw.cell_data.items()
+        name: [np.concatenate([np.asarray(values[k]) for k in blocks])]
+        for name, values in raw.cell_data.items()
         if name.startswith("skfem:")
     }
-    return from_meshio(meshio.Mesh(raw.points[:, :2], [(kind, cells)], cell_data=saved))
-
-
-def _gathered(raw: meshio.Mesh, kind: str, blocks: list[Any]) -> NDArray[Any]:
-    """What belongs to all cells of one kind, out of what belongs to each block."""
-    chosen = [values for block, values in zip(raw.cells, blocks, strict=True) if block.type == kind]
-    return np.concatenate([np.asarray(values) for values in chosen])
-
-
-def _with_edges(mesh: Mesh, raw: meshio.Mesh) -> Mesh:
-    """Name the sides that lie on the boundary, and leave out nodes that no cell uses.
-
-    Facets are numbered in the order of their nodes, which stays the same.
-    """
+    mesh = from_meshio(meshio.Mesh(raw.points[:, :2], [(kind, cells)], cell_data=saved))
     boundary = mesh.boundary_facets()
     sides = mesh.facets[:, boundary].T
-    named = {name: _sides_of_nodes(sides, nodes) for name, nodes in _node_sets(raw).items()}
-    named |= {name: _sides_of_lines(sides, pairs) for name, pairs in _line_sets(raw).items()}
     edges = {name: np.asarray(facets) for name, facets in (mesh.boundaries or {}).items()}
-    edges |= {name: boundary[chosen] for name, chosen in named.items() if chosen.any()}
+    for name, nodes in raw.point_sets.items():
+        chosen = np.isin(sides, nodes).all(axis=1)
+        if chosen.any() and np.isin(nodes, sides[chosen]).all():
+            edges[name] = boundary[chosen]
+    for name, lines in line_sets(raw).items():
+        size = 1 + max(sides.max(initial=0), lines.max(initial=0))
+        own, given = (np.sort(pairs, axis=1) @ [size, 1] for pairs in (sides, lines))
+        if np.isin(given, own).all():
+            edges[name] = boundary[np.isin(own, given)]
     used, cells = np.unique(mesh.t, return_inverse=True)
     smaller = type(mesh)(mesh.p[:, used], cells.reshape(mesh.t.shape))
-    return smaller.with_boundaries(edges)
+    return smaller.with_boundaries(edges)  # facets are in the order of their nodes, which stays
 
 
-def _sides_of_lines(sides: Index, pairs: Index) -> Chosen:
-    """Which sides are among lines; none if a line is not on the boundary."""
-    return _among(sides, pairs) & _among(pairs, sides).all()
-
-
-def _sides_of_nodes(sides: Index, nodes: Index) -> Chosen:
-    """Which sides are between nodes of a set; none if a node is on none of them."""
-    chosen = np.isin(sides, nodes).all(axis=1)
-    covered = np.isin(nodes, sides[chosen]).all()
-    return np.asarray(chosen & covered)
-
-
-def _among(pairs: Index, others: Index) -> Chosen:
-    """Which pairs of nodes are among others, in whatever direction, shape (pairs,)."""
-    size = 1 + max(pairs.max(initial=0), others.max(initial=0))
-    first, second = (np.sort(p, axis=1) @ np.array([size, 1]) for p in (pairs, others))
-    return np.isin(first, second)
-
-
-def _line_sets(raw: meshio.Mesh) -> Mapping[str, Index]:
-    """Lines of every named group, shape (lines, 2): physical groups and sets of cells."""
+def line_sets(raw: meshio.Mesh) -> dict[str, NDArray[np.int64]]:
+    """Return the lines (n, 2) of every named group: physical groups and sets of cells."""
     tags = raw.cell_data.get("gmsh:physical", [np.empty(0)] * len(raw.cells))
-    found: dict[str, list[Index]] = {}
+    found: dict[str, list[NDArray[np.int64]]] = {}
     for k, block in enumerate(raw.cells):
         if block.type != "line":
             continue
@@ -158,19 +242,3 @@ def _line_sets(raw: meshio.Mesh) -> Mapping[str, Index]:
                 found.setdefault(name, []).append(block.data[np.asarray(sets[k], dtype=np.int64)])
     joined = {name: np.concatenate(lines).astype(np.int64) for name, lines in found.items()}
     return {name: lines for name, lines in joined.items() if len(lines)}
-
-
-def _node_sets(raw: meshio.Mesh) -> Mapping[str, Index]:
-    return {name: np.asarray(n, dtype=np.int64) for name, n in raw.point_sets.items() if len(n)}
-
-
-def _unknown_edges(scene: Scene, known: list[str], file: str) -> Iterator[Mistake]:
-    wanted = [(f"edges.{name}", name) for name in scene.edges]
-    wanted += [(f"stages.{s.name}.{name}", name) for s in scene.stages for name in s.edges]
-    for key, name in wanted:
-        if name not in known:
-            expected = "an edge on the boundary that the mesh names"
-            yield Mistake(file, key, name, expected, nearest(name, known) if known else NAMING)
-    for name in ("entry", "exit"):
-        if name not in known:
-            yield Mistake(file, "strip.mesh", name, "edges named entry and exit", NAMING)

@@ -1,61 +1,38 @@
-"""The scene as a whole: its tables, and what can be done with them."""
+"""The scene as a whole: its tables, read from a file or made in Python."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any, Self
 
-from pydantic import Field, PrivateAttr, field_validator, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
-from anmstrip.scene import rules
-from anmstrip.scene.naming import with_default_names
-from anmstrip.scene.stage_tables import (
-    EdgeControl,
-    OutputSpec,
-    RollerControl,
-    SolverSpec,
-    StageSpec,
-)
+from anmstrip.errors import Mistake
+from anmstrip.scene.checks import check_scene
+from anmstrip.scene.loading import parse_scene, read_text, validate_scene, with_default_names
 from anmstrip.scene.tables import (
+    THREADING,
     ContactSpec,
     EdgeSpec,
     FrictionSpec,
-    ImperfectionSpec,
     MaterialSpec,
+    OutputSpec,
     RollerSpec,
+    SolverSpec,
+    StageSpec,
     StripSpec,
     Table,
     ThreadingSpec,
 )
 
-if TYPE_CHECKING:
-    from anmstrip.scene.run import Run
 
-__all__ = [
-    "ContactSpec",
-    "EdgeControl",
-    "EdgeSpec",
-    "FrictionSpec",
-    "ImperfectionSpec",
-    "MaterialSpec",
-    "OutputSpec",
-    "RollerControl",
-    "RollerSpec",
-    "Scene",
-    "SolverSpec",
-    "StageSpec",
-    "StripSpec",
-    "ThreadingSpec",
-]
-
-
-class Scene(Table):
+class SceneSpec(Table):
     """A strip, what it touches, what happens to it, and how that is solved.
 
     Examples
     --------
-    >>> scene = Scene(
+    >>> scene = SceneSpec(
     ...     strip={"length": 4.0, "width": 1.0, "thickness": 1e-3, "cells": [16, 2]},
     ...     material={"young": 2e11, "poisson": 0.3},
     ...     stages=[{"duration": 1.0, "exit": {"force": [1e4, 0.0, 0.0]}}],
@@ -64,83 +41,91 @@ class Scene(Table):
     ('stage1', (10000.0, 0.0, 0.0))
     """
 
-    title: str = Field("", description="title (text)", examples=['"Strip over a roller"'])
+    title: str = Field("", examples=['"Strip over a roller"'])
+    """title (text)"""
     strip: StripSpec = Field(
-        description="the strip, a table (m)",
-        examples=["[strip]\nlength = 4.0\nwidth = 1.0\nthickness = 1.0e-3\ncells = [16, 2]"],
+        examples=["[strip]\nlength = 4.0\nwidth = 1.0\nthickness = 1.0e-3\ncells = [16, 2]"]
     )
-    material: MaterialSpec = Field(
-        description="the material, a table (Pa)",
-        examples=["[material]\nyoung = 2.0e11\npoisson = 0.3"],
-    )
+    """the strip, a table (m)"""
+    material: MaterialSpec = Field(examples=["[material]\nyoung = 2.0e11\npoisson = 0.3"])
+    """the material, a table (Pa)"""
     contact: ContactSpec | None = Field(
-        None,
-        description="contact with the rollers, a table (Pa, m)",
-        examples=["[contact]\nstiffness = 1.0e10\neta = 10.0\ndelta = 1.0e-3"],
+        None, examples=["[contact]\nstiffness = 1.0e10\neta = 10.0\ndelta = 1.0e-3"]
     )
+    """contact with the rollers, a table (Pa, m)"""
     friction: FrictionSpec | None = Field(
-        None,
-        description="friction on the rollers, a table (1, m/s)",
-        examples=["[friction]\ncoefficient = 0.3\nspeed = 1.0"],
+        None, examples=["[friction]\ncoefficient = 0.3\nspeed = 1.0"]
     )
-    threading: ThreadingSpec | None = Field(
-        None,
-        description="how the strip is laid around the rollers, a table (N/m, m)",
-        examples=["[threading]\ntension = 1.0e4"],
-    )
+    """friction on the rollers, a table (1, m/s)"""
+    threading: ThreadingSpec | None = Field(None, examples=["[threading]\ntension = 1.0e4"])
+    """how the strip is laid around the rollers, a table (N/m, m)"""
     rollers: tuple[RollerSpec, ...] = Field(
         (),
-        description="rollers, a list of tables (m)",
         examples=["[[rollers]]\nradius = 0.5\ncentre = [0.0, 0.0, -0.501]\naxis = [0.0, 1.0, 0.0]"],
     )
-    edges: dict[str, EdgeSpec] = Field(
-        {},
-        description="how edges are held, a table for each",
-        examples=['[edges.entry]\nfixed = ["x", "z"]'],
-    )
+    """rollers, a list of tables (m)"""
+    edges: dict[str, EdgeSpec] = Field({}, examples=['[edges.entry]\nfixed = ["x", "z"]'])
+    """how edges are held, a table for each"""
     stages: Annotated[tuple[StageSpec, ...], Field(min_length=1)] = Field(
-        description="what happens, a list of at least one table (s)",
-        examples=["[[stages]]\nduration = 1.0"],
+        examples=["[[stages]]\nduration = 1.0"]
     )
-    solver: SolverSpec = Field(
-        SolverSpec(), description="the solver, a table (1)", examples=["[solver]\norder = 20"]
-    )
-    output: OutputSpec = Field(
-        OutputSpec(), description="the output, a table (1)", examples=["[output]\nevery = 1"]
-    )
+    """what happens, a list of at least one table (s)"""
+    solver: SolverSpec = Field(SolverSpec(), examples=["[solver]\norder = 20"])
+    """the solver, a table (1)"""
+    output: OutputSpec = Field(OutputSpec(), examples=["[output]\nevery = 1"])
+    """the output, a table (1)"""
 
     _source: Path | None = PrivateAttr(None)
 
-    @field_validator("rollers", mode="before")
+    @model_validator(mode="before")
     @classmethod
-    def _name_rollers(cls, given: Any) -> Any:
-        return with_default_names(given, "r")
+    def _name_rollers_and_stages(cls, given: Any) -> Any:
+        return with_default_names(given) if isinstance(given, Mapping) else given
 
-    @field_validator("stages", mode="before")
-    @classmethod
-    def _name_stages(cls, given: Any) -> Any:
-        return with_default_names(given, "stage")
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Scene:
-        self._check(rules.scene({name: getattr(self, name) for name in type(self).model_fields}))
-        return self
+    def find_mistakes(self) -> Iterator[Mistake]:
+        """Yield what is wrong between the tables."""
+        return check_scene({name: getattr(self, name) for name in type(self).model_fields})
 
     @classmethod
-    def load(cls, path: str | Path, overrides: Iterable[str] = ()) -> Scene:
-        """Read a scene file; see :func:`anmstrip.scene.loading.load_scene`."""
-        from anmstrip.scene.loading import load_scene  # noqa: PLC0415 (it imports this module)
+    def load(cls, path: str | Path, overrides: Iterable[str] = ()) -> Self:
+        """Read a scene file.
 
-        return load_scene(path, overrides)
+        Parameters
+        ----------
+        path : str or Path
+            TOML file.
+        overrides : iterable of str, optional
+            ``KEY=VALUE`` with dotted keys and values in TOML syntax; entries of lists of tables
+            are addressed by name: ``rollers.r1.radius=0.3``.
+
+        Returns
+        -------
+        Scene
+            Paths in it are absolute; those in the file are relative to the file.
+
+        Raises
+        ------
+        InputError
+            With all mistakes at once.
+        """
+        source = Path(path)
+        return cls.from_tables(parse_scene(read_text(source), str(source)), source, overrides)
+
+    @classmethod
+    def from_tables(
+        cls, tables: Mapping[str, Any], source: str | Path, overrides: Iterable[str] = ()
+    ) -> Self:
+        """Return the scene of tables as they would stand in a file; see :meth:`load`."""
+        scene = validate_scene(cls, tables, Path(source), overrides)
+        scene._source = Path(source)
+        return scene
 
     @property
     def course(self) -> tuple[StageSpec, ...]:
         """All stages in their order, that of threading first if there is one."""
         if self.threading is None:
             return self.stages
-        threading = StageSpec(
-            name=rules.THREADING, duration=self.threading.duration, friction=False
-        )
+        threading = StageSpec(name=THREADING, duration=self.threading.duration, friction=False)
         return (threading, *self.stages)
 
     @property
@@ -156,22 +141,9 @@ class Scene(Table):
     def to_dict(self) -> dict[str, Any]:
         """Return the scene as used, defaults included, as it would be typed; JSON-ready."""
         scene = self.model_dump(mode="json", exclude_none=True)
-        scene["stages"] = [self._as_typed(stage) for stage in scene["stages"]]
+        for stage in scene["stages"]:
+            stage["friction"] = stage["friction"] and self.friction is not None
+            stage.update(stage.pop("edges"))
         if self.output.times is not None:
             del scene["output"]["every"]
         return scene
-
-    def _as_typed(self, stage: dict[str, Any]) -> dict[str, Any]:
-        edges = stage.pop("edges")
-        friction = stage["friction"] and self.friction is not None
-        return {**stage, "friction": friction, **edges}
-
-    def run(self, directory: str | Path | None = None, resume: bool = False) -> Run:
-        """Return an iterator over accepted steps that writes to a directory."""
-        from anmstrip.scene.run import Run  # noqa: PLC0415 (heavy, and not needed to check)
-
-        if self.friction is not None and self.friction.regularisation == "auto":
-            from anmstrip.scene.sharpening import SharpenedRun  # noqa: PLC0415
-
-            return SharpenedRun(self, directory, resume=resume)
-        return Run(self, directory, resume=resume)

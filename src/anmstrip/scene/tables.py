@@ -1,141 +1,174 @@
-"""The tables of a scene: what a user may write about strip, rollers and their contact.
+"""The tables of a scene: strip, material, rollers, contact, friction, stages, solver, output.
 
-Every description says what the field is, what is allowed and in which unit; every example
-is TOML that can be typed as it stands. Mistakes quote both. What a single field cannot
-know about is in :mod:`anmstrip.scene.rules`.
+The line below each key is its meaning and unit, and what a wrong value is answered with.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from functools import cached_property
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    PlainValidator,
-    StrictBool,
-    model_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, StrictBool, model_validator
+from pydantic.fields import FieldInfo
 
-from anmstrip.mechanics.roller import Roller, Sides
-from anmstrip.scene import rules
-from anmstrip.scene.errors import InputError, Mistake
-from anmstrip.scene.wording import LARGEST, SMALLEST
+from anmstrip.errors import InputError, Mistake
+
+ENDS = ("entry", "exit")
+"""The ends of a strip, at −x and +x: all the edges that a section has."""
+
+EDGE_NAMES = (*ENDS, "left", "right")
+"""The edges of a rectangular strip, at −x, +x, +y and −y."""
+
+THREADING = "threading"
+"""Name of the stage that lays the strip around the rollers."""
+
+SMALLEST, LARGEST = 1e-30, 1e30
+"""Bounds of numbers in a scene, so that no product of a handful of them over- or underflows."""
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=SMALLEST, le=LARGEST)]
-Count = Annotated[int, Field(strict=True, ge=1, le=100_000)]
+NotNegative = Annotated[Number, Field(ge=0)]
+Integer = Annotated[int, Field(strict=True, ge=1)]
+Count = Annotated[Integer, Field(le=100_000)]
 Vector = tuple[Number, Number, Number]
 Component = Literal["x", "y", "z"]
+OWN_LAW = r"[A-Za-z_][\w.]*:[A-Za-z_]\w*"
+"""Pattern of the name of a class in a module, ``module:Class``."""
+
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=64)]
 
 
 class Table(BaseModel):
-    """A table of the scene: immutable, and unknown keys are refused."""
+    """A table of the scene: immutable; unknown keys and contradictions are refused."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, use_attribute_docstrings=True, defer_build=True
+    )
 
-    def _check(self, mistakes: Iterable[Mistake]) -> None:
-        if found := tuple(mistakes):
+    @model_validator(mode="after")
+    def _refuse_mistakes(self) -> Self:
+        if found := tuple(self.find_mistakes()):
             raise InputError(found)
+        return self
+
+    def find_mistakes(self) -> Iterable[Mistake]:
+        """Yield what is wrong between keys that are right in themselves."""
+        return ()
 
 
-def _bending(value: object) -> bool | str:
-    """True, false or the name of an energy; 1 is not true."""
+def example_of(key: str, field: FieldInfo) -> str:
+    """Return what to type for a field: its first example, a value or whole tables in TOML."""
+    example = str((field.examples or ["…"])[0])
+    return example if example.startswith("[[") or "]\n" in example else f"{key} = {example}"
+
+
+def missing(model: type[BaseModel], key: str) -> Mistake:
+    """Return the mistake of having left out a field of a model."""
+    field = model.model_fields[key]
+    return Mistake("", key, None, str(field.description), example_of(key, field))
+
+
+def check_bending(value: object) -> bool | str:
+    """Return true, false or the name of an energy; 1 is not true."""
     if isinstance(value, bool) or value == "kirchhoff-love":
         return value
     raise ValueError
 
 
 class ImperfectionSpec(Table):
-    """How the strip is bent, without stress, before anything happens to it.
+    """A shape of the strip, without stress, that is not flat.
 
-    By a mode in which it would buckle where the first stage leaves it, or threading.
+    It is a mode in which the strip would buckle at the end of the first stage, threading
+    included.
     """
 
-    mode: Annotated[Count, Field(le=100)] = Field(
-        1,
-        description="number of the buckling mode, an integer from 1 to 100 (1)",
-        examples=["1"],
-    )
-    amplitude: Positive = Field(
-        description="largest height, a number above 0 (m)", examples=["1.0e-4"]
-    )
+    mode: Annotated[Count, Field(le=100)] = Field(1, examples=["1"])
+    """number of the buckling mode, an integer from 1 to 100 (1)"""
+    amplitude: Positive = Field(examples=["1.0e-4"])
+    """largest height, a number above 0 (m)"""
 
 
 class StripSpec(Table):
     """The strip: a rectangle centred at the origin, or a mesh file."""
 
-    length: Positive | None = Field(
-        None, description="length along x, a number above 0 (m)", examples=["4.0"]
+    length: Positive | None = Field(None, examples=["4.0"])
+    """length along x, a number above 0 (m)"""
+    width: Positive | None = Field(None, examples=["1.0"])
+    """width along y, a number above 0 (m)"""
+    thickness: Positive = Field(examples=["1.0e-3"])
+    """thickness, a number above 0 (m)"""
+    cells: tuple[Count, Count] | None = Field(None, examples=["[16, 2]"])
+    """elements along and across, two integers from 1 to 100000 (1)"""
+    refined: Positive | None = Field(None, examples=["0.025"])
+    """element length over the rollers, a number above 0 (m)"""
+    mesh: Path | None = Field(None, examples=['"../meshes/strip_refined.msh"'])
+    """mesh file, relative to the scene's own file (text)"""
+    kinematics: Literal["shell", "section", "plate"] = Field("shell", examples=['"shell"'])
+    """level of description, "shell", "section" or "plate" (text)"""
+    bending: Annotated[bool | str, PlainValidator(check_bending)] = Field(
+        True, examples=['"kirchhoff-love"']
     )
-    width: Positive | None = Field(
-        None, description="width along y, a number above 0 (m)", examples=["1.0"]
-    )
-    thickness: Positive = Field(description="thickness, a number above 0 (m)", examples=["1.0e-3"])
-    cells: tuple[Count, Count] | None = Field(
-        None,
-        description="elements along and across, two integers from 1 to 100000 (1)",
-        examples=["[16, 2]"],
-    )
-    refined: Positive | None = Field(
-        None,
-        description="element length over the rollers, a number above 0 (m)",
-        examples=["0.025"],
-    )
-    mesh: Path | None = Field(
-        None,
-        description="mesh file, relative to the scene's own file (text)",
-        examples=['"../meshes/strip_refined.msh"'],
-    )
-    kinematics: Literal["shell", "section", "plate"] = Field(
-        "shell",
-        description='level of description, "shell", "section" or "plate" (text)',
-        examples=['"shell"'],
-    )
-    bending: Annotated[bool | str, PlainValidator(_bending)] = Field(
-        True,
-        description='whether the strip resists bending, true, false or "kirchhoff-love" (text)',
-        examples=['"kirchhoff-love"'],
-    )
-    feed: StrictBool = Field(
-        False,
-        description="whether fresh strip follows what has left (true or false)",
-        examples=["true"],
-    )
+    """whether the strip resists bending, true, false or "kirchhoff-love" (text)"""
+    feed: StrictBool = Field(False, examples=["true"])
+    """whether fresh strip follows what has left (true or false)"""
+    foundation: Positive | None = Field(None, examples=["1.0e5"])
+    """stiffness of an elastic foundation under the strip, a number above 0 (Pa/m)"""
     imperfection: ImperfectionSpec | None = Field(
-        None,
-        description="how the strip is bent without stress, a table (m)",
-        examples=["{ mode = 1, amplitude = 1.0e-4 }"],
+        None, examples=["{ mode = 1, amplitude = 1.0e-4 }"]
     )
+    """how the strip is bent without stress, a table (m)"""
 
-    @model_validator(mode="after")
-    def _consistent(self) -> StripSpec:
-        self._check(rules.strip(self))
-        return self
+    def find_mistakes(self) -> Iterator[Mistake]:
+        """Yield neither or both of rectangle and mesh file, and an imperfection that cannot be."""
+        if self.mesh is None:
+            for key in ("width", "cells"):
+                if getattr(self, key) is None:
+                    yield missing(type(self), key)
+        else:
+            yield from self._mistakes_beside_mesh(self.mesh)
+        if self.imperfection is None:
+            return
+        bent = "with an imperfection"
+        if self.kinematics != "shell":
+            expected, hint = f'"shell" {bent}: others do not wrinkle', 'kinematics = "shell"'
+            yield Mistake("", "kinematics", self.kinematics, expected, hint)
+        if not self.bending:
+            expected = f"true {bent}, which without bending does nothing"
+            yield Mistake("", "bending", self.bending, expected, "bending = true")
+        if self.feed:
+            expected = f"false {bent}: fresh strip is flat"
+            yield Mistake("", "feed", self.feed, expected, "feed = false")
+
+    def _mistakes_beside_mesh(self, mesh: Path) -> Iterator[Mistake]:
+        if self.kinematics == "section" or self.feed:
+            key = "feed" if self.feed else "kinematics"
+            expected = "a strip by length, width and cells, not by a mesh file"
+            yield Mistake("", key, getattr(self, key), expected, "cells = [16, 2]")
+        for key in ("length", "width", "cells", "refined"):
+            if (value := getattr(self, key)) is not None:
+                expected = "nothing, since the mesh file says it"
+                yield Mistake("", key, value, expected, f"either {key} or mesh; take one out")
+        try:
+            is_file = mesh.is_file()
+        except (OSError, ValueError):  # a name too long, a directory that may not be read
+            is_file = False
+        if not is_file:
+            hint = "the path of a file, relative to the scene's own file"
+            yield Mistake("", "mesh", str(mesh), "a file that exists", hint)
 
 
 class MaterialSpec(Table):
     """Isotropic elastic material."""
 
-    young: Positive = Field(
-        description="Young's modulus, a number above 0 (Pa)", examples=["2.0e11"]
-    )
-    poisson: Annotated[Number, Field(gt=-1, lt=0.5)] = Field(
-        description="Poisson's ratio, a number above -1 and below 0.5 (1)", examples=["0.3"]
-    )
-    density: Positive | None = Field(
-        None, description="density, a number above 0 (kg/m³)", examples=["7850.0"]
-    )
-    yield_stress: Positive | None = Field(
-        None,
-        description="yield stress, only to warn, a number above 0 (Pa)",
-        examples=["3.0e8"],
-    )
+    young: Positive = Field(examples=["2.0e11"])
+    """Young's modulus, a number above 0 (Pa)"""
+    poisson: Annotated[Number, Field(gt=-1, lt=0.5)] = Field(examples=["0.3"])
+    """Poisson's ratio, a number above -1 and below 0.5 (1)"""
+    density: Positive | None = Field(None, examples=["7850.0"])
+    """density, a number above 0 (kg/m³)"""
+    yield_stress: Positive | None = Field(None, examples=["3.0e8"])
+    """yield stress, only to warn, a number above 0 (Pa)"""
 
 
 class ContactSpec(Table):
@@ -145,29 +178,22 @@ class ContactSpec(Table):
     can resolve, unless ``onset`` and ``pressure`` say otherwise.
     """
 
-    stiffness: Positive | None = Field(
-        None, description="contact stiffness K, a number above 0 (Pa/m)", examples=["1.0e10"]
+    law: Annotated[str, Field(strict=True, pattern=f"^{OWN_LAW}$")] | None = Field(
+        None, examples=['"my_laws:HardContact"']
     )
-    eta: Positive | None = Field(
-        None,
-        description="regularisation η, a number above 0 and below stiffness × delta (Pa)",
-        examples=["10.0"],
-    )
-    delta: Positive | None = Field(
-        None,
-        description="distance δ at which contact begins, a number above 0 (m)",
-        examples=["1.0e-3"],
-    )
-    onset: Positive | None = Field(
-        None,
-        description="gap over which contact sets in, a number above 0 (m)",
-        examples=["1.0e-4"],
-    )
-    pressure: Positive | None = Field(
-        None,
-        description="pressure under which the strip lies on the surface, a number above 0 (Pa)",
-        examples=["2.0e4"],
-    )
+    """a law of one's own, "module:Class"; left out: a built-in law (text)"""
+    parameters: dict[str, Number] = Field({}, examples=["{ stiffness = 1.0e10 }"])
+    """arguments of a law of one's own, a table of numbers (1)"""
+    stiffness: Positive | None = Field(None, examples=["1.0e10"])
+    """contact stiffness K, a number above 0 (Pa/m)"""
+    eta: Positive | None = Field(None, examples=["10.0"])
+    """regularisation η, a number above 0 and below stiffness × delta (Pa)"""
+    delta: Positive | None = Field(None, examples=["1.0e-3"])
+    """distance δ at which contact begins, a number above 0 (m)"""
+    onset: Positive | None = Field(None, examples=["1.0e-4"])
+    """gap over which contact sets in, a number above 0 (m)"""
+    pressure: Positive | None = Field(None, examples=["2.0e4"])
+    """pressure under which the strip lies on the surface, a number above 0 (Pa)"""
 
     @property
     def constants(self) -> tuple[float, float, float] | None:
@@ -176,158 +202,250 @@ class ContactSpec(Table):
             return None
         return self.stiffness, self.eta, self.delta
 
-    @model_validator(mode="after")
-    def _consistent(self) -> ContactSpec:
-        self._check(rules.contact(self))
-        return self
+    def find_mistakes(self) -> Iterator[Mistake]:
+        """Yield half a law, two, or a penalty without η < K δ."""
+        penalty = {"stiffness": "1.0e10", "eta": "10.0", "delta": "1.0e-3"}
+        given = [key for key in penalty if getattr(self, key) is not None]
+        if self.law is not None:
+            for key in (*given, "onset", "pressure"):
+                if (value := getattr(self, key)) is not None:
+                    expected = f"no {key} beside a law of one's own, which has its parameters"
+                    yield Mistake("", key, value, expected, "parameters = { … }, or no law")
+            return
+        if given:
+            for key, example in penalty.items():
+                if key not in given:
+                    expected = "stiffness, eta and delta together, or none of them"
+                    yield Mistake("", key, None, expected, f"{key} = {example}")
+            for key in ("onset", "pressure"):
+                if (value := getattr(self, key)) is not None:
+                    expected = f"no {key} beside stiffness, eta and delta, which are another law"
+                    yield Mistake("", key, value, expected, f"either {key} or {', '.join(given)}")
+        if self.constants is None:
+            return
+        stiffness, eta, delta = self.constants
+        bound = stiffness * delta
+        if not eta < bound:
+            expected = f"eta below stiffness × delta = {bound:g} (Pa)"
+            yield Mistake("", "eta", eta, expected, f"eta = {bound / 1e6:g}")
 
 
 class FrictionSpec(Table):
     """Regularised friction."""
 
-    law: Literal["norton-hoff", "tanh"] = Field(
-        "norton-hoff",
-        description='friction law, "norton-hoff" or "tanh" (text)',
-        examples=['"norton-hoff"'],
+    law: Annotated[str, Field(strict=True, pattern=f"^(norton-hoff|tanh|{OWN_LAW})$")] = Field(
+        "norton-hoff", examples=['"norton-hoff"']
     )
-    coefficient: Annotated[Number, Field(ge=0)] = Field(
-        description="friction coefficient f, a number of at least 0 (1)", examples=["0.3"]
-    )
-    exponent: Annotated[Number, Field(gt=0, le=1)] = Field(
-        0.05, description="exponent q, a number above 0 and at most 1 (1)", examples=["0.05"]
-    )
-    omega: Positive = Field(
-        0.1, description="regularisation ω, a number above 0 (1)", examples=["0.1"]
-    )
-    speed: Positive = Field(
-        description="characteristic slip speed V_c, a number above 0 (m/s)", examples=["1.0"]
-    )
-    regularisation: Literal["fixed", "auto"] = Field(
-        "fixed",
-        description='laws as given, or sharpened to the tolerance, "fixed" or "auto" (text)',
-        examples=['"auto"'],
-    )
+    """friction law, "norton-hoff", "tanh", or "module:Class" of one's own (text)"""
+    parameters: dict[str, Number] = Field({}, examples=["{ dip = 0.2 }"])
+    """further arguments of a law of one's own, a table of numbers (1)"""
+    coefficient: NotNegative = Field(examples=["0.3"])
+    """friction coefficient f, a number of at least 0 (1)"""
+    exponent: Annotated[Number, Field(gt=0, le=1)] = Field(0.05, examples=["0.05"])
+    """exponent q, a number above 0 and at most 1 (1)"""
+    omega: Positive = Field(0.1, examples=["0.1"])
+    """regularisation ω, a number above 0 (1)"""
+    speed: Positive = Field(examples=["1.0"])
+    """characteristic slip speed V_c, a number above 0 (m/s)"""
+    regularisation: Literal["fixed", "auto"] = Field("fixed", examples=['"auto"'])
+    """laws as given, or sharpened to the tolerance, "fixed" or "auto" (text)"""
 
 
 class SidesSpec(Table):
     """Conical sides of a roller, the same on both, beside a cylinder in its middle."""
 
-    taper: Number = Field(
-        description="by which the radius falls for each metre along a side, a number (m/m)",
-        examples=["2.0e-3"],
-    )
-    flat: Annotated[Number, Field(ge=0)] = Field(
-        description="length of the cylinder between the sides, about the centre, at least 0 (m)",
-        examples=["0.6"],
-    )
-    rounding: Positive = Field(
-        description="length over which the corners are rounded, a number above 0 (m)",
-        examples=["0.05"],
-    )
+    taper: Number = Field(examples=["2.0e-3"])
+    """by which the radius falls for each metre along a side, a number (m/m)"""
+    flat: NotNegative = Field(examples=["0.6"])
+    """length of the cylinder between the sides, about the centre, at least 0 (m)"""
+    rounding: Positive = Field(examples=["0.05"])
+    """length over which the corners are rounded, a number above 0 (m)"""
 
 
 class RollerSpec(Table):
     """A rigid roller: a cylinder, or another profile along its axis."""
 
-    name: Name = Field(description="name, of letters, digits, - and _ (text)", examples=['"r1"'])
-    radius: Positive = Field(description="radius, a number above 0 (m)", examples=["0.5"])
-    centre: Vector = Field(
-        description="a point of the axis, three numbers (m)", examples=["[0.0, 0.0, -0.501]"]
-    )
-    axis: Vector = Field(
-        (0.0, 1.0, 0.0),
-        description="direction of the axis, three numbers, not all 0 (1)",
-        examples=["[0.0, 1.0, 0.0]"],
-    )
-    crown: tuple[Number, ...] = Field(
-        (),
-        description="c1, c2, …: radius + c1 s + c2 s² + … at s along the axis, numbers (m/m^k)",
-        examples=["[0.0, -2.0e-3]"],
-        max_length=8,
-    )
-    taper: Number = Field(
-        0.0,
-        description="a cone: radius + taper s at s along the axis, besides a crown, a number (m/m)",
-        examples=["1.0e-3"],
-    )
+    name: Name = Field(examples=['"r1"'])
+    """name, of letters, digits, - and _ (text)"""
+    radius: Positive = Field(examples=["0.5"])
+    """radius, a number above 0 (m)"""
+    centre: Vector = Field(examples=["[0.0, 0.0, -0.501]"])
+    """a point of the axis, three numbers (m)"""
+    axis: Vector = Field((0.0, 1.0, 0.0), examples=["[0.0, 1.0, 0.0]"])
+    """direction of the axis, three numbers, not all 0 (1)"""
+    crown: tuple[Number, ...] = Field((), examples=["[0.0, -2.0e-3]"], max_length=8)
+    """c1, c2, …: radius + c1 s + c2 s² + … at s along the axis, numbers (m/m^k)"""
+    taper: Number = Field(0.0, examples=["1.0e-3"])
+    """a cone: radius + taper s at s along the axis, besides a crown, a number (m/m)"""
     sides: SidesSpec | None = Field(
-        None,
-        description="conical sides, a table of taper (m/m), flat and rounding (m)",
-        examples=["{ taper = 2.0e-3, flat = 0.6, rounding = 0.05 }"],
+        None, examples=["{ taper = 2.0e-3, flat = 0.6, rounding = 0.05 }"]
     )
-    friction: Annotated[Number, Field(ge=0)] | None = Field(
-        None,
-        description="coefficient f on this roller; left out: that of [friction], at least 0 (1)",
-        examples=["0.2"],
-    )
-    wrap: Literal["over", "under"] | None = Field(
-        None,
-        description='side on which a threaded strip passes, "over" or "under" (text)',
-        examples=['"over"'],
-    )
+    """conical sides, a table of taper (m/m), flat and rounding (m)"""
+    friction: NotNegative | None = Field(None, examples=["0.2"])
+    """coefficient f on this roller; left out: that of [friction], at least 0 (1)"""
+    wrap: Literal["over", "under"] | None = Field(None, examples=['"over"'])
+    """side on which a threaded strip passes, "over" or "under" (text)"""
 
-    @model_validator(mode="after")
-    def _consistent(self) -> RollerSpec:
-        self._check(rules.roller(self))
-        return self
+    def find_mistakes(self) -> Iterator[Mistake]:
+        """Yield an axis without direction."""
+        if not any(self.axis):
+            expected = "a direction: three numbers, not all 0 (1)"
+            yield Mistake("", "axis", self.axis, expected, "axis = [0.0, 1.0, 0.0]")
 
     @property
     def profile(self) -> dict[str, object]:
-        """What makes it another body than a cylinder, key by key."""
+        """Keys, with values, that make it another body than a cylinder."""
         sides = self.sides and self.sides.model_dump()
         given = {"crown": any(self.crown) and self.crown, "taper": self.taper, "sides": sides}
         return {key: value for key, value in given.items() if value}
 
-    @cached_property
-    def shape(self) -> Roller:
-        """Its geometry."""
-        crown = self.crown
-        if self.taper:
-            crown = (self.taper + sum(crown[:1]), *crown[1:])
-        given = self.sides
-        sides = None if given is None else Sides(given.taper, 0.5 * given.flat, given.rounding)
-        return Roller(self.name, self.radius, self.centre, self.axis, crown, sides)
-
 
 class ThreadingSpec(Table):
-    """How the strip is laid around the rollers that say on which side it passes them.
+    """The strip is laid around the rollers that say on which side it passes them.
 
-    It is a rate-free stage of its own, before all others.
+    This is a rate-free stage of its own, before all others.
     """
 
-    tension: Positive = Field(
-        description="tension of the threaded strip, a number above 0 (N/m)", examples=["1.0e4"]
-    )
-    entry: Vector | None = Field(
-        None,
-        description="where the entry is, three numbers; left out: level with the first roller (m)",
-        examples=["[-2.0, 0.0, 0.5]"],
-    )
-    exit: Vector | None = Field(
-        None,
-        description="where the exit is, three numbers; left out: level with the last roller (m)",
-        examples=["[2.0, 0.0, 0.5]"],
-    )
-    duration: Positive = Field(
-        1.0, description="time that threading takes, a number above 0 (s)", examples=["1.0"]
-    )
+    tension: Positive = Field(examples=["1.0e4"])
+    """tension of the threaded strip, a number above 0 (N/m)"""
+    entry: Vector | None = Field(None, examples=["[-2.0, 0.0, 0.5]"])
+    """where the entry is, three numbers; left out: level with the first roller (m)"""
+    exit: Vector | None = Field(None, examples=["[2.0, 0.0, 0.5]"])
+    """where the exit is, three numbers; left out: level with the last roller (m)"""
+    duration: Positive = Field(1.0, examples=["1.0"])
+    """time that threading takes, a number above 0 (s)"""
 
 
 class EdgeSpec(Table):
-    """How an edge of the strip is held."""
+    """Supports of an edge of the strip."""
 
-    fixed: tuple[Component, ...] = Field(
-        (),
-        description='components held, each of "x", "y", "z" at most once (list of text)',
-        examples=['["x", "z"]'],
-    )
-    centred: StrictBool = Field(
-        False,
-        description="whether the middle of the edge stays at its y (true or false)",
-        examples=["true"],
-    )
+    fixed: tuple[Component, ...] = Field((), examples=['["x", "z"]'])
+    """components held, each of "x", "y", "z" at most once (list of text)"""
+    centred: StrictBool = Field(False, examples=["true"])
+    """whether the middle of the edge stays at its y (true or false)"""
 
-    @model_validator(mode="after")
-    def _consistent(self) -> EdgeSpec:
-        self._check(rules.edge(self))
-        return self
+    def find_mistakes(self) -> Iterator[Mistake]:
+        """Yield a component that is held twice."""
+        if len(set(self.fixed)) < len(self.fixed):
+            once = ", ".join(f'"{component}"' for component in dict.fromkeys(self.fixed))
+            yield Mistake("", "fixed", self.fixed, "each component once", f"fixed = [{once}]")
+
+
+class EdgeControl(Table):
+    """Controls of an edge in a stage; each changes linearly over the stage."""
+
+    force: Vector | None = Field(None, examples=["[1.0e4, 0.0, 0.0]"])
+    """dead force per length of edge, three numbers (N/m)"""
+    tension: Number | None = Field(None, examples=["1.0e4"])
+    """force along the strip's own direction per length of edge, a number (N/m)"""
+    moment: Number | None = Field(None, examples=["10.0"])
+    """moment about the edge per length, towards the upper side, a number (N)"""
+    move: Vector | None = Field(None, examples=["[0.0, 0.0, -0.45]"])
+    """displacement from the initial position, three numbers (m)"""
+    velocity: Vector | None = Field(None, examples=["[1.0, 0.0, 0.0]"])
+    """velocity that the edge has at the stage's end and keeps, three numbers (m/s)"""
+    release: StrictBool = Field(False, examples=["true"])
+    """whether a held edge is let go (true or false)"""
+
+    def find_mistakes(self) -> Iterator[Mistake]:
+        """Yield a displacement beside a velocity."""
+        if self.move is not None and self.velocity is not None:
+            expected = "either move (m) or velocity (m/s), not both"
+            yield Mistake("", "velocity", self.velocity, expected, "one of them; take one out")
+
+
+class RollerControl(Table):
+    """Controls of a roller in a stage; each changes linearly over the stage."""
+
+    surface_speed: Number | None = Field(None, examples=["1.0"])
+    """speed of the surface, right-handed about the axis, a number (m/s)"""
+    move: Vector | None = Field(None, examples=["[0.0, 0.0, 0.1]"])
+    """displacement from the initial position, three numbers (m)"""
+
+
+class StageSpec(Table):
+    """One stage: controls go from what they were to what is said here.
+
+    In a scene file every key that is no field of a stage is the name of an edge.
+    """
+
+    name: Name = Field(examples=['"turn"'])
+    """name, of letters, digits, - and _ (text)"""
+    duration: Positive = Field(examples=["1.0"])
+    """duration, a number above 0 (s)"""
+    friction: StrictBool = Field(True, examples=["false"])
+    """whether friction acts, without it a stage is rate-free (true or false)"""
+    gravity: Vector | None = Field(None, examples=["[0.0, 0.0, -9.81]"])
+    """acceleration of gravity, three numbers (m/s²)"""
+    pressure: Number | None = Field(None, examples=["100.0"])
+    """pressure from below, normal to the deformed strip, a number (Pa)"""
+    rollers: dict[str, RollerControl] = Field({}, examples=["{ r1.surface_speed = 1.0 }"])
+    """controls by roller, tables (m, m/s)"""
+    edges: dict[str, EdgeControl] = Field({}, examples=["{ entry.release = true }"])
+    """controls by edge, tables (N/m, m, m/s)"""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _gather_edges(cls, given: Any) -> Any:
+        edges = given.get("edges", {}) if isinstance(given, dict) else None
+        if not isinstance(edges, dict):
+            return given
+        own = {key: value for key, value in given.items() if key in cls.model_fields}
+        others = {key: value for key, value in given.items() if key not in own}
+        return {**own, "edges": {**edges, **others}}
+
+
+STAGE_KEYS = tuple(key for key in StageSpec.model_fields if key != "edges")
+"""Keys of a stage that are no names of edges."""
+
+
+class SolverSpec(Table):
+    """The asymptotic numerical method."""
+
+    order: Annotated[Integer, Field(ge=2, le=60)] | None = Field(None, examples=["20"])
+    """order of the series, an integer from 2 to 60, else the cheapest (1)"""
+    tolerance: Annotated[Number, Field(ge=1e-12, le=1e-1)] = Field(1e-6, examples=["1.0e-6"])
+    """error, relative to the scene's scales, from 1e-12 to 0.1 (1)"""
+    max_steps: Integer = Field(20_000, examples=["20000"])
+    """most steps in all, an integer above 0 (1)"""
+    max_tangents: Integer = Field(100_000, examples=["100000"])
+    """most tangents in all, an integer above 0 (1)"""
+    time_step: Positive | None = Field(None, examples=["1.0e-3"])
+    """fixed step in time, without control of its error, a number above 0 (s)"""
+    time_order: Annotated[Integer, Field(le=5)] | None = Field(None, examples=["2"])
+    """highest order in time, from 1 to 5, else 2, or 5 for tolerances below 1e-4 (1)"""
+
+    @property
+    def highest_time_order(self) -> int:
+        """Highest order of the formula in time, as chosen or by the tolerance.
+
+        Where kinks are smaller than the tolerance two orders do.
+        """
+        if self.time_order is not None:
+            return self.time_order
+        return 5 if self.tolerance < 1e-4 and self.time_step is None else 2
+
+
+class OutputSpec(Table):
+    """Choice of the states that are written."""
+
+    every: Integer = Field(1, examples=["1"])
+    """write every n-th accepted step, an integer above 0 (1)"""
+    times: tuple[NotNegative, ...] | None = Field(None, examples=["[0.5, 1.0, 2.6]"])
+    """times to write, increasing numbers of at least 0 (s)"""
+    smooth: StrictBool = Field(True, examples=["false"])
+    """cubic surfaces rather than plain subdivided ones (true or false)"""
+    events: StrictBool = Field(False, examples=["true"])
+    """find when points touch, stick and slip: events.csv (true or false)"""
+
+    def find_mistakes(self) -> Iterator[Mistake]:
+        """Yield two choices of states, or times in disorder."""
+        if self.times is None:
+            return
+        if "every" in self.model_fields_set:
+            expected = "either every or times, not both"
+            yield Mistake("", "every", self.every, expected, "one of them; take one out")
+        ordered = sorted(set(self.times))
+        if list(self.times) != ordered or not ordered:
+            hint = f"times = {ordered or [0.5, 1.0]}"
+            yield Mistake("", "times", self.times, "increasing times, at least one (s)", hint)

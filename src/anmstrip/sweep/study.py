@@ -1,40 +1,240 @@
-"""A sweep as a whole: what is to be done, doing it, and what has come out."""
+"""A sweep as a whole: its scenes, its workers, its table and figure."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import json
+import logging
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from anmstrip.output.files import replaced
-from anmstrip.sweep import scenes
-from anmstrip.sweep.table import SweepTable
+import numpy as np
+
+from anmstrip.continuation.status import Outcome
+from anmstrip.driver import run
+from anmstrip.errors import InputError, Mistake
+from anmstrip.results.files import atomic_write, write_table
+from anmstrip.scene.schema import SceneSpec
 from anmstrip.sweep.variations import Variant, variants
 
 if TYPE_CHECKING:
     from distributed import Client
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+PATIENCE = 10.0
+"""Seconds to wait for a scheduler's answer."""
+
+IGNORE_INTERRUPT = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+"""Preload of workers: a terminal tells every process of Ctrl-C, and their cluster ends them."""
+
+INPUT, SUMMARY, CHECKPOINT = "input.json", "summary.json", "checkpoint.npz"
+
+FACTS = ("status", "message", "steps", "tangents", "wall_seconds")
+"""Columns of the table for every scene."""
+
+CURVES = 7
+"""Most values of a second key that are drawn as curves; more of them make a map."""
+
+Row = Mapping[str, Any]
+
+
+@contextmanager
+def local_workers(workers: int) -> Iterator[Client]:
+    """Yield a client of so many processes of one thread each; dask replaces those that die."""
+    from distributed import Client, LocalCluster
+
+    with (
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            memory_limit=0,
+            silence_logs=logging.ERROR,
+            preload=IGNORE_INTERRUPT,
+            dashboard_address=None,
+            worker_dashboard_address=None,
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+@contextmanager
+def remote_workers(address: str) -> Iterator[Client]:
+    """Yield a client of a scheduler that runs somewhere.
+
+    Its workers must have this package and see the same files under the same paths.
+
+    Raises
+    ------
+    InputError
+        Nobody answers there.
+    """
+    from distributed import Client
+
+    try:
+        client = Client(address, timeout=PATIENCE)
+    except (OSError, ValueError) as error:
+        expected = f"the address of a scheduler that runs ({error})"
+        hint = "dask scheduler, then dask worker ADDRESS with the address that it prints"
+        raise InputError([Mistake("--scheduler", "", address, expected, hint)]) from error
+    with client:
+        yield client
+
+
+def ended_summary(scene: SceneSpec, directory: Path) -> dict[str, Any] | None:
+    """Return the summary of an earlier run of this very scene that came to an end, else None.
+
+    A run that stopped by itself has ended too: the same input stops at the same place.
+    """
+    summary = read_json(directory / SUMMARY) or {}
+    interrupted = summary.get("status") in (None, Outcome.INTERRUPTED.name.lower())
+    return None if interrupted or not has_begun(scene, directory) else summary
+
+
+def run_scene(scene: SceneSpec, directory: Path) -> dict[str, Any]:
+    """Run a scene to its end, from its checkpoint if there is one; return its summary.
+
+    Any number of processes may die in here, and the next one goes on: results that belong
+    to another input are dropped before this one's is written down.
+    """
+    if (summary := ended_summary(scene, directory)) is not None:
+        return summary
+    if not has_begun(scene, directory):
+        directory.mkdir(parents=True, exist_ok=True)
+        for name in (INPUT, SUMMARY, CHECKPOINT):
+            (directory / name).unlink(missing_ok=True)
+        with atomic_write(directory / INPUT) as temporary:
+            temporary.write_text(json.dumps(scene.to_dict(), indent=2), encoding="utf-8")
+    for _ in run.Run(scene, directory, resume=(directory / CHECKPOINT).exists()):
+        pass
+    summary = read_json(directory / SUMMARY)
+    assert summary is not None
+    return summary
+
+
+def has_begun(scene: SceneSpec, directory: Path) -> bool:
+    """Return whether what lies in a directory belongs to this scene."""
+    return read_json(directory / INPUT) == json.loads(json.dumps(scene.to_dict()))
+
+
+def read_json(path: Path) -> dict[str, Any] | None:
+    """Return the table in a file, or None if there is none."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) else None
+
+
+def row_of(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the columns of the table for a scene, from its ``summary.json``."""
+    row = {fact: summary.get(fact) for fact in FACTS}
+    for edge, values in summary.get("edges", {}).items():
+        row[f"{edge}_tension"] = values["tension"]
+    return {**row, **flatten(summary.get("rollers", {}))}
+
+
+def flatten(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return nested tables as one, the names on the way joined by underscores."""
+    flat: dict[str, Any] = {}
+    for key, value in tables.items():
+        name = f"{prefix}{key}"
+        flat |= flatten(value, f"{name}_") if isinstance(value, Mapping) else {name: value}
+    return flat
+
+
+def figure(rows: Sequence[Row], varied: Sequence[str]) -> bytes:
+    """Draw a panel for every roller: tension ratio against the first key; return a PNG.
+
+    A second key makes curves, or a map if it has many values; further keys more curves.
+    Without rollers the tensions of the edges are drawn. What has not ended is left out.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    drawn = {name for row in rows for name in row if row[name] is not None}
+    found = [name for name in dict.fromkeys(name for row in rows for name in row) if name in drawn]
+    ratios = [name for name in found if name.endswith("_tension_ratio")]
+    columns = ratios or ["entry_tension", "exit_tension"]
+    figure = Figure(figsize=(4.8 * len(columns), 3.8), dpi=130, layout="constrained")
+    panels = figure.subplots(1, len(columns), squeeze=False)[0]
+    second = {json.dumps(row[varied[1]]) for row in rows} if len(varied) == 2 else set()
+    draw = draw_map if len(second) > CURVES else draw_curves
+    for axes, name in zip(panels, columns, strict=True):
+        values = [np.nan if row.get(name) is None else row[name] for row in rows]
+        draw(axes, rows, varied, values)
+        axes.set_title(name.replace("_", " "))
+    stream = BytesIO()
+    FigureCanvasAgg(figure).print_png(stream)
+    return stream.getvalue()
+
+
+def draw_curves(
+    axes: Axes, rows: Sequence[Row], varied: Sequence[str], values: Sequence[float]
+) -> None:
+    """Draw values against the first key, a curve for each choice of the others."""
+    first, *others = varied
+    curves: dict[str, list[tuple[float, float]]] = {}
+    for row, place, value in zip(rows, axis_places(axes.xaxis, rows, first), values, strict=True):
+        label = ", ".join(f"{key} = {json.dumps(row[key])}" for key in others)
+        curves.setdefault(label, []).append((place, value))
+    for label, points in curves.items():
+        axes.plot(*np.array(sorted(points)).T, marker="o", markersize=3, label=label)
+    axes.spines[["top", "right"]].set_visible(False)
+    if others and len(curves) <= 2 * CURVES:
+        axes.legend(frameon=False, fontsize=7)
+
+
+def draw_map(
+    axes: Axes, rows: Sequence[Row], varied: Sequence[str], values: Sequence[float]
+) -> None:
+    """Draw values by colour over two keys."""
+    x, i = np.unique(axis_places(axes.xaxis, rows, varied[0]), return_inverse=True)
+    y, j = np.unique(axis_places(axes.yaxis, rows, varied[1]), return_inverse=True)
+    grid = np.full((len(y), len(x)), np.nan)
+    grid[j, i] = values
+    mesh = axes.pcolormesh(x, y, np.ma.masked_invalid(grid), shading="nearest")
+    assert axes.figure is not None
+    axes.figure.colorbar(mesh, ax=axes)
+
+
+def axis_places(axis: Axis, rows: Sequence[Row], key: str) -> list[float]:
+    """Prepare an axis for a key and return the place of every row on it.
+
+    Values that are no numbers stand side by side; decades get a logarithmic axis.
+    """
+    axes, horizontal = axis.axes, axis is axis.axes.xaxis
+    axis.set_label_text(key)
+    texts = [json.dumps(row[key]) for row in rows]
+    values = list(dict.fromkeys(texts))
+    try:
+        places = {value: float(value) for value in values}
+    except ValueError:
+        places = {value: float(place) for place, value in enumerate(values)}
+        ticks = list(places.values())
+        axis.set_ticks(ticks, labels=values)
+        axes.update_datalim(np.column_stack([ticks, ticks]), horizontal, not horizontal)
+    else:
+        if 0.0 < 100.0 * min(places.values()) <= max(places.values()):
+            (axes.set_xscale if horizontal else axes.set_yscale)("log")
+    return [places[text] for text in texts]
 
 
 @dataclass(frozen=True)
 class Ended:
-    """A scene of a sweep that has come to its end.
+    """A scene of a sweep that has come to its end."""
 
-    Attributes
-    ----------
-    row : dict
-        Of the table.
-    done, total : int
-        Scenes that have ended, those of earlier calls included; all scenes.
-    """
-
-    row: dict[str, Any]
-    done: int
+    row: dict[str, Any]  # of the table
+    done: int  # scenes that have ended, those of earlier calls included
     total: int
 
     @property
     def fraction(self) -> float:
-        """Of the sweep."""
+        """Share of the sweep that is done."""
         return self.done / self.total
 
     def __str__(self) -> str:
@@ -45,7 +245,11 @@ class Ended:
 
 
 class Sweep:
-    """All scenes of a parameter study, and their table.
+    """All scenes of a parameter study, and their table ``sweep.csv``.
+
+    The table has a row for every scene, and is replaced whenever one changes, so that it can be
+    read at any time.  Columns: the varied keys, `FACTS`, ``EDGE_tension`` (N/m),
+    ``ROLLER_normal_force`` and all else that ``summary.json`` says of a roller, ``directory``.
 
     Parameters
     ----------
@@ -54,7 +258,7 @@ class Sweep:
     variations, settings : iterable of str
         Options ``--vary`` and ``--set``.
     directory : path
-        Of the table and the figure; scenes get directories inside.
+        For the table and the figure; scenes get directories inside.
 
     Raises
     ------
@@ -66,7 +270,7 @@ class Sweep:
     A client of any dask cluster will do, as long as its workers see the same files::
 
         sweep = Sweep("capstan.toml", ["friction.coefficient=0.1:0.5:9"], directory="results")
-        with local(workers=2) as client:
+        with local_workers(2) as client:
             for ended in sweep.run(client):
                 print(ended)
         sweep.draw()
@@ -81,21 +285,18 @@ class Sweep:
         directory: str | Path,
     ) -> None:
         self.directory = Path(directory).absolute()
+        self.table = self.directory / "sweep.csv"
         given = tuple(variations), tuple(settings), self.directory
         self.variants: tuple[Variant, ...] = variants(Path(path), *given)
-        self.table = SweepTable(self.directory / "sweep.csv", self.variants)
+        self.rows: list[dict[str, Any]] = []
         self.waiting: list[int] = []
         for number, variant in enumerate(self.variants):
-            summary = scenes.ended(variant.scene, variant.directory)
-            if summary is None:
+            row = {**variant.values, "status": "waiting", "directory": variant.directory.name}
+            self.rows.append(row)
+            if (summary := ended_summary(variant.scene, variant.directory)) is None:
                 self.waiting.append(number)
             else:
-                self.table.update(number, summary)
-
-    @property
-    def rows(self) -> list[dict[str, Any]]:
-        """Of the table, one for every scene."""
-        return self.table.rows
+                row.update(row_of(summary))
 
     @property
     def stopped(self) -> list[dict[str, Any]]:
@@ -105,40 +306,44 @@ class Sweep:
     def run(self, client: Client) -> Iterator[Ended]:
         """Run what is left, as many scenes at once as there are workers.
 
-        Whatever order they end in, the table has them in their own.
+        Whatever order they end in, the table has them in their own.  A scene that could not be
+        run has the reason in its row, and is tried again next time.
         """
-        from distributed import as_completed  # noqa: PLC0415 (dask is optional)
+        from distributed import as_completed
 
         self.directory.mkdir(parents=True, exist_ok=True)
-        self.table.write()
-        jobs = {
-            client.submit(scenes.run, v.scene, v.directory, pure=False): number
-            for number in self.waiting
-            for v in [self.variants[number]]
-        }
+        self.write_table()
+        jobs = {}
+        for number in self.waiting:
+            variant = self.variants[number]
+            job = client.submit(run_scene, variant.scene, variant.directory, pure=False)
+            jobs[job] = number
+        total = len(self.variants)
         try:
             for job in as_completed(list(jobs)):
-                yield self._ended(jobs[job], job)
+                row = self.rows[jobs[job]]
+                if (error := job.exception()) is None:
+                    row.update(row_of(job.result()))
+                else:
+                    words = f"{type(error).__name__}: {error}".split()
+                    row.update(status="failed", message=" ".join(words))
+                self.waiting.remove(jobs[job])
+                self.write_table()
+                yield Ended(row, total - len(self.waiting), total)
         finally:
             client.cancel(list(jobs))
 
-    def _ended(self, number: int, job: Any) -> Ended:
-        error = job.exception()
-        if error is None:
-            self.table.update(number, job.result())
-        else:
-            self.table.fail(number, error)
-        self.waiting.remove(number)
-        self.table.write()
-        total = len(self.variants)
-        return Ended(self.rows[number], total - len(self.waiting), total)
+    def write_table(self) -> None:
+        """Write all rows of ``sweep.csv``."""
+        first = (*self.variants[0].values, *FACTS)
+        found = dict.fromkeys(column for row in self.rows for column in row)
+        more = [column for column in found if column not in (*first, "directory")]
+        write_table(self.table, (*first, *more, "directory"), self.rows)
 
     def draw(self) -> Path:
         """Draw ``sweep.png`` of what there is so far."""
-        from anmstrip.sweep.figure import figure  # noqa: PLC0415 (matplotlib takes long)
-
         path = self.directory / "sweep.png"
-        self.table.write()
-        with replaced(path) as temporary:
-            temporary.write_bytes(figure(self.rows, self.table.varied))
+        self.write_table()
+        with atomic_write(path) as temporary:
+            temporary.write_bytes(figure(self.rows, tuple(self.variants[0].values)))
         return path

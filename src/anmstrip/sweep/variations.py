@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -14,27 +15,20 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.scene.errors import InputError, Mistake
-from anmstrip.scene.loading import load_scene
-from anmstrip.scene.overrides import Override
-from anmstrip.scene.schema import Scene
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.errors import InputError, Mistake
+from anmstrip.scene.loading import Override
 
 MOST = 100_000
 """Scenes of a sweep; more of them were surely not meant."""
 
-_RANGE = re.compile(r"([^:\[\]\"',]+):([^:]+):([^:]+)")
+RANGE = re.compile(r"([^:\[\]\"',]+):([^:]+):([^:]+)")
 
 
 @dataclass(frozen=True)
 class Variation:
-    """A dotted key and the values that it takes.
-
-    Attributes
-    ----------
-    key : str
-        As ``--set`` takes it.
-    values : tuple
-        Numbers, text, or lists of them.
+    """A dotted key and the values that it takes: numbers, text, or lists of them.
 
     Examples
     --------
@@ -56,66 +50,58 @@ class Variation:
         InputError
             If it is not of this form, or a value comes twice.
         """
-        key, _, given = text.partition("=")
-        key, spaced = key.strip(), _RANGE.fullmatch(given.strip())
-        values = _spaced(*spaced.groups()) if spaced else _listed(given)
-        if not key or not values:
-            raise _refused(text, given or None, "KEY=first:last:number, or KEY=value,value")
-        if len({json.dumps(value) for value in values}) < len(values):
-            raise _refused(text, given, "every value once")
-        return cls(key, values)
+        key, _, given = (part.strip() for part in text.partition("="))
+        values: Any = ()
+        try:
+            if spaced := RANGE.fullmatch(given):
+                values = spaced_values(*spaced.groups())
+            elif "\n" not in given:
+                (values,) = tomllib.loads(f"values = [{given}]").values()
+            texts = {json.dumps(value) for value in values}
+        except (ValueError, TypeError, RecursionError):
+            values = ()
+        if not key or not values or not isinstance(values, list):
+            raise refused(text, given or None, "KEY=first:last:number, or KEY=value,value")
+        if len(texts) < len(values):
+            raise refused(text, given, "every value once")
+        return cls(key, tuple(values))
 
 
-def _spaced(first: str, last: str, number: str) -> tuple[float, ...]:
-    """Evenly spaced values without the noise of their last digits, integers where all are."""
-    try:
-        ends, count = (float(first), float(last)), int(number)
-        wrong = count < 1 or count > MOST or not np.isfinite(ends).all()
-        if wrong or (count == 1) != (ends[0] == ends[1]):
-            return ()
-        values = [float(f"{value:.12g}") for value in np.linspace(*ends, count)]
-        whole = all(value.is_integer() for value in values) and "." not in first + last
-    except ValueError:
-        return ()
-    return tuple(int(value) if whole else value for value in values)
+def spaced_values(first: str, last: str, number: str) -> list[float]:
+    """Return evenly spaced values without the noise of their last digits.
+
+    They are integers where all of them are, and none if the ends or the number are no good.
+    """
+    low, high, count = float(first), float(last), int(number)
+    wrong = not 1 <= count <= MOST or not np.isfinite([low, high]).all()
+    if wrong or (count == 1) != (low == high):
+        return []
+    values = [float(f"{value:.12g}") for value in np.linspace(low, high, count)]
+    whole = all(value.is_integer() for value in values) and "." not in first + last
+    return [int(value) if whole else value for value in values]
 
 
-def _listed(given: str) -> tuple[Any, ...]:
-    try:
-        (values,) = tomllib.loads(f"values = [{given}]").values() if "\n" not in given else [[]]
-        json.dumps(values)
-    except (ValueError, TypeError, RecursionError):
-        return ()
-    return tuple(values) if isinstance(values, list) else ()
-
-
-def _refused(text: str, value: object, expected: str) -> InputError:
+def refused(text: str, value: object, expected: str) -> InputError:
+    """Return the error of an option ``--vary`` that is not as expected."""
     hint = "--vary friction.coefficient=0.1:0.5:9, or --vary friction.exponent=0.05,0.1"
     return InputError([Mistake(f"--vary {text}", "", value, expected, hint)])
 
 
 @dataclass(frozen=True)
 class Variant:
-    """One scene of a sweep.
+    """One scene of a sweep."""
 
-    Attributes
-    ----------
-    values : dict
-        Varied key → value.
-    scene : Scene
-    directory : Path
-        Of its results, named after its values, so that a wider sweep finds them again.
-    """
-
-    values: dict[str, Any]
+    values: dict[str, Any]  # of the varied keys
     scene: Scene
-    directory: Path
+    directory: Path  # for its results, named after its values: a wider sweep finds them again
 
 
 def variants(
     path: Path, variations: Iterable[str], settings: Iterable[str], directory: Path
 ) -> tuple[Variant, ...]:
-    """All combinations of varied values as scenes that are right.
+    """Return all combinations of varied values as scenes that are right.
+
+    Each is checked as a run checks it before anything is written.
 
     Parameters
     ----------
@@ -126,71 +112,58 @@ def variants(
     settings : iterable of str
         ``KEY=VALUE`` for all scenes.
     directory : Path
-        Of the sweep.
+        Directory of the sweep.
 
     Raises
     ------
     InputError
         With the mistakes of all variations, or of all scenes.
     """
-    varied = _parsed(variations)
+    varied = parse_variations(variations)
     found: list[Variant] = []
-    mistakes: list[Mistake] = []
-    for values in product(*(variation.values for variation in varied)):
-        chosen = dict(zip((variation.key for variation in varied), values, strict=True))
+    mistakes: dict[str, Mistake] = {}
+    for values in product(*varied.values()):
+        chosen = dict(zip(varied, values, strict=True))
+        texts = [f"{key}={json.dumps(value)}" for key, value in chosen.items()]
         try:
-            scene = _scene(path, chosen, settings)
+            scene = Scene.load(path, [*settings, *texts])
+            Run(scene)
         except InputError as error:
-            mistakes += error.mistakes
+            for mistake in error.mistakes:
+                text = mistake.file.removeprefix("--set ")
+                told = replace(mistake, file=f"--vary {text}") if text in texts else mistake
+                mistakes[str(told)] = told
         else:
             found.append(Variant(chosen, scene, directory / folder(chosen)))
     if mistakes:
-        raise InputError({str(mistake): mistake for mistake in mistakes}.values())
+        raise InputError(mistakes.values())
     return tuple(found)
 
 
-def _parsed(variations: Iterable[str]) -> list[Variation]:
-    varied: list[Variation] = []
+def parse_variations(texts: Iterable[str]) -> dict[str, tuple[Any, ...]]:
+    """Return the values of every varied key, or refuse all texts that are wrong."""
+    varied: dict[str, tuple[Any, ...]] = {}
     mistakes: list[Mistake] = []
-    for text in variations:
+    for text in texts:
         try:
             variation = Variation.parse(text)
             Override.parse(f"{variation.key}=0")
-            if variation.key in {known.key for known in varied}:
-                raise _refused(text, variation.key, "every key once, with all its values")
-            varied.append(variation)
+            if variation.key in varied:
+                raise refused(text, variation.key, "every key once, with all its values")
+            varied[variation.key] = variation.values
         except InputError as error:
             mistakes += [replace(mistake, file=f"--vary {text}") for mistake in error.mistakes]
-    if not variations:
-        mistakes += _refused("", None, "at least one key that varies").mistakes
-    if (count := np.prod([float(len(v.values)) for v in varied])) > MOST:
-        mistakes += _refused("…", f"{count:g} scenes", f"at most {MOST} scenes").mistakes
+    if not texts:
+        mistakes += refused("", None, "at least one key that varies").mistakes
+    if (count := math.prod(len(values) for values in varied.values())) > MOST:
+        mistakes += refused("…", f"{count:g} scenes", f"at most {MOST} scenes").mistakes
     if mistakes:
         raise InputError(mistakes)
     return varied
 
 
-def _scene(path: Path, chosen: Mapping[str, Any], settings: Iterable[str]) -> Scene:
-    """A scene, checked as a run checks it before anything is written."""
-    from anmstrip.scene.run import Run  # noqa: PLC0415 (heavy, and not needed to parse)
-
-    texts = [f"{key}={json.dumps(value)}" for key, value in chosen.items()]
-    try:
-        scene = load_scene(path, [*settings, *texts])
-        Run(scene)
-    except InputError as error:
-        raise InputError(_varied(mistake, texts) for mistake in error.mistakes) from None
-    return scene
-
-
-def _varied(mistake: Mistake, texts: Iterable[str]) -> Mistake:
-    """A mistake with the option that was typed."""
-    text = mistake.file.removeprefix("--set ")
-    return replace(mistake, file=f"--vary {text}") if text in texts else mistake
-
-
 def folder(values: Mapping[str, Any]) -> str:
-    """Name of a directory for the results with some values.
+    """Return the name of a directory for the results with some values.
 
     Examples
     --------

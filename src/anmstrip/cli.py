@@ -1,0 +1,365 @@
+"""The command ``anmstrip``: arguments in, exit status and a few lines out."""
+
+from __future__ import annotations
+
+import errno
+import math
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO, TypeVar
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+if TYPE_CHECKING:
+    from anmstrip.simulation.march import Step
+    from anmstrip.sweep.study import Ended
+
+S = TypeVar("S", "Step", "Ended")
+
+STOPPED, WRONG = 1, 2
+"""Exit statuses: stopped before the end, wrong input."""
+
+INTERVAL = 5.0
+"""Seconds between two lines where there is no terminal."""
+
+directory_option = click.option(
+    "-o",
+    "--output",
+    "directory",
+    metavar="DIR",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Where the results go (default: a directory of its own in results/).",
+)
+settings_option = click.option(
+    "--set",
+    "settings",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="Use another value than the one written; may be given several times.",
+)
+scene_argument = click.argument("scene", metavar="SCENE.toml", type=click.Path(path_type=Path))
+quiet_option = click.option(
+    "--quiet", is_flag=True, help="Show no progress; the last two lines still come."
+)
+
+
+def describe_step(step: Step) -> str:
+    """Return a step in a few words: stage, time, tangents, tension ratio."""
+    words = f"{step.stage}, t = {step.time:.4g} of {step.end_time:.4g} s, {step.tangents} tangents"
+    ratio = step.tension_ratio
+    return words if ratio is None else f"{words}, tension ratio {ratio:.4f}"
+
+
+def show_progress(
+    steps: Iterable[S],
+    describe: Callable[[S], str],
+    stream: TextIO | None = None,
+    interval: float = INTERVAL,
+) -> Iterator[S]:
+    """Yield steps, and show how far they are and how much time is left.
+
+    Parameters
+    ----------
+    steps : iterable
+        Accepted steps of a run, or scenes of a sweep that have ended.
+    describe : callable
+        Puts a step in a few words.
+    stream : text stream, optional
+        A terminal gets a bar, anything else lines; standard error if left out.
+    interval : float, optional
+        Seconds between two lines where `stream` is no terminal.
+    """
+    stream = stream or sys.stderr
+    if stream.isatty():
+        columns = TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn()
+        with Progress(*columns, console=Console(file=stream)) as bar:
+            task = bar.add_task("starting", total=1.0)
+            for step in steps:
+                bar.update(task, completed=step.fraction, description=describe(step))
+                yield step
+        return
+    started = shown = time.monotonic()
+    for step in steps:
+        now, done = time.monotonic(), step.fraction
+        if now - shown >= interval:
+            left = f"{(now - started) * (1 - done) / done:.0f} s" if done > 0 else "unknown"
+            print(f"{describe(step)}, {left} left", file=stream, flush=True)
+            shown = now
+        yield step
+
+
+class Commands(click.Group):
+    """A group whose commands end in a sentence and an exit status, never in a traceback."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run a command; a user's mistake or a full disk is told, not raised."""
+        from anmstrip.errors import InputError
+
+        try:
+            return super().invoke(ctx)
+        except InputError as error:
+            click.echo(str(error), err=True)
+            ctx.exit(WRONG)
+        except OSError as error:
+            if error.errno == errno.EPIPE:
+                raise  # click's own: the reader of our output has gone
+            click.echo(f"Stopped: {error.filename or 'writing'}: {error.strerror}.", err=True)
+            ctx.exit(STOPPED)
+
+
+@click.group(
+    cls=Commands,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+@click.version_option(package_name="anmstrip")
+def main() -> None:
+    """Thin metal strip over rollers, with contact and friction, by high-order Taylor series.
+
+    A scene is a TOML file. To see one:
+
+    \b
+      anmstrip explain examples/capstan.toml
+      anmstrip run examples/capstan.toml
+      anmstrip render results/capstan
+    """
+
+
+@main.command("run")
+@scene_argument
+@directory_option
+@settings_option
+@click.option("--resume", is_flag=True, help="Go on where an earlier run in DIR was interrupted.")
+@quiet_option
+def run_command(
+    scene: Path, directory: Path | None, settings: tuple[str, ...], resume: bool, quiet: bool
+) -> None:
+    """Run a scene; its results can be looked at while it goes on.
+
+    DIR gets strip.pvd and rollers.pvd for ParaView, history.csv with a row for every step,
+    summary.json and a checkpoint. Keys of --set are dotted, rollers and stages go by their
+    names, and values are in TOML syntax:
+
+    \b
+      --set friction.coefficient=0.2 --set rollers.r1.radius=0.3
+      --set 'strip.cells=[40, 4]'    --set stages.turn.duration=2
+
+    Exit status: 0 done, 1 stopped before its end (what was computed is there, and the message
+    says what to try), 2 wrong input (every mistake is told, nothing was written).
+    """
+    from anmstrip.driver.scene import Scene
+
+    loaded = Scene.load(scene, settings)
+    running = loaded.run(directory or Path("results", loaded.name), resume=resume)
+    try:
+        for _ in running if quiet else show_progress(running, describe_step):
+            pass
+    except KeyboardInterrupt:
+        running.interrupted()
+        click.echo(f"Interrupted. Everything up to here is in {running.directory}.")
+        click.echo(f"Next: anmstrip run {scene} -o {running.directory} --resume")
+        sys.exit(STOPPED)
+    click.echo(running.message)
+    for warning in running.warnings:
+        click.echo(f"Warning: {warning}")
+    click.echo(f"Results in {running.directory}. Next: anmstrip render {running.directory}")
+    if not running.outcome.done:
+        sys.exit(STOPPED)
+
+
+@main.command("explain", short_help="Say what a run would do, and warn.")
+@scene_argument
+@settings_option
+def explain_command(scene: Path, settings: tuple[str, ...]) -> None:
+    """Say what a run of a scene would do, and warn; nothing is solved or written.
+
+    Effects with their points and memory, what is left out, rollers with their wraps, stages,
+    and which level of kinematics the numbers justify. Keys of --set as for run.
+    """
+    from anmstrip.driver.explain import explain
+    from anmstrip.driver.scene import Scene
+
+    click.echo(explain(Scene.load(scene, settings)))
+
+
+@main.command("case", short_help="Run a mass-spring case of the paper.")
+@click.argument("name")
+@click.option(
+    "--order",
+    type=click.IntRange(2, 60),
+    default=19,
+    show_default=True,
+    metavar="N",
+    help="Order of the series.",
+)
+@click.option(
+    "--tolerance",
+    type=click.FloatRange(1e-14, 0.1),
+    default=1e-4,
+    show_default=True,
+    metavar="EPS",
+    help="Error that is aimed at, relative to the case's own scales.",
+)
+@settings_option
+@click.option(
+    "--scheme",
+    type=click.Choice(["taylor", "implicit"]),
+    default="taylor",
+    show_default=True,
+    help="The paper's scheme, explicit in time, or the implicit one.",
+)
+@directory_option
+def case_command(
+    name: str,
+    order: int,
+    tolerance: float,
+    settings: tuple[str, ...],
+    scheme: str,
+    directory: Path | None,
+) -> None:
+    """Run a mass-spring case of the paper.
+
+    NAME is pressed-plane, moving-plane or rotating-circle. The table shows the steps beside
+    the paper's; DIR gets case.csv, case.json and the figures.
+
+    Keys of --set are the paper's symbols: k, F, delta, r, Omega, V, f, q, omega, V_c, R_N,
+    zeta, R_C, K, eta, t_end.
+    """
+    from anmstrip.continuation.status import PathStopped
+    from anmstrip.paper.cases import run_case
+
+    try:
+        report = run_case(
+            name,
+            order=order,
+            tolerance=tolerance,
+            settings=parse_numbers(settings),
+            scheme=scheme,
+            directory=directory or Path("results", name),
+        )
+    except PathStopped as stopped:
+        click.echo(f"Stopped: {stopped}.", err=True)
+        sys.exit(STOPPED)
+    click.echo(str(report))
+    if not report.done:
+        sys.exit(STOPPED)
+
+
+def parse_numbers(settings: Iterable[str]) -> dict[str, float]:
+    """Return ``KEY=NUMBER`` texts as a mapping, or refuse all that are none."""
+    from anmstrip.errors import InputError, Mistake
+
+    numbers, mistakes = {}, []
+    for text in settings:
+        key, _, value = text.partition("=")
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if math.isfinite(number):
+            numbers[key.strip()] = number
+        else:
+            hint = f"--set {key}=1.0"
+            mistakes.append(Mistake(f"--set {text}", key, value or None, "a finite number", hint))
+    if mistakes:
+        raise InputError(mistakes)
+    return numbers
+
+
+@main.command("render")
+@click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+@click.option(
+    "--field",
+    metavar="NAME",
+    help="What colours the strip, e.g. gap or membrane_force.xx (default: pressure).",
+)
+@click.option("--movie", is_flag=True, help="All states as movie.gif as well.")
+def render_command(directory: Path, field: str | None, movie: bool) -> None:
+    """Draw pictures of a run, without a display.
+
+    picture.png from above and picture_side.png from the side, of the last state, into DIR.
+    """
+    from anmstrip.pictures.render import render
+
+    for picture in render(directory, field=field, movie=movie):
+        click.echo(str(picture))
+
+
+@main.command("sweep", short_help="Run a scene with many values of a few keys.")
+@scene_argument
+@click.option(
+    "--vary",
+    "variations",
+    metavar="KEY=a:b:n",
+    multiple=True,
+    help="Key and values: n from a to b, or a list v1,v2,v3; several make all combinations.",
+)
+@settings_option
+@directory_option
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes (default: cores).")
+@click.option("--scheduler", metavar="ADDRESS", help="Use a dask cluster that runs already.")
+@quiet_option
+def sweep_command(
+    scene: Path,
+    variations: tuple[str, ...],
+    settings: tuple[str, ...],
+    directory: Path | None,
+    workers: int | None,
+    scheduler: str | None,
+    quiet: bool,
+) -> None:
+    """Run a scene with many values of a few keys, several at once.
+
+    \b
+      anmstrip sweep examples/capstan.toml --vary friction.coefficient=0.1:0.5:9
+      anmstrip sweep examples/capstan.toml --vary rollers.r1.radius=0.4,0.5 \\
+          --vary strip.thickness=0.5e-3:2e-3:4
+
+    DIR gets sweep.csv with a row for every scene, whole at any moment, sweep.png, and for
+    every scene a directory of results as of run. The same command again skips the scenes that
+    have ended, and goes on with the others from their checkpoints; delete a directory to have
+    its scene run afresh. Workers of --scheduler must see DIR under the same path.
+
+    Exit status: 0 all done, 1 interrupted or a scene stopped early, 2 wrong input.
+    """
+    if find_spec("distributed") is None:
+        needed = 'pip install "dask[distributed]"'
+        click.echo(f"anmstrip sweep shares its scenes out by dask. Type: {needed}", err=True)
+        sys.exit(WRONG)
+    from dask.system import CPU_COUNT
+
+    from anmstrip.sweep.study import Sweep, local_workers, remote_workers
+
+    study = Sweep(
+        scene, variations, settings, directory=directory or Path("results", f"{scene.stem}-sweep")
+    )
+    before, interrupted = len(study.variants) - len(study.waiting), False
+    try:
+        if left := len(study.waiting):
+            count = min(workers or CPU_COUNT, left)
+            farm = local_workers(count) if scheduler is None else remote_workers(scheduler)
+            with farm as client:
+                ended = study.run(client)
+                for _ in ended if quiet else show_progress(ended, str, interval=0.0):
+                    pass
+    except KeyboardInterrupt:
+        interrupted = True
+    done, total = len(study.rows) - len(study.stopped), len(study.rows)
+    earlier = f", {before} of them ended before" if before else ""
+    click.echo(f"{done} of {total} scenes done{earlier}.")
+    for row in study.stopped:
+        if row["status"] != "waiting":
+            click.echo(f"  {row['directory']}: {row['status']}: {row['message']}")
+    click.echo(f"Table {study.table}, figure {study.draw()}.")
+    if interrupted:
+        click.echo("Interrupted. Next: the same command, which goes on from here.")
+    if study.stopped:
+        sys.exit(STOPPED)
+
+
+if __name__ == "__main__":
+    main()

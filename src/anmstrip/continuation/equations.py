@@ -1,0 +1,104 @@
+"""Equations of a path, R(u, λ) = 0, as the solver sees them; counters of what solving costs."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from anmstrip.continuation.path import Branch
+
+Array = NDArray[np.float64]
+
+TINY = float(np.finfo(float).tiny)
+
+
+class Recurrence(Protocol):
+    """The orders R_k of R at one point, found one after the other.
+
+    1. ``residual`` is order 0, shape (n,).
+    2. For each order k from 1 on, ``correct(k, u_k, λ_k)`` is called once; for k ≥ 2,
+       ``advance(k)`` comes before it.
+    3. ``tangent`` and ``control_derivative`` are called before any order is fixed.
+    """
+
+    residual: Array
+
+    def tangent(self) -> Any:
+        """∂R/∂u, in the form that the linear solver takes."""
+
+    def control_derivative(self) -> Array:
+        """∂R/∂λ, shape (n,)."""
+
+    def advance(self, k: int) -> Array:
+        """Order k of R, k ≥ 2, as if u_k = 0 and λ_k = 0."""
+
+    def correct(self, k: int, u: Array, control: float) -> None:
+        """Fix order k of the unknowns."""
+
+
+class Equations(Protocol):
+    """R(u, λ) = 0 and the scales in which its user measures errors.
+
+    1. ``recurrence(u, λ, order).residual`` and ``residual(u, λ)`` agree to round-off.
+    2. ``imbalance`` is a norm; tolerances are in its unit, which is that of the problem's forces.
+    3. ``metric`` holds the weights of the unknowns in the inner product of changes of state, such
+       that the length of a change is dimensionless.
+    4. A class that inherits from this one has no interior check unless it writes one.
+    """
+
+    @property
+    def metric(self) -> Array | float:
+        """Weights of the unknowns, shape (n,) or ()."""
+
+    def recurrence(self, u: Array, control: float, order: int) -> Recurrence:
+        """Start the series at a point."""
+
+    def residual(self, u: Array, control: float) -> Array:
+        """R(u, λ) in plain numbers, shape (n,)."""
+
+    def imbalance(self, residual: Array) -> float:
+        """Size of a residual in units of the problem's own forces."""
+
+    def interior_check(self, branch: Branch) -> float | None:
+        """Parameter inside a branch at which something acts that neither end shows, or None."""
+        return None
+
+
+def inner(equations: Equations, u: Array, w: Array) -> float:
+    """Dimensionless inner product of two changes of state."""
+    return float((u * equations.metric) @ w)
+
+
+def size(equations: Equations, u: Array) -> float:
+    """Length of a change of state in the equations' own scales."""
+    return math.sqrt(max(inner(equations, u, u), 0.0))
+
+
+@dataclass
+class Cost:
+    """Counters of work, and the seconds that it took; ``most`` bounds the expansions."""
+
+    expansions: int = 0
+    factorisations: int = 0
+    solves: int = 0
+    residuals: int = 0
+    seconds: dict[str, float] = field(default_factory=dict)
+    most: float = float("inf")
+
+    @contextmanager
+    def timed(self, phase: str) -> Iterator[None]:
+        """Add the seconds spent inside to ``phase``."""
+        begin = time.perf_counter()
+        try:
+            yield
+        finally:
+            spent = time.perf_counter() - begin
+            self.seconds[phase] = self.seconds.get(phase, 0.0) + spent

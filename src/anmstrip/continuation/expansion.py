@@ -1,0 +1,146 @@
+"""One tangent, N orders: a point of a solution path becomes a branch of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from anmstrip.continuation.equations import TINY, Array, Cost, Equations, inner, size
+from anmstrip.continuation.path import Branch
+from anmstrip.continuation.status import Outcome, PathStopped
+from anmstrip.linalg.solvers import LinearSolver
+
+LARGEST = 1e100
+"""Size of a coefficient after which a series ends, so that no later one overflows."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """Meaning of the path parameter a, and how far a = 1 is to reach."""
+
+    scale: float  # change of the control, or arclength, at a = 1
+    reach: float = np.inf  # largest a of interest; orders that are not seen there are left out
+    arclength: bool = False  # follow pseudo-arclength instead of the control
+    forward: tuple[Array, float] | None = None  # direction (u, λ) of travel so far, on an arc
+    unhurried: float = 0.0  # least share of the way ahead that takes a small imbalance away
+    ahead: float = 0.0  # distance to the target in λ, on an arc
+
+
+def expand(
+    equations: Equations,
+    u: Array,
+    control: float,
+    *,
+    order: int,
+    solver: LinearSolver,
+    parameter: Parameter,
+    tolerance: float = 0.0,
+    cost: Cost | None = None,
+) -> Branch:
+    """Series of the path through (u, control), with one factorisation.
+
+    Order k of R is K u_k + λ_k ∂R/∂λ + advance(k), so that u_k = ū_k + λ_k û with
+    K ū_k = −advance(k) and K û = −∂R/∂λ.  The border equation closes it: λ = λ_0 + scale a, or
+    ⟨t, (u, λ)⟩ = scale a along the arc, where t is the unit vector along (û, 1).
+
+    Parameters
+    ----------
+    equations : Equations
+    u : ndarray, shape (n,)
+    control : float
+        λ at the start.
+    order : int
+        N, the highest order.
+    solver : LinearSolver
+        Factorises the tangent K once and solves for every order.
+    parameter : Parameter
+        Meaning and scale of the path parameter.
+    tolerance : float
+        Largest imbalance that is wanted.  Where two successive orders would leave
+        less than a tenth of it at ``parameter.reach``, the series ends.  An initial
+        imbalance above it is taken away over the whole reach, a smaller one up to
+        a = 1, or as far as ``parameter.unhurried`` says.
+    cost : Cost, optional
+        Counters to add to.
+
+    Returns
+    -------
+    Branch
+        Of unlimited length: its range is not known yet.
+
+    Raises
+    ------
+    SingularTangentError
+        From the solver, if the tangent cannot be factorised.
+    PathStopped
+        As many expansions as ``cost`` allows were made.
+    """
+    cost = Cost() if cost is None else cost
+    if cost.expansions >= cost.most:
+        raise PathStopped(Outcome.TOO_MANY_TANGENTS, control)
+    with cost.timed("series"):
+        recurrence = equations.recurrence(u, control, order)
+    with cost.timed("tangent"):
+        matrix = recurrence.tangent()
+    with cost.timed("factorisation"):
+        factors = solver.factorise(matrix)
+    cost.expansions += 1
+    cost.factorisations += 1
+
+    def solve(right: Array) -> Array:
+        cost.solves += 1
+        with cost.timed("back-substitution"):
+            return factors.solve(right)
+
+    per_control = -solve(recurrence.control_derivative())
+    away = equations.imbalance(recurrence.residual) > tolerance
+    if parameter.arclength:
+        norm = np.sqrt(inner(equations, per_control, per_control) + 1.0)
+        forward_u, forward_control = parameter.forward or (np.zeros_like(u), 1.0)
+        if inner(equations, forward_u, per_control) + forward_control < 0.0:
+            norm = -norm
+        t_u, t_control = per_control / norm, 1.0 / norm
+        along = inner(equations, t_u, per_control) + t_control
+        share = 0.0 if away else parameter.unhurried * parameter.ahead
+        carried_over = max(1.0, share / max(abs(t_control) * parameter.scale, TINY))
+    else:
+        whole = parameter.reach if np.isfinite(parameter.reach) else 1.0
+        carried_over = max(1.0, whole * (1.0 if away else parameter.unhurried))
+    u_orders, control_orders, forces, unseen = [u], [control], [0.0], 0
+    for k in range(1, order + 1):
+        if k == 1:
+            right = recurrence.residual / carried_over
+        else:
+            with cost.timed("series"):
+                right = recurrence.advance(k)
+        free = -solve(right) if right.any() else np.zeros_like(u)
+        control_k = parameter.scale if k == 1 else 0.0
+        if parameter.arclength:
+            control_k = (control_k - inner(equations, t_u, free)) / along
+        u_k = free + control_k * per_control
+        with cost.timed("series"):
+            recurrence.correct(k, u_k, control_k)
+        u_orders.append(u_k)
+        control_orders.append(control_k)
+        forces.append(equations.imbalance(right) if k > 1 else 0.0)
+        seen = k == 1 or _is_seen(forces[k], k, parameter.reach, tolerance)
+        unseen = 0 if seen else unseen + 1
+        if unseen == 2 or size(equations, u_k) > LARGEST:
+            break
+    return Branch(
+        u=np.array(u_orders),
+        control=np.array(control_orders),
+        length=np.inf,
+        residual=recurrence.residual,
+        carried_over=carried_over,
+        forces=(forces[-2], forces[-1]),
+    )
+
+
+def _is_seen(force: float, k: int, reach: float, tolerance: float) -> bool:
+    """Whether force · reach^k, left without order k, is more than a tenth of the tolerance."""
+    if not force > 0.0:
+        return force != 0.0
+    return math.log(force) + k * math.log(reach) > math.log(max(0.1 * tolerance, TINY))

@@ -1,0 +1,1 @@
+"""A run from its warnings to its outcome."""

@@ -1,0 +1,343 @@
+"""Why a run has stopped: stage, time, place and likely cause, with what to type.
+
+Every cause is a function that looks at a :class:`Failure` and returns a sentence, or None.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anmstrip.continuation.status import Evidence, Outcome, PathStopped
+from anmstrip.continuation.tolerances import RESIDUAL_SHARE
+from anmstrip.equilibrium import Equilibrium, StageProblem
+from anmstrip.results.state import ContactState, State
+from anmstrip.scene.schema import SceneSpec, StageSpec
+from anmstrip.scene.tables import THREADING
+from anmstrip.simulation.meshing import QUARTER
+from anmstrip.simulation.problem import Assembly, cheapest_order, size_of
+
+Array = NDArray[np.float64]
+
+NEAR = 2.0
+"""Gap, in lengths of the elements there, up to which a node counts as near a roller."""
+
+COARSE = 0.5
+"""Element over a roller, in boundary layers √(D/T), that is called too long."""
+
+CLEAR = 0.1
+"""Share of the asked imbalance that round-off may make."""
+
+SHARE, DIGITS = 0.01, 1e3
+"""A usual step over the duration of a stage; speeds from which on friction is seen to turn."""
+
+
+@dataclass(frozen=True)
+class Location:
+    """A node of the strip at which a path has failed."""
+
+    position: tuple[float, ...]  # in the flat strip, x of a section or x and y (m)
+    component: str  # x, y or z: which displacement failed
+    element: float  # length of the elements there along the strip (m)
+    roller: str  # name of the nearest roller, empty if none is near
+
+    def __str__(self) -> str:
+        at = ", ".join(f"{n} = {v:.4g} m" for n, v in zip("xy", self.position, strict=False))
+        roller = f", at roller {self.roller}" if self.roller else ""
+        return f"{at} (in {self.component}{roller})"
+
+
+def locate(evidence: Evidence, state: State) -> Location | None:
+    """Return the node that has most to do with a failure, None if nothing shows it.
+
+    A residual times the unit of its unknown is a force, a motion over it a length.
+    """
+    strip, free = state.plan.model.strip, state.plan.supports.free
+    number, units = evidence.unknown, state.plan.model.units[free]
+    for values, scale in ((evidence.residual, units), (evidence.motion, 1.0 / units)):
+        if number is None and values is not None and len(values) == len(units):
+            size = np.where(np.isfinite(values), np.abs(values * scale), np.inf)
+            number = int(np.argmax(size)) if size.max() > size.min() else None
+    if number is None:
+        return None
+    scalar, component = divmod(int(free[number]), strip.count)
+    mesh, at_node = strip.mesh, np.argwhere(strip.basis.nodal_dofs == scalar)
+    if len(at_node):
+        point = mesh.p[:, at_node[0, 1]]
+    else:
+        facet = np.argwhere(strip.basis.facet_dofs == scalar)[0, 1]
+        point = mesh.p[:, mesh.facets[:, facet]].mean(axis=1)
+    node = int(np.abs(mesh.p - point[:, None]).sum(axis=0).argmin())
+    element = float(strip.cell_sizes[0][(mesh.t == node).any(axis=0)].max())
+    gaps = [(np.inf, "")]
+    for name, contact in state.contacts.items():
+        x = contact.contact.operator.reference[: len(point)]
+        gaps.append((float(contact.gap[np.abs(x - point[:, None]).sum(axis=0).argmin()]), name))
+    gap, roller = min(gaps)
+    name = "xyz"[strip.kinematics.components[component]]
+    return Location(tuple(point), name, element, roller if gap < NEAR * element else "")
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A stopped path, seen from the scene."""
+
+    assembly: Assembly
+    stage: StageSpec
+    state: State  # last one that was accepted, with the plan of the stage
+    stopped: PathStopped
+
+    @property
+    def scene(self) -> SceneSpec:
+        """Scene that was run."""
+        return self.assembly.scene
+
+    @property
+    def plan(self) -> StageProblem:
+        """Equations of the stage."""
+        return self.state.plan
+
+    @cached_property
+    def location(self) -> Location | None:
+        """Node of the strip that shows it."""
+        return locate(self.stopped.evidence, self.state)
+
+    @cached_property
+    def touched(self) -> list[ContactState]:
+        """Rollers that the strip lies on."""
+        return [c for c in self.state.contacts.values() if c.touching.any()]
+
+
+def diagnosis(failure: Failure) -> str:
+    """Say what has happened and where, then the likely cause and what to type."""
+    stopped, location = failure.stopped, failure.location
+    words = ": ".join(part for part in (stopped.outcome.value, stopped.detail) if part)
+    where = "" if location is None else f"; worst at {location}"
+    with np.errstate(all="ignore"):
+        cause = next(found for rule in CAUSES if (found := rule(failure)))
+    time = f"t = {failure.state.time:.6g} s"
+    return f"Stopped in stage {failure.stage.name} at {time}: {words}{where}. {cause}"
+
+
+def too_many_steps(failure: Failure) -> str | None:
+    """The bound on steps or tangents was meant by the user, and nothing is wrong."""
+    keys = {Outcome.TOO_MANY_STEPS: "max_steps", Outcome.TOO_MANY_TANGENTS: "max_tangents"}
+    key = keys.get(failure.stopped.outcome)
+    if key is None:
+        return None
+    doubt = forewarned(failure)
+    more = f"Try --set solver.{key}={2 * getattr(failure.scene.solver, key)}, then --resume."
+    return more if doubt is None else f"{more} But {doubt[0].lower()}{doubt[1:]}"
+
+
+def not_held(failure: Failure) -> str | None:
+    """No edge holds a component, and no roller the strip lies on."""
+    strip, edges = failure.plan.model.strip, failure.scene.edges
+    held = np.ones(strip.unknowns, dtype=bool)
+    held[failure.plan.supports.free] = False
+    rubbed = "xy" if failure.plan.in_time else ""
+    by_rollers = rubbed + "z" if failure.touched else ""
+    for place, component in enumerate(strip.kinematics.components):
+        name = "xyz"[component]
+        if held[strip.count * strip.node_values + place].any() or name in by_rollers:
+            continue
+        edge = next(iter(edges), "entry")
+        fixed = sorted({*(edges[edge].fixed if edge in edges else ()), name})
+        listed = ", ".join(f'"{c}"' for c in fixed)
+        key = f"'edges.{edge}.fixed=[{listed}]'" if name != "y" else f"edges.{edge}.centred=true"
+        return f"Nothing holds the strip in {name}. Try --set {key}."
+    return None
+
+
+def squeezed(failure: Failure) -> str | None:
+    """Two rollers overlap, or press on the same points."""
+    contacts, controls = failure.state.contacts, failure.state.controls
+    for a, b in combinations(failure.assembly.rollers, 2):
+        if not {a.name, b.name} <= set(contacts):
+            continue
+        centre = np.array(controls[f"rollers.{b.name}.centre"])
+        across = centre - controls[f"rollers.{a.name}.centre"]
+        across -= (across @ a.unit_axis) * a.unit_axis
+        distance = float(np.linalg.norm(across))
+        overlap = a.radius + b.radius - distance
+        if overlap > 0.0 or (contacts[a.name].touching & contacts[b.name].touching).any():
+            away = 1.1 * max(overlap, failure.assembly.strip.thickness) / distance * across
+            key, value = f"rollers.{b.name}.centre", centre + away
+            control = failure.stage.rollers.get(b.name)
+            if control is not None and control.move is not None:
+                key = f"stages.{failure.stage.name}.rollers.{b.name}.move"
+                value -= np.array(b.centre)
+            return (
+                f"Rollers {a.name} and {b.name} are {-overlap:.3g} m apart and squeeze the strip. "
+                f"Try --set '{key}={_vector(value)}'."
+            )
+    return None
+
+
+def round_off(failure: Failure) -> str | None:
+    """The last digits of the state do not allow the tolerance.
+
+    The floor is the imbalance, over the force scale, that a change of the last digit makes.
+    """
+    plan, state = failure.plan, failure.state
+    signs = np.where(np.arange(len(state.full)) % 3 == 1, -1.0, 1.0)
+    moved = state.full * (1.0 + np.finfo(float).eps * signs)
+    change = plan.model.force(moved, state.velocity, state.controls) - state.imbalance
+    equilibrium = Equilibrium(plan.model, plan.supports, plan.controls)
+    floor = equilibrium.imbalance(change[plan.supports.free])
+    share = RESIDUAL_SHARE if plan.in_time else 1.0
+    if not floor > CLEAR * share * failure.scene.solver.tolerance:
+        return None
+    return (
+        f"The tolerance is near round-off: the last digit of the positions is worth {floor:.1g} "
+        f"of the forces. Try --set solver.tolerance={2.0 * floor / CLEAR / share:.0e}."
+    )
+
+
+def forewarned(failure: Failure) -> str | None:
+    """It could be told before the run, of this stage and those before it."""
+    from anmstrip.driver.warnings import Preview, serious
+
+    preview = Preview.of(failure.assembly)
+    until = 1 + [plan.name for plan in preview.plans].index(failure.stage.name)
+    plans, strings = preview.plans[:until], preview.strings[:until]
+    found = serious(replace(preview, plans=plans, strings=strings))
+    return f"{found[0][0].upper()}{found[0][1:]}" if found else None
+
+
+def slack(failure: Failure) -> str | None:
+    """No tension, or membrane forces that press more than an element bears unbuckled."""
+    membrane, strip = failure.assembly.membrane, failure.assembly.strip
+    if membrane is None:
+        return None
+    forces = membrane.at(failure.state.full)
+    mean = forces.reshape(*forces.shape[:2], strip.mesh.nelements, -1).mean(axis=3)
+    least = np.linalg.eigvalsh(np.moveaxis(mean, 2, 0))[:, 0]
+    euler = np.pi**2 * strip.bending_stiffness if failure.scene.strip.bending else 0.0
+    bearable = euler / (4.0 * strip.cell_sizes[0]) ** 2
+    worst = int(np.argmin(least + bearable))
+    if least[worst] < -max(bearable[worst], 1e-3 * failure.assembly.scales.tension):
+        x = strip.mesh.p[0, strip.mesh.t[:, worst]].mean()
+        found = f"pressed at x = {x:.3g} m with {-least[worst]:.3g} N/m, and buckles"
+    elif mean[0, 0].max() < euler / strip.length**2:
+        found = "under no tension, which is what holds a thin strip in shape"
+    else:
+        return None
+    return f"The strip is {found}. Try {more_tension(failure)}."
+
+
+def more_tension(failure: Failure) -> str:
+    """Return what to type to pull more: twice as much, or to a strain of 5e-5."""
+    scene, stage = failure.scene, failure.stage.name
+    if scene.threading is not None and stage == THREADING:
+        return f"--set threading.tension={2.0 * scene.threading.tension:.3g}"
+    if failure.plan.in_time and not failure.state.full.any():
+        return f"--set stages.{stage}.friction=false, to pull it before it rubs"
+    force = failure.plan.controls.at(1.0).get("exit.force", np.zeros(3))
+    if force[0] > 0.0:
+        return f"--set 'stages.{stage}.exit.force={_vector(2.0 * force)}'"
+    held = scene.edges.get("exit")
+    if held is not None and "x" in held.fixed:
+        return f"a larger x in stages.{stage}.exit.move"
+    tension = 5e-5 * failure.assembly.strip.tensile_stiffness
+    return f"--set 'stages.{scene.stages[0].name}.exit.force=[{tension:.3g}, 0.0, 0.0]'"
+
+
+def coarse(failure: Failure) -> str | None:
+    """Elements over a roller do not see the strip bend onto it."""
+    location, strip = failure.location, failure.assembly.strip
+    if location is None or not location.roller or not failure.scene.strip.bending:
+        return None
+    layer = float(np.sqrt(strip.bending_stiffness / failure.assembly.scales.tension))
+    if not location.element > COARSE * layer:
+        return None
+    return (
+        f"Elements of {location.element:.3g} m over roller {location.roller} are long "
+        f"against √(D/T) = {layer:.3g} m. Try {finer_mesh(failure, QUARTER * layer)}."
+    )
+
+
+def finer_mesh(failure: Failure, length: float) -> str:
+    """Return what to type for elements of a length over rollers."""
+    if failure.scene.strip.mesh is not None:
+        return f"a mesh with elements of {length:.2g} m there"
+    return f"--set strip.refined={length:.2g}"
+
+
+def stiff_friction(failure: Failure) -> str | None:
+    """Friction turns round within a speed at which the positions have no digits left."""
+    friction, strip = failure.scene.friction, failure.assembly.strip
+    if not failure.plan.in_time or friction is None or not failure.touched:
+        return None
+    seen = np.finfo(float).eps * strip.length / (SHARE * failure.plan.duration)
+    turns = friction.omega * friction.speed
+    if not turns < DIGITS * seen:
+        return None
+    return (
+        f"Friction turns round within {turns:.2g} m/s, and the last digit of the positions is "
+        f"worth {seen:.2g} m/s in a step of time. "
+        f"Try --set friction.speed={DIGITS * seen / friction.omega:.1g}."
+    )
+
+
+def low_order(failure: Failure) -> str | None:
+    """Series of few terms, asked for: their steps may shrink where those of more do not."""
+    given, assembly = failure.scene.solver.order, failure.assembly
+    size = size_of(assembly, assembly.kinematics)
+    if given is None or size is None or failure.stopped.outcome is not Outcome.STALLED:
+        return None
+    order = cheapest_order(size, failure.scene.solver.tolerance)
+    if 2 * given > order:
+        return None
+    return f"Series of order {given} are short. Try --set solver.order={order}."
+
+
+def still_coarse(failure: Failure) -> str | None:
+    """Nothing else is known, but it is at a roller, where the mesh decides."""
+    location = failure.location
+    if location is None or not location.roller or failure.stopped.outcome is Outcome.FOLD:
+        return None
+    element = min(location.element, failure.scene.strip.refined or np.inf)
+    finer = finer_mesh(failure, 0.5 * element)
+    return f"Try a finer mesh over roller {location.roller}: {finer}."
+
+
+def asked_too_much(failure: Failure) -> str:
+    """The stage changes more than the strip can follow."""
+    stage = failure.stage
+    rollers = {f"rollers.{name}": roller for name, roller in stage.rollers.items()}
+    tables = {**stage.edges, **rollers}
+    keys = [
+        f"{n}.{k}" for n, table in tables.items() for k in table.model_dump(exclude_defaults=True)
+    ]
+    keys += [key for key in ("gravity", "pressure") if getattr(stage, key) is not None]
+    if keys:
+        changed = ", ".join(f"stages.{stage.name}.{key}" for key in keys)
+        return f"This stage changes {changed}: try a smaller change."
+    return f"Try --set stages.{stage.name}.duration={2.0 * failure.plan.duration:g}."
+
+
+def _vector(values: Array) -> str:
+    """Return a vector as it is typed."""
+    return f"[{', '.join(f'{float(v):.4g}' for v in values)}]"
+
+
+CAUSES: tuple[Callable[[Failure], str | None], ...] = (
+    too_many_steps,
+    not_held,
+    squeezed,
+    round_off,
+    forewarned,
+    slack,
+    coarse,
+    stiff_friction,
+    low_order,
+    still_coarse,
+    asked_too_much,
+)
+"""Likely causes, the surest first; the last one always has words."""

@@ -1,0 +1,191 @@
+"""A run of a scene in words and tables, before it is made; nothing is solved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from io import StringIO
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from anmstrip.driver.warnings import Level, Preview, justified_level, levels, warnings
+from anmstrip.equilibrium import StageProblem
+from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
+from anmstrip.scene.schema import SceneSpec
+from anmstrip.simulation.problem import Assembly, flat_gap
+from anmstrip.taylor.series import record
+
+MEGABYTE = 2.0**20
+
+
+def explain(scene: SceneSpec) -> str:
+    """Describe effects, what is left out, rollers, stages, levels, scales and warnings.
+
+    Raises
+    ------
+    InputError
+        Mistakes that only the mesh shows.
+    """
+    assembly = Assembly(scene)
+    preview = Preview.of(assembly)
+    strip, found = assembly.strip, levels(preview)
+    h, own = strip.cell_sizes[0], assembly.kinematics.name
+    stream = StringIO()
+    console = Console(file=stream, width=100, no_color=True, highlight=False)
+
+    def say(line: str) -> None:
+        console.print(line, markup=False)
+
+    say(scene.title or scene.name)
+    say(
+        f"Strip {strip.length:g} m × {strip.width:g} m × {strip.thickness:g} m, "
+        f"{strip.mesh.t.shape[1]} elements {h.min():.3g} to {h.max():.3g} m long, "
+        f"{strip.unknowns} unknowns, kinematics {scene.strip.kinematics}"
+        f"{', fed: fresh strip follows what has left' if scene.strip.feed else ''}."
+    )
+    console.print(effect_table(preview))
+    if (bent := scene.strip.imperfection) is not None:
+        words = f"by mode {bent.mode} of buckling at the end of stage {scene.course[0].name}"
+        say(f"Bent without stress by {bent.amplitude:g} m, {words}.")
+    for line in left_out(preview):
+        say(f"Left out: {line}")
+    if scene.rollers:
+        console.print(roller_table(preview))
+    console.print(stage_table(preview.plans))
+    console.print(level_table(found, own))
+    for level in found:
+        if level.against:
+            say(f"Not {level.kinematics.name}: {'; '.join(level.against)}.")
+    best = justified_level(found)
+    name = best.kinematics.name
+    chosen = ", as chosen" if name == own else ""
+    say(f"These numbers justify: {name}{chosen}. {best.lost}.")
+    if scene.contact is not None and scene.rollers:
+        law, given = assembly.signorini, scene.contact.constants or scene.contact.onset
+        resolved = "" if given else ", as the mesh resolves"
+        say(f"Contact: {law.words}, setting in over {law.width:.3g} m{resolved}.")
+    scales = assembly.scales
+    say(
+        f"Errors are relative to {scales.length:g} m (positions), {scales.force:g} N (imbalance) "
+        f"and {scales.tension:g} N/m (membrane forces); tolerance {scene.solver.tolerance:g}, "
+        f"order {assembly.order}{', the cheapest' if scene.solver.order is None else ''}."
+    )
+    for level in found:
+        if level.kinematics.name == own and level.against:
+            say(f"Warning: kinematics {own} does not see that {'; '.join(level.against)}.")
+    for line in warnings(preview):
+        say(f"Warning: {line}")
+    return stream.getvalue().rstrip()
+
+
+def _table(title: str, *columns: str) -> Table:
+    """Return an empty table, its first column to the left and the others to the right."""
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    for i, column in enumerate(columns):
+        table.add_column(column, justify="left" if i == 0 else "right")
+    return table
+
+
+def effect_table(preview: Preview) -> Table:
+    """Return the effects with their points, unknowns, memory and stages."""
+    table = _table("Effects", "effect", "points", "unknowns", "memory (MB)", "in stages")
+    found: dict[str, tuple[Effect, list[StageProblem]]] = {}
+    for plan in preview.plans:
+        for effect in plan.model.effects:
+            found.setdefault(effect.name, (effect, []))[1].append(plan)
+    for i, (name, (effect, acting)) in enumerate(found.items()):
+        own = str(preview.assembly.strip.unknowns) if i == 0 else "0"
+        used = memory(effect, preview.assembly.order, acting[0]) / MEGABYTE
+        stages = ", ".join(plan.name for plan in acting)
+        table.add_row(name, str(effect.points), own, f"{used:.2f}", stages)
+    return table
+
+
+def memory(effect: Effect, order: int, plan: StageProblem) -> float:
+    """Return the bytes of the series of a law at all its points, else of its constants."""
+    if isinstance(effect, LinearEffect):
+        return effect.block.nbytes
+    if isinstance(effect, LoadEffect):
+        return effect.load.nbytes
+    assert isinstance(effect, LawEffect)
+    operator, controls = effect.operator, plan.controls.at(0.0)
+    x, law = operator.apply(np.zeros(plan.model.strip.unknowns)), effect.law
+    program = record(lambda x: law(x, x, controls), x, points=operator.points)
+    return program.nbytes(order)
+
+
+def left_out(preview: Preview) -> list[str]:
+    """Return the effects that do not act, with what in the scene says so."""
+    scene, names = preview.assembly.scene, {e.name for p in preview.plans for e in p.model.effects}
+    follows, bent = (any(n.startswith(f"{k} on") for n in names) for k in ("tension", "moment"))
+    still = scene.friction is not None and not any(plan.in_time for plan in preview.plans)
+    bends = scene.strip.bending
+    acting = {
+        "membrane (a plate has the tension that exit.force gives it).": "membrane" in names,
+        "bending (strip.bending = false): no boundary layer, any curvature is free.": bends,
+        "contact (no table [contact]): the rollers are only drawn.": scene.contact,
+        "friction (no table [friction]): nothing depends on velocity.": scene.friction,
+        "friction (switched off in every stage): nothing depends on velocity.": not still,
+        "weight (no stage has gravity).": "weight" in names,
+        "pressure (no stage has it).": "pressure" in names,
+        "tension that follows the strip (no stage has entry.tension or exit.tension).": follows,
+        "moments on edges (no stage has entry.moment or exit.moment).": bent,
+        "inertia, plasticity, heat: not modelled.": False,
+    }
+    return [line for line, acts in acting.items() if not acts]
+
+
+def roller_table(preview: Preview) -> Table:
+    """Return the rollers, with their radii at the strip's sides, distances, wraps and sides."""
+    strip, thread = preview.assembly.strip, preview.assembly.thread
+    last = "wrap (°), side" if thread else "gap to the flat strip, wrap (°), side"
+    table = _table("Rollers", "roller", "radius (m)", "centre (m)", "axis", last)
+    for roller in preview.assembly.rollers:
+        radius = f"{roller.radius:g}"
+        if not roller.is_cylinder:
+            left, right = strip.nodes[1].min(), strip.nodes[1].max()
+            low, high = (roller.radius_at(y - roller.centre[1]) for y in (left, right))
+            radius += f"; {low:g} at y = {left:g} m, {high:g} at y = {right:g} m"
+        turn = preview.turn(roller) if thread is None else thread.turns.get(roller.name)
+        turn = preview.turn(roller) if turn is None else turn
+        sides = [s.senses[roller.name] for s in preview.strings if roller.name in s.senses]
+        wrap = f"{np.degrees(turn):.4g}°, {sides[0]}" if sides else "not touched"
+        table.add_row(
+            roller.name,
+            radius,
+            ", ".join(f"{c:g}" for c in roller.centre),
+            ", ".join(f"{c:.3g}" for c in roller.unit_axis),
+            wrap if thread is not None else f"{flat_gap(strip, roller):.3g} m, {wrap}",
+        )
+    return table
+
+
+def stage_table(plans: Sequence[StageProblem]) -> Table:
+    """Return the stages with their times, free unknowns and paths, and what moves in them."""
+    table = _table("Stages", "stage", "from (s)", "to (s)", "free unknowns", "path", "what moves")
+    for plan in plans:
+        moving = sorted(plan.controls.slope)
+        moving += ["held edges"] if np.any(plan.supports.slope) else []
+        table.add_row(
+            plan.name,
+            f"{plan.start:g}",
+            f"{plan.start + plan.duration:g}",
+            str(len(plan.supports.free)),
+            "implicit in time (friction)" if plan.in_time else "rate-free, in the control",
+            ", ".join(moving) or "nothing",
+        )
+    return table
+
+
+def level_table(found: Sequence[Level], own: str) -> Table:
+    """Return the levels of kinematics with their unknowns, points and costs."""
+    columns = ("unknowns", "points", "cost of an expansion (estimate)", "sees this scene")
+    table = _table("Kinematics", "level", *columns)
+    for level in found:
+        name, size = level.kinematics.name, level.size
+        counts = ("–", "–") if size is None else (str(size.unknowns), str(size.points))
+        cost = "–" if level.cost is None else f"× {level.cost:.2g}"
+        chosen = f"{name}, chosen" if name == own else name
+        table.add_row(chosen, *counts, cost, "no" if level.against else "yes")
+    return table

@@ -1,0 +1,171 @@
+"""The observer of a run: writes what happens, so that it can be read at any moment."""
+
+from __future__ import annotations
+
+import platform
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anmstrip.results.fields import FieldSampler
+from anmstrip.results.files import History, save_checkpoint, write_summary
+from anmstrip.results.state import State
+from anmstrip.results.vtk import Collection, subdivide, write_rollers, write_surface
+from anmstrip.simulation.march import Step
+from anmstrip.simulation.problem import Assembly
+
+Array = NDArray[np.float64]
+
+CHECKPOINT_SECONDS = 2.0
+"""Least time between two checkpoints inside a stage."""
+
+STALE = ("checkpoint.npz", "summary.json")
+"""Files of an earlier run in the same directory that no longer belong to anything."""
+
+STEP_COLUMNS = ("stage", "time", "step", "tangents", "order", "range", "residual")
+
+EVENT_COLUMNS = ("time", "stage", "kind", "roller", "point", "x", "y", "gap", "slip")
+
+ROLLER_COLUMNS = ("normal_force", "drag", "wrap", "max_slip")
+
+
+class Recorder:
+    """Writes history, states, checkpoint and summary of a run into a directory.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    directory : Path
+    resumed : mapping or None
+        Facts of the checkpoint of an earlier run.
+    """
+
+    def __init__(
+        self, assembly: Assembly, directory: Path, resumed: Mapping[str, Any] | None = None
+    ) -> None:
+        self.assembly, self.directory = assembly, directory
+        directory.mkdir(parents=True, exist_ok=True)
+        names = [f"{r.name}_{column}" for r in assembly.rollers for column in ROLLER_COLUMNS]
+        columns = (*STEP_COLUMNS, "entry_tension", "exit_tension", *names)
+        history, events = directory / "history.csv", directory / "events.csv"
+        contents = directory / "strip.pvd", directory / "rollers.pvd"
+        kept: Mapping[str, Any] = resumed or {"rows": 0, "time": -1.0, "turned": {}}
+        self.rows, self.event_rows = kept["rows"], kept.get("event_rows", 0)
+        if resumed is None:
+            self.history = History(history, columns)
+            for stale in (*directory.glob("*.pvd"), *map(directory.joinpath, STALE)):
+                stale.unlink(missing_ok=True)
+            self.strip, self.rollers = map(Collection, contents)
+        else:
+            self.history = History.reopen(history, columns, self.rows)
+            self.strip, self.rollers = (Collection.reopen(c, kept["time"]) for c in contents)
+        self.events: History | None = None
+        if not assembly.scene.output.events:
+            events.unlink(missing_ok=True)
+        elif self.event_rows:
+            self.events = History.reopen(events, EVENT_COLUMNS, self.event_rows)
+        else:
+            self.events = History(events, EVENT_COLUMNS)
+        self.states = len(self.strip.entries)
+        self.due = [t for t in assembly.scene.output.times or () if t > kept["time"]]
+        touching = None if assembly.contact is None else assembly.contact_operator
+        bends, bent = assembly.bending is not None, assembly.imperfection
+        self.surface = FieldSampler(assembly.strip, assembly.membrane, touching, bends, bent)
+        self.turned = dict.fromkeys((r.name for r in assembly.rollers), 0.0) | kept["turned"]
+        self.last_checkpoint = 0.0
+
+    def record(self, step: Step, before: State) -> None:
+        """Write what is wanted of an accepted step: history, events, its end or instants inside."""
+        state, output = step.state, self.assembly.scene.output
+        values = {column: getattr(step, column) for column in STEP_COLUMNS}
+        for edge in ("entry", "exit"):
+            values[f"{edge}_tension"] = state.tension(edge)
+        for name, reading in state.rollers.items():
+            values |= {f"{name}_{column}": getattr(reading, column) for column in ROLLER_COLUMNS}
+        self.history.append(values)
+        self.rows += 1
+        for event in step.events:
+            assert self.events is not None
+            self.events.append(asdict(event))
+            self.event_rows += 1
+        while self.due and self.due[0] <= state.time:
+            inside = state.at(self.due.pop(0), before)
+            self._turn(inside, before)
+            self.write_state(inside)
+            before = inside
+        self._turn(state, before)
+        if output.times is None and step.step % output.every == 0:
+            self.write_state(state)
+
+    def write_state(self, state: State) -> None:
+        """Write the surface and the rollers, and list them."""
+        strip, rollers = (f"{name}_{self.states:05d}.vtu" for name in ("strip", "rollers"))
+        fields = self.surface.sample(state)
+        points = self.surface.reference.T + fields["displacement"]
+        smooth = self.assembly.scene.output.smooth
+        cells = self.surface.cells if smooth else subdivide(self.surface.cells)
+        write_surface(self.directory / strip, points, cells, fields)
+        self.strip.add(state.time, strip)
+        if self.assembly.rollers:
+            moved = [
+                replace(roller, centre=tuple(state.controls[f"rollers.{roller.name}.centre"]))
+                for roller in self.assembly.rollers
+            ]
+            angles = [self.turned[roller.name] / roller.radius for roller in moved]
+            write_rollers(self.directory / rollers, moved, angles, self.assembly.strip.width)
+            self.rollers.add(state.time, rollers)
+        self.states += 1
+
+    def _turn(self, state: State, before: State) -> None:
+        """Add the surface's travel since a state, for the rollers' pictures."""
+        h = state.time - before.time
+        for name in self.turned:
+            speed = float(state.controls[f"rollers.{name}.surface_speed"])
+            slope = float(state.plan.controls.rate(f"rollers.{name}.surface_speed"))
+            self.turned[name] += h * (speed - 0.5 * slope * h / state.plan.duration)
+
+    def checkpoint(
+        self, arrays: Mapping[str, Array], facts: Mapping[str, Any], force: bool = False
+    ) -> None:
+        """Save what is needed to go on, at most every few seconds unless forced."""
+        now = time.monotonic()
+        if not force and now - self.last_checkpoint < CHECKPOINT_SECONDS:
+            return
+        self.last_checkpoint = now
+        names = ("rows", "states", "turned", "event_rows")
+        counters = {name: getattr(self, name) for name in names}
+        save_checkpoint(self.directory / "checkpoint.npz", arrays, {**facts, **counters})
+
+    def summary(self, facts: Mapping[str, Any], state: State | None) -> None:
+        """Write ``summary.json``."""
+        edges: dict[str, Any] = {}
+        rollers: dict[str, Any] = {}
+        if state is not None:
+            for name in self.assembly.strip.edges:
+                if name in ("entry", "exit"):
+                    edges[name] = {"tension": state.tension(name), "force": state.edge_force(name)}
+            for name, reading in state.rollers.items():
+                cost = state.regularisation[name]
+                effect = {n: getattr(cost, f"by_{n}") for n in ("creep", "cone", "penetration")}
+                rollers[name] = {
+                    **{key: value for key, value in asdict(reading).items() if key != "resultant"},
+                    "tension_ratio": reading.tension_ratio,
+                    "sticking_creep": cost.sticking_creep,
+                    "penetration": cost.penetration,
+                    "regularisation_effect": {**effect, "total": cost.effect},
+                }
+        written = {"rollers": rollers, "edges": edges, "input": self.assembly.scene.to_dict()}
+        summary = {**facts, **written, "versions": versions()}
+        write_summary(self.directory / "summary.json", summary)
+
+
+def versions() -> dict[str, str]:
+    """Versions of this program and of what it stands on."""
+    packages = ("anmstrip", "numpy", "scipy", "scikit-fem", "meshio", "pyvista")
+    return {"python": platform.python_version(), **{name: version(name) for name in packages}}

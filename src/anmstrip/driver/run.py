@@ -1,0 +1,340 @@
+"""The run of a scene: stage after stage, step after step."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anmstrip.continuation.equations import Cost
+from anmstrip.continuation.follow import Pace
+from anmstrip.continuation.status import Outcome, PathStopped
+from anmstrip.driver.recorder import Recorder
+from anmstrip.equilibrium import StageProblem
+from anmstrip.fem.geometry import SHELL
+from anmstrip.results.files import load_checkpoint
+from anmstrip.results.state import State
+from anmstrip.scene.schema import SceneSpec, StageSpec
+from anmstrip.simulation.march import March, Step, unbroken
+from anmstrip.simulation.problem import Assembly, EffectMaker
+from anmstrip.timestepping.formulas import Memory
+
+if TYPE_CHECKING:
+    from anmstrip.results.events import EventWatch
+
+
+Array = NDArray[np.float64]
+
+
+def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
+    """Arrays and plain facts from which :func:`unpack` restores a run."""
+    march, course = run.march, run.march.course
+    arrays = {"full": march.full, "velocity": march.velocity}
+    arrays |= {f"moved.{name}": value for name, value in course.moved.items()}
+    arrays |= {f"speed.{name}": value for name, value in course.speeds.items()}
+    arrays |= {f"begun.{name}": value for name, value in course.begun.items()}
+    arrays |= {f"value.{name}": value for name, value in course.values.items()}
+    if march.feed is not None:
+        arrays |= {f"home.{name}": value for name, value in march.feed.home.items()}
+    facts: dict[str, Any] = {
+        "stage": run.first_stage,
+        "steps": run.steps,
+        "expansions": run.cost.expansions,
+        "factorisations": run.cost.factorisations,
+        "seconds": run.seconds,
+        "reached": march.reached,
+        "time": 0.0 if run.state is None else run.state.time,
+        "course_time": course.time,
+        "released": sorted(course.released),
+        "stages": run.stages,
+        "effects": run.effects,
+        "snaps": run.snaps,
+        "slack": march.slack,
+        "fed": 0 if march.feed is None else march.feed.elements,
+    }
+    if march.memory is not None:
+        facts["times"], facts["next_step"] = list(march.memory.times), march.memory.step
+        facts["time_order"] = march.memory.order
+        arrays["states"], arrays["v"] = np.array(march.memory.states), march.memory.v
+    if march.pace is not None:
+        facts["pace"] = {
+            "control": march.pace.control,
+            "last": march.pace.last,
+            "shrinking": march.pace.shrinking,
+            "arclength": march.pace.arclength,
+        }
+        if march.pace.forward is not None:
+            arrays["forward"], facts["forward"] = march.pace.forward
+    return arrays, facts
+
+
+def unpack(run: Run, arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> None:
+    """Bring a new run to where a packed one was."""
+    march = run.march
+    march.full, march.velocity = arrays["full"], arrays["velocity"]
+    run.first_stage, run.steps, march.reached = facts["stage"], facts["steps"], facts["reached"]
+    run.cost.expansions = facts["expansions"]
+    run.cost.factorisations = facts["factorisations"]
+    run.spent, run.stages, run.effects = facts["seconds"], facts["stages"], facts["effects"]
+    run.snaps = facts["snaps"]
+    march.course.time, march.course.released = facts["course_time"], set(facts["released"])
+    kept = {
+        "moved": march.course.moved,
+        "begun": march.course.begun,
+        "speed": march.course.speeds,
+        "value": march.course.values,
+    }
+    if march.feed is not None:
+        kept["home"], march.feed.elements = march.feed.home, facts["fed"]
+    for name, value in arrays.items():
+        kind, _, key = name.partition(".")
+        if kind in kept:
+            kept[kind][key] = value
+    march.slack = facts["slack"]
+    if "pace" in facts:
+        forward = (arrays["forward"], facts["forward"]) if "forward" in facts else None
+        march.pace = Pace(
+            facts["pace"]["control"],
+            facts["pace"]["last"],
+            tuple((a, b) for a, b in facts["pace"]["shrinking"]),
+            facts["pace"]["arclength"],
+            forward,
+        )
+    if "times" in facts:
+        states = tuple(arrays["states"])
+        march.memory = Memory(
+            tuple(facts["times"]), states, arrays["v"], facts["next_step"], facts["time_order"]
+        )
+
+
+class Run:
+    """Iterator over the accepted steps of a scene; writes results as it goes.
+
+    Parameters
+    ----------
+    scene : SceneSpec
+    directory : path, optional
+        Where the results go; nothing is written without.
+    resume : bool
+        Go on from the checkpoint in the directory.
+    effects : iterable of callables, optional
+        Effects of one's own, each a function of the strip that returns an
+        :class:`~anmstrip.mechanics.effects.Effect`; they act in every stage.
+
+    Attributes
+    ----------
+    outcome : Outcome
+        How the run ended; ``DONE`` only after the last step.
+    message : str
+        The same in a sentence.
+    warnings : list of str
+        What the last state of a written run gives cause for.
+
+    Raises
+    ------
+    InputError
+        The scene's mesh or rollers cannot be used, nothing buckles that should be imperfect,
+        or there is no checkpoint to resume.
+    """
+
+    def __init__(
+        self,
+        scene: SceneSpec,
+        directory: str | Path | None = None,
+        resume: bool = False,
+        effects: Iterable[EffectMaker] = (),
+    ) -> None:
+        self.scene = scene
+        self.directory = None if directory is None else Path(directory)
+        imperfection = None
+        if scene.strip.imperfection is not None:
+            from anmstrip.simulation.imperfection import imperfection_of
+
+            imperfection = imperfection_of(scene)
+        self.assembly = Assembly(scene, imperfection, tuple(effects))
+        self.march = March(self.assembly)
+        self.steps, self.first_stage = 0, 0
+        self.effects: dict[str, dict[str, Any]] = {}
+        self.stages: dict[str, dict[str, Any]] = {}
+        self.snaps: list[dict[str, Any]] = []
+        self.state: State | None = None
+        self.outcome, self.message = Outcome.TOO_MANY_STEPS, "The run has not ended."
+        self.warnings: list[str] = []
+        self.begun, self.spent = time.perf_counter(), 0.0
+        resumed = None
+        if resume:
+            assert self.directory is not None
+            arrays, resumed = load_checkpoint(self.directory / "checkpoint.npz")
+            unpack(self, arrays, resumed)
+        self.watch: EventWatch | None = None
+        a = self.assembly
+        if scene.output.events and a.contact is not None:
+            from anmstrip.results.events import EventWatch
+
+            fed, tension = scene.strip.feed, a.scales.tension
+            self.watch = EventWatch(a.contact, a.rollers, a.friction, tension, fed)
+        self.recorder: Recorder | None = None
+        if self.directory is not None:
+            self.recorder = Recorder(self.assembly, self.directory, resumed)
+
+    @property
+    def cost(self) -> Cost:
+        """Factorisations and back-substitutions so far."""
+        return self.march.cost
+
+    @property
+    def seconds(self) -> float:
+        """Wall time, that of earlier parts of a resumed run included (s)."""
+        return self.spent + time.perf_counter() - self.begun
+
+    @property
+    def end_time(self) -> float:
+        """Sum of the stages' durations (s)."""
+        return sum(stage.duration for stage in self.scene.course)
+
+    def __iter__(self) -> Iterator[Step]:
+        course = self.scene.course
+        try:
+            for stage in course[self.first_stage :]:
+                yield from self._run_stage(stage)
+            self.outcome, self.message = Outcome.DONE, self._success()
+        except PathStopped as stopped:
+            from anmstrip.driver.diagnosis import Failure, diagnosis
+
+            self.outcome = stopped.outcome
+            stage = course[min(self.first_stage, len(course) - 1)]
+            state = self.march.here(self.march.course.plan(stage, {}))
+            self.message = diagnosis(Failure(self.assembly, stage, state, stopped))
+            with unbroken():
+                self._checkpoint(force=True)
+        self._finish()
+
+    def interrupted(self) -> None:
+        """Write checkpoint and summary after an interruption."""
+        self.outcome = Outcome.INTERRUPTED
+        self.message = f"Stopped: {Outcome.INTERRUPTED.value}."
+        with unbroken():
+            self._checkpoint(force=True)
+            self._finish()
+
+    def _run_stage(self, stage: StageSpec) -> Iterator[Step]:
+        """Take the steps of a stage, from its beginning or from where it was interrupted."""
+        march = self.march
+        with unbroken():
+            plan = march.planned(stage, self.state)
+        self.counted = (time.perf_counter(), self.steps, self.cost.expansions)
+        if march.reached is not None or self.state is None:  # resumed, or at the very beginning
+            self.state = march.here(plan)
+        if march.reached is None or march.reached < 1.0:
+            try:
+                for step in march.through(plan, self.scene.solver.max_steps - self.steps):
+                    with unbroken():
+                        accepted = self._accept(step)
+                    yield accepted
+            finally:
+                self._count(plan)
+        with unbroken():
+            self._checkpoint(force=True)
+            march.finish(stage, plan)
+            self.first_stage += 1
+
+    def _accept(self, step: Step) -> Step:
+        """Count a step, look for events and snaps in it, and write it down."""
+        plan, state = step.state.plan, step.state
+        before = self.march.here(plan) if self.state is None else self.state
+        velocity = None if before.velocity is None else self.march.velocity
+        before = replace(before, full=self.march.full, velocity=velocity)  # in this step's labels
+        if step.snapped:
+            values = self.assembly.strip.unknowns_of(self.assembly.strip.node_values)
+            distance = float(np.abs(state.full - self.march.full)[values].max())
+            if distance > self.march.tolerances.position * self.assembly.scales.length:
+                told = {"stage": plan.name, "time": state.time, "distance": distance}
+                self.snaps.append(told)
+        self.state = state
+        self.march.accept(step)
+        self.steps += 1
+        self._count(plan)
+        step = replace(
+            step,
+            step=self.steps,
+            tangents=self.cost.expansions,
+            end_time=self.end_time,
+            events=() if self.watch is None else self.watch.during(before, state),
+        )
+        if self.recorder is not None:
+            self.recorder.record(step, before)
+            self._checkpoint()
+        return step
+
+    def _count(self, plan: StageProblem) -> None:
+        """Add what was spent since the last time to the counters."""
+        begin, steps, expansions = self.counted
+        seconds = plan.model.seconds
+        for effect in plan.model.effects:
+            entry = self.effects.setdefault(effect.name, {"points": effect.points, "seconds": 0.0})
+            entry["seconds"] += seconds[effect.name]
+            seconds[effect.name] = 0.0
+        self.counted = (time.perf_counter(), self.steps, self.cost.expansions)
+        entry = self.stages.setdefault(plan.name, {"steps": 0, "tangents": 0, "seconds": 0.0})
+        entry["steps"] += self.steps - steps
+        entry["tangents"] += self.cost.expansions - expansions
+        entry["seconds"] += self.counted[0] - begin
+
+    def _checkpoint(self, force: bool = False) -> None:
+        """Save what is needed to go on, if the run is written at all."""
+        if self.recorder is not None:
+            self.recorder.checkpoint(*packed(self), force)
+
+    def _finish(self) -> None:
+        """Write the last state, unless other ones were asked for, and the summary."""
+        if self.recorder is None:
+            return
+        facts, state, written = self.facts(), self.state, self.recorder.strip.entries
+        if state is not None:
+            chosen = self.scene.output.times is not None or self.outcome is Outcome.INTERRUPTED
+            if not written or (not chosen and written[-1].time < state.time):
+                self.recorder.write_state(state)
+            if self.assembly.kinematics is SHELL:
+                from anmstrip.results.wrinkles import Wrinkling
+
+                wrinkling = Wrinkling(state)
+                self.warnings = facts["warnings"] = wrinkling.warnings
+                facts["wrinkle_amplitude"] = wrinkling.amplitude(self.recorder.surface)
+                facts["compressive_membrane_force"] = wrinkling.compression
+        self.recorder.summary(facts, state)
+
+    def facts(self) -> dict[str, Any]:
+        """Return the counters of the run, as in ``summary.json``."""
+        march = self.march
+        return {
+            "status": "done" if self.outcome.done else self.outcome.name.lower(),
+            "message": self.message,
+            "unknowns": self.assembly.strip.unknowns,
+            "steps": self.steps,
+            "tangents": self.cost.expansions,
+            "factorisations": self.cost.factorisations,
+            "wall_seconds": self.seconds,
+            "seconds": self.cost.seconds,
+            "linear_solver": march.solver.name,
+            "effects": self.effects,
+            "stages": self.stages,
+            "snaps": self.snaps,
+            **({} if march.feed is None else {"feed": march.feed.facts(march.full)}),
+        }
+
+    def _success(self) -> str:
+        """Return what is said of a run that has come to its end."""
+        snaps = "".join(
+            f" At t = {snap['time']:.6g} s the strip ran away by {snap['distance']:.2g} m: "
+            "friction had no equilibrium to hold it in."
+            for snap in self.snaps
+        )
+        return (
+            f"Done: {self.end_time:g} s in {self.steps} steps, {self.cost.expansions} tangents, "
+            f"{self.seconds:.1f} s.{snaps}"
+        )

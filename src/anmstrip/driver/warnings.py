@@ -1,0 +1,353 @@
+"""Warnings before a scene runs, and the level of kinematics that its numbers justify.
+
+Every rule is a function that looks at a :class:`Preview` and yields sentences.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from anmstrip.driver.string_estimate import ENDS, StringEstimate, string_estimate
+from anmstrip.equilibrium import StageProblem
+from anmstrip.fem.geometry import KINEMATICS, Kinematics
+from anmstrip.mechanics.roller import Roller
+from anmstrip.simulation.meshing import QUARTER, boundary_layer, largest_force
+from anmstrip.simulation.problem import Assembly, Size, size_of
+from anmstrip.simulation.stages import Course
+
+STEEPEST = np.radians(5.0)
+"""Slope up to which a plate is offered: it errs by slope²/2, which is 0.4 % there."""
+
+BENT = 0.5
+"""Turn (rad) within one element over a roller that it cannot follow."""
+
+SUNK = 0.1
+"""Share of a roller's radius that a strip may sink into it, pressed by its tension."""
+
+SLACK = 1e-2
+"""Share of the largest force below which an end that was pulled is slack."""
+
+
+@dataclass(frozen=True)
+class Preview:
+    """A scene before it runs."""
+
+    assembly: Assembly
+    plans: Sequence[StageProblem]  # the stages as they would be solved
+    strings: Sequence[StringEstimate]  # the strip as a taut string at the end of each
+
+    @classmethod
+    def of(cls, assembly: Assembly) -> Preview:
+        """Walk through all stages."""
+        course, plans, strings = Course(assembly), [], []
+        for stage in assembly.scene.course:
+            plans.append(course.plan(stage, {}))
+            course.finish(stage)
+            strings.append(string_estimate(course))
+        return cls(assembly, plans, strings)
+
+    @property
+    def tension(self) -> float:
+        """Largest force of the scene (N/m)."""
+        return largest_force(self.assembly.scene)
+
+    @property
+    def steepest(self) -> StringEstimate:
+        """The string with the largest slope."""
+        return max(self.strings, key=lambda string: string.slope)
+
+    def turn(self, roller: Roller) -> float:
+        """Largest wrap of a roller in any stage (rad)."""
+        return max((string.turns.get(roller.name, 0.0) for string in self.strings), default=0.0)
+
+
+def warnings(preview: Preview) -> list[str]:
+    """Return all warnings, the serious ones first."""
+    return [*serious(preview), *(told for rule in OTHER_RULES for told in rule(preview))]
+
+
+def serious(preview: Preview) -> list[str]:
+    """Return the warnings for which a run may stop."""
+    if preview.tension == 0.0:
+        return []
+    return [told for rule in SERIOUS_RULES for told in rule(preview)]
+
+
+# for which a run may stop -----------------------------------------------------------------------
+
+
+def sharp_roller(preview: Preview) -> Iterator[str]:
+    """Elements that cannot follow a roller."""
+    for roller in preview.assembly.rollers if preview.assembly.scene.contact else ():
+        turn, h = preview.turn(roller), element_over(preview.assembly, roller)
+        if min(h / roller.radius, turn) > BENT:
+            yield (
+                f"roller {roller.name} turns the strip by {np.degrees(turn):.0f}°, and elements of "
+                f"{h:.2g} m cannot follow its radius of {roller.radius:.2g} m. "
+                f"Try --set strip.refined={QUARTER * roller.radius:.1g}."
+            )
+
+
+def soft_contact(preview: Preview) -> Iterator[str]:
+    """Contact that lets the strip sink into a roller, or sets in far away from it.
+
+    The setting that is told makes the strip sink in by a hundredth of the radius; the gap of a
+    graded law goes with its onset.
+    """
+    contact = preview.assembly.scene.contact
+    for roller in preview.assembly.rollers if contact is not None else ():
+        assert contact is not None
+        law, pressure = preview.assembly.signorini, preview.tension / roller.radius
+        depth, least = -float(law.gap(np.float64(pressure))), SUNK**2 * roller.radius
+        if depth > SUNK * roller.radius and preview.turn(roller) > SUNK:
+            key = f"contact.onset={law.width * least / depth:.1g}"
+            if contact.constants is not None:
+                key = f"contact.stiffness={pressure / least:.1g}"
+            yield (
+                f"pressed by T/r = {pressure:.2g} Pa the strip sinks {depth:.2g} m "
+                f"into roller {roller.name}, of radius {roller.radius:.2g} m. Try --set {key}."
+            )
+        elif contact.constants is None and law.width > SUNK * roller.radius:
+            key = f"strip.refined={QUARTER * roller.radius:.1g}"
+            if contact.onset is not None:
+                key = f"contact.onset={least:.1g}"
+            yield (
+                f"contact sets in {law.width:.2g} m away from roller {roller.name}, of radius "
+                f"{roller.radius:.2g} m. Try --set {key}."
+            )
+
+
+def slack_start(preview: Preview) -> Iterator[str]:
+    """A first stage that pulls the slack strip while it may rub, in time from no stiffness on."""
+    first = preview.plans[0]
+    ends = [first.controls.at(share).get("exit.force", np.zeros(3)) for share in (0.0, 1.0)]
+    slack = preview.assembly.thread is None and not np.any(ends[0])
+    if slack and first.in_time and np.any(ends[1]):
+        yield (
+            f"stage {first.name} pulls a slack strip, which has no stiffness across, while it may "
+            f"rub. Try --set stages.{first.name}.friction=false, to pull it before."
+        )
+
+
+def released_strip(preview: Preview) -> Iterator[str]:
+    """Stages from which on no edge holds the strip in x, nor friction what is changed there."""
+    scene, names = preview.assembly.scene, {plan.name for plan in preview.plans}
+    holding = {name for name, edge in scene.edges.items() if "x" in edge.fixed}
+    for stage in (stage for stage in scene.stages if stage.name in names and holding):
+        holding -= {name for name, edge in stage.edges.items() if edge.release}
+        pulled = [name for name, edge in stage.edges.items() if edge.force or edge.tension]
+        rubs = preview.assembly.frictional(stage)
+        if holding or (rubs and not pulled):
+            continue
+        who, key = ("only friction", "force") if rubs else ("nothing", "release")
+        what = f", which pulls at its {pulled[0]}" if rubs else ""
+        yield (
+            f"{who} holds the strip in x in stage {stage.name}{what}. "
+            f"Try it without stages.{stage.name}.{(pulled or ['entry'])[0]}.{key}."
+        )
+
+
+def slack_end(preview: Preview) -> Iterator[str]:
+    """Stages at whose end an end that was pulled no longer is, and bending does not hold it."""
+    strip, largest = preview.assembly.strip, preview.tension
+    stiff = preview.assembly.scene.strip.bending
+    bearable = strip.bending_stiffness * (np.pi / strip.length) ** 2 if stiff else 0.0
+    for plan in preview.plans:
+        end = plan.controls.at(1.0)
+        force = end.get("exit.force")
+        if force is None or "exit.tension" in end or largest < 10.0 * bearable:
+            continue
+        before = np.linalg.norm(plan.controls.at(0.0)["exit.force"])
+        if np.linalg.norm(force) < SLACK * largest < before:
+            yield (
+                f"stage {plan.name} leaves the strip without tension, which is what holds it in "
+                f"shape. Try --set 'stages.{plan.name}.exit.force=[{0.1 * largest:.2g}, 0.0, 0.0]'."
+            )
+
+
+def heavy_strip(preview: Preview) -> Iterator[str]:
+    """Stages whose weight is more than the tension can carry without a deep sag."""
+    strip, largest = preview.assembly.strip, preview.tension
+    for plan in preview.plans:
+        gravity = np.linalg.norm(plan.controls.at(1.0).get("gravity", np.zeros(3)))
+        weight = gravity * strip.material.density * strip.thickness * strip.length
+        if weight > largest:
+            yield (
+                f"in stage {plan.name} the strip weighs {weight:.2g} N/m, {weight / largest:.2g} "
+                "times its tension, and sags deeply. Try a larger tension, or gravity from the "
+                "first stage on."
+            )
+
+
+# others ------------------------------------------------------------------------------------------
+
+
+def coarse_mesh(preview: Preview) -> Iterator[str]:
+    """Elements over rollers that are longer than a quarter of the boundary layer."""
+    layer = boundary_layer(preview.assembly.scene)
+    coarse: dict[str, list[str]] = {}
+    for roller in preview.assembly.rollers if preview.assembly.scene.contact else ():
+        if (h := element_over(preview.assembly, roller)) > 1.01 * QUARTER * layer:
+            coarse.setdefault(f"{h:.3g} m", []).append(roller.name)
+    for size, names in coarse.items():
+        yield (
+            f"elements over {', '.join(names)} are {size} long; a quarter of the boundary layer "
+            f"√(D/T) = {layer:.3g} m would be {QUARTER * layer:.3g} m (strip.refined)."
+        )
+
+
+def slipping_friction(preview: Preview) -> Iterator[str]:
+    """A reference speed of friction far above the elastic creep of a driven strip."""
+    law, stages = preview.assembly.friction, preview.assembly.scene.stages
+    if law is None or preview.tension == 0.0:
+        return
+    given = [control.surface_speed for stage in stages for control in stage.rollers.values()]
+    speed = max((abs(s) for s in given if s), default=0.0)
+    creep = speed * law.coefficient * preview.tension / preview.assembly.strip.tensile_stiffness
+    if creep and law.speed > 10.0 * creep:
+        yield (
+            f"friction.speed V_c = {law.speed:g} m/s is far above the elastic creep of a driven "
+            f"strip, about {creep:.2g} m/s: rollers will slip visibly "
+            f"(V_c = {creep:.1g} is honest)."
+        )
+
+
+def beyond_yield(preview: Preview) -> Iterator[str]:
+    """Rollers over which the bent strip is stressed beyond its yield stress."""
+    scene, m, t = (
+        preview.assembly.scene,
+        preview.assembly.material,
+        preview.assembly.strip.thickness,
+    )
+    limit = scene.material.yield_stress
+    if limit is None or scene.contact is None or not scene.strip.bending:
+        return
+    for roller in preview.assembly.rollers:
+        stress = m.young * t / (2.0 * roller.radius * (1.0 - m.poisson**2))
+        if stress > limit:
+            yield (
+                f"bending over {roller.name} gives {stress / 1e6:.0f} MPa at the surface, "
+                f"above the yield stress {limit / 1e6:.0f} MPa; plasticity is not modelled."
+            )
+
+
+SERIOUS_RULES = (sharp_roller, soft_contact, slack_start, released_strip, slack_end, heavy_strip)
+OTHER_RULES = (coarse_mesh, slipping_friction, beyond_yield)
+
+
+def element_over(assembly: Assembly, roller: Roller) -> float:
+    """Length of the longest element that comes to lie on a roller (m), 0 if none does."""
+    mesh, reach = assembly.strip.mesh, 0.5 * np.pi * roller.radius
+    first, last = roller.centre[0] - reach, roller.centre[0] + reach
+    if assembly.thread is not None:
+        if roller.name not in assembly.thread.arcs:
+            return 0.0
+        first, last = assembly.thread.arcs[roller.name]
+        if assembly.scene.strip.feed:
+            first, last = -np.inf, np.inf
+    x = mesh.p[0, mesh.t].mean(axis=0)
+    return float(assembly.strip.cell_sizes[0, (first <= x) & (x <= last)].max(initial=0.0))
+
+
+# levels of kinematics ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Level:
+    """A level of kinematics, for one scene."""
+
+    kinematics: Kinematics
+    size: Size | None  # None where the scene's mesh cannot be used
+    cost: float | None  # estimated seconds of an expansion over those at the scene's own level
+    against: tuple[str, ...]  # what the scene has that it cannot see; empty if it can be used
+    lost: str  # what it leaves out even so
+
+
+def levels(preview: Preview) -> list[Level]:
+    """Return the three levels, the cheapest first."""
+    assembly, slope = preview.assembly, preview.steepest.slope
+    own, edges = size_of(assembly, assembly.kinematics), ""
+    assert own is not None
+    if assembly.rollers and assembly.scene.strip.bending:
+        width = np.sqrt(min(r.radius for r in assembly.rollers) * assembly.strip.thickness)
+        edges = f" (about √(r t) = {width:.2g} m wide)"
+    told = {
+        "section": (
+            tuple(against_section(preview)),
+            f"Lost is what the width does: anticlastic edges{edges}, contraction that the held "
+            "ends prevent, wrinkles, wandering",
+        ),
+        "plate": (
+            tuple(against_plate(preview)),
+            "Lost is motion in the plane: the tension stays as given, and slopes of "
+            f"{np.degrees(slope):.2g}° cost {50.0 * slope**2:.2g} % (slope²/2)",
+        ),
+        "shell": ((), "Nothing is lost"),
+    }
+    found = []
+    for name, (against, lost) in told.items():
+        size = size_of(assembly, KINEMATICS[name])
+        order = assembly.order
+        cost = None if size is None else size.seconds(order) / own.seconds(order)
+        found.append(Level(KINEMATICS[name], size, cost, against, lost))
+    return found
+
+
+def justified_level(found: Sequence[Level]) -> Level:
+    """Return the cheapest level that sees all that the scene has."""
+    costs = [(level.cost, k) for k, level in enumerate(found) if level.cost and not level.against]
+    return found[min(costs)[1]]
+
+
+def against_section(preview: Preview) -> Iterator[str]:
+    """Facts that a section, without width, does not see."""
+    scene = preview.assembly.scene
+    if scene.strip.mesh is not None:
+        yield "the mesh comes from a file, which may have holes or any outline"
+    for roller in scene.rollers:
+        if roller.axis[0] or roller.axis[2]:
+            yield f"the axis of {roller.name} is not along y"
+        if roller.profile:
+            yield f"{roller.name} is crowned or tapered"
+    for stage in scene.stages:
+        if stage.gravity is not None and stage.gravity[1]:
+            yield f"stage {stage.name} has gravity across the strip"
+        for name, c in stage.edges.items():
+            given = (c.force, c.move, c.velocity)
+            if name in ENDS and any(v is not None and v[1] for v in given):
+                yield f"stage {stage.name} pulls or moves {name} across the strip"
+    touched = {*scene.edges, *(name for stage in scene.stages for name in stage.edges)}
+    for name in sorted(touched - {*ENDS}):
+        yield f"{name}, a side, is held, pulled or moved"
+
+
+def against_plate(preview: Preview) -> Iterator[str]:
+    """Facts that a plate, with small slopes and nothing in its plane, does not see."""
+    scene, steep = preview.assembly.scene, preview.steepest
+    if any(preview.assembly.frictional(stage) for stage in scene.course):
+        yield "friction moves the strip along"
+    if scene.strip.feed:
+        yield "the strip is fed, so it moves along"
+    if steep.slope > STEEPEST:
+        wraps = [f"{n} by {np.degrees(t):.3g}°" for n, t in steep.turns.items() if t > 0.0]
+        error = (
+            f"{50.0 * steep.slope**2:.0f} %" if steep.slope <= 1.0 else "beyond all small slopes"
+        )
+        yield (
+            f"slopes reach {np.degrees(steep.slope):.3g}°"
+            f"{', wrapping ' if wraps else ''}{', '.join(wraps)}: the error, slope²/2, would be "
+            f"{error} (bound {np.degrees(STEEPEST):.0f}°)"
+        )
+    if scene.threading is not None:
+        yield "[threading] lays the strip around rollers"
+    for stage in scene.stages:
+        for name, c in stage.edges.items():
+            if any(v is not None and (v[0] or v[1]) for v in (c.move, c.velocity)):
+                yield f"stage {stage.name} moves {name} in the plane"
+            if c.tension is not None:
+                yield f"{name}.tension in stage {stage.name}: only exit.force pulls a plate"
+            elif c.force is not None and any(c.force[name == "exit" : 2]):
+                yield f"stage {stage.name} pulls {name} in the plane, not by exit.force along x"

@@ -1,0 +1,359 @@
+"""Effects joined to equations: residual series and one sparse tangent."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+
+from anmstrip.continuation.path import Branch
+from anmstrip.fem.constraints import Scales, Supports
+from anmstrip.fem.operators import Pattern, Restriction
+from anmstrip.fem.strip import Strip
+from anmstrip.mechanics.effect_series import Controls, RecordedLaws, series_of
+from anmstrip.mechanics.effects import Effect, Moment
+from anmstrip.mechanics.shell import Membrane
+from anmstrip.timestepping.formulas import AffineVelocity
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+class Model:
+    """A strip and the effects that act on it.
+
+    Parameters
+    ----------
+    strip : Strip
+    pattern : Pattern
+    effects : sequence of Effect
+    scales : Scales
+
+    Attributes
+    ----------
+    seconds : dict
+        Time spent in every effect so far.
+    """
+
+    def __init__(
+        self, strip: Strip, pattern: Pattern, effects: Sequence[Effect], scales: Scales
+    ) -> None:
+        self.strip, self.pattern, self.scales = strip, pattern, scales
+        self.effects = tuple(effects)
+        self.seconds = {effect.name: 0.0 for effect in effects}
+        self.value_unknowns = strip.unknowns_of(strip.node_values)
+        self.units = np.repeat(strip.dof_lengths, strip.count)
+        self.laws = RecordedLaws()
+        self._restrictions: dict[bytes, Restriction] = {}
+
+    @property
+    def rate_dependent(self) -> bool:
+        """Whether any effect looks at the velocity."""
+        return any(effect.rate_dependent for effect in self.effects)
+
+    @property
+    def without_rates(self) -> Model:
+        """The effects that do not look at the velocity."""
+        if not self.rate_dependent:
+            return self
+        still = [effect for effect in self.effects if not effect.rate_dependent]
+        return Model(self.strip, self.pattern, still, self.scales)
+
+    def restriction(self, free: Index) -> Restriction:
+        """Assembler over the free unknowns, remembered."""
+        key = free.tobytes()
+        if key not in self._restrictions:
+            self._restrictions[key] = self.pattern.restricted(free)
+        return self._restrictions[key]
+
+    def force(self, full: Array, velocity: Array | None, controls: Mapping[str, Any]) -> Array:
+        """Residual of all unknowns in plain numbers: internal minus external forces."""
+        total = np.zeros_like(full)
+        for effect in self.effects:
+            begin = time.perf_counter()
+            total += effect.force(full, velocity, controls)
+            self.seconds[effect.name] += time.perf_counter() - begin
+        return total
+
+    def tension_error(self, full: Array, change: Array) -> float:
+        """Root mean square of the membrane forces of a change, over the tension scale."""
+        for effect in self.effects:
+            if isinstance(effect, Membrane):
+                forces = effect.change(full, change)
+                weights = effect.operator.weights
+                mean = np.einsum("abp,abp,p->", forces, forces, weights) / weights.sum()
+                return float(np.sqrt(mean)) / self.scales.tension
+        return 0.0
+
+
+class Equilibrium:
+    """R(u, λ) = 0 of the free unknowns; implements the series wing's ``Equations``.
+
+    Parameters
+    ----------
+    model : Model
+    supports : Supports
+    controls : Controls
+    velocity : AffineVelocity, optional
+        v of the free unknowns as a function of u and λ; needed with friction.
+    moving : ndarray, shape (unknowns,), optional
+        Velocity of what is held and moved, zero elsewhere.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        supports: Supports,
+        controls: Controls,
+        velocity: AffineVelocity | None = None,
+        moving: Array | None = None,
+    ) -> None:
+        self.model, self.supports, self.controls = model, supports, controls
+        self.velocity = velocity
+        self.moving = np.zeros(model.strip.unknowns) if moving is None else moving
+        size = model.scales
+        self.free_units = 1.0 / model.units[supports.free]
+        self.is_value = np.isin(supports.free, model.value_unknowns)
+        self._metric = self.is_value / (size.length**2 * len(model.strip.node_values))
+
+    @property
+    def metric(self) -> Array:
+        """Metric of changes of position: mean square over the nodes, over the length scale."""
+        return self._metric
+
+    def full_velocity(self, u: Array, control: float) -> Array | None:
+        """Velocity of all unknowns, or ``None`` where nothing depends on it."""
+        if self.velocity is None:
+            return None
+        whole = self.moving.copy()
+        whole[self.supports.free] = self.velocity(u, control)
+        return whole
+
+    def recurrence(self, u: Array, control: float, order: int) -> EquilibriumSeries:
+        """Start the series at a point."""
+        return EquilibriumSeries(self, u, control, order)
+
+    def residual(self, u: Array, control: float) -> Array:
+        """Imbalance of the free unknowns, shape (free,)."""
+        full = self.supports.full(u, control)
+        forces = self.model.force(full, self.full_velocity(u, control), self.controls.at(control))
+        return forces[self.supports.free]
+
+    def interior_check(self, branch: Branch) -> float | None:
+        """Return where on a branch the strip crosses a roller that neither end shows."""
+
+        def states(shares: Array) -> Iterator[Moment]:
+            for u, control in zip(*branch.many(shares * branch.length), strict=True):
+                yield self.supports.full(u, control), None, self.controls.at(control)
+
+        for effect in self.model.effects:
+            if (share := effect.crossing(states)) is not None:
+                return share * branch.length
+        return None
+
+    def resistance(self, u: Array, control: float) -> Callable[[Array], Array]:
+        """∂R/∂v at a state, applied to changes of the free unknowns' velocity."""
+        full, velocity = self.supports.full(u, control), self.full_velocity(u, control)
+        parts = [
+            series_of(effect, 1, (full, velocity, control), self.controls, self.model.laws)
+            for effect in self.model.effects
+            if effect.rate_dependent
+        ]
+        still = np.zeros_like(full)
+
+        def applied(change: Array) -> Array:
+            moved = np.zeros_like(full)
+            moved[self.supports.free] = change
+            total = still.copy()
+            for part in parts:
+                force = part.derivative(still, moved, 0.0)
+                total += 0.0 if force is None else force
+            return total[self.supports.free]
+
+        return applied
+
+    def turned(self, u: Array) -> float:
+        """Friction that may be wrong for slip that turns round until λ = 1, u, over all forces."""
+        moments = [
+            (self.supports.full(w, c), self.full_velocity(w, c), self.controls.at(c))
+            for w, c in ((np.zeros_like(u), 0.0), (u, 1.0))
+        ]
+        reversed_friction = sum(e.reversed_friction(*moments) for e in self.model.effects)
+        return reversed_friction / self.model.scales.force
+
+    def imbalance(self, residual: Array) -> float:
+        """Norm of nodal forces (moments over element size) over the force scale."""
+        forces = residual / self.free_units
+        return math.sqrt(forces.dot(forces)) / self.model.scales.force
+
+
+class EquilibriumSeries:
+    """Orders of R at one point; implements the series wing's ``Recurrence``."""
+
+    def __init__(self, equations: Equilibrium, u: Array, control: float, order: int) -> None:
+        self.equations, self.model = equations, equations.model
+        self.free = equations.supports.free
+        full = equations.supports.full(u, control)
+        velocity = equations.full_velocity(u, control)
+        self.parts = [
+            series_of(effect, order, (full, velocity, control), equations.controls, self.model.laws)
+            for effect in self.model.effects
+        ]
+        self.residual = self._summed(lambda part: part.residual())
+
+    def _summed(self, contribution: Any) -> Array:
+        total = np.zeros(self.model.strip.unknowns)
+        for part in self.parts:
+            begin = time.perf_counter()
+            found = contribution(part)
+            if found is not None:
+                total += found
+            self.model.seconds[part.effect.name] += time.perf_counter() - begin
+        return total[self.free]
+
+    def tangent(self) -> csc_matrix:
+        """∂R/∂u + rate ∂R/∂v over the free unknowns."""
+        blocks = self.model.pattern.zeros()
+        velocity = self.equations.velocity
+        for part in self.parts:
+            begin = time.perf_counter()
+            part.add_tangent(self.model.pattern, blocks, 0.0 if velocity is None else velocity.rate)
+            self.model.seconds[part.effect.name] += time.perf_counter() - begin
+        return self.model.restriction(self.free).matrix(blocks)
+
+    def _changes(self, u: Array, control: float) -> tuple[Array, Array | None]:
+        change = self.equations.supports.change(u, control)
+        velocity = self.equations.velocity
+        if velocity is None:
+            return change, None
+        rate = np.zeros_like(change)
+        rate[self.free] = velocity.rate * u + control * velocity.slope
+        return change, rate
+
+    def control_derivative(self) -> Array:
+        """∂R/∂λ over the free unknowns."""
+        u, v = self._changes(np.zeros(len(self.free)), 1.0)
+        return self._summed(lambda part: part.derivative(u, v, 1.0))
+
+    def advance(self, k: int) -> Array:
+        """Order k of R for u_k = 0 and λ_k = 0."""
+        return self._summed(lambda part: part.advance(k))
+
+    def correct(self, k: int, u: Array, control: float) -> None:
+        """Fix order k of the unknowns in all effects."""
+        change, rate = self._changes(u, control)
+        for part in self.parts:
+            begin = time.perf_counter()
+            part.correct(k, change, rate, control)
+            self.model.seconds[part.effect.name] += time.perf_counter() - begin
+
+
+class Motion:
+    """A stage in time; implements the series wing's ``RateEquations``.
+
+    Parameters
+    ----------
+    model : Model
+    supports, controls
+        Of the whole stage, λ = 0 at its start and 1 at its end.
+    start, duration : float
+        Times (s).
+    """
+
+    def __init__(
+        self, model: Model, supports: Supports, controls: Controls, start: float, duration: float
+    ) -> None:
+        self.model, self.supports, self.controls = model, supports, controls
+        self.start, self.duration = start, duration
+
+    def during(self, t: float, h: float, velocity: AffineVelocity, about: Array) -> Equilibrium:
+        """Equations of one time step, for increments from ``about``."""
+        begin, share = (t - self.start) / self.duration, h / self.duration
+        start, zero = self.supports.full(about, begin), np.zeros_like(about)
+        change = self.supports.full(zero, begin + share) - self.supports.full(zero, begin)
+        supports = Supports(self.supports.free, start, change)
+        slope = {name: share * rate for name, rate in self.controls.slope.items()}
+        controls = Controls(self.controls.at(begin), slope)
+        moving = self.supports.rate(begin + share) / self.duration
+        return Equilibrium(self.model, supports, controls, velocity, moving)
+
+    def dragged(self, t: float, u: Array, v: Array, time: float) -> Motion | None:
+        """The same with a drag as large as tension/length at a speed of length/time."""
+        if not v.any():
+            return None
+        from anmstrip.fem.sampling import ContactOperator
+        from anmstrip.mechanics.loads import Drag
+
+        model, size = self.model, self.model.scales
+        drag = Drag(ContactOperator(model.strip), size.tension * time / size.length**2)
+        slowed = Model(model.strip, model.pattern, [*model.effects, drag], size)
+        return Motion(slowed, self.supports, self.controls, self.start, self.duration)
+
+    def error(self, u: Array, change: Array) -> float:
+        """Largest error in position over the length scale: it is carried along."""
+        moved = np.zeros(self.model.strip.unknowns)
+        moved[self.supports.free] = change
+        return float(np.abs(moved[self.model.value_unknowns]).max()) / self.model.scales.length
+
+    def fading_error(self, u: Array, change: Array) -> float:
+        """Error in membrane force over the tension scale: slip lets it relax."""
+        full, moved = self.supports.start.copy(), np.zeros(self.model.strip.unknowns)
+        full[self.supports.free], moved[self.supports.free] = u, change
+        return self.model.tension_error(full, moved)
+
+
+@dataclass(frozen=True)
+class StageProblem:
+    """One stage, ready to be solved: λ = 0 is its start, λ = 1 its end.
+
+    Attributes
+    ----------
+    name : str
+    start, duration : float
+        s.
+    model : Model
+    supports : Supports
+    controls : Controls
+    in_time : bool
+        Whether velocities matter; else the stage is rate-free.
+    """
+
+    name: str
+    start: float
+    duration: float
+    model: Model
+    supports: Supports
+    controls: Controls
+    in_time: bool
+
+    def continues(self, past: StageProblem) -> bool:
+        """Whether a stage in time goes on where another ended, with no jump of a velocity."""
+        if not (self.in_time and past.in_time):
+            return False
+        if not np.array_equal(self.supports.free, past.supports.free):
+            return False
+        if not np.allclose(self.moving(0.0), past.moving(1.0), rtol=1e-9, atol=0.0):
+            return False
+        names = [name for name in self.controls.start if name.endswith(".velocity")]
+        return all(
+            n in past.controls.start
+            and np.array_equal(self.controls.start[n], past.controls.start[n])
+            for n in names
+        )
+
+    def moving(self, control: float) -> Array:
+        """Velocities of what is held (m/s), zero elsewhere, shape (unknowns,)."""
+        return self.supports.rate(control) / self.duration
+
+    @property
+    def held_at_end(self) -> tuple[Supports, Controls]:
+        """Supports and controls that stay at their final values."""
+        supports, zero = self.supports, np.zeros_like(self.supports.slope)
+        end = Supports(supports.free, supports.start + supports.slope, zero)
+        return end, Controls(self.controls.at(1.0))

@@ -1,0 +1,109 @@
+"""Input errors: every mistake at once, each with what to type instead."""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One thing in an input that has to be changed before anything can run.
+
+    Examples
+    --------
+    >>> print(Mistake("s.toml", "strip.width", -1.0, "a number above 0 (m)", "width = 1.0"))
+    s.toml: strip.width
+      given:    -1.0
+      expected: a number above 0 (m)
+      type:     width = 1.0
+    """
+
+    file: str  # the file, or the option of the command line, where it was typed
+    key: str  # dotted, as ``--set`` takes it: rollers.r1.radius; empty for a whole file
+    value: object  # as given; None if nothing was
+    expected: str  # with its unit
+    hint: str  # text that the user can type instead
+
+    def __str__(self) -> str:
+        lines = [": ".join(part for part in (self.file, self.key) if part)]
+        lines.append(f"  given:    {toml_text(self.value)}")
+        lines.append(f"  expected: {self.expected}")
+        lines.append(f"  type:     {self.hint.replace(chr(10), chr(10) + ' ' * 12)}")
+        return "\n".join(lines)
+
+
+class InputError(ValueError):
+    """The input cannot be run; nothing was written.
+
+    A ValueError, so that the checks of a model may raise it.
+
+    Parameters
+    ----------
+    mistakes : iterable of Mistake
+        All that is wrong, in the order in which it should be read.
+    """
+
+    def __init__(self, mistakes: Iterable[Mistake]) -> None:
+        self.mistakes = tuple(mistakes)
+        super().__init__(self.mistakes)
+
+    def __str__(self) -> str:
+        return "\n".join(str(mistake) for mistake in self.mistakes)
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Return the hint for an unknown word: the nearest known one, else all of them.
+
+    Examples
+    --------
+    >>> nearest("thicknes", ["width", "thickness"])
+    'thickness (the nearest known one)'
+    >>> nearest("colour", ["width", "thickness"])
+    'one of: width, thickness'
+    """
+    known = list(known)
+    matches = get_close_matches(word.lower(), known, n=1, cutoff=0.6)
+    if matches:
+        return f"{matches[0]} (the nearest known one)"
+    return f"one of: {', '.join(known)}" if known else "nothing; take it out"
+
+
+def toml_text(value: object) -> str:
+    """Return a value as it looks in TOML, shortened.
+
+    Examples
+    --------
+    >>> toml_text(None), toml_text(True), toml_text("tanh"), toml_text((1, 2))
+    ('nothing', 'true', '"tanh"', '[1, 2]')
+    >>> toml_text({"surface_speed": 1.0, "release": True})
+    '{ surface_speed = 1.0, release = true }'
+    """
+    if value is None:
+        return "nothing"
+    if isinstance(value, str):
+        return f'"{value}"' if len(value) <= 120 else f'"{value[:117]}…"'
+    return ShortRepr().repr(value)
+
+
+class ShortRepr(reprlib.Repr):
+    """Nested values in TOML, cut short; integers of thousands of digits Python refuses to print."""
+
+    def repr_bool(self, x: bool, level: int) -> str:
+        return str(x).lower()
+
+    def repr_tuple(self, x: tuple[object, ...], level: int) -> str:
+        return self.repr_list(list(x), level)
+
+    def repr_dict(self, x: dict[str, object], level: int) -> str:
+        if level <= 0 or not x:
+            return "{ … }" if x else "{}"
+        entries = [f"{key} = {self.repr1(value, level - 1)}" for key, value in x.items()]
+        more = [*entries[: self.maxdict], *(["…"] if len(entries) > self.maxdict else [])]
+        return f"{{ {', '.join(more)} }}"
+
+    def repr_int(self, x: int, level: int) -> str:
+        huge = x.bit_length() > 200
+        return "an integer of more than 60 digits" if huge else super().repr_int(x, level)

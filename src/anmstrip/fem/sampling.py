@@ -1,0 +1,226 @@
+"""Points shared between elements, operators at them, and projections onto the basis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import copy
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse.linalg import splu
+from skfem.element import DiscreteField
+
+from anmstrip.fem.operators import CellOperator, Pattern
+from anmstrip.fem.strip import Strip
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Patches:
+    """The same points on every element, shared between neighbours."""
+
+    cells: Index  # numbers of each element's points, (elements, points of one)
+    reference: Array  # their reference positions, (3, points)
+    functions: list[DiscreteField]  # each basis function there, (elements, points of one)
+
+
+def shape_of(strip: Strip) -> str:
+    """Kind of the elements: line, quad or triangle."""
+    return {2: "line", 3: "triangle", 4: "quad"}[len(strip.mesh.t)]
+
+
+def patches(strip: Strip, local: Array) -> Patches:
+    """Points of all elements, given those of the reference element, (dimensions, points)."""
+    basis = strip.basis
+    cells, points = joined(basis.mapping.F(local), strip)
+    functions = [basis.elem.gbasis(basis.mapping, local, i)[0] for i in range(basis.Nbfun)]
+    return Patches(cells, strip.in_space(points), functions)
+
+
+def unit_grid(n: int, dimensions: int = 2) -> Array:
+    """Grid of the unit interval or square, number i + n j, shape (dimensions, n^dimensions)."""
+    steps = np.linspace(0.0, 1.0, n)
+    return np.stack([x.ravel() for x in np.meshgrid(*dimensions * [steps])])
+
+
+def joined(grid: Array, strip: Strip) -> tuple[Index, Array]:
+    """Number the points of element grids so that neighbours share them.
+
+    Parameters
+    ----------
+    grid : ndarray, shape (dimensions, elements, points of one)
+    strip : Strip
+
+    Returns
+    -------
+    cells : ndarray of int, shape (elements, points of one)
+    points : ndarray, shape (dimensions, points)
+    """
+    unit = 1e-6 * strip.cell_sizes.min()
+    flat = grid.reshape(len(grid), -1)
+    keys = np.round((flat - flat.min(axis=1)[:, None]) / unit).astype(np.int64)
+    _, first, inverse = np.unique(keys, axis=1, return_index=True, return_inverse=True)
+    return inverse.reshape(grid.shape[1:]), flat[:, first]
+
+
+SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
+
+SHARES = {
+    "line": SIMPSON,
+    "quad": np.outer(SIMPSON, SIMPSON).ravel(),
+    "triangle": np.repeat([1 / 90, 16 / 225, 81 / 320, 49**2 / 14400], [3, 3, 1, 3]),
+}
+"""Weights of an element's contact points, as shares of its area.
+
+Positive, and exact for the element's own functions, so that a uniform pressure
+is carried without bending: cubics in each coordinate, quintics on triangles.
+"""
+
+
+REMEMBERED = 4
+"""Latest choices of points, for what is near a roller hardly changes within a step."""
+
+
+T = TypeVar("T")
+
+
+def remembered(parts: dict[bytes, T], points: Index, make: Callable[[Index], T]) -> T:
+    """Object of a choice of points, made anew if it is none of the latest ones."""
+    key = points.tobytes()
+    if key not in parts:
+        while len(parts) >= REMEMBERED:
+            parts.pop(next(iter(parts)))
+        parts[key] = make(points)
+    return parts[key]
+
+
+class ContactOperator:
+    """Values at the points where contact is looked at, with areas as weights.
+
+    The points are nodes, middles of sides and centres of the elements, on triangles three
+    more.  Nodes alone would leave a cubic element free to bow into the roller between them:
+    on two elements across, the pressure of a wrapped strip was off by half of its value;
+    so it was at the nodes of triangles with a rule exact for cubics alone.
+
+    Attributes
+    ----------
+    cells : ndarray of int, shape (elements, points of one)
+        Points of each element.
+    reference : ndarray, shape (3, points)
+        Reference positions.
+    weights : ndarray, shape (points,)
+        Area that belongs to each point (m²).
+    chosen : ndarray of int, shape (points,)
+        Their numbers in the whole strip.
+    width : float
+        Of the strip (m).
+    """
+
+    def __init__(self, strip: Strip) -> None:
+        basis, kind = strip.basis, shape_of(strip)
+        self.count, self.width = strip.count, strip.width
+        patch = patches(strip, contact_points(kind))
+        self.cells, self.reference = patch.cells, patch.reference
+        self.chosen: Index = np.arange(self.reference.shape[1], dtype=np.int64)
+        self.table: Array = np.stack([np.asarray(f) for f in patch.functions], axis=-1)
+        self.shares = strip.areas[:, None] * SHARES[kind]
+        total = np.bincount(self.cells.ravel(), self.shares.ravel())
+        self.weights: Array = total.astype(float)
+        first = np.unique(self.cells, return_index=True)[1]
+        rows = self.table.reshape(-1, basis.Nbfun)[first]
+        columns = np.repeat(basis.element_dofs.T, self.cells.shape[1], axis=0)[first]
+        index = (np.repeat(self.chosen, basis.Nbfun), columns.ravel())
+        self.matrix = csr_matrix((rows.ravel(), index), shape=(len(first), strip.scalars))
+        self.matrix.eliminate_zeros()
+        self.transposed = self.matrix.T.tocsr()
+        self.parts: dict[bytes, ContactOperator] = {}
+
+    def restricted(self, points: Index) -> ContactOperator:
+        """The same on some of the points, also several times; it keeps the cells of all."""
+        if np.array_equal(points, np.arange(len(self.chosen))):
+            return self
+        return remembered(self.parts, points, self._part)
+
+    def _part(self, points: Index) -> ContactOperator:
+        part = copy(self)
+        part.parts = {}
+        part.chosen = self.chosen[points]
+        part.reference, part.weights = self.reference[:, points], self.weights[points]
+        part.matrix = self.matrix[points]
+        part.transposed = part.matrix.T.tocsr()
+        return part
+
+    @property
+    def points(self) -> int:
+        """Number of points."""
+        return len(self.weights)
+
+    def apply(self, full: Array) -> Array:
+        """Values of the unknown components, shape (count, points)."""
+        return np.ascontiguousarray((self.matrix @ full.reshape(-1, self.count)).T)
+
+    def gather(self, forces: Array) -> Array:
+        """Generalised forces of forces per area, shape (count, points) → (unknowns,)."""
+        return (self.transposed @ (forces * self.weights).T).ravel()
+
+    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Array) -> None:
+        """Add Lᵀ w J L, J[j, i] of shape (count, count, points), over these points' cells."""
+        every = np.zeros((self.count, self.count, self.cells.max() + 1))
+        np.add.at(every.T, self.chosen, derivative.T)
+        active = np.abs(every).max(axis=(0, 1)) > 0.0
+        near = np.flatnonzero(active[self.cells].any(axis=1))
+        table, places = self.table[near], pattern.cells[near].ravel()
+        transposed = np.ascontiguousarray(table.swapaxes(1, 2))
+        weighted = every[:, :, self.cells[near]] * self.shares[near]
+        for i in range(self.count):
+            for j in range(self.count):
+                local = transposed @ (weighted[j, i][:, :, None] * table)
+                blocks[i, j] += np.bincount(places, local.ravel(), pattern.couplings)
+
+
+def contact_points(kind: str) -> Array:
+    """Contact points of the reference element, (dimensions, points).
+
+    Nodes, middles of sides and centre; on triangles also the three points with the
+    barycentric coordinates 1/7, 1/7, 5/7.
+    """
+    if kind != "triangle":
+        return unit_grid(3, 1 if kind == "line" else 2)
+    nodes = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    middles = [[0.5, 0.5, 0.0], [0.0, 0.5, 0.5]]
+    inner = [[1 / 3, 1 / 7, 5 / 7, 1 / 7], [1 / 3, 1 / 7, 1 / 7, 5 / 7]]
+    return np.hstack([nodes, middles, inner])
+
+
+def quadrature_points(strip: Strip) -> Array:
+    """Reference positions of the quadrature points, shape (3, points)."""
+    points = np.asarray(strip.basis.mapping.F(strip.basis.X))
+    return strip.in_space(points.reshape(len(points), -1))
+
+
+def l2_projection(strip: Strip, pattern: Pattern, displacement: Array) -> Array:
+    """Unknowns whose displacement is nearest to a given one.
+
+    Parameters
+    ----------
+    displacement : ndarray, shape (3, points)
+        At the quadrature points (m); components that are not unknown are left out.
+
+    Returns
+    -------
+    ndarray, shape (unknowns,)
+    """
+    operator = CellOperator(strip, [0])
+    block = np.zeros(pattern.couplings)
+    operator.add_bilinear(np.eye(1), pattern, block)
+    units = strip.dof_lengths  # that make the matrix well conditioned
+    scaled = block * units[pattern.row] * units[pattern.column]
+    mass = csc_matrix((scaled, (pattern.row, pattern.column)), 2 * (strip.scalars,))
+    right = operator.gather(strip.kinematics.pick(displacement.T).T[:, None])
+    scaled_unknowns = splu(mass).solve(right.reshape(-1, strip.count) * units[:, None])
+    return np.ravel(scaled_unknowns * units[:, None])

@@ -1,0 +1,313 @@
+"""The strip: mid-surface, mesh, named edges and C1 basis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import Basis, FacetBasis, Mesh, MeshLine, MeshQuad, MeshTri
+
+from anmstrip.fem.elements import Argyris, BognerFoxSchmit, Hermite
+from anmstrip.fem.geometry import PAIRS, SHELL, Frames, Kinematics, ReferenceSurface
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+EDGES = ("entry", "exit", "left", "right")
+
+ELEMENTS = {MeshLine: (Hermite, 6), MeshQuad: (BognerFoxSchmit, 6), MeshTri: (Argyris, 8)}
+"""C1 element of every kind of mesh, and the degree of polynomials integrated exactly.
+
+Enough for products of first derivatives: the membrane of the flat strip, and bending.
+"""
+
+
+@dataclass(frozen=True)
+class Material:
+    """Isotropic linear elasticity."""
+
+    young: float  # E (Pa)
+    poisson: float  # ν
+    density: float = 0.0  # ρ (kg/m³)
+
+
+@dataclass(frozen=True)
+class Edge:
+    """A named edge of the strip."""
+
+    name: str
+    facets: Index  # of the mesh
+    nodes: Index  # of the mesh, in the order along the edge
+    values: Index  # scalar degrees of freedom "value" of these nodes
+    trace: Index  # those that fix values all along a straight edge: values, derivatives along it
+    load: Array  # ∫ φ ds, generalised force of a unit force per length, shape (scalars,)
+    length: float  # m
+
+
+class Strip:
+    """Thin sheet with a C1 discretization.
+
+    Parameters
+    ----------
+    mesh : skfem.Mesh
+        Axis-aligned rectangles or triangles, or lines for a section; with named boundaries.
+    thickness : float
+        t (m).
+    material : Material
+    kinematics : Kinematics
+        Which displacements are unknown.
+    width : float
+        W (m) of a section; a surface has its own.
+    surface : ReferenceSurface, optional
+        Where a point of the mesh's plane lies in space; for a shell.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        thickness: float,
+        material: Material,
+        kinematics: Kinematics = SHELL,
+        width: float = 1.0,
+        surface: ReferenceSurface | None = None,
+    ) -> None:
+        self.mesh, self.thickness, self.material = mesh, thickness, material
+        self.surface = surface
+        self.kinematics = kinematics
+        element, degree = next(e for kind, e in ELEMENTS.items() if isinstance(mesh, kind))
+        self.basis = Basis(mesh, element(), intorder=degree)
+        self.depth = width if mesh.dim() == 1 else 1.0
+
+    @property
+    def count(self) -> int:
+        """Number of unknown components."""
+        return self.kinematics.count
+
+    @property
+    def tensile_stiffness(self) -> float:
+        """E t (N/m)."""
+        return self.material.young * self.thickness
+
+    @property
+    def membrane_stiffness(self) -> float:
+        """E t / (1 − ν²) (N/m)."""
+        return self.tensile_stiffness / (1.0 - self.material.poisson**2)
+
+    @property
+    def bending_stiffness(self) -> float:
+        """D = E t³ / 12 (1 − ν²) (N m)."""
+        return self.membrane_stiffness * self.thickness**2 / 12.0
+
+    @property
+    def scalars(self) -> int:
+        """Number of degrees of freedom of one component."""
+        return int(self.basis.N)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of degrees of freedom of all unknown components."""
+        return self.count * self.scalars
+
+    @property
+    def nodes(self) -> Array:
+        """Reference positions of the mesh nodes, shape (3, nodes)."""
+        return self.in_space(self.mesh.p)
+
+    def in_space(self, points: Array) -> Array:
+        """Reference positions of points of the mesh, shape (3, ...)."""
+        if self.surface is not None:
+            return self.surface(points.reshape(2, -1)).position.reshape(3, *points.shape[1:])
+        missing = np.zeros((3 - len(points), *points.shape[1:]))
+        return np.concatenate([points, missing])
+
+    def frames(self, basis: Any = None) -> Frames:
+        """Frames of the reference at the quadrature points of the strip, or of another basis."""
+        if self.surface is None:
+            level = self.kinematics
+            straight = np.zeros((level.count, len(PAIRS[level.directions]), 1))
+            return Frames(level.flat, straight, np.ones(1))
+        points = np.asarray((self.basis if basis is None else basis).global_coordinates())
+        return Frames.of(self.surface(points.reshape(2, -1)))
+
+    def weights(self, basis: Any = None) -> Array:
+        """Area, or length of an edge, of every quadrature point, (elements, points of one)."""
+        basis = self.basis if basis is None else basis
+        dx = np.asarray(basis.dx) * self.depth
+        if self.surface is None:
+            return dx
+        if not isinstance(basis, FacetBasis):
+            return dx * self.frames(basis).density.reshape(dx.shape)
+        jet = self.surface(np.asarray(basis.global_coordinates()).reshape(2, -1))
+        normal = np.asarray(basis.normals).reshape(2, -1)
+        along = jet.tangents[:, 1] * normal[0] - jet.tangents[:, 0] * normal[1]
+        return dx * np.linalg.norm(along, axis=0).reshape(dx.shape)
+
+    @property
+    def node_values(self) -> Index:
+        """Scalar degree of freedom "value" of every mesh node."""
+        return self.dofs("u")
+
+    def dofs(self, name: str) -> Index:
+        """Scalar degrees of freedom of the nodes by name: u, u_x, u_y, u_xy, ..."""
+        return self.basis.nodal_dofs[self.basis.elem.dofnames.index(name)]
+
+    @property
+    def length(self) -> float:
+        """Extent along x (m)."""
+        return float(np.ptp(self.mesh.p[0]))
+
+    @property
+    def width(self) -> float:
+        """Extent along y (m)."""
+        return self.depth if self.mesh.dim() == 1 else float(np.ptp(self.mesh.p[1]))
+
+    @cached_property
+    def cell_sizes(self) -> Array:
+        """Extent of every element in x (and y), shape (dimensions, elements)."""
+        return np.ptp(self.mesh.p[:, self.mesh.t], axis=1)
+
+    @cached_property
+    def areas(self) -> Array:
+        """Area of every element, shape (elements,), m²."""
+        return self.weights().sum(axis=1)
+
+    @cached_property
+    def dof_lengths(self) -> Array:
+        """Unit of every scalar degree of freedom in lengths: 1, 1/h_x, 1/h_y, 1/(h_x h_y), ...
+
+        h is the mean size of the elements around the node.
+        """
+        t = self.mesh.t
+        count = np.bincount(t.ravel())
+        sizes = [np.bincount(t.ravel(), np.tile(s, len(t))) / count for s in self.cell_sizes]
+        around = dict(zip("xy", sizes, strict=False))
+        lengths = np.empty(self.scalars)
+        for name, dofs in zip(self.basis.elem.dofnames, self.basis.nodal_dofs, strict=False):
+            lengths[dofs] = 1.0 / np.prod([around[d] for d in name[2:]], axis=0, initial=1.0)
+        for dofs in self.basis.facet_dofs:
+            lengths[dofs] = 1.0 / np.array(sizes)[:, self.mesh.facets].mean(axis=(0, 1))
+        return lengths
+
+    @cached_property
+    def edges(self) -> dict[str, Edge]:
+        """All named edges."""
+        return {name: self._edge(name) for name in (self.mesh.boundaries or {})}
+
+    def unknowns_of(self, scalars: Index) -> Index:
+        """Numbers of all components of scalar degrees of freedom, sorted."""
+        numbers = self.count * np.asarray(scalars)[:, None] + np.arange(self.count)
+        return np.sort(numbers.ravel())
+
+    def edge_unknowns(self, name: str, *held: Sequence[int]) -> Index:
+        """Unknowns on a straight edge, by the order of the derivative across it.
+
+        Parameters
+        ----------
+        name : str
+        *held : sequence of int
+            Components of space of the derivatives of order 0, 1, 2 across the edge; those
+            along it follow.
+        """
+        edge, basis, level = self.edges[name], self.basis, self.kinematics
+        across = "xy"[int(np.ptp(self.mesh.p[0, edge.nodes]) > 0.0)]
+        names = zip(basis.elem.dofnames, basis.nodal_dofs, strict=False)
+        rows = [(name[2:].count(across), dofs[edge.nodes]) for name, dofs in names]
+        rows += [(1, dofs[edge.facets]) for dofs in basis.facet_dofs]
+        unknowns = [
+            self.count * dofs + level.components.index(component)
+            for order, dofs in rows
+            for component in held[order]
+            if component in level.components
+        ]
+        return np.unique(np.concatenate(unknowns))
+
+    def clamp(self, name: str) -> Index:
+        """Unknowns that a rigid clamp holds on an edge: positions and tangent plane.
+
+        With them the traces of r and of its derivative across the edge are held all along it;
+        the second derivative across, the clamp's moment, stays free.
+        """
+        every = self.kinematics.components
+        return self.edge_unknowns(name, every, every, ())
+
+    def edge_basis(self, name: str) -> FacetBasis:
+        """Quadrature along an edge."""
+        return FacetBasis(self.mesh, self.basis.elem, facets=self.edges[name].facets, intorder=8)
+
+    def _edge(self, name: str) -> Edge:
+        facets = np.asarray(self.mesh.boundaries[name])
+        nodes = np.unique(self.mesh.facets[:, facets])
+        along = int(np.argmax(np.ptp(self.mesh.p[:, nodes], axis=1)))
+        nodes = nodes[np.argsort(self.mesh.p[along, nodes])]
+        names = ["u", *(f"u_{'xy'[along] * k}" for k in (1, 2))] if self.mesh.dim() > 1 else ["u"]
+        known = [n for n in names if n in self.basis.elem.dofnames]
+        trace = np.concatenate([self.dofs(n)[nodes] for n in known])
+        load, length = np.zeros(self.scalars), self.depth * len(facets)
+        if self.mesh.dim() == 1:
+            load[self.node_values[nodes]] = self.depth
+        else:
+            basis = FacetBasis(self.mesh, self.basis.elem, facets=facets, intorder=6)
+            weights = self.weights(basis)
+            for dofs, (field,) in zip(basis.element_dofs, basis.basis, strict=True):
+                np.add.at(load, dofs, (np.asarray(field) * weights).sum(axis=1))
+            load[np.abs(load) * self.dof_lengths < 1e-12 * np.abs(load).max()] = 0.0
+            length = float(weights.sum())
+        return Edge(name, facets, nodes, self.node_values[nodes], trace, load, length)
+
+
+def grid(xs: Array, ys: Array) -> MeshQuad:
+    """Rectangular mesh with the four edges named, nodes numbered along the strip.
+
+    Parameters
+    ----------
+    xs, ys : ndarray
+        Increasing coordinates of the lines of nodes (m).
+    """
+    return renumbered(MeshQuad.init_tensor(xs, ys)).with_boundaries(
+        {
+            "entry": lambda x: np.isclose(x[0], xs[0]),
+            "exit": lambda x: np.isclose(x[0], xs[-1]),
+            "right": lambda x: np.isclose(x[1], ys[0]),
+            "left": lambda x: np.isclose(x[1], ys[-1]),
+        }
+    )
+
+
+def line(xs: Array) -> MeshLine:
+    """Mesh of a section with its two ends named.
+
+    Parameters
+    ----------
+    xs : ndarray
+        Increasing coordinates of the nodes (m).
+    """
+    return MeshLine(xs).with_boundaries(
+        {"entry": lambda x: np.isclose(x[0], xs[0]), "exit": lambda x: np.isclose(x[0], xs[-1])}
+    )
+
+
+def renumbered(mesh: Mesh) -> Mesh:
+    """The same mesh with nodes numbered along x, then y, which makes matrices narrow.
+
+    Boundaries keep their names.
+    """
+    scale = 1e-9 * np.ptp(mesh.p, axis=1).max()
+    order = np.lexsort((mesh.p[1], np.round(mesh.p[0] / scale) * scale))
+    place = np.empty(len(order), dtype=np.int64)
+    place[order] = np.arange(len(order))
+    middles = {
+        name: mesh.p[:, mesh.facets[:, np.asarray(facets)]].mean(axis=1)
+        for name, facets in (mesh.boundaries or {}).items()
+    }
+    sorted_mesh = type(mesh)(mesh.p[:, order], place[mesh.t])
+    facets = sorted_mesh.boundary_facets()
+    found = sorted_mesh.p[:, sorted_mesh.facets[:, facets]].mean(axis=1)
+    nearest = {
+        name: np.abs(found[:, :, None] - points[:, None, :]).sum(axis=0).argmin(axis=0)
+        for name, points in middles.items()
+    }
+    return sorted_mesh.with_boundaries({n: facets[np.unique(k)] for n, k in nearest.items()})

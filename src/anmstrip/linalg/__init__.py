@@ -1,0 +1,1 @@
+"""Linear algebra: one factorisation, many right-hand sides."""

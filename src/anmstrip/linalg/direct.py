@@ -1,0 +1,185 @@
+"""Direct factorisations: LAPACK's band solvers, SuperLU, and MKL PARDISO where installed."""
+
+from __future__ import annotations
+
+import weakref
+from importlib.util import find_spec
+from typing import cast
+
+import numpy as np
+from scipy.linalg import lapack
+from scipy.sparse import csc_matrix
+from scipy.sparse.csgraph import reverse_cuthill_mckee
+from scipy.sparse.linalg import splu
+
+from anmstrip.linalg.factors import (
+    Array,
+    Factors,
+    SingularTangentError,
+    Solve,
+    equilibrated,
+    negative_pivots,
+    refined,
+    symmetric_lu,
+)
+
+
+class Plan:
+    """Preparation of a factorisation, which depends on the pattern of the matrix alone."""
+
+    name = ""
+
+    def __init__(self, matrix: csc_matrix) -> None:
+        self.indptr, self.indices = matrix.indptr, matrix.indices
+        self.columns = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+
+    def scaled(self, matrix: csc_matrix, d: Array) -> csc_matrix:
+        """Matrix of the entries d_i K_ij d_j, in the order of the given one."""
+        data = d[self.indices]
+        data *= d[self.columns]
+        data *= matrix.data
+        return csc_matrix((data, self.indices, self.indptr), matrix.shape)
+
+    def fits(self, matrix: csc_matrix) -> bool:
+        """Whether the matrix has the pattern that was planned for."""
+        return matrix.indices is self.indices or (
+            matrix.nnz == len(self.indices)
+            and np.array_equal(matrix.indptr, self.indptr)
+            and np.array_equal(matrix.indices, self.indices)
+        )
+
+
+class BandPlan(Plan):
+    """LAPACK band factorisations in the given or in the reverse Cuthill–McKee order."""
+
+    name = "band LU"
+
+    def __init__(self, matrix: csc_matrix) -> None:
+        super().__init__(matrix)
+        n = matrix.shape[0]
+        places = []
+        for order in (np.arange(n), reverse_cuthill_mckee(matrix.tocsr(), symmetric_mode=True)):
+            place = np.empty(n, dtype=np.int64)
+            place[order] = np.arange(n)
+            places.append((int(np.abs(place[self.indices] - place[self.columns]).max()), place))
+        self.width, self.place = min(places, key=lambda p: p[0])
+        row, column = self.place[self.indices], self.place[self.columns]
+        self.shape = (3 * self.width + 1, n)
+        self.flat = (2 * self.width + row - column) + column * self.shape[0]
+        self.lower = np.flatnonzero(row >= column)
+        self.lower_flat = (row + column * self.width)[self.lower]
+        numbered = csc_matrix((np.arange(matrix.nnz), matrix.indices, matrix.indptr), matrix.shape)
+        turned = numbered.T.tocsc()  # its data tell where the entry (j, i) is stored
+        same = np.array_equal(turned.indptr, matrix.indptr)
+        same = same and np.array_equal(turned.indices, matrix.indices)
+        self.mirror = turned.data if same else None
+
+    def factorise(self, matrix: csc_matrix) -> Factors:
+        """Cholesky factors of a symmetric positive definite matrix, LU factors of others."""
+        d = equilibrated(matrix)
+        scaled, place = self.scaled(matrix, d), self.place
+        solve_band, self.name = self._cholesky(scaled.data), "band Cholesky"
+        definite = solve_band is not None
+        if solve_band is None:
+            solve_band, self.name = self._lu(scaled.data), "band LU"
+
+        def solve(right: Array) -> Array:
+            ordered = np.empty_like(right)
+            ordered[place] = right * d
+            return solve_band(ordered)[place] * d
+
+        return Factors(solve, lambda: 0 if definite else negative_pivots(scaled))
+
+    def _cholesky(self, data: Array) -> Solve | None:
+        """Solver, or ``None`` if the matrix is not symmetric or not positive definite."""
+        if self.mirror is None or np.abs(data - data[self.mirror]).max() > 1e-14:
+            return None
+        band = np.zeros((self.width + 1, self.shape[1]), order="F")
+        band.ravel(order="K")[self.lower_flat] = data[self.lower]
+        factor, info = lapack.dpbtrf(band, lower=1, overwrite_ab=1)
+        return None if info > 0 else lambda b: lapack.dpbtrs(factor, b, lower=1, overwrite_b=1)[0]
+
+    def _lu(self, data: Array) -> Solve:
+        band, width = np.zeros(self.shape, order="F"), self.width
+        band.ravel(order="K")[self.flat] = data
+        lu, pivots, info = lapack.dgbtrf(band, width, width, overwrite_ab=1)
+        if info > 0:
+            unknown = int(np.flatnonzero(self.place == info - 1)[0])
+            raise SingularTangentError(f"the pivot of unknown {unknown} is zero", unknown)
+        return lambda b: lapack.dgbtrs(lu, width, width, b, pivots, overwrite_b=1)[0]
+
+
+class SuperLUPlan(Plan):
+    """SuperLU in the symmetric mode, with pivoting where that does not solve the system."""
+
+    name = "sparse LU"
+
+    def factorise(self, matrix: csc_matrix) -> Factors:
+        """LU factors of the equilibrated matrix, refined."""
+        d = equilibrated(matrix)
+        scaled = self.scaled(matrix, d)
+        try:
+            solve = refined(self.unpivoted(scaled), scaled)
+        except SingularTangentError:
+            try:
+                solve = refined(splu(scaled, diag_pivot_thresh=1.0).solve, scaled)
+            except RuntimeError as error:
+                raise SingularTangentError(str(error)) from error
+        return Factors(lambda right: solve(right * d) * d, lambda: negative_pivots(scaled))
+
+    def unpivoted(self, scaled: csc_matrix) -> Solve:
+        """Solver with factors of a scaled matrix whose pivots are its diagonal."""
+        solve: Solve = symmetric_lu(scaled).solve
+        return solve
+
+
+PARDISO_CHOICES = {1: 1, 2: 2, 8: 0, 10: 13, 11: 0, 12: 2, 13: 0}
+"""Of its iparm: nested dissection, no refinement of its own, pivots below 1e-13 replaced, no
+scaling or matching, and the transpose (it takes rows where there are columns)."""
+
+
+def pardiso_is_there() -> bool:
+    """Whether the extra ``pardiso`` is installed."""
+    return find_spec("pypardiso") is not None
+
+
+class PardisoPlan(SuperLUPlan):
+    """MKL PARDISO; the order of elimination is found once for a pattern."""
+
+    name = "PARDISO"
+
+    def __init__(self, matrix: csc_matrix) -> None:
+        from pypardiso import pardiso_wrapper
+
+        super().__init__(matrix)
+        self.failure = pardiso_wrapper.PyPardisoError
+        self.handle = pardiso_wrapper.PyPardisoSolver(mtype=11)
+        for place, choice in PARDISO_CHOICES.items():
+            self.handle.set_iparm(place, choice)
+        self.analysed, self.held = False, cast(csc_matrix | None, None)
+        weakref.finalize(self, self.handle.free_memory, everything=True)
+
+    def unpivoted(self, scaled: csc_matrix) -> Solve:
+        """Solver with the factors of a scaled matrix; made again if others came between."""
+        scaled = scaled.sorted_indices()
+
+        def call(phase: int, b: Array) -> Array:
+            self.handle.set_phase(phase)
+            try:
+                x: Array = self.handle._call_pardiso(scaled, b)
+            except self.failure as error:
+                raise SingularTangentError(str(error)) from error
+            return x
+
+        def solve(b: Array) -> Array:
+            if self.held is not scaled:
+                if not self.analysed:
+                    call(11, np.zeros_like(b))
+                self.analysed, self.held = True, None
+                call(22, np.zeros_like(b))
+                if self.handle.get_iparm(14):
+                    raise SingularTangentError("a pivot is zero to round-off")
+                self.held = scaled
+            return call(33, b)
+
+        return solve

@@ -1,0 +1,209 @@
+"""Membrane and bending of thin shells, of flat and of curved references."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anmstrip.fem.geometry import dot, normal_vector, normal_work
+from anmstrip.fem.operators import CellOperator, Pattern
+from anmstrip.fem.strip import Strip
+from anmstrip.mechanics.effects import LawEffect, LinearEffect
+
+Array = NDArray[np.float64]
+
+
+def plane_stress(strip: Strip) -> Array:
+    """C (N/m) in N = C : E, shape (d, d, d, d) for d directions.
+
+    E t/(1−ν²) [ν δ δ + (1−ν) sym] of a surface.  A section is free to contract across,
+    N_yy = 0, which leaves E t.
+    """
+    if strip.kinematics.directions == 1:
+        return np.full((1, 1, 1, 1), strip.tensile_stiffness)
+    nu = strip.material.poisson
+    d = np.eye(2)
+    spherical = np.einsum("ab,cd->abcd", d, d)
+    symmetric = 0.5 * (np.einsum("ac,bd->abcd", d, d) + np.einsum("ad,bc->abcd", d, d))
+    return strip.membrane_stiffness * (nu * spherical + (1.0 - nu) * symmetric)
+
+
+class Membrane(LawEffect):
+    """Membrane forces of a strip.
+
+    With the tangent vectors r,a (columns of an array): E = ½ (r,a · r,b − δ_ab),
+    N = C : E, and the first Piola stress is r,a N_ab.  Derivatives are those of
+    :mod:`anmstrip.fem.geometry`, along orthonormal frames of the reference.
+
+    Parameters
+    ----------
+    strip : Strip
+    imperfection : ndarray, shape (unknowns,), optional
+        Displacement of the reference that makes no stress.
+    """
+
+    name = "membrane"
+    operator: CellOperator
+
+    def __init__(self, strip: Strip, imperfection: Array | None = None) -> None:
+        self.operator = CellOperator(strip, [1])
+        self.stiffness = plane_stress(strip)
+        self.flat = strip.frames().tangents
+        self.metric = np.eye(strip.kinematics.directions)[:, :, None]
+        if imperfection is not None:
+            natural = self.flat + self.operator.apply(imperfection)
+            self.metric = np.einsum("iap,ibp->abp", natural, natural)
+
+    def forces(self, tangents: Any, natural: Array | None = None) -> Any:
+        """N (N/m), shape (d, d, points), from tangent vectors (components, d, points).
+
+        At other points than those of quadrature an imperfect strip needs its natural tangent
+        vectors there, of the same shape.
+        """
+        metric = self.metric if natural is None else np.einsum("iap,ibp->abp", natural, natural)
+        strain = (np.einsum("ia...,ib...->ab...", tangents, tangents) - metric) * 0.5
+        return np.einsum("abcd,cd...->ab...", self.stiffness, strain)
+
+    def at(self, full: Array) -> Array:
+        """N (N/m) of a state at the quadrature points, shape (d, d, points)."""
+        return np.asarray(self.forces(self.operator.apply(full) + self.flat))
+
+    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+        """First Piola stress (N/m) from the displacement gradient, (components, d, points)."""
+        tangents = x + self.flat
+        return np.einsum("ia...,ab...->ib...", tangents, self.forces(tangents))
+
+    def change(self, full: Array, change: Array) -> Array:
+        """Membrane forces that a small change of state makes, shape (d, d, points)."""
+        tangents = self.operator.apply(full) + self.flat
+        product = np.einsum("ia...,ib...->ab...", tangents, self.operator.apply(change))
+        return np.einsum("abcd,cd...->ab...", self.stiffness, product)
+
+
+def uniaxial_stretches(
+    tension: float, tensile_stiffness: float, poisson: float
+) -> tuple[float, float]:
+    """Return the stretches along and across a strip under tension.
+
+    The strain E along solves T = √(1 + 2E) E_young t E; the strip contracts across by −ν E.
+    """
+    strain = tension / tensile_stiffness
+    for _ in range(30):
+        stretch = np.sqrt(1.0 + 2.0 * strain)
+        change = (tensile_stiffness * strain * stretch - tension) / (
+            tensile_stiffness * (stretch + strain / stretch)
+        )
+        strain -= change
+    return float(np.sqrt(1.0 + 2.0 * strain)), float(np.sqrt(1.0 - 2.0 * poisson * strain))
+
+
+def principal(forces: Array) -> tuple[Array, Array]:
+    """Principal membrane forces (N/m), ascending, (points, d), and directions (points, d, d).
+
+    Parameters
+    ----------
+    forces : ndarray, shape (d, d, points)
+    """
+    found = np.linalg.eigh(np.moveaxis(forces, -1, 0))
+    return found.eigenvalues, found.eigenvectors
+
+
+FLAT = 1e-10
+"""Curvature times thickness that is round-off."""
+
+
+def isometric_bending(strip: Strip, pattern: Pattern) -> LinearEffect:
+    """Bending as a constant matrix.
+
+    Parameters
+    ----------
+    strip : Strip
+    pattern : Pattern
+
+    Returns
+    -------
+    LinearEffect
+
+    Raises
+    ------
+    ValueError
+        If the reference is curved.
+    """
+    if np.abs(strip.frames().seconds).max() * strip.thickness > FLAT:
+        raise ValueError("isometric bending is for flat references; take KirchhoffLove")
+    operator = CellOperator(strip, [2])
+    block = np.zeros(pattern.couplings)
+    operator.add_bilinear(stiffness(strip), pattern, block)
+    return LinearEffect("bending", operator.points, block, pattern)
+
+
+def stiffness(strip: Strip) -> Array:
+    """D [(1−ν) A : B + ν tr A tr B] for (xx, yy, xy) of symmetric A, B; shape (3, 3), N m.
+
+    Of a section D alone, shape (1, 1): it does not bend across.
+    """
+    nu = strip.material.poisson
+    if strip.kinematics.directions == 1:
+        return np.full((1, 1), strip.bending_stiffness)
+    return strip.bending_stiffness * np.array(
+        [[1.0, nu, 0.0], [nu, 1.0, 0.0], [0.0, 0.0, 2.0 * (1.0 - nu)]]
+    )
+
+
+def moduli(strip: Strip) -> Array:
+    """Moments (xx, yy, xy) of unit curvatures (κ_xx, κ_yy, κ_xy), shape (3, 3), N m.
+
+    A section carries M_yy = ν M_xx, since it cannot bend across.
+    """
+    d, nu = strip.bending_stiffness, strip.material.poisson
+    return d * np.array([[1.0, nu, 0.0], [nu, 1.0, 0.0], [0.0, 0.0, 1.0 - nu]])
+
+
+class KirchhoffLove(LawEffect):
+    """Moments of a strip against its change of curvature.
+
+    Parameters
+    ----------
+    strip : Strip
+        A shell or a section.
+    imperfection : ndarray, shape (unknowns,), optional
+        Displacement of the reference that makes no moment.
+    """
+
+    name = "bending"
+
+    def __init__(self, strip: Strip, imperfection: Array | None = None) -> None:
+        frames = strip.frames()
+        self.operator = CellOperator(strip, (1, 2))
+        self.directions = strip.kinematics.directions
+        self.stiffness = stiffness(strip)
+        self.reference = np.concatenate([frames.tangents, frames.seconds], axis=1)
+        natural = 0.0 if imperfection is None else self.operator.apply(imperfection)
+        self.curvature = self.bent(self.reference + natural)
+
+    def bent(self, derivatives: Any) -> Any:
+        """b (1/m) as (xx, yy, xy), (pairs, points), from r,a and r,ab."""
+        m = normal_vector(derivatives[:, : self.directions])
+        second = derivatives[:, self.directions :]
+        return np.einsum("ik...,i...->k...", second, m) / np.sqrt(dot(m, m))
+
+    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+        """Forces against the derivatives, (components, directions + pairs, points).
+
+        With the moments M and s = Σ M_ab r,ab: M_ab n against δr,ab, and what
+        p = (s − n n · s) / |m| makes with δm against δr,a.
+        """
+        derivatives = x + self.reference
+        tangents, second = derivatives[:, : self.directions], derivatives[:, self.directions :]
+        m = normal_vector(tangents)
+        size = np.sqrt(dot(m, m))
+        n = m / size
+        bent = np.einsum("ik...,i...->k...", second, n)
+        moments = np.einsum("kl,l...->k...", self.stiffness, bent - self.curvature)
+        s = np.einsum("ik...,k...->i...", second, moments)
+        p = (s - n * dot(n, s)) / size
+        against = [n * moments[k] for k in range(len(self.stiffness))]
+        return np.stack([*normal_work(tangents, p), *against], axis=1)

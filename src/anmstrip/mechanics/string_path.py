@@ -1,0 +1,245 @@
+"""The path of a taut string round circles in a plane: where a threaded strip lies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+ROUNDING = 1e-7
+"""Turns (rad) above −ROUNDING count as zero: the root of the rounding of a length."""
+
+LARGEST_TURN = 1.75 * np.pi
+"""Turns (rad) beyond this are read as negative ones."""
+
+
+class NoTangentError(ValueError):
+    """Neighbours overlap, so that run `index`, the one before circle `index`, is missing."""
+
+    def __init__(self, index: int) -> None:
+        self.index = index
+        super().__init__(
+            f"No straight run leads to circle {index} (behind the last circle: to the exit) "
+            "from what is before it, as the two overlap. Move them apart."
+        )
+
+
+class NotTouchedError(ValueError):
+    """A taut strip does not touch circle `index`: its `turn` (rad) would be negative.
+
+    Of several circles the one with the most negative turn is named, because a
+    circle out of reach also lifts the path off its neighbours.
+    """
+
+    def __init__(self, index: int, turn: float) -> None:
+        self.index, self.turn = index, turn
+        super().__init__(
+            f"The strip does not touch circle {index}: it would have to turn by "
+            f"{np.degrees(turn):.3g} degrees there, or cross itself. Pass the circle on its "
+            "other side, move it towards the strip, or leave it out."
+        )
+
+
+@dataclass(frozen=True)
+class FixedEnd:
+    """An end at a given position x, z (m), shape (2,) or (2, fibres)."""
+
+    position: ArrayLike
+
+    def place(self, centre: Array, rho: Array, way: int) -> Array:
+        """The end, shape (2, 1) or (2, fibres), whatever its neighbour is."""
+        return np.asarray(self.position, dtype=float).reshape(2, -1)
+
+
+@dataclass(frozen=True)
+class StraightEnd:
+    """An end whose heading and straight run are given, not its place."""
+
+    length: ArrayLike  # L > 0 (m), to the first or last circle, shape () or (fibres,)
+    angle: float = 0.0  # heading t (rad); 0 along +x
+
+    def __post_init__(self) -> None:
+        length = np.asarray(self.length, dtype=float)
+        if not np.all(length > 0.0):
+            raise ValueError(f"The run at an end needs a positive length, not {length}.")
+
+    def place(self, centre: Array, rho: Array, way: int) -> Array:
+        """c + ρ n ± L u, shape (2, fibres): way −1 behind the circle, +1 ahead of it."""
+        u, n = frame(np.array([self.angle]))
+        return centre + rho * n + way * np.asarray(self.length, dtype=float) * u
+
+
+End = FixedEnd | StraightEnd
+
+
+class Arcs(NamedTuple):
+    """Contact of the path with the circles; each of shape (circles, fibres).
+
+    `start` and `end` are arc lengths (m), `turn` is the angle of wrap (rad), ≥ 0.
+    """
+
+    start: Array
+    end: Array
+    turn: Array
+
+
+@dataclass(frozen=True, eq=False)
+class StringPath:
+    """Straight run, arc, straight run, ..., straight run: 2 circles + 1 pieces."""
+
+    starts: Array  # arc lengths at the joints, 0 to the whole length (m), (pieces + 1, fibres)
+    points: Array  # starts of the pieces (m), (2, pieces, fibres)
+    angles: Array  # headings t there (rad), up to full turns, (pieces, fibres)
+    curvatures: Array  # κ = dt/ds (1/m), −1/ρ on arcs, 0 on straight runs, (pieces, fibres)
+
+    @property
+    def length(self) -> Array:
+        """Whole length (m), shape (fibres,)."""
+        return self.starts[-1]
+
+    @property
+    def arcs(self) -> Arcs:
+        """Contact with the circles."""
+        start, end = self.starts[1:-1:2], self.starts[2::2]
+        return Arcs(start, end, np.abs(self.curvatures[1::2]) * (end - start))
+
+    @property
+    def directions(self) -> tuple[Array, Array]:
+        """u at the entry and at the exit, each of shape (2, fibres)."""
+        return frame(self.angles[0])[0], frame(self.angles[-1])[0]
+
+    def at(self, s: ArrayLike, fibre: ArrayLike) -> tuple[Array, Array]:
+        """Position and direction at arc lengths s; beyond the ends straight on.
+
+        From the start p of a piece, where t is its heading and σ = s − s_start:
+        p + σ sinc(κσ/2) u(t + κσ/2) and u(t + κσ), for arcs and straight runs alike.
+
+        Parameters
+        ----------
+        s, fibre : array_like of float (m) and of int
+            Any shapes (...) that broadcast.
+
+        Returns
+        -------
+        position (m), direction : arrays, shape (2, ...)
+        """
+        s, fibre = np.broadcast_arrays(np.asarray(s, dtype=float), fibre)
+        piece = np.sum(s >= self.starts[1:-1][:, fibre], axis=0)
+        sigma = s - self.starts[piece, fibre]
+        t, half = self.angles[piece, fibre], 0.5 * self.curvatures[piece, fibre] * sigma
+        chord = sigma * np.sinc(half / np.pi) * frame(t + half)[0]
+        return self.points[:, piece, fibre] + chord, frame(t + 2.0 * half)[0]
+
+
+def string_path(
+    centres: ArrayLike, radii: ArrayLike, senses: ArrayLike, entry: End, exit: End
+) -> StringPath:
+    """Taut path from the entry round the circles, in their order, to the exit.
+
+    Parameters
+    ----------
+    centres : array_like, shape (circles, 2, fibres)
+        c (m). Any array may have one fibre where others have more.
+    radii : array_like, shape (circles, fibres)
+        r > 0 (m).
+    senses : array_like, shape (circles,)
+        s: +1 over, −1 under.
+    entry, exit : FixedEnd or StraightEnd
+        With no circles at least one has to be a FixedEnd.
+
+    Raises
+    ------
+    NoTangentError
+        If neighbours overlap.
+    NotTouchedError
+        If a circle lies beside the path of any fibre.
+
+    Examples
+    --------
+    >>> ends = StraightEnd(2.0), StraightEnd(3.0, -np.pi / 2)
+    >>> path = string_path([[[0.0], [-1.0]]], [[1.0]], [1], *ends)
+    >>> path.length - np.pi / 2, np.degrees(path.arcs.turn[0])
+    (array([5.]), array([90.]))
+    >>> path.at([0.0, 2.0], 0)[0]
+    array([[-2.,  0.],
+           [ 0.,  0.]])
+    """
+    c, r, s = (np.asarray(given, dtype=float) for given in (centres, radii, senses))
+    if c.ndim != 3 or c.shape[1] != 2 or r.ndim != 2 or not len(c) == len(r) == len(s):
+        raise ValueError(
+            "Circles need centres (circles, 2, fibres), radii (circles, fibres) and senses "
+            f"(circles,), not {c.shape}, {r.shape} and {s.shape}."
+        )
+    if not np.all(r > 0.0):
+        raise ValueError("Radii have to be positive; over and under are told by the senses.")
+    if not np.all(np.abs(s) == 1.0):
+        raise ValueError(f"Senses are +1 (over) or -1 (under), not {s}.")
+    c, rho = c.swapaxes(0, 1), r * s[:, None]
+
+    # the ends as circles of radius 0
+    zero = np.zeros(1)
+    if len(r):
+        first, last = entry.place(c[:, 0], rho[0], -1), exit.place(c[:, -1], rho[-1], +1)
+    elif isinstance(entry, FixedEnd):
+        first = entry.place(zero, zero, -1)
+        last = exit.place(first, zero, +1)
+    elif isinstance(exit, FixedEnd):
+        last = exit.place(zero, zero, +1)
+        first = entry.place(last, zero, -1)
+    else:
+        raise ValueError("A strip that passes no circle needs a FixedEnd at one of its ends.")
+    fibres = np.broadcast_shapes(*(x.shape[-1:] for x in (c, rho, first, last)))
+    c, first, last = (np.broadcast_to(x, x.shape[:-1] + fibres) for x in (c, first, last))
+    c = np.concatenate([first[:, None], c, last[:, None]], axis=1)
+    rho = np.pad(np.broadcast_to(rho, rho.shape[:1] + fibres), ((1, 1), (0, 0)))
+
+    # straight runs: both feet c + ρ n lie on one line, with d = c' − c, d·n = ρ − ρ', d·u = L
+    d, across = np.diff(c, axis=1), -np.diff(rho, axis=0)
+    distance2 = np.sum(d**2, axis=0)
+    wrong = (across**2 > distance2 * (1.0 + 1e-12)) | (distance2 == 0.0)
+    if np.any(wrong):
+        raise NoTangentError(int(np.argmax(wrong.any(axis=1))))
+    runs = np.sqrt(np.maximum(distance2 - across**2, 0.0))
+    t = np.arctan2(d[1], d[0]) - np.arctan2(across, runs)
+
+    turns = wrap_angles(t, runs, rho[1:-1])
+    arcs = np.abs(rho[1:-1]) * turns
+    n = frame(t)[1]
+    leaving, arriving = c[:, :-1] + rho[:-1] * n, c[:, 1:-1] + rho[1:-1] * n[:, :-1]
+    alternating = np.arange(1, len(arcs) + 1)  # arcs between runs
+    lengths = np.insert(runs, alternating, arcs, axis=0)
+    return StringPath(
+        starts=np.concatenate([np.zeros_like(runs[:1]), np.cumsum(lengths, axis=0)]),
+        points=np.insert(leaving, alternating, arriving, axis=1),
+        angles=np.insert(t, alternating, t[:-1], axis=0),
+        curvatures=np.insert(np.zeros_like(t), alternating, -1.0 / rho[1:-1], axis=0),
+    )
+
+
+def wrap_angles(t: Array, runs: Array, rho: Array) -> Array:
+    """Angles of wrap s (t_in − t_out) from headings, shape (circles, fibres), ≥ 0.
+
+    A turn in [0, 2π) may stand for the negative turn − 2π of a circle that is not touched.  The
+    lines on which the strip comes and goes meet, if the turn is above π, at r tan(π − turn/2)
+    behind the first and ahead of the second point of contact.  A strip cannot pass through
+    itself, so one of the two runs has to end before that.  This tells a lifted roller from a
+    bridle at any angle; very short runs tell nothing and leave the decision to LARGEST_TURN.
+    """
+    turn = np.mod(-np.sign(rho) * np.diff(t, axis=0) + ROUNDING, 2.0 * np.pi) - ROUNDING
+    meeting = np.abs(rho) * np.tan(np.pi - 0.5 * turn)
+    shorter = np.minimum(runs[:-1], runs[1:])
+    untouched = (turn > LARGEST_TURN) | ((turn > np.pi) & (meeting < shorter))
+    if np.any(untouched):
+        missing = np.where(untouched, 2.0 * np.pi - turn, 0.0).max(axis=1)
+        raise NotTouchedError(int(np.argmax(missing)), -float(np.max(missing)))
+    return np.maximum(turn, 0.0)
+
+
+def frame(t: Array) -> tuple[Array, Array]:
+    """Directions u and normals n of headings t, each of shape (2, ...)."""
+    cos, sin = np.cos(t), np.sin(t)
+    return np.stack([cos, sin]), np.stack([-sin, cos])

@@ -1,0 +1,276 @@
+"""The three mass-spring cases of the 2010 paper: run, compare with references, report."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anmstrip.errors import InputError, Mistake, nearest
+from anmstrip.paper.figures import draw_figures
+from anmstrip.paper.mass_spring import CASES, MassSpring, Parameters
+from anmstrip.paper.references import Reference, reference_solution
+from anmstrip.paper.schemes import SCHEMES, CaseEvent, CaseSolution, events_of, solve_case
+from anmstrip.results.files import atomic_write, write_table
+from anmstrip.timestepping.index_one import Instability, instabilities
+
+Array = NDArray[np.float64]
+
+PAPER_STEPS = {"pressed-plane": 34, "moving-plane": 90, "rotating-circle": 90}
+"""Steps that the paper reports, at order 19 and tolerance 1e-4."""
+
+COLUMNS = ("time", "ux", "uy", "vx", "vy", "normal_reaction", "tangential_reaction")
+
+ROWS = 401
+"""Instants written, evenly spaced."""
+
+ANY_SIGN = {"V", "Omega"}
+
+NOTHING_SET: Mapping[str, float] = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class CaseReport:
+    """Result of a case; ``str`` is a table."""
+
+    name: str
+    scheme: str
+    order: int
+    tolerance: float  # m
+    case: MassSpring
+    solution: CaseSolution
+    rows: Array  # columns of case.csv, shape (401, 7)
+    error: float | None
+    """Largest distance of the rows from the reference (m), motion faster than V_c measured along
+    the curve in (V_c t, u); None if there is no reference."""
+    error_at_equal_times: float | None  # largest difference at the time of a row (m)
+    seconds: float
+    events: tuple[CaseEvent, ...] = ()
+    unstable: tuple[Instability, ...] = ()  # stretches with no equilibrium to follow
+    files: tuple[Path, ...] = ()
+
+    @property
+    def steps(self) -> int:
+        """Steps of the integration that kept the tolerance."""
+        return len(self.solution.path.errors)
+
+    @property
+    def tangents(self) -> int:
+        """Tangents factorised, in all passes."""
+        return self.solution.cost.factorisations
+
+    @property
+    def end(self) -> Array:
+        """Displacement at the end, shape (2,)."""
+        return self.rows[-1, 1:3]
+
+    @property
+    def done(self) -> bool:
+        """Whether the end of the time span was reached within the tolerance."""
+        return self.solution.stopped is None and self.solution.error <= self.tolerance
+
+    @property
+    def message(self) -> str:
+        """The outcome as a sentence."""
+        if self.solution.stopped is not None:
+            return f"stopped: {self.solution.stopped}"
+        if self.solution.error > self.tolerance:
+            return "the tolerance could not be kept"
+        return "reached the end"
+
+    def summary(self) -> dict[str, object]:
+        """Content of ``case.json``."""
+        given = ("name", "scheme", "order", "tolerance", "seconds", "error", "error_at_equal_times")
+        return {key: getattr(self, key) for key in given} | {
+            "message": self.message,
+            "steps": self.steps,
+            "tangents": self.tangents,
+            "paper_steps": PAPER_STEPS[self.name],
+            "passes": self.solution.passes,
+            "end": {"time": self.rows[-1, 0], "ux": self.end[0], "uy": self.end[1]},
+            "estimated_error": self.solution.error,
+            "events": [asdict(event) for event in self.events],
+            "unstable": [str(stretch) for stretch in self.unstable],
+            "parameters": asdict(self.case.parameters),
+        }
+
+    def __str__(self) -> str:
+        ux, uy = self.end
+        events = [
+            (f"t = {e.time:.6f} s", ". ".join(filter(None, (e.kind, e.message))))
+            for e in self.events
+        ]
+        if self.error is None or self.error_at_equal_times is None:
+            errors = [("error to Radau", "unknown: scipy could not integrate this case")]
+        else:
+            errors = [("error to Radau", f"{self.error:.2g} m")]
+            if self.error_at_equal_times > 1.01 * self.error:
+                text = f"{self.error_at_equal_times:.2g} m at equal times, where it is fast"
+                errors.append(("", text))
+        lines = [
+            ("case", f"{self.name}: {self.message}"),
+            ("scheme", f"{self.scheme}, order {self.order}, tolerance {self.tolerance:g} m"),
+            ("steps", f"{self.steps} (paper: {PAPER_STEPS[self.name]})"),
+            ("tangents", f"{self.tangents} in {self.solution.passes} pass(es)"),
+            ("time taken", f"{self.seconds:.2f} s"),
+            ("end", f"t = {self.rows[-1, 0]:g} s, ux = {ux:.6f} m, uy = {uy:.6f} m"),
+            *events,
+            *(("unstable", str(stretch)) for stretch in self.unstable),
+            ("estimated error", f"{self.solution.error:.2g} m"),
+            *errors,
+            *(("written", str(file)) for file in self.files),
+        ]
+        return "\n".join(f"{label:<18}{text}" for label, text in lines)
+
+
+def run_case(
+    name: str,
+    *,
+    order: int = 19,
+    tolerance: float = 1e-4,
+    settings: Mapping[str, float] = NOTHING_SET,
+    scheme: str = "taylor",
+    directory: str | Path | None = None,
+) -> CaseReport:
+    """Run a case of the paper; write ``case.csv``, ``events.csv``, ``case.json`` and figures.
+
+    Parameters
+    ----------
+    name : str
+        ``"pressed-plane"``, ``"moving-plane"`` or ``"rotating-circle"``.
+    order : int
+        Of the series.
+    tolerance : float
+        Error of u (m).
+    settings : mapping
+        Values of the paper's symbols, for :class:`Parameters`.
+    scheme : str
+        ``"taylor"`` (the paper's) or ``"implicit"``.
+    directory : path, optional
+        Where to write; ``results/case-<name>`` if not given.
+
+    Returns
+    -------
+    CaseReport
+
+    Raises
+    ------
+    InputError
+        With all mistakes; then nothing was written.
+    """
+    if mistakes := list(find_mistakes(name, order, tolerance, settings, scheme)):
+        raise InputError(mistakes)
+    case = CASES[name]()
+    values = {key: float(value) for key, value in settings.items()}
+    p = replace(case.parameters, **values)
+    if p.eta >= p.K * p.delta:
+        raise InputError([Mistake("--set", "eta", p.eta, "below K delta (N)", "eta=0.01")])
+    case = replace(case, parameters=p)
+    begin = time.perf_counter()
+    solution = solve_case(case, scheme, order=order, tolerance=tolerance)
+    seconds = time.perf_counter() - begin
+    rows = table_rows(case, solution, np.linspace(0.0, solution.path.knots[-1], ROWS))
+    events = tuple(events_of(case, solution.path.polynomials()))
+    unstable = tuple(instabilities(case.residual, solution.path))
+    error = equal = None
+    with suppress(ArithmeticError):
+        u = rows[:, 1 : 1 + case.size]
+        error, equal = distances(reference_solution(case), rows[:, 0], u, p.V_c, 0.1 * tolerance)
+    report = CaseReport(
+        name,
+        scheme,
+        order,
+        tolerance,
+        case,
+        solution,
+        rows,
+        error,
+        equal,
+        seconds,
+        events,
+        unstable,
+    )
+    return replace(report, files=write_case(report, Path(directory or f"results/case-{name}")))
+
+
+def table_rows(case: MassSpring, solution: CaseSolution, times: Array) -> Array:
+    """The columns of ``case.csv``, from the dense output."""
+    rows = np.zeros((len(times), len(COLUMNS)))
+    rows[:, 0] = times
+    for row in rows:
+        u, v = solution.path(row[0])
+        row[1 : 1 + case.size], row[3 : 3 + case.size] = u, v
+        row[5:] = [float(np.squeeze(r)) for r in case.forces(*case.contact(u), v)]
+    return rows
+
+
+def distances(
+    reference: Reference, times: Array, u: Array, speed: float, seen: float
+) -> tuple[float, float]:
+    """Largest distance from the reference, along the curve and at equal times.
+
+    Parameters
+    ----------
+    times, u : ndarray, shapes (m,) and (m, n)
+    speed : float
+        V of the curve in (V t, u).
+    seen : float
+        Difference at equal times (m) up to which the curve is not looked at.
+    """
+    equal = np.abs(u - reference(times)).max(axis=1)
+    along = [
+        reference.distance(t, x, speed) if e > seen else e
+        for t, x, e in zip(times, u, equal, strict=True)
+    ]
+    return float(max(along)), float(equal.max())
+
+
+def write_case(report: CaseReport, directory: Path) -> tuple[Path, ...]:
+    """Write table, summary, events and figures, and return their paths."""
+    directory.mkdir(parents=True, exist_ok=True)
+    table, summary = directory / "case.csv", directory / "case.json"
+    with atomic_write(table) as temporary:
+        np.savetxt(
+            temporary, report.rows, "%.12g", delimiter=",", header=",".join(COLUMNS), comments=""
+        )
+    with atomic_write(summary) as temporary:
+        temporary.write_text(json.dumps(report.summary(), indent=2) + "\n", encoding="utf-8")
+    events = directory / "events.csv"
+    write_table(events, [f.name for f in fields(CaseEvent)], map(asdict, report.events))
+    times = np.union1d(report.rows[:, 0], report.solution.path.knots)  # a snap falls between rows
+    states = table_rows(report.case, report.solution, times)
+    return table, summary, events, *draw_figures(report.case, states, directory)
+
+
+def find_mistakes(
+    name: str, order: int, tolerance: float, settings: Mapping[str, float], scheme: str
+) -> Iterator[Mistake]:
+    """Check what a user gave."""
+    if name not in CASES:
+        yield Mistake("case", "", name, "a case of the paper", nearest(name, CASES))
+    if scheme not in SCHEMES:
+        yield Mistake("--scheme", "", scheme, "a scheme", nearest(scheme, SCHEMES))
+    if order < 2:
+        yield Mistake("--order", "", order, "an order of at least 2", "--order 19")
+    if not 0.0 < tolerance < 1.0:
+        yield Mistake("--tolerance", "", tolerance, "above 0 and below 1 (m)", "--tolerance 1e-4")
+    defaults = asdict(Parameters())
+    for key, value in settings.items():
+        if key not in defaults:
+            hint = nearest(key, defaults)
+            yield Mistake("--set", key, value, "a symbol of the paper", hint)
+            continue
+        hint = f"{key}={defaults[key]}"
+        if not np.isfinite(value):
+            yield Mistake("--set", key, value, "a finite number", hint)
+        elif key == "q" and not 0.0 < value <= 1.0:
+            yield Mistake("--set", key, value, "above 0 and at most 1", hint)
+        elif key not in ANY_SIGN and value <= 0.0:
+            yield Mistake("--set", key, value, "a number above 0", hint)

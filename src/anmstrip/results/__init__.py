@@ -1,0 +1,1 @@
+"""Results: what is read off a state, and the files that hold it."""

@@ -1,0 +1,272 @@
+"""Files of a run: summary, checkpoint and tables, each written whole or not at all."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path, PurePath
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from anmstrip.errors import InputError, Mistake
+
+AnyPath = str | os.PathLike[str]
+
+_FACTS, _ARRAY = "facts", "array/"
+
+
+@contextmanager
+def _named_errors(path: Path) -> Iterator[None]:
+    """Let an `OSError` leave with the name of the file that the user knows.
+
+    A full disk is reported by the system without any name, and a refused permission with the
+    name of a temporary file.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None:
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+@contextmanager
+def atomic_write(path: AnyPath) -> Iterator[Path]:
+    """Create or replace a file all at once.
+
+    The body writes to the temporary path that it is given, in the same directory.  When it
+    succeeds, the temporary file is flushed to the disk and renamed over `path`; when it fails,
+    it is removed.  There is one temporary name per file, so that what a killed process leaves
+    behind is overwritten by the next one instead of piling up.
+
+    Raises
+    ------
+    OSError
+        Disk full, permission refused, directory missing: with `path` as its `filename`.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> target = Path(tempfile.mkdtemp()) / "note.txt"
+    >>> with atomic_write(target) as temporary:
+    ...     _ = temporary.write_text("all or nothing")
+    >>> target.read_text()
+    'all or nothing'
+    """
+    target = Path(path)
+    temporary = target.with_name(f".{target.name}.part")
+    with _named_errors(target):
+        try:
+            yield temporary
+            with temporary.open("rb+") as file:
+                os.fsync(file.fileno())
+            temporary.replace(target)
+        except BaseException:
+            temporary.unlink(missing_ok=True)
+            raise
+
+
+def plain(value: Any, *, keep_nonfinite: bool = False) -> Any:
+    """Turn numbers, text, paths, arrays, and lists and mappings of them into what JSON knows.
+
+    NaN and infinity become None, unless a reader understands Python's spelling of them.
+
+    Examples
+    --------
+    >>> plain({"drag": np.float64(2.5), "wrap": np.array([1, np.inf])})
+    {'drag': 2.5, 'wrap': [1.0, None]}
+    """
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(k): plain(v, keep_nonfinite=keep_nonfinite) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item, keep_nonfinite=keep_nonfinite) for item in value]
+    if isinstance(value, PurePath):
+        return str(value)
+    if isinstance(value, float) and not (keep_nonfinite or math.isfinite(value)):
+        return None
+    return value
+
+
+def write_summary(path: AnyPath, summary: Mapping[str, Any]) -> None:
+    """Write a `.json` of what :func:`plain` takes, all at once.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    TypeError
+        Something else among the values.
+    """
+    text = json.dumps(plain(summary), indent=2, ensure_ascii=False, allow_nan=False)
+    with atomic_write(path) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def save_checkpoint(
+    path: AnyPath, arrays: Mapping[str, ArrayLike], facts: Mapping[str, Any]
+) -> None:
+    """Write a `.npz`; a kill at any instant leaves the old one or the new one.
+
+    Parameters
+    ----------
+    path : path
+    arrays : mapping of str to array
+        Kept to the last bit.
+    facts : mapping
+        Numbers, text, lists and mappings of them, as JSON knows them.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    TypeError
+        A fact that JSON does not know, or an array of objects.
+    """
+    contents: dict[str, Any] = {_ARRAY + name: np.asarray(a) for name, a in arrays.items()}
+    if objects := [name for name, values in contents.items() if values.dtype.hasobject]:
+        raise TypeError(f"arrays of objects cannot be kept: {', '.join(objects)}")
+    text = json.dumps(plain(facts, keep_nonfinite=True)).encode()
+    contents[_FACTS] = np.frombuffer(text, dtype=np.uint8)
+    with atomic_write(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, **contents)
+
+
+def load_checkpoint(path: AnyPath) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Read arrays and facts as they were saved; facts are lists, numbers and text.
+
+    Raises
+    ------
+    InputError
+        There is no checkpoint, or it is damaged.
+    OSError
+        The file cannot be read.
+    """
+    expected = "the checkpoint that an interrupted run left"
+    hint = "the same command without --resume, to start from the beginning"
+    try:
+        content = Path(path).read_bytes()
+    except FileNotFoundError as error:
+        raise InputError([Mistake(str(path), "", "no such file", expected, hint)]) from error
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
+            found = {name: archive[name] for name in archive.files}
+        facts = json.loads(found.pop(_FACTS).tobytes())
+    except Exception as error:  # damage shows as exceptions of any kind
+        given = f"damaged ({error})"
+        raise InputError([Mistake(str(path), "", given, expected, hint)]) from error
+    return {name.removeprefix(_ARRAY): values for name, values in found.items()}, facts
+
+
+class History:
+    """A table with a header, that rows are added to.
+
+    A row reaches the system in one piece before `append` returns, so that a killed process
+    leaves complete lines.
+
+    Parameters
+    ----------
+    path : path
+        The `.csv`; replaced by the header and the first rows.
+    columns : sequence of str
+        Names, in the order of the file.
+    rows : iterable of sequence of str
+        Cells of the first rows.
+    """
+
+    def __init__(
+        self, path: AnyPath, columns: Sequence[str], rows: Iterable[Sequence[str]] = ()
+    ) -> None:
+        self.path, self.columns = Path(path), tuple(columns)
+        with atomic_write(path) as temporary:
+            temporary.write_bytes(_encode([self.columns, *rows]))
+
+    @classmethod
+    def reopen(cls, path: AnyPath, columns: Sequence[str], rows: int) -> Self:
+        """Go on after the first rows of an existing file; the others are dropped.
+
+        Raises
+        ------
+        InputError
+            The file has other columns or fewer rows.
+        OSError
+            The file cannot be read or written.
+        """
+        header, *kept = _records(path)
+        given, expected = ", ".join(header), f"the columns {', '.join(columns)}"
+        if header == list(columns):
+            given, expected = f"{len(kept)} rows", f"at least {rows} rows"
+        if header != list(columns) or len(kept) < rows:
+            hint = "the same command without --resume"
+            raise InputError([Mistake(str(path), "", given, expected, hint)])
+        return cls(path, columns, kept[:rows])
+
+    def append(self, row: Mapping[str, Any]) -> None:
+        """Add numbers or text by column; a column left out, or None, stays empty.
+
+        Raises
+        ------
+        ValueError
+            A column that the table does not have.
+        OSError
+            The file cannot be written.
+        """
+        if unknown := set(row) - set(self.columns):
+            raise ValueError(f"no such columns: {', '.join(sorted(unknown))}")
+        line = _encode([[row.get(column) for column in self.columns]])
+        with _named_errors(self.path), self.path.open("ab") as file:
+            file.write(line)
+
+
+def write_table(path: AnyPath, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
+    """Write a whole table at once; rows as for :meth:`History.append`."""
+    with atomic_write(path) as temporary:
+        cells = ([row.get(column) for column in columns] for row in rows)
+        temporary.write_bytes(_encode([columns, *cells]))
+
+
+def read_history(path: AnyPath) -> dict[str, NDArray[np.float64] | list[str]]:
+    """Read the columns of a table, even while it grows.
+
+    Returns
+    -------
+    dict
+        By column: an array of floats, NaN where empty, or a list of str if not all are numbers.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    """
+    header, *rows = _records(path)
+    table: dict[str, NDArray[np.float64] | list[str]] = {}
+    columns = zip(*rows, strict=True) if rows else [()] * len(header)
+    for name, cells in zip(header, columns, strict=True):
+        try:
+            table[name] = np.array([float(cell) if cell else np.nan for cell in cells])
+        except ValueError:
+            table[name] = list(cells)
+    return table
+
+
+def _records(path: AnyPath) -> list[list[str]]:
+    """Return the cells of the complete lines of a table, its header first."""
+    complete, _, _ = Path(path).read_bytes().rpartition(b"\n")
+    return list(csv.reader(io.StringIO(complete.decode(), newline=""))) or [[]]
+
+
+def _encode(rows: Iterable[Sequence[object]]) -> bytes:
+    """Return lines of CSV: numbers that read back to the last bit, texts on one line."""
+    buffer = io.StringIO(newline="")
+    writer = csv.writer(buffer, lineterminator="\n")
+    for row in rows:
+        writer.writerow([" ".join(x.splitlines()) if isinstance(x, str) else x for x in row])
+    return buffer.getvalue().encode()

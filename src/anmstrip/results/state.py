@@ -1,0 +1,198 @@
+"""What is read off a state: tensions, roller forces, wrap, slip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anmstrip.continuation.path import Branch
+from anmstrip.equilibrium import StageProblem
+from anmstrip.mechanics.loads import FollowerLoad
+from anmstrip.mechanics.shell import Membrane, principal
+from anmstrip.results.rollers import (
+    ContactState,
+    Regularisation,
+    RollerReading,
+    reading_of,
+    regularisation_of,
+)
+
+if TYPE_CHECKING:
+    from anmstrip.mechanics.contact import Contact, Friction
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class State:
+    """A state of the strip in a stage.
+
+    Attributes
+    ----------
+    plan : StageProblem
+    time : float
+        s.
+    control : float
+        λ of the stage.
+    full : ndarray, shape (unknowns,)
+        Displacements.
+    velocity : ndarray, shape (unknowns,), or None
+        Where the stage runs in time.
+    branch : Branch or None
+        Path of a rate-free step to this state, in the free unknowns.
+    """
+
+    plan: StageProblem
+    time: float
+    control: float
+    full: Array
+    velocity: Array | None
+    branch: Branch | None = None
+
+    def at(self, time: float, before: State | None) -> State:
+        """State at an instant of the step that ends here.
+
+        On the series of a rate-free step, on a parabola with the velocity of this end in
+        time; linear where there is neither.
+
+        Parameters
+        ----------
+        time : float
+            s.
+        before : State or None
+            Where the step began; the undeformed strip if ``None``.
+        """
+        if time == self.time:
+            return self
+        control = (time - self.plan.start) / self.plan.duration
+        a = None if self.branch is None else self.branch.reaches(control)
+        if self.branch is not None and a is not None:
+            full = self.plan.supports.full(self.branch(a)[0], control)
+            return State(self.plan, time, control, full, None)
+        start, u = self.plan.start, np.zeros_like(self.full)
+        if before is not None:
+            start, u = before.time, before.full
+        h, change = self.time - start, self.full - u
+        curved = 0.0 if self.velocity is None else h * self.velocity - change
+        s = (time - start) / h
+        full = u + s * (change - (1.0 - s) * curved)
+        velocity = None if self.velocity is None else (change + (2.0 * s - 1.0) * curved) / h
+        return State(self.plan, time, control, full, velocity)
+
+    @cached_property
+    def controls(self) -> dict[str, Array]:
+        """Values of the controls."""
+        return self.plan.controls.at(self.control)
+
+    @property
+    def membrane(self) -> Membrane | None:
+        """Membrane of the strip; a plate has none."""
+        return next((e for e in self.plan.model.effects if isinstance(e, Membrane)), None)
+
+    @cached_property
+    def principal_forces(self) -> Array:
+        """Membrane forces (N/m), ascending, at the quadrature points, shape (points, d)."""
+        assert self.membrane is not None
+        return principal(self.membrane.at(self.full))[0]
+
+    @cached_property
+    def imbalance(self) -> Array:
+        """Internal minus external force of every unknown; reactions where it is held."""
+        return self.plan.model.force(self.full, self.velocity, self.controls)
+
+    def edge_force(self, name: str) -> Array:
+        """Total force on an edge, reaction and dead load (N), shape (3,)."""
+        edge = self.plan.model.strip.edges[name]
+        strip = self.plan.model.strip
+        given = self.controls.get(f"{name}.force", np.zeros(3)) * edge.length
+        given += self._following(name)
+        values = self.imbalance.reshape(-1, strip.count)[edge.values].sum(axis=0)
+        return strip.kinematics.embed(values) + given + self._outside(name, edge.length)
+
+    def _following(self, name: str) -> Array:
+        """Total of the load that follows the strip at an edge (N), shape (3,)."""
+        for effect in self.plan.model.effects:
+            if isinstance(effect, FollowerLoad) and effect.control == f"{name}.tension":
+                operator = effect.operator
+                stress = effect.law(operator.apply(self.full), None, self.controls)
+                return self.plan.model.strip.kinematics.embed(-stress[:, 0] @ operator.weights)
+        return np.zeros(3)
+
+    def _outside(self, name: str, length: float) -> Array:
+        """Return the force (N) that holds a plate in its own plane, shape (3,)."""
+        if name != "entry" or 0 in self.plan.model.strip.kinematics.components:
+            return np.zeros(3)
+        pull = self.controls.get("exit.force", np.zeros(3))[0] * length
+        return np.array([-pull, 0.0, 0.0])
+
+    def tension(self, name: str) -> float:
+        """Mean force per length of an edge along the strip's own direction there (N/m)."""
+        edge = self.plan.model.strip.edges[name]
+        strip = self.plan.model.strip
+        slopes = self.full.reshape(-1, strip.count)[strip.dofs("u_x")[edge.nodes]].mean(axis=0)
+        along = np.array([1.0, 0.0, 0.0]) + strip.kinematics.embed(slopes)
+        along /= np.linalg.norm(along)
+        outward = -along if name == "entry" else along
+        return float(self.edge_force(name) @ outward) / edge.length
+
+    @cached_property
+    def contacts(self) -> dict[str, ContactState]:
+        """Roller → what it does to the strip."""
+        found: list[Any] = [e for e in self.plan.model.effects if e.by_roller]
+        contacts: dict[str, Contact] = {}
+        frictions: dict[str, Friction] = {}
+        for effect in found:
+            (frictions if effect.rate_dependent else contacts).update(effect.by_roller)
+        return {name: self._contact(c, frictions.get(name)) for name, c in contacts.items()}
+
+    def _contact(self, contact: Contact, friction: Friction | None) -> ContactState:
+        place = contact.seen(contact.operator.apply(self.full), self.controls)
+        normal, pressure = contact.normal(place), np.maximum(contact.pressure(place), 0.0)
+        slip, traction = np.zeros_like(normal), np.zeros_like(normal)
+        if friction is not None and self.velocity is not None:
+            near = friction.near(self.full, self.controls)
+            x, v = near.operator.apply(self.full), near.operator.apply(self.velocity)
+            chosen = near.operator.chosen
+            slip[:, chosen], traction[:, chosen] = near.in_space(x, v, self.controls)
+        coefficient = None if friction is None else friction.law_of_slip.coefficient
+        return ContactState(contact, place.gap, normal, pressure, slip, traction, coefficient)
+
+    @cached_property
+    def rollers(self) -> dict[str, RollerReading]:
+        """Roller → what is read off, in the order of the scene."""
+        edges = self.plan.model.strip.edges
+        incoming = self.edge_force("entry") if "entry" in edges else np.zeros(3)
+        readings = {}
+        for name in sorted(self.contacts, key=lambda n: self.contacts[n].middle):
+            state = self.contacts[name]
+            readings[name] = reading_of(state, incoming, self._weight_before)
+            incoming = incoming + readings[name].resultant
+        return {name: readings[name] for name in self.contacts}
+
+    @cached_property
+    def regularisation(self) -> dict[str, Regularisation]:
+        """Roller → what its regularised laws cost in truth."""
+        return {
+            name: regularisation_of(
+                self.contacts[name],
+                reading,
+                speed=float(self.controls[f"rollers.{name}.surface_speed"]),
+                elapsed=self.time,
+                stiffness=self.plan.model.strip.tensile_stiffness,
+            )
+            for name, reading in self.rollers.items()
+        }
+
+    def _weight_before(self, x: float) -> Array:
+        """Weight of the strip up to a reference position (N), shape (3,)."""
+        gravity = self.controls.get("gravity")
+        if gravity is None:
+            return np.zeros(3)
+        strip = self.plan.model.strip
+        begin, end = strip.nodes[0].min(), strip.nodes[0].max()
+        area = (x - begin) / (end - begin) * strip.areas.sum()
+        return strip.material.density * strip.thickness * area * np.asarray(gravity)

@@ -1,0 +1,142 @@
+"""Wrinkles of a shell: what compresses its free spans, and how far they are from smooth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anmstrip.fem.sampling import quadrature_points, shape_of
+from anmstrip.results.fields import FieldSampler
+from anmstrip.results.state import State
+
+Array = NDArray[np.float64]
+
+CLOSE = 0.5
+"""Share of the compression that a span bears, above which it is told."""
+
+PART = 0.1
+"""Share of the largest compression that counts as compressed."""
+
+LAYERS = 4.0
+"""Distance of a free span from a roller, in √(D/T): where it lifts off a strip is stressed so."""
+
+SMOOTH = 2
+"""Degree in y of what is no wrinkle: a line across may be shifted, tilted and bowed."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """A stretch of the strip between rollers or ends, where its membrane is compressed most."""
+
+    before: str  # roller or end
+    after: str
+    start: float  # reference x (m)
+    end: float
+    compression: float  # N/m, at least 0
+    bearable: float  # what the span bears under the tension of that place (N/m)
+    share: float  # of the width that is compressed there
+
+    def __str__(self) -> str:
+        return (
+            f"compressed by {self.compression:.3g} N/m between {self.before} and {self.after}, "
+            f"over {100.0 * self.share:.0f} % of the width; "
+            f"wrinkles are likely above {self.bearable:.3g} N/m."
+        )
+
+
+def free_spans(state: State) -> Iterator[Span]:
+    """Yield the spans between entry, rollers and exit where the strip is free, in this order.
+
+    A plate in tension T_y along and compression across bears
+    2 q √(D (D q² + T)) + 2 D q² with q = π / length.
+    """
+    model = state.plan.model
+    strip, d = model.strip, model.strip.bending_stiffness
+    ends = float(strip.nodes[0].min()), float(strip.nodes[0].max())
+    reach = LAYERS * np.sqrt(d / model.scales.tension) * np.array([-1.0, 1.0])
+    touched = [(name, c) for name, c in state.contacts.items() if c.touching.any()]
+    arcs = sorted((*(contact.arc + reach), name) for name, contact in touched)
+    stations = [(*2 * ends[:1], "the entry"), *arcs, (*2 * ends[1:], "the exit")]
+    positions, weights = quadrature_points(strip)[0], strip.weights().ravel()
+    for (_, start, before), (end, _, after) in pairwise(stations):
+        inside = (start <= positions) & (positions <= end)
+        if start >= end:
+            continue
+        if not inside.any():
+            yield Span(before, after, float(start), float(end), 0.0, np.inf, 0.0)
+            continue
+        x, area, (low, high) = positions[inside], weights[inside], state.principal_forces[inside].T
+        worst, q = int(low.argmin()), np.pi / (end - start)
+        beside = np.abs(x - x[worst]) <= 0.5 * strip.cell_sizes[0].max()
+        compressed = beside & (low < PART * low[worst])
+        bearable = 2.0 * q * np.sqrt(d * (d * q**2 + max(high[worst], 0.0))) + 2.0 * d * q**2
+        share, pressed = area[compressed].sum() / area[beside].sum(), max(-float(low[worst]), 0.0)
+        numbers = pressed, float(bearable), float(share)
+        yield Span(before, after, float(start), float(end), *numbers)
+
+
+@dataclass(frozen=True)
+class Wrinkling:
+    """Compression and wrinkles in a state of a shell."""
+
+    state: State
+
+    @cached_property
+    def spans(self) -> list[Span]:
+        """Free spans, from entry to exit."""
+        return list(free_spans(self.state))
+
+    @property
+    def compression(self) -> float:
+        """Largest principal compression of the free spans (N/m), at least 0."""
+        return max((span.compression for span in self.spans), default=0.0)
+
+    @property
+    def warnings(self) -> list[str]:
+        """Spans that are near to wrinkling, in words."""
+        near = [span for span in self.spans if span.compression > CLOSE * span.bearable]
+        return [f"The strip is {span}" for span in near]
+
+    def amplitudes(self, sampler: FieldSampler | None = None) -> list[float] | None:
+        """Largest distance, along the normal, from the parabola nearest to a line across (m).
+
+        Every span has one, of its lines of points x = const that a parabola does not fit anyway;
+        ``None`` on triangles, which have no such lines.
+
+        Parameters
+        ----------
+        sampler : FieldSampler, optional
+            Points of the strip, if there are some already.
+        """
+        strip = self.state.plan.model.strip
+        if shape_of(strip) != "quad":
+            return None
+        sampler = FieldSampler(strip, None, None) if sampler is None else sampler
+        reference = sampler.reference
+        points = reference.T + sampler.interpolate(self.state.full)
+        rows = np.round(reference[0] / (1e-3 * strip.cell_sizes[0].min())).astype(np.int64)
+        order = np.lexsort((reference[1], rows))
+        lines = np.split(order, np.flatnonzero(np.diff(rows[order])) + 1)
+        lines = [line for line in lines if len(line) > SMOOTH + 1]
+        x = reference[0, [line[0] for line in lines]]
+        bases = [np.vander(reference[1, line], SMOOTH + 1) for line in lines]
+        pairs = list(zip(bases, lines, strict=True))
+        fits = np.stack(
+            [np.linalg.lstsq(basis, points[line], rcond=None)[0] for basis, line in pairs]
+        )
+        normals = np.cross(np.gradient(fits[:, -1], x, axis=0), fits[:, -2])
+        normals /= np.linalg.norm(normals, axis=1)[:, None]
+        triples = zip(pairs, fits, normals, strict=True)
+        off = [np.abs((points[k] - basis @ fit) @ n).max() for (basis, k), fit, n in triples]
+        spans = [(span.start <= x) & (x <= span.end) for span in self.spans]
+        return [float(np.max(off, initial=0.0, where=inside)) for inside in spans]
+
+    def amplitude(self, sampler: FieldSampler | None = None) -> float | None:
+        """Largest of :meth:`amplitudes` (m)."""
+        found = self.amplitudes(sampler)
+        return None if found is None else max(found, default=0.0)

@@ -1,0 +1,412 @@
+"""Checks between the tables of a scene."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from inspect import signature
+from itertools import combinations
+from math import hypot
+from typing import Any
+
+import numpy as np
+
+from anmstrip.errors import Mistake, nearest
+from anmstrip.scene.tables import (
+    EDGE_NAMES,
+    ENDS,
+    STAGE_KEYS,
+    THREADING,
+    ContactSpec,
+    EdgeControl,
+    EdgeSpec,
+    FrictionSpec,
+    MaterialSpec,
+    RollerSpec,
+    StageSpec,
+    StripSpec,
+    ThreadingSpec,
+    missing,
+)
+
+Rollers = tuple[RollerSpec, ...]
+Stages = tuple[StageSpec, ...]
+
+SEEN = {"shell": "xyz", "section": "xz", "plate": "z"}
+"""Displacements that a level has; holding another one is harmless, moving or loading it is not."""
+
+WHY = {"section": 'a "section" has no width', "plate": 'a "plate" only moves up and down'}
+
+OTHER = {"section": 'kinematics = "shell"', "plate": 'kinematics = "section"'}
+"""The next level, which has more displacements."""
+
+CONTACT = "[contact]\nstiffness = 1.0e10\neta = 10.0\ndelta = 1.0e-3"
+"""An example of contact, to be typed."""
+
+PARALLEL = 0.99
+"""Least cosine of the angle between axes that count as parallel."""
+
+ACROSS = 0.9
+"""Least component along y of the unit axis of a roller that the strip is threaded around."""
+
+STRETCHED = 0.05
+"""Largest strain of a threaded strip: metals yield long before."""
+
+
+def edge_controls(stages: Stages) -> Iterator[tuple[str, str, EdgeControl]]:
+    """Yield the key, the edge and the control of every edge in every stage."""
+    for stage in stages:
+        for name, control in stage.edges.items():
+            yield f"stages.{stage.name}.{name}", name, control
+
+
+def nonzero(vector: tuple[float, float, float] | None) -> list[str]:
+    """Return the names of the components of a vector that are not zero."""
+    return [name for name, value in zip("xyz", vector or (), strict=False) if value != 0]
+
+
+def unique_rollers(rollers: Rollers) -> Iterator[Mistake]:
+    """Yield rollers that have the name of another."""
+    return duplicates("rollers", [roller.name for roller in rollers])
+
+
+def unique_stages(stages: Stages) -> Iterator[Mistake]:
+    """Yield stages that have the name of another."""
+    return duplicates("stages", [stage.name for stage in stages])
+
+
+def duplicates(key: str, names: list[str]) -> Iterator[Mistake]:
+    """Yield names of a list of tables that come more than once."""
+    for name, count in Counter(names).items():
+        if count > 1:
+            free = next(f"{name}_{i}" for i in range(2, 999) if f"{name}_{i}" not in names)
+            expected = f"a name of its own; {count} {key} have this one"
+            yield Mistake("", f"{key}.{name}.name", name, expected, f'name = "{free}"')
+
+
+def known_edges(
+    strip: StripSpec, edges: Mapping[str, EdgeSpec], stages: Stages
+) -> Iterator[Mistake]:
+    """Yield names of edges that a strip without mesh file does not have."""
+    if strip.mesh is not None:  # its own names; checked when it is read
+        return
+    known = ENDS if strip.kinematics == "section" else EDGE_NAMES
+    given = [(f"edges.{name}", name, "the name of an edge", known) for name in edges]
+    given += [
+        (key, name, "a known key or the name of an edge", (*known, *STAGE_KEYS))
+        for key, name, _ in edge_controls(stages)
+    ]
+    for key, name, expected, words in given:
+        if name in EDGE_NAMES and name not in known:
+            sides = 'entry or exit: a "section" has no width, hence no sides'
+            yield Mistake("", key, name, sides, 'take it out, or kinematics = "shell"')
+        elif name not in known:
+            yield Mistake("", key, name, expected, nearest(name, words))
+
+
+def known_rollers(rollers: Rollers, stages: Stages) -> Iterator[Mistake]:
+    """Yield rollers of stages that the scene does not have."""
+    known = [roller.name for roller in rollers]
+    for stage in stages:
+        for name in stage.rollers:
+            if name not in known:
+                key = f"stages.{stage.name}.rollers.{name}"
+                yield Mistake("", key, name, "the name of a roller", nearest(name, known))
+
+
+def plates(
+    strip: StripSpec, friction: FrictionSpec | None, threading: ThreadingSpec | None
+) -> Iterator[Mistake]:
+    """Yield what needs a strip that moves along, or is bent far."""
+    if strip.kinematics != "plate":
+        return
+    key, hint = "strip.kinematics", OTHER["plate"]
+    if threading is not None:
+        expected = '"shell" or "section": a plate stays nearly flat, so it is not threaded'
+        yield Mistake("", key, "plate", expected, hint)
+    if friction is not None:
+        expected = '"shell" or "section": a plate does not move along, so nothing rubs'
+        yield Mistake("", key, "plate", expected, hint)
+    if strip.feed:
+        yield Mistake("", "strip.feed", True, "false: a plate does not move along", "feed = false")
+
+
+def rollers_of_a_section(strip: StripSpec, rollers: Rollers) -> Iterator[Mistake]:
+    """Yield rollers that are not the same all across."""
+    if strip.kinematics != "section":
+        return
+    for roller in rollers:
+        for key, value in roller.profile.items():
+            expected = f'no {key}, since "section" has no width'
+            yield Mistake("", f"rollers.{roller.name}.{key}", value, expected, OTHER["section"])
+        if roller.axis[0] or roller.axis[2]:
+            expected = 'an axis along y, since "section" has no width'
+            hint = "axis = [0.0, 1.0, 0.0]"
+            yield Mistake("", f"rollers.{roller.name}.axis", roller.axis, expected, hint)
+
+
+def directions(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
+    """Yield motion, force and gravity along what a level does not have."""
+    level = strip.kinematics
+    given = []
+    for stage in stages:
+        for name, control in stage.edges.items():
+            for key in ("move", "velocity", "force"):
+                place = f"stages.{stage.name}.{name}.{key}"
+                given.append((place, f"{name}.{key}", getattr(control, key)))
+        given.append((f"stages.{stage.name}.gravity", "gravity", stage.gravity))
+    for key, short, vector in given:
+        # along x the force on a plate's exit is its tension
+        seen = "xz" if (level, short) == ("plate", "exit.force") else SEEN[level]
+        unseen = [c for c in nonzero(vector) if c not in seen]
+        if vector is not None and unseen:
+            kept = [v if c in seen else 0.0 for c, v in zip("xyz", vector, strict=True)]
+            expected = f"0 along {' and '.join(unseen)}: {WHY[level]}"
+            yield Mistake("", key, vector, expected, f"{short} = {kept}, or {OTHER[level]}")
+
+
+def tension_of_a_plate(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
+    """Yield tensions that a plate does not look at: its own is that of exit.force."""
+    for key, _, control in edge_controls(stages):
+        if strip.kinematics == "plate" and control.tension is not None:
+            expected = 'nothing: the tension of a "plate" is the x of exit.force (N/m)'
+            hint = f"exit.force = [{control.tension:g}, 0.0, 0.0]"
+            yield Mistake("", f"{key}.tension", control.tension, expected, hint)
+
+
+def moments(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
+    """Yield moments on a strip that does not resist bending, or does not turn far."""
+    if strip.bending and strip.kinematics != "plate":
+        return
+    expected = 'nothing: a strip without bending has no moments, a "plate" takes none'
+    hint = OTHER["plate"] if strip.bending else "bending = true"
+    for key, _, control in edge_controls(stages):
+        if control.moment is not None:
+            yield Mistake("", f"{key}.moment", control.moment, expected, hint)
+
+
+def held_components(edges: Mapping[str, EdgeSpec], stages: Stages) -> Iterator[Mistake]:
+    """Yield motion of free components and force on held ones; a release frees them all."""
+    released: set[str] = set()
+    for place, name, control in edge_controls(stages):
+        if control.release:
+            released.add(name)
+        fixed = edges[name].fixed if name in edges and name not in released else ()
+        release = f"{name}.release = true in this stage or an earlier one"
+        for key in ("move", "velocity"):
+            value = getattr(control, key)
+            if free := [c for c in nonzero(value) if c not in fixed]:
+                expected = f"0 in {', '.join(free)}: not held on this edge, so it cannot be moved"
+                wanted = ", ".join(f'"{c}"' for c in "xyz" if c in (*fixed, *free))
+                hint = f"[edges.{name}]\nfixed = [{wanted}]"
+                hint = f"{name}.force = […], for it was released" if name in released else hint
+                yield Mistake("", f"{place}.{key}", value, expected, hint)
+        if both := [c for c in nonzero(control.force) if c in fixed]:
+            expected = f"0 in {', '.join(both)}: the component is held; its reaction follows"
+            yield Mistake("", f"{place}.force", control.force, expected, f"0.0 there, or {release}")
+        if control.tension and {"x", "z"} <= set(fixed):
+            expected = "0: x and z are held, which take it; their reaction follows"
+            yield Mistake("", f"{place}.tension", control.tension, expected, release)
+
+
+def tensions(stages: Stages) -> Iterator[Mistake]:
+    """Yield tensions that are not at an end of the strip."""
+    for key, name, control in edge_controls(stages):
+        if control.tension is not None and name not in ENDS:
+            expected = "entry or exit, the ends of the strip"
+            yield Mistake("", f"{key}.tension", control.tension, expected, "exit.tension = 1.0e4")
+
+
+def gravity_has_density(material: MaterialSpec, stages: Stages) -> Iterator[Mistake]:
+    """Yield a density that gravity lacks."""
+    weighing = [stage.name for stage in stages if stage.gravity is not None]
+    if weighing and material.density is None:
+        mistake = missing(MaterialSpec, "density")
+        expected = f"{mistake.expected}, since stage {weighing[0]} has gravity"
+        yield replace(mistake, key="material.density", expected=expected)
+
+
+def friction_has_contact(
+    friction: FrictionSpec | None, contact: ContactSpec | None
+) -> Iterator[Mistake]:
+    """Yield the contact that friction lacks."""
+    if friction is not None and contact is None:
+        yield Mistake("", "contact", None, "a table, since there is [friction]", CONTACT)
+
+
+def sharpened_laws_are_built_in(
+    friction: FrictionSpec | None, contact: ContactSpec | None
+) -> Iterator[Mistake]:
+    """Yield laws of one's own that ``regularisation = "auto"`` could not sharpen."""
+    own = (friction is not None and ":" in friction.law) or (contact and contact.law)
+    if friction is not None and friction.regularisation == "auto" and own:
+        expected = '"fixed": only the built-in laws are known well enough to be sharpened'
+        yield Mistake("", "friction.regularisation", "auto", expected, 'regularisation = "fixed"')
+
+
+def rollers_have_friction(friction: FrictionSpec | None, rollers: Rollers) -> Iterator[Mistake]:
+    """Yield rollers with a coefficient of their own in a scene without friction."""
+    for roller in rollers:
+        if friction is None and roller.friction is not None:
+            expected = "a table [friction] as well, for the law and its speed"
+            hint = f"[friction]\ncoefficient = {roller.friction:g}\nspeed = 1.0e-4"
+            yield Mistake("", f"rollers.{roller.name}.friction", roller.friction, expected, hint)
+
+
+def stages_have_friction(friction: FrictionSpec | None, stages: Stages) -> Iterator[Mistake]:
+    """Yield stages that ask for friction in a scene without."""
+    for stage in stages:
+        if friction is None and stage.friction and "friction" in stage.model_fields_set:
+            expected = "false, since the scene has no [friction]"
+            hint = "friction = false, or a table [friction] with coefficient and speed"
+            yield Mistake("", f"stages.{stage.name}.friction", True, expected, hint)
+
+
+def threading_partners(
+    threading: ThreadingSpec | None, contact: ContactSpec | None, rollers: Rollers
+) -> Iterator[Mistake]:
+    """Yield what is missing: the table, a side for some roller, or contact."""
+    wrapped = [roller for roller in rollers if roller.wrap is not None]
+    if threading is None:
+        if wrapped:
+            hint, key = "[threading]\ntension = 1.0e4", f"rollers.{wrapped[0].name}.wrap"
+            yield Mistake("", key, wrapped[0].wrap, "a table [threading] as well", hint)
+        return
+    if not wrapped:
+        hint = 'wrap = "over" in a table of [[rollers]]'
+        yield Mistake("", "threading", None, "a roller that says its side", hint)
+    if contact is None:
+        yield Mistake("", "contact", None, "a table, since there is [threading]", CONTACT)
+
+
+def one_length(threading: ThreadingSpec | None, strip: StripSpec) -> Iterator[Mistake]:
+    """Yield a length that is missing, or given besides both ends from which it follows."""
+    both = threading is not None and None not in (threading.entry, threading.exit)
+    given = strip.length is not None or strip.mesh is not None
+    if both and given:
+        key, value = ("length", strip.length) if strip.mesh is None else ("mesh", str(strip.mesh))
+        expected = "nothing, since the ends of [threading] say the length"
+        yield Mistake("", f"strip.{key}", value, expected, f"either {key} or threading.exit")
+    if not both and not given:
+        yield replace(missing(StripSpec, "length"), key="strip.length")
+
+
+def held_entry(threading: ThreadingSpec | None, edges: Mapping[str, EdgeSpec]) -> Iterator[Mistake]:
+    """Yield an entry that gives way when the exit is pulled."""
+    fixed = edges["entry"].fixed if "entry" in edges else ()
+    if threading is not None and not {"x", "z"} <= set(fixed):
+        hint = '[edges.entry]\nfixed = ["x", "z"]'
+        expected = "x and z held, to thread against"
+        yield Mistake("", "edges.entry.fixed", list(fixed) or None, expected, hint)
+
+
+def own_name(threading: ThreadingSpec | None, stages: Stages) -> Iterator[Mistake]:
+    """Yield a stage that has the name of the threading."""
+    if threading is not None and any(stage.name == THREADING for stage in stages):
+        key = f"stages.{THREADING}.name"
+        yield Mistake("", key, THREADING, "another name: [threading] has this one", 'name = "run"')
+
+
+def threading_ends(threading: ThreadingSpec | None) -> Iterator[Mistake]:
+    """Yield ends to one side: the way lies in the plane y = 0."""
+    ends = (threading.entry, threading.exit) if threading else ()
+    for name, place in zip(ENDS, ends, strict=False):
+        if place is not None and place[1] != 0.0:
+            expected = "0 along y: the middle of the strip runs in the plane y = 0 (m)"
+            hint = f"{name} = [{place[0]:g}, 0.0, {place[2]:g}]"
+            yield Mistake("", f"threading.{name}", place, expected, hint)
+
+
+def bearable(
+    threading: ThreadingSpec | None, strip: StripSpec, material: MaterialSpec
+) -> Iterator[Mistake]:
+    """Yield a tension that no metal strip bears, most often in another unit."""
+    stiffness = material.young * strip.thickness
+    if threading is not None and threading.tension > STRETCHED * stiffness:
+        percent = 100.0 * threading.tension / stiffness
+        expected = (
+            f"at most {STRETCHED * stiffness:.3g} (N per metre of width); this would stretch the "
+            f"strip by {percent:.3g} %, with young × thickness = {stiffness:.3g} N/m"
+        )
+        hint = f"tension = {1e-4 * stiffness:.3g}, or another young or thickness"
+        yield Mistake("", "threading.tension", threading.tension, expected, hint)
+
+
+def wrapped_axes(rollers: Rollers) -> Iterator[Mistake]:
+    """Yield axes along the strip: threading cuts rollers by planes y = const."""
+    for roller in rollers:
+        if roller.wrap is not None and abs(roller.axis[1]) < ACROSS * hypot(*roller.axis):
+            key = f"rollers.{roller.name}.axis"
+            expected = "an axis nearly along y, since it says its wrap"
+            yield Mistake("", key, roller.axis, expected, "axis = [0.0, 1.0, 0.0]")
+
+
+def apart(rollers: Rollers) -> Iterator[Mistake]:
+    """Yield parallel rollers that overlap: axes closer than the sum of the radii."""
+    for first, second in combinations(rollers, 2):
+        axis, other = (np.array(r.axis) / hypot(*r.axis) for r in (first, second))
+        way = np.subtract(second.centre, first.centre)
+        offset = way - (way @ axis) * axis
+        distance, least = hypot(*offset), first.radius + second.radius
+        if abs(axis @ other) < PARALLEL or distance >= least * (1.0 - 1e-9):
+            continue
+        expected = (
+            f"at least {least:g} m, the sum of both radii, between the axes of {first.name} "
+            f"and {second.name}, which overlap; now {distance:.4g} (m)"
+        )
+        direction = offset / distance if distance else np.array([0.0, 0.0, 1.0])
+        centre = second.centre + (1.01 * least - distance) * direction
+        hint = f"centre = [{', '.join(f'{c:.4g}' for c in centre)}], or smaller radii"
+        key = f"rollers.{second.name}.centre"
+        yield Mistake("", key, list(second.centre), expected, hint)
+
+
+RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
+    unique_rollers,
+    unique_stages,
+    known_edges,
+    known_rollers,
+    plates,
+    rollers_of_a_section,
+    directions,
+    tension_of_a_plate,
+    moments,
+    held_components,
+    tensions,
+    gravity_has_density,
+    friction_has_contact,
+    sharpened_laws_are_built_in,
+    rollers_have_friction,
+    stages_have_friction,
+    threading_partners,
+    one_length,
+    held_entry,
+    own_name,
+    threading_ends,
+    bearable,
+    wrapped_axes,
+    apart,
+)
+"""Rules between the tables of a scene; their parameters are the names of the tables they need.
+
+Where two find fault with the same key the first one is told, so what a level of kinematics
+cannot have at all stands before what else is wrong with it.
+"""
+
+
+def check_scene(tables: Mapping[str, Any]) -> Iterator[Mistake]:
+    """Yield what is wrong between those tables of a scene that are right in themselves.
+
+    Parameters
+    ----------
+    tables : mapping
+        Tables by name; a rule whose tables are not all there is left out.
+    """
+    told: set[str] = set()
+    for rule in RULES:
+        needed = signature(rule).parameters
+        if needed.keys() <= tables.keys():
+            found = list(rule(**{name: tables[name] for name in needed}))
+            yield from (mistake for mistake in found if mistake.key not in told)
+            told.update(mistake.key for mistake in found)

@@ -1,0 +1,1 @@
+"""Simulation: from a scene to equations, and along them through its stages."""

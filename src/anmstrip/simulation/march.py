@@ -1,0 +1,320 @@
+"""The strip's way through the stages: what is solved, and where it has arrived."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anmstrip.continuation.equations import Cost
+from anmstrip.continuation.follow import Pace, PathSolver, Settings, follow
+from anmstrip.continuation.tolerances import Tolerances
+from anmstrip.equilibrium import Equilibrium, Motion, StageProblem
+from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.results.state import State
+from anmstrip.scene.schema import StageSpec
+from anmstrip.scene.tables import THREADING
+from anmstrip.simulation.problem import Assembly
+from anmstrip.simulation.stages import Course, stretched
+from anmstrip.timestepping.formulas import Memory, start_memory
+from anmstrip.timestepping.implicit import UNHURRIED, Stepping, TimeStep, integrate
+
+if TYPE_CHECKING:
+    from anmstrip.results.events import Event
+    from anmstrip.simulation.feed import Feed
+
+Array = NDArray[np.float64]
+
+MOST_CORRECTIONS = 100
+"""Of the guess of a threaded strip, after which its path is followed."""
+
+FIRST_STEP = 0.01
+"""First time step, of the shortest stage in time; the error control corrects it."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One accepted step.
+
+    The stepper gives the state, what the solver tells, and what the next step needs; the run
+    adds the counts over the whole run.
+    """
+
+    state: State
+    order: int  # of the series
+    range: float  # part of λ that the step has covered, or of time (s)
+    residual: float  # imbalance that the step leaves, over the force scale
+    past: Pace | Memory | None = None  # what the next step needs: of a rate-free path, or in time
+    snapped: bool = False  # whether the strip ran away and came to rest, faster than can be dated
+    step: int = 0  # number of the step
+    tangents: int = 0  # factorised up to here
+    end_time: float = 0.0  # at which the run ends (s)
+    events: tuple[Event, ...] = ()  # if the scene asks for them
+
+    @property
+    def stage(self) -> str:
+        """Name of the stage."""
+        return self.state.plan.name
+
+    @property
+    def time(self) -> float:
+        """Time reached (s)."""
+        return self.state.time
+
+    @property
+    def fraction(self) -> float:
+        """Share of the whole run that is done."""
+        return self.time / self.end_time
+
+    @property
+    def tension_ratio(self) -> float | None:
+        """Tension before the first roller over that after it, or None without a roller."""
+        readings = self.state.rollers.values()
+        return next((reading.tension_ratio for reading in readings), None)
+
+
+class March:
+    """The steps of a scene's stages, from the state that the steps before have reached.
+
+    Parameters
+    ----------
+    assembly : Assembly
+
+    Attributes
+    ----------
+    full, velocity : ndarray, shape (unknowns,)
+    reached : float or None
+        λ of a stage that has begun.
+    pace, memory
+        Of the path in this stage, see :class:`Step`.
+    slack : bool
+        Whether this stage began with a slack strip, see :meth:`_slack`.
+    past : StageProblem or None
+        The stage before.
+    feed : Feed or None
+        Of fresh strip.
+    follow : callable
+        Follows paths; by series unless somebody compares.
+    """
+
+    def __init__(self, assembly: Assembly) -> None:
+        self.follow: PathSolver = follow
+        self.assembly, self.scene = assembly, assembly.scene
+        self.tolerances = Tolerances(assembly.scene.solver.tolerance)
+        self.course, self.solver = Course(assembly), SparseSolver()
+        self.cost = Cost(most=assembly.scene.solver.max_tangents)
+        self.full = np.zeros(assembly.strip.unknowns)
+        self.velocity = np.zeros_like(self.full)
+        self.reached: float | None = None
+        self.pace: Pace | None = None
+        self.memory: Memory | None = None
+        self.slack = False
+        self.past: StageProblem | None = None
+        self.feed: Feed | None = None
+        if assembly.scene.strip.feed:
+            from anmstrip.simulation.feed import Feed
+
+            self.feed = Feed(assembly.strip)
+
+    def planned(self, stage: StageSpec, state: State | None) -> StageProblem:
+        """A stage ready to be solved; what it releases goes on as a load."""
+        reactions = {}
+        for name, control in stage.edges.items():
+            if state is not None and control.release and name not in self.course.released:
+                held = state.edge_force(name) / self.assembly.strip.edges[name].length
+                reactions[name] = held - self.course.values.get(f"{name}.force", np.zeros(3))
+        return self.course.plan(stage, reactions)
+
+    def here(self, plan: StageProblem) -> State:
+        """Return the present state, as one of a stage."""
+        velocity = self.velocity if plan.in_time else None
+        control = self.reached or 0.0
+        time = plan.start + control * plan.duration
+        return State(plan, time, control, self.full, velocity)
+
+    def accept(self, step: Step) -> None:
+        """Move to the end of a step."""
+        state = step.state
+        self.full, self.reached = state.full, state.control
+        self.velocity = np.zeros_like(self.full) if state.velocity is None else state.velocity
+        self.pace = step.past if isinstance(step.past, Pace) else None
+        self.memory = step.past if isinstance(step.past, Memory) else None
+
+    def finish(self, stage: StageSpec, plan: StageProblem) -> None:
+        """Leave a stage."""
+        self.course.finish(stage)
+        self.reached, self.pace, self.slack, self.past = None, None, False, plan
+
+    def through(self, plan: StageProblem, steps: int) -> Iterator[Step]:
+        """Steps to the end of a stage, at most so many; each must be accepted.
+
+        Raises
+        ------
+        PathStopped
+        """
+        settings = Settings(
+            order=self.assembly.order,
+            tolerance=self.tolerances.time_residual if plan.in_time else self.tolerances.path,
+            max_steps=steps,
+            rational=not self.scene.output.events,  # events are roots of polynomials
+        )
+        yield from (self._in_time if plan.in_time else self._rate_free)(plan, settings)
+
+    def _rate_free(self, plan: StageProblem, settings: Settings) -> Iterator[Step]:
+        u, equations = self._start(plan)
+        settings = replace(settings, unhurried=UNHURRIED)
+        for step in self.follow(
+            equations, u, solver=self.solver, settings=settings, pace=self.pace, cost=self.cost
+        ):
+            u, control = step.branch.end
+            branch = step.branch if equations.controls is plan.controls else None
+            time = plan.start + control * plan.duration
+            full = plan.supports.full(u, control)
+            state = State(plan, time, control, full, None, branch)
+            covered = abs(control - float(step.branch.control[0]))
+            yield Step(state, step.branch.order, covered, step.imbalance, step.pace)
+
+    def _start(self, plan: StageProblem) -> tuple[Array, Equilibrium]:
+        """First point of a rate-free path, and its equations."""
+        free, u = plan.supports.free, self.full[plan.supports.free]
+        if plan.name == THREADING and self.reached is None:
+            assert self.assembly.thread is not None
+            u = self.assembly.thread.guess(self.assembly.strip, self.assembly.pattern)[free]
+            u = self._corrected(Equilibrium(plan.model, plan.supports, plan.controls), u)
+        elif tension := self._slack(plan):
+            self.slack, u = True, stretched(self.assembly, tension)[free]
+        if self.slack:
+            return u, Equilibrium(plan.model, *plan.held_at_end)
+        return u, Equilibrium(plan.model, plan.supports, plan.controls)
+
+    def _corrected(self, equations: Equilibrium, guess: Array) -> Array:
+        """The state near a guess; the guess itself, with a path still to go, if there is none."""
+        from anmstrip.continuation.newton import (
+            Corrections,
+            Newton,
+        )
+
+        settings = Corrections(self.tolerances.correction, most=MOST_CORRECTIONS, halvings=8)
+        found = Newton(equations, self.solver, settings, self.cost).corrected(guess, 0.0)
+        return guess if found is None else found.u
+
+    def _slack(self, plan: StageProblem) -> float:
+        """Tension at the end of a stage that first pulls a flat slack strip, else 0.
+
+        A slack flat strip has no transverse stiffness; its uniformly stretched
+        state is known, so that the path starts there.
+        """
+        if np.any(self.full) or np.any(plan.supports.slope):
+            return 0.0
+        end = plan.controls.at(1.0)
+        pulled = float(end.get("exit.force", np.zeros(3))[0])
+        return max(pulled + float(end.get("exit.tension", 0.0)), 0.0)
+
+    def _in_time(self, plan: StageProblem, settings: Settings) -> Iterator[Step]:
+        memory, taken = self._memory(plan), 0
+        if self.reached is not None:  # broken off, perhaps before the labels moved
+            plan, memory = self._fed(plan, memory)
+        while memory.times[0] < plan.start + plan.duration:
+            left = replace(settings, max_steps=settings.max_steps - taken)
+            for step in self._time_steps(plan, memory, left):
+                control = (step.end - plan.start) / plan.duration
+                velocity = plan.moving(control)
+                velocity[plan.supports.free] = step.v
+                full = plan.supports.full(step.u, control)
+                state = State(plan, step.end, control, full, velocity)
+                covered = step.end - step.start
+                yield Step(state, settings.order, covered, step.imbalance, step.memory, step.snap)
+                memory, taken = step.memory, taken + 1
+                if self._due():
+                    break
+            plan, memory = self._fed(plan, memory)
+
+    def _memory(self, plan: StageProblem) -> Memory:
+        """The past of a stage in time: that of the stage before, if nothing jumps."""
+        fresh = self.past is not None and not plan.continues(self.past)
+        if self.memory is not None and not fresh:
+            return self.memory
+        stages = [s.duration for s in self.scene.course if self.assembly.frictional(s)]
+        first = self.scene.solver.time_step or FIRST_STEP * min(stages)
+        free = plan.supports.free
+        return start_memory(plan.start, self.full[free], self.velocity[free], first)
+
+    def _time_steps(
+        self, plan: StageProblem, memory: Memory, settings: Settings
+    ) -> Iterator[TimeStep]:
+        """Steps of a stage from where its past ends."""
+        stages = [s.duration for s in self.scene.course if self.assembly.frictional(s)]
+        solver = self.scene.solver
+        return integrate(
+            Motion(plan.model, plan.supports, plan.controls, plan.start, plan.duration),
+            memory,
+            plan.start + plan.duration,
+            solver=self.solver,
+            settings=settings,
+            stepping=Stepping(
+                sum(stages),
+                self.tolerances.time,
+                solver.highest_time_order,
+                solver.time_step,
+                self.follow,
+            ),
+            cost=self.cost,
+        )
+
+    def _due(self) -> int:
+        """Elements of fresh strip that have to be fed in."""
+        return 0 if self.feed is None else self.feed.due(self.full)
+
+    def _fed(self, plan: StageProblem, memory: Memory) -> tuple[StageProblem, Memory]:
+        """The same stage after fresh strip was fed in for what has left, if it has."""
+        elements = self._due()
+        if self.feed is None or not elements:
+            return plan, memory
+        from anmstrip.simulation.feed import relabelled
+
+        with unbroken():
+            plan, memory = relabelled(self.feed, elements, plan, self.course, memory)
+            self.full = self.feed.moved(self.full, elements)
+            self.velocity = self.feed.moved(self.velocity, elements, position=False)
+            self.memory = memory
+        return plan, memory
+
+
+@contextmanager
+def unbroken() -> Iterator[None]:
+    """Let Ctrl-C wait until the body has ended, and then do what it does.
+
+    For what has to be changed and written together.  In other threads than the main one,
+    where Python never raises ``KeyboardInterrupt``, there is nothing to wait for.
+
+    Examples
+    --------
+    >>> import os, signal
+    >>> done = []
+    >>> try:
+    ...     with unbroken():
+    ...         os.kill(os.getpid(), signal.SIGINT)
+    ...         done.append("all of it")
+    ... except KeyboardInterrupt:
+    ...     done.append("then the interruption")
+    >>> done
+    ['all of it', 'then the interruption']
+    """
+    usual = signal.getsignal(signal.SIGINT)
+    if usual is None or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    pressed: list[tuple[Any, ...]] = []
+    signal.signal(signal.SIGINT, lambda *given: pressed.append(given))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, usual)
+        if pressed and callable(usual):
+            usual(*pressed[-1])

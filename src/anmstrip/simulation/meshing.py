@@ -1,0 +1,153 @@
+"""The mesh of a rectangular strip: finer where rollers will be."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshLine, MeshQuad
+
+from anmstrip.errors import InputError, Mistake
+from anmstrip.fem.strip import grid, line
+from anmstrip.scene.schema import SceneSpec
+
+if TYPE_CHECKING:
+    from anmstrip.simulation.threading import Thread
+
+Array = NDArray[np.float64]
+
+MOST_ELEMENTS = 250_000
+"""Of a strip; the tangent of a shell of so many takes tens of gigabytes."""
+
+QUARTER = 0.25
+"""Share of the boundary layer √(D/T) that an element over a roller may cover."""
+
+
+def largest_force(scene: SceneSpec) -> float:
+    """Largest tension or edge force of all stages (N/m), 0 if there is none."""
+    forces = [0.0 if scene.threading is None else scene.threading.tension]
+    for stage in scene.stages:
+        for control in stage.edges.values():
+            forces.append(abs(control.tension or 0.0))
+            forces.append(float(np.linalg.norm(control.force or (0.0,))))
+    return max(forces)
+
+
+def bending_stiffness(scene: SceneSpec) -> float:
+    """D (N m), zero for a strip that does not resist bending."""
+    m, t = scene.material, scene.strip.thickness
+    return m.young * t**3 / (12.0 * (1.0 - m.poisson**2)) if scene.strip.bending else 0.0
+
+
+def boundary_layer(scene: SceneSpec) -> float:
+    """√(D/T) (m) of the largest tension; infinite without tension."""
+    tension = largest_force(scene)
+    return float(np.sqrt(bending_stiffness(scene) / tension)) if tension > 0.0 else np.inf
+
+
+def strip_mesh(scene: SceneSpec, thread: Thread | None) -> MeshQuad | MeshLine:
+    """Rectangles, or lines of a section, finer over and near the rollers.
+
+    The fine part covers a quarter of each roller's circumference on both sides of its axis,
+    or the arc on which a threaded strip touches it, and the stretch that is carried over it.
+    A strip that is fed is fine everywhere: all of it comes to pass the rollers.
+    """
+    spec = scene.strip
+    assert spec.width is not None and spec.cells is not None
+    length = spec.length if thread is None else thread.length
+    assert length is not None
+    half, coarse = length / 2.0, length / spec.cells[0]
+    fine = spec.refined or QUARTER * boundary_layer(scene) or np.inf
+    zones = fine_zones(scene, thread, half) if scene.contact is not None and fine < coarse else []
+    if spec.feed:
+        zones = [(-half, half)] if zones else []
+    section = spec.kinematics == "section"
+    _bearable(scene, half, zones, fine, 1 if section else spec.cells[1])
+    xs = lines_of_nodes(half, zones, fine, coarse)
+    if section:
+        return line(xs)
+    return grid(xs, np.linspace(-spec.width / 2.0, spec.width / 2.0, spec.cells[1] + 1))
+
+
+def _bearable(
+    scene: SceneSpec, half: float, zones: list[tuple[float, float]], fine: float, across: int
+) -> None:
+    """Refuse more elements than fit into a computer, before they are made."""
+    assert scene.strip.cells is not None
+    along = scene.strip.cells[0] + sum(hi - lo for lo, hi in zones) / fine
+    if not along * across <= MOST_ELEMENTS:
+        key, now = ("refined", fine) if zones else ("cells", list(scene.strip.cells))
+        finest = 2.0 * half * across / (0.5 * MOST_ELEMENTS)
+        expected = (
+            f"at most {MOST_ELEMENTS} elements; {along * across:.3g} would come from elements of "
+            f"{fine if zones else 2.0 * half / along:.3g} m"
+        )
+        hint = f"refined = {finest:.1g}" if zones else "cells = [16, 2]"
+        raise InputError(
+            [Mistake(str(scene.source or "scene"), f"strip.{key}", now, expected, hint)]
+        )
+
+
+def lines_of_nodes(
+    half: float, zones: list[tuple[float, float]], fine: float, coarse: float
+) -> Array:
+    """Coordinates from −half to half, at most fine apart in the zones and coarse elsewhere."""
+    marks = sorted({-half, half, *(x for zone in zones for x in zone)})
+    xs = [np.array([-half])]
+    for a, b in pairwise(marks):
+        inside = any(lo <= a and b <= hi for lo, hi in zones)
+        count = max(1, int(np.ceil((b - a) / (fine if inside else coarse) - 1e-9)))
+        xs.append(np.linspace(a, b, count + 1)[1:])
+    return np.concatenate(xs)
+
+
+def fine_zones(scene: SceneSpec, thread: Thread | None, half: float) -> list[tuple[float, float]]:
+    """Stretches of strip, in the reference, that come to lie on rollers."""
+    zones, united = [], list[tuple[float, float]]()
+    threaded = {} if thread is None else thread.arcs
+    margin = 4.0 * min(boundary_layer(scene), half)
+    for roller in scene.rollers:
+        reach = 0.5 * np.pi * roller.radius
+        first, last = roller.centre[0] - reach, roller.centre[0] + reach
+        if roller.name in threaded:
+            first, last = threaded[roller.name]
+            first, last = first - margin, last + margin
+        back, ahead = _carried(scene, roller.name)
+        zones.append((max(-half, float(first - ahead)), min(half, float(last + back))))
+    for lo, hi in sorted((lo, hi) for lo, hi in zones if lo < hi):
+        if united and lo <= united[-1][1]:
+            united[-1] = (united[-1][0], max(hi, united[-1][1]))
+        else:
+            united.append((lo, hi))
+    return united
+
+
+def _carried(scene: SceneSpec, name: str) -> tuple[float, float]:
+    """Largest travel of the strip over a roller, backwards and forwards (m).
+
+    That of the edges that are held, or of the roller's surface where none is or it is let go.
+    """
+    held = [edge for edge, spec in scene.edges.items() if spec.fixed]
+    if not held or any(c.release for stage in scene.stages for c in stage.edges.values()):
+        rollers = [stage.rollers.get(name) for stage in scene.stages]
+        return _travel(scene, [None if r is None else r.surface_speed for r in rollers])
+    ways = []
+    for edge in held:
+        controls = [stage.edges.get(edge) for stage in scene.stages]
+        velocities = [None if c is None else c.velocity for c in controls]
+        speeds = [None if v is None else np.copysign(np.linalg.norm(v), v[0]) for v in velocities]
+        ways.append(_travel(scene, speeds))
+    back, ahead = zip(*ways, strict=True)
+    return max(back), max(ahead)
+
+
+def _travel(scene: SceneSpec, speeds: list[float | None]) -> tuple[float, float]:
+    """Farthest backwards and forwards (m), by the speeds at the ends of the stages."""
+    speed = travel = lowest = highest = 0.0
+    for stage, given in zip(scene.stages, speeds, strict=True):
+        new = speed if given is None else given
+        travel += 0.5 * (speed + new) * stage.duration
+        speed, lowest, highest = new, min(lowest, travel), max(highest, travel)
+    return -lowest, highest

@@ -1,0 +1,495 @@
+"""From a validated scene to mechanics: mesh, effects, scales."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import import_module
+from inspect import signature
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anmstrip.errors import InputError, Mistake
+from anmstrip.fem.constraints import Scales
+from anmstrip.fem.geometry import KINEMATICS, PLATE, SECTION, Kinematics
+from anmstrip.fem.operators import Pattern
+from anmstrip.fem.strip import Material, Strip, renumbered
+from anmstrip.mechanics.effects import Effect, LawEffect
+from anmstrip.mechanics.loads import (
+    Pretension,
+    edge_force,
+    edge_moment,
+    edge_tension,
+    pressure,
+    weight,
+)
+from anmstrip.mechanics.roller import Roller, Sides
+from anmstrip.mechanics.shell import Membrane
+from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
+from anmstrip.simulation.meshing import largest_force, strip_mesh
+
+if TYPE_CHECKING:
+    from anmstrip.fem.sampling import ContactOperator
+    from anmstrip.mechanics.contact import Contact, Friction
+    from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
+    from anmstrip.simulation.threading import Thread
+
+GENTLE = {
+    "crown": "crown = [0.0, -{:g}]",
+    "taper": "taper = {:g}",
+    "sides": "sides = {{ taper = {:g}, flat = 0.5, rounding = 0.05 }}",
+}
+"""Profiles, with one to type instead."""
+
+ORDERS = range(6, 41)
+"""Orders to choose from."""
+
+
+@dataclass(frozen=True)
+class Size:
+    """Counts of a level, and the seconds that they stand for.
+
+    The shares per count were measured on one core, from 200 to 40 000 unknowns and orders from 5
+    to 40 (``anmstrip study solvers``, ``study order``); they matter for ratios only.
+
+    Attributes
+    ----------
+    unknowns : int
+    points : int
+        Of quadrature and of contact.
+    values : int
+        Series that are followed at these points.
+    band : int
+        Half bandwidth of the tangent.
+    """
+
+    unknowns: int
+    points: int
+    values: int
+    band: int
+
+    def seconds(self, order: int) -> float:
+        """Calls; series of all values, and the tangent; factorisation; back-substitutions."""
+        calls = 3e-3 + 2e-4 * order
+        series = (8e-7 + 3.5e-8 * order + 1e-9 * order**2) * self.values
+        factorisation = (2e-6 + 3e-8 * self.band) * self.unknowns
+        solves = (1e-7 + 1e-9 * self.band) * self.unknowns * order
+        return calls + series + factorisation + solves
+
+
+def cheapest_order(size: Size, tolerance: float) -> int:
+    """Order with the least seconds per length of path."""
+    return min(ORDERS, key=lambda n: size.seconds(n) * tolerance ** (-1.0 / (n + 1)))
+
+
+def size_of(assembly: Assembly, level: Kinematics) -> Size | None:
+    """Counts of a level on the scene's own lines of nodes; None where it cannot have its mesh."""
+    strip, spec = assembly.strip, assembly.scene.strip
+    lines = len(np.unique(np.round(strip.mesh.p[0] / strip.length, 9)))
+    if level is SECTION:
+        if spec.mesh is not None:
+            return None
+        scalars, quadrature, touched = 2 * lines, 4 * (lines - 1), 2 * lines - 1
+    elif assembly.kinematics is not SECTION:
+        scalars, quadrature = strip.scalars, strip.basis.dx.size
+        touched = 4 * strip.mesh.nelements
+    else:
+        assert spec.cells is not None
+        across = spec.cells[1]
+        scalars, quadrature = 4 * lines * (across + 1), 16 * (lines - 1) * across
+        touched = (2 * lines - 1) * (2 * across + 1)
+    rubbed = 2 if assembly.scene.friction is not None and level is not PLATE else 1
+    touched *= 0 if assembly.scene.contact is None or not assembly.rollers else rubbed
+    m, per_line = level.count, scalars / lines
+    values = m * (level.directions * quadrature + touched)
+    band = int(m * (per_line + 8))
+    return Size(m * scalars, quadrature + touched, values, band)
+
+
+Array = NDArray[np.float64]
+EffectMaker = Callable[[Strip], Effect]
+
+UNSEEN = 0.01
+"""Stretch that the onset of contact may make, over the elastic one."""
+
+FAINT = 1e-4
+"""Share of the pressure T/r of a wrapped strip below which there is no friction.
+
+The regularised pressure never ends, but points without weight would shorten every
+step: their friction is as singular as that of the others.
+"""
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A scene's strip and what can act on it.
+
+    Parameters
+    ----------
+    scene : SceneSpec
+    imperfection : ndarray, shape (unknowns,), optional
+        Displacement of the flat strip that makes no stress, see
+        :mod:`anmstrip.simulation.imperfection`.
+
+    added : tuple of callables
+        Effects of the user's own beside those of the scene, each made from the strip.
+
+    Raises
+    ------
+    InputError
+        Mesh file unreadable, edges unknown, a roller inside the strip.
+    """
+
+    scene: SceneSpec
+    imperfection: Array | None = None
+    added: tuple[EffectMaker, ...] = ()
+
+    @cached_property
+    def rollers(self) -> tuple[Roller, ...]:
+        """Geometry of the rollers."""
+        return tuple(roller_of(spec) for spec in self.scene.rollers)
+
+    @cached_property
+    def material(self) -> Material:
+        """Material of the strip."""
+        m = self.scene.material
+        return Material(m.young, m.poisson, m.density or 0.0)
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """Level of kinematics: the displacements that are unknown."""
+        return KINEMATICS[self.scene.strip.kinematics]
+
+    @cached_property
+    def order(self) -> int:
+        """Order of the series: the scene's, or the cheapest."""
+        if self.scene.solver.order is not None:
+            return self.scene.solver.order
+        size = size_of(self, self.kinematics)
+        assert size is not None
+        return cheapest_order(size, self.scene.solver.tolerance)
+
+    @cached_property
+    def thread(self) -> Thread | None:
+        """Path of a threaded strip around its rollers."""
+        if self.scene.threading is None:
+            return None
+        from anmstrip.simulation.threading import thread_of
+
+        return thread_of(self.scene, self.rollers)
+
+    @cached_property
+    def strip(self) -> Strip:
+        """Mesh and basis."""
+        spec = self.scene.strip
+        if spec.mesh is None:
+            mesh = strip_mesh(self.scene, self.thread)
+        else:
+            from anmstrip.scene.mesh_file import read_mesh
+
+            mesh = renumbered(read_mesh(self.scene))
+        width = spec.width or 1.0
+        strip = Strip(mesh, spec.thickness, self.material, self.kinematics, width)
+        check_geometry(self.scene, strip, self.rollers)
+        return strip
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        """Sparsity pattern of the tangent."""
+        return Pattern(self.strip)
+
+    @cached_property
+    def membrane(self) -> Membrane | None:
+        """Membrane of all but a plate, which has a given tension instead."""
+        return None if self.kinematics is PLATE else Membrane(self.strip, self.imperfection)
+
+    @cached_property
+    def bending(self) -> Effect | None:
+        """If the strip resists it; a plate's slopes are small, for which all energies agree.
+
+        Curvature without moments turns with the strip, as Kirchhoff and Love have it.
+        """
+        spec = self.scene.strip
+        if not spec.bending:
+            return None
+        turns = spec.bending == "kirchhoff-love" or spec.imperfection is not None
+        if turns and self.kinematics is not PLATE:
+            from anmstrip.mechanics.shell import KirchhoffLove
+
+            return KirchhoffLove(self.strip, self.imperfection)
+        from anmstrip.mechanics.shell import isometric_bending
+
+        return isometric_bending(self.strip, self.pattern)
+
+    @cached_property
+    def contact_operator(self) -> ContactOperator:
+        """Operator to the contact points."""
+        from anmstrip.fem.sampling import ContactOperator
+
+        return ContactOperator(self.strip)
+
+    @cached_property
+    def friction(self) -> FrictionLaw | None:
+        """The scene's friction law."""
+        f = self.scene.friction
+        if f is None:
+            return None
+        from anmstrip.mechanics.laws import FrictionLaw, NortonHoff, Tanh
+
+        if f.law == "tanh":
+            return Tanh(f.coefficient, f.omega, f.speed)
+        if ":" in f.law:
+            given = f.model_dump(include={"coefficient", "exponent", "omega", "speed"})
+            law = own_law(self.scene, "friction", f.law, given, f.parameters)
+            assert isinstance(law, FrictionLaw)
+            return law
+        return NortonHoff(f.coefficient, f.exponent, f.omega, f.speed)
+
+    @cached_property
+    def contact(self) -> Contact | None:
+        """Normal contact with all rollers, if the scene has contact.
+
+        It reaches a radius far: a strip that comes near is felt long before it
+        could pass through a roller within one step.
+        """
+        return self._contact([roller.radius for roller in self.rollers])
+
+    @cached_property
+    def rubbing(self) -> Friction | None:
+        """Friction on all rollers, if the scene has it."""
+        law = self.friction
+        if law is None or self.contact is None:
+            return None
+        faint = [FAINT * self.scales.tension / roller.radius for roller in self.rollers]
+        contact = self._contact([float(self.signorini.gap(pressure)) for pressure in faint])
+        assert contact is not None
+        from anmstrip.mechanics.contact import Friction
+
+        own = [spec.friction for spec in self.scene.rollers]
+        if all(f is None for f in own):
+            return Friction(contact, law)
+        return Friction(contact, law, [law.coefficient if f is None else f for f in own])
+
+    @cached_property
+    def signorini(self) -> ContactLaw:
+        """The scene's contact law.
+
+        Left open, it is graded: p₀ is the pressure of the taut strip on its rollers, or its
+        weight if that is more, and the onset is the gap that a straight strip has half a spacing
+        of contact points beyond where it lifts off.  Where rollers make the tension vary across,
+        a gap stretches fibres by its share of the radius, which must not be seen beside T/(E t).
+        """
+        c = self.scene.contact
+        assert c is not None
+        from anmstrip.mechanics.laws import ContactLaw, GradedSignorini, RepulsiveSignorini
+
+        if c.law is not None:
+            law = own_law(self.scene, "contact", c.law, {}, c.parameters)
+            assert isinstance(law, ContactLaw)
+            return law
+        if c.constants is not None:
+            return RepulsiveSignorini(*c.constants)
+        tension, thickness = self.scales.tension, self.strip.thickness
+        radius = float(np.exp(np.mean(np.log([roller.radius for roller in self.rollers]))))
+        gravity = [float(np.linalg.norm(stage.gravity or (0.0,))) for stage in self.scene.course]
+        weight = (self.scene.material.density or 0.0) * thickness * max(gravity)
+        half_spacing = 0.25 * float(self.strip.cell_sizes[0].min())  # two points to an element
+        onset = half_spacing**2 / (2.0 * radius)
+        if self.kinematics.count == 3 and any(map(varies_across, self.scene.rollers)):
+            onset = min(onset, UNSEEN * tension / (self.material.young * thickness) * radius)
+        return GradedSignorini(c.pressure or max(tension / radius, weight), c.onset or onset)
+
+    def _contact(self, reaches: list[float]) -> Contact | None:
+        """Contact of every point with every roller, up to the given gaps."""
+        if self.scene.contact is None or not self.rollers:
+            return None
+        from anmstrip.mechanics.contact import Contact
+        from anmstrip.mechanics.roller import combine
+
+        operator = self.contact_operator
+        every = np.tile(np.arange(operator.points), len(self.rollers))
+        rollers = combine(self.rollers, np.repeat(np.arange(len(self.rollers)), operator.points))
+        pairs = operator.restricted(every)
+        return Contact(rollers, self.signorini, pairs, tuple(reaches), self.kinematics)
+
+    def effects(self, stage: StageSpec, controls: Iterable[str]) -> list[Effect]:
+        """Return the effects that act in a stage.
+
+        Parameters
+        ----------
+        stage : StageSpec
+        controls : iterable of str
+            Names of the controls that are given, now or before.
+        """
+        given = sorted(controls)
+        own = [self.membrane, self.bending, self.contact]
+        if self.membrane is None and "exit.force" in given:
+            own.insert(0, self.pretension)
+        if stage.friction:
+            own.append(self.rubbing)
+        if (stiffness := self.scene.strip.foundation) is not None:
+            from anmstrip.mechanics.foundation import Foundation
+
+            own.append(Foundation(self.strip, stiffness))
+        effects: list[Effect] = [effect for effect in own if effect is not None]
+        makers = {
+            "force": edge_force,
+            "tension": edge_tension,
+            "moment": edge_moment,
+        }
+        for control in given:
+            edge, _, kind = control.rpartition(".")
+            if kind in makers:
+                effects.append(makers[kind](self.strip, edge))
+            elif kind in ("gravity", "pressure"):
+                effects.append((weight if kind == "gravity" else pressure)(self.strip))
+        return effects + [e for e in self.added_effects if stage.friction or not e.rate_dependent]
+
+    @cached_property
+    def added_effects(self) -> list[Effect]:
+        """Effects of the user's own."""
+        return [make(self.strip) for make in self.added]
+
+    @cached_property
+    def pretension(self) -> LawEffect:
+        """Tension of a plate."""
+        return Pretension(self.strip)
+
+    def frictional(self, stage: StageSpec) -> bool:
+        """Whether friction, or an effect like it, acts in a stage, so that it runs in time."""
+        rubs = self.friction is not None and bool(self.rollers)
+        return stage.friction and (rubs or any(e.rate_dependent for e in self.added_effects))
+
+    @cached_property
+    def scales(self) -> Scales:
+        """Scales of length, force and tension: the largest edge force, else from bending."""
+        tension = largest_force(self.scene)
+        if tension == 0.0:
+            tension = self.strip.bending_stiffness / self.strip.length**2
+        return Scales(self.strip.length, tension * self.strip.width, tension)
+
+
+def own_law(
+    scene: SceneSpec,
+    table: str,
+    reference: str,
+    given: Mapping[str, float],
+    parameters: Mapping[str, float],
+) -> ContactLaw | FrictionLaw:
+    """Return the user's law that a table of the scene names, ``module:Class``.
+
+    The module is looked for beside the scene's file, then where Python looks.  The class takes
+    those of the table's own values that its signature names, and all of ``parameters``.
+
+    Raises
+    ------
+    InputError
+        There is no such class, it is not a law, or it does not take these parameters.
+    """
+    from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
+
+    base = {"contact": ContactLaw, "friction": FrictionLaw}[table]
+    module, _, name = reference.partition(":")
+    beside = str((scene.source or Path("scene")).absolute().parent)
+    file, key, hint = str(scene.source or "scene"), f"{table}.law", f"a subclass of {base.__name__}"
+    sys.path.insert(0, beside)
+    try:
+        law = getattr(import_module(module), name)
+    except Exception as error:  # whatever the user's module raises
+        expected = f"a module and a class in it that can be imported ({error})"
+        raise InputError([Mistake(file, key, reference, expected, hint)]) from error
+    finally:
+        sys.path.remove(beside)
+    if not (isinstance(law, type) and issubclass(law, base)):
+        expected = f"a subclass of anmstrip.{base.__name__}"
+        raise InputError(
+            [Mistake(file, key, reference, expected, f"class {name}({base.__name__})")]
+        )
+    known = signature(law).parameters
+    try:
+        return law(**{k: v for k, v in given.items() if k in known}, **parameters)
+    except (TypeError, ValueError) as error:
+        expected, typed = f"the arguments of {name}{signature(law)} ({error})", dict(parameters)
+        key = f"{table}.parameters"
+        raise InputError([Mistake(file, key, typed, expected, "parameters = { … }")]) from error
+
+
+def roller_of(spec: RollerSpec) -> Roller:
+    """Return the geometry of a roller of the scene."""
+    crown, given = spec.crown, spec.sides
+    if spec.taper:
+        crown = (spec.taper + sum(crown[:1]), *crown[1:])
+    sides = None if given is None else Sides(given.taper, 0.5 * given.flat, given.rounding)
+    return Roller(spec.name, spec.radius, spec.centre, spec.axis, crown, sides)
+
+
+def varies_across(roller: RollerSpec) -> bool:
+    """Whether the strip's fibres go different ways over a roller."""
+    across = np.abs(roller.axis) / np.linalg.norm(roller.axis)
+    return bool(roller.crown or roller.taper or roller.sides or across[1] < 1.0)
+
+
+def check_geometry(scene: SceneSpec, strip: Strip, rollers: Sequence[Roller]) -> None:
+    """Refuse rollers and edges with which this mesh cannot do.
+
+    Raises
+    ------
+    InputError
+        A roller without a radius somewhere across the strip, or inside the flat strip; an edge to
+        be centred without a node in its middle.
+    """
+    file, mistakes = str(scene.source or "scene"), []
+    across = np.linspace(-0.5, 0.5, 33) * (scene.strip.width or 0.0)
+    for spec, roller in zip(scene.rollers, rollers, strict=True):
+        least = float(np.min(roller.radius_at(across - roller.centre[1])))
+        if not least > 0.0:
+            profile, value = next(iter(spec.profile.items()))
+            key, hint = f"rollers.{spec.name}.{profile}", GENTLE[profile].format(1e-3 * spec.radius)
+            expected = f"a radius above 0 all across the strip; it falls to {least:.3g} (m)"
+            mistakes.append(Mistake(file, key, value, expected, hint))
+        elif scene.threading is None and (gap := flat_gap(strip, roller)) < -1e-12 * spec.radius:
+            key, value = f"rollers.{spec.name}.centre", list(spec.centre)
+            expected = f"a roller outside the flat strip; its surface is {-gap:.4g} m inside"
+            hint = f"move centre at least {-gap:.4g} m away from the strip, or reduce radius"
+            mistakes.append(Mistake(file, key, value, expected, hint))
+    for name, edge in scene.edges.items():
+        if edge.centred and name in strip.edges and middle_node(strip, name) is None:
+            expected = "a mesh node in the middle of the edge"
+            hint = "an even number of cells across, e.g. cells = [16, 2]"
+            mistakes.append(Mistake(file, f"edges.{name}.centred", True, expected, hint))
+    if mistakes:
+        raise InputError(mistakes)
+
+
+def flat_gap(strip: Strip, roller: Roller) -> float:
+    """Return the least gap (m) between a roller, where it begins, and the flat strip."""
+    low, high = strip.nodes[:2].min(axis=1), strip.nodes[:2].max(axis=1)
+    axis, slope = roller.unit_axis, roller.unit_axis[2]
+    if slope:  # the axis may go through the rectangle itself
+        crossing = (np.asarray(roller.centre) - axis * (roller.centre[2] / slope))[:2]
+        if ((low <= crossing) & (crossing <= high)).all():
+            return -float(roller.radius)
+    (west, south), (east, north) = low, high
+    corners = np.array([[west, south], [east, south], [east, north], [west, north]])
+    from_axis = np.column_stack([corners, np.zeros(4)]) - roller.centre
+    from_axis -= np.outer(from_axis @ axis, axis)
+    along = np.roll(from_axis, -1, axis=0) - from_axis
+    squared = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
+    share = np.clip(-(from_axis * along).sum(axis=1) / squared, 0.0, 1.0)
+    nearest = np.linalg.norm(from_axis + share[:, None] * along, axis=1).min()
+    return float(nearest) - roller.radius
+
+
+def middle_node(strip: Strip, name: str) -> int | None:
+    """Mesh node in the middle of an edge."""
+    nodes = strip.edges[name].nodes
+    points = strip.mesh.p[:, nodes]
+    middle = 0.5 * (points[:, 0] + points[:, -1])
+    distance = np.linalg.norm(points - middle[:, None], axis=0)
+    nearest = int(distance.argmin())
+    return int(nodes[nearest]) if distance[nearest] < 1e-6 * strip.edges[name].length else None

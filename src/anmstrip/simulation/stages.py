@@ -1,0 +1,193 @@
+"""Stages as equations: which unknowns are held, and how the controls move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anmstrip.equilibrium import Model, StageProblem
+from anmstrip.fem.constraints import Supports
+from anmstrip.fem.sampling import l2_projection, quadrature_points
+from anmstrip.mechanics.effect_series import Controls
+from anmstrip.mechanics.shell import uniaxial_stretches
+from anmstrip.scene.schema import StageSpec
+from anmstrip.simulation.problem import Assembly, middle_node
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Course:
+    """Values that the stages so far have left, from which the next one starts.
+
+    Attributes
+    ----------
+    moved : dict
+        Edge → displacement of its held components (m), shape (3,).
+    values : dict
+        Control → value.
+    released : set
+        Edges let go.
+    time : float
+        s.
+    begun : dict
+        Edge → displacement (m) of a threaded strip at the beginning, from which moves count.
+    speeds : dict
+        Edge → velocity (m/s) of its held components, which lasts until a stage changes it.
+    """
+
+    assembly: Assembly
+    moved: dict[str, Array] = field(default_factory=dict)
+    values: dict[str, Array] = field(default_factory=dict)
+    released: set[str] = field(default_factory=set)
+    time: float = 0.0
+    begun: dict[str, Array] = field(default_factory=dict)
+    speeds: dict[str, Array] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        thread = self.assembly.thread
+        if thread is not None and not self.values:  # begin at the ends, pulled at the exit
+            x = self.assembly.strip.mesh.p[0]
+            entry, exit, leaving = thread.ends_in_space(np.array([x.min(), x.max()]))
+            self.begun = {"entry": entry, "exit": exit}
+            self.moved.update(self.begun)
+            self.values["exit.force"] = thread.tension * leaving
+        for roller in self.assembly.rollers:
+            key = f"rollers.{roller.name}"
+            self.values.setdefault(f"{key}.centre", np.array(roller.centre, dtype=float))
+            self.values.setdefault(f"{key}.surface_speed", np.array(0.0))
+
+    def plan(self, stage: StageSpec, reactions: dict[str, Array]) -> StageProblem:
+        """Prepare a stage.
+
+        Parameters
+        ----------
+        stage : StageSpec
+        reactions : dict
+            Held edge → mean reaction (N/m), for those that the stage releases.
+        """
+        for name, control in stage.edges.items():
+            if control.release and name not in self.released:
+                self.released.add(name)
+                held = self.values.get(f"{name}.force", np.zeros(3))
+                self.values[f"{name}.force"] = held + reactions.get(name, np.zeros(3))
+        start = dict(self.values)
+        end = self._targets(stage, start)
+        for name in end:
+            start.setdefault(name, np.zeros_like(end[name]))
+        slope = {n: end[n] - start[n] for n in end if np.any(end[n] != start[n])}
+        for roller in self.assembly.rollers:
+            key = f"rollers.{roller.name}"
+            rate = slope.get(f"{key}.centre", np.zeros(3)) / stage.duration
+            start[f"{key}.velocity"] = rate
+        effects = self.assembly.effects(stage, start)
+        a = self.assembly
+        return StageProblem(
+            name=stage.name,
+            start=self.time,
+            duration=stage.duration,
+            model=Model(a.strip, a.pattern, effects, a.scales),
+            supports=self._supports(stage),
+            controls=Controls(start, slope),
+            in_time=a.frictional(stage),
+        )
+
+    def shift(self, name: str, change: Array) -> None:
+        """Labels have moved: an edge's displacement now counts from elsewhere."""
+        self.moved[name] = self.moved[name] + change
+        self.begun[name] = self.begun.get(name, np.zeros(3)) + change
+
+    def finish(self, stage: StageSpec) -> None:
+        """Remember where a stage has ended."""
+        self.values.update(self._targets(stage, dict(self.values)))
+        for name in self._held():
+            self.moved[name] = self._destination(stage, name)
+            self.speeds[name] = self._speeds(stage, name)[1]
+        self.time += stage.duration
+
+    def _targets(self, stage: StageSpec, start: dict[str, Array]) -> dict[str, Array]:
+        end = dict(start)
+        for name, edge in stage.edges.items():
+            if edge.force is not None:
+                end[f"{name}.force"] = np.array(edge.force, dtype=float)
+            if edge.tension is not None:
+                end[f"{name}.tension"] = np.array(edge.tension, dtype=float)
+                if edge.force is None and f"{name}.force" in end:
+                    end[f"{name}.force"] = np.zeros(3)
+            if edge.moment is not None:
+                end[f"{name}.moment"] = np.array(edge.moment, dtype=float)
+        if stage.gravity is not None:
+            end["gravity"] = np.array(stage.gravity, dtype=float)
+        if stage.pressure is not None:
+            end["pressure"] = np.array(stage.pressure, dtype=float)
+        for roller in self.assembly.rollers:
+            control, key = stage.rollers.get(roller.name), f"rollers.{roller.name}"
+            if control is not None and control.surface_speed is not None:
+                end[f"{key}.surface_speed"] = np.array(control.surface_speed, dtype=float)
+            if control is not None and control.move is not None:
+                end[f"{key}.centre"] = np.array(roller.centre) + np.array(control.move)
+        return end
+
+    def _held(self) -> dict[str, tuple[str, ...]]:
+        return {
+            name: spec.fixed
+            for name, spec in self.assembly.scene.edges.items()
+            if name not in self.released
+        }
+
+    def _destination(self, stage: StageSpec, name: str) -> Array:
+        now = self.moved.get(name, np.zeros(3))
+        control = stage.edges.get(name)
+        if control is not None and control.move is not None:
+            return self.begun.get(name, np.zeros(3)) + np.array(control.move, dtype=float)
+        return now + 0.5 * stage.duration * sum(self._speeds(stage, name))
+
+    def _speeds(self, stage: StageSpec, name: str) -> tuple[Array, Array]:
+        """Velocities of an edge at the beginning and at the end of a stage (m/s)."""
+        begin, control = self.speeds.get(name, np.zeros(3)), stage.edges.get(name)
+        if control is not None and control.move is not None:
+            return np.zeros(3), np.zeros(3)
+        if control is None or control.velocity is None:
+            return begin, begin
+        return begin, np.array(control.velocity, dtype=float)
+
+    def _supports(self, stage: StageSpec) -> Supports:
+        strip = self.assembly.strip
+        held = np.zeros(strip.unknowns, dtype=bool)
+        start, end, bows = (np.zeros(strip.unknowns) for _ in range(3))
+        for name, components in self._held().items():
+            edge, now = strip.edges[name], self.moved.get(name, np.zeros(3))
+            destination, (before, after) = self._destination(stage, name), self._speeds(stage, name)
+            bow = 0.5 * stage.duration * (after - before)  # half of what the velocity gains
+            for c in ("xyz".index(x) for x in components):
+                place = strip.kinematics.place(c)
+                if place is None:
+                    continue
+                values = strip.count * edge.values + place
+                held[strip.count * edge.trace + place] = True
+                start[values], end[values], bows[values] = now[c], destination[c], bow[c]
+        across = strip.kinematics.place(1)
+        for name, spec in self.assembly.scene.edges.items():
+            middle = middle_node(strip, name) if spec.centred else None
+            if middle is not None and across is not None:  # it keeps its y
+                held[strip.count * strip.node_values[middle] + across] = True
+        bent = self.assembly.frictional(stage) and np.any(bows)
+        return Supports(np.flatnonzero(~held), start, end - start, bows if bent else None)
+
+
+def stretched(assembly: Assembly, tension: float) -> Array:
+    """Displacement of the uniformly stretched flat strip, all unknowns.
+
+    Parameters
+    ----------
+    tension : float
+        T (N/m) along x.
+    """
+    strip = assembly.strip
+    along, across = uniaxial_stretches(tension, strip.tensile_stiffness, strip.material.poisson)
+    p = quadrature_points(strip)
+    middle = 0.5 * (strip.nodes[1].min() + strip.nodes[1].max())
+    x, y = (along - 1.0) * (p[0] - strip.nodes[0].min()), (across - 1.0) * (p[1] - middle)
+    return l2_projection(strip, assembly.pattern, np.stack([x, y, np.zeros_like(x)]))

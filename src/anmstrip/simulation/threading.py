@@ -1,0 +1,280 @@
+"""Threading: the path of a taut string round the rollers, and a first guess from it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anmstrip.errors import InputError, Mistake
+from anmstrip.mechanics.roller import Roller
+from anmstrip.mechanics.shell import uniaxial_stretches
+
+if TYPE_CHECKING:
+    from anmstrip.fem.operators import Pattern
+    from anmstrip.fem.strip import Strip
+    from anmstrip.mechanics.effects import Effect
+    from anmstrip.mechanics.string_path import StringPath
+    from anmstrip.scene.schema import SceneSpec
+
+Array = NDArray[np.float64]
+
+SENSES = {"over": 1.0, "under": -1.0}
+
+DEEPEST = 0.5
+"""Share of a roller's radius that a threaded strip may sink into it."""
+
+RELAXATION_ORDER, RELAXATION_TOLERANCE = 8, 1e-4
+"""Of the path that lets the guess slide into place: almost linear, and a guess."""
+
+
+@dataclass(frozen=True)
+class Thread:
+    """The way of a strip around its rollers.
+
+    Attributes
+    ----------
+    rollers : sequence of Roller
+        Those that it is wrapped around, in their order along the strip.
+    senses : ndarray, shape (rollers,)
+        +1 over, −1 under.
+    depths : ndarray, shape (rollers,)
+        Gap of the pressed strip (m), negative where it is pressed in.
+    ends : tuple of End or None
+        Entry and exit of the path in the plane (x, z); ``None`` until its run is known.
+    along, across : float
+        Stretches under the tension.
+    tension : float
+        N/m.
+    given : float or None
+        Length of the strip (m), if it does not follow from the ends.
+    """
+
+    rollers: Sequence[Roller]
+    senses: Array
+    depths: Array
+    ends: tuple[Any, ...]
+    along: float
+    across: float
+    tension: float
+    given: float | None
+
+    @cached_property
+    def middle(self) -> StringPath:
+        """Path of the fibre y = 0."""
+        return self.string_path(np.zeros(1))
+
+    @property
+    def length(self) -> float:
+        """Length of the unstretched strip (m)."""
+        return float(self.middle.length[0]) / self.along if self.given is None else self.given
+
+    @property
+    def arcs(self) -> dict[str, tuple[float, float]]:
+        """Roller → reference x where contact begins and ends."""
+        arcs = self.middle.arcs
+        x = np.stack([arcs.start[:, 0], arcs.end[:, 0]], axis=1) / self.along - self.length / 2.0
+        return {r.name: (float(a), float(b)) for r, (a, b) in zip(self.rollers, x, strict=True)}
+
+    @property
+    def turns(self) -> dict[str, float]:
+        """Roller → wrap (rad)."""
+        turn = self.middle.arcs.turn[:, 0]
+        return {r.name: float(angle) for r, angle in zip(self.rollers, turn, strict=True)}
+
+    def string_path(self, y: Array) -> StringPath:
+        """Paths of the fibres at y, shape (fibres,)."""
+        from anmstrip.mechanics.string_path import (
+            string_path,
+        )
+
+        centres, radii = [], []
+        for roller, depth in zip(self.rollers, self.depths, strict=True):
+            s = (y - roller.centre[1]) / roller.unit_axis[1]
+            point = np.asarray(roller.centre)[:, None] + roller.unit_axis[:, None] * s
+            centres.append(point[[0, 2]])
+            radii.append(roller.radius_at(s) + depth)
+        return string_path(np.array(centres), np.array(radii), self.senses, *self.ends)
+
+    def ends_in_space(self, reference: Array) -> tuple[Array, Array, Array]:
+        """Displacements of entry and exit, and direction of the strip at the exit, (3,) each.
+
+        Parameters
+        ----------
+        reference : ndarray, shape (2,)
+            Reference x of entry and exit.
+        """
+        s = (reference - reference[0]) * self.along
+        position, direction = self.middle.at(s, 0)
+        in_space = np.stack([position[0], np.zeros(2), position[1]])
+        moved = in_space - np.stack([reference, np.zeros(2), np.zeros(2)])
+        leaving = direction[:, 1]
+        return moved[:, 0], moved[:, 1], np.array([leaving[0], 0.0, leaving[1]])
+
+    def guess(self, strip: Strip, pattern: Pattern) -> Array:
+        """Displacements of the threaded strip before equilibrium, shape (unknowns,).
+
+        Projected in the mean square on the strip's own functions.
+        """
+        from anmstrip.fem.sampling import l2_projection, quadrature_points
+
+        reference, begin = quadrature_points(strip), float(strip.mesh.p[0].min())
+        full = l2_projection(strip, pattern, self.positions(reference, begin) - reference)
+        # Fibres that go ways of different lengths slide along their own surface first.
+        uneven = any(not r.is_cylinder or r.unit_axis[0] or r.unit_axis[2] for r in self.rollers)
+        return self._relaxed(strip, pattern, full) if uneven else full
+
+    def _relaxed(self, strip: Strip, pattern: Pattern, full: Array) -> Array:
+        """Let a shell slide along its own surface, between entry and exit, to equilibrium."""
+        from anmstrip.continuation.follow import Settings, follow
+        from anmstrip.equilibrium import Equilibrium, Model
+        from anmstrip.fem.constraints import Scales, Supports
+        from anmstrip.linalg.solvers import SparseSolver
+        from anmstrip.mechanics.effect_series import Controls
+        from anmstrip.mechanics.loads import (
+            Guide,
+            edge_force,
+        )
+        from anmstrip.mechanics.shell import Membrane
+
+        x, entry = strip.mesh.p[0], strip.edges["entry"]
+        _, _, leaving = self.ends_in_space(np.array([x.min(), x.max()]))
+        one = entry.values[[len(entry.values) // 2]]
+        held = np.concatenate([3 * entry.trace, 3 * entry.trace + 2, 3 * one + 1])
+        at_rest = Supports.at_rest(strip.unknowns, held)
+        start = full.copy()
+        start[at_rest.free] = 0.0
+        supports = replace(at_rest, start=start)
+        effects: list[Effect] = [Membrane(strip), edge_force(strip, "exit"), Guide(strip, full)]
+        scales = Scales(strip.length, self.tension * strip.width, self.tension)
+        equations = Equilibrium(
+            Model(strip, pattern, effects, scales),
+            supports,
+            Controls({"exit.force": self.tension * leaving}),
+        )
+        settings = Settings(order=RELAXATION_ORDER, tolerance=RELAXATION_TOLERANCE)
+        *_, last = follow(equations, full[at_rest.free], solver=SparseSolver(), settings=settings)
+        return supports.full(*last.branch.end)
+
+    def positions(self, reference: Array, begin: float) -> Array:
+        """Return the places of points of a flat strip that begins at x = begin, (3, points)."""
+        x, y = reference[0], reference[1]
+        lines, fibre = np.unique(y, return_inverse=True)
+        position, _ = self.string_path(lines).at((x - begin) * self.along, fibre)
+        return np.stack([position[0], y * self.across, position[1]])
+
+
+def thread_of(scene: SceneSpec, rollers: Sequence[Roller]) -> Thread:
+    """Return the way of a threaded strip.
+
+    Raises
+    ------
+    InputError
+        The strip cannot pass a roller on the side that is asked for, or is too short.
+    """
+    assert scene.threading is not None
+    from anmstrip.mechanics.string_path import (
+        FixedEnd,
+        NoTangentError,
+        NotTouchedError,
+    )
+
+    spec, m = scene.threading, scene.material
+    sides = {r.name: r.wrap for r in scene.rollers if r.wrap is not None}
+    chosen = [roller for roller in rollers if roller.name in sides]
+    length = scene.strip.length
+    if scene.strip.mesh is not None:
+        from anmstrip.scene.mesh_file import read_mesh
+
+        length = float(np.ptp(read_mesh(scene).p[0]))
+    thread = Thread(
+        chosen,
+        np.array([SENSES[sides[roller.name]] for roller in chosen]),
+        np.array([_depth(scene, roller) for roller in chosen]),
+        tuple(None if p is None else FixedEnd((p[0], p[2])) for p in (spec.entry, spec.exit)),
+        *uniaxial_stretches(spec.tension, m.young * scene.strip.thickness, m.poisson),
+        spec.tension,
+        length,
+    )
+    try:
+        return _with_ends(scene, thread)
+    except (NotTouchedError, NoTangentError) as error:
+        raise _refused(scene, chosen, error) from error
+
+
+def _with_ends(scene: SceneSpec, thread: Thread) -> Thread:
+    """Ends that are not given get level runs, as long as the strip allows.
+
+    They then are points, the same for all fibres: the edges of the strip stay straight.
+    """
+    from anmstrip.mechanics.string_path import FixedEnd, StraightEnd
+
+    missing = sum(end is None for end in thread.ends)
+    if not missing:
+        thread.middle  # noqa: B018
+        return thread
+    assert thread.given is not None
+    trial = replace(thread, ends=tuple(end or StraightEnd(1.0) for end in thread.ends))
+    spare = thread.given * thread.along - float(trial.middle.length[0])
+    run = 1.0 + spare / missing
+    if run <= 0.0:
+        least = thread.given - missing * run / thread.along
+        expected, hint = f"more than {least:.4g} (m) for this way", f"length = {1.3 * least:.3g}"
+        raise _mistaken(scene, "strip.length", thread.given, expected, hint)
+    level = replace(thread, ends=tuple(end or StraightEnd(run) for end in thread.ends)).middle
+    places, _ = level.at(np.array([0.0, level.length[0]]), 0)
+    return replace(thread, ends=tuple(FixedEnd(place) for place in places.T))
+
+
+def _depth(scene: SceneSpec, roller: Roller) -> float:
+    """Gap at which a roller carries the tension: pressure (T − D/2R²)/R."""
+    from anmstrip.mechanics.laws import RepulsiveSignorini
+
+    assert scene.threading is not None and scene.contact is not None
+    if scene.contact.constants is None:
+        return 0.0  # such a law carries the tension on the surface
+    m, t = scene.material, scene.strip.thickness
+    bending = m.young * t**3 / (12.0 * (1.0 - m.poisson**2)) if scene.strip.bending else 0.0
+    line_force = scene.threading.tension - bending / (2.0 * roller.radius**2)
+    pressure = max(line_force, 0.1 * scene.threading.tension) / roller.radius
+    gap = float(RepulsiveSignorini(*scene.contact.constants).gap(pressure))
+    if gap < -DEEPEST * roller.radius:
+        expected = (
+            f"a contact that carries the tension: pressed by T/r = {pressure:.3g} Pa the strip "
+            f"would sink {-gap:.3g} m into roller {roller.name}, of radius {roller.radius:g} m"
+        )
+        hint = f"stiffness = {100.0 * pressure / roller.radius:.1g}"
+        raise _mistaken(scene, "contact.stiffness", scene.contact.stiffness, expected, hint)
+    return gap
+
+
+def _refused(scene: SceneSpec, rollers: Sequence[Roller], error: ValueError) -> InputError:
+    """Return what is wrong with the way of the strip, in terms of the scene."""
+    index, turn = getattr(error, "index", 0), getattr(error, "turn", None)
+    names = [roller.name for roller in rollers]
+    if turn is not None:
+        side = next(r.wrap for r in scene.rollers if r.name == names[index])
+        expected = (
+            "a side on which the taut strip touches this roller; "
+            f"there it would have to turn by {np.degrees(turn):.3g} degrees"
+        )
+        other = {"over": "under", "under": "over"}[side or "over"]
+        hint = f'wrap = "{other}", another centre, or no wrap'
+        return _mistaken(scene, f"rollers.{names[index]}.wrap", side, expected, hint)
+    before = names[index - 1] if index else "the entry"
+    after = names[index] if index < len(names) else "the exit"
+    key = f"rollers.{after}.centre" if index < len(names) else "threading.exit"
+    key = key if index else "threading.entry"
+    assert scene.threading is not None
+    given = {"threading.entry": scene.threading.entry, "threading.exit": scene.threading.exit}
+    value = given[key] if key in given else list(rollers[index].centre)
+    expected = f"room for a straight run from {before} to {after}, which overlap"
+    return _mistaken(scene, key, value, expected, "a place further away")
+
+
+def _mistaken(scene: SceneSpec, key: str, value: object, expected: str, hint: str) -> InputError:
+    return InputError([Mistake(str(scene.source or "scene"), key, value, expected, hint)])

@@ -1,1 +1,0 @@
-"""Studies: figures and reports, each from one command."""

@@ -1,0 +1,155 @@
+"""Backward difference formulas with variable steps, and protocols of time integration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from anmstrip.continuation.equations import Array, Equations
+from anmstrip.continuation.follow import PathSolver, follow
+
+
+@dataclass(frozen=True)
+class AffineVelocity:
+    """v(u, λ) = rate u + base + λ slope."""
+
+    rate: float
+    base: Array
+    slope: Array
+
+    def __call__(self, u: Array, control: float) -> Array:
+        """Velocity, shape (n,)."""
+        return self.rate * u + self.base + control * self.slope
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Past of an integration, the latest first."""
+
+    times: tuple[float, ...]
+    states: tuple[Array, ...]  # each (n,)
+    v: Array  # velocity at the latest instant
+    step: float  # length to try next
+    order: int = 1  # of the formula to try next
+
+    @property
+    def available(self) -> int:
+        """Order of the formula that the past allows."""
+        return len(self.times)
+
+
+def start_memory(t: float, u: Array, v: Array, step: float) -> Memory:
+    """Memory of an integration that begins."""
+    return Memory((t,), (u,), v, step)
+
+
+def lagrange(times: tuple[float, ...], new: float) -> Array:
+    """Values at ``new`` of the Lagrange polynomials of some instants, shape (instants,)."""
+    nodes, values = np.array(times), np.empty(len(times))
+    for j, node in enumerate(nodes):
+        others = np.delete(nodes, j)
+        values[j] = np.prod((new - others) / (node - others))
+    return values
+
+
+def formula(times: tuple[float, ...], new: float, order: int) -> tuple[Array, float]:
+    """Weights of a backward difference formula with variable steps.
+
+    Parameters
+    ----------
+    times : tuple of float
+        Past instants, the latest first; at least ``order`` of them.
+    new : float
+    order : int
+
+    Returns
+    -------
+    past : ndarray, shape (order,)
+        v = rate u + Σ past_j u(times_j) is the derivative at ``new`` of the
+        polynomial through the new and ``order`` past states.
+    rate : float
+    """
+    distance = new - np.array(times[:order])
+    return -lagrange(times[:order], new) / distance, float((1.0 / distance).sum())
+
+
+def predicted(times: tuple[float, ...], states: tuple[Array, ...], new: float) -> Array:
+    """Value at ``new`` of the polynomial through all given past states."""
+    return lagrange(times, new) @ np.array(states)
+
+
+class StepEquations(Equations, Protocol):
+    """The equations of one time step, R(u, v(u, λ), t + λ h) = 0, for the increment u.
+
+    1. At λ = 0 the increment 0 solves them up to the imbalance of the state before.
+    2. ``resistance`` is the derivative of the same R that ``residual`` gives.
+    """
+
+    def resistance(self, u: Array, control: float) -> Callable[[Array], Array]:
+        """∂R/∂v at a state: from a change of the velocity to one of R, shape (n,) both."""
+
+    def turned(self, u: Array) -> float:
+        """Resistance that may be wrong, for slip turns round within the step, in units of force.
+
+        None by default: every error in time then counts as one that lasts or fades.
+        """
+        return 0.0
+
+
+class RateEquations(Protocol):
+    """A problem R(u, v, t) = 0, u' = v, whose residual depends on velocities.
+
+    1. ``during`` gives a step's equations, with λ ∈ [0, 1] as control; their unknown, and that of
+       ``velocity``, is the increment from ``about``: of a short step it is far smaller than the
+       state, whose round-off divided by h would be seen in the velocity.  For h = 0 nothing given
+       moves, and λ only takes an imbalance away.
+    2. ``error`` and ``fading_error`` measure the same change: what of it lasts, and those of its
+       consequences that the motion forgets.  Both are in the scales of the tolerance, and are
+       asked for after ``during``.
+    3. ``dragged`` is asked for where no velocity balances the forces.
+    """
+
+    def during(self, t: float, h: float, velocity: AffineVelocity, about: Array) -> StepEquations:
+        """The equations of the step from t to t + h."""
+
+    def error(self, u: Array, change: Array) -> float:
+        """Size of an error ``change`` of the state u that lasts."""
+
+    def fading_error(self, u: Array, change: Array) -> float:
+        """Size of the consequences of ``change`` that the motion forgets; none by default."""
+        return 0.0
+
+    def dragged(self, t: float, u: Array, v: Array, time: float) -> RateEquations | None:
+        """The same with a drag that lasts so long: as large as the problem's forces where a
+        motion as large as the problem takes this time; None, the default, if none can be told."""
+        return None
+
+
+@dataclass(frozen=True)
+class Stepping:
+    """Choices of the integration in time."""
+
+    whole: float  # duration over which the errors may add up to the tolerance
+    tolerance: float  # error in time: of all steps together what lasts, of each what fades
+    order: int = 2  # highest order of the formula, 1 to 5
+    fixed: float | None = None  # length of all steps, whose error is then not controlled
+    follow: PathSolver = follow  # leads from λ = 0 to 1
+
+
+@dataclass(frozen=True)
+class TimeStep:
+    """One accepted step in time."""
+
+    start: float
+    end: float
+    u: Array  # state at the end, (n,)
+    v: Array  # velocity there, (n,)
+    order: int  # of the formula
+    error: float  # estimated local error, over what is allowed
+    imbalance: float  # residual at the end, in units of the problem's forces
+    branches: int  # tangents that the step took
+    memory: Memory  # what a later call needs to go on as if never interrupted
+    snap: bool = False  # whether it holds a motion with drag, whose duration means nothing

@@ -1,0 +1,369 @@
+"""Implicit time integration by branches: R(u, v, t) = 0 with u' = v."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from anmstrip.continuation.equations import Array, Cost
+from anmstrip.continuation.follow import PathStep, Settings
+from anmstrip.continuation.status import Evidence, Outcome, PathStopped
+from anmstrip.linalg.solvers import LinearSolver, Remembering
+from anmstrip.timestepping.formulas import (
+    AffineVelocity,
+    Memory,
+    RateEquations,
+    StepEquations,
+    Stepping,
+    TimeStep,
+    formula,
+    predicted,
+    start_memory,
+)
+
+LASTING = (1e-6, 1e-4)
+"""Times in which forces overcome the drag of motions as large as the problem, over the whole: the
+second for snaps of single points of a stiff strip, which the first does not slow down."""
+
+CALM, RAN = 1e-2, 3.0
+"""A state rests again where its velocity changes by less than the first of these parts of its way
+in this time, and has run away if its way is so many times what it is at the speed of the end."""
+
+SOON = 1e4
+"""When the state must have run away, in units of this time: otherwise no drag was missing."""
+
+FIRST = 1e-4
+"""First step, in units of this time."""
+
+MOST = 400
+"""Steps of a snap."""
+
+GROWTH = (2.0, 2.0, 1.5, 1.25, 1.12)
+"""Largest ratio of successive steps by order, below the bounds of stability.
+
+Those are 1 + √2, 1.53, 1.28 and 1.13 for the orders 2 to 5 with variable steps (Calvo,
+Grande & Grigorieff, *On the zero stability of the variable order variable stepsize
+BDF-formulas*, Numer. Math. 57, 1990).
+"""
+
+UNHURRIED = 0.03
+"""Share of what is left of a step over which a small imbalance is taken away at least.
+
+Friction of faint pressure cannot carry what the tolerance leaves: taken away within a short
+stretch of λ it asks for fast motion there, so that the stretches shrank for good.
+"""
+
+BRIEF, SHORTEST = 1e-9, 1e-13
+"""Shortest steps, as fractions of the whole: before a snap is looked for, and at all, which is what
+is left of the digits of t."""
+
+DIGITS_OF_TIME = 8.0
+"""Shortest steps in units of the last digit of t: a short stage may come late."""
+
+LEAST_SHARE = 1e-6
+"""Of the tolerance, that any step may add: a layer at the start of a long stage, in which the
+velocity changes at once and hardly anything moves, need not be resolved."""
+
+ROUGH = 1e-4
+"""Least error in time of a snap: its way depends on the drag, only where it rests does not."""
+
+MOST_BRANCHES = 60
+"""Of one step: a shorter one is cheaper."""
+
+NARROW = 1e-3
+"""Shortest branch of a step in time, as a fraction of it.  Slip that comes to rest under sharp
+friction turns a corner there; branches would shrink towards it and grow again, and the error in
+time then ask for a shorter step."""
+
+NARROWEST = 1e-6
+"""The same of the path to rest, for which there is no shorter step."""
+
+SETTLING = 0.01
+"""First instant after a start, as a fraction of the first step."""
+
+
+def integrate(
+    equations: RateEquations,
+    memory: Memory,
+    end: float,
+    *,
+    solver: LinearSolver,
+    settings: Settings,
+    stepping: Stepping,
+    cost: Cost | None = None,
+) -> Iterator[TimeStep]:
+    """Accepted time steps up to ``end``.
+
+    Parameters
+    ----------
+    equations : RateEquations
+    memory : Memory
+        From :func:`start_memory`, or of the last step of an interrupted run.
+    end : float
+    settings : Settings
+        Order and tolerance of the branches, rational or not; ``max_steps`` bounds the time steps.
+    stepping : Stepping
+
+    Raises
+    ------
+    PathStopped
+    """
+    cost = Cost() if cost is None else cost
+    integrator = _Integrator(equations, Remembering(solver), settings, stepping, cost)
+    if memory.available == 1:
+        memory = integrator.settled(memory)
+    for _ in range(settings.max_steps):
+        step = integrator.step(memory, end)
+        yield step
+        memory = step.memory
+        if memory.times[0] >= end:
+            return
+    raise PathStopped(Outcome.TOO_MANY_STEPS, memory.times[0])
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """End of a step that was solved, before its error in time is known."""
+
+    u: Array
+    v: Array
+    imbalance: float
+    branches: int
+    path: StepEquations
+    increment: Array
+    rate: float
+
+    @cached_property
+    def resistance(self) -> Callable[[Array], Array]:
+        """∂R/∂v at its end."""
+        return self.path.resistance(self.increment, 1.0)
+
+    @cached_property
+    def turned(self) -> float:
+        """Resistance of what slips the other way than before."""
+        return self.path.turned(self.increment)
+
+
+@dataclass(frozen=True)
+class _Integrator:
+    equations: RateEquations
+    solver: Remembering
+    settings: Settings
+    stepping: Stepping
+    cost: Cost
+
+    def step(self, memory: Memory, end: float) -> TimeStep:
+        """The next step, in which the state may also snap to another place.
+
+        That is looked for early where the series fail in brief steps, and last of all where
+        only the error in time asks for steps as short as can be.
+        """
+        brief = BRIEF * self.stepping.whole
+        try:
+            return self.tried(memory, end, BRIEF if memory.step > brief else SHORTEST)
+        except PathStopped as stopped:
+            if stopped.outcome is not Outcome.STALLED or self.stepping.fixed is not None:
+                raise
+            timed = memory.step > brief and stopped.evidence.motion is not None
+            snap = None if timed else self.snap(memory, end)
+            if snap is None and memory.step > brief:
+                return self.step(replace(memory, step=brief), end)
+            if snap is None:
+                raise
+            return snap
+
+    def tried(self, memory: Memory, end: float, shortest: float) -> TimeStep:
+        """Try, estimate, and shorten until the error is allowed."""
+        t, (whole, fixed) = memory.times[0], (self.stepping.whole, self.stepping.fixed)
+        least = max(shortest * whole, DIGITS_OF_TIME * np.spacing(t))
+        h, barred = min(fixed or max(memory.step, 2.0 * least), end - t), False
+        rising = memory.order if fixed is None else self.stepping.order
+        order = min(rising, self.stepping.order, memory.available)
+        failed = PathStopped(Outcome.STALLED, t)
+        while h > least:
+            new = end if h >= (end - t) * (1.0 - 1e-10) else t + h
+            try:
+                trial = self.trial(memory, new, order)
+            except PathStopped as stopped:
+                failed, h, barred = stopped, 0.25 * (new - t), True
+                continue
+            local = self.local_error(memory, trial.u, new, order)
+            error = self.error(memory, trial, new, local)
+            ratio = _ratio(error, order)
+            if error <= 1.0 or fixed is not None:
+                following, ratio = self.next_order(memory, trial, new, order, ratio)
+                growth = min(ratio, 1.0 if barred else GROWTH[following - 1])
+                times = (new, *memory.times[: self.stepping.order])
+                states = (trial.u, *memory.states[: self.stepping.order])
+                past = Memory(times, states, trial.v, (new - t) * growth, following)
+                return TimeStep(
+                    t, new, trial.u, trial.v, order, error, trial.imbalance, trial.branches, past
+                )
+            h, barred = max(0.1, min(ratio, 0.9)) * (new - t), True
+            detail = f"the error in time is {error:.2g} times what is allowed"
+            failed = PathStopped(Outcome.STALLED, t, detail, Evidence(motion=local))
+        if failed.outcome is Outcome.TOO_MANY_STEPS:
+            detail = "even the shortest step in time needs too many tangents"
+            raise PathStopped(Outcome.STALLED, t, detail, failed.evidence)
+        raise PathStopped(failed.outcome, t, failed.detail, failed.evidence)
+
+    def settled(self, memory: Memory) -> Memory:
+        """The same start, in equilibrium, with the velocity after the first instant.
+
+        What imbalance the start has is taken away while nothing moves, so that it
+        is not mistaken for motion.  Then stick and elasticity settle, within
+        (friction slope)/(stiffness), about a microsecond for steel: the velocity
+        jumps there, the state does not.
+        The path to rest is one of polynomials: a quotient may end in the core of sharp
+        friction, which is too stiff to leave at rest.
+        """
+        t, u = memory.times[0], memory.states[0]
+        velocity = AffineVelocity(1.0 / self.stepping.whole, memory.v, np.zeros_like(u))
+        path = self.equations.during(t, 0.0, velocity, u)
+        try:
+            rest = self.followed(path, len(u), rational=False, shortest=NARROWEST)
+            still = replace(memory, states=(u + rest.branch.end[0],))
+            instant = max(SETTLING * memory.step, DIGITS_OF_TIME * np.spacing(t))
+            return replace(still, v=self.trial(still, t + instant, 1).v)
+        except PathStopped:
+            return memory
+
+    def followed(
+        self, path: StepEquations, size: int, *, rational: bool, shortest: float
+    ) -> PathStep:
+        """Last step of the path of the increment from λ = 0 to 1."""
+        settings = replace(
+            self.settings,
+            max_steps=MOST_BRANCHES,
+            shortest=shortest,
+            give_way=False,
+            rational=rational,
+            unhurried=UNHURRIED,
+        )
+        *_, last = self.stepping.follow(
+            path, np.zeros(size), solver=self.solver, settings=settings, cost=self.cost
+        )
+        return last
+
+    def trial(self, memory: Memory, new: float, order: int) -> _Trial:
+        """Solve a step."""
+        t, u, before = memory.times[0], memory.states[0], self.cost.expansions
+        past, rate = formula(memory.times, new, order)
+        w = np.zeros_like(u)
+        for weight, state in zip(past[1:], memory.states[1:], strict=False):
+            w += weight * (state - u)
+        velocity = AffineVelocity(rate, memory.v, w - memory.v)
+        path = self.equations.during(t, new - t, velocity, u)
+        last = self.followed(path, len(u), rational=self.settings.rational, shortest=NARROW)
+        increment = last.branch.end[0]
+        v, spent = velocity(increment, 1.0), self.cost.expansions - before
+        return _Trial(u + increment, v, last.imbalance, spent, path, increment, rate)
+
+    def local_error(self, memory: Memory, u: Array, new: float, order: int) -> Array:
+        """Local error, from the predictor through order + 1 past states.
+
+        The predictor's error is Π(new − t_j) u^(k+1)/(k+1)!, the formula's is
+        that times 1/(rate (new − t_k)), so their ratio is known.
+        """
+        used = min(memory.available, order + 1)
+        times, states = memory.times[:used], memory.states[:used]
+        if used > order:
+            rate = formula(memory.times, new, order)[1]
+            factor = 1.0 / (rate * (new - times[-1]) + 1.0)
+            return factor * (u - predicted(times, states, new))
+        return 0.5 * (u - memory.states[0] - (new - times[0]) * memory.v)
+
+    def error(self, memory: Memory, trial: _Trial, new: float, local: Array) -> float:
+        """Local error over what is allowed.
+
+        What lasts may add up to the tolerance over the whole time; what fades may
+        be as large as the tolerance in every step.  The formula errs in the velocity; the
+        equations answer with a change of state, which is small where stiffness, not resistance
+        to motion, decides.  Where slip turns round in a step, its end does not tell what
+        resisted in between: if that may be seen, nothing has faded.
+        """
+        tolerance, answer = self.stepping.tolerance, local
+        share = max((new - memory.times[0]) / self.stepping.whole, LEAST_SHARE)
+        lasting = self.equations.error(trial.u, local) / share
+        if trial.turned <= tolerance:
+            self.cost.solves += 1
+            with self.cost.timed("error in time"):
+                answer = self.solver.factors.solve(trial.resistance(trial.rate * local))
+        return max(lasting, self.equations.fading_error(trial.u, answer)) / tolerance
+
+    def next_order(
+        self, memory: Memory, trial: _Trial, new: float, order: int, ratio: float
+    ) -> tuple[int, float]:
+        """Order that allows the longest next step, and how much longer it is.
+
+        Up to the second order the order rises as soon as the past allows; beyond, it goes to
+        a neighbour that allows a step a tenth longer.
+        """
+        highest = self.stepping.order
+        if order < min(2, highest):
+            return order + 1, ratio
+        best = (order, ratio)
+        for other in (order - 1, order + 1):
+            if 2 <= other <= highest and memory.available > other:
+                local = self.local_error(memory, trial.u, new, other)
+                found = _ratio(self.error(memory, trial, new, local), other)
+                best = max(best, (other, found / 1.1), key=lambda pair: pair[1])
+        return best
+
+    def snap(self, memory: Memory, end: float) -> TimeStep | None:
+        """Steps with drag until the state rests, as a single one, if a drag is what is missing.
+
+        None if no drag can be told, or the state does not run away with it, or does not rest.
+        """
+        t, u, v = memory.times[0], memory.states[0], memory.v
+        tolerance = max(self.stepping.tolerance, ROUGH)
+        for lasting in (share * self.stepping.whole for share in LASTING):
+            dragged = self.equations.dragged(t, u, v, lasting)
+            if dragged is None or DIGITS_OF_TIME * np.spacing(t) > FIRST * lasting:
+                continue
+            stepping = replace(self.stepping, tolerance=tolerance)
+            other = replace(self, equations=dragged, stepping=stepping)
+            slowed = min(1.0, float(np.abs(u).max() / np.abs(v).max()) / lasting)
+            begin = start_memory(t, u, slowed * v, FIRST * lasting)
+            try:
+                begin = replace(begin, v=other.trial(begin, t + begin.step, 1).v)
+                step = other.run_away(begin, end, lasting)
+            except PathStopped as stopped:
+                if stopped.outcome is Outcome.TOO_MANY_TANGENTS:
+                    raise
+                continue
+            if step is not None:
+                return step
+        return None
+
+    def run_away(self, memory: Memory, end: float, lasting: float) -> TimeStep | None:
+        """Steps until the state rests, as one; None if it does not run away or not rest.
+
+        ``lasting`` is the duration (s) that the drag was chosen for.
+        """
+        t, u, v, branches = memory.times[0], memory.states[0], memory.v, 0
+        for _ in range(MOST):
+            step = self.tried(memory, end, SHORTEST)
+            memory, branches = step.memory, branches + step.branches
+            way, spent = np.abs(step.u - u).max(), step.end - t
+            ran = way > RAN * np.abs(step.v).max() * spent
+            rests, v = np.abs(step.v - v).max() * lasting < CALM * way, step.v
+            if ran and rests and step.end - step.start > lasting:
+                break
+            if not ran and spent > SOON * lasting:
+                return None
+        else:
+            return None
+        told_apart = [a > b for a, b in pairwise(memory.times)]
+        known = [*told_apart, False].index(False) + 1  # instants that differ
+        past = replace(memory, times=memory.times[:known], states=memory.states[:known], order=1)
+        return replace(step, start=t, branches=branches, memory=past, snap=True)
+
+
+def _ratio(error: float, order: int) -> float:
+    """Ratio of the next step to this one with which half of what is allowed is used."""
+    return GROWTH[0] if error == 0.0 else float((0.5 / error) ** (1.0 / order))

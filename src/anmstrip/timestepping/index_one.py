@@ -1,0 +1,294 @@
+"""Index-1 systems R(u, v, t) = 0 with u' = v in one state: consistency, error growth, stability."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import PPoly
+
+from anmstrip.continuation.equations import TINY, Array
+from anmstrip.continuation.status import Outcome, PathStopped
+from anmstrip.taylor.program import Orders
+from anmstrip.taylor.series import recorded
+
+Residual = Callable[[Any, Any, Any], Any]
+"""``residual(u, v, t)`` of arrays (n,), (n,), () → (n,), written in numpy."""
+
+CONSISTENT = 1e-3
+"""A state is consistent when Newton's correction is this fraction of the tolerance."""
+
+MOST_ITERATIONS = 500
+"""Of Newton's method: far away a saturating law, like |v|^q, lets it come nearer by a third."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """The equations at one state: residual, derivatives, and the split of directions."""
+
+    orders: Orders  # of the residual, for those to come
+    u: Array  # (n,)
+    v: Array  # (n,)
+    residual: Array  # (n,)
+    stiffness: Array  # ∂R/∂u, (n, n)
+    damping: Array  # ∂R/∂v, (n, n)
+    driven: tuple[Array, Array]  # rows of R (r, n), directions (n, r) on which velocities act
+    algebraic: tuple[Array, Array]  # the rest
+
+    @classmethod
+    def at(cls, residual: Residual, u: Array, v: Array, t: float, order: int = 0) -> Point:
+        """Start the series of the residual."""
+        orders = recorded(residual).start(u, v, t, order=order)
+        unit = np.eye(len(u))
+        stiffness, damping = orders.derivative(unit).T, orders.derivative(None, unit).T
+        left, values, right = np.linalg.svd(damping)
+        smallest = 1e-12 * np.abs(stiffness).max() + 1e-10 * values[0]
+        rank = int((values > smallest).sum())
+        driven, algebraic = (left[:, :rank].T, right[:rank].T), (left[:, rank:].T, right[rank:].T)
+        return cls(orders, u, v, orders.value, stiffness, damping, driven, algebraic)
+
+    def algebraic_part(self, r: Array) -> Array:
+        """Change of u in algebraic directions that takes ``r`` out of the algebraic rows."""
+        rows, Q = self.algebraic
+        if not len(rows):
+            return np.zeros(len(r))
+        return Q @ np.linalg.solve(rows @ self.stiffness @ Q, -rows @ r)
+
+    def driven_part(self, r: Array) -> Array:
+        """Change of v in driven directions that takes ``r`` out of the driven rows."""
+        rows, P = self.driven
+        return P @ np.linalg.solve(rows @ self.damping @ P, -rows @ r)
+
+    def correction(self) -> tuple[Array, Array]:
+        """Newton's step to R = 0: algebraic part of u, driven part of v."""
+        shift = self.algebraic_part(self.residual)
+        return shift, self.driven_part(self.residual + self.stiffness @ shift)
+
+    @property
+    def driven_stiffness(self) -> Array:
+        """∂R/∂u in the driven directions, the algebraic part eliminated, shape (r, r)."""
+        rows, P = self.driven
+        whole = [p + self.algebraic_part(self.stiffness @ p) for p in P.T]
+        return rows @ self.stiffness @ np.stack(whole, axis=1)
+
+    @property
+    def growth_rate(self) -> float:
+        """Rate at which neighbouring solutions drift apart (1/s; negative: come together).
+
+        Of the error, the driven part obeys c' = −κ c, where the algebraic part has
+        been eliminated; the rate is the largest eigenvalue of the symmetric part of
+        −κ.  The turning of the directions during a step is neglected.
+        """
+        rows, P = self.driven
+        if not len(rows):
+            return -np.inf
+        kappa = np.linalg.solve(rows @ self.damping @ P, self.driven_stiffness)
+        return float(np.linalg.eigvalsh(-0.5 * (kappa + kappa.T))[-1])
+
+
+def consistent(
+    residual: Residual,
+    u: Array,
+    v: Array,
+    t: float,
+    tolerance: float = 1e-9,
+    rate_tolerance: float | None = None,
+) -> tuple[Array, Array]:
+    """State nearby with R = 0, by Newton's method on algebraic u and driven v.
+
+    The residual must fall from step to step, else the step is halved: a friction
+    law saturates, and full steps from far away would diverge.
+
+    Parameters
+    ----------
+    residual : callable
+    u, v : ndarray, shape (n,)
+    t : float
+    tolerance, rate_tolerance : float
+        Errors of u and v beside which the last corrections are negligible; the
+        second is the first per unit of time if not given.
+
+    Raises
+    ------
+    PathStopped
+    """
+    residual = recorded(residual)
+    allowed = tolerance if rate_tolerance is None else rate_tolerance
+    for _ in range(MOST_ITERATIONS):
+        point = Point.at(residual, u, v, t)
+        shift, kick = point.correction()
+        changes = ((shift, tolerance, u), (kick, allowed, v))
+        if all(
+            np.abs(change).max() <= CONSISTENT * max(bound, 1e-9 * np.abs(value).max(), TINY)
+            for change, bound, value in changes  # the second bound is that of round-off
+        ):
+            return u + shift, v + kick
+        size, part = np.abs(point.residual).max(), 1.0
+        while part > 1e-6 and residual_size(residual, u + part * shift, v + part * kick, t) >= size:
+            part *= 0.5
+        u, v = u + part * shift, v + part * kick
+    raise PathStopped(Outcome.STALLED, t, "no velocity satisfies the friction law here")
+
+
+def residual_size(residual: Residual, u: Array, v: Array, t: float) -> float:
+    """Largest entry of the residual, infinite where it is not a number."""
+    with np.errstate(all="ignore"):
+        return float(np.nan_to_num(np.abs(residual(u, v, t)).max(), nan=np.inf))
+
+
+def stretch(v: Array, speed: float) -> float:
+    """√(1 + |v|²/V²): error at equal times over the distance of the curves (V t, u)."""
+    return float(np.hypot(1.0, np.abs(v).max() / speed))
+
+
+NODES = np.array([0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15)])
+WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
+
+
+@dataclass(frozen=True)
+class TimePath:
+    """A computed solution u(t) of m steps."""
+
+    curve: PPoly  # of n polynomials in every step
+    errors: Array  # error of u for good that each step adds, (m,)
+    passing: Array  # error of u at the end of each step that the next takes away, (m,)
+
+    @property
+    def knots(self) -> Array:
+        """Ends of the steps, shape (m + 1,)."""
+        return np.asarray(self.curve.x)
+
+    def __call__(self, t: float) -> tuple[Array, Array]:
+        """State and velocity at time ``t``."""
+        return self.curve(t), self.curve(t, 1)
+
+    def polynomials(self) -> Iterator[tuple[float, float, Array]]:
+        """Start, length and coefficients (order + 1, n) of the pieces."""
+        for i, (start, end) in enumerate(pairwise(self.knots)):
+            yield start, end - start, self.curve.c[::-1, i]
+
+
+@dataclass(frozen=True)
+class Controlled:
+    """A solution with its estimated error."""
+
+    path: TimePath
+    error: float  # estimate of the largest error of u at any time
+    passes: int  # integrations that it took
+
+
+def estimated(residual: Residual, path: TimePath) -> Array:
+    """Estimated error of u at the knots of a path, shape (m + 1,)."""
+    residual, total, errors = recorded(residual), 0.0, [0.0]
+    for start, end, error in zip(path.knots[:-1], path.knots[1:], path.errors, strict=True):
+        times = start + (end - start) * NODES
+        rates = np.array([Point.at(residual, *path(t), t).growth_rate for t in times])
+        grown = np.exp(min((end - start) * float(WEIGHTS @ rates), 700.0))
+        total = total * grown + error
+        errors.append(total)
+    return np.array(errors) + np.array([0.0, *path.passing])
+
+
+def controlled(
+    run: Callable[[float], TimePath],
+    residual: Residual,
+    tolerance: float,
+    *,
+    speed: float = np.inf,
+    max_passes: int = 6,
+) -> Controlled:
+    """Integrate until the estimated error of u is below the tolerance at all times.
+
+    In motion faster than V an error along the way is a shift in time, and
+    measured as such: an error e at the velocity v counts as e/√(1 + |v|²/V²),
+    the distance of the solutions as curves in (V t, u).  With V = 1 m/s and a
+    tolerance of 1e-4 m, a snap is then right to 1e-4 s and 1e-4 m; at equal
+    times no number of digits would do where v is 1e7 m/s.
+
+    Parameters
+    ----------
+    run : callable
+        ``run(tolerance)`` integrates; the errors of its steps may add up to its
+        argument.
+    residual : callable
+        R(u, v, t), for the growth of errors.
+    tolerance : float
+    speed : float
+        V; infinite for errors at equal times.
+    max_passes : int
+
+    Returns
+    -------
+    Controlled
+        Its error is above the tolerance only if all passes did not suffice.
+    """
+    allowed = tolerance
+    for passes in range(1, max_passes + 1):
+        path = run(allowed)
+        slowness = [1.0 / stretch(path(t)[1], speed) for t in path.knots]
+        error = float((estimated(residual, path) * slowness).max())
+        if error <= tolerance or passes == max_passes:
+            break
+        allowed *= 0.5 * tolerance / error
+    return Controlled(path, error, passes)
+
+
+MANY = 10.0
+"""Powers of e by which neighbours would drift apart in the whole time, that count as unstable."""
+
+
+@dataclass(frozen=True)
+class Instability:
+    """A stretch of time in which a motion was unstable, from the first to the last such step."""
+
+    start: float  # s
+    end: float  # s
+    pivot: float  # lowest pivot of the rate-free tangent along the motion there (N/m)
+    rate: float  # largest rate at which it left its equilibria (1/s)
+    distance: float  # by which the state has changed meanwhile (its own unit)
+
+    def __str__(self) -> str:
+        return (
+            f"Unstable from t = {self.start:.6g} s to {self.end:.6g} s: the rate-free tangent has "
+            f"the negative pivot {self.pivot:.3g} N/m along the motion, so that Coulomb's law has "
+            f"no equilibrium to follow; the regularised law moved on by {self.distance:.3g} m, "
+            f"at up to {self.rate:.2g} times its distance per second."
+        )
+
+
+def pivot(residual: Residual, u: Array, v: Array, t: float) -> tuple[float, float]:
+    """Pivot S of the rate-free tangent along the motion, and the growth rate −S/D there.
+
+    Both are positive and negative as for a spring and a dashpot, whatever the sign of the
+    residual; a state without resistance to motion has the pivot ∞.
+    """
+    point = Point.at(residual, u, v, t)
+    rows, P = point.driven
+    if not len(rows):
+        return np.inf, -np.inf
+    along = P.T @ v
+    length = float(np.linalg.norm(along))
+    along = along / length if length > 0.0 else np.eye(len(along))[0]
+    D, S = along @ rows @ point.damping @ P @ along, along @ point.driven_stiffness @ along
+    return float(S * np.sign(D)), float(-S / D)
+
+
+def instabilities(residual: Residual, path: TimePath) -> list[Instability]:
+    """Stretches in which a computed motion is unstable, in the order of time."""
+    residual, whole = recorded(residual), path.knots[-1] - path.knots[0]
+    found: list[Instability] = []
+    current: list[tuple[float, float, float]] = []
+    for t in [*path.knots[1:], np.inf]:
+        S, rate = pivot(residual, *path(t), t) if np.isfinite(t) else (np.inf, -np.inf)
+        if rate * whole > MANY:
+            current.append((float(t), S, rate))
+        elif current:
+            start, end = current[0][0], current[-1][0]
+            moved = np.abs(path(min(t, path.knots[-1]))[0] - path(start)[0]).max()
+            lowest, fastest = min(c[1] for c in current), max(c[2] for c in current)
+            found.append(Instability(start, end, lowest, fastest, float(moved)))
+            current = []
+    return found

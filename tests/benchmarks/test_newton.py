@@ -1,0 +1,91 @@
+"""Newton's method: its parts, and as a follower of the paths of a run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anmstrip.continuation.equations import Cost
+from anmstrip.continuation.follow import follow
+from anmstrip.continuation.newton import Corrections, Newton
+from anmstrip.driver.run import Run
+from anmstrip.linalg.solvers import DenseSolver
+from anmstrip.timestepping.functions import FunctionEquations
+from harness import run
+from newton import LONG, PLAIN, study
+from newton_methods import NewtonPath, NewtonSettings, load_steps
+from strips import capstan, pressed
+
+
+def solved(function, settings):
+    cost = Cost()
+    equations = FunctionEquations(function)
+    options = {"solver": DenseSolver(), "settings": settings, "cost": cost}
+    *_, last = load_steps(equations, np.zeros(1), target=2.0, **options)
+    return last.u[0], cost.factorisations
+
+
+def cubic(u, load):
+    """u = 1 at the load 2."""
+    return u + u * u * u - load
+
+
+@pytest.mark.parametrize("part", [{"degree": 1}, {"degree": 3}, {"kept": 0.05}, {"halvings": 5}])
+def test_every_part_leads_to_the_same_state(part):
+    found, _ = solved(cubic, replace(NewtonSettings(tolerance=1e-10), **part))
+    assert found == pytest.approx(1.0, abs=1e-9)
+
+
+def test_a_guess_and_kept_tangents_save_factorisations():
+    plain = NewtonSettings(tolerance=1e-10, first=0.02, growth=1.0)
+    _, without = solved(cubic, plain)
+    assert solved(cubic, replace(plain, degree=2))[1] < 0.7 * without
+    assert solved(cubic, replace(plain, kept=0.2))[1] < 0.9 * without
+
+
+def reading(scene, method):
+    run = Run(scene)
+    run.march.follow = method
+    for _ in run:
+        pass
+    assert run.outcome.done, run.message
+    roller = run.state.rollers["r1"]
+    return roller.normal_force, roller.tension_ratio, run.cost.factorisations
+
+
+@pytest.mark.parametrize(
+    "scene", [pressed("section", 2, 0.1, 1e-5), capstan("section", 2, 0.1, 1e-4)]
+)
+def test_a_run_by_newton_ends_where_one_by_series_does(scene):
+    force, ratio, _ = reading(scene, NewtonPath(LONG))
+    expected = reading(scene, follow)
+    assert force == pytest.approx(expected[0], rel=1e-5)
+    assert ratio == pytest.approx(expected[1], rel=1e-5)
+
+
+@pytest.mark.slow
+def test_the_best_is_far_better_than_the_plain():
+    scene = pressed("section", 2, 0.1, 1e-5)
+    assert reading(scene, NewtonPath(LONG))[2] < 0.5 * reading(scene, NewtonPath(PLAIN))[2]
+
+
+@pytest.mark.slow
+def test_the_study(tmp_path: Path) -> None:
+    run(study, quick=True, directory=tmp_path)
+    report = (tmp_path / "newton.md").read_text(encoding="utf-8")
+    assert "python examples/benchmarks/newton.py --quick" in report
+    for problem in ("cantilever", "press, section", "press, shell", "capstan, shell"):
+        lines = [line for line in report.splitlines() if line.startswith(f"| {problem} |")]
+        assert len(lines) == (5 if problem == "cantilever" else 8)
+        errors = [float(line.split("|")[-2]) for line in lines[:-1]]
+        assert max(errors) < 1e-3
+
+
+def test_a_spent_allowance_of_tangents_ends_the_iteration():
+    equations, cost = FunctionEquations(cubic), Cost(most=2)
+    newton = Newton(equations, DenseSolver(), Corrections(tolerance=1e-12), cost)
+    assert newton.corrected(np.zeros(1), 2.0) is None
+    assert cost.factorisations == 2

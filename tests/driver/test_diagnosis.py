@@ -1,0 +1,292 @@
+"""Runs that stop early: what they say, and what they leave."""
+
+from __future__ import annotations  # noqa: I001
+
+import copy
+import json
+import re
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from anmstrip.continuation.status import Evidence, NO_EVIDENCE, Outcome, PathStopped
+from anmstrip.driver.diagnosis import Failure, diagnosis, still_coarse
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.results import files as checkpoint
+from anmstrip.results import files as history
+from anmstrip.results.vtk import read_collection as listed
+from anmstrip.results.vtk import read_surface
+from anmstrip.scene.loading import Override
+from anmstrip.simulation import march as running
+from anmstrip.simulation.problem import Assembly
+
+TENSION = {
+    "name": "tension", "duration": 1.0, "friction": False, "exit": {"force": [1e4, 0.0, 0.0]},
+}  # fmt: skip
+WRAP = {
+    "name": "wrap", "duration": 1.0, "friction": False,
+    "entry": {"move": [0.0, 0.0, -0.1]}, "exit": {"force": [1e4, 0.0, -1e3]},
+}  # fmt: skip
+TURN = {"name": "turn", "duration": 0.01, "rollers": {"r1": {"surface_speed": 1.0}}}
+TABLES: dict[str, Any] = {
+    "strip": {
+        "length": 4.0, "width": 1.0, "thickness": 1e-3, "cells": [16, 2], "refined": 0.1,
+        "kinematics": "section",
+    },
+    "material": {"young": 2e11, "poisson": 0.3},
+    "contact": {"stiffness": 1e10, "eta": 10.0, "delta": 1e-3},
+    "friction": {"coefficient": 0.3, "speed": 1.0},
+    "rollers": [{"name": "r1", "radius": 0.5, "centre": [0.0, 0.0, -0.501]}],
+    "edges": {"entry": {"fixed": ["x", "z"]}},
+    "stages": [TENSION, WRAP, TURN],
+    "solver": {"tolerance": 1e-3},
+    "output": {"every": 5},
+}  # fmt: skip
+SHELL = {"length": 4.0, "width": 1.0, "thickness": 1e-3, "cells": [8, 2], "refined": 0.25}
+SECOND = {"name": "r2", "radius": 0.5, "centre": [0.0, 0.0, 0.51]}
+
+
+def pulled(force: float) -> dict[str, Any]:
+    """Stages with another largest force."""
+    exits = {"exit": {"force": [force, 0.0, 0.0]}}
+    return {"stages": [{**TENSION, **exits}, {**WRAP, **exits}, TURN]}
+
+
+def scene(**tables: Any) -> Scene:
+    return Scene.model_validate(copy.deepcopy({**TABLES, **tables}))
+
+
+@cache
+def wrapped() -> Run:
+    """The scene run to its end."""
+    run = scene().run()
+    for _ in run:
+        pass
+    assert run.outcome.done, run.message
+    return run
+
+
+def told(run: Run, stopped: PathStopped, changed: Scene | None = None) -> str:
+    """What would be said had the last stage of a run stopped at its end, in a changed scene."""
+    other = run if changed is None else changed.run()
+    assert run.state is not None
+    return diagnosis(Failure(other.assembly, other.scene.course[-1], run.state, stopped))
+
+
+def stalled(evidence: Evidence = NO_EVIDENCE, detail: str = "") -> PathStopped:
+    return PathStopped(Outcome.STALLED, 0.5, detail, evidence)
+
+
+def imbalance_at(run: Run, x: float, component: int) -> Evidence:
+    """An imbalance at the node that is nearest to x."""
+    strip, plan = run.assembly.strip, run.state.plan
+    node = int(np.abs(strip.nodes[0] - x).argmin())
+    full = np.zeros(strip.unknowns)
+    full[strip.count * strip.node_values[node] + component] = 1.0
+    return Evidence(residual=full[plan.supports.free])
+
+
+def typed(message: str) -> list[str]:
+    """The settings that a message tells to type."""
+    found = re.findall(r"--set (?:'([^']+)'|(\S+?)[,.]?(?:\s|$))", message)
+    return [quoted or plain for quoted, plain in found]
+
+
+def test_what_is_told_can_be_typed() -> None:
+    messages = list(all_messages())
+    settings = [text for message in messages for text in typed(message)]
+    assert len(settings) >= 6
+    for text in settings:
+        data = Override.parse(text).applied_to(wrapped().scene.to_dict())
+        Scene.model_validate(data)
+
+
+def all_messages() -> Iterator[str]:
+    run = wrapped()
+    place = imbalance_at(run, 0.0, 1)
+    yield told(run, stalled(place), scene(**pulled(100.0)))
+    yield told(run, stalled(place), scene(**pulled(1e6)))
+    yield told(run, PathStopped(Outcome.TOO_MANY_STEPS, 0.5))
+    yield told(run, stalled(), scene(friction={"coefficient": 0.3, "speed": 1e-12}))
+    yield told(run, stalled(), scene(solver={"tolerance": 1e-11}))
+    yield told(run, PathStopped(Outcome.FOLD, 0.5))
+    yield told(run, stalled(), scene(solver={"order": 4}))
+    yield free_in("x")
+    yield free_in("z")
+
+
+def free_in(component: str) -> str:
+    held = [c for c in "xz" if c != component]
+    run = scene(edges={"entry": {"fixed": held}}, stages=[TENSION]).run()
+    for _ in run:
+        pass
+    return run.message if not run.outcome.done else told(run, stalled())
+
+
+def test_stage_time_node_and_roller_are_named() -> None:
+    run = wrapped()
+    place = imbalance_at(run, 0.0, 1)
+    message = told(run, stalled(place, "a detail"), scene(**pulled(100.0)))
+    assert message.startswith("Stopped in stage turn at t = 2.01 s: ")
+    assert "a detail; worst at x = 0 m (in z, at roller r1)." in message
+    assert "finer mesh over roller r1: --set strip.refined=0.049" in message
+    fine = scene(strip={**TABLES["strip"], "refined": 0.04})
+    assert run.state is not None
+    beside = Failure(Assembly(fine), fine.stages[-1], run.state, stalled(place))
+    assert "strip.refined=0.02" in str(still_coarse(beside))  # finer than asked for
+    far = told(run, stalled(imbalance_at(run, 2.0, 0)))
+    assert "worst at x = 2 m (in x)." in far
+    assert "stages.turn.rollers.r1.surface_speed: try a smaller change" in far
+
+
+def test_derivatives_are_compared_as_forces_and_lengths() -> None:
+    run = wrapped()
+    plan, strip = run.state.plan, run.assembly.strip
+    units = plan.model.units[plan.supports.free]
+    slopes = ~np.isin(plan.supports.free, strip.unknowns_of(strip.node_values))
+    assert slopes.any()
+    for evidence in (
+        Evidence(residual=np.where(slopes, 1.0, 2.0) / units),
+        Evidence(motion=np.where(slopes, 1.0, 2.0) * units),
+    ):
+        number = int(np.flatnonzero(~slopes)[0])
+        assert diagnosis_place(run, evidence) == diagnosis_place(run, Evidence(unknown=number))
+
+
+def diagnosis_place(run: Run, evidence: Evidence) -> str:
+    return str(Failure(run.assembly, run.scene.course[-1], run.state, stalled(evidence)).location)
+
+
+def test_what_is_not_finite_comes_first() -> None:
+    run = wrapped()
+    residual = imbalance_at(run, 0.0, 1).residual
+    residual[-1] = np.nan
+    found = diagnosis_place(run, Evidence(residual=residual))
+    assert found == diagnosis_place(run, Evidence(unknown=len(residual) - 1))
+
+
+@pytest.mark.parametrize("component", ["x", "z"])
+def test_component_that_nothing_holds(component: str) -> None:
+    message = free_in(component)
+    assert f"Nothing holds the strip in {component}." in message
+    assert typed(message) == ['edges.entry.fixed=["x", "z"]']
+
+
+def test_strip_that_may_glide_across() -> None:
+    run = scene(strip=SHELL, stages=[TENSION]).run()
+    for _ in run:
+        pass
+    assert typed(told(run, stalled())) == ["edges.entry.centred=true"]
+
+
+def test_rollers_that_squeeze_the_strip() -> None:
+    press = {"name": "press", "duration": 1.0, "friction": False}
+    press["rollers"] = {"r2": {"move": [0.0, 0.0, -0.02]}}
+    run = scene(rollers=[*TABLES["rollers"], SECOND], stages=[TENSION, press]).run()
+    for _ in run:
+        pass
+    message = told(run, stalled())
+    assert "Rollers r1 and r2 are -0.009 m apart and squeeze the strip." in message
+    assert typed(message) == ["stages.press.rollers.r2.move=[0, 0, -0.0101]"]
+
+
+def test_strip_under_no_tension() -> None:
+    run = scene(stages=[{**WRAP, "exit": {}}]).run()
+    for _ in run:
+        break
+    message = told(run, stalled())
+    assert "The strip is under no tension" in message
+    assert typed(message) == ["stages.wrap.exit.force=[1e+04, 0.0, 0.0]"]
+
+
+def test_strip_that_is_pressed() -> None:
+    held = {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["x", "z"]}}
+    push = {"name": "push", "duration": 1.0, "exit": {"move": [-1e-2, 0.0, 0.0]}}
+    run = scene(edges=held, stages=[{**push, "friction": False}], rollers=[]).run()
+    for _ in run:
+        pass
+    message = told(run, stalled())
+    assert re.search(
+        r"The strip is pressed at x = \S+ m with 4\.\d+e\+05 N/m, and buckles", message
+    )
+    assert "a larger x in stages.push.exit.move" in message
+
+
+def test_long_elements_over_a_roller() -> None:
+    run = wrapped()
+    message = told(run, stalled(imbalance_at(run, 0.0, 1)), scene(**pulled(1e6)))
+    assert "Elements of 0.0982 m over roller r1 are long against √(D/T) = 0.00428 m." in message
+    assert typed(message) == ["strip.refined=0.0011"]
+
+
+def test_friction_that_is_too_steep() -> None:
+    message = told(wrapped(), stalled(), scene(friction={"coefficient": 0.3, "speed": 1e-12}))
+    assert "Friction turns round within 1e-13 m/s" in message
+    assert typed(message) == ["friction.speed=9e-08"]
+
+
+def test_series_of_few_terms() -> None:
+    message = told(wrapped(), stalled(), scene(solver={"order": 4}))
+    assert "Series of order 4 are short. Try --set solver.order=" in message
+    assert "Series" not in told(wrapped(), stalled(), scene(solver={"order": 12}))
+
+
+def test_tolerance_near_round_off() -> None:
+    message = told(wrapped(), stalled(), scene(solver={"tolerance": 1e-11}))
+    assert "near round-off" in message
+    (text,) = typed(message)
+    assert 1e-10 < Override.parse(text).value < 1e-5
+
+
+def test_every_outcome_has_words_once() -> None:
+    run = wrapped()
+    for outcome in set(Outcome) - {Outcome.DONE, Outcome.INTERRUPTED}:
+        message = told(run, PathStopped(outcome, 0.5, "a detail"))
+        assert message.count(outcome.value) == message.count("a detail") == 1
+        assert re.search("[Tt]ry ", message)
+
+
+def stopping(outcome: Outcome, after: int) -> Any:
+    """A follower that stops after some steps."""
+    follow = running.follow
+
+    def follow_and_stop(*given: Any, **named: Any) -> Iterator[Any]:
+        for number, step in enumerate(follow(*given, **named)):
+            if number == after:
+                raise PathStopped(outcome, 0.5, "a detail")
+            yield step
+
+    return follow_and_stop
+
+
+@pytest.mark.parametrize("after", [0, 3])
+@pytest.mark.parametrize("outcome", sorted(set(Outcome) - {Outcome.DONE}, key=lambda o: o.name))
+def test_every_end_leaves_files_to_go_on_from(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, outcome: Outcome, after: int
+) -> None:
+    short = scene(stages=[TENSION, WRAP])
+    with monkeypatch.context() as patch:
+        patch.setattr(running, "follow", stopping(outcome, after))
+        run = short.run(tmp_path)
+        for _ in run:
+            pass
+    summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    assert (summary["status"], summary["message"]) == (outcome.name.lower(), run.message)
+    assert (
+        len(history.read_history(tmp_path / "history.csv")["time"]) == summary["steps"] == run.steps
+    )
+    entries = listed(tmp_path / "strip.pvd")
+    assert entries
+    assert all(np.isfinite(read_surface(tmp_path / e.file).points).all() for e in entries)
+    assert checkpoint.load_checkpoint(tmp_path / "checkpoint.npz")[1]["steps"] == run.steps
+    again = short.run(tmp_path, resume=True)
+    for _ in again:
+        pass
+    assert again.outcome.done
+    files = [e.file for e in listed(tmp_path / "strip.pvd")]
+    assert len(set(files)) == len(files) >= 2

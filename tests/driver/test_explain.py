@@ -1,0 +1,224 @@
+"""What is said of a scene before it runs: effects, rollers, and the ladder of kinematics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from anmstrip.driver.explain import explain
+from anmstrip.driver.scene import Scene
+from anmstrip.driver.warnings import Level, Preview, justified_level, levels, warnings
+from anmstrip.simulation.problem import Assembly
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def pressed(degrees: float, **roller: Any) -> dict[str, Any]:
+    """A strip under tension, with a roller pushed up so far that it is wrapped by an angle."""
+    lifted = 2.0 * np.tan(np.radians(degrees) / 2.0) + 1e-3
+    return {
+        "strip": {"length": 4.0, "width": 1.0, "thickness": 1e-3, "cells": [16, 2],
+                  "refined": 0.1},
+        "material": {"young": 2e11, "poisson": 0.3, "density": 7850.0},
+        "contact": {"stiffness": 1e9, "eta": 10.0, "delta": 1e-3},
+        "rollers": [{"name": "r1", "radius": 0.5, "centre": [0.0, 0.0, -0.501], **roller}],
+        "edges": {"entry": {"fixed": ["x", "z"], "centred": True}, "exit": {"fixed": ["z"]}},
+        "stages": [
+            {"name": "tension", "duration": 1.0, "exit": {"force": [1e4, 0.0, 0.0]}},
+            {"name": "press", "duration": 1.0, "rollers": {"r1": {"move": [0.0, 0.0, lifted]}}},
+        ],
+    }  # fmt: skip
+
+
+def bridle(**strip: Any) -> dict[str, Any]:
+    """Three rollers, threaded over, under and over."""
+    lines = {"a": (-0.6, 0.5, "over"), "b": (0.6, -0.7, "under"), "c": (1.8, 0.5, "over")}
+    return {
+        "strip": {"width": 1.0, "thickness": 1e-3, "cells": [30, 2], "refined": 0.1, **strip},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "contact": {"stiffness": 1e9, "eta": 10.0, "delta": 1e-3},
+        "threading": {"tension": 1e4, "entry": [-3.0, 0.0, 1.0], "exit": [3.0, 0.0, 1.0]},
+        "rollers": [
+            {"name": name, "radius": 0.5, "centre": [x, 0.0, z], "wrap": side}
+            for name, (x, z, side) in lines.items()
+        ],
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [{"duration": 1.0, "rollers": {"a": {"surface_speed": 1.0}}}],
+    }
+
+
+def levels_of(scene: Scene) -> dict[str, Level]:
+    found = levels(Preview.of(Assembly(scene)))
+    return {level.kinematics.name: level for level in found}
+
+
+def justified(found: dict[str, Level]) -> str:
+    return justified_level(list(found.values())).kinematics.name
+
+
+def judged(tables: dict[str, Any]) -> tuple[str, dict[str, Level]]:
+    found = levels_of(Scene.model_validate(tables))
+    return justified(found), found
+
+
+def test_capstan_justifies_a_section() -> None:
+    scene = Scene.load(EXAMPLES / "capstan.toml")
+    found = levels_of(scene)
+    assert justified(found) == "section"
+    assert not found["section"].against
+    assert not found["shell"].against
+    friction, steep = found["plate"].against
+    assert "friction" in friction
+    assert "wrapping r1 by 43°" in steep
+    text = explain(scene)
+    assert "These numbers justify: section." in text
+    assert "43.01°, over" in text
+
+
+def test_estimated_wrap_is_that_of_the_formula() -> None:
+    """The exit leaves in the direction of its force, the entry is 0.45 m below."""
+    last = Preview.of(Assembly(Scene.load(EXAMPLES / "capstan.toml"))).strings[-1]
+    assert last.turns["r1"] == pytest.approx(0.7513, abs=2e-3)
+    assert last.slope == pytest.approx(np.arctan2(5773.5, 1e4), rel=1e-6)
+
+
+@pytest.mark.parametrize(("degrees", "plate"), [(1.0, True), (4.0, True), (12.0, False)])
+def test_a_plate_needs_small_slopes(degrees: float, plate: bool) -> None:
+    name, found = judged(pressed(degrees))
+    assert name == "section"
+    assert (not found["plate"].against) is plate
+    if plate:
+        assert f"{0.5 * degrees:.2g}° cost" in found["plate"].lost
+
+
+@pytest.mark.parametrize(
+    ("roller", "words"),
+    [
+        ({"crown": [0.0, -2e-3]}, "crowned"),
+        ({"taper": 2e-3}, "tapered"),
+        ({"axis": [0.02, 1.0, 0.0]}, "not along y"),
+    ],
+)
+def test_crown_and_misalignment_need_a_width(roller: dict[str, Any], words: str) -> None:
+    name, found = judged(pressed(1.0, **roller))
+    assert name == "plate"
+    assert words in found["section"].against[0]
+    name, _ = judged(pressed(20.0, **roller))
+    assert name == "shell"
+
+
+@pytest.mark.parametrize(
+    ("change", "against"),
+    [
+        ({"gravity": [0.0, -9.81, 0.0]}, "gravity across"),
+        ({"left": {"force": [0.0, 100.0, 0.0]}}, "left, a side"),
+        ({"exit": {"force": [1e4, 50.0, 0.0]}}, "pulls or moves exit across"),
+    ],
+)
+def test_what_varies_across_needs_a_width(change: dict[str, Any], against: str) -> None:
+    tables = pressed(1.0)
+    tables["stages"][1] |= change
+    name, found = judged(tables)
+    assert name != "section"
+    assert any(against in reason for reason in found["section"].against)
+
+
+@pytest.mark.parametrize(
+    ("change", "against"),
+    [
+        ({"entry": {"move": [0.1, 0.0, 0.0]}}, "moves entry in the plane"),
+        ({"exit": {"tension": 1e4}}, "exit.tension"),
+        ({"pressure": 1e3}, "slopes reach"),
+    ],
+)
+def test_what_a_plate_does_not_see(change: dict[str, Any], against: str) -> None:
+    """A pressure of 1 kPa on 4 m of strip under 10 kN/m: slope p L / 2 T = 0.2."""
+    tables = pressed(1.0)
+    tables["stages"][1] |= change
+    _, found = judged(tables)
+    assert any(against in reason for reason in found["plate"].against)
+
+
+def test_threaded_bridle_shows_its_wraps() -> None:
+    scene = Scene.model_validate(bridle())
+    thread = Assembly(scene).thread
+    assert thread is not None
+    lines = {line.split()[0]: line for line in explain(scene).splitlines() if line}
+    for name, side in (("a", "over"), ("b", "under"), ("c", "over")):
+        assert lines[name].endswith(f"{np.degrees(thread.turns[name]):.4g}°, {side}")
+    name, found = judged(bridle())
+    assert name == "section"
+    assert any("[threading]" in reason for reason in found["plate"].against)
+
+
+def test_mesh_warning_of_a_threaded_strip_is_about_its_arcs() -> None:
+    """Only the elements that lie on a roller count, wherever the roller is in space."""
+
+    def told_of(**strip: Any) -> list[str]:
+        assembly = Assembly(Scene.model_validate(bridle(kinematics="section", **strip)))
+        return [line for line in warnings(Preview.of(assembly)) if "elements over" in line]
+
+    assert not told_of(refined=0.005)
+    told = told_of()
+    assert [line.partition(" are ")[0] for line in told] == [
+        "elements over a, c",
+        "elements over b",
+    ]
+
+
+@pytest.mark.parametrize("own", ["shell", "section", "plate"])
+def test_unknowns_of_the_levels_are_those_of_their_strips(own: str) -> None:
+    def at(level: str) -> Scene:
+        tables = pressed(1.0)
+        tables["edges"]["entry"]["centred"] = False
+        tables["strip"]["kinematics"] = level
+        return Scene.model_validate(tables)
+
+    found = levels_of(at(own))
+    assert found[own].cost == 1.0
+    for name, level in found.items():
+        assert level.size is not None
+        assert level.size.unknowns == Assembly(at(name)).strip.unknowns
+    costs = {name: level.cost or np.inf for name, level in found.items()}
+    assert costs["section"] < costs["plate"] < costs["shell"]
+
+
+def test_a_level_that_misses_something_is_warned_of() -> None:
+    """What no rule can refuse: a plate whose slopes are large."""
+    tables = pressed(1.0)
+    tables["strip"]["kinematics"] = "plate"
+    assert "does not see" not in explain(Scene.model_validate(tables))
+    tables = {**pressed(20.0), "strip": tables["strip"]}
+    text = explain(Scene.model_validate(tables))
+    assert "Warning: kinematics plate does not see that slopes reach" in text
+    assert "These numbers justify: section." in text
+
+
+def test_effects_that_are_off_are_named() -> None:
+    tables = pressed(1.0)
+    text = explain(Scene.model_validate(tables))
+    for words in ("friction (no table", "weight (no", "pressure (no", "tension that follows"):
+        assert f"Left out: {words}" in text
+    assert "Left out: bending" not in text
+    tables["strip"]["bending"] = False
+    tables["stages"][1] |= {"pressure": 10.0, "gravity": [0.0, 0.0, -9.81]}
+    text = explain(Scene.model_validate(tables))
+    assert "Left out: bending" in text
+    assert "Left out: pressure" not in text
+    assert "Left out: weight" not in text
+
+
+def test_fed_strip_says_so() -> None:
+    tables = bridle(kinematics="section")
+    assert "fed" not in explain(Scene.model_validate(tables))
+    tables["strip"]["feed"] = True
+    assert "fed: fresh strip follows" in explain(Scene.model_validate(tables))
+
+
+def test_mesh_file_has_no_section() -> None:
+    found = levels_of(Scene.load(EXAMPLES / "capstan_mesh.toml"))
+    assert found["section"].size is None
+    assert justified(found) == "shell"

@@ -1,0 +1,155 @@
+"""What the documentation says can be typed: links, commands, scenes and Python."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+import tomllib
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any, get_args
+
+import pytest
+from pydantic import BaseModel
+
+from anmstrip import Scene
+from anmstrip.cli import main
+from anmstrip.scene.schema import SceneSpec
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def blocks(language: str) -> Iterator[Any]:
+    """Yield the fenced blocks of all pages in a language, with their places as names."""
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        for found in FENCE.finditer(text):
+            if found[1] == language:
+                line = text.count("\n", 0, found.start()) + 1
+                yield pytest.param(found[2], id=f"{page.name}:{line}")
+
+
+def without_blocks(text: str) -> str:
+    """Return a page without its fenced blocks."""
+    return FENCE.sub("", text)
+
+
+def merged(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
+    """Return tables with the keys of others put in, table by table."""
+    both = {k: merged(base[k], v) for k, v in change.items() if isinstance(base.get(k), dict)}
+    return {**base, **change, **both}
+
+
+def test_readme_is_short() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 200
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    """Relative links and the files that are named in code spans with a directory."""
+    text = without_blocks(page.read_text(encoding="utf-8"))
+    links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text)]
+    for link in links:
+        if link and "://" not in link:
+            assert (page.parent / link).exists(), link
+    for name in re.findall(r"\b((?:examples|tests|src|meshes|docs)/[\w./-]*\.\w+)", text):
+        assert "NAME" in name or (ROOT / name).exists(), name
+
+
+BASE = """
+[strip]
+kinematics = "shell"
+width = 1.0
+thickness = 1.0e-3
+cells = [40, 2]
+[material]
+young = 2.0e11
+poisson = 0.3
+density = 7850.0
+[contact]
+[friction]
+coefficient = 0.3
+speed = 1.0
+[threading]
+tension = 1.0e4
+entry = [-2.0, 0.0, -1.0]
+exit = [2.0, 0.0, -1.0]
+[[rollers]]
+radius = 0.5
+centre = [0.0, 0.0, -0.5]
+wrap = "over"
+[edges.entry]
+fixed = ["x", "z"]
+[[stages]]
+duration = 1.0
+"""
+"""A scene that a part of one, shown alone, is put into."""
+
+
+@pytest.mark.parametrize("text", [*blocks("toml")])
+def test_scene_is_accepted(text: str) -> None:
+    """Whole scenes as they stand; parts of one within another scene."""
+    tables = tomllib.loads(text)
+    if not {"strip", "material", "stages"} <= tables.keys():
+        tables = merged(tomllib.loads(BASE), tables)
+    Scene.from_tables(tables, ROOT / "examples" / "scene.toml")
+
+
+@pytest.mark.parametrize("text", [*blocks("python")])
+def test_python_runs(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Imports are there; a block that asserts what comes out is run."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("anmstrip"):
+            source = import_module(str(node.module))
+            for alias in node.names:
+                assert hasattr(source, alias.name), f"{node.module}.{alias.name}"
+    if any(isinstance(node, ast.Assert) for node in ast.walk(tree)):
+        monkeypatch.chdir(tmp_path)
+        module = ModuleType("documentation")  # dataclasses look their module up
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+        exec(compile(tree, "<documentation>", "exec"), module.__dict__)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_exist(page: Path) -> None:
+    """Commands of the program, and the options that follow them in the same span of code."""
+    for command, rest in re.findall(r"anmstrip ([a-z]+)\b([^`\n]*)", page.read_text("utf-8")):
+        if command not in main.commands:
+            assert not rest.lstrip().startswith(("-", "[", "SCENE")), f"anmstrip {command}"
+            continue
+        known = {name for option in main.commands[command].params for name in option.opts}
+        for option in re.findall(r"(?<![\w-])(--?[a-z]+)", rest):
+            assert option in known, f"anmstrip {command} {option}"
+
+
+def test_every_command_and_option_is_in_the_readme() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    for name, command in main.commands.items():
+        (row,) = re.findall(rf"^\| `anmstrip {name} .*$", text, re.MULTILINE)
+        for parameter in command.params:
+            if parameter.param_type_name == "option":
+                assert any(option in row for option in parameter.opts), (name, parameter.opts)
+
+
+def tables_of(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    """Yield a model and those of the tables in it."""
+    yield model
+    for field in model.model_fields.values():
+        for part in (field.annotation, *get_args(field.annotation)):
+            for inner in (part, *get_args(part)):
+                if isinstance(inner, type) and issubclass(inner, BaseModel):
+                    yield from tables_of(inner)
+
+
+def test_every_key_of_a_scene_is_described() -> None:
+    text = without_blocks((ROOT / "docs" / "scenes.md").read_text(encoding="utf-8"))
+    words = set(re.findall(r"[a-z_]+", " ".join(re.findall(r"`([^`]+)`", text))))
+    keys = {key for model in tables_of(SceneSpec) for key in model.model_fields}
+    assert {"stiffness", "rounding", "release", "times"} <= keys
+    assert keys <= words, keys - words

@@ -1,0 +1,164 @@
+"""A user's own effect and own laws: how they are written, and that they do what they say."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from anmstrip import ContactOperator, InputError, LawEffect, Run, Scene, Strip
+from anmstrip.cli import main
+
+LENGTH, WIDTH, THICKNESS, YOUNG, POISSON = 4.0, 1.0, 5e-3, 2e11, 0.3
+BENDING = YOUNG * THICKNESS**3 / (12.0 * (1.0 - POISSON**2))
+
+
+class Foundation(LawEffect):
+    """An elastic foundation under the strip: the pressure −k w (Winkler 1867)."""
+
+    name = "foundation"
+
+    def __init__(self, strip: Strip, stiffness: float) -> None:
+        self.operator = ContactOperator(strip)  # values at points, with areas as weights
+        self.stiffness = stiffness  # k, Pa/m
+
+    def law(self, x: Any, v: Any, controls: Any) -> Any:
+        """Residual per area: k times the displacement along z."""
+        return np.stack([0.0 * x[0], x[1]]) * self.stiffness
+
+
+def test_strip_on_an_elastic_foundation() -> None:
+    """A beam on a foundation, lifted at its end: w(0) = 2 F λ/k with λ⁴ = k/(4 D) (Hetényi)."""
+    k, lifted = 2e4, 1e-3
+    scene = Scene(
+        strip={
+            "length": LENGTH,
+            "width": WIDTH,
+            "thickness": THICKNESS,
+            "cells": [80, 1],
+            "kinematics": "section",
+        },
+        material={"young": YOUNG, "poisson": POISSON},
+        edges={"exit": {"fixed": ["x"]}, "entry": {"fixed": ["z"]}},
+        stages=[{"duration": 1.0, "entry": {"move": [0.0, 0.0, lifted]}}],
+        solver={"tolerance": 1e-8},
+    )
+    run = Run(scene, effects=[lambda strip: Foundation(strip, k)])
+    *_, last = run
+    assert run.outcome.done
+    wave = (k / (4.0 * BENDING)) ** 0.25
+    force = last.state.edge_force("entry")[2] / WIDTH
+    assert force == pytest.approx(k * lifted / (2.0 * wave), rel=1e-3)
+    assert run.effects["foundation"]["points"] == 161
+
+
+STRIBECK = """
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from anmstrip import FrictionLaw
+
+
+@dataclass(frozen=True)
+class Stribeck(FrictionLaw):
+    '''R_T = −f R_N (1 − d (1 − exp(−|v|²/v_s²))) v/√(v² + V_c²): friction falls with speed.'''
+
+    coefficient: Any
+    speed: float  # V_c, m/s
+    dip: float  # d, by how much friction falls
+    stribeck_speed: float  # v_s, m/s
+
+    def __call__(self, normal: Any, slip: Any) -> Any:
+        square = np.einsum("i...,i...->...", slip, slip)
+        fall = 1.0 - self.dip * (1.0 - np.exp(square * (-1.0 / self.stribeck_speed**2)))
+        strength = normal * fall / np.sqrt(square + self.speed**2)
+        return slip * strength * (-self.coefficient)
+"""
+
+CAPSTAN = """
+[strip]
+kinematics = "section"
+width = 1.0
+thickness = 1.0e-3
+cells = [40, 2]
+refined = 0.05
+[material]
+young = 2.0e11
+poisson = 0.3
+[contact]
+[friction]
+law = "{law}"
+coefficient = 0.3
+speed = 1.0e-2
+parameters = {parameters}
+[threading]
+tension = 1.0e4
+entry = [-2.0, 0.0, -1.0]
+exit = [2.0, 0.0, -1.0]
+[[rollers]]
+radius = 0.5
+centre = [0.0, 0.0, -0.5]
+wrap = "over"
+[edges.entry]
+fixed = ["x", "z"]
+[[stages]]
+duration = 0.5
+rollers.r1.surface_speed = 1.0
+[solver]
+tolerance = 1.0e-4
+"""
+
+
+def written(directory: Path, law: str, parameters: str) -> Path:
+    """Return a scene with the law in a module beside it."""
+    (directory / "stribeck_law.py").write_text(STRIBECK, encoding="utf-8")
+    path = directory / "scene.toml"
+    text = CAPSTAN.replace("{law}", law).replace("{parameters}", parameters)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_stribeck_law_from_a_module(tmp_path: Path) -> None:
+    """In full slip at 1 m/s the coefficient is f (1 − d), and the tensions are a capstan's."""
+    path = written(tmp_path, "stribeck_law:Stribeck", "{ dip = 0.4, stribeck_speed = 0.1 }")
+    result = CliRunner().invoke(main, ["run", str(path), "-o", str(tmp_path / "out"), "--quiet"])
+    assert result.exit_code == 0, result.output
+    roller = json.loads((tmp_path / "out" / "summary.json").read_text())["rollers"]["r1"]
+    friction = 0.3 * 0.6
+    correction = (1.0 + friction**2) * BENDING_1MM / (2.0 * 0.5**2)
+    expected = friction * TURN - correction * (
+        1.0 / roller["tension_out"] - 1.0 / roller["tension_in"]
+    )
+    assert np.log(roller["tension_in"] / roller["tension_out"]) == pytest.approx(expected, rel=3e-3)
+
+
+BENDING_1MM = YOUNG * 1e-3**3 / (12.0 * (1.0 - POISSON**2))
+DISTANCE = np.hypot(2.0, 0.5)
+TURN = 2.0 * (np.arcsin(0.5 / DISTANCE) + np.arctan2(0.5, 2.0))
+"""Wrap of a taut string from (−2, −1) over the circle of 0.5 m about (0, −0.5) to (2, −1)."""
+
+
+@pytest.mark.parametrize(
+    ("law", "parameters", "key", "words"),
+    [
+        ("no_such_module:Law", "{}", "friction.law", "No module named"),
+        ("stribeck_law:Missing", "{}", "friction.law", "Missing"),
+        ("stribeck_law:np", "{}", "friction.law", "a subclass of anmstrip.FrictionLaw"),
+        ("stribeck_law:Stribeck", "{ drop = 1.0 }", "friction.parameters", "drop"),
+        ("tan", "{}", "friction.law", '"module:Class"'),
+    ],
+)
+def test_law_that_cannot_be_used(
+    tmp_path: Path, law: str, parameters: str, key: str, words: str
+) -> None:
+    path = written(tmp_path, law, parameters)
+    with pytest.raises(InputError) as caught:
+        Run(Scene.load(path)).assembly.friction  # noqa: B018
+    told = {mistake.key: str(mistake) for mistake in caught.value.mistakes}
+    assert words in told[key]
