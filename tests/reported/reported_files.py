@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import subprocess
+import sys
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -31,6 +33,13 @@ def typed(*arguments: object) -> Any:
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
     return result
+
+
+def typed_apart(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """Type a command in a process of its own, which may warn of the machine it is on."""
+    code = f"from {main.callback.__module__} import main; main()"
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:

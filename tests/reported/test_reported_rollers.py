@@ -288,6 +288,17 @@ def test_creep_stretches_what_stays_on_the_roller(shell: Results) -> None:
     assert effect["creep"] > 1.0
 
 
+def test_what_is_carried_stays_for_its_way_over_the_roller(fed: Results) -> None:
+    """At the strip's speed, which is the surface's of 2 m/s less the creep, not since 1.2 s."""
+    (values,) = fed.summary["rollers"].values()
+    stay = values["wrap"] * 0.3 / (2.0 - values["creep_speed"])
+    assert stay < 0.1
+    tension = max(values["tension_in"], values["tension_out"])
+    strain = values["sticking_creep"] * stay / (values["wrap"] * 0.3)
+    expected = strain / (tension / (2.0e11 * 1e-3))
+    assert values["regularisation_effect"]["creep"] == pytest.approx(expected, rel=1e-9)
+
+
 def test_friction_beyond_the_cone_is_a_share_of_the_tension(
     turning: Results, shell: Results
 ) -> None:

@@ -7,23 +7,21 @@ from pathlib import Path
 
 import pytest
 import reported_scenes as scenes
-from reported_files import rows_of, typed
+from reported_files import rows_of, typed_apart
 
 pytest.importorskip("distributed", reason="dask is not installed")
 
 
-# another cluster on this machine may have the port that dask asks for first
-@pytest.mark.filterwarnings("ignore:Port .* is already in use:UserWarning")
 def test_rows_are_what_the_scenes_left(tmp_path: Path) -> None:
     """Twice the width carries twice the force under the same tension; a scene is done or not."""
     scene = tmp_path / "plate.toml"
     scene.write_text(scenes.PLATE, encoding="utf-8")
     out = tmp_path / "out"
-    ended = typed(
+    ended = typed_apart(
         "sweep", scene, "-o", out, "--vary", "strip.width=0.4,0.8", "--workers", 1,
         "--set", "output.every=1000", "--set", "solver.tolerance=1e-4",
     )  # fmt: skip
-    assert ended.exit_code == 0, ended.output
+    assert ended.returncode == 0, ended.stderr
     assert "2 of 2 scenes done." in ended.stdout
     rows = rows_of(out / "sweep.csv")
     assert [row["strip.width"] for row in rows] == ["0.4", "0.8"]
