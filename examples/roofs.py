@@ -25,8 +25,7 @@ from anmstrip.fem.geometry import reference_surface
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.linalg.solvers import Remembering, SparseSolver
-from anmstrip.mechanics.effect_series import Controls
-from anmstrip.mechanics.effects import LoadEffect
+from anmstrip.mechanics.effects import Controls, LoadEffect
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane
 from anmstrip.results.fields import FieldSampler
 from anmstrip.results.vtk import write_surface

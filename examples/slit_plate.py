@@ -21,7 +21,7 @@ from anmstrip.fem.geometry import reference_surface
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.linalg.solvers import SparseSolver
-from anmstrip.mechanics.effect_series import Controls
+from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.loads import edge_force
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane
 

@@ -23,7 +23,7 @@ from anmstrip.fem.constraints import Scales, Supports, grip, symmetry
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.linalg.solvers import Remembering, SparseSolver
-from anmstrip.mechanics.effect_series import Controls
+from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.shell import Membrane, isometric_bending
 from anmstrip.results.fields import FieldSampler
 from anmstrip.results.vtk import write_surface

@@ -16,7 +16,7 @@ from anmstrip.fem.sampling import ContactOperator
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.contact import Contact, Friction
-from anmstrip.mechanics.effect_series import Controls
+from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.laws import NortonHoff, RepulsiveSignorini
 from anmstrip.mechanics.loads import edge_force
 from anmstrip.mechanics.roller import Roller

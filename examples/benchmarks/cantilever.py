@@ -11,8 +11,7 @@ from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
-from anmstrip.mechanics.effect_series import Controls
-from anmstrip.mechanics.effects import Effect
+from anmstrip.mechanics.effects import Controls, Effect
 from anmstrip.mechanics.loads import edge_force
 from anmstrip.mechanics.shell import Membrane, isometric_bending
 

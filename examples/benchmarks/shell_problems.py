@@ -25,8 +25,7 @@ from anmstrip.fem.geometry import reference_surface
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.linalg.solvers import Remembering, SparseSolver
-from anmstrip.mechanics.effect_series import Controls
-from anmstrip.mechanics.effects import Effect, LoadEffect
+from anmstrip.mechanics.effects import Controls, Effect, LoadEffect
 from anmstrip.mechanics.loads import edge_force, edge_moment
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from harness import ROOT

@@ -29,8 +29,7 @@ from anmstrip.fem.constraints import Scales, Supports, grip, symmetry
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.linalg.solvers import Remembering, SparseSolver
-from anmstrip.mechanics.effect_series import Controls
-from anmstrip.mechanics.effects import Effect
+from anmstrip.mechanics.effects import Controls, Effect
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from figures import Line, drawn
 from harness import Cell, Report, Sheet, main

@@ -56,7 +56,7 @@ _DOORS = {
     "Tanh": "anmstrip.mechanics.laws",
     "Series": "anmstrip.taylor.series",
     "record": "anmstrip.taylor.series",
-    "taylor": "anmstrip.taylor.series",
+    "taylor_series": "anmstrip.taylor.series",
     "Branch": "anmstrip.continuation.path",
     "Path": "anmstrip.continuation.path",
     "Settings": "anmstrip.continuation.follow",

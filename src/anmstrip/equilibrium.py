@@ -16,8 +16,7 @@ from anmstrip.continuation.path import Branch
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern, Restriction
 from anmstrip.fem.strip import Strip
-from anmstrip.mechanics.effect_series import Controls, RecordedLaws, series_of
-from anmstrip.mechanics.effects import Effect, Moment
+from anmstrip.mechanics.effects import Controls, Effect, Moment, RecordedLaws, series_of
 from anmstrip.mechanics.shell import Membrane
 from anmstrip.timestepping.formulas import AffineVelocity
 

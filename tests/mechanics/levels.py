@@ -9,7 +9,7 @@ from anmstrip.fem.operators import Pattern
 from anmstrip.fem.sampling import ContactOperator
 from anmstrip.fem.strip import Material, Strip, grid, line
 from anmstrip.mechanics.contact import Contact, Friction
-from anmstrip.mechanics.effect_series import Controls
+from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.laws import NortonHoff, RepulsiveSignorini
 from anmstrip.mechanics.loads import Pretension, edge_moment, edge_tension, pressure
 from anmstrip.mechanics.roller import Roller

@@ -11,7 +11,7 @@ from anmstrip.fem.operators import Pattern
 from anmstrip.fem.sampling import l2_projection, quadrature_points
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.linalg.solvers import SparseSolver
-from anmstrip.mechanics.effect_series import Controls
+from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.shell import Membrane, isometric_bending
 from anmstrip.simulation.imperfection import buckling_modes, compressive_stiffness
 

@@ -11,11 +11,11 @@ from anmstrip.fem.operators import Pattern
 from anmstrip.fem.sampling import ContactOperator
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.mechanics.contact import Contact, Friction
-from anmstrip.mechanics.effect_series import Controls
+from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.laws import NortonHoff, RepulsiveSignorini, Tanh
 from anmstrip.mechanics.loads import weight
 from anmstrip.mechanics.roller import Roller, Sides, combine
-from anmstrip.taylor.series import taylor
+from anmstrip.taylor.series import taylor_series
 from anmstrip.timestepping.formulas import AffineVelocity
 from orders import orders
 from shapes import linear, rolled
@@ -270,7 +270,7 @@ def test_contact_orders_are_its_derivatives(contact):
         lambda x, v: single.law(x, None, SPINNING),
         lambda x, v: friction.law(x, v, SPINNING),
     ):
-        coefficients = taylor(law, path, speed)
+        coefficients = taylor_series(law, path, speed)
 
         def at(a, law=law):
             return law(path[0] + a * path[1], speed[0] + a * speed[1])[:, 0]

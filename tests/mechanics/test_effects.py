@@ -9,11 +9,11 @@ from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
-from anmstrip.mechanics.effect_series import Controls
+from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.loads import edge_force, weight
 from anmstrip.mechanics.shell import Membrane, isometric_bending, plane_stress
 from anmstrip.simulation.stages import stretched
-from anmstrip.taylor.series import taylor
+from anmstrip.taylor.series import taylor_series
 from orders import orders
 from shapes import linear, rolled, rotation
 
@@ -175,7 +175,7 @@ def test_membrane_law_orders_are_its_derivatives(strip):
     rng = np.random.default_rng(4)
     start, slope = rng.standard_normal((2, 3, 2, 1))
     zero = np.zeros((4, 3, 2, 1))
-    found = taylor(lambda x: membrane.law(x, None, {}), np.stack([start, slope, *zero]))
+    found = taylor_series(lambda x: membrane.law(x, None, {}), np.stack([start, slope, *zero]))
     at = [membrane.law(start + a * slope, None, {}) for a in (-1.0, 0.0, 1.0, 2.0)]
     expected = np.linalg.solve(
         np.vander([-1.0, 0.0, 1.0, 2.0], increasing=True), np.reshape(at, (4, -1))
@@ -198,7 +198,7 @@ def test_membrane_force_along_a_rotation(strip):
         path[k, 0, 0] = [1, 0, -1, 0][k % 4] / factorial
         path[k, 2, 0] = [0, 1, 0, -1][k % 4] / factorial
     path[0, 0, 0], path[1, 1, 1] = 0.0, 0.1
-    found = taylor(lambda x: membrane.law(x, None, {}), path)
+    found = taylor_series(lambda x: membrane.law(x, None, {}), path)
     for i, b in np.ndindex(3, 2):
         expected = orders(lambda a, i=i, b=b: membrane.law(gradient(a), None, {})[i, b, 0], 1.0, 6)
         size = strip.membrane_stiffness

@@ -7,7 +7,7 @@ from anmstrip.fem.constraints import simple_support, symmetry
 from anmstrip.fem.geometry import reference_surface
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.strip import Material, Strip, grid
-from anmstrip.mechanics.effect_series import Controls
+from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.loads import edge_force, edge_moment, pressure, weight
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from levels import free_equations, random_unknowns, strip_of

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anmstrip.mechanics.laws import GradedSignorini, NortonHoff, RepulsiveSignorini, Signorini, Tanh
-from anmstrip.taylor.series import taylor
+from anmstrip.taylor.series import taylor_series
 
 STIFFNESSES = 10.0 ** np.arange(3, 13)
 LAWS = [Signorini, RepulsiveSignorini]
@@ -73,7 +73,7 @@ def test_a_graded_reaction_is_a_number_however_deep():
     """A strip that begins within a roller must not end in what is no number."""
     deep = GRADED(np.array([-1e-2, -1.0, -1e30, 0.0]))
     assert deep == pytest.approx([2e4 * np.exp(100.0)] * 3 + [2e4], rel=1e-12)
-    orders = taylor(GRADED, np.array([[-1.0, 0.0], [1.0, 1.0], [0.0, 0.0]]))
+    orders = taylor_series(GRADED, np.array([[-1.0, 0.0], [1.0, 1.0], [0.0, 0.0]]))
     assert np.isfinite(orders).all()
     assert orders[1] == pytest.approx([0.0, -2e8])
 
@@ -85,7 +85,7 @@ def test_the_inverse_graded_law_gives_the_reaction_back():
 
 def test_far_away_graded_contact_is_nothing_at_all():
     assert GRADED(1.0) == 0.0
-    orders = taylor(GRADED, np.array([1.0, -1.0, *np.zeros(11)]))
+    orders = taylor_series(GRADED, np.array([1.0, -1.0, *np.zeros(11)]))
     assert np.array_equal(orders, np.zeros(13))
 
 
@@ -97,7 +97,9 @@ def test_orders_of_the_graded_law(gap):
     path = np.zeros(13)
     path[:2] = gap, GRADED.width
     wanted = np.array(derivatives(exact, 12))
-    assert taylor(GRADED, path) == pytest.approx(wanted, rel=1e-9, abs=1e-12 * abs(wanted).max())
+    assert taylor_series(GRADED, path) == pytest.approx(
+        wanted, rel=1e-9, abs=1e-12 * abs(wanted).max()
+    )
 
 
 def derivatives(function, order):
@@ -115,7 +117,7 @@ def test_orders_of_the_contact_law(gap):
 
     path = np.zeros(13)
     path[:2] = gap, 1.0
-    found = taylor(Signorini(50.0, 0.25, 1.0), path)
+    found = taylor_series(Signorini(50.0, 0.25, 1.0), path)
     assert found == pytest.approx(derivatives(exact, 12), rel=1e-9)
 
 
@@ -130,7 +132,7 @@ def test_orders_of_the_friction_law(slip):
 
     path, normal = np.zeros((13, 1)), np.zeros(13)
     path[:2, 0], normal[:2] = (slip, 1.0), (1.0, 2.0)
-    found = taylor(law, normal, path)[:, 0]
+    found = taylor_series(law, normal, path)[:, 0]
     wanted = np.array(derivatives(exact, 12))
     assert found == pytest.approx(wanted, rel=1e-9, abs=1e-12 * np.abs(wanted).max())
 

@@ -9,7 +9,7 @@ from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.geometry import SECTION
 from anmstrip.fem.operators import CellOperator, Pattern
 from anmstrip.linalg.solvers import SparseSolver
-from anmstrip.mechanics.effect_series import Controls
+from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.loads import Pretension, edge_force, edge_tension, pressure, weight
 from anmstrip.mechanics.shell import Membrane, isometric_bending
 from levels import XS, YS, effect_of, free_equations, random_unknowns, strip_of

@@ -21,7 +21,7 @@ from anmstrip.taylor.polynomials import (
     roots_within,
     value_at,
 )
-from anmstrip.taylor.series import taylor
+from anmstrip.taylor.series import taylor_series
 
 POLYNOMIAL = np.polynomial.polynomial
 
@@ -53,7 +53,7 @@ def test_a_touch_and_its_release_inside_one_step(depth: float) -> None:
     roller = Roller("r", 0.5, (0.0, 0.0, 0.0))
     series = np.zeros((21, 2, 1))
     series[0, :, 0], series[1, :, 0] = (0.5 - depth, -0.1), (0.0, 0.2)
-    gap = taylor(lambda y: roller.project(y).gap, series)
+    gap = taylor_series(lambda y: roller.project(y).gap, series)
     half = np.sqrt(0.25 - (0.5 - depth) ** 2)
     found = roots(gap, 1.0)
     assert found.sense.tolist() == [-1, 1]
@@ -172,7 +172,7 @@ def found_events(paths: Paths) -> list[list[tuple[float, int]]]:
     watch, times = Watch(), [[] for _ in range(paths.centre.shape[1])]
     for n in range(BRANCHES):
         x = paths.series(n * LENGTH)
-        gap = taylor(lambda x: (x[0] * x[0] + x[1] * x[1] - 1.0) * 0.5, x)
+        gap = taylor_series(lambda x: (x[0] * x[0] + x[1] * x[1] - 1.0) * 0.5, x)
         found = watch.changes(gap, LENGTH)
         for which, a, sense in zip(found.which, found.where, found.sense, strict=True):
             times[which].append((n * LENGTH + a, int(sense)))

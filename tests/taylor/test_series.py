@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from anmstrip.taylor import numpy_kernels, series
-from anmstrip.taylor.series import RecordedFunction, Series, record, taylor
+from anmstrip.taylor.series import RecordedFunction, Series, record, taylor_series
 
 LARGE = 2000
 ORDER = 30
@@ -80,7 +80,7 @@ def test_function_of_one_series(name):
     ours, theirs = FUNCTIONS[name]
     with mpmath.workdps(60):
         c = sample(np.random.default_rng(1))
-        assert_close(taylor(ours, c), composed(theirs, exact(c)), 1e-13)
+        assert_close(taylor_series(ours, c), composed(theirs, exact(c)), 1e-13)
 
 
 @settings(max_examples=40, deadline=None)
@@ -95,7 +95,7 @@ def test_function_at_any_point(name, base, order, seed):
     with mpmath.workdps(40):
         c = sample(np.random.default_rng(seed), base=base, order=order)
         c[1:] *= 0.3
-        assert_close(taylor(ours, c), composed(theirs, exact(c)), 1e-11)
+        assert_close(taylor_series(ours, c), composed(theirs, exact(c)), 1e-11)
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
@@ -104,10 +104,10 @@ def test_arrays_are_treated_entry_by_entry(name, shape):
     ours, _ = FUNCTIONS[name]
     order = 9
     c = sample(np.random.default_rng(2), shape, order=order)
-    whole = taylor(ours, c)
+    whole = taylor_series(ours, c)
     assert whole.shape == c.shape
     for i in ((0,) * len(shape), tuple(n - 1 for n in shape)):
-        assert_close(whole[:, *i], taylor(ours, c[:, *i]), 1e-14)
+        assert_close(whole[:, *i], taylor_series(ours, c[:, *i]), 1e-14)
 
 
 def test_negative_base_has_integer_powers():
@@ -115,7 +115,7 @@ def test_negative_base_has_integer_powers():
         c = sample(np.random.default_rng(3), base=-1.3, order=12)
         for n in (-3.0, -1.0, 2.0, 5.0):
             reference = composed(lambda x, n=n: x ** int(n), exact(c))
-            assert_close(taylor(lambda x, n=n: x**n, c), reference, 1e-12)
+            assert_close(taylor_series(lambda x, n=n: x**n, c), reference, 1e-12)
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 3, 4, 5, 6, 9])
@@ -124,12 +124,12 @@ def test_positive_integer_powers_hold_at_zero(n):
     c[1] = 2.0
     expected = np.zeros(11)
     expected[n] = 2.0**n
-    np.testing.assert_array_equal(taylor(lambda x: x**n, c), expected)
+    np.testing.assert_array_equal(taylor_series(lambda x: x**n, c), expected)
 
 
 def test_tanh_does_not_overflow():
     c = np.array([800.0, 1.0, 0.5, 0.1])
-    np.testing.assert_allclose(taylor(np.tanh, c), [1.0, 0.0, 0.0, 0.0], rtol=0, atol=1e-300)
+    np.testing.assert_allclose(taylor_series(np.tanh, c), [1.0, 0.0, 0.0, 0.0], rtol=0, atol=1e-300)
 
 
 BINARY = {
@@ -159,12 +159,12 @@ def test_operation_of_two(name, shapes, kinds):
     first, second = kinds.split(", ")
     if first == "constant":
         a[1:] = 0.0
-        found = taylor(lambda y: operation(a[0], y), b)
+        found = taylor_series(lambda y: operation(a[0], y), b)
     elif second == "constant":
         b[1:] = 0.0
-        found = taylor(lambda x: operation(x, b[0]), a)
+        found = taylor_series(lambda x: operation(x, b[0]), a)
     else:
-        found = taylor(operation, a, b)
+        found = taylor_series(operation, a, b)
     shape = np.broadcast_shapes(*shapes)
     assert found.shape == (order + 1, *shape)
     wide = [
@@ -185,7 +185,7 @@ def test_operation_of_two_to_high_order(name):
     a, b = sample(rng), sample(rng)
     with mpmath.workdps(60):
         expected = reference_binary(name, exact(a), exact(b))
-        assert_close(taylor(BINARY[name], a, b), expected, 1e-13)
+        assert_close(taylor_series(BINARY[name], a, b), expected, 1e-13)
 
 
 def convolved(subscripts, a, b):
@@ -212,7 +212,7 @@ PAIRS = [
 def test_einsum_of_two_series(subscripts, left, right):
     rng = np.random.default_rng(6)
     a, b = sample(rng, left, order=8), sample(rng, right, order=8)
-    found = taylor(lambda x, y: np.einsum(subscripts, x, y), a, b)
+    found = taylor_series(lambda x, y: np.einsum(subscripts, x, y), a, b)
     np.testing.assert_allclose(found, convolved(subscripts, a, b), rtol=1e-13, atol=1e-14)
 
 
@@ -242,7 +242,7 @@ def test_einsum_with_a_constant(subscripts, constant, series, swapped):
         return np.einsum(subscripts, *((x, value) if swapped else (value, x)))
 
     expected = np.array([law(order) for order in c])
-    np.testing.assert_allclose(taylor(law, c), expected, rtol=1e-13, atol=1e-14)
+    np.testing.assert_allclose(taylor_series(law, c), expected, rtol=1e-13, atol=1e-14)
 
 
 @pytest.mark.parametrize("columns", [4, LARGE])
@@ -261,20 +261,20 @@ def test_einsum_with_a_constant(subscripts, constant, series, swapped):
 )
 def test_einsum_of_a_series_with_itself(subscripts, shape, columns):
     c = sample(np.random.default_rng(8), (*shape, columns), order=9)
-    found = taylor(lambda x: np.einsum(subscripts, x, x), c)
+    found = taylor_series(lambda x: np.einsum(subscripts, x, x), c)
     np.testing.assert_allclose(found, convolved(subscripts, c, c), rtol=1e-12, atol=1e-14)
 
 
 def test_einsum_of_itself_with_the_ellipsis_in_two_places():
     n = 12
     c = sample(np.random.default_rng(9), (n, n), order=6)
-    found = taylor(lambda x: np.einsum("i...,...i->...", x, x), c)
+    found = taylor_series(lambda x: np.einsum("i...,...i->...", x, x), c)
     np.testing.assert_allclose(found, convolved("i...,...i->...", c, c), rtol=1e-12, atol=1e-14)
 
 
 def test_einsum_says_what_it_takes():
     with pytest.raises(ValueError, match="left,right->out"):
-        taylor(lambda x: np.einsum("i,i", x, x), np.ones((2, 3)))
+        taylor_series(lambda x: np.einsum("i,i", x, x), np.ones((2, 3)))
 
 
 LINEAR = {
@@ -301,17 +301,17 @@ def test_linear_operation_acts_on_every_order(name):
     law, shape = LINEAR[name]
     c = sample(np.random.default_rng(10), shape, order=4)
     expected = np.array([law(order) for order in c])
-    np.testing.assert_allclose(taylor(law, c), expected, rtol=1e-13, atol=1e-14)
+    np.testing.assert_allclose(taylor_series(law, c), expected, rtol=1e-13, atol=1e-14)
 
 
 def test_stack_and_where_take_constants():
     c = sample(np.random.default_rng(11), (3,), order=3)
     ones = np.ones(3)
-    stacked = taylor(lambda x: np.stack([ones, x, 2.0 * ones]), c)
+    stacked = taylor_series(lambda x: np.stack([ones, x, 2.0 * ones]), c)
     np.testing.assert_array_equal(stacked[0], [ones, c[0], 2.0 * ones])
     np.testing.assert_array_equal(stacked[1:, 1], c[1:])
     assert not stacked[1:, [0, 2]].any()
-    chosen = taylor(lambda x: np.where([True, False, True], x, 7.0), c)
+    chosen = taylor_series(lambda x: np.where([True, False, True], x, 7.0), c)
     np.testing.assert_array_equal(chosen[:, 1], [7.0, 0.0, 0.0, 0.0])
     np.testing.assert_array_equal(chosen[:, ::2], c[:, ::2])
 
@@ -320,9 +320,9 @@ def test_branch_not_taken_leaves_no_trace():
     c = np.zeros((4, 2))
     c[0], c[1] = [4.0, 0.0], 1.0
     with np.errstate(all="ignore"):
-        found = taylor(lambda x: np.where(x > 1.0, np.sqrt(x), x), c)
+        found = taylor_series(lambda x: np.where(x > 1.0, np.sqrt(x), x), c)
     np.testing.assert_array_equal(found[:, 1], [0.0, 1.0, 0.0, 0.0])
-    assert_close(found[:, 0], taylor(np.sqrt, c[:, 0]))
+    assert_close(found[:, 0], taylor_series(np.sqrt, c[:, 0]))
 
 
 CONDITIONS = {
@@ -346,7 +346,7 @@ def test_conditions_are_zeros_and_ones_of_order_zero(name):
     law, expected = CONDITIONS[name]
     x = np.array([1.0, 3.0, np.nan, -np.inf])
     np.testing.assert_array_equal(law(x), np.array(expected, dtype=bool))
-    found = taylor(law, np.array([x, np.ones(4), np.ones(4)]))
+    found = taylor_series(law, np.array([x, np.ones(4), np.ones(4)]))
     np.testing.assert_array_equal(found, [expected, np.zeros(4), np.zeros(4)])
 
 
@@ -396,7 +396,7 @@ def test_unknown_function_is_refused():
 
 
 def test_what_does_not_depend_on_the_input_is_constant():
-    found = taylor(lambda x: np.ones((2, 3)), np.ones((4, 3)))
+    found = taylor_series(lambda x: np.ones((2, 3)), np.ones((4, 3)))
     np.testing.assert_array_equal(found, np.concatenate([np.ones((1, 2, 3)), np.zeros((3, 2, 3))]))
 
 
@@ -428,7 +428,7 @@ def started(law, *coefficients, points=1):
 def test_order_by_order_correction_equals_known_input(points):
     """The way of the ANM: each order first as if zero, then completed."""
     c_x, c_y = sampled_inputs()
-    whole = taylor(law_of_everything, c_x, c_y)
+    whole = taylor_series(law_of_everything, c_x, c_y)
     orders = started(law_of_everything, c_x, c_y, points=points)
     np.testing.assert_allclose(orders.value, whole[0], rtol=1e-13)
     for k in range(1, len(c_x)):
@@ -440,7 +440,7 @@ def test_order_by_order_correction_equals_known_input(points):
 
 def test_advance_may_be_repeated():
     c_x, c_y = sampled_inputs()
-    whole = taylor(law_of_everything, c_x, c_y)
+    whole = taylor_series(law_of_everything, c_x, c_y)
     orders = started(law_of_everything, c_x, c_y)
     for k in range(1, len(c_x)):
         orders.advance(k)
@@ -450,7 +450,7 @@ def test_advance_may_be_repeated():
 
 def test_an_order_may_be_corrected_after_the_next():
     c_x, c_y = sampled_inputs()
-    whole = taylor(law_of_everything, c_x, c_y)
+    whole = taylor_series(law_of_everything, c_x, c_y)
     orders = started(law_of_everything, c_x, c_y)
     orders.advance(1, c_x[1], None)
     orders.advance(2)
@@ -462,7 +462,7 @@ def test_an_order_may_be_corrected_after_the_next():
 def test_derivative_is_order_one_and_finite_difference():
     c_x, c_y = sampled_inputs(order=1)
     found = started(law_of_everything, c_x, c_y).derivative(c_x[1], c_y[1])
-    np.testing.assert_allclose(found, taylor(law_of_everything, c_x, c_y)[1], rtol=1e-12)
+    np.testing.assert_allclose(found, taylor_series(law_of_everything, c_x, c_y)[1], rtol=1e-12)
     h = 1e-5
     ahead, behind = (law_of_everything(c_x[0] + s * c_x[1], c_y[0] + s * c_y[1]) for s in (h, -h))
     np.testing.assert_allclose(found, (ahead - behind) / (2.0 * h), rtol=1e-7, atol=1e-8)
@@ -535,7 +535,7 @@ def test_all_orders_cost_quadratically(monkeypatch):
     for order in (20, 40):
         terms.clear()
         c = sample(np.random.default_rng(14), order=order)
-        taylor(lambda x: np.exp(np.sqrt(x)) / np.tanh(x), c)
+        taylor_series(lambda x: np.exp(np.sqrt(x)) / np.tanh(x), c)
         work.append(sum(terms))
     assert 3.5 < work[1] / work[0] <= 4.3
     assert work[0] < 6 * 20**2 / 2
@@ -548,7 +548,7 @@ def test_nothing_is_traced_again():
         calls.append(type(x))
         return x * x
 
-    taylor(law, np.ones(21))
+    taylor_series(law, np.ones(21))
     assert len(calls) == 1
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from anmstrip.taylor.series import taylor
+from anmstrip.taylor.series import taylor_series
 
 Array = NDArray[np.float64]
 
@@ -198,7 +198,9 @@ def reference_surface(function: Callable[[Any, Any], Any]) -> ReferenceSurface:
 
     def jet(points: Array) -> Jet:
         along, across, both = (
-            taylor(function, *([p, d + 0.0 * p, 0.0 * p] for p, d in zip(points, way, strict=True)))
+            taylor_series(
+                function, *([p, d + 0.0 * p, 0.0 * p] for p, d in zip(points, way, strict=True))
+            )
             for way in ((1, 0), (0, 1), (1, 1))
         )
         mixed = both[2] - along[2] - across[2]

@@ -1,9 +1,9 @@
-"""What all effects share: a residual is a sum of them."""
+"""Effects, of which a residual is the sum: operator, law, weights, and their orders as series."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -13,6 +13,9 @@ from scipy.sparse import csr_matrix
 
 from anmstrip.fem.geometry import Kinematics
 from anmstrip.fem.operators import Pattern
+from anmstrip.fem.sampling import REMEMBERED
+from anmstrip.taylor.series import Series, record
+from anmstrip.taylor.tape import Tape
 
 Array = NDArray[np.float64]
 
@@ -175,3 +178,241 @@ class LoadEffect(Effect):
     def load_vector(self, control: Array) -> Array:
         """Return the residual of a value of the control, shape (unknowns,)."""
         return -np.outer(self.load, self.kinematics.pick(control)).ravel()
+
+
+@dataclass(frozen=True)
+class Controls:
+    """Given quantities, linear in λ: value(λ) = start + λ slope."""
+
+    start: Mapping[str, Array]
+    slope: Mapping[str, Array] = field(default_factory=dict)
+
+    def at(self, control: Any) -> dict[str, Any]:
+        """Values at λ, a number or a series; what does not change stays an array."""
+        return {
+            name: value + control * self.slope[name] if name in self.slope else value
+            for name, value in self.start.items()
+        }
+
+    def rate(self, name: str) -> Array | float:
+        """Derivative of one control with respect to λ."""
+        return self.slope.get(name, 0.0)
+
+
+class AskedControls(Mapping[str, Any]):
+    """Controls as a law under record sees them: those that change are inputs.
+
+    Parameters
+    ----------
+    tape : Tape
+        Of the recording.
+    given : mapping
+    slope : mapping
+        Only its names count.
+
+    Attributes
+    ----------
+    moving : dict
+        Name → input, of those that the law asked for.
+    constant : dict
+        Name → value, of the others that it asked for.
+    """
+
+    def __init__(self, tape: Tape, given: Mapping[str, Any], slope: Mapping[str, Any]) -> None:
+        self.tape, self.given, self.slope = tape, given, slope
+        self.moving: dict[str, Series] = {}
+        self.constant: dict[str, Any] = {}
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self.slope:
+            return self.constant.setdefault(name, self.given[name])
+        if name not in self.moving:
+            self.moving[name] = Series.input(self.tape, self.given[name])
+        return self.moving[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.given)
+
+    def __len__(self) -> int:
+        return len(self.given)
+
+
+class RecordedLaw:
+    """Program of an effect's law: inputs x, v if the effect looks at it, and moving controls.
+
+    Parameters
+    ----------
+    effect : LawEffect
+    kinematic : list of ndarray
+        x, and v if the law depends on it.
+    control : float
+    controls : Controls
+    """
+
+    def __init__(
+        self, effect: LawEffect, kinematic: list[Array], control: float, controls: Controls
+    ) -> None:
+        self.effect = effect
+        values, slope = controls.at(control), controls.slope
+
+        def law(x: Series, v: Series | None = None) -> Any:
+            self.asked = AskedControls(x.tape, values, slope)
+            return effect.law(x, v, self.asked)
+
+        self.program = record(law, *kinematic, points=effect.operator.points, compiled=True)
+
+    def fits(self, effect: LawEffect, kinematic: list[Array], controls: Controls) -> bool:
+        """Whether the program holds for an effect with other controls."""
+        return (
+            effect is self.effect
+            and self.program.reusable
+            and len(self.program.inputs) == len(kinematic) + len(self.asked.moving)
+            and all(
+                name not in controls.slope and np.array_equal(controls.start[name], value)
+                for name, value in self.asked.constant.items()
+            )
+        )
+
+
+class RecordedLaws:
+    """Programs of the effects of a model, recorded once for the same points and constants."""
+
+    def __init__(self) -> None:
+        self.latest: dict[str, list[RecordedLaw]] = {}
+
+    def of(
+        self, effect: LawEffect, kinematic: list[Array], control: float, controls: Controls
+    ) -> RecordedLaw:
+        """The program for an effect at some of its points."""
+        latest = self.latest.setdefault(effect.name, [])
+        for law in latest:
+            if law.fits(effect, kinematic, controls):
+                return law
+        latest.insert(0, RecordedLaw(effect, kinematic, control, controls))
+        del latest[REMEMBERED:]
+        return latest[0]
+
+
+class LawSeries:
+    """A pointwise effect."""
+
+    def __init__(
+        self,
+        effect: LawEffect,
+        order: int,
+        state: tuple[Array, Array | None, float],
+        controls: Controls,
+        laws: RecordedLaws,
+    ) -> None:
+        self.effect, self.operator = effect, effect.operator
+        full, velocity, control = state
+        self.in_rate = effect.rate_dependent and velocity is not None
+        kinematic = [self.operator.apply(full)]
+        if effect.rate_dependent and velocity is not None:
+            kinematic.append(self.operator.apply(velocity))
+        law, values = laws.of(effect, kinematic, control, controls), controls.at(control)
+        moving = list(law.asked.moving)
+        self.slopes = [controls.slope.get(name) for name in moving]
+        self.orders = law.program.start(*kinematic, *(values[name] for name in moving), order=order)
+        self.shape = kinematic[0].shape
+
+    def _changes(self, u: Array, v: Array | None, control: float) -> list[Any]:
+        """Changes of the inputs, ``None`` for zero."""
+        found = [self.operator.apply(u) if u.any() else None]
+        if self.in_rate:
+            found.append(None if v is None else self.operator.apply(v))
+        return found + [
+            control * slope if control and slope is not None else None for slope in self.slopes
+        ]
+
+    def residual(self) -> Array:
+        return self.operator.gather(self.orders.value)
+
+    def derivative(self, u: Array, v: Array | None, control: float) -> Array | None:
+        changes = self._changes(u, v, control)
+        if all(change is None for change in changes):
+            return None
+        return self.operator.gather(self.orders.derivative(*changes))
+
+    def advance(self, k: int) -> Array:
+        return self.operator.gather(self.orders.advance(k))
+
+    def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
+        self.orders.correct(*self._changes(u, v, control))
+
+    def add_tangent(self, pattern: Pattern, blocks: Array, rate: float) -> None:
+        count = int(np.prod(self.shape[:-1]))
+        unit = np.eye(count).reshape((count, *self.shape[:-1], 1))
+        unit = np.broadcast_to(unit, (count, *self.shape))
+        derivative = self.orders.derivative(*([unit, rate * unit] if self.in_rate else [unit]))
+        self.operator.add_tangent(
+            derivative.reshape(self.shape[:-1] + derivative.shape[1:]), pattern, blocks
+        )
+
+
+class LinearSeries:
+    """A constant matrix: order k is K u_k."""
+
+    def __init__(self, effect: LinearEffect, full: Array) -> None:
+        self.effect, self.start = effect, full
+
+    def residual(self) -> Array:
+        return self.effect.product(self.start)
+
+    def derivative(self, u: Array, v: Array | None, control: float) -> Array:
+        return self.effect.product(u)
+
+    def advance(self, k: int) -> None:
+        return None
+
+    def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
+        """Nothing to remember."""
+
+    def add_tangent(self, pattern: Pattern, blocks: Array, rate: float) -> None:
+        self.effect.add_tangent(blocks)
+
+
+class LoadSeries:
+    """A dead load: of order 0 and 1 in λ."""
+
+    def __init__(self, effect: LoadEffect, control: float, controls: Controls) -> None:
+        self.effect = effect
+        self.value = controls.at(control)[effect.control]
+        self.slope = controls.rate(effect.control)
+
+    def residual(self) -> Array:
+        return self.effect.load_vector(self.value)
+
+    def derivative(self, u: Array, v: Array | None, control: float) -> Array | None:
+        return (
+            self.effect.load_vector(control * np.asarray(self.slope))
+            if np.any(self.slope)
+            else None
+        )
+
+    def advance(self, k: int) -> None:
+        return None
+
+    def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
+        """Nothing to remember."""
+
+    def add_tangent(self, pattern: Pattern, blocks: Array, rate: float) -> None:
+        """Dead loads do not follow."""
+
+
+def series_of(
+    effect: Effect,
+    order: int,
+    state: tuple[Array, Array | None, float],
+    controls: Controls,
+    laws: RecordedLaws,
+) -> LawSeries | LinearSeries | LoadSeries:
+    """Return the orders of an effect about a state: all unknowns, their velocities, and λ."""
+    full, _, control = state
+    if isinstance(effect, LinearEffect):
+        return LinearSeries(effect, full)
+    if isinstance(effect, LoadEffect):
+        return LoadSeries(effect, control, controls)
+    assert isinstance(effect, LawEffect)
+    near = effect.near(full, controls.at(control))
+    return LawSeries(near, order, state, controls, laws)

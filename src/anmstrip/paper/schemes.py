@@ -17,7 +17,7 @@ from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.mechanics.laws import cone_speed, corner_speed
 from anmstrip.paper.mass_spring import MassSpring, Parameters, PressedPlane
 from anmstrip.taylor.polynomials import Watch, derivative_coefficients, value_at
-from anmstrip.taylor.series import taylor
+from anmstrip.taylor.series import taylor_series
 from anmstrip.timestepping.explicit import integrate_explicitly, join_series
 from anmstrip.timestepping.formulas import start_memory
 from anmstrip.timestepping.functions import FunctionRateEquations, join_steps
@@ -184,7 +184,7 @@ def events_of(case: MassSpring, pieces: Iterator[tuple[float, float, Array]]) ->
         t = np.zeros(len(u))
         t[:2] = start, 1.0
         v = np.concatenate([derivative_coefficients(u), np.zeros((1, u.shape[1]))])
-        changes = watch.changes(taylor(indicators, u, v), length)
+        changes = watch.changes(taylor_series(indicators, u, v), length)
         for which, a, sense in zip(changes.which, changes.where, changes.sense, strict=True):
             x, speed = value_at(u, a), value_at(v, a)
             if which in (1, 2) and not (pressed or case.gap(x) <= level):
@@ -250,6 +250,6 @@ def coulomb_slip(case: MassSpring, u: Array, t: float, sense: float) -> float:
     has no quasi-static solution.
     """
     unit = np.eye(len(u))
-    slopes = [taylor(lambda x: case.sliding(x, t, -sense), [u, e])[1] for e in unit]
-    rate = taylor(lambda s: case.sliding(u, s, -sense), [t, 1.0])[1]
+    slopes = [taylor_series(lambda x: case.sliding(x, t, -sense), [u, e])[1] for e in unit]
+    rate = taylor_series(lambda s: case.sliding(u, s, -sense), [t, 1.0])[1]
     return float(case.slip(u, -np.linalg.solve(np.stack(slopes, axis=1), rate)))

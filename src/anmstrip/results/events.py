@@ -17,7 +17,7 @@ from anmstrip.mechanics.roller import Roller
 from anmstrip.results.rollers import TOUCHING
 from anmstrip.results.state import State
 from anmstrip.taylor.polynomials import Watch, minima, value_at
-from anmstrip.taylor.series import taylor
+from anmstrip.taylor.series import taylor_series
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -95,7 +95,7 @@ def gap_and_slip(
         inputs.append(_at_points(contact, stretch.velocity))
     count = max(len(stretch.full), ORDER + 1)
     padded = (np.pad(c, [(0, count - len(c)), *[(0, 0)] * (c.ndim - 1)]) for c in inputs)
-    found = taylor(trace, *padded)
+    found = taylor_series(trace, *padded)
     return found[:, 0], None if friction is None else found[:, 1]
 
 

@@ -55,7 +55,7 @@ class Size:
     """Counts of a level, and the seconds that they stand for.
 
     The shares per count were measured on one core, from 200 to 40 000 unknowns and orders from 5
-    to 40 (``anmstrip study solvers``, ``study order``); they matter for ratios only.
+    to 40 (``examples/benchmarks/solvers.py``, ``order.py``); they matter for ratios only.
 
     Attributes
     ----------

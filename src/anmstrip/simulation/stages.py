@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from anmstrip.equilibrium import Model, StageProblem
 from anmstrip.fem.constraints import Supports
 from anmstrip.fem.sampling import l2_projection, quadrature_points
-from anmstrip.mechanics.effect_series import Controls
+from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.shell import uniaxial_stretches
 from anmstrip.scene.schema import StageSpec
 from anmstrip.simulation.problem import Assembly, middle_node

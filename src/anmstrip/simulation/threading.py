@@ -134,7 +134,7 @@ class Thread:
         from anmstrip.equilibrium import Equilibrium, Model
         from anmstrip.fem.constraints import Scales, Supports
         from anmstrip.linalg.solvers import SparseSolver
-        from anmstrip.mechanics.effect_series import Controls
+        from anmstrip.mechanics.effects import Controls
         from anmstrip.mechanics.loads import (
             Guide,
             edge_force,

@@ -148,7 +148,7 @@ def recorded(function: Callable[..., Any]) -> RecordedFunction:
     return function if isinstance(function, RecordedFunction) else RecordedFunction(function)
 
 
-def taylor(law: Callable[..., Any], *inputs: ArrayLike) -> Array:
+def taylor_series(law: Callable[..., Any], *inputs: ArrayLike) -> Array:
     """Taylor coefficients of ``law`` along inputs given by theirs.
 
     Parameters
@@ -164,7 +164,7 @@ def taylor(law: Callable[..., Any], *inputs: ArrayLike) -> Array:
 
     Examples
     --------
-    >>> taylor(np.exp, [0.0, 1.0, 0.0])
+    >>> taylor_series(np.exp, [0.0, 1.0, 0.0])
     array([1. , 1. , 0.5])
     """
     given = [np.asarray(c, dtype=float) for c in inputs]
