@@ -20,6 +20,7 @@ from numba import njit
 
 from anmstrip.taylor import tape
 
+# Arguments like np.int64(0) stand for numbers of which numba would make a version for itself.
 compiled = njit(cache=True, error_model="numpy", nogil=True)
 
 
@@ -90,7 +91,7 @@ def combined(kind, now, w, condition, out, first, second, s, constants, block, k
     c, a, b = now[out], now[first], now[second if kind >= tape.ADD else first]
     n = c.shape[0]
     f = constants[second if kind <= tape.COMBINE_BY else 0, block]
-    if kind == tape.SCALE:
+    if kind == tape.SCALE or kind == tape.SHIFT:  # noqa: PLR1714 (no sets in kernels)
         for i in range(n):
             c[i] = s * a[i]
     elif kind == tape.ADD:
@@ -105,30 +106,18 @@ def combined(kind, now, w, condition, out, first, second, s, constants, block, k
     elif kind == tape.COMBINE_BY:
         for i in range(n):
             c[i] += f[i] * a[i]
-    elif kind == tape.SHIFT:
-        for i in range(n):
-            c[i] = s * a[i] + f[i] if k == 0 else s * a[i]
     elif kind == tape.SELECT:
         for i in range(n):
             c[i] = a[i] if w[condition, 0, i] != 0.0 else b[i]
-    elif k > 0:
-        c[:] = 0.0
-    elif kind == tape.CONSTANT:
-        c[:] = f
     else:
-        compared(kind, c, a, b)
-
-
-@compiled
-def compared(kind, c, a, b):
-    """1 where a comparison holds, 0 elsewhere."""
-    for i in range(c.shape[0]):
-        if kind == tape.LESS:
-            c[i] = 1.0 if a[i] < b[i] else 0.0
-        elif kind == tape.LESS_EQUAL:
-            c[i] = 1.0 if a[i] <= b[i] else 0.0
-        else:
-            c[i] = 1.0 if a[i] == b[i] else 0.0
+        c[:] = 0.0
+        if k == 0 and kind >= tape.LESS:
+            less, equal = kind != tape.EQUAL, kind != tape.LESS
+            for i in range(n):
+                c[i] = 1.0 if (less and a[i] < b[i]) or (equal and a[i] == b[i]) else 0.0
+    if k == 0 and kind <= tape.SHIFT:
+        for i in range(n):
+            c[i] += f[i]
 
 
 @compiled
@@ -137,9 +126,9 @@ def multiplied(kind, c, a, b, k, same):
     if kind == tape.MULTIPLY:
         c[:] = 0.0
     if same:
-        square(c, a, k, 0)
+        square(c, a, k, np.int64(0))
     else:
-        cauchy(c, a, b, k, 0, k + 1)
+        cauchy(c, a, b, k, np.int64(0), k + 1)
 
 
 @compiled
@@ -170,11 +159,11 @@ def inverted(kind, c, ak, a, b, s, k):
     ck, n = c[k], c.shape[1]
     ck[:] = 0.0
     if kind == tape.DIVIDE:
-        cauchy(ck, b, c, k, 1, k)
+        cauchy(ck, b, c, k, np.int64(1), k)
         for i in range(n):
             ck[i] = (ak[i] - ck[i] - b[k, i] * c[0, i]) / b[0, i]
     elif kind == tape.ROOT:
-        square(ck, c, k, 1)
+        square(ck, c, k, np.int64(1))
         for i in range(n):
             ck[i] = 0.5 * (ak[i] - ck[i]) / c[0, i]
     elif kind == tape.POWER:
@@ -197,7 +186,7 @@ def paired(kind, c, a, slope, k):
     weighted(ck, a, slope, k, k + 1, 1.0 / k, 0.0)
     d[:] = 0.0
     if kind == tape.TANH:
-        square(d, c, k, 0)
+        square(d, c, k, np.int64(0))
         for i in range(d.shape[0]):
             d[i] = -d[i]
     else:
@@ -264,13 +253,13 @@ def changed(kind, w, kept, d, out, first, second, s):  # noqa: PLR0912 (one swit
 
 
 @compiled
-def linear(code, parameters, constants, block, w, kept, d):
-    """Carry changes d (rows, lanes) of the inputs' order through all rows of a block."""
+def linear(code, parameters, constants, block, w, kept, d, k):
+    """Carry changes d (rows, lanes) of the inputs' order k ≥ 1 through all rows of a block."""
     for m in range(code.shape[0]):
         kind, out, first, second = code[m, 0], code[m, 1], code[m, 2], code[m, 3]
         s = parameters[m]
         if kind <= tape.EQUAL:
-            combined(kind, d, w, kept[code[m, 4]], out, first, second, s, constants, block, 1)
+            combined(kind, d, w, kept[code[m, 4]], out, first, second, s, constants, block, k)
         else:
             changed(kind, w, kept, d, out, first, second, s)
 
@@ -278,7 +267,7 @@ def linear(code, parameters, constants, block, w, kept, d):
 @compiled
 def completed(code, parameters, constants, block, w, kept, d, k):
     """Add changes d of the inputs' order k, and what follows from them, to a block's order k."""
-    linear(code, parameters, constants, block, w, kept, d)
+    linear(code, parameters, constants, block, w, kept, d, np.int64(1))
     for r in range(kept.shape[0]):
         if kept[r] >= 0:
             c = w[kept[r], k]
@@ -325,7 +314,7 @@ def derivatives(code, parameters, constants, kept, inputs, outputs, w, seeds):
         for q in range(len(seeds)):
             for r in range(len(inputs)):
                 d[inputs[r]] = seeds[q, r, block]
-            linear(code, parameters, constants, block, w[block], kept, d)
+            linear(code, parameters, constants, block, w[block], kept, d, np.int64(1))
             for r in range(len(outputs)):
                 found[q, r, block] = d[outputs[r]]
     return found
