@@ -269,8 +269,17 @@ def _cauchy(
         return np.einsum("rkl,rkl->rl", first, w[b, right])
     found = np.empty((len(a), w.shape[-1]))
     for row, (i, j) in enumerate(zip(a.tolist(), b.tolist(), strict=True)):
-        first = w[i, left] if weights is None else w[i, left] * weights[row, :, None]
-        np.einsum("kl,kl->l", first, w[j, right], out=found[row])
+        first, second = w[i, left], w[j, right]
+        if weights is not None:
+            first = first * weights[row, :, None]
+        elif i == j:  # the terms of a square are the same from both ends
+            half, odd = divmod(len(first), 2)
+            np.einsum("kl,kl->l", first[:half], second[:half], out=found[row])
+            found[row] *= 2.0
+            if odd:
+                found[row] += first[half] ** 2
+            continue
+        np.einsum("kl,kl->l", first, second, out=found[row])
     return found
 
 
