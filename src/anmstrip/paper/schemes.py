@@ -17,7 +17,7 @@ from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.mechanics.laws import cone_speed, corner_speed
 from anmstrip.paper.mass_spring import MassSpring, Parameters, PressedPlane
 from anmstrip.taylor.polynomials import Watch, derivative_coefficients, value_at
-from anmstrip.taylor.series import taylor_series
+from anmstrip.taylor.series import recorded, taylor_series
 from anmstrip.timestepping.explicit import integrate_explicitly, join_series
 from anmstrip.timestepping.formulas import start_memory
 from anmstrip.timestepping.functions import FunctionRateEquations, join_steps
@@ -180,11 +180,12 @@ def events_of(case: MassSpring, pieces: Iterator[tuple[float, float, Array]]) ->
         return np.stack([h - level, *(slip * slip - s for s in corners), h - p.delta])
 
     whole, watch, found = list(pieces), Watch(), list[CaseEvent]()
+    watched = recorded(indicators)
     for start, length, u in whole:
         t = np.zeros(len(u))
         t[:2] = start, 1.0
         v = np.concatenate([derivative_coefficients(u), np.zeros((1, u.shape[1]))])
-        changes = watch.changes(taylor_series(indicators, u, v), length)
+        changes = watch.changes(taylor_series(watched, u, v), length)
         for which, a, sense in zip(changes.which, changes.where, changes.sense, strict=True):
             x, speed = value_at(u, a), value_at(v, a)
             if which in (1, 2) and not (pressed or case.gap(x) <= level):

@@ -18,28 +18,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from anmstrip.taylor.tape import (
-    ADD,
-    COMBINE,
-    COMBINE_BY,
-    CONSTANT,
-    DIVIDE,
-    EQUAL,
-    EXP,
-    LESS,
-    LESS_EQUAL,
-    LOG,
-    MULTIPLY,
-    POWER,
-    PRODUCT,
-    ROOT,
-    SCALE,
-    SCALE_BY,
-    SELECT,
-    SHIFT,
-    TANH,
-)
+from anmstrip.taylor import tape
 
+# Arguments like np.int64(0) stand for numbers of which numba would make a version for itself.
 compiled = njit(cache=True, error_model="numpy", nogil=True)
 
 
@@ -107,76 +88,64 @@ def square(c, a, k, first):
 @compiled
 def combined(kind, now, w, condition, out, first, second, s, constants, block, k):  # noqa: PLR0912 (one switch)
     """Order k of a row that needs no lower orders of its operands, for kinds up to EQUAL."""
-    c, a, b = now[out], now[first], now[second if kind >= ADD else first]
+    c, a, b = now[out], now[first], now[second if kind >= tape.ADD else first]
     n = c.shape[0]
-    f = constants[second if kind <= COMBINE_BY else 0, block]
-    if kind == SCALE:
+    f = constants[second if kind <= tape.COMBINE_BY else 0, block]
+    if kind == tape.SCALE or kind == tape.SHIFT:  # noqa: PLR1714 (no sets in kernels)
         for i in range(n):
             c[i] = s * a[i]
-    elif kind == ADD:
+    elif kind == tape.ADD:
         for i in range(n):
             c[i] = a[i] + s * b[i]
-    elif kind == COMBINE:
+    elif kind == tape.COMBINE:
         for i in range(n):
             c[i] += s * a[i]
-    elif kind == SCALE_BY:
+    elif kind == tape.SCALE_BY:
         for i in range(n):
             c[i] = f[i] * a[i]
-    elif kind == COMBINE_BY:
+    elif kind == tape.COMBINE_BY:
         for i in range(n):
             c[i] += f[i] * a[i]
-    elif kind == SHIFT:
-        for i in range(n):
-            c[i] = s * a[i] + f[i] if k == 0 else s * a[i]
-    elif kind == SELECT:
+    elif kind == tape.SELECT:
         for i in range(n):
             c[i] = a[i] if w[condition, 0, i] != 0.0 else b[i]
-    elif k > 0:
-        c[:] = 0.0
-    elif kind == CONSTANT:
-        c[:] = f
     else:
-        compared(kind, c, a, b)
-
-
-@compiled
-def compared(kind, c, a, b):
-    """1 where a comparison holds, 0 elsewhere."""
-    for i in range(c.shape[0]):
-        if kind == LESS:
-            c[i] = 1.0 if a[i] < b[i] else 0.0
-        elif kind == LESS_EQUAL:
-            c[i] = 1.0 if a[i] <= b[i] else 0.0
-        else:
-            c[i] = 1.0 if a[i] == b[i] else 0.0
+        c[:] = 0.0
+        if k == 0 and kind >= tape.LESS:
+            less, equal = kind != tape.EQUAL, kind != tape.LESS
+            for i in range(n):
+                c[i] = 1.0 if (less and a[i] < b[i]) or (equal and a[i] == b[i]) else 0.0
+    if k == 0 and kind <= tape.SHIFT:
+        for i in range(n):
+            c[i] += f[i]
 
 
 @compiled
 def multiplied(kind, c, a, b, k, same):
     """Order k of a product into c, or added to it; ``same`` says that b is a."""
-    if kind == MULTIPLY:
+    if kind == tape.MULTIPLY:
         c[:] = 0.0
     if same:
-        square(c, a, k, 0)
+        square(c, a, k, np.int64(0))
     else:
-        cauchy(c, a, b, k, 0, k + 1)
+        cauchy(c, a, b, k, np.int64(0), k + 1)
 
 
 @compiled
 def valued(kind, c, d, a, b, s):
     """Order 0 of a function, and of its companion d."""
     for i in range(c.shape[0]):
-        if kind == DIVIDE:
+        if kind == tape.DIVIDE:
             c[i] = a[i] / b[i]
-        elif kind == ROOT:
+        elif kind == tape.ROOT:
             c[i] = np.sqrt(a[i])
-        elif kind == POWER:
+        elif kind == tape.POWER:
             c[i] = a[i] ** s
-        elif kind == EXP:
+        elif kind == tape.EXP:
             c[i] = np.exp(a[i])
-        elif kind == LOG:
+        elif kind == tape.LOG:
             c[i] = np.log(a[i])
-        elif kind == TANH:
+        elif kind == tape.TANH:
             c[i] = np.tanh(a[i])
             d[i] = 1.0 / np.cosh(min(max(a[i], -350.0), 350.0)) ** 2
         else:
@@ -189,19 +158,19 @@ def inverted(kind, c, ak, a, b, s, k):
     """Order k ≥ 1 of c that is a / b, √a, a^s, exp a or log a, by c's own lower orders."""
     ck, n = c[k], c.shape[1]
     ck[:] = 0.0
-    if kind == DIVIDE:
-        cauchy(ck, b, c, k, 1, k)
+    if kind == tape.DIVIDE:
+        cauchy(ck, b, c, k, np.int64(1), k)
         for i in range(n):
             ck[i] = (ak[i] - ck[i] - b[k, i] * c[0, i]) / b[0, i]
-    elif kind == ROOT:
-        square(ck, c, k, 1)
+    elif kind == tape.ROOT:
+        square(ck, c, k, np.int64(1))
         for i in range(n):
             ck[i] = 0.5 * (ak[i] - ck[i]) / c[0, i]
-    elif kind == POWER:
+    elif kind == tape.POWER:
         weighted(ck, a, c, k, k + 1, s + 1.0, -float(k))
         for i in range(n):
             ck[i] /= k * a[0, i]
-    elif kind == EXP:
+    elif kind == tape.EXP:
         weighted(ck, a, c, k, k + 1, 1.0 / k, 0.0)
     else:
         weighted(ck, c, a, k, k, 1.0 / k, 0.0)
@@ -216,8 +185,8 @@ def paired(kind, c, a, slope, k):
     ck[:] = 0.0
     weighted(ck, a, slope, k, k + 1, 1.0 / k, 0.0)
     d[:] = 0.0
-    if kind == TANH:
-        square(d, c, k, 0)
+    if kind == tape.TANH:
+        square(d, c, k, np.int64(0))
         for i in range(d.shape[0]):
             d[i] = -d[i]
     else:
@@ -230,21 +199,21 @@ def order_k(code, parameters, constants, block, w, kept, now, k):
     for m in range(code.shape[0]):
         kind, out, first, second = code[m, 0], code[m, 1], code[m, 2], code[m, 3]
         s, place, a, b = parameters[m], kept[out], kept[first], -1
-        if kind >= MULTIPLY:
+        if kind >= tape.MULTIPLY:
             b = kept[second]
-        if kind <= EQUAL:
+        if kind <= tape.EQUAL:
             combined(kind, now, w, kept[code[m, 4]], out, first, second, s, constants, block, k)
-        elif kind <= PRODUCT:
+        elif kind <= tape.PRODUCT:
             multiplied(kind, now[out], w[a], w[b], k, first == second)
         elif k == 0:
             valued(kind, w[place, 0], w[b, 0], now[first], now[second], s)
-        elif kind <= LOG:
+        elif kind <= tape.LOG:
             inverted(kind, w[place], now[first], w[a], w[b], s, k)
         else:
             paired(kind, w[place], w[a], w[b], k)
-        if kind >= TANH:
+        if kind >= tape.TANH:
             now[second] = w[b, k]
-        if kind > PRODUCT:
+        if kind > tape.PRODUCT:
             now[out] = w[place, k]
         elif place >= 0:
             w[place, k] = now[out]
@@ -256,41 +225,41 @@ def changed(kind, w, kept, d, out, first, second, s):  # noqa: PLR0912 (one swit
     c, a, b = d[out], d[first], d[second]
     v, a0, b0 = w[kept[out], 0], w[kept[first], 0], w[kept[second], 0]
     n = c.shape[0]
-    if kind == MULTIPLY:
+    if kind == tape.MULTIPLY:
         for i in range(n):
             c[i] = a0[i] * b[i] + a[i] * b0[i]
-    elif kind == PRODUCT:
+    elif kind == tape.PRODUCT:
         for i in range(n):
             c[i] += a0[i] * b[i] + a[i] * b0[i]
-    elif kind == DIVIDE:
+    elif kind == tape.DIVIDE:
         for i in range(n):
             c[i] = (a[i] - v[i] * b[i]) / b0[i]
-    elif kind == ROOT:
+    elif kind == tape.ROOT:
         for i in range(n):
             c[i] = 0.5 * a[i] / v[i]
-    elif kind == POWER:
+    elif kind == tape.POWER:
         for i in range(n):
             c[i] = s * v[i] / a0[i] * a[i]
-    elif kind == EXP:
+    elif kind == tape.EXP:
         for i in range(n):
             c[i] = v[i] * a[i]
-    elif kind == LOG:
+    elif kind == tape.LOG:
         for i in range(n):
             c[i] = a[i] / a0[i]
     else:
         for i in range(n):
             c[i] = b0[i] * a[i]
-            b[i] = -2.0 * v[i] * c[i] if kind == TANH else -v[i] * a[i]
+            b[i] = -2.0 * v[i] * c[i] if kind == tape.TANH else -v[i] * a[i]
 
 
 @compiled
-def linear(code, parameters, constants, block, w, kept, d):
-    """Carry changes d (rows, lanes) of the inputs' order through all rows of a block."""
+def linear(code, parameters, constants, block, w, kept, d, k):
+    """Carry changes d (rows, lanes) of the inputs' order k ≥ 1 through all rows of a block."""
     for m in range(code.shape[0]):
         kind, out, first, second = code[m, 0], code[m, 1], code[m, 2], code[m, 3]
         s = parameters[m]
-        if kind <= EQUAL:
-            combined(kind, d, w, kept[code[m, 4]], out, first, second, s, constants, block, 1)
+        if kind <= tape.EQUAL:
+            combined(kind, d, w, kept[code[m, 4]], out, first, second, s, constants, block, k)
         else:
             changed(kind, w, kept, d, out, first, second, s)
 
@@ -298,7 +267,7 @@ def linear(code, parameters, constants, block, w, kept, d):
 @compiled
 def completed(code, parameters, constants, block, w, kept, d, k):
     """Add changes d of the inputs' order k, and what follows from them, to a block's order k."""
-    linear(code, parameters, constants, block, w, kept, d)
+    linear(code, parameters, constants, block, w, kept, d, np.int64(1))
     for r in range(kept.shape[0]):
         if kept[r] >= 0:
             c = w[kept[r], k]
@@ -345,7 +314,7 @@ def derivatives(code, parameters, constants, kept, inputs, outputs, w, seeds):
         for q in range(len(seeds)):
             for r in range(len(inputs)):
                 d[inputs[r]] = seeds[q, r, block]
-            linear(code, parameters, constants, block, w[block], kept, d)
+            linear(code, parameters, constants, block, w[block], kept, d, np.int64(1))
             for r in range(len(outputs)):
                 found[q, r, block] = d[outputs[r]]
     return found

@@ -14,6 +14,7 @@ All orders up to N cost O(N²) multiplications.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from functools import cached_property
@@ -116,7 +117,7 @@ class Program:
 
     def packed(self, arrays: Sequence[ArrayLike | None], batch: tuple[int, ...] = ()) -> Array:
         """Arrays of all inputs, ``None`` for zero, as (seeds, inputs, blocks, lanes)."""
-        count = int(np.prod(batch))
+        count = math.prod(batch)
         flat = np.zeros((count, len(self.tables.inputs), self.points))
         first = 0
         for variable, array in zip(self.inputs, arrays, strict=False):

@@ -21,6 +21,10 @@ from anmstrip.taylor.tape import MixedPointsError, PerPoint, Rows, Table, Tape, 
 Array = NDArray[np.float64]
 
 
+FEW = 32
+"""Entries of the last axis from which on they are taken for points."""
+
+
 class Series(np.lib.mixins.NDArrayOperatorsMixin):
     """An array whose entries are truncated power series, while a law is recorded.
 
@@ -139,7 +143,10 @@ class RecordedFunction:
             or not program.reusable
             or shapes != [variable.shape for variable in program.inputs]
         ):
-            self.program = program = record(self.function, *values)
+            lengths = {shape[-1] for shape in shapes if shape}
+            alike = len(lengths) == 1 and min(lengths) >= FEW
+            points = lengths.pop() if alike else 1
+            self.program = program = record(self.function, *values, points=points)
         return program.start(*values, order=order)
 
 
@@ -169,11 +176,7 @@ def taylor_series(law: Callable[..., Any], *inputs: ArrayLike) -> Array:
     """
     given = [np.asarray(c, dtype=float) for c in inputs]
     order = len(given[0]) - 1
-    lengths = {c.shape[-1] for c in given if c.ndim > 1}
-    points = lengths.pop() if len(lengths) == 1 else 1
-    orders = record(law, *(c[0] for c in given), points=points).start(
-        *(c[0] for c in given), order=order
-    )
+    orders = recorded(law).start(*(c[0] for c in given), order=order)
     higher = [orders.advance(k, *(c[k] for c in given)) for k in range(1, order + 1)]
     return np.stack([orders.value, *higher])
 

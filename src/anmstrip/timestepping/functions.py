@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline
 
 from anmstrip.continuation.equations import Array, Equations
-from anmstrip.taylor.series import RecordedFunction, recorded, taylor_series
+from anmstrip.taylor.series import RecordedFunction, recorded
 from anmstrip.timestepping.formulas import AffineVelocity, RateEquations, StepEquations, TimeStep
 from anmstrip.timestepping.index_one import TimePath, stretch
 
@@ -218,9 +218,8 @@ class FunctionStepEquations(StepEquations):
     def resistance(self, u: Array, control: float) -> Callable[[Array], Array]:
         """∂R/∂v at a state, applied to changes of the velocity."""
         state, t, v = u + self.about, control * self.h + self.t, self.velocity(u, control)
-        return lambda change: taylor_series(
-            lambda s: self.problem.function(state, s, t), [v, change]
-        )[1]
+        orders = self.problem.function.start(state, v, t)
+        return lambda change: orders.derivative(None, change)
 
     def residual(self, u: Array, control: float) -> Array:
         """R at a point of the step."""
