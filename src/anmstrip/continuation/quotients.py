@@ -62,9 +62,6 @@ an error does not change them."""
 FIRST = 10
 """Rung that is tried first: most quotients hold up to there."""
 
-POLES = 12
-"""Largest degree of the denominator."""
-
 LAST = 4
 """Orders of the product that are to vanish."""
 
@@ -127,7 +124,7 @@ def rational(equations: Equations, branch: Branch) -> Branch | None:
     coordinates of what the orders span, by damped least squares.
     """
     n, scale = branch.order, FURTHER * branch.length
-    degree, last = min(POLES, n - 1), min(LAST, n - 1)
+    degree, last = n - 1, min(LAST, n - 1)
     with np.errstate(all="ignore"):
         powers = scale ** np.arange(1.0, n + 1)
         terms = coordinates(equations, branch) * powers[:, None]

@@ -33,14 +33,8 @@ CALM, RAN = 1e-2, 3.0
 """A state rests again where its velocity changes by less than the first of these parts of its way
 in this time, and has run away if its way is so many times what it is at the speed of the end."""
 
-SOON = 1e4
-"""When the state must have run away, in units of this time: otherwise no drag was missing."""
-
 FIRST = 1e-4
 """First step, in units of this time."""
-
-MOST = 400
-"""Steps of a snap."""
 
 GROWTH = (2.0, 2.0, 1.5, 1.25, 1.12)
 """Largest ratio of successive steps by order, below the bounds of stability.
@@ -73,14 +67,6 @@ ROUGH = 1e-4
 
 MOST_BRANCHES = 60
 """Of one step: a shorter one is cheaper."""
-
-NARROW = 1e-3
-"""Shortest branch of a step in time, as a fraction of it.  Slip that comes to rest under sharp
-friction turns a corner there; branches would shrink towards it and grow again, and the error in
-time then ask for a shorter step."""
-
-NARROWEST = 1e-6
-"""The same of the path to rest, for which there is no shorter step."""
 
 SETTLING = 0.01
 """First instant after a start, as a fraction of the first step."""
@@ -225,21 +211,18 @@ class _Integrator:
         velocity = AffineVelocity(1.0 / self.stepping.whole, memory.v, np.zeros_like(u))
         path = self.equations.during(t, 0.0, velocity, u)
         try:
-            rest = self.followed(path, len(u), rational=False, shortest=NARROWEST)
+            rest = self.followed(path, len(u), rational=False)
             still = replace(memory, states=(u + rest.branch.end[0],))
             instant = max(SETTLING * memory.step, DIGITS_OF_TIME * np.spacing(t))
             return replace(still, v=self.trial(still, t + instant, 1).v)
         except PathStopped:
             return memory
 
-    def followed(
-        self, path: StepEquations, size: int, *, rational: bool, shortest: float
-    ) -> PathStep:
+    def followed(self, path: StepEquations, size: int, *, rational: bool) -> PathStep:
         """Last step of the path of the increment from λ = 0 to 1."""
         settings = replace(
             self.settings,
             max_steps=MOST_BRANCHES,
-            shortest=shortest,
             give_way=False,
             rational=rational,
             unhurried=UNHURRIED,
@@ -258,7 +241,7 @@ class _Integrator:
             w += weight * (state - u)
         velocity = AffineVelocity(rate, memory.v, w - memory.v)
         path = self.equations.during(t, new - t, velocity, u)
-        last = self.followed(path, len(u), rational=self.settings.rational, shortest=NARROW)
+        last = self.followed(path, len(u), rational=self.settings.rational)
         increment = last.branch.end[0]
         v, spent = velocity(increment, 1.0), self.cost.expansions - before
         return _Trial(u + increment, v, last.imbalance, spent, path, increment, rate)
@@ -346,7 +329,7 @@ class _Integrator:
         ``lasting`` is the duration (s) that the drag was chosen for.
         """
         t, u, v, branches = memory.times[0], memory.states[0], memory.v, 0
-        for _ in range(MOST):
+        for _ in range(self.settings.max_steps):
             step = self.tried(memory, end, SHORTEST)
             memory, branches = step.memory, branches + step.branches
             way, spent = np.abs(step.u - u).max(), step.end - t
@@ -354,8 +337,6 @@ class _Integrator:
             rests, v = np.abs(step.v - v).max() * lasting < CALM * way, step.v
             if ran and rests and step.end - step.start > lasting:
                 break
-            if not ran and spent > SOON * lasting:
-                return None
         else:
             return None
         told_apart = [a > b for a, b in pairwise(memory.times)]
