@@ -29,12 +29,12 @@ LASTING = (1e-6, 1e-4)
 """Times in which forces overcome the drag of motions as large as the problem, over the whole: the
 second for snaps of single points of a stiff strip, which the first does not slow down."""
 
+FIRST = 1e-4
+"""First step, in units of this time."""
+
 CALM, RAN = 1e-2, 3.0
 """A state rests again where its velocity changes by less than the first of these parts of its way
 in this time, and has run away if its way is so many times what it is at the speed of the end."""
-
-FIRST = 1e-4
-"""First step, in units of this time."""
 
 GROWTH = (2.0, 2.0, 1.5, 1.25, 1.12)
 """Largest ratio of successive steps by order, below the bounds of stability.
@@ -54,19 +54,6 @@ stretch of λ it asks for fast motion there, so that the stretches shrank for go
 BRIEF, SHORTEST = 1e-9, 1e-13
 """Shortest steps, as fractions of the whole: before a snap is looked for, and at all, which is what
 is left of the digits of t."""
-
-DIGITS_OF_TIME = 8.0
-"""Shortest steps in units of the last digit of t: a short stage may come late."""
-
-LEAST_SHARE = 1e-6
-"""Of the tolerance, that any step may add: a layer at the start of a long stage, in which the
-velocity changes at once and hardly anything moves, need not be resolved."""
-
-ROUGH = 1e-4
-"""Least error in time of a snap: its way depends on the drag, only where it rests does not."""
-
-MOST_BRANCHES = 60
-"""Of one step: a shorter one is cheaper."""
 
 SETTLING = 0.01
 """First instant after a start, as a fraction of the first step."""
@@ -162,10 +149,10 @@ class _Integrator:
                 raise
             return snap
 
-    def tried(self, memory: Memory, end: float, shortest: float) -> TimeStep:
-        """Try, estimate, and shorten until the error is allowed."""
-        t, (whole, fixed) = memory.times[0], (self.stepping.whole, self.stepping.fixed)
-        least = max(shortest * whole, DIGITS_OF_TIME * np.spacing(t))
+    def tried(self, memory: Memory, end: float, shortest: float = SHORTEST) -> TimeStep:
+        """Try, estimate, and shorten until the error is allowed, down to the last digit of t."""
+        t, fixed = memory.times[0], self.stepping.fixed
+        least = max(shortest * self.stepping.whole, np.spacing(end))
         h, barred = min(fixed or max(memory.step, 2.0 * least), end - t), False
         rising = memory.order if fixed is None else self.stepping.order
         order = min(rising, self.stepping.order, memory.available)
@@ -213,16 +200,16 @@ class _Integrator:
         try:
             rest = self.followed(path, len(u), rational=False)
             still = replace(memory, states=(u + rest.branch.end[0],))
-            instant = max(SETTLING * memory.step, DIGITS_OF_TIME * np.spacing(t))
+            instant = max(SETTLING * memory.step, np.spacing(t))
             return replace(still, v=self.trial(still, t + instant, 1).v)
         except PathStopped:
             return memory
 
     def followed(self, path: StepEquations, size: int, *, rational: bool) -> PathStep:
         """Last step of the path of the increment from λ = 0 to 1."""
-        settings = replace(
-            self.settings,
-            max_steps=MOST_BRANCHES,
+        settings = Settings(
+            self.settings.order,
+            self.settings.tolerance,
             give_way=False,
             rational=rational,
             unhurried=UNHURRIED,
@@ -270,7 +257,7 @@ class _Integrator:
         resisted in between: if that may be seen, nothing has faded.
         """
         tolerance, answer = self.stepping.tolerance, local
-        share = max((new - memory.times[0]) / self.stepping.whole, LEAST_SHARE)
+        share = (new - memory.times[0]) / self.stepping.whole
         lasting = self.equations.error(trial.u, local) / share
         if trial.turned <= tolerance:
             self.cost.solves += 1
@@ -303,13 +290,11 @@ class _Integrator:
         None if no drag can be told, or the state does not run away with it, or does not rest.
         """
         t, u, v = memory.times[0], memory.states[0], memory.v
-        tolerance = max(self.stepping.tolerance, ROUGH)
         for lasting in (share * self.stepping.whole for share in LASTING):
             dragged = self.equations.dragged(t, u, v, lasting)
-            if dragged is None or DIGITS_OF_TIME * np.spacing(t) > FIRST * lasting:
+            if dragged is None or np.spacing(t) > FIRST * lasting:
                 continue
-            stepping = replace(self.stepping, tolerance=tolerance)
-            other = replace(self, equations=dragged, stepping=stepping)
+            other = replace(self, equations=dragged)
             slowed = min(1.0, float(np.abs(u).max() / np.abs(v).max()) / lasting)
             begin = start_memory(t, u, slowed * v, FIRST * lasting)
             try:
@@ -330,7 +315,7 @@ class _Integrator:
         """
         t, u, v, branches = memory.times[0], memory.states[0], memory.v, 0
         for _ in range(self.settings.max_steps):
-            step = self.tried(memory, end, SHORTEST)
+            step = self.tried(memory, end)
             memory, branches = step.memory, branches + step.branches
             way, spent = np.abs(step.u - u).max(), step.end - t
             ran = way > RAN * np.abs(step.v).max() * spent
