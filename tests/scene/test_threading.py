@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from threaded import BRIDLE, LEVELLER, ONE, TOWER, ended, roller, scene_of, turned, values
 
+from anmstrip.continuation.newton import Newton
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.errors import InputError
 from anmstrip.mechanics.loads import Guide
 from anmstrip.mechanics.shell import Membrane, uniaxial_stretches
 from anmstrip.mechanics.string_path import FixedEnd, string_path
-from anmstrip.simulation import march
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
 from runs import finished
@@ -283,11 +283,12 @@ def test_contact_may_be_of_any_stiffness(stiffer: float) -> None:
 def test_where_the_guess_leads_nowhere_the_path_is_followed(monkeypatch) -> None:
     """The same equilibrium, with more work."""
     found = []
-    for most in (0, march.MOST_CORRECTIONS):
-        monkeypatch.setattr(march, "MOST_CORRECTIONS", most)
+    for leads_nowhere in (False, True):
+        if leads_nowhere:
+            monkeypatch.setattr(Newton, "corrected", lambda *_: None)
         run, state = ended(scene_of(ONE))
         (reading,) = state.rollers.values()
         found.append((reading.normal_force, run.cost.solves))
-    (path, more), (newton, less) = found
+    (newton, less), (path, more) = found
     assert path == pytest.approx(newton, rel=1e-6)
     assert less < 0.2 * more

@@ -62,8 +62,11 @@ an error does not change them."""
 FIRST = 10
 """Rung that is tried first: most quotients hold up to there."""
 
-POLES = 12
-"""Largest degree of the denominator."""
+TRIALS = 4
+"""Lengths that are tried."""
+
+AIM = 0.7
+"""Share of the tolerance that the next one aims at."""
 
 LAST = 4
 """Orders of the product that are to vanish."""
@@ -103,9 +106,9 @@ def longest_quotient(
     rung, best, least, power = FIRST, 0, np.inf, series.order + 1.0
     last, last_error = np.inf, np.inf
     found: tuple[Branch, float] | None = None
-    while best < rung < least:
+    for _ in range(TRIALS):
         length = min(guess * RUNG**rung, limit)
-        if length <= (guess if found is None else found[0].length):
+        if not best < rung < least or length <= (guess if found is None else found[0].length):
             break
         error, imbalance = errors(equations, quotient, length, cost, tolerance)
         if error <= tolerance:
@@ -115,7 +118,7 @@ def longest_quotient(
         if length != last and 0.0 < error < np.inf and 0.0 < last_error < np.inf:
             power = max(float(np.log(error / last_error) / np.log(length / last)), 1.0)
         last, last_error = length, error
-        growth = np.log(0.5 * tolerance / max(error, TINY)) / power  # half of it is aimed at
+        growth = np.log(AIM * tolerance / max(error, TINY)) / power
         rung += int(np.floor(np.clip(growth, -np.log(2.0), np.log(2.0)) / np.log(RUNG)))
     return found
 
@@ -127,7 +130,7 @@ def rational(equations: Equations, branch: Branch) -> Branch | None:
     coordinates of what the orders span, by damped least squares.
     """
     n, scale = branch.order, FURTHER * branch.length
-    degree, last = min(POLES, n - 1), min(LAST, n - 1)
+    degree, last = n - 1, min(LAST, n - 1)
     with np.errstate(all="ignore"):
         powers = scale ** np.arange(1.0, n + 1)
         terms = coordinates(equations, branch) * powers[:, None]

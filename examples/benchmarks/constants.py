@@ -1,0 +1,117 @@
+"""Constants on the way of a step in time: what each one's removal does to tangents and outcome.
+
+A constant is replaced by a value that has no effect, or by a natural one; then some scenes and the
+paper's cases are solved again.  A constant stays in the program if that moves a count of tangents
+by more than 5 %, or makes something fail.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+from anmstrip.continuation.status import PathStopped
+from anmstrip.driver.scene import Scene
+from anmstrip.paper.mass_spring import CASES
+from anmstrip.paper.schemes import solve_case
+from harness import Cell, Report, Sheet, main
+
+EXAMPLES = Path(__file__).resolve().parents[1]
+
+CONTINUATION, TIME = "anmstrip.continuation", "anmstrip.timestepping.implicit"
+
+REMOVED: tuple[tuple[str, str, Any], ...] = (
+    ("anmstrip.simulation.march", "FIRST_STEP", 1.0),
+    (f"{CONTINUATION}.tolerances", "RESIDUAL_SHARE", 0.1),
+    (f"{CONTINUATION}.quotients", "RUNG", 1.0001),
+    (f"{CONTINUATION}.quotients", "FIRST", 0),
+    (f"{CONTINUATION}.quotients", "LAST", 1),
+    (f"{CONTINUATION}.quotients", "FURTHER", 2.0),
+    (TIME, "GROWTH", (np.inf,) * 5),
+    (TIME, "SETTLING", 1.0),
+    (TIME, "BRIEF", 1e-13),
+    (TIME, "LASTING", (1e-6,)),
+    (TIME, "CALM", 0.1),
+    (TIME, "RAN", 1.0),
+)
+"""Module, name, and the value that takes the constant's place."""
+
+COARSE = {
+    "crowned": ("strip.cells=[24, 4]", "solver.tolerance=1e-4"),
+    "capstan": (),
+    "levelling": ("stages.drag.duration=0.02", "strip.refined=0.01"),
+    "misaligned": ("strip.cells=[20, 2]", "stages.run.duration=0.05", "strip.refined=0.05"),
+    "bridle": ("strip.refined=0.05",),
+    "convey": ("strip.refined=0.1", "stages.convey.duration=0.03"),
+}
+"""Example → changes that make it quick."""
+
+NOTE = (
+    "Tangents with the constant removed, in brackets those with it, where they differ by more "
+    "than 5 %; or how the run stopped."
+)
+
+
+def scene(name: str) -> int:
+    """Tangents of an example."""
+    run = Scene.load(EXAMPLES / f"{name}.toml", COARSE[name]).run()
+    for _ in run:
+        pass
+    if not run.outcome.done:
+        raise PathStopped(run.outcome, 0.0)
+    return run.cost.expansions
+
+
+def case(name: str, tolerance: float) -> int:
+    """Tangents of a case of the paper by the implicit scheme."""
+    found = solve_case(CASES[name](), "implicit", order=12, tolerance=tolerance)
+    if found.stopped is not None:
+        raise found.stopped
+    return found.cost.expansions
+
+
+def problems(quick: bool) -> Iterator[tuple[str, Callable[[], int]]]:
+    """Problems that are solved, with their names."""
+    for name in ("crowned",) if quick else COARSE:
+        yield name, partial(scene, name)
+    for name in ("pressed-plane",) if quick else ("pressed-plane", "moving-plane"):
+        yield name, partial(case, name, 1e-2 if quick else 1e-4)
+
+
+def solved(problem: Callable[[], int]) -> int | str:
+    """Tangents, or the outcome of what stops."""
+    try:
+        return problem()
+    except PathStopped as stopped:
+        return stopped.outcome.name.lower()
+
+
+def study(quick: bool = False) -> Report:
+    """Remove one constant at a time."""
+    chosen = dict(problems(quick))
+    usual = {name: solved(problem) for name, problem in chosen.items()}
+    rows: list[tuple[Cell, ...]] = []
+    for place, constant, value in REMOVED[:2] if quick else REMOVED:
+        with ExitStack() as stack:
+            stack.enter_context(patch.object(import_module(place), constant, value))
+            found = {name: solved(problem) for name, problem in chosen.items()}
+        rows.append((constant, *(_told(found[name], usual[name]) for name in chosen)))
+    data = Sheet("Constants", ("constant", *chosen), tuple(rows), NOTE)
+    return Report("constants", "Constants on the way of a step in time", data, (data,))
+
+
+def _told(found: int | str, usual: int | str) -> str:
+    if isinstance(found, str) or isinstance(usual, str):
+        return "" if found == usual else f"{found} ({usual})"
+    return "" if abs(found / usual - 1.0) <= 0.05 else f"{found} ({usual})"
+
+
+if __name__ == "__main__":
+    main(study)
