@@ -12,8 +12,8 @@ from anmstrip.continuation.path import Branch
 from anmstrip.continuation.status import Outcome, PathStopped
 from anmstrip.linalg.solvers import LinearSolver
 
-LARGEST = np.sqrt(np.finfo(float).max)
-"""Size of a coefficient after which a series ends, so that no square overflows."""
+LARGEST = 1e100
+"""Size of a coefficient after which a series ends, so that no later one overflows."""
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+MOST_CORRECTIONS = 100
+"""Iterations on the guess of a threaded strip, after which its path is followed: with 20, strips
+that begin deep inside a roller, or on soft contact over a crown, stall."""
+
 FIRST_STEP = 0.01
 """First time step, of the shortest stage in time; the error control corrects it."""
 
@@ -196,7 +200,7 @@ class March:
             Newton,
         )
 
-        settings = Corrections(self.tolerances.correction, halvings=8)
+        settings = Corrections(self.tolerances.correction, most=MOST_CORRECTIONS, halvings=8)
         found = Newton(equations, self.solver, settings, self.cost).corrected(guess, 0.0)
         return guess if found is None else found.u
 

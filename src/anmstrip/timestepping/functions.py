@@ -210,7 +210,9 @@ class FunctionStepEquations(StepEquations):
     def recurrence(self, u: Array, control: float, order: int) -> TracedRecurrence:
         """Start the series at a point; its tangent turns residuals into changes of u."""
         recurrence = TracedRecurrence(self.problem.function, self, u, control, order)
-        self.softness = np.abs(np.linalg.pinv(recurrence.tangent()))
+        tangent = recurrence.tangent()
+        if np.isfinite(tangent).all():  # the linear solver tells of one that is not
+            self.softness = np.abs(np.linalg.pinv(tangent))
         v = self.velocity(u, control)
         self.unit = self.share * stretch(v, self.problem.speed)
         return recurrence
