@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 REPORTS = ("effects", "tolerance", "cases", "friction", "contact", "order", "mesh", "solvers",
            "time", "newton", "peers", "stiff", "stability", "shells", "wrinkles",
-           "roller_wrinkles")  # fmt: skip
+           "roller_wrinkles", "constants")  # fmt: skip
 
 SCRIPTS = {name: f"examples/benchmarks/{name}.py" for name in REPORTS} | {
     "time": "examples/benchmarks/time_steps.py",  # time.py would hide a standard module

@@ -29,7 +29,7 @@ CONTINUATION, TIME = "anmstrip.continuation", "anmstrip.timestepping.implicit"
 
 REMOVED: tuple[tuple[str, str, Any], ...] = (
     ("anmstrip.simulation.march", "FIRST_STEP", 1.0),
-    (f"{CONTINUATION}.tolerances", "RESIDUAL_SHARE", 0.1),
+    (f"{CONTINUATION}.equations", "RESIDUAL_SHARE", 0.1),
     (f"{CONTINUATION}.quotients", "RUNG", 1.0001),
     (f"{CONTINUATION}.quotients", "FIRST", 0),
     (f"{CONTINUATION}.quotients", "LAST", 1),

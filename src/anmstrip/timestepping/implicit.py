@@ -55,6 +55,14 @@ BRIEF, SHORTEST = 1e-9, 1e-13
 """Shortest steps, as fractions of the whole: before a snap is looked for, and at all, which is what
 is left of the digits of t."""
 
+NARROW = 1e-3
+"""Shortest branch of a step in time, as a fraction of it.
+
+Slip that comes to rest under sharp friction turns a corner there; branches would shrink towards it
+and grow again, and the error in time then ask for a shorter step.  Without it a strip at a
+hundredth of the sharpness takes twice the tangents.
+"""
+
 SETTLING = 0.01
 """First instant after a start, as a fraction of the first step."""
 
@@ -198,18 +206,21 @@ class _Integrator:
         velocity = AffineVelocity(1.0 / self.stepping.whole, memory.v, np.zeros_like(u))
         path = self.equations.during(t, 0.0, velocity, u)
         try:
-            rest = self.followed(path, len(u), rational=False)
+            rest = self.followed(path, len(u), rational=False, shortest=1e-3 * NARROW)
             still = replace(memory, states=(u + rest.branch.end[0],))
             instant = max(SETTLING * memory.step, np.spacing(t))
             return replace(still, v=self.trial(still, t + instant, 1).v)
         except PathStopped:
             return memory
 
-    def followed(self, path: StepEquations, size: int, *, rational: bool) -> PathStep:
+    def followed(
+        self, path: StepEquations, size: int, *, rational: bool, shortest: float
+    ) -> PathStep:
         """Last step of the path of the increment from λ = 0 to 1."""
         settings = Settings(
             self.settings.order,
             self.settings.tolerance,
+            shortest=shortest,
             give_way=False,
             rational=rational,
             unhurried=UNHURRIED,
@@ -228,7 +239,7 @@ class _Integrator:
             w += weight * (state - u)
         velocity = AffineVelocity(rate, memory.v, w - memory.v)
         path = self.equations.during(t, new - t, velocity, u)
-        last = self.followed(path, len(u), rational=self.settings.rational)
+        last = self.followed(path, len(u), rational=self.settings.rational, shortest=NARROW)
         increment = last.branch.end[0]
         v, spent = velocity(increment, 1.0), self.cost.expansions - before
         return _Trial(u + increment, v, last.imbalance, spent, path, increment, rate)
