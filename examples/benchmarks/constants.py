@@ -32,14 +32,14 @@ REMOVED: tuple[tuple[str, str, Any], ...] = (
     (f"{CONTINUATION}.equations", "RESIDUAL_SHARE", 0.1),
     (f"{CONTINUATION}.quotients", "RUNG", 1.0001),
     (f"{CONTINUATION}.quotients", "FIRST", 0),
+    (f"{CONTINUATION}.quotients", "TRIALS", 100),
+    (f"{CONTINUATION}.quotients", "AIM", 0.5),
     (f"{CONTINUATION}.quotients", "LAST", 1),
-    (f"{CONTINUATION}.quotients", "FURTHER", 2.0),
+    (f"{CONTINUATION}.quotients", "FURTHER", 3.0),
+    (f"{CONTINUATION}.quotients", "DAMPING", 1.5e-8),
     (TIME, "GROWTH", (np.inf,) * 5),
     (TIME, "SETTLING", 1.0),
-    (TIME, "BRIEF", 1e-13),
-    (TIME, "LASTING", (1e-6,)),
-    (TIME, "CALM", 0.1),
-    (TIME, "RAN", 1.0),
+    (TIME, "UNHURRIED", 0.0),
 )
 """Module, name, and the value that takes the constant's place."""
 

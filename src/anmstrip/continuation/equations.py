@@ -108,7 +108,8 @@ LOOSEST_BALANCE = 1e-2
 """Largest imbalance on a rate-free path; at 0.1 some paths stall."""
 
 RESIDUAL_SHARE = 0.01
-"""Residual of a branch in time over the error in time, in which it must not be seen."""
+"""Residual of a branch in time over the error in time, in which it must not be seen.  With 0.1
+levelling takes 46 tangents instead of 50, and its residual a tenth of the error."""
 
 
 @dataclass(frozen=True)

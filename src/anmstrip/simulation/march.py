@@ -35,7 +35,8 @@ MOST_CORRECTIONS = 100
 that begin deep inside a roller, or on soft contact over a crown, stall."""
 
 FIRST_STEP = 0.01
-"""First time step, of the shortest stage in time; the error control corrects it."""
+"""First time step, of the shortest stage in time; the error control corrects it.  From the whole
+stage on levelling takes 71 tangents instead of 50."""
 
 
 @dataclass(frozen=True)

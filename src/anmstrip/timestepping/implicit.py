@@ -48,7 +48,8 @@ UNHURRIED = 0.03
 """Share of what is left of a step over which a small imbalance is taken away at least.
 
 Friction of faint pressure cannot carry what the tolerance leaves: taken away within a short
-stretch of λ it asks for fast motion there, so that the stretches shrank for good.
+stretch of λ it asks for fast motion there, so that the stretches shrank for good.  Without it the
+capstan takes 98 tangents instead of 97, and conveying 333 instead of 322.
 """
 
 BRIEF, SHORTEST = 1e-9, 1e-13
@@ -64,7 +65,8 @@ hundredth of the sharpness takes twice the tangents.
 """
 
 SETTLING = 0.01
-"""First instant after a start, as a fraction of the first step."""
+"""First instant after a start, as a fraction of the first step.  With the whole of it the bridle
+takes 350 tangents instead of 311."""
 
 
 def integrate(
