@@ -36,36 +36,24 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-_DOORS = {
-    "Scene": "anmstrip.driver.scene",
-    "InputError": "anmstrip.errors",
-    "Roller": "anmstrip.mechanics.roller",
-    "Material": "anmstrip.fem.strip",
-    "Run": "anmstrip.driver.run",
-    "Effect": "anmstrip.mechanics.effects",
-    "LawEffect": "anmstrip.mechanics.effects",
-    "ContactLaw": "anmstrip.mechanics.laws",
-    "FrictionLaw": "anmstrip.mechanics.laws",
-    "ContactOperator": "anmstrip.fem.sampling",
-    "Strip": "anmstrip.fem.strip",
-    "grid": "anmstrip.fem.strip",
-    "Signorini": "anmstrip.mechanics.laws",
-    "RepulsiveSignorini": "anmstrip.mechanics.laws",
-    "GradedSignorini": "anmstrip.mechanics.laws",
-    "NortonHoff": "anmstrip.mechanics.laws",
-    "Tanh": "anmstrip.mechanics.laws",
-    "Series": "anmstrip.taylor.series",
-    "record": "anmstrip.taylor.series",
-    "taylor_series": "anmstrip.taylor.series",
-    "Branch": "anmstrip.continuation.path",
-    "Path": "anmstrip.continuation.path",
-    "Settings": "anmstrip.continuation.follow",
-    "follow": "anmstrip.continuation.follow",
-    "reference_surface": "anmstrip.fem.geometry",
-    "Remembering": "anmstrip.linalg.solvers",
-    "watched": "anmstrip.continuation.bifurcations",
-    "switched": "anmstrip.continuation.bifurcations",
+_NAMES = {
+    "continuation.bifurcations": "switched watched",
+    "continuation.follow": "Settings follow",
+    "continuation.path": "Branch Path",
+    "driver.run": "Run",
+    "driver.scene": "Scene",
+    "errors": "InputError",
+    "fem.geometry": "reference_surface",
+    "fem.sampling": "ContactOperator",
+    "fem.strip": "Material Strip grid",
+    "linalg.solvers": "Remembering",
+    "mechanics.effects": "Effect LawEffect",
+    "mechanics.laws": "ContactLaw FrictionLaw NortonHoff Tanh "
+    "Signorini RepulsiveSignorini GradedSignorini",
+    "mechanics.roller": "Roller",
+    "taylor.series": "Series record taylor_series",
 }
+_DOORS = {name: f"anmstrip.{module}" for module, names in _NAMES.items() for name in names.split()}
 
 __all__ = sorted(_DOORS)  # noqa: PLE0605
 

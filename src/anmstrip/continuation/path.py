@@ -9,12 +9,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polymul, polysub
 from numpy.typing import NDArray
 
-from anmstrip.taylor.polynomials import (
-    derivative_coefficients,
-    first_root,
-    roots_within,
-    value_at,
-)
+from anmstrip.taylor.polynomials import derivative_coefficients, first_root, roots_within, value_at
 
 Array = NDArray[np.float64]
 

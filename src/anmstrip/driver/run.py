@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,16 +31,20 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
+def kept_values(march: March) -> dict[str, dict[str, Array]]:
+    """Return what stages have left, by kind and name, as a checkpoint keeps it."""
+    course = march.course
+    kept = {"moved": course.moved, "begun": course.begun, "speed": course.speeds}
+    home = {} if march.feed is None else march.feed.home
+    return {**kept, "value": course.values, "home": home}
+
+
 def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
-    """Arrays and plain facts from which :func:`unpack` restores a run."""
-    march, course = run.march, run.march.course
-    arrays = {"full": march.full, "velocity": march.velocity}
-    arrays |= {f"moved.{name}": value for name, value in course.moved.items()}
-    arrays |= {f"speed.{name}": value for name, value in course.speeds.items()}
-    arrays |= {f"begun.{name}": value for name, value in course.begun.items()}
-    arrays |= {f"value.{name}": value for name, value in course.values.items()}
-    if march.feed is not None:
-        arrays |= {f"home.{name}": value for name, value in march.feed.home.items()}
+    """Return arrays and plain facts from which :func:`unpack` restores a run."""
+    march, memory, pace = run.march, run.march.memory, run.march.pace
+    kept = kept_values(march).items()
+    arrays = {f"{kind}.{name}": x for kind, values in kept for name, x in values.items()}
+    arrays |= {"full": march.full, "velocity": march.velocity}
     facts: dict[str, Any] = {
         "stage": run.first_stage,
         "steps": run.steps,
@@ -49,67 +53,47 @@ def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
         "seconds": run.seconds,
         "reached": march.reached,
         "time": 0.0 if run.state is None else run.state.time,
-        "course_time": course.time,
-        "released": sorted(course.released),
+        "course_time": march.course.time,
+        "released": sorted(march.course.released),
         "stages": run.stages,
         "effects": run.effects,
         "snaps": run.snaps,
         "slack": march.slack,
         "fed": 0 if march.feed is None else march.feed.elements,
     }
-    if march.memory is not None:
-        facts["times"], facts["next_step"] = list(march.memory.times), march.memory.step
-        facts["time_order"] = march.memory.order
-        arrays["states"], arrays["v"] = np.array(march.memory.states), march.memory.v
-    if march.pace is not None:
-        facts["pace"] = {
-            "control": march.pace.control,
-            "last": march.pace.last,
-            "shrinking": march.pace.shrinking,
-            "arclength": march.pace.arclength,
-        }
-        if march.pace.forward is not None:
-            arrays["forward"], facts["forward"] = march.pace.forward
+    if memory is not None:
+        arrays |= {"states": np.array(memory.states), "v": memory.v}
+        facts |= {"times": memory.times, "next_step": memory.step, "time_order": memory.order}
+    if pace is not None:
+        facts["pace"] = asdict(replace(pace, forward=None))
+        if pace.forward is not None:
+            arrays["forward"], facts["forward"] = pace.forward
     return arrays, facts
 
 
 def unpack(run: Run, arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> None:
     """Bring a new run to where a packed one was."""
-    march = run.march
+    march, cost = run.march, run.cost
     march.full, march.velocity = arrays["full"], arrays["velocity"]
     run.first_stage, run.steps, march.reached = facts["stage"], facts["steps"], facts["reached"]
-    run.cost.expansions = facts["expansions"]
-    run.cost.factorisations = facts["factorisations"]
+    cost.expansions, cost.factorisations = facts["expansions"], facts["factorisations"]
     run.spent, run.stages, run.effects = facts["seconds"], facts["stages"], facts["effects"]
-    run.snaps = facts["snaps"]
+    run.snaps, march.slack = facts["snaps"], facts["slack"]
     march.course.time, march.course.released = facts["course_time"], set(facts["released"])
-    kept = {
-        "moved": march.course.moved,
-        "begun": march.course.begun,
-        "speed": march.course.speeds,
-        "value": march.course.values,
-    }
     if march.feed is not None:
-        kept["home"], march.feed.elements = march.feed.home, facts["fed"]
+        march.feed.elements = facts["fed"]
+    kept = kept_values(march)
     for name, value in arrays.items():
         kind, _, key = name.partition(".")
         if kind in kept:
             kept[kind][key] = value
-    march.slack = facts["slack"]
     if "pace" in facts:
         forward = (arrays["forward"], facts["forward"]) if "forward" in facts else None
-        march.pace = Pace(
-            facts["pace"]["control"],
-            facts["pace"]["last"],
-            tuple((a, b) for a, b in facts["pace"]["shrinking"]),
-            facts["pace"]["arclength"],
-            forward,
-        )
+        shrinking = tuple((a, b) for a, b in facts["pace"]["shrinking"])
+        march.pace = Pace(**{**facts["pace"], "shrinking": shrinking, "forward": forward})
     if "times" in facts:
-        states = tuple(arrays["states"])
-        march.memory = Memory(
-            tuple(facts["times"]), states, arrays["v"], facts["next_step"], facts["time_order"]
-        )
+        past = tuple(facts["times"]), tuple(arrays["states"]), arrays["v"]
+        march.memory = Memory(*past, facts["next_step"], facts["time_order"])
 
 
 class Run:

@@ -37,6 +37,9 @@ class Operator(Protocol):
         """Add Lᵀ w J L."""
 
 
+Values = Mapping[str, Any]
+"""Values of the controls, by name."""
+
 Moment = tuple[Array, Array | None, Mapping[str, Any]]
 """Displacements and velocities of all unknowns, and the values of the controls."""
 
@@ -55,7 +58,7 @@ class Effect:
     points: int
     rate_dependent: bool = False
 
-    def force(self, full: Array, velocity: Array | None, controls: Mapping[str, Any]) -> Array:
+    def force(self, full: Array, velocity: Array | None, controls: Values) -> Array:
         """Return the residual of all unknowns, shape (unknowns,)."""
         raise NotImplementedError
 
@@ -102,7 +105,7 @@ class LawEffect(Effect):
         """Return the generalised stress at the points, of the shape of ``x`` = L u."""
         raise NotImplementedError
 
-    def force(self, full: Array, velocity: Array | None, controls: Mapping[str, Any]) -> Array:
+    def force(self, full: Array, velocity: Array | None, controls: Values) -> Array:
         """Return Lᵀ w law(L u, L v, controls), shape (unknowns,)."""
         effect = self.near(full, controls)
         operator = effect.operator
@@ -133,7 +136,7 @@ class LinearEffect(Effect):
         """Return K u, shape (unknowns,)."""
         return (self.matrix @ full.reshape(-1, self.pattern.count)).ravel()
 
-    def force(self, full: Array, velocity: Array | None, controls: Mapping[str, Any]) -> Array:
+    def force(self, full: Array, velocity: Array | None, controls: Values) -> Array:
         """Return K u, shape (unknowns,)."""
         return self.product(full)
 
@@ -171,7 +174,7 @@ class LoadEffect(Effect):
 
     points = 0
 
-    def force(self, full: Array, velocity: Array | None, controls: Mapping[str, Any]) -> Array:
+    def force(self, full: Array, velocity: Array | None, controls: Values) -> Array:
         """Return minus the load, shape (unknowns,)."""
         return self.load_vector(controls[self.control])
 
@@ -293,7 +296,31 @@ class RecordedLaws:
         return latest[0]
 
 
-class LawSeries:
+class EffectSeries:
+    """Orders of one effect; left out is what an effect of order 1 at most need not do."""
+
+    effect: Effect
+
+    def residual(self) -> Array:
+        """Return order 0."""
+        raise NotImplementedError
+
+    def derivative(self, u: Array, v: Array | None, control: float) -> Array | None:
+        """Return order 1 for changes of the unknowns, their velocities and λ."""
+        raise NotImplementedError
+
+    def advance(self, k: int) -> Array | None:
+        """Return order k of what the lower orders make."""
+        return None
+
+    def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
+        """Fix order k of the unknowns."""
+
+    def add_tangent(self, pattern: Pattern, blocks: Array, rate: float) -> None:
+        """Add ∂R/∂u + rate ∂R/∂v to the blocks."""
+
+
+class LawSeries(EffectSeries):
     """A pointwise effect."""
 
     def __init__(
@@ -350,8 +377,10 @@ class LawSeries:
         )
 
 
-class LinearSeries:
+class LinearSeries(EffectSeries):
     """A constant matrix: order k is K u_k."""
+
+    effect: LinearEffect
 
     def __init__(self, effect: LinearEffect, full: Array) -> None:
         self.effect, self.start = effect, full
@@ -362,18 +391,14 @@ class LinearSeries:
     def derivative(self, u: Array, v: Array | None, control: float) -> Array:
         return self.effect.product(u)
 
-    def advance(self, k: int) -> None:
-        return None
-
-    def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
-        """Nothing to remember."""
-
     def add_tangent(self, pattern: Pattern, blocks: Array, rate: float) -> None:
         self.effect.add_tangent(blocks)
 
 
-class LoadSeries:
+class LoadSeries(EffectSeries):
     """A dead load: of order 0 and 1 in λ."""
+
+    effect: LoadEffect
 
     def __init__(self, effect: LoadEffect, control: float, controls: Controls) -> None:
         self.effect = effect
@@ -384,20 +409,8 @@ class LoadSeries:
         return self.effect.load_vector(self.value)
 
     def derivative(self, u: Array, v: Array | None, control: float) -> Array | None:
-        return (
-            self.effect.load_vector(control * np.asarray(self.slope))
-            if np.any(self.slope)
-            else None
-        )
-
-    def advance(self, k: int) -> None:
-        return None
-
-    def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
-        """Nothing to remember."""
-
-    def add_tangent(self, pattern: Pattern, blocks: Array, rate: float) -> None:
-        """Dead loads do not follow."""
+        change = control * np.asarray(self.slope)
+        return self.effect.load_vector(change) if np.any(self.slope) else None
 
 
 def series_of(
@@ -406,7 +419,7 @@ def series_of(
     state: tuple[Array, Array | None, float],
     controls: Controls,
     laws: RecordedLaws,
-) -> LawSeries | LinearSeries | LoadSeries:
+) -> EffectSeries:
     """Return the orders of an effect about a state: all unknowns, their velocities, and λ."""
     full, _, control = state
     if isinstance(effect, LinearEffect):

@@ -82,10 +82,7 @@ def draw_side(job: Job) -> None:
             )
         axes.add_collection(
             LineCollection(
-                list(segments),
-                colors=colours_of(job, values),
-                linewidths=5.0,
-                capstyle="round",
+                list(segments), colors=colours_of(job, values), linewidths=5.0, capstyle="round"
             )
         )
         # a box around what is near, and some room, with the same scale in both directions

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
@@ -14,7 +12,7 @@ from anmstrip.equilibrium import Equilibrium
 from anmstrip.errors import InputError, Mistake
 from anmstrip.fem.operators import CellOperator, Pattern
 from anmstrip.fem.sampling import l2_projection
-from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.linalg.solvers import LinearSolver, SparseSolver
 from anmstrip.mechanics.shell import Membrane, principal
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec
@@ -22,20 +20,6 @@ from anmstrip.simulation.march import March
 from anmstrip.simulation.problem import Assembly
 
 Array = NDArray[np.float64]
-
-
-class Solver(Protocol):
-    """Factorises once, solves many times."""
-
-    def factorise(self, matrix: csc_matrix) -> Factorised:
-        """Factors of a matrix."""
-
-
-class Factorised(Protocol):
-    """A factorised matrix."""
-
-    def solve(self, right: Array) -> Array:
-        """Solution of K x = right."""
 
 
 def compressive_stiffness(membrane: Membrane, full: Array, pattern: Pattern) -> Array:
@@ -49,7 +33,7 @@ def compressive_stiffness(membrane: Membrane, full: Array, pattern: Pattern) -> 
 
 
 def buckling_modes(
-    tangent: csc_matrix, compressive: csc_matrix, solver: Solver, count: int
+    tangent: csc_matrix, compressive: csc_matrix, solver: LinearSolver, count: int
 ) -> tuple[Array, Array]:
     """The lowest factors μ, ascending, and modes φ in columns.
 
@@ -57,7 +41,7 @@ def buckling_modes(
     ----------
     tangent, compressive : csc_matrix, shape (n, n)
         K and G.
-    solver : Solver
+    solver : LinearSolver
     count : int
         Number of modes.
     """

@@ -196,10 +196,7 @@ class March:
 
     def _corrected(self, equations: Equilibrium, guess: Array) -> Array:
         """The state near a guess; the guess itself, with a path still to go, if there is none."""
-        from anmstrip.continuation.newton import (
-            Corrections,
-            Newton,
-        )
+        from anmstrip.continuation.newton import Corrections, Newton
 
         settings = Corrections(self.tolerances.correction, most=MOST_CORRECTIONS, halvings=8)
         found = Newton(equations, self.solver, settings, self.cost).corrected(guess, 0.0)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -239,15 +239,12 @@ class Assembly:
         f = self.scene.friction
         if f is None:
             return None
-        from anmstrip.mechanics.laws import FrictionLaw, NortonHoff, Tanh
+        from anmstrip.mechanics.laws import NortonHoff, Tanh
 
         if f.law == "tanh":
             return Tanh(f.coefficient, f.omega, f.speed)
         if ":" in f.law:
-            given = f.model_dump(include={"coefficient", "exponent", "omega", "speed"})
-            law = own_law(self.scene, "friction", f.law, given, f.parameters)
-            assert isinstance(law, FrictionLaw)
-            return law
+            return own_law(self.scene, "friction")
         return NortonHoff(f.coefficient, f.exponent, f.omega, f.speed)
 
     @cached_property
@@ -286,12 +283,10 @@ class Assembly:
         """
         c = self.scene.contact
         assert c is not None
-        from anmstrip.mechanics.laws import ContactLaw, GradedSignorini, RepulsiveSignorini
+        from anmstrip.mechanics.laws import GradedSignorini, RepulsiveSignorini
 
         if c.law is not None:
-            law = own_law(self.scene, "contact", c.law, {}, c.parameters)
-            assert isinstance(law, ContactLaw)
-            return law
+            return own_law(self.scene, "contact")
         if c.constants is not None:
             return RepulsiveSignorini(*c.constants)
         tension, thickness = self.scales.tension, self.strip.thickness
@@ -337,11 +332,7 @@ class Assembly:
 
             own.append(Foundation(self.strip, stiffness))
         effects: list[Effect] = [effect for effect in own if effect is not None]
-        makers = {
-            "force": edge_force,
-            "tension": edge_tension,
-            "moment": edge_moment,
-        }
+        makers = {"force": edge_force, "tension": edge_tension, "moment": edge_moment}
         for control in given:
             edge, _, kind = control.rpartition(".")
             if kind in makers:
@@ -374,13 +365,7 @@ class Assembly:
         return Scales(self.strip.length, tension * self.strip.width, tension)
 
 
-def own_law(
-    scene: SceneSpec,
-    table: str,
-    reference: str,
-    given: Mapping[str, float],
-    parameters: Mapping[str, float],
-) -> ContactLaw | FrictionLaw:
+def own_law(scene: SceneSpec, table: str) -> Any:
     """Return the user's law that a table of the scene names, ``module:Class``.
 
     The module is looked for beside the scene's file, then where Python looks.  The class takes
@@ -394,6 +379,10 @@ def own_law(
     from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
 
     base = {"contact": ContactLaw, "friction": FrictionLaw}[table]
+    spec = scene.contact if table == "contact" else scene.friction
+    assert spec is not None and spec.law is not None
+    reference, parameters = spec.law, spec.parameters
+    given = spec.model_dump(include={"coefficient", "exponent", "omega", "speed"})
     module, _, name = reference.partition(":")
     beside = str((scene.source or Path("scene")).absolute().parent)
     file, key, hint = str(scene.source or "scene"), f"{table}.law", f"a subclass of {base.__name__}"

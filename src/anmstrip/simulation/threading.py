@@ -88,9 +88,7 @@ class Thread:
 
     def string_path(self, y: Array) -> StringPath:
         """Paths of the fibres at y, shape (fibres,)."""
-        from anmstrip.mechanics.string_path import (
-            string_path,
-        )
+        from anmstrip.mechanics.string_path import string_path
 
         centres, radii = [], []
         for roller, depth in zip(self.rollers, self.depths, strict=True):
@@ -135,10 +133,7 @@ class Thread:
         from anmstrip.fem.constraints import Scales, Supports
         from anmstrip.linalg.solvers import SparseSolver
         from anmstrip.mechanics.effects import Controls
-        from anmstrip.mechanics.loads import (
-            Guide,
-            edge_force,
-        )
+        from anmstrip.mechanics.loads import Guide, edge_force
         from anmstrip.mechanics.shell import Membrane
 
         x, entry = strip.mesh.p[0], strip.edges["entry"]
@@ -177,11 +172,7 @@ def thread_of(scene: SceneSpec, rollers: Sequence[Roller]) -> Thread:
         The strip cannot pass a roller on the side that is asked for, or is too short.
     """
     assert scene.threading is not None
-    from anmstrip.mechanics.string_path import (
-        FixedEnd,
-        NoTangentError,
-        NotTouchedError,
-    )
+    from anmstrip.mechanics.string_path import FixedEnd, NoTangentError, NotTouchedError
 
     spec, m = scene.threading, scene.material
     sides = {r.name: r.wrap for r in scene.rollers if r.wrap is not None}

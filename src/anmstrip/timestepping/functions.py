@@ -46,12 +46,7 @@ class TracedRecurrence:
     """
 
     def __init__(
-        self,
-        residual: RecordedFunction,
-        inputs: Substitution,
-        u: Array,
-        control: float,
-        order: int,
+        self, residual: RecordedFunction, inputs: Substitution, u: Array, control: float, order: int
     ) -> None:
         self.inputs, self.size = inputs, len(u)
         self.orders = residual.start(*inputs.arguments(u, control), order=order)
