@@ -15,7 +15,7 @@ import anmstrip
 ROOT = Path(anmstrip.__file__).parent
 
 FLOORS = (
-    ("errors",),
+    ("arrays", "errors"),
     ("linalg", "taylor"),
     ("continuation",),
     ("timestepping",),

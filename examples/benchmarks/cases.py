@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from anmstrip.continuation.status import PathStopped
+from anmstrip.continuation.equations import PathStopped
 from anmstrip.paper.cases import ROWS, distances
 from anmstrip.paper.mass_spring import CASES, MassSpring
 from anmstrip.paper.references import Reference, reference_solution

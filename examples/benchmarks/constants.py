@@ -17,7 +17,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from anmstrip.continuation.status import PathStopped
+from anmstrip.continuation.equations import PathStopped
 from anmstrip.driver.scene import Scene
 from anmstrip.paper.mass_spring import CASES
 from anmstrip.paper.schemes import solve_case

@@ -15,9 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.continuation.equations import Cost
+from anmstrip.continuation.equations import Cost, Outcome
 from anmstrip.continuation.follow import PathSolver, Settings, follow
-from anmstrip.continuation.status import Outcome
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import SparseSolver

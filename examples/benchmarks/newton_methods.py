@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.continuation.equations import Cost, Equations, inner
+from anmstrip.continuation.equations import Cost, Equations, Outcome, PathStopped, inner
 from anmstrip.continuation.follow import Pace, PathStep, Settings
 from anmstrip.continuation.newton import Corrected, Corrections, Newton
 from anmstrip.continuation.path import Branch
-from anmstrip.continuation.status import Outcome, PathStopped
 from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.linalg.solvers import LinearSolver
 from anmstrip.timestepping.formulas import AffineVelocity, RateEquations, StepEquations, predicted

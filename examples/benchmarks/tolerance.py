@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
-from anmstrip.continuation.equations import Cost
+from anmstrip.continuation.equations import Cost, PathStopped
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.continuation.path import Branch, Path
-from anmstrip.continuation.status import PathStopped
 from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import SparseSolver
 from cantilever import LENGTH, cantilever

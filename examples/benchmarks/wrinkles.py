@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from anmstrip.continuation.bifurcations import SingularPoint, switched, watched
-from anmstrip.continuation.equations import Cost
+from anmstrip.continuation.equations import Cost, PathStopped
 from anmstrip.continuation.follow import follow
-from anmstrip.continuation.status import PathStopped
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports, grip, symmetry
 from anmstrip.fem.operators import Pattern

@@ -228,7 +228,7 @@ def case_command(
     Keys of --set are the paper's symbols: k, F, delta, r, Omega, V, f, q, omega, V_c, R_N,
     zeta, R_C, K, eta, t_end.
     """
-    from anmstrip.continuation.status import PathStopped
+    from anmstrip.continuation.equations import PathStopped
     from anmstrip.paper.cases import run_case
 
     try:

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
+from anmstrip.arrays import Array, Index
 from anmstrip.continuation.path import Branch
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern, Restriction
@@ -19,9 +19,6 @@ from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.effects import Controls, Effect, Moment, RecordedLaws, series_of
 from anmstrip.mechanics.shell import Membrane
 from anmstrip.timestepping.formulas import AffineVelocity
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 class Model:

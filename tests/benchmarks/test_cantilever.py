@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anmstrip.continuation.equations import Cost
+from anmstrip.continuation.equations import Cost, Outcome, PathStopped
 from anmstrip.continuation.follow import Settings, follow
-from anmstrip.continuation.status import Outcome, PathStopped
 from anmstrip.linalg.solvers import SparseSolver
 from newton_methods import NewtonSettings, load_steps
 

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from dense import DenseEquations, coupled, followed, one
 
-from anmstrip.continuation.equations import Cost
+from anmstrip.continuation.equations import Cost, Outcome, PathStopped
 from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.follow import Settings, _nears_limit_point, follow
 from anmstrip.continuation.path import Branch
-from anmstrip.continuation.status import Outcome, PathStopped
 from anmstrip.continuation.validity import validated
 from anmstrip.linalg.solvers import DenseSolver
 

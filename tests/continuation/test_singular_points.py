@@ -5,12 +5,11 @@ import pytest
 from dense import DenseEquations
 
 from anmstrip.continuation.bifurcations import Kind, SingularPoint, switched, watched
-from anmstrip.continuation.equations import Cost, size
+from anmstrip.continuation.equations import Cost, Outcome, PathStopped, size
 from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.follow import Pace, Settings, follow
 from anmstrip.continuation.path import Branch
 from anmstrip.continuation.quotients import cleared, progression
-from anmstrip.continuation.status import Outcome, PathStopped
 from anmstrip.continuation.validity import validated
 from anmstrip.linalg.solvers import DenseSolver, Remembering
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anmstrip.continuation.status import Evidence, NO_EVIDENCE, Outcome, PathStopped
+from anmstrip.continuation.equations import Evidence, NO_EVIDENCE, Outcome, PathStopped
 from anmstrip.driver.diagnosis import Failure, diagnosis, still_coarse
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.continuation.equations import Cost, Tolerances
+from anmstrip.continuation.equations import Cost, PathStopped, Tolerances
 from anmstrip.continuation.follow import Settings
-from anmstrip.continuation.status import PathStopped
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.timestepping import formulas as backward_differences
 from anmstrip.timestepping import implicit as implicit_dae

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from anmstrip.continuation.equations import Cost
-from anmstrip.continuation.status import PathStopped
+from anmstrip.continuation.equations import Cost, PathStopped
 from anmstrip.timestepping.explicit import HASTE, integrate_explicitly, join_series
 from anmstrip.timestepping.index_one import Point, consistent
 

@@ -10,11 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.continuation.equations import Array, Cost, Equations, Recurrence, inner, size
+from anmstrip.arrays import Array
+from anmstrip.continuation.equations import (
+    Cost,
+    Equations,
+    Outcome,
+    PathStopped,
+    Recurrence,
+    inner,
+    size,
+)
 from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.follow import Pace, PathStep, Settings
 from anmstrip.continuation.path import Branch
-from anmstrip.continuation.status import Outcome, PathStopped
 from anmstrip.linalg.direct import Factors
 from anmstrip.linalg.solvers import LinearSolver, Remembering
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anmstrip.continuation.equations import TINY, Array, Cost, Equations, inner, size
+from anmstrip.arrays import Array
+from anmstrip.continuation.equations import TINY, Cost, Equations, Outcome, PathStopped, inner, size
 from anmstrip.continuation.path import Branch
-from anmstrip.continuation.status import Outcome, PathStopped
 from anmstrip.linalg.solvers import LinearSolver
 
 LARGEST = 1e100

@@ -9,11 +9,11 @@ from typing import Protocol
 
 import numpy as np
 
-from anmstrip.continuation.equations import Array, Cost, Equations, size
+from anmstrip.arrays import Array
+from anmstrip.continuation.equations import Cost, Equations, Evidence, Outcome, PathStopped, size
 from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.path import Branch
 from anmstrip.continuation.quotients import cleared, longest_quotient
-from anmstrip.continuation.status import Evidence, Outcome, PathStopped
 from anmstrip.continuation.validity import errors, excess, validated
 from anmstrip.linalg.direct import NonFiniteTangentError, SingularTangentError
 from anmstrip.linalg.solvers import LinearSolver

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anmstrip.continuation.equations import Array, Cost, Equations
+from anmstrip.arrays import Array
+from anmstrip.continuation.equations import Cost, Equations
 from anmstrip.linalg.direct import Factors, SingularTangentError
 from anmstrip.linalg.solvers import LinearSolver
 

@@ -7,11 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.polynomial.polynomial import polymul, polysub
-from numpy.typing import NDArray
 
+from anmstrip.arrays import Array
 from anmstrip.taylor.polynomials import derivative_coefficients, first_root, roots_within, value_at
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import toeplitz
 
-from anmstrip.continuation.equations import TINY, Array, Cost, Equations, inner, size
+from anmstrip.arrays import Array
+from anmstrip.continuation.equations import TINY, Cost, Equations, inner, size
 from anmstrip.continuation.path import Branch
 from anmstrip.continuation.validity import errors, guessed_range
 from anmstrip.taylor.polynomials import first_root

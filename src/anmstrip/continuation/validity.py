@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from anmstrip.continuation.equations import Array, Cost, Equations
+from anmstrip.arrays import Array
+from anmstrip.continuation.equations import Cost, Equations, Evidence, Outcome, PathStopped
 from anmstrip.continuation.path import Branch
-from anmstrip.continuation.status import Evidence, Outcome, PathStopped
 
 
 def validated(

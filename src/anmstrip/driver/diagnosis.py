@@ -11,18 +11,15 @@ from functools import cached_property
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anmstrip.continuation.equations import RESIDUAL_SHARE
-from anmstrip.continuation.status import Evidence, Outcome, PathStopped
+from anmstrip.arrays import Array
+from anmstrip.continuation.equations import RESIDUAL_SHARE, Evidence, Outcome, PathStopped
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.results.state import ContactState, State
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import THREADING
 from anmstrip.simulation.meshing import QUARTER
 from anmstrip.simulation.problem import Assembly, cheapest_order, size_of
-
-Array = NDArray[np.float64]
 
 NEAR = 2.0
 """Gap, in lengths of the elements there, up to which a node counts as near a roller."""

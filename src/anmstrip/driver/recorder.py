@@ -10,17 +10,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from anmstrip.arrays import Array
 from anmstrip.results.fields import FieldSampler
 from anmstrip.results.files import History, save_checkpoint, write_summary
 from anmstrip.results.state import State
 from anmstrip.results.vtk import Collection, subdivide, write_rollers, write_surface
 from anmstrip.simulation.march import Step
 from anmstrip.simulation.problem import Assembly
-
-Array = NDArray[np.float64]
 
 CHECKPOINT_SECONDS = 2.0
 """Least time between two checkpoints inside a stage."""

@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anmstrip.continuation.equations import Cost
+from anmstrip.arrays import Array
+from anmstrip.continuation.equations import Cost, Outcome, PathStopped
 from anmstrip.continuation.follow import Pace
-from anmstrip.continuation.status import Outcome, PathStopped
 from anmstrip.driver.recorder import Recorder
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import SHELL
@@ -26,9 +25,6 @@ from anmstrip.timestepping.formulas import Memory
 
 if TYPE_CHECKING:
     from anmstrip.results.events import EventWatch
-
-
-Array = NDArray[np.float64]
 
 
 def kept_values(march: March) -> dict[str, dict[str, Array]]:

@@ -7,11 +7,11 @@ from math import perm, prod
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem.element import DiscreteField, ElementLineHermite, ElementQuadBFS, ElementTriArgyris
 from skfem.element.element_global import ElementGlobal
 
-Array = NDArray[np.float64]
+from anmstrip.arrays import Array
+
 Orders = tuple[int, ...]
 """Directions of a derivative one after the other: () value, (0,) d/dx, (0, 1) d²/dx dy."""
 

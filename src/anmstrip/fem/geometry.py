@@ -8,11 +8,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from anmstrip.arrays import Array
 from anmstrip.taylor.series import taylor_series
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

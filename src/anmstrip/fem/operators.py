@@ -6,13 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
 
+from anmstrip.arrays import Array, Index
 from anmstrip.fem.strip import Strip
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 class Pattern:

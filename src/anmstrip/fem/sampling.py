@@ -8,16 +8,13 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import splu
 from skfem.element import DiscreteField
 
+from anmstrip.arrays import Array, Index
 from anmstrip.fem.operators import CellOperator, Pattern
 from anmstrip.fem.strip import Strip
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -8,14 +8,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import Basis, FacetBasis, Mesh, MeshLine, MeshQuad, MeshTri
 
+from anmstrip.arrays import Array, Index
 from anmstrip.fem.elements import Argyris, BognerFoxSchmit, Hermite
 from anmstrip.fem.geometry import PAIRS, SHELL, Frames, Kinematics, ReferenceSurface
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 EDGES = ("entry", "exit", "left", "right")
 

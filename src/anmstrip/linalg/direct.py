@@ -9,13 +9,13 @@ from importlib.util import find_spec
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lapack
 from scipy.sparse import csc_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
-Array = NDArray[np.float64]
+from anmstrip.arrays import Array
+
 Solve = Callable[[Array], Array]
 
 SCALED = 20.0

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anmstrip.arrays import Array, Index
 from anmstrip.fem.geometry import SHELL, Kinematics
 from anmstrip.fem.sampling import ContactOperator, remembered
 from anmstrip.mechanics.effects import LawEffect, Moment
@@ -19,7 +19,6 @@ from anmstrip.mechanics.roller import Projection, Roller
 if TYPE_CHECKING:
     from anmstrip.mechanics.laws import FrictionLaw
 
-Array = NDArray[np.float64]
 
 CHORD = 0.25
 """Longest way of a point between two looks, in radii; it is taken as straight in between."""
@@ -75,9 +74,6 @@ def _nearest(y: Array) -> Array:
     step = np.diff(y[:, :2], axis=0)
     square = np.maximum((step**2).sum(axis=1), np.finfo(float).tiny)
     return np.asarray(np.clip(-(y[:-1, :2] * step).sum(axis=1) / square, 0.0, 1.0))
-
-
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

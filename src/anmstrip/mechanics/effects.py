@@ -8,16 +8,14 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from anmstrip.arrays import Array
 from anmstrip.fem.geometry import Kinematics
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.sampling import REMEMBERED
 from anmstrip.taylor.series import Series, record
 from anmstrip.taylor.tape import Tape
-
-Array = NDArray[np.float64]
 
 
 class Operator(Protocol):

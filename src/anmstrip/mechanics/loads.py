@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anmstrip.arrays import Array
 from anmstrip.fem.geometry import PLATE, dot, normal_vector, normal_work
 from anmstrip.fem.operators import CellOperator
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.effects import LawEffect, LoadEffect, Operator
-
-Array = NDArray[np.float64]
 
 
 def edge_force(strip: Strip, name: str) -> LoadEffect:

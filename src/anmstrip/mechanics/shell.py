@@ -6,14 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anmstrip.arrays import Array
 from anmstrip.fem.geometry import dot, normal_vector, normal_work
 from anmstrip.fem.operators import CellOperator, Pattern
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.effects import LawEffect, LinearEffect
-
-Array = NDArray[np.float64]
 
 
 def plane_stress(strip: Strip) -> Array:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from anmstrip.arrays import Array
 
 ROUNDING = 1e-7
 """Turns (rad) above −ROUNDING count as zero: the root of the rounding of a length."""

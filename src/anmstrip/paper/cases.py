@@ -11,8 +11,8 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anmstrip.arrays import Array
 from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.paper.figures import draw_figures
 from anmstrip.paper.mass_spring import CASES, MassSpring, Parameters
@@ -20,8 +20,6 @@ from anmstrip.paper.references import Reference, reference_solution
 from anmstrip.paper.schemes import SCHEMES, CaseEvent, CaseSolution, events_of, solve_case
 from anmstrip.results.files import atomic_write, write_table
 from anmstrip.timestepping.index_one import Instability, instabilities
-
-Array = NDArray[np.float64]
 
 PAPER_STEPS = {"pressed-plane": 34, "moving-plane": 90, "rotating-circle": 90}
 """Steps that the paper reports, at order 19 and tolerance 1e-4."""

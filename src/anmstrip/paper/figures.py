@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anmstrip.arrays import Array
 from anmstrip.mechanics.laws import NortonHoff
 from anmstrip.paper.mass_spring import MassSpring, PressedPlane, RotatingCircle
 from anmstrip.paper.references import balanced_reactions, coulomb
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-
-Array = NDArray[np.float64]
 
 EXPONENTS = (0.0, 0.05, 0.1, 0.3, 0.5)
 """Values of q in the first figure."""

@@ -8,10 +8,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 
+from anmstrip.arrays import Array
 from anmstrip.mechanics.laws import NortonHoff
 from anmstrip.paper.mass_spring import (
     MassSpring,
@@ -20,8 +21,6 @@ from anmstrip.paper.mass_spring import (
     PressedPlane,
     RotatingCircle,
 )
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

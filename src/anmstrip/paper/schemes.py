@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from anmstrip.continuation.equations import Cost, Tolerances
+from anmstrip.arrays import Array
+from anmstrip.continuation.equations import Cost, PathStopped, Tolerances
 from anmstrip.continuation.follow import Settings
-from anmstrip.continuation.status import PathStopped
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.mechanics.laws import cone_speed, corner_speed
 from anmstrip.paper.mass_spring import MassSpring, Parameters, PressedPlane
@@ -24,7 +23,6 @@ from anmstrip.timestepping.functions import FunctionRateEquations, join_steps
 from anmstrip.timestepping.implicit import Stepping, integrate
 from anmstrip.timestepping.index_one import TimePath, consistent, controlled
 
-Array = NDArray[np.float64]
 Step = TypeVar("Step")
 
 FIRST_STEP = 1e-3

@@ -10,10 +10,9 @@ from matplotlib.colors import Normalize, to_rgb
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from anmstrip.arrays import Array
 from anmstrip.pictures.views import AMBIENT, GREYS, LIGHT, NO_VALUE, Eye, Frame, Job
 from anmstrip.results.vtk import Points
-
-Array = NDArray[np.float64]
 
 DOTS_PER_INCH = 100
 IN_FRONT = 0.06

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anmstrip.arrays import Array, Index
 from anmstrip.equilibrium import StageProblem
 from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.laws import FrictionLaw, cone_speed, corner_speed
@@ -18,9 +18,6 @@ from anmstrip.results.rollers import TOUCHING
 from anmstrip.results.state import State
 from anmstrip.taylor.polynomials import Watch, minima, value_at
 from anmstrip.taylor.series import taylor_series
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 ORDER = 8
 """Least order of the series of gap and slip; those of a parabola end long before."""

@@ -5,15 +5,13 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anmstrip.arrays import Array
 from anmstrip.fem.sampling import ContactOperator, contact_points, patches, shape_of, unit_grid
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.shell import Membrane, moduli
 from anmstrip.results.state import State
 from anmstrip.results.vtk import triangle_lattice
-
-Array = NDArray[np.float64]
 
 POINTS = {"line": unit_grid(4, 1), "quad": unit_grid(4), "triangle": triangle_lattice(6)}
 """Points of the output on each kind of element: cubic patches, quintic triangles."""

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from anmstrip.arrays import Array
 from anmstrip.mechanics.roller import Roller
 
 if TYPE_CHECKING:
     from anmstrip.mechanics.contact import Contact
 
-Array = NDArray[np.float64]
 
 TOUCHING = 0.1
 """Share of a roller's mean pressure above which a point counts as in contact."""

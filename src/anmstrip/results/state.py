@@ -7,8 +7,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anmstrip.arrays import Array
 from anmstrip.continuation.path import Branch
 from anmstrip.equilibrium import StageProblem
 from anmstrip.mechanics.loads import FollowerLoad
@@ -23,8 +23,6 @@ from anmstrip.results.rollers import (
 
 if TYPE_CHECKING:
     from anmstrip.mechanics.contact import Contact, Friction
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,10 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anmstrip.fem.sampling import quadrature_points, shape_of
 from anmstrip.results.fields import FieldSampler
 from anmstrip.results.state import State
-
-Array = NDArray[np.float64]
 
 CLOSE = 0.5
 """Share of the compression that a span bears, above which it is told."""

@@ -14,11 +14,10 @@ from scipy.spatial import cKDTree
 from skfem import Mesh, MeshQuad
 from skfem.io import from_meshio
 
+from anmstrip.arrays import Array
 from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS
-
-Array = NDArray[np.float64]
 
 NEARLY = 1e-6
 """Lengths below this share of an element's size count as none."""

@@ -7,15 +7,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anmstrip.arrays import Array, Index
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.strip import Edge, Strip
 from anmstrip.simulation.stages import Course
 from anmstrip.timestepping.formulas import Memory
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 @dataclass

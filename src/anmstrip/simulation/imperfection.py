@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from anmstrip.continuation.status import PathStopped
+from anmstrip.arrays import Array
+from anmstrip.continuation.equations import PathStopped
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.errors import InputError, Mistake
 from anmstrip.fem.operators import CellOperator, Pattern
@@ -18,8 +18,6 @@ from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.simulation.march import March
 from anmstrip.simulation.problem import Assembly
-
-Array = NDArray[np.float64]
 
 
 def compressive_stiffness(membrane: Membrane, full: Array, pattern: Pattern) -> Array:

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Tolerances
 from anmstrip.continuation.follow import Pace, PathSolver, Settings, follow
 from anmstrip.equilibrium import Equilibrium, Motion, StageProblem
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from anmstrip.results.events import Event
     from anmstrip.simulation.feed import Feed
 
-Array = NDArray[np.float64]
 
 MOST_CORRECTIONS = 100
 """Iterations on the guess of a threaded strip, after which its path is followed: with 20, strips

@@ -6,9 +6,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshLine, MeshQuad
 
+from anmstrip.arrays import Array
 from anmstrip.errors import InputError, Mistake
 from anmstrip.fem.strip import grid, line
 from anmstrip.scene.schema import SceneSpec
@@ -16,7 +16,6 @@ from anmstrip.scene.schema import SceneSpec
 if TYPE_CHECKING:
     from anmstrip.simulation.threading import Thread
 
-Array = NDArray[np.float64]
 
 MOST_ELEMENTS = 250_000
 """Of a strip; the tangent of a shell of so many takes tens of gigabytes."""

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anmstrip.arrays import Array
 from anmstrip.errors import InputError, Mistake
 from anmstrip.fem.constraints import Scales
 from anmstrip.fem.geometry import KINEMATICS, PLATE, SECTION, Kinematics
@@ -111,7 +111,6 @@ def size_of(assembly: Assembly, level: Kinematics) -> Size | None:
     return Size(m * scalars, quadrature + touched, values, band)
 
 
-Array = NDArray[np.float64]
 EffectMaker = Callable[[Strip], Effect]
 
 UNSEEN = 0.01

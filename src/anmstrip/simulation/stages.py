@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anmstrip.arrays import Array
 from anmstrip.equilibrium import Model, StageProblem
 from anmstrip.fem.constraints import Supports
 from anmstrip.fem.sampling import l2_projection, quadrature_points
@@ -14,8 +14,6 @@ from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.shell import uniaxial_stretches
 from anmstrip.scene.schema import StageSpec
 from anmstrip.simulation.problem import Assembly, middle_node
-
-Array = NDArray[np.float64]
 
 
 @dataclass

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from anmstrip.arrays import Array
 from anmstrip.errors import InputError, Mistake
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.shell import uniaxial_stretches
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from anmstrip.mechanics.string_path import StringPath
     from anmstrip.scene.schema import SceneSpec
 
-Array = NDArray[np.float64]
 
 SENSES = {"over": 1.0, "under": -1.0}
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anmstrip.continuation.status import Outcome
+from anmstrip.continuation.equations import Outcome
 from anmstrip.driver import run
 from anmstrip.errors import InputError, Mistake
 from anmstrip.results.files import atomic_write, write_table

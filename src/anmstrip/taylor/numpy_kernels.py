@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from anmstrip.arrays import Array
 from anmstrip.taylor import tape
 from anmstrip.taylor.tape import Tables
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 FEW = 128

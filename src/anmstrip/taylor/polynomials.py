@@ -21,8 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+from anmstrip.arrays import Array, Index
 
 EPSILON = float(np.finfo(float).eps)
 

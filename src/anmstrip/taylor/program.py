@@ -22,11 +22,10 @@ from importlib.util import find_spec
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from anmstrip.arrays import Array
 from anmstrip.taylor.tape import Tables, Tape, Variable
-
-Array = NDArray[np.float64]
 
 AVAILABLE = find_spec("numba") is not None and os.environ.get("ANMSTRIP_COMPILED", "1") != "0"
 """Whether programs are compiled; the environment variable ANMSTRIP_COMPILED=0 says no."""

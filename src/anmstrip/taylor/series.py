@@ -12,14 +12,12 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from anmstrip.arrays import Array
 from anmstrip.taylor import tape as kinds
 from anmstrip.taylor.program import Orders, Program
 from anmstrip.taylor.tape import MixedPointsError, PerPoint, Rows, Table, Tape, Variable
-
-Array = NDArray[np.float64]
-
 
 FEW = 32
 """Entries of the last axis from which on they are taken for points."""

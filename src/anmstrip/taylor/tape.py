@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from anmstrip.arrays import Array
+
 Rows = NDArray[np.int64]
 Table = NDArray[Any]
 """Numbers of rows, or constants: floats and :class:`PerPoint`."""

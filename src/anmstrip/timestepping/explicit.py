@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import PPoly
 
-from anmstrip.continuation.equations import TINY, Array, Cost
-from anmstrip.continuation.status import Outcome, PathStopped
+from anmstrip.arrays import Array
+from anmstrip.continuation.equations import TINY, Cost, Outcome, PathStopped
 from anmstrip.taylor.polynomials import derivative_coefficients, value_at
 from anmstrip.taylor.series import recorded
 from anmstrip.timestepping.index_one import (

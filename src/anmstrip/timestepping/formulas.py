@@ -8,7 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from anmstrip.continuation.equations import Array, Equations
+from anmstrip.arrays import Array
+from anmstrip.continuation.equations import Equations
 from anmstrip.continuation.follow import PathSolver, follow
 
 

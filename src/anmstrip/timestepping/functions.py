@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline
 
-from anmstrip.continuation.equations import Array, Equations
+from anmstrip.arrays import Array
+from anmstrip.continuation.equations import Equations
 from anmstrip.taylor.series import RecordedFunction, recorded
 from anmstrip.timestepping.formulas import AffineVelocity, RateEquations, StepEquations, TimeStep
 from anmstrip.timestepping.index_one import TimePath, stretch

@@ -9,9 +9,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from anmstrip.continuation.equations import Array, Cost
+from anmstrip.arrays import Array
+from anmstrip.continuation.equations import Cost, Evidence, Outcome, PathStopped
 from anmstrip.continuation.follow import PathStep, Settings
-from anmstrip.continuation.status import Evidence, Outcome, PathStopped
 from anmstrip.linalg.solvers import LinearSolver, Remembering
 from anmstrip.timestepping.formulas import (
     AffineVelocity,

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PPoly
 
-from anmstrip.continuation.equations import TINY, Array
-from anmstrip.continuation.status import Outcome, PathStopped
+from anmstrip.arrays import Array
+from anmstrip.continuation.equations import TINY, Outcome, PathStopped
 from anmstrip.taylor.program import Orders
 from anmstrip.taylor.series import recorded
 
