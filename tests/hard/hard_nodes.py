@@ -224,7 +224,7 @@ def _dragged(
 
 def _integral(motion: Motion) -> float:
     """Return ∫ u dt along the cubics between the steps."""
-    h, times = np.diff(motion.path.times), motion.path.times
+    h, times = np.diff(motion.path.knots), motion.path.knots
     u, v = (np.array(x)[:, 0] for x in zip(*(motion.path(t) for t in times), strict=True))
     return float((h * (u[1:] + u[:-1]) / 2.0 + h**2 * (v[:-1] - v[1:]) / 12.0).sum())
 

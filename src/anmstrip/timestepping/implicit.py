@@ -29,12 +29,18 @@ LASTING = (1e-6, 1e-4)
 """Times in which forces overcome the drag of motions as large as the problem, over the whole: the
 second for snaps of single points of a stiff strip, which the first does not slow down."""
 
-FIRST = 1e-4
-"""First step, in units of this time."""
-
 CALM, RAN = 1e-2, 3.0
 """A state rests again where its velocity changes by less than the first of these parts of its way
 in this time, and has run away if its way is so many times what it is at the speed of the end."""
+
+SOON = 1e4
+"""When the state must have run away, in units of this time: otherwise no drag was missing."""
+
+FIRST = 1e-4
+"""First step, in units of this time."""
+
+MOST = 400
+"""Steps of a snap."""
 
 GROWTH = (2.0, 2.0, 1.5, 1.25, 1.12)
 """Largest ratio of successive steps by order, below the bounds of stability.
@@ -56,13 +62,27 @@ BRIEF, SHORTEST = 1e-9, 1e-13
 """Shortest steps, as fractions of the whole: before a snap is looked for, and at all, which is what
 is left of the digits of t."""
 
-NARROW = 1e-3
-"""Shortest branch of a step in time, as a fraction of it.
+DIGITS_OF_TIME = 8.0
+"""Shortest steps in units of the last digit of t: a short stage may come late."""
 
-Slip that comes to rest under sharp friction turns a corner there; branches would shrink towards it
-and grow again, and the error in time then ask for a shorter step.  Without it a strip at a
-hundredth of the sharpness takes twice the tangents.
-"""
+LEAST_SHARE = 1e-6
+"""Of the tolerance, that any step may add: a layer at the start of a long stage, in which the
+velocity changes at once and hardly anything moves, need not be resolved.  Without it the capstan at
+tolerances below 1e-4 stalls there."""
+
+ROUGH = 1e-4
+"""Least error in time of a snap: its way depends on the drag, only where it rests does not."""
+
+MOST_BRANCHES = 60
+"""Of one step: a shorter one is cheaper."""
+
+NARROW = 1e-3
+"""Shortest branch of a step in time, as a fraction of it.  Slip that comes to rest under sharp
+friction turns a corner there; branches would shrink towards it and grow again, and the error in
+time then ask for a shorter step.  Without it sharp friction takes a strip twice the tangents."""
+
+NARROWEST = 1e-6
+"""The same of the path to rest, for which there is no shorter step."""
 
 SETTLING = 0.01
 """First instant after a start, as a fraction of the first step.  With the whole of it the bridle
@@ -159,10 +179,10 @@ class _Integrator:
                 raise
             return snap
 
-    def tried(self, memory: Memory, end: float, shortest: float = SHORTEST) -> TimeStep:
-        """Try, estimate, and shorten until the error is allowed, down to the last digit of t."""
-        t, fixed = memory.times[0], self.stepping.fixed
-        least = max(shortest * self.stepping.whole, np.spacing(end))
+    def tried(self, memory: Memory, end: float, shortest: float) -> TimeStep:
+        """Try, estimate, and shorten until the error is allowed."""
+        t, (whole, fixed) = memory.times[0], (self.stepping.whole, self.stepping.fixed)
+        least = max(shortest * whole, DIGITS_OF_TIME * np.spacing(t))
         h, barred = min(fixed or max(memory.step, 2.0 * least), end - t), False
         rising = memory.order if fixed is None else self.stepping.order
         order = min(rising, self.stepping.order, memory.available)
@@ -208,9 +228,9 @@ class _Integrator:
         velocity = AffineVelocity(1.0 / self.stepping.whole, memory.v, np.zeros_like(u))
         path = self.equations.during(t, 0.0, velocity, u)
         try:
-            rest = self.followed(path, len(u), rational=False, shortest=1e-3 * NARROW)
+            rest = self.followed(path, len(u), rational=False, shortest=NARROWEST)
             still = replace(memory, states=(u + rest.branch.end[0],))
-            instant = max(SETTLING * memory.step, np.spacing(t))
+            instant = max(SETTLING * memory.step, DIGITS_OF_TIME * np.spacing(t))
             return replace(still, v=self.trial(still, t + instant, 1).v)
         except PathStopped:
             return memory
@@ -219,9 +239,9 @@ class _Integrator:
         self, path: StepEquations, size: int, *, rational: bool, shortest: float
     ) -> PathStep:
         """Last step of the path of the increment from λ = 0 to 1."""
-        settings = Settings(
-            self.settings.order,
-            self.settings.tolerance,
+        settings = replace(
+            self.settings,
+            max_steps=MOST_BRANCHES,
             shortest=shortest,
             give_way=False,
             rational=rational,
@@ -270,7 +290,7 @@ class _Integrator:
         resisted in between: if that may be seen, nothing has faded.
         """
         tolerance, answer = self.stepping.tolerance, local
-        share = (new - memory.times[0]) / self.stepping.whole
+        share = max((new - memory.times[0]) / self.stepping.whole, LEAST_SHARE)
         lasting = self.equations.error(trial.u, local) / share
         if trial.turned <= tolerance:
             self.cost.solves += 1
@@ -303,11 +323,13 @@ class _Integrator:
         None if no drag can be told, or the state does not run away with it, or does not rest.
         """
         t, u, v = memory.times[0], memory.states[0], memory.v
+        tolerance = max(self.stepping.tolerance, ROUGH)
         for lasting in (share * self.stepping.whole for share in LASTING):
             dragged = self.equations.dragged(t, u, v, lasting)
-            if dragged is None or np.spacing(t) > FIRST * lasting:
+            if dragged is None or DIGITS_OF_TIME * np.spacing(t) > FIRST * lasting:
                 continue
-            other = replace(self, equations=dragged)
+            stepping = replace(self.stepping, tolerance=tolerance)
+            other = replace(self, equations=dragged, stepping=stepping)
             slowed = min(1.0, float(np.abs(u).max() / np.abs(v).max()) / lasting)
             begin = start_memory(t, u, slowed * v, FIRST * lasting)
             try:
@@ -327,14 +349,16 @@ class _Integrator:
         ``lasting`` is the duration (s) that the drag was chosen for.
         """
         t, u, v, branches = memory.times[0], memory.states[0], memory.v, 0
-        for _ in range(self.settings.max_steps):
-            step = self.tried(memory, end)
+        for _ in range(MOST):
+            step = self.tried(memory, end, SHORTEST)
             memory, branches = step.memory, branches + step.branches
             way, spent = np.abs(step.u - u).max(), step.end - t
             ran = way > RAN * np.abs(step.v).max() * spent
             rests, v = np.abs(step.v - v).max() * lasting < CALM * way, step.v
             if ran and rests and step.end - step.start > lasting:
                 break
+            if not ran and spent > SOON * lasting:
+                return None
         else:
             return None
         told_apart = [a > b for a, b in pairwise(memory.times)]
