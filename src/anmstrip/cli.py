@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import math
+import shlex
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -160,7 +161,7 @@ def run_command(
     except KeyboardInterrupt:
         running.interrupted()
         click.echo(f"Interrupted. Everything up to here is in {running.directory}.")
-        click.echo(f"Next: anmstrip run {scene} -o {running.directory} --resume")
+        click.echo(f"Next: {resuming_command(scene, running.directory, settings)}")
         sys.exit(STOPPED)
     click.echo(running.message)
     for warning in running.warnings:
@@ -168,6 +169,12 @@ def run_command(
     click.echo(f"Results in {running.directory}. Next: anmstrip render {running.directory}")
     if not running.outcome.done:
         sys.exit(STOPPED)
+
+
+def resuming_command(scene: Path, directory: Path | None, settings: Iterable[str]) -> str:
+    """Return what to type, as a shell takes it, to go on with an interrupted run."""
+    given = [part for text in settings for part in ("--set", text)]
+    return shlex.join(["anmstrip", "run", str(scene), "-o", str(directory), *given, "--resume"])
 
 
 @main.command("explain", short_help="Say what a run would do, and warn.")

@@ -13,10 +13,10 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Outcome, PathStopped
 from anmstrip.continuation.follow import Pace
+from anmstrip.driver.checkpoint import identity, read_checkpoint
 from anmstrip.driver.recorder import Recorder
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import SHELL
-from anmstrip.results.files import load_checkpoint
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.simulation.march import March, Step, unbroken
@@ -42,6 +42,7 @@ def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
     arrays = {f"{kind}.{name}": x for kind, values in kept for name, x in values.items()}
     arrays |= {"full": march.full, "velocity": march.velocity}
     facts: dict[str, Any] = {
+        "input": run.identity,
         "stage": run.first_stage,
         "steps": run.steps,
         "expansions": run.cost.expansions,
@@ -119,7 +120,7 @@ class Run:
     ------
     InputError
         The scene's mesh or rollers cannot be used, nothing buckles that should be imperfect,
-        or there is no checkpoint to resume.
+        or there is no checkpoint of this scene to resume.
     """
 
     def __init__(
@@ -137,7 +138,7 @@ class Run:
 
             imperfection = imperfection_of(scene)
         self.assembly = Assembly(scene, imperfection, tuple(effects))
-        self.march = March(self.assembly)
+        self.march, self.identity = March(self.assembly), identity(self.assembly)
         self.steps, self.first_stage = 0, 0
         self.effects: dict[str, dict[str, Any]] = {}
         self.stages: dict[str, dict[str, Any]] = {}
@@ -149,7 +150,7 @@ class Run:
         resumed = None
         if resume:
             assert self.directory is not None
-            arrays, resumed = load_checkpoint(self.directory / "checkpoint.npz")
+            arrays, resumed = read_checkpoint(self.directory / "checkpoint.npz", self.march)
             unpack(self, arrays, resumed)
         self.watch: EventWatch | None = None
         a = self.assembly
@@ -266,8 +267,12 @@ class Run:
         entry["seconds"] += self.counted[0] - begin
 
     def _checkpoint(self, force: bool = False) -> None:
-        """Save what is needed to go on, if the run is written at all."""
-        if self.recorder is not None:
+        """Save what is needed to go on, if the run is written at all.
+
+        Before the first step of a stage that is what the end of the stage before has left: only
+        there is the past known that tells whether this stage continues it.
+        """
+        if self.recorder is not None and (self.march.reached is not None or not self.first_stage):
             self.recorder.checkpoint(*packed(self), force)
 
     def _finish(self) -> None:

@@ -87,7 +87,7 @@ class Course:
             start=self.time,
             duration=stage.duration,
             model=Model(a.strip, a.pattern, effects, a.scales),
-            supports=self._supports(stage),
+            supports=self.supports(stage),
             controls=Controls(start, slope),
             in_time=a.frictional(stage),
         )
@@ -151,7 +151,8 @@ class Course:
             return begin, begin
         return begin, np.array(control.velocity, dtype=float)
 
-    def _supports(self, stage: StageSpec) -> Supports:
+    def supports(self, stage: StageSpec) -> Supports:
+        """Return which unknowns a stage holds, and how they move."""
         strip = self.assembly.strip
         held = np.zeros(strip.unknowns, dtype=bool)
         start, end, bows = (np.zeros(strip.unknowns) for _ in range(3))

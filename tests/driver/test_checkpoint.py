@@ -1,0 +1,166 @@
+"""A run goes on only from a checkpoint of its own scene, and only from a whole one."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from anmstrip.cli import resuming_command
+from anmstrip.driver.scene import Scene
+from anmstrip.errors import InputError
+from anmstrip.results.files import load_checkpoint, save_checkpoint
+from anmstrip.scene.loading import Override
+
+SCENE = """
+[strip]
+length = 4.0
+width = 1.0
+thickness = 1.0e-3
+cells = [8, 1]
+kinematics = "section"
+
+[material]
+young = 2.0e11
+poisson = 0.3
+
+[edges.entry]
+fixed = ["x", "z"]
+
+[edges.exit]
+fixed = ["z"]
+
+[[stages]]
+name = "pull"
+duration = 1.0
+exit.force = [1.0e4, 0.0, 0.0]
+
+[[stages]]
+name = "lift"
+duration = 1.0
+exit.move = [0.0, 0.0, 0.2]
+"""
+
+Spoil = Callable[[dict[str, Any], dict[str, Any]], object]
+
+
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A scene file, and the directory of a run of it that was interrupted."""
+    directory = tmp_path_factory.mktemp("begun")
+    scene = directory / "scene.toml"
+    scene.write_text(SCENE, encoding="utf-8")
+    run = Scene.load(scene).run(directory / "results")
+    next(iter(run))
+    run.interrupted()
+    return scene, directory / "results"
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"strip.thickness": "2e-3"},
+        {"strip.cells": "[10, 1]", "material.young": "1e11"},
+        {"stages.lift.exit.move": "[0.0, 0.0, 0.3]"},
+        {"stages.pull.name": '"tug"'},
+        {"edges.exit.centred": "true"},
+        {"solver.tolerance": "1e-7"},
+        {"output.times": "[0.5]"},
+    ],
+)
+def test_another_scene_is_refused_with_the_keys_that_differ(
+    begun: tuple[Path, Path], tmp_path: Path, settings: dict[str, str]
+) -> None:
+    scene, results = begun
+    copy = shutil.copytree(results, tmp_path / "copy")
+    files = {path: path.read_bytes() for path in copy.iterdir()}
+    with pytest.raises(InputError) as caught:
+        Scene.load(scene, [f"{k}={v}" for k, v in settings.items()]).run(copy, resume=True)
+    named = " ".join(mistake.key for mistake in caught.value.mistakes)
+    assert all(key.removesuffix(".name") in named for key in settings)
+    assert {path: path.read_bytes() for path in copy.iterdir()} == files
+
+
+def test_bounds_of_the_work_may_differ(begun: tuple[Path, Path], tmp_path: Path) -> None:
+    scene, results = begun
+    copy = shutil.copytree(results, tmp_path / "copy")
+    settings = ["solver.max_steps=77", "solver.max_tangents=88", 'title="other words"']
+    run = Scene.load(scene, settings).run(copy, resume=True)
+    *_, last = run
+    assert run.outcome.done
+    assert last.state.edge_force("exit")[0] == pytest.approx(1e4, rel=1e-6)
+
+
+def test_another_mesh_of_the_same_name_is_refused(tmp_path: Path) -> None:
+    meshes = Path(__file__).parents[2] / "meshes"
+    one, other = sorted(meshes.glob("*.msh"))[:2]
+    mesh = shutil.copy(one, tmp_path / "strip.msh")
+    text = SCENE.replace("length = 4.0\nwidth = 1.0\n", f'mesh = "{Path(mesh).name}"\n')
+    text = text.replace("cells = [8, 1]\n", "").replace('"section"', '"shell"')
+    (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
+    scene = Scene.load(tmp_path / "scene.toml")
+    scene.run(tmp_path / "results").interrupted()
+    scene.run(tmp_path / "results", resume=True)
+    mesh = shutil.copy(other, tmp_path / "strip.msh")
+    with pytest.raises(InputError, match=r"strip\.mesh"):
+        scene.run(tmp_path / "results", resume=True)
+
+
+SPOILS: dict[str, Spoil] = {
+    "no scene": lambda a, f: f.pop("input"),
+    "scene of another kind": lambda a, f: f.update(input=[1]),
+    "stage beyond": lambda a, f: f.update(stage=2),
+    "stage negative": lambda a, f: f.update(stage=-1),
+    "stage a text": lambda a, f: f.update(stage="pull"),
+    "steps missing": lambda a, f: f.pop("steps"),
+    "reached a list": lambda a, f: f.update(reached=[1.0]),
+    "time nan": lambda a, f: f.update(time=float("nan")),
+    "released unknown": lambda a, f: f.update(released=["nowhere"]),
+    "stages of text": lambda a, f: f.update(stages={"pull": "x"}),
+    "effects half": lambda a, f: f.update(effects={"membrane": {"points": 3}}),
+    "snaps of numbers": lambda a, f: f.update(snaps=[1.0]),
+    "turned unknown": lambda a, f: f.update(turned={"r1": 0.0}),
+    "rows negative": lambda a, f: f.update(rows=-1),
+    "rows too many": lambda a, f: f.update(rows=1000),
+    "times without states": lambda a, f: f.update(times=[0.0]),
+    "pace half": lambda a, f: f.update(pace={"control": 0.5}),
+    "forward without array": lambda a, f: f.update(forward=0.5),
+    "full missing": lambda a, f: a.pop("full"),
+    "full short": lambda a, f: a.update(full=a["full"][:-1]),
+    "full nan": lambda a, f: a.update(full=np.full_like(a["full"], np.nan)),
+    "full of integers": lambda a, f: a.update(full=a["full"].astype(int)),
+    "velocity of two axes": lambda a, f: a.update(velocity=a["velocity"][None]),
+    "unknown array": lambda a, f: a.update({"value.nowhere.force": np.zeros(3)}),
+    "moved of two": lambda a, f: a.update({"moved.exit": np.zeros(2)}),
+}
+
+
+@pytest.mark.parametrize("name", SPOILS)
+def test_a_checkpoint_made_by_hand_is_refused(
+    begun: tuple[Path, Path], tmp_path: Path, name: str
+) -> None:
+    scene, results = begun
+    copy = shutil.copytree(results, tmp_path / "copy")
+    arrays, facts = load_checkpoint(copy / "checkpoint.npz")
+    facts = json.loads(json.dumps(facts))
+    if name == "moved of two":
+        facts["stage"], arrays["moved.exit"], arrays["speed.exit"] = 1, np.zeros(3), np.zeros(3)
+    SPOILS[name](arrays, facts)
+    save_checkpoint(copy / "checkpoint.npz", arrays, facts)
+    with pytest.raises(InputError, match=r"damaged|rows"):
+        Scene.load(scene).run(copy, resume=True)
+
+
+def test_the_next_command_is_what_was_typed() -> None:
+    settings = ("friction.coefficient=0.2", "strip.cells=[40, 4]", 'title="it\'s"')
+    words = shlex.split(resuming_command(Path("a b/scene.toml"), Path("my results"), settings))
+    assert words[:5] == ["anmstrip", "run", "a b/scene.toml", "-o", "my results"]
+    assert words[-1] == "--resume"
+    assert words[6:-1:2] == list(settings)
+    assert [Override.parse(text).value for text in words[6:-1:2]] == [0.2, [40, 4], "it's"]
