@@ -59,6 +59,7 @@ class Shape:
     crown: tuple[float, ...] = ()
     friction: float = 0.0
     law: Law = field(default_factory=lambda: Law(1.0))
+    sense: int = 1  # of a positive speed about the axis
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,7 @@ class Look:
     @cached_property
     def turning(self) -> np.ndarray:
         """Unit direction in which a positive speed moves the surface."""
-        return np.cross(self.axis, self.radial)
+        return self.shape.sense * np.cross(self.axis, self.radial)
 
     @cached_property
     def pressure(self) -> np.ndarray:

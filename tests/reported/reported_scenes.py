@@ -122,7 +122,7 @@ gravity = [0.0, 0.0, -9.81]
 name = "turn"
 duration = 0.1
 rollers.front.surface_speed = 0.002
-rollers.back.surface_speed = -0.0004
+rollers.back.surface_speed = 0.0004
 
 [solver]
 tolerance = 1.0e-3

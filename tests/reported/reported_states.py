@@ -18,7 +18,7 @@ SHAPES: dict[str, dict[str, Shape]] = {
         "front": Shape(
             0.5, (0.0, 0.1, -0.5), (0.006, 2.0, 0.004), (1.0e-5, -2.0e-4), friction=0.3, law=WIDE
         ),
-        "back": Shape(0.4, (1.3, 0.0, -1.2), friction=0.2, law=WIDE),
+        "back": Shape(0.4, (1.3, 0.0, -1.2), friction=0.2, law=WIDE, sense=-1),
     },
     "plate": {"r1": Shape(0.5, (0.0, 0.0, -0.501), law=Law(1e4, penalty=(1.0e9, 10.0, 1.0e-3)))},
     "lifted": {"r": Shape(0.5, (0.0, 0.0, -0.52), law=Law(1e4, penalty=(1.0e10, 10.0, 1.0e-3)))},
@@ -41,7 +41,7 @@ def looks_at(results: Results, surface: Surface) -> dict[str, Look]:
         return {"r1": Look(surface, shapes["r1"], share * full, share * 1.0, velocity, rubs)}
     if name in ("shell", "thin"):
         share, rubs = max(time - 2.0, 0.0) / 0.1, time > 2.0
-        speeds = {"front": 0.002 * share, "back": -0.0004 * share}
+        speeds = {"front": 0.002 * share, "back": 0.0004 * share}
         return {n: Look(surface, s, speed=speeds[n], rubs=rubs) for n, s in shapes.items()}
     if name == "plate":
         move = np.array([0.0, 0.0, 0.011 * max(time - 1.0, 0.0)])

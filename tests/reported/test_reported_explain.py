@@ -106,7 +106,8 @@ def threaded() -> tuple[float, dict[str, float]]:
 
 def test_wraps_are_those_of_tangents(said: dict[str, str]) -> None:
     assert row(said["TURNING"], "r1", "\nRollers")[1:] == [
-        "0.5", "0, 0, -0.501", "0, 1, 0", f"0.001 m, {np.degrees(WRAP):.4g}°, over",
+        "0.5", "0, 0, -0.501", "0, 1, 0", "above", "clockwise",
+        f"0.001 m, {np.degrees(WRAP):.4g}°, over",
     ]  # fmt: skip
     # lifted 80 mm above the line between both ends, on which its top is an arc of 0.5 m
     half = np.arctan2(0.08 - 0.5, 1.0) + np.arcsin(0.5 / np.hypot(1.0, 0.42))
@@ -119,7 +120,8 @@ def test_radii_at_the_sides_of_a_profile(said: dict[str, str]) -> None:
     """r + c₁ s + c₂ s² at 0.3 m on both sides, 0.1 m from the middle of the roller."""
     cells = " ".join(said["SHELL"].partition("\nRollers")[2].split("back")[0].split())
     left, right = (0.5 + 1.0e-5 * s - 2.0e-4 * s**2 for s in (-0.4, 0.2))
-    assert f"0.5; {left:g} at y = -0.3 m, {right:g} at y =" in cells
+    assert f"0.5; {left:g} at y =" in cells
+    assert f"-0.3 m, {right:g} at y = 0.3 m" in cells  # on the next line, after the other cells
     assert "0.003, 1, 0.002" in cells
 
 

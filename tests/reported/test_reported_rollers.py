@@ -354,7 +354,7 @@ def surface_travel(results: Results, name: str, time: float) -> float:
         since = max(time - 2.5, 0.0)
         return 0.5 * since**2 * 1.0 / 0.4
     since = max(time - 2.0, 0.0)
-    return 0.5 * since**2 * {"front": 0.002, "back": -0.0004}[name] / 0.1
+    return 0.5 * since**2 * {"front": 0.002, "back": 0.0004}[name] / 0.1
 
 
 @pytest.mark.parametrize("run", ["turning", "shell", "plate", "lifted"])
@@ -381,7 +381,7 @@ def test_rollers_are_drawn_where_they_are(run: str, request: pytest.FixtureReque
 def test_rollers_have_turned_by_the_travel_of_their_surface(
     turning: Results, shell: Results
 ) -> None:
-    """The painted line of angle zero has left the top by travel over radius, right-handed."""
+    """The painted line of angle zero has left the top by travel over radius, in its sense."""
     for results in (turning, shell):
         names = list(looks_at(results, results.last))
         for (time, mesh), surface in zip(results.drawn, results.surfaces, strict=True):
@@ -395,5 +395,6 @@ def test_rollers_have_turned_by_the_travel_of_their_surface(
                 top = np.array([0.0, 0.0, 1.0])
                 top -= (top @ look.axis) * look.axis
                 angle = np.arctan2(np.cross(top, e) @ look.axis, top @ e)
-                expected = surface_travel(results, name, time) / look.shape.radius
+                travel = surface_travel(results, name, time)
+                expected = look.shape.sense * travel / look.shape.radius
                 assert angle == pytest.approx(expected, rel=1e-9, abs=1e-12)

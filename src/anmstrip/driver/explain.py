@@ -137,10 +137,15 @@ def left_out(preview: Preview) -> list[str]:
 
 
 def roller_table(preview: Preview) -> Table:
-    """Return the rollers, with their radii at the strip's sides, distances, wraps and sides."""
+    """Return the rollers: radii at the strip's sides, places, senses, distances, wraps and sides.
+
+    Where the strip passes and how a positive speed turns the roller are seen with x to the right
+    and z upwards.
+    """
     strip, thread = preview.assembly.strip, preview.assembly.thread
     last = "wrap (°), side" if thread else "gap to the flat strip, wrap (°), side"
-    table = _table("Rollers", "roller", "radius (m)", "centre (m)", "axis", last)
+    columns = ("radius (m)", "centre (m)", "axis", "passed", "turns", last)
+    table = _table("Rollers", "roller", *columns)
     for roller in preview.assembly.rollers:
         radius = f"{roller.radius:g}"
         if not roller.is_cylinder:
@@ -151,11 +156,14 @@ def roller_table(preview: Preview) -> Table:
         turn = preview.turn(roller) if turn is None else turn
         sides = [s.senses[roller.name] for s in preview.strings if roller.name in s.senses]
         wrap = f"{np.degrees(turn):.4g}°, {sides[0]}" if sides else "not touched"
+        clockwise = roller.sense * roller.unit_axis[1] >= 0.0
         table.add_row(
             roller.name,
             radius,
             ", ".join(f"{c:g}" for c in roller.centre),
             ", ".join(f"{c:.3g}" for c in roller.unit_axis),
+            preview.passes(roller),
+            "clockwise" if clockwise else "anticlockwise",
             wrap if thread is not None else f"{flat_gap(strip, roller):.3g} m, {wrap}",
         )
     return table

@@ -113,7 +113,7 @@ class Recorder:
                 replace(roller, centre=tuple(state.controls[f"rollers.{roller.name}.centre"]))
                 for roller in self.assembly.rollers
             ]
-            angles = [self.turned[roller.name] / roller.radius for roller in moved]
+            angles = [roller.sense * self.turned[roller.name] / roller.radius for roller in moved]
             write_rollers(self.directory / rollers, moved, angles, self.assembly.strip.width)
             self.rollers.add(state.time, rollers)
         self.states += 1

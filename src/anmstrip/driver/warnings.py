@@ -6,10 +6,11 @@ Every rule is a function that looks at a :class:`Preview` and yields sentences.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from anmstrip.arrays import Array
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.mechanics.roller import Roller
@@ -21,10 +22,15 @@ from anmstrip.mechanics.string_path import (
     StraightEnd,
     string_path,
 )
-from anmstrip.simulation.meshing import QUARTER, bending_stiffness, boundary_layer, largest_force
+from anmstrip.simulation.meshing import (
+    QUARTER,
+    bending_stiffness,
+    boundary_layer,
+    largest_force,
+    surface_speed,
+)
 from anmstrip.simulation.problem import Assembly, Size, size_of
 from anmstrip.simulation.stages import Course
-from anmstrip.simulation.threading import SENSES
 
 STEEPEST = np.radians(5.0)
 """Slope up to which a plate is offered: it errs by slope²/2, which is 0.4 % there."""
@@ -70,6 +76,16 @@ class Preview:
     def turn(self, roller: Roller) -> float:
         """Largest wrap of a roller in any stage (rad)."""
         return max((string.turns.get(roller.name, 0.0) for string in self.strings), default=0.0)
+
+    def passes(self, roller: Roller) -> str:
+        """Where from a roller the strip is in the middle of its wrap: x to the right, z upwards."""
+        found = [s.places[roller.name] for s in self.strings if roller.name in s.places]
+        if not found:
+            return "–"
+        x, z = found[0]
+        if abs(z) >= abs(x):
+            return "above" if z > 0.0 else "below"
+        return "to the right" if x > 0.0 else "to the left"
 
 
 def warnings(preview: Preview) -> list[str]:
@@ -212,7 +228,8 @@ def slipping_friction(preview: Preview) -> Iterator[str]:
     law, stages = preview.assembly.friction, preview.assembly.scene.stages
     if law is None or preview.tension == 0.0:
         return
-    given = [control.surface_speed for stage in stages for control in stage.rollers.values()]
+    rollers = preview.assembly.rollers
+    given = [surface_speed(stage.rollers.get(r.name), r) for stage in stages for r in rollers]
     speed = max((abs(s) for s in given if s), default=0.0)
     creep = speed * law.coefficient * preview.tension / preview.assembly.strip.tensile_stiffness
     if creep and law.speed > 10.0 * creep:
@@ -371,6 +388,7 @@ class StringEstimate:
     turns: dict[str, float]  # wraps of the rollers that are touched (rad)
     senses: dict[str, str]  # "over" or "under", of those
     slope: float  # steepest angle to the flat strip, sag included (rad)
+    places: dict[str, Array] = field(default_factory=dict)  # direction to the middle of the wrap
 
 
 def string_estimate(course: Course) -> StringEstimate:
@@ -392,7 +410,8 @@ def string_estimate(course: Course) -> StringEstimate:
     elif a.scene.contact is not None:
         crossing = [roller for roller in a.rollers if abs(roller.unit_axis[1]) > 0.1]
         for roller in sorted(crossing, key=lambda roller: roller.centre[0]):
-            rollers.append((roller, SENSES["over" if roller.centre[2] < 0.0 else "under"]))
+            below = roller.centre[2] < 0.0
+            rollers.append((roller, 1.0 if below else -1.0))
     while rollers:
         centres, radii = [], []
         for roller, _ in rollers:
@@ -407,10 +426,13 @@ def string_estimate(course: Course) -> StringEstimate:
             continue
         angles = path.angles[0::2, 0]
         slopes = np.arctan2(np.sin(angles), np.cos(angles))
+        middles = path.at(0.5 * (path.arcs.start[:, 0] + path.arcs.end[:, 0]), 0)[0].T
+        ways = middles - np.array(centres)[:, :, 0]
         return StringEstimate(
             {r.name: float(t) for (r, _), t in zip(rollers, path.arcs.turn[:, 0], strict=True)},
             {r.name: "over" if sense > 0.0 else "under" for r, sense in rollers},
             float(np.abs(slopes).max()) + sag,
+            {r.name: way for (r, _), way in zip(rollers, ways, strict=True)},
         )
     if isinstance(entry, FixedEnd) and isinstance(exit, FixedEnd):
         along = np.subtract(exit.position, entry.position)

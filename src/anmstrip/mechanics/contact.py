@@ -204,8 +204,8 @@ class Friction(LawEffect):
 
     The slip has one component along the direction of turning and, in space, one along
     the meridian.  Controls: ``rollers.NAME.centre`` (m), ``rollers.NAME.surface_speed``
-    (m/s, of the profile where it has the nominal radius) and ``rollers.NAME.velocity``
-    (m/s, of the centre).
+    (m/s, in the roller's sense, where the profile has the nominal radius) and
+    ``rollers.NAME.velocity`` (m/s, of the centre).
 
     Attributes
     ----------
@@ -285,7 +285,7 @@ class Friction(LawEffect):
         """Tangential velocity relative to the surface (m/s), (components of slip, points)."""
         own = transform(self.frame, control_of(self.roller, controls, "velocity"))
         relative = transform(self.view, v) - own
-        speed = control_of(self.roller, controls, "surface_speed")
+        speed = control_of(self.roller, controls, "surface_speed") * self.roller.sense
         turning = np.eye(len(self.frame) - 1)[0][:, None]
         surface = (turning if place.ratio is None else place.ratio * turning) * speed
         return np.einsum("ki...,i...->k...", tangents, relative) - surface

@@ -60,9 +60,10 @@ class Roller:
     name: str
     radius: Any  # r (m)
     centre: Any  # c (m), shape (3,)
-    axis: Any = (0.0, 1.0, 0.0)  # a, any length; speed along y moves the top towards +x
+    axis: Any = (0.0, 1.0, 0.0)  # a, any length; turning about y moves the top towards +x
     crown: Sequence[Any] = ()  # c_1, c_2, … (1, 1/m, …)
     sides: Sides | None = None
+    sense: Any = 1.0  # of a positive surface speed: 1 right-handed about the axis, −1 against it
     several: tuple[Roller, ...] = ()
     which: Index | None = None  # number of each point's roller among several, (points,)
 
@@ -191,6 +192,7 @@ def combine(rollers: Sequence[Roller], which: Index) -> Roller:
         Sides(*(at_points(values, which) for values in zip(*sides, strict=True)))
         if any(roller.sides for roller in rollers)
         else None,
+        at_points([roller.sense for roller in rollers], which),
         tuple(rollers),
         which,
     )

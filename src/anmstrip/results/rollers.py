@@ -73,8 +73,8 @@ class ContactState:
 
     @property
     def turning(self) -> Array:
-        """Unit direction in which the surface turns, a × n, shape (3, points)."""
-        across = np.cross(self.roller.unit_axis, self.normal, axis=0)
+        """Unit direction of a positive surface speed, ± a × n, shape (3, points)."""
+        across = np.cross(self.roller.sense * self.roller.unit_axis, self.normal, axis=0)
         return across / np.linalg.norm(across, axis=0)
 
     @property
@@ -88,7 +88,7 @@ class RollerReading:
     """Forces of a roller on the strip, and how they come about."""
 
     normal_force: float  # sum of the normal forces (N)
-    drag: float  # sum of the friction forces in the sense of turning (N)
+    drag: float  # sum of the friction forces in the sense of a positive speed (N)
     wrap: float  # angle from the first to the last point in contact (rad)
     tension_in: float  # before the roller (N/m), by equilibrium from the entry; 0 without one
     tension_out: float  # behind it, likewise

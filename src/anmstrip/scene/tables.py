@@ -283,8 +283,8 @@ class RollerSpec(Table):
     """conical sides, a table of taper (m/m), flat and rounding (m)"""
     friction: NotNegative | None = Field(None, examples=["0.2"])
     """coefficient f on this roller; left out: that of [friction], at least 0 (1)"""
-    wrap: Literal["over", "under"] | None = Field(None, examples=['"over"'])
-    """side on which a threaded strip passes, "over" or "under" (text)"""
+    wrap: Literal["over", "under", "left", "right"] | None = Field(None, examples=['"over"'])
+    """side on which a threaded strip passes, "over" or "under", "left" or "right" (text)"""
 
     def find_mistakes(self) -> Iterator[Mistake]:
         """Yield an axis without direction."""
@@ -358,9 +358,18 @@ class RollerControl(Table):
     """Controls of a roller in a stage; each changes linearly over the stage."""
 
     surface_speed: Number | None = Field(None, examples=["1.0"])
-    """speed of the surface, right-handed about the axis, a number (m/s)"""
+    """speed of the surface, positive if it carries a threaded strip on, a number (m/s)"""
+    angular_speed: Number | None = Field(None, examples=["2.0"])
+    """speed of turning instead, right-handed about the axis, a number (rad/s)"""
     move: Vector | None = Field(None, examples=["[0.0, 0.0, 0.1]"])
     """displacement from the initial position, three numbers (m)"""
+
+    def find_mistakes(self) -> Iterator[Mistake]:
+        """Yield a speed that is given twice."""
+        if self.surface_speed is not None and self.angular_speed is not None:
+            expected = "either surface_speed (m/s) or angular_speed (rad/s), not both"
+            hint = "one of them; take one out"
+            yield Mistake("", "angular_speed", self.angular_speed, expected, hint)
 
 
 class StageSpec(Table):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,9 @@ from skfem import MeshLine, MeshQuad
 from anmstrip.arrays import Array
 from anmstrip.errors import InputError, Mistake
 from anmstrip.fem.strip import grid, line
+from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.schema import SceneSpec
+from anmstrip.scene.tables import RollerControl
 
 if TYPE_CHECKING:
     from anmstrip.simulation.threading import Thread
@@ -46,7 +49,9 @@ def boundary_layer(scene: SceneSpec) -> float:
     return float(np.sqrt(bending_stiffness(scene) / tension)) if tension > 0.0 else np.inf
 
 
-def strip_mesh(scene: SceneSpec, thread: Thread | None) -> MeshQuad | MeshLine:
+def strip_mesh(
+    scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None
+) -> MeshQuad | MeshLine:
     """Rectangles, or lines of a section, finer over and near the rollers.
 
     The fine part covers a quarter of each roller's circumference on both sides of its axis,
@@ -59,7 +64,9 @@ def strip_mesh(scene: SceneSpec, thread: Thread | None) -> MeshQuad | MeshLine:
     assert length is not None
     half, coarse = length / 2.0, length / spec.cells[0]
     fine = spec.refined or QUARTER * boundary_layer(scene) or np.inf
-    zones = fine_zones(scene, thread, half) if scene.contact is not None and fine < coarse else []
+    zones = list[tuple[float, float]]()
+    if scene.contact is not None and fine < coarse:
+        zones = fine_zones(scene, rollers, thread, half)
     if spec.feed:
         zones = [(-half, half)] if zones else []
     section = spec.kinematics == "section"
@@ -102,18 +109,21 @@ def lines_of_nodes(
     return np.concatenate(xs)
 
 
-def fine_zones(scene: SceneSpec, thread: Thread | None, half: float) -> list[tuple[float, float]]:
+def fine_zones(
+    scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None, half: float
+) -> list[tuple[float, float]]:
     """Stretches of strip, in the reference, that come to lie on rollers."""
     zones, united = [], list[tuple[float, float]]()
     threaded = {} if thread is None else thread.arcs
     margin = 4.0 * min(boundary_layer(scene), half)
-    for roller in scene.rollers:
+    back, ahead = _carried(scene, rollers, thread)
+    for roller in rollers:
         reach = 0.5 * np.pi * roller.radius
-        first, last = roller.centre[0] - reach, roller.centre[0] + reach
+        middle = roller.centre[0] if thread is None else thread.passing(crossing(roller))[0]
+        first, last = middle - reach, middle + reach
         if roller.name in threaded:
             first, last = threaded[roller.name]
             first, last = first - margin, last + margin
-        back, ahead = _carried(scene, roller.name)
         zones.append((max(-half, float(first - ahead)), min(half, float(last + back))))
     for lo, hi in sorted((lo, hi) for lo, hi in zones if lo < hi):
         if united and lo <= united[-1][1]:
@@ -123,23 +133,52 @@ def fine_zones(scene: SceneSpec, thread: Thread | None, half: float) -> list[tup
     return united
 
 
-def _carried(scene: SceneSpec, name: str) -> tuple[float, float]:
-    """Largest travel of the strip over a roller, backwards and forwards (m).
+def crossing(roller: Roller) -> Array:
+    """Point (x, z) in which the axis of a roller crosses the plane y = 0, or its centre."""
+    centre, axis = np.asarray(roller.centre, dtype=float), roller.unit_axis
+    return (centre - axis * (centre[1] / axis[1] if axis[1] else 0.0))[[0, 2]]
 
-    That of the edges that are held, or of the roller's surface where none is or it is let go.
+
+def carrying_sense(roller: Roller, thread: Thread | None) -> float:
+    """+1 if turning right-handed about its axis a roller carries the strip on, else −1."""
+    forwards = np.copysign(1.0, roller.unit_axis[1])
+    if thread is None:
+        return float(forwards if roller.centre[2] <= 0.0 else -forwards)
+    wrapped = dict(zip((r.name for r in thread.rollers), thread.senses, strict=True))
+    return float(forwards * wrapped.get(roller.name, thread.passing(crossing(roller))[1]))
+
+
+def surface_speed(control: RollerControl | None, roller: Roller) -> float | None:
+    """Surface speed (m/s, in the roller's sense) that a stage ends with, None if it stays."""
+    if control is None:
+        return None
+    if control.angular_speed is None:
+        return control.surface_speed
+    return roller.sense * roller.radius * control.angular_speed
+
+
+def _carried(
+    scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None
+) -> tuple[float, float]:
+    """Largest travel of the strip, backwards and forwards (m).
+
+    That of the edges that are held, or of any roller's surface where none is or one is let go: a
+    roller that stands does not hold a strip that others carry over it.
     """
     held = [edge for edge, spec in scene.edges.items() if spec.fixed]
-    if not held or any(c.release for stage in scene.stages for c in stage.edges.values()):
-        rollers = [stage.rollers.get(name) for stage in scene.stages]
-        return _travel(scene, [None if r is None else r.surface_speed for r in rollers])
     ways = []
-    for edge in held:
-        controls = [stage.edges.get(edge) for stage in scene.stages]
-        velocities = [None if c is None else c.velocity for c in controls]
-        speeds = [None if v is None else np.copysign(np.linalg.norm(v), v[0]) for v in velocities]
-        ways.append(_travel(scene, speeds))
-    back, ahead = zip(*ways, strict=True)
-    return max(back), max(ahead)
+    if not held or any(c.release for stage in scene.stages for c in stage.edges.values()):
+        for roller in rollers:
+            sense = carrying_sense(roller, thread) * roller.sense
+            own = [surface_speed(s.rollers.get(roller.name), roller) for s in scene.stages]
+            ways.append(_travel(scene, [None if s is None else sense * s for s in own]))
+    else:
+        for edge in held:
+            controls = [stage.edges.get(edge) for stage in scene.stages]
+            given = [None if c is None else c.velocity for c in controls]
+            speeds = [None if v is None else np.copysign(np.linalg.norm(v), v[0]) for v in given]
+            ways.append(_travel(scene, speeds))
+    return max((b for b, _ in ways), default=0.0), max((a for _, a in ways), default=0.0)
 
 
 def _travel(scene: SceneSpec, speeds: list[float | None]) -> tuple[float, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
 from inspect import signature
@@ -31,7 +31,7 @@ from anmstrip.mechanics.loads import (
 from anmstrip.mechanics.roller import Roller, Sides
 from anmstrip.mechanics.shell import Membrane
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
-from anmstrip.simulation.meshing import largest_force, strip_mesh
+from anmstrip.simulation.meshing import carrying_sense, largest_force, strip_mesh
 
 if TYPE_CHECKING:
     from anmstrip.fem.sampling import ContactOperator
@@ -150,8 +150,11 @@ class Assembly:
 
     @cached_property
     def rollers(self) -> tuple[Roller, ...]:
-        """Geometry of the rollers."""
-        return tuple(roller_of(spec) for spec in self.scene.rollers)
+        """Geometry of the rollers; those of a threaded strip carry it at positive speeds."""
+        rollers = tuple(roller_of(spec) for spec in self.scene.rollers)
+        if self.thread is None:
+            return rollers
+        return tuple(replace(r, sense=carrying_sense(r, self.thread)) for r in rollers)
 
     @cached_property
     def material(self) -> Material:
@@ -180,14 +183,14 @@ class Assembly:
             return None
         from anmstrip.simulation.threading import thread_of
 
-        return thread_of(self.scene, self.rollers)
+        return thread_of(self.scene, [roller_of(spec) for spec in self.scene.rollers])
 
     @cached_property
     def strip(self) -> Strip:
         """Mesh and basis."""
         spec = self.scene.strip
         if spec.mesh is None:
-            mesh = strip_mesh(self.scene, self.thread)
+            mesh = strip_mesh(self.scene, self.rollers, self.thread)
         else:
             from anmstrip.scene.mesh_file import read_mesh
 

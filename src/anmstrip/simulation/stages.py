@@ -13,6 +13,7 @@ from anmstrip.fem.sampling import l2_projection, quadrature_points
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.shell import uniaxial_stretches
 from anmstrip.scene.schema import StageSpec
+from anmstrip.simulation.meshing import surface_speed
 from anmstrip.simulation.problem import Assembly, middle_node
 
 
@@ -122,8 +123,8 @@ class Course:
             end["pressure"] = np.array(stage.pressure, dtype=float)
         for roller in self.assembly.rollers:
             control, key = stage.rollers.get(roller.name), f"rollers.{roller.name}"
-            if control is not None and control.surface_speed is not None:
-                end[f"{key}.surface_speed"] = np.array(control.surface_speed, dtype=float)
+            if (speed := surface_speed(control, roller)) is not None:
+                end[f"{key}.surface_speed"] = np.array(speed)
             if control is not None and control.move is not None:
                 end[f"{key}.centre"] = np.array(roller.centre) + np.array(control.move)
         return end

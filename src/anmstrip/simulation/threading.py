@@ -22,10 +22,17 @@ if TYPE_CHECKING:
     from anmstrip.scene.schema import SceneSpec
 
 
-SENSES = {"over": 1.0, "under": -1.0}
+SENSES = {"over": 1.0, "left": 1.0, "under": -1.0, "right": -1.0}
+"""Sides on which a strip passes: +1 on the left of its travel, with x to the right and z upwards,
+so that it turns to the right."""
+
+OTHER_SIDE = {"over": "under", "under": "over", "left": "right", "right": "left"}
 
 DEEPEST = 0.5
 """Share of a roller's radius that a threaded strip may sink into it."""
+
+LOOKS = 2001
+"""Places along a threaded strip, of which the one next to a roller is sought."""
 
 RELAXATION_ORDER, RELAXATION_TOLERANCE = 8, 1e-4
 """Of the path that lets the guess slide into place: almost linear, and a guess."""
@@ -40,7 +47,7 @@ class Thread:
     rollers : sequence of Roller
         Those that it is wrapped around, in their order along the strip.
     senses : ndarray, shape (rollers,)
-        +1 over, −1 under.
+        +1 over or left, −1 under or right.
     depths : ndarray, shape (rollers,)
         Gap of the pressed strip (m), negative where it is pressed in.
     ends : tuple of End or None
@@ -84,6 +91,15 @@ class Thread:
         """Roller → wrap (rad)."""
         turn = self.middle.arcs.turn[:, 0]
         return {r.name: float(angle) for r, angle in zip(self.rollers, turn, strict=True)}
+
+    def passing(self, centre: Array) -> tuple[float, float]:
+        """Reference x at which the strip passes a point (x, z), and its sense round it."""
+        s = np.linspace(0.0, float(self.middle.length[0]), LOOKS)
+        position, heading = self.middle.at(s, 0)
+        way = centre[:, None] - position
+        i = int((way**2).sum(axis=0).argmin())
+        right = heading[1, i] * way[0, i] - heading[0, i] * way[1, i]
+        return float(s[i]) / self.along - self.length / 2.0, 1.0 if right >= 0.0 else -1.0
 
     def string_path(self, y: Array) -> StringPath:
         """Paths of the fibres at y, shape (fibres,)."""
@@ -252,7 +268,7 @@ def _refused(scene: SceneSpec, rollers: Sequence[Roller], error: ValueError) -> 
             "a side on which the taut strip touches this roller; "
             f"there it would have to turn by {np.degrees(turn):.3g} degrees"
         )
-        other = {"over": "under", "under": "over"}[side or "over"]
+        other = OTHER_SIDE[side or "over"]
         hint = f'wrap = "{other}", another centre, or no wrap'
         return _mistaken(scene, f"rollers.{names[index]}.wrap", side, expected, hint)
     before = names[index - 1] if index else "the entry"

@@ -1,0 +1,121 @@
+"""Directions: mirrored and turned lines, signs of speeds, and what is said of them."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+import pytest
+from threaded import ended, roller, scene_of, values
+
+from anmstrip.driver.explain import explain
+from anmstrip.mechanics.roller import Roller
+from anmstrip.simulation.problem import Assembly
+
+LINE: dict[str, Any] = {
+    "strip": {"refined": 0.02},
+    "contact": {"stiffness": 1e9, "eta": 100.0, "delta": 1e-2},
+    "friction": {"law": "tanh", "coefficient": 0.2, "speed": 1e-2},
+    "threading": {"tension": 1e4, "entry": (-0.8, 0.0, 0.3), "exit": (1.4, 0.0, -0.1)},
+    "rollers": [
+        roller("a", 0.0, -0.1, 0.2, "over"),
+        roller("b", 0.6, 0.1, 0.2, "under"),
+        {"name": "c", "radius": 0.1, "centre": (1.1, 0.0, -0.4)},
+    ],
+    "stages": [
+        {"name": "hold", "duration": 0.1},
+        {"name": "turn", "duration": 0.1, "rollers": {"b": {"surface_speed": 0.05}},
+         "entry": {"release": True}},
+    ],
+    "solver": {"tolerance": 1e-4},
+}  # fmt: skip
+"""A roller that stands, one that drives, and one that the strip has yet to come to."""
+
+
+def seen(mirror: tuple[int, int], swapped: bool) -> dict[str, Any]:
+    """The same line with x and z multiplied by signs, and the sides of wraps swapped."""
+    line = deepcopy(LINE)
+
+    def turned(place: Any) -> tuple[float, float, float]:
+        return mirror[0] * place[0], place[1], mirror[1] * place[2]
+
+    ends = ("entry", "exit")
+    line["threading"] |= {end: turned(line["threading"][end]) for end in ends}
+    for table in line["rollers"]:
+        table["centre"] = turned(table["centre"])
+        if swapped and "wrap" in table:
+            table["wrap"] = {"over": "right", "under": "left"}[table["wrap"]]
+    return line
+
+
+@pytest.mark.parametrize(("mirror", "swapped"), [((1, -1), True), ((-1, -1), False)])
+def test_a_mirrored_line_gives_mirrored_results(mirror: tuple[int, int], swapped: bool) -> None:
+    """Upside down with the sides swapped, and turned half round: entry at the right."""
+    (run, state), (other, image) = (
+        ended(scene_of(tables)) for tables in (seen((1, 1), False), seen(mirror, swapped))
+    )
+    assert run.cost.expansions == other.cost.expansions
+    here, there = (np.sort(a.assembly.strip.mesh.p[0]) for a in (run, other))
+    np.testing.assert_allclose(here, there, rtol=0.0, atol=1e-12)
+    signs = np.array([[mirror[0]], [1.0], [mirror[1]]])
+    assert np.abs(values(run, state) - signs * values(other, image)).max() < 1e-9
+    for name, reading in state.rollers.items():
+        for part in ("normal_force", "drag", "wrap", "creep_speed", "tension_in", "max_slip"):
+            one, two = getattr(reading, part), getattr(image.rollers[name], part)
+            assert one == pytest.approx(two, rel=1e-7, abs=1e-7), (name, part)
+    assert state.rollers["b"].drag > 100.0  # N: it pulls the strip on, over the roller that stands
+    assert state.rollers["a"].drag < -100.0
+
+
+def test_the_mesh_is_fine_where_strip_comes_to_lie_on_any_roller() -> None:
+    """Carried by b: at 0.05 m/s after 0.1 s, 2.5 mm, over a and c as well."""
+    still = deepcopy(LINE)
+    still["stages"][1]["rollers"]["b"]["surface_speed"] = 0.0
+    rest, moved = (_zones(Assembly(scene_of(tables))) for tables in (still, LINE))
+    for (lo, hi), (low, high) in zip(rest, moved, strict=True):
+        assert lo - low == pytest.approx(0.0025, abs=1e-12)
+        assert high == pytest.approx(hi, abs=1e-12)
+
+
+def _zones(assembly: Assembly) -> list[tuple[float, float]]:
+    from anmstrip.simulation.meshing import fine_zones
+
+    half = 0.5 * assembly.strip.length
+    return fine_zones(assembly.scene, assembly.rollers, assembly.thread, half)
+
+
+def test_positive_speeds_carry_the_strip_on() -> None:
+    """Also rollers that the strip only comes near, whatever the direction of their axes."""
+    line = deepcopy(LINE)
+    line["rollers"][0]["axis"] = (0.0, -2.0, 0.0)
+    for a in Assembly(scene_of(line)).rollers:
+        top = a.sense * np.cross(a.unit_axis, [0.0, 0.0, 1.0])
+        assert top[0] == pytest.approx(-1.0 if a.name == "b" else 1.0)
+
+
+@pytest.mark.parametrize("axis", [1.0, -1.0])
+def test_angular_speed_is_right_handed_about_the_axis(axis: float) -> None:
+    """A point on top moves with ω × r, whichever way the strip goes."""
+    line = deepcopy(LINE)
+    line["rollers"][1]["axis"] = (0.0, axis, 0.0)
+    line["stages"][1]["rollers"]["b"] = {"angular_speed": 0.25}
+    _, state = ended(scene_of(line))
+    assert state.controls["rollers.b.surface_speed"] == pytest.approx(-axis * 0.25 * 0.2)
+    assert np.sign(state.rollers["b"].creep_speed) == -axis
+
+
+def test_explain_says_sides_and_directions() -> None:
+    text = explain(scene_of(seen((-1, -1), False)))
+    rows = {r.split()[0]: r for r in text.partition("\nRollers")[2].splitlines()[1:] if r}
+    assert "below      clockwise" in rows["a"]  # over, but the strip travels to the left
+    assert "above  anticlockwise" in rows["b"]
+    assert rows["a"].endswith("over")
+    assert "–" in rows["c"]
+
+
+def test_members_keep_their_senses() -> None:
+    from anmstrip.mechanics.roller import combine
+
+    one, two = (Roller(n, 0.5, (0.0, 0.0, 0.0), sense=s) for n, s in (("a", 1.0), ("b", -1.0)))
+    np.testing.assert_array_equal(combine([one, two], np.array([0, 1, 1])).sense, [1.0, -1.0, -1.0])
