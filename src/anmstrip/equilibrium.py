@@ -100,6 +100,11 @@ class Equilibrium:
         v of the free unknowns as a function of u and λ; needed with friction.
     moving : ndarray, shape (unknowns,), optional
         Velocity of what is held and moved, zero elsewhere.
+
+    Attributes
+    ----------
+    metric : ndarray, shape (free,)
+        Of changes of position: mean square over the nodes, over the length scale.
     """
 
     def __init__(
@@ -116,12 +121,7 @@ class Equilibrium:
         size = model.scales
         self.free_units = 1.0 / model.units[supports.free]
         self.is_value = np.isin(supports.free, model.value_unknowns)
-        self._metric = self.is_value / (size.length**2 * len(model.strip.node_values))
-
-    @property
-    def metric(self) -> Array:
-        """Metric of changes of position: mean square over the nodes, over the length scale."""
-        return self._metric
+        self.metric: Array = self.is_value / (size.length**2 * len(model.strip.node_values))
 
     def full_velocity(self, u: Array, control: float) -> Array | None:
         """Velocity of all unknowns, or ``None`` where nothing depends on it."""

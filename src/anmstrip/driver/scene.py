@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from anmstrip.driver.run import Run
-from anmstrip.errors import InputError, Mistake
 from anmstrip.results.rollers import Regularisation
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.simulation.march import Step
@@ -52,7 +51,11 @@ class Scene(SceneSpec):
         Run
         """
         if self.friction is not None and self.friction.regularisation == "auto":
-            return SharpenedRun(self, directory, resume=resume, effects=effects)
+            if resume:
+                expected = '"fixed": each run depends on the one before it'
+                hint = "the same without --resume"
+                raise self.refused("friction.regularisation", "auto", expected, hint)
+            return SharpenedRun(self, directory, effects=effects)
         return Run(self, directory, resume=resume, effects=effects)
 
 
@@ -79,29 +82,16 @@ class SharpenedRun(Run):
 
     Attributes
     ----------
-    passes : list of dict
+    passes : tuple of dict
         Constants of the laws of every run, the largest estimated ``effect`` of its regularisation
         on a tension, and its ``tangents``.
     """
 
-    def __init__(
-        self,
-        scene: SceneSpec,
-        directory: str | Path | None = None,
-        resume: bool = False,
-        effects: Iterable[EffectMaker] = (),
-    ) -> None:
-        if resume:
-            file, key = str(scene.source or "scene"), "friction.regularisation"
-            expected = '"fixed": each run depends on the one before it'
-            raise InputError([Mistake(file, key, "auto", expected, "the same without --resume")])
-        super().__init__(scene, directory, effects=effects)
-        self.passes: list[dict[str, float]] = []
-        self.costs: dict[str, list[Regularisation]] = {}
+    passes: tuple[dict[str, float], ...] = ()
 
     def __iter__(self) -> Iterator[Step]:
         while True:
-            self.costs = {}
+            self.costs: dict[str, list[Regularisation]] = {}
             for step in super().__iter__():
                 if step.state.plan.in_time:  # the last state of each stage stays
                     self.costs[step.stage] = list(step.state.regularisation.values())
@@ -110,7 +100,7 @@ class SharpenedRun(Run):
                 return
             laws, sharper, tolerance = self.laws(), self.sharper(), self.scene.solver.tolerance
             done = {"effect": self.effect, "tangents": self.cost.expansions}
-            self.passes.append({**laws, **done})
+            self.passes = (*self.passes, {**laws, **done})
             *words, last = (CONSTANTS[key][1].format(value) for key, value in laws.items())
             sharp = self.effect <= tolerance
             self.message += (
@@ -121,13 +111,12 @@ class SharpenedRun(Run):
             if sharp or len(self.passes) == MOST_RUNS or laws == sharper:
                 self._finish()
                 return
-            tables, passes = self.scene.to_dict(), self.passes
+            tables = self.scene.to_dict()
             for key, value in sharper.items():
                 tables[CONSTANTS[key][0]][key] = value
             scene = SceneSpec.model_validate(tables)
             scene._source = self.scene.source
             super().__init__(scene, self.directory, effects=self.assembly.added)
-            self.passes = passes
 
     def facts(self) -> dict[str, Any]:
         """Return the counters of the run, and what was done to sharpen its laws."""

@@ -242,16 +242,12 @@ def slipping_friction(preview: Preview) -> Iterator[str]:
 
 def beyond_yield(preview: Preview) -> Iterator[str]:
     """Rollers over which the bent strip is stressed beyond its yield stress."""
-    scene, m, t = (
-        preview.assembly.scene,
-        preview.assembly.material,
-        preview.assembly.strip.thickness,
-    )
+    scene, m = preview.assembly.scene, preview.assembly.material
     limit = scene.material.yield_stress
     if limit is None or scene.contact is None or not scene.strip.bending:
         return
     for roller in preview.assembly.rollers:
-        stress = m.young * t / (2.0 * roller.radius * (1.0 - m.poisson**2))
+        stress = m.young * scene.strip.thickness / (2.0 * roller.radius * (1.0 - m.poisson**2))
         if stress > limit:
             yield (
                 f"bending over {roller.name} gives {stress / 1e6:.0f} MPa at the surface, "

@@ -246,16 +246,11 @@ class Friction(LawEffect):
     @cached_property
     def by_roller(self) -> dict[str, Friction]:
         """Roller → its own friction, at all points of the strip."""
+        own = self.coefficients or [self.law_of_slip.coefficient] * len(self.roller.members)
         return {
-            name: Friction(contact, self._law_on(k))
-            for k, (name, contact) in enumerate(self.contact.by_roller.items())
+            name: Friction(contact, self.law_of_slip.with_coefficient(f))
+            for f, (name, contact) in zip(own, self.contact.by_roller.items(), strict=True)
         }
-
-    def _law_on(self, roller: int) -> FrictionLaw:
-        """The law on one of the rollers."""
-        if self.coefficients is None:
-            return self.law_of_slip
-        return self.law_of_slip.with_coefficient(self.coefficients[roller])
 
     @cached_property
     def acting(self) -> FrictionLaw:

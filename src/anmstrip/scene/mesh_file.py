@@ -15,7 +15,7 @@ from skfem import Mesh, MeshQuad
 from skfem.io import from_meshio
 
 from anmstrip.arrays import Array
-from anmstrip.errors import InputError, Mistake, nearest
+from anmstrip.errors import InputError, nearest
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS
 
@@ -144,24 +144,24 @@ def read_mesh(scene: SceneSpec) -> Mesh:
         Unreadable, other or mixed cells, not flat, cells without area or not joined, or edges of
         the scene missing.
     """
-    path, file = Path(str(scene.strip.mesh)), str(scene.source or "scene")
+    path = Path(str(scene.strip.mesh))
     try:
         mesh = named_mesh(read_silently(path))
         check_shapes(mesh)
     except MeshError as error:
         hint = error.hint or EXAMPLES
-        raise InputError([Mistake(file, "strip.mesh", str(path), str(error), hint)]) from error
+        raise scene.refused("strip.mesh", str(path), str(error), hint) from error
     known = sorted(mesh.boundaries or {})
     wanted = [(f"edges.{name}", name) for name in scene.edges]
     wanted += [(f"stages.{s.name}.{name}", name) for s in scene.stages for name in s.edges]
     expected = "an edge on the boundary that the mesh names"
     mistakes = [
-        Mistake(file, key, name, expected, nearest(name, known) if known else NAMING)
+        scene.mistake(key, name, expected, nearest(name, known) if known else NAMING)
         for key, name in wanted
         if name not in known
     ]
     mistakes += [
-        Mistake(file, "strip.mesh", name, "edges named entry and exit", NAMING)
+        scene.mistake("strip.mesh", name, "edges named entry and exit", NAMING)
         for name in ENDS
         if name not in known
     ]

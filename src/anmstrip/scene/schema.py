@@ -8,7 +8,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from anmstrip.errors import Mistake
+from anmstrip.errors import InputError, Mistake
 from anmstrip.scene.checks import check_scene
 from anmstrip.scene.loading import parse_scene, read_text, validate_scene, with_default_names
 from anmstrip.scene.tables import (
@@ -137,6 +137,14 @@ class SceneSpec(Table):
     def name(self) -> str:
         """Short name for directories: the stem of the scene's file."""
         return "scene" if self._source is None else self._source.stem
+
+    def mistake(self, key: str, value: object, expected: str, hint: str) -> Mistake:
+        """Return a mistake of this scene, with its file, see :class:`Mistake`."""
+        return Mistake(str(self.source or "scene"), key, value, expected, hint)
+
+    def refused(self, key: str, value: object, expected: str, hint: str) -> InputError:
+        """Return the error of a single mistake of this scene."""
+        return InputError([self.mistake(key, value, expected, hint)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the scene as used, defaults included, as it would be typed; JSON-ready."""

@@ -9,7 +9,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import PathStopped
 from anmstrip.equilibrium import Equilibrium
-from anmstrip.errors import InputError, Mistake
+from anmstrip.errors import InputError
 from anmstrip.fem.operators import CellOperator, Pattern
 from anmstrip.fem.sampling import l2_projection
 from anmstrip.linalg.solvers import LinearSolver, SparseSolver
@@ -138,6 +138,4 @@ def _refused(scene: SceneSpec, found: str) -> InputError:
     value = {"mode": spec.mode, "amplitude": spec.amplitude}
     expected = f"a first stage, threading included, that ends compressed across or along; {found}"
     hint = "no imperfection, or a first stage in which the strip is compressed"
-    return InputError(
-        [Mistake(str(scene.source or "scene"), "strip.imperfection", value, expected, hint)]
-    )
+    return scene.refused("strip.imperfection", value, expected, hint)

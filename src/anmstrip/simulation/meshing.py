@@ -10,7 +10,6 @@ import numpy as np
 from skfem import MeshLine, MeshQuad
 
 from anmstrip.arrays import Array
-from anmstrip.errors import InputError, Mistake
 from anmstrip.fem.strip import grid, line
 from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.schema import SceneSpec
@@ -91,9 +90,7 @@ def _bearable(
             f"{fine if zones else 2.0 * half / along:.3g} m"
         )
         hint = f"refined = {finest:.1g}" if zones else "cells = [16, 2]"
-        raise InputError(
-            [Mistake(str(scene.source or "scene"), f"strip.{key}", now, expected, hint)]
-        )
+        raise scene.refused(f"strip.{key}", now, expected, hint)
 
 
 def lines_of_nodes(

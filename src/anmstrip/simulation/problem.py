@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.errors import InputError, Mistake
+from anmstrip.errors import InputError
 from anmstrip.fem.constraints import Scales
 from anmstrip.fem.geometry import KINEMATICS, PLATE, SECTION, Kinematics
 from anmstrip.fem.operators import Pattern
@@ -29,7 +29,7 @@ from anmstrip.mechanics.loads import (
     weight,
 )
 from anmstrip.mechanics.roller import Roller, Sides
-from anmstrip.mechanics.shell import Membrane
+from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
 from anmstrip.simulation.meshing import carrying_sense, largest_force, strip_mesh
 
@@ -221,11 +221,7 @@ class Assembly:
             return None
         turns = spec.bending == "kirchhoff-love" or spec.imperfection is not None
         if turns and self.kinematics is not PLATE:
-            from anmstrip.mechanics.shell import KirchhoffLove
-
             return KirchhoffLove(self.strip, self.imperfection)
-        from anmstrip.mechanics.shell import isometric_bending
-
         return isometric_bending(self.strip, self.pattern)
 
     @cached_property
@@ -387,27 +383,25 @@ def own_law(scene: SceneSpec, table: str) -> Any:
     given = spec.model_dump(include={"coefficient", "exponent", "omega", "speed"})
     module, _, name = reference.partition(":")
     beside = str((scene.source or Path("scene")).absolute().parent)
-    file, key, hint = str(scene.source or "scene"), f"{table}.law", f"a subclass of {base.__name__}"
+    key, hint = f"{table}.law", f"a subclass of {base.__name__}"
     sys.path.insert(0, beside)
     try:
         law = getattr(import_module(module), name)
     except Exception as error:  # whatever the user's module raises
         expected = f"a module and a class in it that can be imported ({error})"
-        raise InputError([Mistake(file, key, reference, expected, hint)]) from error
+        raise scene.refused(key, reference, expected, hint) from error
     finally:
         sys.path.remove(beside)
     if not (isinstance(law, type) and issubclass(law, base)):
         expected = f"a subclass of anmstrip.{base.__name__}"
-        raise InputError(
-            [Mistake(file, key, reference, expected, f"class {name}({base.__name__})")]
-        )
+        raise scene.refused(key, reference, expected, f"class {name}({base.__name__})")
     known = signature(law).parameters
     try:
         return law(**{k: v for k, v in given.items() if k in known}, **parameters)
     except (TypeError, ValueError) as error:
         expected, typed = f"the arguments of {name}{signature(law)} ({error})", dict(parameters)
-        key = f"{table}.parameters"
-        raise InputError([Mistake(file, key, typed, expected, "parameters = { … }")]) from error
+        hint = "parameters = { … }"
+        raise scene.refused(f"{table}.parameters", typed, expected, hint) from error
 
 
 def roller_of(spec: RollerSpec) -> Roller:
@@ -434,7 +428,7 @@ def check_geometry(scene: SceneSpec, strip: Strip, rollers: Sequence[Roller]) ->
         A roller without a radius somewhere across the strip, or inside the flat strip; an edge to
         be centred without a node in its middle.
     """
-    file, mistakes = str(scene.source or "scene"), []
+    mistakes = []
     across = np.linspace(-0.5, 0.5, 33) * (scene.strip.width or 0.0)
     for spec, roller in zip(scene.rollers, rollers, strict=True):
         least = float(np.min(roller.radius_at(across - roller.centre[1])))
@@ -442,17 +436,17 @@ def check_geometry(scene: SceneSpec, strip: Strip, rollers: Sequence[Roller]) ->
             profile, value = next(iter(spec.profile.items()))
             key, hint = f"rollers.{spec.name}.{profile}", GENTLE[profile].format(1e-3 * spec.radius)
             expected = f"a radius above 0 all across the strip; it falls to {least:.3g} (m)"
-            mistakes.append(Mistake(file, key, value, expected, hint))
+            mistakes.append(scene.mistake(key, value, expected, hint))
         elif scene.threading is None and (gap := flat_gap(strip, roller)) < -1e-12 * spec.radius:
             key, value = f"rollers.{spec.name}.centre", list(spec.centre)
             expected = f"a roller outside the flat strip; its surface is {-gap:.4g} m inside"
             hint = f"move centre at least {-gap:.4g} m away from the strip, or reduce radius"
-            mistakes.append(Mistake(file, key, value, expected, hint))
+            mistakes.append(scene.mistake(key, value, expected, hint))
     for name, edge in scene.edges.items():
         if edge.centred and name in strip.edges and middle_node(strip, name) is None:
             expected = "a mesh node in the middle of the edge"
             hint = "an even number of cells across, e.g. cells = [16, 2]"
-            mistakes.append(Mistake(file, f"edges.{name}.centred", True, expected, hint))
+            mistakes.append(scene.mistake(f"edges.{name}.centred", True, expected, hint))
     if mistakes:
         raise InputError(mistakes)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.errors import InputError, Mistake
+from anmstrip.errors import InputError
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.shell import uniaxial_stretches
 
@@ -230,7 +230,7 @@ def _with_ends(scene: SceneSpec, thread: Thread) -> Thread:
     if run <= 0.0:
         least = thread.given - missing * run / thread.along
         expected, hint = f"more than {least:.4g} (m) for this way", f"length = {1.3 * least:.3g}"
-        raise _mistaken(scene, "strip.length", thread.given, expected, hint)
+        raise scene.refused("strip.length", thread.given, expected, hint)
     level = replace(thread, ends=tuple(end or StraightEnd(run) for end in thread.ends)).middle
     places, _ = level.at(np.array([0.0, level.length[0]]), 0)
     return replace(thread, ends=tuple(FixedEnd(place) for place in places.T))
@@ -254,7 +254,7 @@ def _depth(scene: SceneSpec, roller: Roller) -> float:
             f"would sink {-gap:.3g} m into roller {roller.name}, of radius {roller.radius:g} m"
         )
         hint = f"stiffness = {100.0 * pressure / roller.radius:.1g}"
-        raise _mistaken(scene, "contact.stiffness", scene.contact.stiffness, expected, hint)
+        raise scene.refused("contact.stiffness", scene.contact.stiffness, expected, hint)
     return gap
 
 
@@ -270,7 +270,7 @@ def _refused(scene: SceneSpec, rollers: Sequence[Roller], error: ValueError) -> 
         )
         other = OTHER_SIDE[side or "over"]
         hint = f'wrap = "{other}", another centre, or no wrap'
-        return _mistaken(scene, f"rollers.{names[index]}.wrap", side, expected, hint)
+        return scene.refused(f"rollers.{names[index]}.wrap", side, expected, hint)
     before = names[index - 1] if index else "the entry"
     after = names[index] if index < len(names) else "the exit"
     key = f"rollers.{after}.centre" if index < len(names) else "threading.exit"
@@ -279,8 +279,4 @@ def _refused(scene: SceneSpec, rollers: Sequence[Roller], error: ValueError) -> 
     given = {"threading.entry": scene.threading.entry, "threading.exit": scene.threading.exit}
     value = given[key] if key in given else list(rollers[index].centre)
     expected = f"room for a straight run from {before} to {after}, which overlap"
-    return _mistaken(scene, key, value, expected, "a place further away")
-
-
-def _mistaken(scene: SceneSpec, key: str, value: object, expected: str, hint: str) -> InputError:
-    return InputError([Mistake(str(scene.source or "scene"), key, value, expected, hint)])
+    return scene.refused(key, value, expected, "a place further away")

@@ -61,7 +61,7 @@ def derivative_coefficients(coefficients: Array) -> Array:
 
 @dataclass(frozen=True)
 class Roots:
-    """Where functions change their sign, in the order in which it happens.
+    """Changes of sign of functions, in the order in which they happen.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class Roots:
         return len(self.which)
 
     def chosen(self, mask: NDArray[np.bool_]) -> Roots:
-        """Those of the roots that a mask chooses."""
+        """Return the roots that a mask chooses."""
         return Roots(self.which[mask], self.where[mask], self.sense[mask])
 
 

@@ -57,7 +57,7 @@ class PerPoint(NamedTuple):
 
 
 class Variable(NamedTuple):
-    """Where an array is found: its rows, its shape, and whether its last axis is in the lanes."""
+    """Place of an array: its rows, its shape, and whether its last axis is in the lanes."""
 
     rows: Rows
     shape: tuple[int, ...]

@@ -114,7 +114,7 @@ class FunctionEquations(Equations):
 
     @property
     def metric(self) -> float:
-        """Of changes in units of ``scale``."""
+        """Metric of changes in units of ``scale``."""
         return self.scale**-2
 
     def imbalance(self, residual: Array) -> float:
@@ -225,7 +225,7 @@ class FunctionStepEquations(StepEquations):
 
     @property
     def metric(self) -> float:
-        """Of changes in units of what the step may err."""
+        """Metric of changes in units of what the step may err."""
         return self.unit**-2
 
     def imbalance(self, residual: Array) -> float:
