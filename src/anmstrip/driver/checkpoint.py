@@ -42,7 +42,7 @@ class PaceFacts:
 
 @dataclass
 class StageFacts:
-    """What a stage has cost."""
+    """Work that a stage has cost."""
 
     steps: Count
     tangents: Count
@@ -51,7 +51,7 @@ class StageFacts:
 
 @dataclass
 class EffectFacts:
-    """What an effect has cost."""
+    """Work that an effect has cost."""
 
     points: Count
     seconds: Number
