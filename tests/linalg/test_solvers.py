@@ -5,6 +5,7 @@ import pytest
 from scipy.sparse import csc_matrix, diags
 
 from anmstrip.linalg import solvers as linear_solvers
+from anmstrip.linalg.bordered import Bordered
 from anmstrip.linalg.direct import (
     BandPlan,
     NonFiniteTangentError,
@@ -272,3 +273,54 @@ def test_negative_eigenvalues_are_counted(solver, kind):
     assert (expected > 0) is (kind == "symmetric indefinite")
     assert solver.factorise(csc_matrix(matrix)).negatives == expected
     assert DenseSolver().factorise(matrix).negatives == expected
+
+
+def bordered(kind, rng, n=60, m=3):
+    """A banded matrix with three full rows and columns of mixed units, and all of it."""
+    units = 10.0 ** rng.uniform(-3.0, 3.0, m)
+    a, b, c = banded(n, 4, rng, kind), rng.standard_normal((n, m)), rng.standard_normal((m, n))
+    scale = np.sqrt(np.abs(np.diag(a)) + np.abs(a).max(axis=0))
+    b, c = scale[:, None] * b * units, scale * c * units[:, None]
+    c = b.T if kind.startswith("symmetric") else c
+    d = units[:, None] * np.diag(rng.standard_normal(m)) * units
+    return Bordered(csc_matrix(a), b, c, d), np.block([[a, b], [c, d]])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_border_is_eliminated(kind):
+    matrix, full = bordered(kind, np.random.default_rng(5))
+    factors = SparseSolver().factorise(matrix)
+    for seed in range(3):
+        right = full @ np.random.default_rng(seed).standard_normal(len(full))
+        assert backward_error(full, factors.solve(right), right) < 1e-12
+    if kind.startswith("symmetric"):
+        assert factors.negatives == (np.linalg.eigvalsh(full) < 0.0).sum()
+
+
+@pytest.mark.parametrize("left", [0.0, 1e-18, 1e-12, 1e-6])
+def test_a_border_that_holds_what_the_inner_block_does_not(left):
+    """A chain of springs that nothing holds but the border, whose inner block is singular."""
+    n = 50
+    chain = diags([-1.0, 2.0, -1.0], [-1, 0, 1], shape=(n, n)).toarray()
+    chain[0, 0] = chain[-1, -1] = 1.0
+    chain += left * np.eye(n)
+    column, row = np.zeros((n, 1)), np.zeros((1, n))
+    column[n // 2], row[0, n // 3] = -1.0, 1.0
+    matrix = Bordered(csc_matrix(chain), column, row, np.array([[0.5]]))
+    full = matrix.assembled().toarray()
+    expected = np.random.default_rng(1).standard_normal(n + 1)
+    found = SparseSolver().factorise(matrix).solve(full @ expected)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_a_border_that_is_singular_or_not_finite_is_refused():
+    matrix, _ = bordered("unsymmetric", np.random.default_rng(5))
+    loose = Bordered(matrix.inner, 0.0 * matrix.columns, matrix.rows, 0.0 * matrix.corner)
+    with pytest.raises(SingularTangentError) as singular:
+        SparseSolver().factorise(loose)
+    assert singular.value.unknown == 60
+    corner = matrix.corner.copy()
+    corner[1, 1] = np.nan
+    with pytest.raises(NonFiniteTangentError) as caught:
+        SparseSolver().factorise(Bordered(matrix.inner, matrix.columns, matrix.rows, corner))
+    assert caught.value.unknown == 61

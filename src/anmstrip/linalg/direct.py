@@ -74,6 +74,14 @@ def require_stiffness(largest: Array) -> None:
         raise SingularTangentError(f"unknown {unknown} has no stiffness", unknown)
 
 
+def require_finite(matrix: csc_matrix) -> None:
+    """Raise an error that names the first column with an entry that is not finite."""
+    finite = np.isfinite(matrix.data)
+    if not finite.all():
+        first = int(np.argmin(finite))
+        raise NonFiniteTangentError(int(np.searchsorted(matrix.indptr, first, side="right")) - 1)
+
+
 def equilibrated(matrix: csc_matrix) -> Array:
     """Factors d such that the largest d_i |K_ij| d_j of every column is of order one.
 

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.linalg import lapack
 from scipy.sparse import csc_matrix
 
+from anmstrip.linalg.bordered import Bordered
 from anmstrip.linalg.direct import (
     Array,
     BandPlan,
@@ -17,6 +18,7 @@ from anmstrip.linalg.direct import (
     SingularTangentError,
     SuperLUPlan,
     pardiso_is_there,
+    require_finite,
     require_stiffness,
 )
 
@@ -72,14 +74,11 @@ class SparseSolver:
 
     plan: BandPlan | SuperLUPlan | None = None
 
-    def factorise(self, matrix: csc_matrix) -> Factors:
-        """Factors by the plan for the pattern of the matrix."""
-        finite = np.isfinite(matrix.data)
-        if not finite.all():
-            first = int(np.argmin(finite))
-            raise NonFiniteTangentError(
-                int(np.searchsorted(matrix.indptr, first, side="right")) - 1
-            )
+    def factorise(self, matrix: csc_matrix | Bordered) -> Factors:
+        """Factors by the plan for the pattern of the matrix; a border is eliminated."""
+        if isinstance(matrix, Bordered):
+            return matrix.factorised(self.factorise)
+        require_finite(matrix)
         if self.plan is None or not self.plan.fits(matrix):
             self.plan = fastest_plan(matrix)
         return self.plan.factorise(matrix)
