@@ -318,6 +318,8 @@ class StageProblem:
     controls : Controls
     in_time : bool
         Whether velocities matter; else the stage is rate-free.
+    steady : bool
+        Whether strip moves through its states, which are stationary.
     """
 
     name: str
@@ -327,6 +329,19 @@ class StageProblem:
     supports: Supports
     controls: Controls
     in_time: bool
+    steady: bool = False
+
+    def transport(self, full: Array, control: float) -> Array | None:
+        """Velocity of strip that moves through a stationary state; None of another rate-free one.
+
+        Shape (unknowns,).
+        """
+        if not self.steady:
+            return None
+        from anmstrip.mechanics.transport import SPEED, transport_velocity
+
+        speed = float(self.controls.at(control)[SPEED])
+        return transport_velocity(self.model.strip, self.model.pattern, full, speed)
 
     def continues(self, past: StageProblem) -> bool:
         """Whether a stage in time goes on where another ended, with no jump of a velocity."""

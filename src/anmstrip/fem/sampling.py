@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Self, TypeVar
 
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
@@ -119,31 +119,37 @@ class ContactOperator:
     """
 
     def __init__(self, strip: Strip) -> None:
-        basis, kind = strip.basis, shape_of(strip)
+        kind = shape_of(strip)
         self.count, self.width = strip.count, strip.width
         patch = patches(strip, contact_points(kind))
         self.cells, self.reference = patch.cells, patch.reference
         self.chosen: Index = np.arange(self.reference.shape[1], dtype=np.int64)
         self.table: Array = np.stack([np.asarray(f) for f in patch.functions], axis=-1)
+        self.functions = patch.functions
         self.shares = strip.areas[:, None] * SHARES[kind]
         total = np.bincount(self.cells.ravel(), self.shares.ravel())
         self.weights: Array = total.astype(float)
-        first = np.unique(self.cells, return_index=True)[1]
-        rows = self.table.reshape(-1, basis.Nbfun)[first]
-        columns = np.repeat(basis.element_dofs.T, self.cells.shape[1], axis=0)[first]
-        index = (np.repeat(self.chosen, basis.Nbfun), columns.ravel())
-        self.matrix = csr_matrix((rows.ravel(), index), shape=(len(first), strip.scalars))
-        self.matrix.eliminate_zeros()
+        self.matrix = self._at_points(strip, self.table)
         self.transposed = self.matrix.T.tocsr()
-        self.parts: dict[bytes, ContactOperator] = {}
+        self.parts: dict[bytes, Self] = {}
 
-    def restricted(self, points: Index) -> ContactOperator:
+    def _at_points(self, strip: Strip, table: Array) -> csr_matrix:
+        """Return what takes scalars to points, from a table by elements."""
+        count, first = strip.basis.Nbfun, np.unique(self.cells, return_index=True)[1]
+        rows = table.reshape(-1, count)[first]
+        columns = np.repeat(strip.basis.element_dofs.T, self.cells.shape[1], axis=0)[first]
+        index = (np.repeat(np.arange(len(first)), count), columns.ravel())
+        matrix = csr_matrix((rows.ravel(), index), shape=(len(first), strip.scalars))
+        matrix.eliminate_zeros()
+        return matrix
+
+    def restricted(self, points: Index) -> Self:
         """The same on some of the points, also several times; it keeps the cells of all."""
         if np.array_equal(points, np.arange(len(self.chosen))):
             return self
         return remembered(self.parts, points, self._part)
 
-    def _part(self, points: Index) -> ContactOperator:
+    def _part(self, points: Index) -> Self:
         part = copy(self)
         part.parts = {}
         part.chosen = self.chosen[points]
@@ -167,17 +173,47 @@ class ContactOperator:
 
     def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Array) -> None:
         """Add Lᵀ w J L, J[j, i] of shape (count, count, points), over these points' cells."""
+        self._add_tangent(derivative, self.table, pattern, blocks)
+
+    def _add_tangent(
+        self, derivative: Array, inputs: Array, pattern: Pattern, blocks: Array
+    ) -> None:
+        """Add Lᵀ w J M, where the table of M is another one than that of L."""
         every = np.zeros((self.count, self.count, self.cells.max() + 1))
         np.add.at(every.T, self.chosen, derivative.T)
         active = np.abs(every).max(axis=(0, 1)) > 0.0
         near = np.flatnonzero(active[self.cells].any(axis=1))
-        table, places = self.table[near], pattern.cells[near].ravel()
-        transposed = np.ascontiguousarray(table.swapaxes(1, 2))
+        table, places = inputs[near], pattern.cells[near].ravel()
+        transposed = np.ascontiguousarray(self.table[near].swapaxes(1, 2))
         weighted = every[:, :, self.cells[near]] * self.shares[near]
         for i in range(self.count):
             for j in range(self.count):
                 local = transposed @ (weighted[j, i][:, :, None] * table)
                 blocks[i, j] += np.bincount(places, local.ravel(), pattern.couplings)
+
+
+class SlopeOperator(ContactOperator):
+    """Values and derivatives along x at the contact points: both go in, forces come out."""
+
+    def __init__(self, strip: Strip) -> None:
+        super().__init__(strip)
+        self.slope_table = np.stack([np.asarray(f.grad)[0] for f in self.functions], axis=-1)
+        self.slopes = self._at_points(strip, self.slope_table)
+
+    def _part(self, points: Index) -> Self:
+        part = super()._part(points)
+        part.slopes = self.slopes[points]
+        return part
+
+    def apply(self, full: Array) -> Array:
+        """Values and derivatives of the unknown components, shape (2, count, points)."""
+        unknowns = full.reshape(-1, self.count)
+        return np.stack([(m @ unknowns).T for m in (self.matrix, self.slopes)])
+
+    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Array) -> None:
+        """Add Lᵀ w (J_0 L + J_1 L,x), J of shape (2, count, count, points)."""
+        self._add_tangent(derivative[0], self.table, pattern, blocks)
+        self._add_tangent(derivative[1], self.slope_table, pattern, blocks)
 
 
 def contact_points(kind: str) -> Array:

@@ -248,7 +248,12 @@ class Friction(LawEffect):
         """Roller → its own friction, at all points of the strip."""
         own = self.coefficients or [self.law_of_slip.coefficient] * len(self.roller.members)
         return {
-            name: Friction(contact, self.law_of_slip.with_coefficient(f))
+            name: replace(
+                self,
+                contact=contact,
+                law_of_slip=self.law_of_slip.with_coefficient(f),
+                coefficients=None,
+            )
             for f, (name, contact) in zip(own, self.contact.by_roller.items(), strict=True)
         }
 
@@ -280,10 +285,23 @@ class Friction(LawEffect):
         """Tangential velocity relative to the surface (m/s), (components of slip, points)."""
         own = transform(self.frame, control_of(self.roller, controls, "velocity"))
         relative = transform(self.view, v) - own
+<<<<<<< HEAD
         speed = control_of(self.roller, controls, "surface_speed") * self.roller.sense
+=======
+        return np.einsum("ki...,i...->k...", tangents, relative) - self.surface(place, controls)
+
+    def surface(self, place: Projection, controls: Mapping[str, Any]) -> Any:
+        """Velocity of the surface along the tangents (m/s), (components of slip, points)."""
+        speed = control_of(self.roller, controls, "surface_speed")
+>>>>>>> a897caa (Stationary states: strip moves through its own shape at a given speed, section and shell)
         turning = np.eye(len(self.frame) - 1)[0][:, None]
-        surface = (turning if place.ratio is None else place.ratio * turning) * speed
-        return np.einsum("ki...,i...->k...", tangents, relative) - surface
+        return (turning if place.ratio is None else place.ratio * turning) * speed
+
+    def sliding(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Projection, Any, Any]:
+        """Return where the points are on the roller, its tangents there, and their slip."""
+        place = self.contact.seen(x, controls)
+        tangents = self.tangents(place)
+        return place, tangents, self.slip(place, tangents, v, controls)
 
     def reversed_friction(self, before: Moment, after: Moment) -> float:
         """Friction (N) by which the strip may be off where points slip the other way than before.
@@ -309,18 +327,14 @@ class Friction(LawEffect):
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Residual per area: minus the traction of the roller, (components, points)."""
-        place = self.contact.seen(x, controls)
-        tangents = self.tangents(place)
-        pressure = self.contact.pressure(place)
-        traction = self.acting(pressure, self.slip(place, tangents, v, controls))
+        place, tangents, slip = self.sliding(x, v, controls)
+        traction = self.acting(self.contact.pressure(place), slip)
         local = np.einsum("ki...,k...->i...", tangents, traction)
         return transform(-self.view.swapaxes(0, 1), local)
 
     def in_space(self, x: Array, v: Array, controls: Mapping[str, Any]) -> tuple[Array, Array]:
         """Slip (m/s) and traction (Pa) in space, shape (3, points) each."""
-        place = self.contact.seen(x, controls)
-        tangents = self.tangents(place)
-        slip = self.slip(place, tangents, v, controls)
+        place, tangents, slip = self.sliding(x, v, controls)
         traction = self.acting(self.contact.pressure(place), slip)
         directions = np.einsum("ki...,ix...->kx...", tangents, self.frame)
         along, across = (np.einsum("kxp,kp->xp", directions, s) for s in (slip, traction))

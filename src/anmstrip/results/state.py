@@ -70,7 +70,7 @@ class State:
         a = None if self.branch is None else self.branch.reaches(control)
         if self.branch is not None and a is not None:
             full = self.plan.supports.full(self.branch(a)[0], control)
-            return State(self.plan, time, control, full, None)
+            return State(self.plan, time, control, full, self.plan.transport(full, control))
         start, u = self.plan.start, np.zeros_like(self.full)
         if before is not None:
             start, u = before.time, before.full
@@ -144,7 +144,7 @@ class State:
         contacts: dict[str, Contact] = {}
         frictions: dict[str, Friction] = {}
         for effect in found:
-            (frictions if effect.rate_dependent else contacts).update(effect.by_roller)
+            (frictions if effect.name == "friction" else contacts).update(effect.by_roller)
         return {name: self._contact(c, frictions.get(name)) for name, c in contacts.items()}
 
     def _contact(self, contact: Contact, friction: Friction | None) -> ContactState:
@@ -179,7 +179,7 @@ class State:
                 self.contacts[name],
                 reading,
                 speed=float(self.controls[f"rollers.{name}.surface_speed"]),
-                elapsed=self.time,
+                elapsed=np.inf if self.plan.steady else self.time,
                 stiffness=self.plan.model.strip.tensile_stiffness,
             )
             for name, reading in self.rollers.items()

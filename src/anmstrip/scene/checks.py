@@ -263,6 +263,38 @@ def stages_have_friction(friction: FrictionSpec | None, stages: Stages) -> Itera
             yield Mistake("", f"stages.{stage.name}.friction", True, expected, hint)
 
 
+def steady_stages(
+    friction: FrictionSpec | None, rollers: Rollers, edges: Mapping[str, EdgeSpec], stages: Stages
+) -> Iterator[Mistake]:
+    """Yield what a stationary state cannot be without, and what cannot be in it."""
+    speed, held = None, edges["entry"].fixed if "entry" in edges else ()
+    for stage in stages:
+        key, given = f"stages.{stage.name}", stage.strip.speed
+        speed = speed if given is None else given
+        if not stage.steady:
+            if given is not None:
+                expected = "nothing, or steady = true: in time the strip's speed follows"
+                yield Mistake("", f"{key}.strip.speed", given, expected, "steady = true")
+            continue
+        if friction is None or not rollers or not stage.friction:
+            expected = "false without friction on rollers: nothing carries the strip"
+            hint = "a table [friction] and no friction = false in this stage, or steady = false"
+            yield Mistake("", f"{key}.steady", True, expected, hint)
+        if not {"x", "z"} <= set(held):
+            expected = "x and z held: a stationary state counts its labels from the entry"
+            yield Mistake(
+                "", "edges.entry.fixed", list(held) or None, expected, 'fixed = ["x", "z"]'
+            )
+        if speed is None:
+            expected = "the speed of the strip (m/s), of which the tension at the entry is a result"
+            yield Mistake("", f"{key}.strip.speed", None, expected, "strip.speed = 1.0")
+        for name, control in stage.edges.items():
+            for word in ("velocity", "release"):
+                if value := getattr(control, word):
+                    expected = "nothing in a steady stage: strip.speed carries the strip through"
+                    yield Mistake("", f"{key}.{name}.{word}", value, expected, "take it out")
+
+
 def threading_partners(
     threading: ThreadingSpec | None, contact: ContactSpec | None, rollers: Rollers
 ) -> Iterator[Mistake]:
@@ -379,6 +411,7 @@ RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     sharpened_laws_are_built_in,
     rollers_have_friction,
     stages_have_friction,
+    steady_stages,
     threading_partners,
     one_length,
     held_entry,

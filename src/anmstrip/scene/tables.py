@@ -372,6 +372,13 @@ class RollerControl(Table):
             yield Mistake("", "angular_speed", self.angular_speed, expected, hint)
 
 
+class StripControl(Table):
+    """Controls of the strip in a stage."""
+
+    speed: Number | None = Field(None, examples=["1.0"])
+    """speed in a steady stage, of unstressed strip, from entry to exit, a number (m/s)"""
+
+
 class StageSpec(Table):
     """One stage: controls go from what they were to what is said here.
 
@@ -381,7 +388,11 @@ class StageSpec(Table):
     name: Name = Field(examples=['"turn"'])
     """name, of letters, digits, - and _ (text)"""
     duration: Positive = Field(examples=["1.0"])
-    """duration, a number above 0 (s)"""
+    """duration, a number above 0; 1 if a steady stage leaves it out (s)"""
+    steady: StrictBool = Field(False, examples=["true"])
+    """whether every state of the stage is a stationary one (true or false)"""
+    strip: StripControl = Field(StripControl(), examples=["{ speed = 1.0 }"])
+    """controls of the strip, a table (m/s)"""
     friction: StrictBool = Field(True, examples=["false"])
     """whether friction acts, without it a stage is rate-free (true or false)"""
     gravity: Vector | None = Field(None, examples=["[0.0, 0.0, -9.81]"])
@@ -401,6 +412,8 @@ class StageSpec(Table):
             return given
         own = {key: value for key, value in given.items() if key in cls.model_fields}
         others = {key: value for key, value in given.items() if key not in own}
+        if own.get("steady") is True:
+            own.setdefault("duration", 1.0)
         return {**own, "edges": {**edges, **others}}
 
 

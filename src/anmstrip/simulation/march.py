@@ -129,11 +129,13 @@ class March:
             if state is not None and control.release and name not in self.course.released:
                 held = state.edge_force(name) / self.assembly.strip.edges[name].length
                 reactions[name] = held - self.course.values.get(f"{name}.force", np.zeros(3))
+        if stage.steady and state is not None and state.plan.in_time:
+            self.course.take_over(state)
         return self.course.plan(stage, reactions)
 
     def here(self, plan: StageProblem) -> State:
         """Return the present state, as one of a stage."""
-        velocity = self.velocity if plan.in_time else None
+        velocity = self.velocity if plan.in_time or plan.steady else None
         control = self.reached or 0.0
         time = plan.start + control * plan.duration
         return State(plan, time, control, self.full, velocity)
@@ -148,7 +150,7 @@ class March:
 
     def finish(self, stage: StageSpec, plan: StageProblem) -> None:
         """Leave a stage."""
-        self.course.finish(stage)
+        self.course.finish(stage, self.velocity if plan.steady else None)
         self.reached, self.pace, self.slack, self.past = None, None, False, plan
 
     def through(self, plan: StageProblem, steps: int) -> Iterator[Step]:
@@ -176,7 +178,8 @@ class March:
             branch = step.branch if equations.controls is plan.controls else None
             time = plan.start + control * plan.duration
             full = plan.supports.full(u, control)
-            state = State(plan, time, control, full, None, branch)
+            velocity = plan.transport(full, control)
+            state = State(plan, time, control, full, velocity, branch)
             covered = abs(control - float(step.branch.control[0]))
             yield Step(state, step.branch.order, covered, step.imbalance, step.pace)
 

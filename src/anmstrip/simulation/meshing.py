@@ -183,6 +183,6 @@ def _travel(scene: SceneSpec, speeds: list[float | None]) -> tuple[float, float]
     speed = travel = lowest = highest = 0.0
     for stage, given in zip(scene.stages, speeds, strict=True):
         new = speed if given is None else given
-        travel += 0.5 * (speed + new) * stage.duration
+        travel += 0.0 if stage.steady else 0.5 * (speed + new) * stage.duration
         speed, lowest, highest = new, min(lowest, travel), max(highest, travel)
     return -lowest, highest

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from anmstrip.fem.sampling import ContactOperator
     from anmstrip.mechanics.contact import Contact, Friction
     from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
+    from anmstrip.mechanics.transport import SteadyFriction
     from anmstrip.simulation.threading import Thread
 
 GENTLE = {
@@ -271,6 +272,17 @@ class Assembly:
         return Friction(contact, law, [law.coefficient if f is None else f for f in own])
 
     @cached_property
+    def carrying(self) -> SteadyFriction | None:
+        """Friction on strip that moves through its own shape."""
+        if (rubbing := self.rubbing) is None:
+            return None
+        from anmstrip.fem.sampling import SlopeOperator
+        from anmstrip.mechanics.transport import SteadyFriction
+
+        law, own = rubbing.law_of_slip, rubbing.coefficients
+        return SteadyFriction(rubbing.contact, law, own, SlopeOperator(self.strip))
+
+    @cached_property
     def signorini(self) -> ContactLaw:
         """The scene's contact law.
 
@@ -324,7 +336,7 @@ class Assembly:
         if self.membrane is None and "exit.force" in given:
             own.insert(0, self.pretension)
         if stage.friction:
-            own.append(self.rubbing)
+            own.append(self.carrying if stage.steady else self.rubbing)
         if (stiffness := self.scene.strip.foundation) is not None:
             from anmstrip.mechanics.foundation import Foundation
 
@@ -337,7 +349,8 @@ class Assembly:
                 effects.append(makers[kind](self.strip, edge))
             elif kind in ("gravity", "pressure"):
                 effects.append((weight if kind == "gravity" else pressure)(self.strip))
-        return effects + [e for e in self.added_effects if stage.friction or not e.rate_dependent]
+        rates = stage.friction and not stage.steady
+        return effects + [e for e in self.added_effects if rates or not e.rate_dependent]
 
     @cached_property
     def added_effects(self) -> list[Effect]:
@@ -352,7 +365,8 @@ class Assembly:
     def frictional(self, stage: StageSpec) -> bool:
         """Whether friction, or an effect like it, acts in a stage, so that it runs in time."""
         rubs = self.friction is not None and bool(self.rollers)
-        return stage.friction and (rubs or any(e.rate_dependent for e in self.added_effects))
+        rates = stage.friction and not stage.steady
+        return rates and (rubs or any(e.rate_dependent for e in self.added_effects))
 
     @cached_property
     def scales(self) -> Scales:

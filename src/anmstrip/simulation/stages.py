@@ -12,6 +12,8 @@ from anmstrip.fem.constraints import Supports
 from anmstrip.fem.sampling import l2_projection, quadrature_points
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.shell import uniaxial_stretches
+from anmstrip.mechanics.transport import SPEED, strip_speed
+from anmstrip.results.state import State
 from anmstrip.scene.schema import StageSpec
 from anmstrip.simulation.meshing import surface_speed
 from anmstrip.simulation.problem import Assembly, middle_node
@@ -91,6 +93,7 @@ class Course:
             supports=self.supports(stage),
             controls=Controls(start, slope),
             in_time=a.frictional(stage),
+            steady=stage.steady,
         )
 
     def shift(self, name: str, change: Array) -> None:
@@ -98,12 +101,29 @@ class Course:
         self.moved[name] = self.moved[name] + change
         self.begun[name] = self.begun.get(name, np.zeros(3)) + change
 
-    def finish(self, stage: StageSpec) -> None:
-        """Remember where a stage has ended."""
+    def take_over(self, state: State) -> None:
+        """Begin a steady stage from a state in time: its entry is held where it is."""
+        strip, velocity = self.assembly.strip, state.velocity
+        assert velocity is not None
+        self.released.discard("entry")
+        self.values.pop("entry.force", None)
+        self.moved["entry"] = self._at_edge("entry", state.full)
+        self.values[SPEED] = np.array(strip_speed(strip, state.full, velocity))
+
+    def _at_edge(self, name: str, full: Array) -> Array:
+        """Mean over an edge, shape (3,)."""
+        strip = self.assembly.strip
+        values = full.reshape(-1, strip.count)[strip.edges[name].values]
+        return strip.kinematics.embed(values.mean(axis=0))
+
+    def finish(self, stage: StageSpec, velocity: Array | None = None) -> None:
+        """Remember where a stage has ended, and with which velocity if it was steady."""
         self.values.update(self._targets(stage, dict(self.values)))
         for name in self._held():
             self.moved[name] = self._destination(stage, name)
             self.speeds[name] = self._speeds(stage, name)[1]
+            if velocity is not None:
+                self.speeds[name] = self._at_edge(name, velocity)
         self.time += stage.duration
 
     def _targets(self, stage: StageSpec, start: dict[str, Array]) -> dict[str, Array]:
@@ -119,6 +139,8 @@ class Course:
                 end[f"{name}.moment"] = np.array(edge.moment, dtype=float)
         if stage.gravity is not None:
             end["gravity"] = np.array(stage.gravity, dtype=float)
+        if stage.strip.speed is not None:
+            end[SPEED] = np.array(stage.strip.speed, dtype=float)
         if stage.pressure is not None:
             end["pressure"] = np.array(stage.pressure, dtype=float)
         for roller in self.assembly.rollers:
@@ -146,7 +168,7 @@ class Course:
     def _speeds(self, stage: StageSpec, name: str) -> tuple[Array, Array]:
         """Velocities of an edge at the beginning and at the end of a stage (m/s)."""
         begin, control = self.speeds.get(name, np.zeros(3)), stage.edges.get(name)
-        if control is not None and control.move is not None:
+        if stage.steady or (control is not None and control.move is not None):
             return np.zeros(3), np.zeros(3)
         if control is None or control.velocity is None:
             return begin, begin

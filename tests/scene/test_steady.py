@@ -1,0 +1,228 @@
+"""Stationary states of strip that is carried over rollers, against closed forms and the march."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from scipy.integrate import quad, solve_ivp
+from threaded import ONE, ended, roller, scene_of
+
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.equilibrium import Equilibrium
+from anmstrip.fem.sampling import SlopeOperator
+from anmstrip.results.state import State
+from anmstrip.simulation.problem import Assembly
+from anmstrip.simulation.stages import Course
+
+STIFFNESS, FRICTION, EXIT = 2e8, 0.3, 1e4
+
+
+def stretch(tension: float) -> float:
+    """λ of a section with E t (λ² − 1)/2 λ = T."""
+    return 1.0 + tension / STIFFNESS * (1.0 - 1.5 * tension / STIFFNESS)
+
+
+def steady(speed: float, slip_speed: float, size: float = 0.02, **others: Any) -> Scene:
+    """One roller at 1 m/s, the exit pulled by 10 kN/m; steel of 1 mm, E t = 2e8 N/m."""
+    tables = {
+        **ONE,
+        "strip": {"cells": (40, 1), "refined": size, "width": 1.0},
+        "friction": {"law": "tanh", "coefficient": FRICTION, "speed": slip_speed},
+        "stages": [
+            {
+                "name": "run", "steady": True, "strip": {"speed": speed},
+                "rollers": {"a": {"surface_speed": 1.0}},
+            }
+        ],
+        "solver": {"tolerance": 1e-6},
+    }  # fmt: skip
+    return scene_of(tables, **others)
+
+
+def turned(state: State) -> float:
+    """Angle between the pulls at both ends, the wrap of a string (rad)."""
+    entry, end = state.edge_force("entry"), state.edge_force("exit")
+    return float(np.arccos(-entry @ end / np.linalg.norm(entry) / np.linalg.norm(end)))
+
+
+def creeping(speed: float, slip_speed: float, turn: float) -> float:
+    """Tension before the roller: dT/dφ = T f g((V − c λ(T))/V_c), backwards from the exit."""
+
+    def rate(_: float, tension: Any) -> Any:
+        slip = (1.0 - speed * stretch(tension[0])) / slip_speed
+        size = np.hypot(slip, 0.1)
+        return tension * FRICTION * np.tanh(size) / size * slip
+
+    found = solve_ivp(rate, (0.0, turn), [EXIT], rtol=1e-10, atol=1e-6)
+    return float(found.y[0, -1])
+
+
+def tangents(run: Run) -> int:
+    return int(run.stages["run"]["tangents"])
+
+
+@pytest.mark.parametrize("share", [0.2, 0.6, 1.0, -0.5])
+def test_string_creeps_as_the_equation_of_the_regularised_law_says(share: float) -> None:
+    """V_c about the elastic creep; also where the roller brakes: within 1e-4 of the tension."""
+    before = EXIT * (1.0 + share * np.expm1(FRICTION * 0.9799))
+    speed = 1.0 / stretch(before)
+    run, state = ended(steady(speed, 1.5e-5, strip={"bending": False}))
+    assert tangents(run) <= 3
+    assert state.tension("exit") == pytest.approx(EXIT, rel=1e-6)
+    expected = creeping(speed, 1.5e-5, turned(state))
+    assert abs(expected - EXIT) > 100.0
+    assert state.tension("entry") == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("share", "before", "arc"), [(0.2, 10683.5, 0.2204), (0.6, 12050.5, 0.6217)]
+)
+def test_creep_theory(share: float, before: float, arc: float) -> None:
+    """Stick at the entry side, slip over ln(T1/T2)/f at the exit side, creep (T1 − T2)/E t."""
+    scene = steady(1.0 / stretch(before), 5e-7, size=0.01, strip={"bending": False})
+    run, state = ended(scene)
+    assert tangents(run) <= 12
+    assert state.tension("entry") == pytest.approx(before, rel=2e-3)
+    contact, element = state.contacts["a"], 0.01 / 0.5
+    slip, traction = (np.linalg.norm(v, axis=0) for v in (contact.slip, contact.traction))
+    angle = np.arctan2(contact.normal[0], contact.normal[2])
+    end = angle[contact.touching].max()
+    sliding = contact.touching & (traction > 0.5 * FRICTION * contact.pressure) & (angle > -0.4)
+    assert end - angle[sliding].min() == pytest.approx(arc, abs=2.0 * element)
+    last = contact.touching & (angle > end - element)
+    lost = (before - EXIT * (1.0 + 0.5 * FRICTION * element)) / STIFFNESS
+    assert slip[last].mean() == pytest.approx(lost, rel=0.1)
+
+
+def test_tension_in_stick_with_isometric_bending() -> None:
+    """T1 = E t (V/c − 1) + 3 D/2R² less the friction of the edge where the strip lifts on.
+
+    And less the energy of the regularised contact, ∫ R dh, for energy and pull balance along X.
+    """
+    speed = 1.0 / stretch(11367.0)
+    run, state = ended(steady(speed, 3e-7, size=0.005))
+    contact, bending = state.contacts["a"], run.assembly.strip.bending_stiffness
+    drag = (contact.traction * contact.turning * contact.area).sum(axis=0)
+    x, (begin, end) = contact.contact.operator.reference[0], contact.arc
+    edge = drag[x < begin + 0.3 * (end - begin)].sum()
+    assert 10.0 < abs(edge) < 100.0
+    stick = STIFFNESS * (1.0 / speed - 1.0) * (1.0 + 1.5 * (1.0 / speed - 1.0))
+    middle = contact.touching & (np.abs(x - 0.5 * (begin + end)) < 0.05)
+    gap, law = contact.gap[middle].mean(), contact.contact
+    energy = quad(lambda h: float(law.signorini(h) - law.least), gap, 1e-3, points=[0.0])[0]
+    energy += quad(lambda h: float(law.signorini(h) - law.least), 1e-3, float(np.max(law.reaches)))[
+        0
+    ]
+    expected = stick + 1.5 * bending / 0.5**2 + edge - energy
+    assert state.tension("entry") == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize("kinematics", ["section", "shell"])
+def test_states_are_those_that_a_march_keeps(kinematics: str) -> None:
+    """A stage in time goes on with the velocities that it finds: nothing jumps, little changes."""
+    scene = steady(1.0 / stretch(1.1e4), 1.5e-5, 0.02 if kinematics == "section" else 0.05)
+    tables = scene.to_dict()
+    tables["strip"] |= {"kinematics": kinematics, "cells": [40, 2]}
+    tables["edges"]["entry"] = {"fixed": ["x", "y", "z"]}
+    tables["stages"].append({"name": "time", "duration": 2e-3})
+    tables["solver"] = {"tolerance": 1e-4}
+    steps = list(Scene.model_validate(tables).run())
+    states = {step.stage: step.state for step in steps}
+    before, after = states["run"], states["time"]
+    strip = before.plan.model.strip
+    entry = strip.count * strip.edges["entry"].values
+    assert after.full[entry] - before.full[entry] == pytest.approx(
+        2e-3 * before.velocity[entry], rel=1e-4
+    )
+    change = before.tension("entry") - EXIT
+    first = next(step.state for step in steps if step.stage == "time")
+    assert abs(first.tension("entry") - before.tension("entry")) < 0.01 * change
+    assert abs(after.tension("entry") - before.tension("entry")) < 0.1 * change
+
+
+def test_steady_stage_takes_over_from_one_in_time() -> None:
+    """The strip's speed is measured, the entry is held where it is; the answer has no memory."""
+    speed = 1.0 / stretch(1.1e4)
+    tables = steady(speed, 1.5e-5).to_dict()
+    run = tables["stages"][0]
+    again = {**run, "name": "again"}
+    carry = {"name": "carry", "duration": 1e-3, "entry": {"release": True}}
+    tables["stages"] = [run, carry, again]
+    tables["solver"] = {"tolerance": 1e-5}
+    steps = list(Scene.model_validate(tables).run())
+    states = {step.stage: step.state for step in steps}
+    assert states["again"].tension("entry") == pytest.approx(
+        states["run"].tension("entry"), rel=5e-4
+    )
+    assert not np.array_equal(states["again"].full, states["run"].full)
+
+
+@pytest.mark.parametrize("profile", [{"crown": [0.0, -1e-3]}, {"axis": [1e-3, 1.0, 0.0]}])
+def test_crowned_and_yawed_rollers_carry_a_shell(profile: dict[str, Any]) -> None:
+    """A crown leaves the strip in the middle; yawed by 1 mrad it steers it to one side."""
+    rollers = [roller("a", 0.0, -0.5, 0.5, "over", **profile)]
+    scene = steady(0.99993, 1.5e-5, 0.1, strip={"kinematics": "shell", "cells": [20, 4]})
+    tables = scene.to_dict() | {"rollers": rollers, "solver": {"tolerance": 1e-4}}
+    tables["edges"]["entry"] = {"fixed": ["x", "y", "z"]}
+    run, state = ended(Scene.model_validate(tables))
+    assert tangents(run) <= 16
+    strip = run.assembly.strip
+    y = state.full.reshape(-1, 3)[strip.edges["exit"].values, 1]
+    if "crown" in profile:
+        assert y + y[::-1] == pytest.approx(np.zeros(5), abs=1e-9)
+    else:
+        assert y.mean() == pytest.approx(-0.0035, rel=0.1)
+
+
+@pytest.mark.parametrize("kinematics", ["section", "shell"])
+def test_tangent_is_that_of_the_residual(kinematics: str) -> None:
+    scene = steady(0.9, 0.3, 0.2, strip={"kinematics": kinematics, "cells": [6, 2]})
+    assembly = Assembly(scene)
+    plan = Course(assembly).plan(scene.stages[0], {})
+    equations = Equilibrium(plan.model, plan.supports, plan.controls)
+    rng = np.random.default_rng(1)
+    u = assembly.thread.guess(assembly.strip, assembly.pattern)[plan.supports.free]
+    u = u + 1e-4 * rng.standard_normal(u.shape) / equations.free_units
+    w = rng.standard_normal(u.shape) / equations.free_units
+    change = equations.recurrence(u, 0.7, 1).tangent() @ w
+    step = 1e-9
+    found = equations.residual(u + step * w, 0.7) - equations.residual(u - step * w, 0.7)
+    assert equations.imbalance(found / (2.0 * step) - change) < 1e-6 * equations.imbalance(change)
+
+
+def test_slopes_at_contact_points_are_derivatives() -> None:
+    """Of a cubic in x they are exact."""
+    assembly = Assembly(steady(1.0, 1.0, 0.2, strip={"kinematics": "shell", "cells": [6, 2]}))
+    strip, operator = assembly.strip, SlopeOperator(assembly.strip)
+    full = np.zeros((strip.scalars, 3))
+    x, y = strip.mesh.p
+    full[strip.dofs("u"), 0], full[strip.dofs("u_x"), 0] = x**3 * y, 3.0 * x**2 * y
+    full[strip.dofs("u_y"), 0], full[strip.dofs("u_xy"), 0] = x**3, 3.0 * x**2
+    value, slope = operator.apply(full.ravel())
+    x, y = operator.reference[:2]
+    assert value[0] == pytest.approx(x**3 * y, abs=1e-12)
+    assert slope[0] == pytest.approx(3.0 * x**2 * y, abs=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"friction": None}, "stages.run.steady"),
+        ({"edges": {"entry": {"fixed": ["z"]}}, "threading": None}, "edges.entry.fixed"),
+        ({"stages": [{"name": "run", "steady": True}]}, "stages.run.strip.speed"),
+        ({"stages": [{"duration": 1.0, "strip": {"speed": 1.0}}]}, "stages.stage1.strip.speed"),
+        (
+            {"stages": [{"steady": True, "strip": {"speed": 1.0}, "entry": {"release": True}}]},
+            "stages.stage1.entry.release",
+        ),
+    ],
+)
+def test_what_a_stationary_state_cannot_be_is_refused(changes: dict[str, Any], key: str) -> None:
+    tables = steady(1.0, 1e-4).to_dict()
+    with pytest.raises(ValidationError) as refused:
+        Scene.model_validate({k: v for k, v in (tables | changes).items() if v is not None})
+    assert key in str(refused.value)
