@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from scipy.integrate import quad, solve_ivp
 from threaded import ONE, ended, roller, scene_of
 
+from anmstrip.driver.explain import explain
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.equilibrium import Equilibrium
@@ -226,3 +227,9 @@ def test_what_a_stationary_state_cannot_be_is_refused(changes: dict[str, Any], k
     with pytest.raises(ValidationError) as refused:
         Scene.model_validate({k: v for k, v in (tables | changes).items() if v is not None})
     assert key in str(refused.value)
+
+
+def test_explain_says_what_the_path_is() -> None:
+    text = explain(steady(1.0, 1e-5))
+    assert "stationary states, in" in text
+    assert "friction (switched off" not in text

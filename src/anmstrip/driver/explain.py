@@ -119,7 +119,8 @@ def left_out(preview: Preview) -> list[str]:
     """Return the effects that do not act, with what in the scene says so."""
     scene, names = preview.assembly.scene, {e.name for p in preview.plans for e in p.model.effects}
     follows, bent = (any(n.startswith(f"{k} on") for n in names) for k in ("tension", "moment"))
-    still = scene.friction is not None and not any(plan.in_time for plan in preview.plans)
+    rubs = any(plan.in_time or plan.steady for plan in preview.plans)
+    still = scene.friction is not None and not rubs
     bends = scene.strip.bending
     acting = {
         "membrane (a plate has the tension that exit.force gives it).": "membrane" in names,
@@ -180,10 +181,17 @@ def stage_table(plans: Sequence[StageProblem]) -> Table:
             f"{plan.start:g}",
             f"{plan.start + plan.duration:g}",
             str(len(plan.supports.free)),
-            "implicit in time (friction)" if plan.in_time else "rate-free, in the control",
+            path_of(plan),
             ", ".join(moving) or "nothing",
         )
     return table
+
+
+def path_of(plan: StageProblem) -> str:
+    """Return what kind of path a stage is."""
+    if plan.steady:
+        return "stationary states, in the control"
+    return "implicit in time (friction)" if plan.in_time else "rate-free, in the control"
 
 
 def level_table(found: Sequence[Level], own: str) -> Table:

@@ -285,15 +285,11 @@ class Friction(LawEffect):
         """Tangential velocity relative to the surface (m/s), (components of slip, points)."""
         own = transform(self.frame, control_of(self.roller, controls, "velocity"))
         relative = transform(self.view, v) - own
-<<<<<<< HEAD
-        speed = control_of(self.roller, controls, "surface_speed") * self.roller.sense
-=======
         return np.einsum("ki...,i...->k...", tangents, relative) - self.surface(place, controls)
 
     def surface(self, place: Projection, controls: Mapping[str, Any]) -> Any:
         """Velocity of the surface along the tangents (m/s), (components of slip, points)."""
-        speed = control_of(self.roller, controls, "surface_speed")
->>>>>>> a897caa (Stationary states: strip moves through its own shape at a given speed, section and shell)
+        speed = control_of(self.roller, controls, "surface_speed") * self.roller.sense
         turning = np.eye(len(self.frame) - 1)[0][:, None]
         return (turning if place.ratio is None else place.ratio * turning) * speed
 
