@@ -8,6 +8,10 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 
 
+MOST_TOLD = 100
+"""Mistakes that a message lists: more of them are one and the same, made by a program."""
+
+
 @dataclass(frozen=True)
 class Mistake:
     """One thing in an input that has to be changed before anything can run.
@@ -32,7 +36,7 @@ class Mistake:
         lines.append(f"  given:    {toml_text(self.value)}")
         lines.append(f"  expected: {self.expected}")
         lines.append(f"  type:     {self.hint.replace(chr(10), chr(10) + ' ' * 12)}")
-        return "\n".join(lines)
+        return printable("\n".join(lines))
 
 
 class InputError(ValueError):
@@ -51,7 +55,23 @@ class InputError(ValueError):
         super().__init__(self.mistakes)
 
     def __str__(self) -> str:
-        return "\n".join(str(mistake) for mistake in self.mistakes)
+        lines = [str(mistake) for mistake in self.mistakes[:MOST_TOLD]]
+        if (more := len(self.mistakes) - MOST_TOLD) > 0:
+            lines.append(f"and {more} more mistakes")
+        return "\n".join(lines)
+
+
+def printable(text: str) -> str:
+    """Return a text without what would steer a terminal; lines stay.
+
+    Examples
+    --------
+    >>> printable("r1\x1b[2J")
+    'r1\\x1b[2J'
+    """
+    return "".join(
+        c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text
+    )
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
@@ -68,6 +88,7 @@ def nearest(word: str, known: Iterable[str]) -> str:
     matches = get_close_matches(word.lower(), known, n=1, cutoff=0.6)
     if matches:
         return f"{matches[0]} (the nearest known one)"
+    known = known[:MOST_TOLD] + ["…"] if len(known) > MOST_TOLD else known
     return f"one of: {', '.join(known)}" if known else "nothing; take it out"
 
 

@@ -327,6 +327,7 @@ def test_what_cannot_be_continued_is_told_and_kept(tmp_path):
         ({"settings": {"omga": 0.1, "q": 2.0}}, ["omega", "at most 1"]),
         ({"settings": {"K": -1.0}}, ["above 0"]),
         ({"settings": {"F": float("nan")}}, ["finite"]),
+        ({"settings": {"k": 1e308, "R_C": 1e-308}}, ["a factor of 1e+06 of the paper's 1", "R_C"]),
         ({"settings": {"eta": 10.0, "K": 5.0}}, ["below K delta"]),
         ({"order": 1}, ["order"]),
         ({"tolerance": 0.0}, ["above 0"]),

@@ -381,3 +381,39 @@ def test_moment_needs_bending(tmp_path: Path) -> None:
     text = GOOD.replace("refined = 0.025", "bending = false")
     found = mistakes_of(tmp_path, text.replace("= 0.6", "= 0.6\nexit.moment = 1.0", 1))
     assert "bending = true" in found["stages.turn.exit.moment"]
+
+
+def test_ten_thousand_rollers_are_read_and_told_apart() -> None:
+    """Each is compared with all before it; the time of 240 s that this took must not come back."""
+    tables = tomllib.loads(GOOD)
+    roller = {**tables["rollers"][0], "radius": 0.1}
+    many = [{**roller, "name": f"r{k}", "centre": [0.3 * k, 0.0, -0.101]} for k in range(1, 5001)]
+    begin = time.process_time()
+    assert len(Scene.model_validate({**tables, "rollers": many}).rollers) == 5000
+    many[4000]["centre"] = [0.3 * 7 + 0.05, 0.0, -0.101]
+    with pytest.raises(InputError) as caught:
+        Scene.from_tables({**tables, "rollers": many}, "many.toml")
+    assert time.process_time() - begin < 30.0
+    (mistake,) = caught.value.mistakes
+    assert mistake.key == "rollers.r4001.centre"
+    assert "between the axes of r7 and r4001" in mistake.expected
+
+
+def test_thousands_of_mistakes_are_counted_rather_than_printed() -> None:
+    tables = tomllib.loads(GOOD)
+    stages = [{"name": f"s{k}", "duration": -1.0, "rolers": 1} for k in range(5000)]
+    with pytest.raises(InputError) as caught:
+        Scene.from_tables({**tables, "stages": stages}, "many.toml")
+    assert len(caught.value.mistakes) == 10_000
+    assert len(str(caught.value)) < 50_000
+    assert str(caught.value).endswith("and 9900 more mistakes")
+
+
+def test_what_would_steer_a_terminal_is_told_in_escapes() -> None:
+    evil = "\x1b[2J\x9b31m\r\x07\u202e"
+    tables = tomllib.loads(GOOD.replace('"r1"', json.dumps(evil)))
+    with pytest.raises(InputError) as caught:
+        Scene.from_tables({**tables, evil: 1}, evil, [f"strip.width='{evil}'", evil])
+    text = str(caught.value)
+    assert "\\x1b[2J" in text
+    assert all(c.isprintable() or c == "\n" for c in text)

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from anmstrip.driver.warnings import Level, Preview, justified_level, levels, warnings
+from anmstrip.errors import printable
 from anmstrip.equilibrium import StageProblem
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
 from anmstrip.scene.schema import SceneSpec
@@ -37,7 +38,7 @@ def explain(scene: SceneSpec) -> str:
     def say(line: str) -> None:
         console.print(line, markup=False)
 
-    say(scene.title or scene.name)
+    say(printable(scene.title or scene.name))
     say(
         f"Strip {strip.length:g} m × {strip.width:g} m × {strip.thickness:g} m, "
         f"{strip.mesh.t.shape[1]} elements {h.min():.3g} to {h.max():.3g} m long, "

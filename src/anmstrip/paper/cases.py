@@ -31,6 +31,9 @@ ROWS = 401
 
 ANY_SIGN = {"V", "Omega"}
 
+RANGE = 1e6
+"""Factor from the paper's values within which all symbols together leave digits for the rest."""
+
 NOTHING_SET: Mapping[str, float] = MappingProxyType({})
 
 
@@ -178,7 +181,7 @@ def run_case(
     events = tuple(events_of(case, solution.path.polynomials()))
     unstable = tuple(instabilities(case.residual, solution.path))
     error = equal = None
-    with suppress(ArithmeticError):
+    with suppress(ArithmeticError, ValueError):  # where scipy finds no way through either
         u = rows[:, 1 : 1 + case.size]
         error, equal = distances(reference_solution(case), rows[:, 0], u, p.V_c, 0.1 * tolerance)
     report = CaseReport(
@@ -268,6 +271,9 @@ def find_mistakes(
         hint = f"{key}={defaults[key]}"
         if not np.isfinite(value):
             yield Mistake("--set", key, value, "a finite number", hint)
+        elif value and not 1.0 / RANGE <= abs(value / defaults[key]) <= RANGE:
+            expected = f"a number within a factor of {RANGE:g} of the paper's {defaults[key]:g}"
+            yield Mistake("--set", key, value, expected, hint)
         elif key == "q" and not 0.0 < value <= 1.0:
             yield Mistake("--set", key, value, "above 0 and at most 1", hint)
         elif key not in ANY_SIGN and value <= 0.0:

@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from inspect import signature
-from itertools import combinations
 from math import hypot
 from typing import Any
 
@@ -375,20 +374,24 @@ def wrapped_axes(rollers: Rollers) -> Iterator[Mistake]:
 
 
 def apart(rollers: Rollers) -> Iterator[Mistake]:
-    """Yield parallel rollers that overlap: axes closer than the sum of the radii."""
-    for first, second in combinations(rollers, 2):
-        axis, other = (np.array(r.axis) / hypot(*r.axis) for r in (first, second))
-        way = np.subtract(second.centre, first.centre)
-        offset = way - (way @ axis) * axis
-        distance, least = hypot(*offset), first.radius + second.radius
-        if abs(axis @ other) < PARALLEL or distance >= least * (1.0 - 1e-9):
+    """Yield rollers that overlap a parallel one before: axes closer than the sum of the radii."""
+    radii = np.array([r.radius for r in rollers])
+    centres = np.array([r.centre for r in rollers]).reshape(-1, 3).T.copy()
+    axes = np.array([np.array(r.axis) / hypot(*r.axis) for r in rollers]).reshape(-1, 3).T.copy()
+    for i, second in enumerate(rollers):
+        axis, way = axes[:, i], centres[:, i, None] - centres[:, :i]
+        offset = way - axis[:, None] * (axis @ way)
+        distance, least = np.sqrt(np.sum(offset * offset, axis=0)), radii[:i] + second.radius
+        parallel = np.abs(axis @ axes[:, :i]) >= PARALLEL
+        if not (overlap := parallel & (distance < least * (1.0 - 1e-9))).any():
             continue
+        j = int(np.where(overlap, distance - least, np.inf).argmin())
         expected = (
-            f"at least {least:g} m, the sum of both radii, between the axes of {first.name} "
-            f"and {second.name}, which overlap; now {distance:.4g} (m)"
+            f"at least {least[j]:g} m, the sum of both radii, between the axes of "
+            f"{rollers[j].name} and {second.name}, which overlap; now {distance[j]:.4g} (m)"
         )
-        direction = offset / distance if distance else np.array([0.0, 0.0, 1.0])
-        centre = second.centre + (1.01 * least - distance) * direction
+        away = offset[:, j] / distance[j] if distance[j] else np.array([0.0, 0.0, 1.0])
+        centre = second.centre + (1.01 * least[j] - distance[j]) * away
         hint = f"centre = [{', '.join(f'{c:.4g}' for c in centre)}], or smaller radii"
         key = f"rollers.{second.name}.centre"
         yield Mistake("", key, list(second.centre), expected, hint)

@@ -15,13 +15,61 @@ rows of a block; the others as in :class:`anmstrip.taylor.tape.Tables`.
 
 from __future__ import annotations
 
+import logging
+from contextlib import suppress
+
 import numpy as np
 from numba import njit
+from numba.core.caching import FunctionCache
 
 from anmstrip.taylor import tape
 
-# Arguments like np.int64(0) stand for numbers of which numba would make a version for itself.
-compiled = njit(cache=True, error_model="numpy", nogil=True)
+
+LOST = []
+"""Why kernels cannot be kept, once that was told."""
+
+
+class KernelCache(FunctionCache):
+    """Files of compiled kernels, without which a process does where they cannot be used."""
+
+    def load_overload(self, sig, target_context):
+        """Return a compiled kernel, None where there is none or only a damaged one."""
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # damage shows as exceptions of any kind
+            with suppress(OSError):
+                self.flush()
+
+    def save_overload(self, sig, data):
+        """Keep a compiled kernel, if it can be written."""
+        try:
+            super().save_overload(sig, data)
+        except Exception as error:
+            tell_of_lost_cache(error)
+
+
+def tell_of_lost_cache(reason):
+    """Say in one line of a process that kernels are compiled anew in every one."""
+    if not LOST:
+        LOST.append(reason)
+        logging.getLogger(__name__).warning(
+            "Compiled kernels cannot be kept (%s): each run compiles them again. "
+            "Set NUMBA_CACHE_DIR to a directory that can be written.",
+            reason,
+        )
+
+
+def compiled(function):
+    """Compile a kernel, or load it where an earlier process has left it.
+
+    Arguments like np.int64(0) stand for numbers of which numba would make a version for itself.
+    """
+    kernel = njit(error_model="numpy", nogil=True)(function)
+    try:
+        kernel._cache = KernelCache(function)
+    except RuntimeError:  # numba's word for no place
+        tell_of_lost_cache("neither the package nor the home directory can be written")
+    return kernel
 
 
 class CompiledExecutor:
