@@ -343,7 +343,7 @@ def sweep_command(
     study = Sweep(
         scene, variations, settings, directory=directory or Path("results", f"{scene.stem}-sweep")
     )
-    before, interrupted = len(study.variants) - len(study.waiting), False
+    before, interrupted = len(study.variants) - len(study.waiting), ""
     try:
         if left := len(study.waiting):
             count = min(workers or CPU_COUNT, left)
@@ -353,7 +353,9 @@ def sweep_command(
                 for _ in ended if quiet else show_progress(ended, str, interval=0.0):
                     pass
     except KeyboardInterrupt:
-        interrupted = True
+        interrupted = "Interrupted."
+    except ConnectionError as error:
+        interrupted = f"Interrupted: {error}."
     done, total = len(study.rows) - len(study.stopped), len(study.rows)
     earlier = f", {before} of them ended before" if before else ""
     click.echo(f"{done} of {total} scenes done{earlier}.")
@@ -362,7 +364,7 @@ def sweep_command(
             click.echo(f"  {row['directory']}: {row['status']}: {row['message']}")
     click.echo(f"Table {study.table}, figure {study.draw()}.")
     if interrupted:
-        click.echo("Interrupted. Next: the same command, which goes on from here.")
+        click.echo(f"{interrupted} Next: the same command, which goes on from here.")
     if study.stopped:
         sys.exit(STOPPED)
 

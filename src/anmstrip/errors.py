@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
 
-
 MOST_TOLD = 100
 """Mistakes that a message lists: more of them are one and the same, made by a program."""
 
@@ -88,7 +87,7 @@ def nearest(word: str, known: Iterable[str]) -> str:
     matches = get_close_matches(word.lower(), known, n=1, cutoff=0.6)
     if matches:
         return f"{matches[0]} (the nearest known one)"
-    known = known[:MOST_TOLD] + ["…"] if len(known) > MOST_TOLD else known
+    known = [*known[:MOST_TOLD], "…"] if len(known) > MOST_TOLD else known
     return f"one of: {', '.join(known)}" if known else "nothing; take it out"
 
 

@@ -120,6 +120,32 @@ def test_other_quadrilaterals_are_refused(written: Callable[..., Path], bend: st
     assert "rectangles" in found["strip.mesh"]
 
 
+@pytest.mark.parametrize("aside", [3.0, 2.0])
+def test_two_islands_are_refused(written: Callable[..., Path], aside: float) -> None:
+    """Apart, or with a corner in common, which holds nothing."""
+    points, ((kind, cells),), edges = generated()
+    up = 0.0 if aside > 2.0 else 0.8
+    everything = np.concatenate([points, points + [aside, up]])
+    if up:  # the upper right corner of the one is the lower left one of the other
+        here, there = (
+            int(np.abs(everything - corner).sum(axis=1)[half].argmin()) + half.start
+            for corner, half in (([1.0, 0.4], slice(0, 15)), ([1.0, 0.4], slice(15, 30)))
+        )
+        second = np.where(cells + 15 == there, here, cells + 15)
+    else:
+        second = cells + 15
+    found = refused(scene_of(written(everything, [(kind, np.concatenate([cells, second]))], edges)))
+    assert "2 parts" in found["strip.mesh"]
+
+
+@pytest.mark.parametrize("distance", [1e9, 1e15, 1e300])
+def test_nodes_without_digits_are_refused(written: Callable[..., Path], distance: float) -> None:
+    points, cells, edges = generated()
+    found = refused(scene_of(written(points + [distance, 0.0], cells, edges)))
+    assert "strip.mesh" in found
+    assert "digits" in found["strip.mesh"] or distance > 1e9
+
+
 @pytest.mark.parametrize("text", ["", "nonsense", "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nod"])
 @pytest.mark.parametrize("name", ["strip.msh", "strip.vtk", "strip.unknown"])
 def test_corrupt_file_is_refused(tmp_path: Path, name: str, text: str) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import time
+import tomllib
 from pathlib import Path
 
 import pytest

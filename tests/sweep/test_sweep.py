@@ -5,7 +5,10 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
+import sys
 import time
+from contextlib import nullcontext
 from importlib import util
 from pathlib import Path
 from typing import Any
@@ -67,20 +70,26 @@ def typed(*arguments: object) -> Result:
 class Job:
     """Something done, or the error that it ended in."""
 
-    def __init__(self, done: dict[str, Any] | None, error: Exception | None) -> None:
-        self.result, self.exception = lambda: done, lambda: error
+    def __init__(
+        self, done: dict[str, Any] | None, error: Exception | None, lost: bool = False
+    ) -> None:
+        self.result, self.exception, self.cancelled = lambda: done, lambda: error, lambda: lost
 
 
 class Direct:
     """Stands in for dask's client: runs on the spot; beyond a number of scenes, fails."""
 
-    def __init__(self, scenes: int = 1000, error: Exception | None = None) -> None:
-        self.left, self.error = scenes, error
+    def __init__(
+        self, scenes: int = 1000, error: Exception | None = None, lost: bool = False
+    ) -> None:
+        self.left, self.error, self.lost = scenes, error, lost
 
     def submit(self, function: Any, *given: Any, pure: bool) -> Job:
         assert not pure  # the same scene on another day is another job
         self.left -= 1
-        return Job(None, self.error) if self.left < 0 else Job(function(*given), None)
+        if self.left < 0:
+            return Job(None, self.error, self.lost)
+        return Job(function(*given), None)
 
     def cancel(self, jobs: list[Job]) -> None:
         self.cancelled = jobs
@@ -155,6 +164,8 @@ def test_all_mistakes_at_once_and_nothing_is_written(tmp_path: Path) -> None:
         (("--vary", "strip.width=1,2", "--vary", "strip.width=3"), "every key once"),
         (("--vary", "a=1:9:999", "--vary", "b=1:9:999"), "at most 100000 scenes"),
         (("--vary", "strip..width=1,2"), "a dotted key"),
+        (("--vary", "strip.width=1,2", "--set", "strip.width=3"), "since strip.width varies"),
+        (("--vary", "strip.cells=[9, 2],[8, 2]", "--set", "strip={}"), "since strip.cells varies"),
         # no mistake of the tables, but of the rollers that a run would build
         (
             ("--vary", "rollers.r1.centre=[0.0, 0.0, 0.0],[0.0, 0.0, -0.501]"),
@@ -221,6 +232,88 @@ def test_on_workers(pull: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("direct")
+def test_a_cluster_that_goes_away_leaves_its_table(
+    monkeypatch: pytest.MonkeyPatch, pull: Path, tmp_path: Path
+) -> None:
+    lost = Direct(scenes=2, lost=True)
+    monkeypatch.setattr("distributed.as_completed", list)
+    monkeypatch.setattr(scenes, "local_workers", lambda count: nullcontext(lost))
+    options = (pull, "-o", tmp_path / "out", "--vary", "strip.length=1,2,3")
+    ended = typed(*options)
+    assert ended.exit_code == 1
+    assert "2 of 3 scenes done" in ended.stdout
+    assert "Interrupted: the scheduler has gone. Next: the same command" in ended.stdout
+    rows = history.read_history(tmp_path / "out" / "sweep.csv")
+    assert rows["status"] == ["done", "done", "waiting"]
+    monkeypatch.setattr(scenes, "local_workers", lambda count: nullcontext(Direct()))
+    again = typed(*options)
+    assert again.exit_code == 0
+    assert "3 of 3 scenes done, 2 of them ended before" in again.stdout
+
+
+@pytest.mark.slow
+def test_a_killed_scheduler(tmp_path: Path) -> None:
+    """Killed after the first scene: one sentence, the table, and the rest next time."""
+    program = Path(sys.executable).with_name("dask")
+    log = (tmp_path / "log").open("w")
+    out, options = tmp_path / "out", [o for text in COARSE for o in ("--set", text)]
+    typed_before = [CAPSTAN, "-o", out, "--vary", "friction.coefficient=0.1,0.2,0.3", *options]
+    given = {"stdout": log, "stderr": log}
+    server = subprocess.Popen(
+        [program, "scheduler", "--port", "0", "--dashboard-address", ":0",
+         "--scheduler-file", tmp_path / "file"], **given,
+    )  # fmt: skip
+    worker = subprocess.Popen(
+        [program, "worker", "--nthreads", "1", "--scheduler-file", tmp_path / "file"], **given
+    )
+    try:
+        while not (tmp_path / "file").exists():
+            time.sleep(0.1)
+        address = json.loads((tmp_path / "file").read_text())["address"]
+        command = [sys.executable, "-m", "anmstrip.cli", "sweep", *map(str, typed_before)]
+        sweep = subprocess.Popen(
+            [*command, "--scheduler", address], stdout=-1, stderr=-1, text=True
+        )
+        while not list(out.glob("*/summary.json")):
+            time.sleep(0.1)
+            assert sweep.poll() is None
+        time.sleep(1.0)
+        server.kill()
+        told, errors = sweep.communicate(timeout=120)
+    finally:
+        for process in (server, worker):
+            process.kill()
+            process.wait()
+    assert sweep.returncode == 1
+    assert "Traceback" not in told + errors
+    assert "Interrupted: the scheduler has gone. Next: the same command" in told
+    assert "done" in history.read_history(out / "sweep.csv")["status"]
+    again = typed(*typed_before, "--workers", 1)
+    assert again.exit_code == 0, again.output
+    assert "3 of 3 scenes done" in again.stdout
+
+
+def test_scenes_are_sharpened_if_they_say_so(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """From the beginning, whatever an interrupted one has left."""
+    begun: list[bool] = []
+
+    def sharpened(scene: Scene, where: Path, effects: Any, resume: bool = False) -> Any:
+        assert not effects
+        begun.append(resume)
+        (where / "summary.json").write_text('{"sharpened": [{}]}', encoding="utf-8")
+        (where / "checkpoint.npz").touch()
+        return iter(())
+
+    monkeypatch.setattr("anmstrip.driver.scene.SharpenedRun", sharpened)
+    scene = Scene.load(CAPSTAN, ['friction.regularisation="auto"'])
+    for _ in range(2):
+        assert scenes.run_scene(scene, tmp_path) == {"sharpened": [{}]}
+    assert begun == [False, False]
+
+
+@pytest.mark.usefixtures("direct")
 def test_what_has_ended_is_not_run_again(pull: Path, tmp_path: Path) -> None:
     def sweep(values: str) -> Sweep:
         return Sweep(pull, [f"strip.length={values}"], directory=tmp_path / "out")
@@ -276,14 +369,15 @@ def test_an_unfinished_scene_goes_on_from_its_checkpoint(
 
     begun: list[bool] = []
 
-    def killed_once(scene: Scene, where: Path, resume: bool) -> Any:
+    def killed_once(scene: Scene, where: Path, resume: bool, effects: Any) -> Any:
+        assert not effects
         begun.append(resume)
         for step in Run(scene, where, resume):
             yield step
             if step.stage == "more" and not resume:
                 raise Killed
 
-    monkeypatch.setattr("anmstrip.driver.run.Run", killed_once)
+    monkeypatch.setattr("anmstrip.driver.scene.Run", killed_once)
     with pytest.raises(Killed):
         scenes.run_scene(scene, directory)
     assert scenes.ended_summary(scene, directory) is None

@@ -10,8 +10,8 @@ from rich.console import Console
 from rich.table import Table
 
 from anmstrip.driver.warnings import Level, Preview, justified_level, levels, warnings
-from anmstrip.errors import printable
 from anmstrip.equilibrium import StageProblem
+from anmstrip.errors import printable
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.simulation.problem import Assembly, flat_gap

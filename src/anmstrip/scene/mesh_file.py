@@ -10,6 +10,8 @@ from pathlib import Path
 import meshio
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from skfem import Mesh, MeshQuad
 from skfem.io import from_meshio
@@ -21,6 +23,9 @@ from anmstrip.scene.tables import ENDS
 
 NEARLY = 1e-6
 """Lengths below this share of an element's size count as none."""
+
+FARTHEST = 1e7
+"""Distance from the origin, in sizes of the mesh, at which its file has kept nine digits of it."""
 
 NAMING = (
     "name the sides in the mesh file: physical groups of lines (Gmsh, .msh) or node sets "
@@ -51,8 +56,15 @@ def check_flat(points: ArrayLike, cells: ArrayLike) -> None:
     used = np.asarray(points, dtype=float)[np.unique(cells)]
     if not np.isfinite(used).all():
         raise MeshError("nodes at finite places")
+    farthest, size = float(np.abs(used).max()), float(np.ptp(used, axis=0).max())
+    if farthest > FARTHEST * size:
+        raise MeshError(
+            f"nodes of which digits are left: they are {farthest:.3g} m from the origin, "
+            f"{farthest / size:.2g} times the size of the mesh",
+            "the mesh with its origin near it",
+        )
     height = np.abs(used[:, 2:]).max(initial=0.0)
-    if height > NEARLY * np.ptp(used, axis=0).max():
+    if height > NEARLY * size:
         raise MeshError(f"a flat mesh in the plane z = 0 (a node is {height:g} m off)")
 
 
@@ -96,6 +108,16 @@ def check_shapes(mesh: Mesh) -> None:
             f"neighbours that share whole sides ({hanging.shape[1]} nodes lie inside the side of "
             f"another element, the first at {point_text(hanging)})",
             "refine without hanging nodes, or use triangles",
+        )
+    inner = mesh.f2t[:, mesh.f2t[1] >= 0]
+    joined = coo_array((np.ones(inner.shape[1]), tuple(inner)), shape=2 * (mesh.nelements,))
+    count, island = connected_components(joined, directed=False)
+    if count > 1:
+        place = point_text(corners.mean(axis=1)[:, island != island[0]])
+        raise MeshError(
+            f"one strip, joined by whole sides ({count} parts were found, another begins at "
+            f"{place})",
+            "one scene for each part",
         )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anmstrip.continuation.equations import Outcome
-from anmstrip.driver import run
+from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError, Mistake
 from anmstrip.results.files import atomic_write, write_table
 from anmstrip.scene.schema import SceneSpec
@@ -54,7 +54,7 @@ def local_workers(workers: int) -> Iterator[Client]:
             memory_limit=0,
             silence_logs=logging.ERROR,
             preload=IGNORE_INTERRUPT,
-            dashboard_address=None,
+            dashboard_address=":0",  # a free port: 8787 may be another cluster's
             worker_dashboard_address=None,
         ) as cluster,
         Client(cluster) as client,
@@ -74,6 +74,7 @@ def remote_workers(address: str) -> Iterator[Client]:
         Nobody answers there.
     """
     from distributed import Client
+    from distributed.utils import silence_logging_cmgr
 
     try:
         client = Client(address, timeout=PATIENCE)
@@ -81,7 +82,7 @@ def remote_workers(address: str) -> Iterator[Client]:
         expected = f"the address of a scheduler that runs ({error})"
         hint = "dask scheduler, then dask worker ADDRESS with the address that it prints"
         raise InputError([Mistake("--scheduler", "", address, expected, hint)]) from error
-    with client:
+    with silence_logging_cmgr(logging.CRITICAL), client:  # what it says is told once, in a sentence
         yield client
 
 
@@ -95,7 +96,7 @@ def ended_summary(scene: SceneSpec, directory: Path) -> dict[str, Any] | None:
     return None if interrupted or not has_begun(scene, directory) else summary
 
 
-def run_scene(scene: SceneSpec, directory: Path) -> dict[str, Any]:
+def run_scene(scene: Scene, directory: Path) -> dict[str, Any]:
     """Run a scene to its end, from its checkpoint if there is one; return its summary.
 
     Any number of processes may die in here, and the next one goes on: results that belong
@@ -109,7 +110,9 @@ def run_scene(scene: SceneSpec, directory: Path) -> dict[str, Any]:
             (directory / name).unlink(missing_ok=True)
         with atomic_write(directory / INPUT) as temporary:
             temporary.write_text(json.dumps(scene.to_dict(), indent=2), encoding="utf-8")
-    for _ in run.Run(scene, directory, resume=(directory / CHECKPOINT).exists()):
+    sharpened = scene.friction is not None and scene.friction.regularisation == "auto"
+    begun = (directory / CHECKPOINT).exists() and not sharpened  # which is not resumed
+    for _ in scene.run(directory, resume=begun):
         pass
     summary = read_json(directory / SUMMARY)
     assert summary is not None
@@ -308,6 +311,11 @@ class Sweep:
 
         Whatever order they end in, the table has them in their own.  A scene that could not be
         run has the reason in its row, and is tried again next time.
+
+        Raises
+        ------
+        ConnectionError
+            The cluster has gone; the table is as it was at the last scene that ended.
         """
         from distributed import as_completed
 
@@ -321,6 +329,8 @@ class Sweep:
         total = len(self.variants)
         try:
             for job in as_completed(list(jobs)):
+                if job.cancelled():
+                    raise ConnectionError("the scheduler has gone")
                 row = self.rows[jobs[job]]
                 if (error := job.exception()) is None:
                     row.update(row_of(job.result()))
@@ -331,7 +341,8 @@ class Sweep:
                 self.write_table()
                 yield Ended(row, total - len(self.waiting), total)
         finally:
-            client.cancel(list(jobs))
+            with suppress(OSError):  # nobody there any more
+                client.cancel(list(jobs))
 
     def write_table(self) -> None:
         """Write all rows of ``sweep.csv``."""

@@ -8,6 +8,7 @@ import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -120,13 +121,15 @@ def variants(
         With the mistakes of all variations, or of all scenes.
     """
     varied = parse_variations(variations)
+    given = list(settings)
+    refuse_both(varied, given)
     found: list[Variant] = []
     mistakes: dict[str, Mistake] = {}
     for values in product(*varied.values()):
         chosen = dict(zip(varied, values, strict=True))
         texts = [f"{key}={json.dumps(value)}" for key, value in chosen.items()]
         try:
-            scene = Scene.load(path, [*settings, *texts])
+            scene = Scene.load(path, [*given, *texts])
             Run(scene)
         except InputError as error:
             for mistake in error.mistakes:
@@ -160,6 +163,27 @@ def parse_variations(texts: Iterable[str]) -> dict[str, tuple[Any, ...]]:
     if mistakes:
         raise InputError(mistakes)
     return varied
+
+
+def refuse_both(varied: Mapping[str, tuple[Any, ...]], settings: Iterable[str]) -> None:
+    """Refuse keys that vary and are set as well: one of the two would be lost.
+
+    Raises
+    ------
+    InputError
+        With all such settings; those that are wrong are told by the scenes.
+    """
+    mistakes = []
+    for text in settings:
+        with suppress(InputError):
+            override = Override.parse(text)
+            for key in filter(override.covers, varied):
+                expected = f"nothing, since {key} varies"
+                mistakes.append(
+                    Mistake(f"--set {text}", "", override.value, expected, "--vary alone")
+                )
+    if mistakes:
+        raise InputError(mistakes)
 
 
 def folder(values: Mapping[str, Any]) -> str:

@@ -24,7 +24,6 @@ from numba.core.caching import FunctionCache
 
 from anmstrip.taylor import tape
 
-
 LOST = []
 """Why kernels cannot be kept, once that was told."""
 
