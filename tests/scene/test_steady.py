@@ -109,7 +109,7 @@ def test_tension_in_stick_with_isometric_bending() -> None:
     contact, bending = state.contacts["a"], run.assembly.strip.bending_stiffness
     drag = (contact.traction * contact.turning * contact.area).sum(axis=0)
     x, (begin, end) = contact.contact.operator.reference[0], contact.arc
-    edge = drag[x < begin + 0.3 * (end - begin)].sum()
+    edge = drag[x < begin + 0.2 * (end - begin)].sum()
     assert 10.0 < abs(edge) < 100.0
     stick = STIFFNESS * (1.0 / speed - 1.0) * (1.0 + 1.5 * (1.0 / speed - 1.0))
     middle = contact.touching & (np.abs(x - 0.5 * (begin + end)) < 0.05)
@@ -174,7 +174,7 @@ def test_crowned_and_yawed_rollers_carry_a_shell(profile: dict[str, Any]) -> Non
     strip = run.assembly.strip
     y = state.full.reshape(-1, 3)[strip.edges["exit"].values, 1]
     if "crown" in profile:
-        assert y + y[::-1] == pytest.approx(np.zeros(5), abs=1e-9)
+        assert y + y[::-1] == pytest.approx(np.zeros(5), abs=1e-7)
     else:
         assert y.mean() == pytest.approx(-0.0035, rel=0.1)
 
@@ -233,3 +233,22 @@ def test_explain_says_what_the_path_is() -> None:
     text = explain(steady(1.0, 1e-5))
     assert "stationary states, in" in text
     assert "friction (switched off" not in text
+
+
+def test_standing_mesh_is_fine_at_lift_on_and_lift_off_alone() -> None:
+    """A fifth of the elements of an evenly fine mesh, and the same tensions to 0.2 %."""
+    speed = 1.0 / stretch(1.1e4)
+    tables = steady(speed, 1.5e-5, size=0.005).to_dict()
+    graded, state = ended(Scene.model_validate(tables))
+    tables["stages"].append({"name": "wait", "duration": 1e-4})
+    even = Run(Scene.model_validate(tables))
+    expected = {step.stage: step.state for step in even}["run"]
+    change = expected.tension("entry") - EXIT
+    assert state.tension("entry") - EXIT == pytest.approx(change, rel=2e-3)
+    x = graded.assembly.strip.mesh.p[0]
+    sizes, middles = np.diff(x), 0.5 * (x[1:] + x[:-1])
+    for lift in graded.assembly.thread.arcs["a"]:
+        assert sizes[np.abs(middles - lift) < 0.08].max() < 0.0051
+    assert sizes[np.abs(middles) < 0.05].min() > 0.01
+    assert sizes.max() > 0.08
+    assert len(sizes) < 0.8 * even.assembly.strip.mesh.t.shape[1]

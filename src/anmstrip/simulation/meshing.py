@@ -25,6 +25,18 @@ MOST_ELEMENTS = 250_000
 QUARTER = 0.25
 """Share of the boundary layer √(D/T) that an element over a roller may cover."""
 
+NEAR_LIFT = 2.0
+"""Boundary layers on both sides of a place where a standing mesh lifts on or off that are fine."""
+
+GROWTH = 0.15
+"""Growth of the element length per length of strip beyond.  With 0.15 the difference of tensions
+over a roller is within 0.1 % of that on an evenly fine mesh, with 0.3 within 0.3 %, with 0.6 within
+1 %; with twice ``NEAR_LIFT`` it changes by 0.02 %."""
+
+ARC = 0.05
+"""Longest element inside the arc of a standing mesh, over the radius.  The tension of a strip that
+sticks is off by 7e-5 of itself with 0.1, by 1e-6 with 0.05: a cubic stretches on a circle."""
+
 
 def largest_force(scene: SceneSpec) -> float:
     """Largest tension or edge force of all stages (N/m), 0 if there is none."""
@@ -55,7 +67,8 @@ def strip_mesh(
 
     The fine part covers a quarter of each roller's circumference on both sides of its axis,
     or the arc on which a threaded strip touches it, and the stretch that is carried over it.
-    A strip that is fed is fine everywhere: all of it comes to pass the rollers.
+    A strip that is fed is fine everywhere: all of it comes to pass the rollers.  A mesh that
+    stands still is fine where the strip lifts on and off alone.
     """
     spec = scene.strip
     assert spec.width is not None and spec.cells is not None
@@ -68,9 +81,16 @@ def strip_mesh(
         zones = fine_zones(scene, rollers, thread, half)
     if spec.feed:
         zones = [(-half, half)] if zones else []
-    section = spec.kinematics == "section"
+    section, layer = spec.kinematics == "section", max(boundary_layer(scene), fine / QUARTER)
+    standing = thread if zones and _stands(scene) else None
+    if standing is not None:
+        near = NEAR_LIFT * layer
+        zones = [(x - near, x + near) for arc in standing.arcs.values() for x in arc]
     _bearable(scene, half, zones, fine, 1 if section else spec.cells[1])
-    xs = lines_of_nodes(half, zones, fine, coarse)
+    if standing is None:
+        xs = lines_of_nodes(half, zones, fine, coarse)
+    else:
+        xs = graded_nodes(half, standing, near, fine, coarse)
     if section:
         return line(xs)
     return grid(xs, np.linspace(-spec.width / 2.0, spec.width / 2.0, spec.cells[1] + 1))
@@ -103,6 +123,38 @@ def lines_of_nodes(
         inside = any(lo <= a and b <= hi for lo, hi in zones)
         count = max(1, int(np.ceil((b - a) / (fine if inside else coarse) - 1e-9)))
         xs.append(np.linspace(a, b, count + 1)[1:])
+    return np.concatenate(xs)
+
+
+def _stands(scene: SceneSpec) -> bool:
+    """Whether the strip lifts on and off at the same labels throughout."""
+    controls = [
+        c for stage in scene.stages for c in (*stage.edges.values(), *stage.rollers.values())
+    ]
+    steady = all(stage.steady or not stage.friction for stage in scene.stages)
+    return steady and not scene.strip.feed and all(c.move is None for c in controls)
+
+
+def graded_nodes(half: float, thread: Thread, near: float, fine: float, coarse: float) -> Array:
+    """Coordinates from −half to half, fine where the strip lifts on and off, growing away from it.
+
+    These places are nodes: a string has corners of its curvature there.  The length of the
+    elements is at most ``fine`` up to ``near`` of them, grows by ``GROWTH`` per length beyond, to
+    ``ARC`` radii on a roller and to ``coarse`` elsewhere.
+    """
+    x = np.linspace(-half, half, 1 + int(np.ceil(8.0 * half / fine)))
+    sizes = np.full_like(x, coarse)
+    for roller in thread.rollers:
+        first, last = thread.arcs[roller.name]
+        sizes[(first < x) & (x < last)] = min(coarse, ARC * roller.radius)
+    lifts = np.sort(np.ravel(list(thread.arcs.values())))
+    place = np.clip(np.searchsorted(lifts, x), 1, len(lifts) - 1)
+    distance = np.minimum(np.abs(x - lifts[place - 1]), np.abs(lifts[place] - x))
+    sizes = np.minimum(sizes, fine + GROWTH * np.maximum(distance - near, 0.0))
+    passed = np.cumsum(np.append(0.0, 0.5 * np.diff(x) * (1.0 / sizes[1:] + 1.0 / sizes[:-1])))
+    xs = [np.array([-half])]
+    for a, b in pairwise(np.interp([-half, *lifts, half], x, passed)):
+        xs.append(np.interp(np.linspace(a, b, int(np.ceil(b - a)) + 1)[1:], passed, x))
     return np.concatenate(xs)
 
 
