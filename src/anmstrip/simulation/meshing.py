@@ -128,11 +128,10 @@ def lines_of_nodes(
 
 def _stands(scene: SceneSpec) -> bool:
     """Whether the strip lifts on and off at the same labels throughout."""
-    controls = [
-        c for stage in scene.stages for c in (*stage.edges.values(), *stage.rollers.values())
-    ]
+    moves = [c.move for stage in scene.stages for c in stage.edges.values()]
+    moves += [c.move for stage in scene.stages for c in stage.rollers.values()]
     steady = all(stage.steady or not stage.friction for stage in scene.stages)
-    return steady and not scene.strip.feed and all(c.move is None for c in controls)
+    return steady and not scene.strip.feed and not any(moves)
 
 
 def graded_nodes(half: float, thread: Thread, near: float, fine: float, coarse: float) -> Array:
