@@ -16,6 +16,7 @@ from anmstrip.continuation.path import Branch
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern, Restriction
 from anmstrip.fem.strip import Strip
+from anmstrip.linalg.bordered import Bordered
 from anmstrip.mechanics.effects import Controls, Effect, Moment, RecordedLaws, series_of
 from anmstrip.mechanics.shell import Membrane
 from anmstrip.timestepping.formulas import AffineVelocity
@@ -30,21 +31,31 @@ class Model:
     pattern : Pattern
     effects : sequence of Effect
     scales : Scales
+    turning : sequence of str, optional
+        Rollers that turn freely: the travels of their surfaces (m) are the last unknowns.
 
     Attributes
     ----------
     seconds : dict
         Time spent in every effect so far.
+    unknowns : int
+        Those of the strip, and of the rollers that turn freely.
     """
 
     def __init__(
-        self, strip: Strip, pattern: Pattern, effects: Sequence[Effect], scales: Scales
+        self,
+        strip: Strip,
+        pattern: Pattern,
+        effects: Sequence[Effect],
+        scales: Scales,
+        turning: Sequence[str] = (),
     ) -> None:
         self.strip, self.pattern, self.scales = strip, pattern, scales
+        self.turning, self.unknowns = tuple(turning), strip.unknowns + len(turning)
         self.effects = tuple(effects)
         self.seconds = {effect.name: 0.0 for effect in effects}
         self.value_unknowns = strip.unknowns_of(strip.node_values)
-        self.units = np.repeat(strip.dof_lengths, strip.count)
+        self.units = np.append(np.repeat(strip.dof_lengths, strip.count), np.ones(len(turning)))
         self.laws = RecordedLaws()
         self._restrictions: dict[bytes, Restriction] = {}
 
@@ -59,7 +70,7 @@ class Model:
         if not self.rate_dependent:
             return self
         still = [effect for effect in self.effects if not effect.rate_dependent]
-        return Model(self.strip, self.pattern, still, self.scales)
+        return Model(self.strip, self.pattern, still, self.scales, self.turning)
 
     def restriction(self, free: Index) -> Restriction:
         """Assembler over the free unknowns, remembered."""
@@ -73,7 +84,8 @@ class Model:
         total = np.zeros_like(full)
         for effect in self.effects:
             begin = time.perf_counter()
-            total += effect.force(full, velocity, controls)
+            force = effect.force(full, velocity, controls)
+            total[: len(force)] += force
             self.seconds[effect.name] += time.perf_counter() - begin
         return total
 
@@ -117,7 +129,7 @@ class Equilibrium:
     ) -> None:
         self.model, self.supports, self.controls = model, supports, controls
         self.velocity = velocity
-        self.moving = np.zeros(model.strip.unknowns) if moving is None else moving
+        self.moving = np.zeros(model.unknowns) if moving is None else moving
         size = model.scales
         self.free_units = 1.0 / model.units[supports.free]
         self.is_value = np.isin(supports.free, model.value_unknowns)
@@ -168,8 +180,8 @@ class Equilibrium:
             moved[self.supports.free] = change
             total = still.copy()
             for part in parts:
-                force = part.derivative(still, moved, 0.0)
-                total += 0.0 if force is None else force
+                if (force := part.derivative(still, moved, 0.0)) is not None:
+                    total[: len(force)] += force
             return total[self.supports.free]
 
         return applied
@@ -204,18 +216,18 @@ class EquilibriumSeries:
         self.residual = self._summed(lambda part: part.residual())
 
     def _summed(self, contribution: Any) -> Array:
-        total = np.zeros(self.model.strip.unknowns)
+        total = np.zeros(self.model.unknowns)
         for part in self.parts:
             begin = time.perf_counter()
             found = contribution(part)
             if found is not None:
-                total += found
+                total[: len(found)] += found
             self.model.seconds[part.effect.name] += time.perf_counter() - begin
         return total[self.free]
 
-    def tangent(self) -> csc_matrix:
-        """∂R/∂u + rate ∂R/∂v over the free unknowns."""
-        blocks = self.model.pattern.zeros()
+    def tangent(self) -> csc_matrix | Bordered:
+        """∂R/∂u + rate ∂R/∂v over the free unknowns; those of rollers are a border."""
+        blocks = self.model.pattern.zeros(len(self.model.turning))
         velocity = self.equations.velocity
         for part in self.parts:
             begin = time.perf_counter()
@@ -288,18 +300,19 @@ class Motion:
 
         model, size = self.model, self.model.scales
         drag = Drag(ContactOperator(model.strip), size.tension * time / size.length**2)
-        slowed = Model(model.strip, model.pattern, [*model.effects, drag], size)
+        effects = [*model.effects, drag]
+        slowed = Model(model.strip, model.pattern, effects, size, model.turning)
         return Motion(slowed, self.supports, self.controls, self.start, self.duration)
 
     def error(self, u: Array, change: Array) -> float:
         """Largest error in position over the length scale: it is carried along."""
-        moved = np.zeros(self.model.strip.unknowns)
+        moved = np.zeros(self.model.unknowns)
         moved[self.supports.free] = change
         return float(np.abs(moved[self.model.value_unknowns]).max()) / self.model.scales.length
 
     def fading_error(self, u: Array, change: Array) -> float:
         """Error in membrane force over the tension scale: slip lets it relax."""
-        full, moved = self.supports.start.copy(), np.zeros(self.model.strip.unknowns)
+        full, moved = self.supports.start.copy(), np.zeros(self.model.unknowns)
         full[self.supports.free], moved[self.supports.free] = u, change
         return self.model.tension_error(full, moved)
 

@@ -169,6 +169,13 @@ class Look:
         along = np.sum(self.traction * self.turning, axis=-1)
         return float(self.surface.integral(along))
 
+    @property
+    def torque(self) -> float:
+        """Moment about the axis of the tractions at their distances from it."""
+        axis = self.shape.sense * self.axis
+        moments = np.cross(self.radial * self.profile[0][..., None], self.traction) @ axis
+        return float(self.surface.integral(moments))
+
     @cached_property
     def resultant(self) -> np.ndarray:
         """Force on the strip (N)."""

@@ -80,13 +80,15 @@ def test_rows_of_rollers_are_those_of_the_states(results: Results) -> None:
             told = {key: results.history[f"{name}_{key}"][row] for key in COLUMNS}
             assert told["normal_force"] == pytest.approx(look.normal_force, rel=1e-6, abs=1e-9)
             assert told["drag"] == pytest.approx(look.drag, rel=1e-5, abs=1e-6)
+            assert told["torque"] == pytest.approx(look.torque, rel=1e-5, abs=1e-6)
+            assert told["surface_speed"] == pytest.approx(look.speed, rel=1e-12, abs=1e-15)
             if look.normal_force > 1e-3:
                 assert told["wrap"] == pytest.approx(look.wrap, rel=1e-8)
             largest = look.speeds.max(initial=0.0)
             assert told["max_slip"] == pytest.approx(largest, rel=1e-7, abs=1e-12)
 
 
-COLUMNS = ("normal_force", "drag", "wrap", "max_slip")
+COLUMNS = ("normal_force", "drag", "wrap", "max_slip", "surface_speed", "torque")
 
 
 def test_columns_are_those_of_the_rollers(results: Results) -> None:

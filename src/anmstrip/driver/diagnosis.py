@@ -60,7 +60,7 @@ def locate(evidence: Evidence, state: State) -> Location | None:
         if number is None and values is not None and len(values) == len(units):
             size = np.where(np.isfinite(values), np.abs(values * scale), np.inf)
             number = int(np.argmax(size)) if size.max() > size.min() else None
-    if number is None:
+    if number is None or free[number] >= strip.unknowns:  # a roller's
         return None
     scalar, component = divmod(int(free[number]), strip.count)
     mesh, at_node = strip.mesh, np.argwhere(strip.basis.nodal_dofs == scalar)
@@ -135,7 +135,7 @@ def too_many_steps(failure: Failure) -> str | None:
 def not_held(failure: Failure) -> str | None:
     """No edge holds a component, and no roller the strip lies on."""
     strip, edges = failure.plan.model.strip, failure.scene.edges
-    held = np.ones(strip.unknowns, dtype=bool)
+    held = np.ones(failure.plan.model.unknowns, dtype=bool)
     held[failure.plan.supports.free] = False
     rubbed = "xy" if failure.plan.in_time else ""
     by_rollers = rubbed + "z" if failure.touched else ""

@@ -111,7 +111,7 @@ def memory(effect: Effect, order: int, plan: StageProblem) -> float:
         return effect.load.nbytes
     assert isinstance(effect, LawEffect)
     operator, controls = effect.operator, plan.controls.at(0.0)
-    x, law = operator.apply(np.zeros(plan.model.strip.unknowns)), effect.law
+    x, law = operator.apply(np.zeros(plan.model.unknowns)), effect.law
     program = record(lambda x: law(x, x, controls), x, points=operator.points)
     return program.nbytes(order)
 
@@ -145,6 +145,7 @@ def roller_table(preview: Preview) -> Table:
     and z upwards.
     """
     strip, thread = preview.assembly.strip, preview.assembly.thread
+    kinds = {spec.name: spec.drive for spec in preview.assembly.scene.rollers}
     last = "wrap (°), side" if thread else "gap to the flat strip, wrap (°), side"
     columns = ("radius (m)", "centre (m)", "axis", "passed", "turns", last)
     table = _table("Rollers", "roller", *columns)
@@ -158,6 +159,7 @@ def roller_table(preview: Preview) -> Table:
         turn = preview.turn(roller) if turn is None else turn
         sides = [s.senses[roller.name] for s in preview.strings if roller.name in s.senses]
         wrap = f"{np.degrees(turn):.4g}°, {sides[0]}" if sides else "not touched"
+        drive = f", {kinds[roller.name]}" if kinds[roller.name] != "speed" else ""
         clockwise = roller.sense * roller.unit_axis[1] >= 0.0
         table.add_row(
             roller.name,
@@ -165,7 +167,7 @@ def roller_table(preview: Preview) -> Table:
             ", ".join(f"{c:g}" for c in roller.centre),
             ", ".join(f"{c:.3g}" for c in roller.unit_axis),
             preview.passes(roller),
-            "clockwise" if clockwise else "anticlockwise",
+            ("" if clockwise else "anti") + "clockwise" + drive,
             wrap if thread is not None else f"{flat_gap(strip, roller):.3g} m, {wrap}",
         )
     return table

@@ -28,7 +28,7 @@ STEP_COLUMNS = ("stage", "time", "step", "tangents", "order", "range", "residual
 
 EVENT_COLUMNS = ("time", "stage", "kind", "roller", "point", "x", "y", "gap", "slip")
 
-ROLLER_COLUMNS = ("normal_force", "drag", "wrap", "max_slip")
+ROLLER_COLUMNS = ("normal_force", "drag", "wrap", "max_slip", "surface_speed", "torque")
 
 
 class Recorder:
@@ -120,11 +120,8 @@ class Recorder:
 
     def _turn(self, state: State, before: State) -> None:
         """Add the surface's travel since a state, for the rollers' pictures."""
-        h = state.time - before.time
         for name in self.turned:
-            speed = float(state.controls[f"rollers.{name}.surface_speed"])
-            slope = float(state.plan.controls.rate(f"rollers.{name}.surface_speed"))
-            self.turned[name] += h * (speed - 0.5 * slope * h / state.plan.duration)
+            self.turned[name] += state.surface_travel(name, before)
 
     def checkpoint(
         self, arrays: Mapping[str, Array], facts: Mapping[str, Any], force: bool = False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,14 +11,21 @@ from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.strip import Strip
+from anmstrip.linalg.bordered import Bordered
+
+
+@dataclass
+class Blocks:
+    """Entries of a tangent, to which every effect adds its own."""
+
+    pairs: Array  # (components, components, couplings): row component, column component, coupling
+    columns: Array  # (unknowns of the strip, others): a full column for each other unknown
+    rows: Array  # (others, unknowns of the strip)
+    corner: Array  # (others, others)
 
 
 class Pattern:
-    """Sparsity of the tangent, fixed: couplings of scalars, for all pairs of components.
-
-    ``blocks`` arrays have the shape (components, components, couplings): row component,
-    column component, coupling.
-    """
+    """Sparsity of the tangent, fixed: couplings of scalars, for all pairs of components."""
 
     def __init__(self, strip: Strip) -> None:
         self.scalars, self.count = strip.scalars, strip.count
@@ -34,9 +42,11 @@ class Pattern:
         """Number of coupled pairs of scalars."""
         return len(self.row)
 
-    def zeros(self) -> Array:
-        """Empty blocks."""
-        return np.zeros((self.count, self.count, self.couplings))
+    def zeros(self, others: int = 0) -> Blocks:
+        """Empty blocks; others is the number of unknowns besides those of the strip."""
+        n, pairs = self.count * self.scalars, (self.count, self.count, self.couplings)
+        shapes = pairs, (n, others), (others, n), (others, others)
+        return Blocks(*(np.zeros(shape) for shape in shapes))
 
     def restricted(self, free: Index) -> Restriction:
         """Maker of sparse matrices over the free unknowns."""
@@ -49,6 +59,8 @@ class Restriction:
     def __init__(self, pattern: Pattern, free: Index) -> None:
         m = pattern.count
         n = m * pattern.scalars
+        self.others, free = free[free >= n] - n, free[free < n]
+        self.free = free
         i, j = np.mgrid[:m, :m][:, :, :, None]
         rows, columns = m * pattern.row + i, m * pattern.column + j
         numbers = np.arange(1, m * m * pattern.couplings + 1, dtype=float)
@@ -59,10 +71,16 @@ class Restriction:
         self.indices, self.indptr = part.indices, part.indptr
         self.source = part.data.astype(np.int64) - 1
 
-    def matrix(self, blocks: Array) -> csc_matrix:
+    def matrix(self, blocks: Blocks) -> csc_matrix | Bordered:
         """Tangent over the free unknowns, shape (free, free)."""
-        data = blocks.reshape(-1)[self.source]
-        return csc_matrix((data, self.indices, self.indptr), shape=self.shape)
+        data = blocks.pairs.reshape(-1)[self.source]
+        inner = csc_matrix((data, self.indices, self.indptr), shape=self.shape)
+        if not len(self.others):
+            return inner
+        columns, rows = blocks.columns[np.ix_(self.free, self.others)], blocks.rows[self.others]
+        return Bordered(
+            inner, columns, rows[:, self.free], blocks.corner[np.ix_(self.others, self.others)]
+        )
 
 
 class CellOperator:
@@ -109,7 +127,9 @@ class CellOperator:
 
     def apply(self, full: Array) -> Array:
         """Derivatives of the unknown components, shape (count, components, points)."""
-        values = self.table @ full.reshape(-1, self.count)[self.dofs]
+        values = (
+            self.table @ full[: self.sum.shape[0] * self.count].reshape(-1, self.count)[self.dofs]
+        )
         values = values.reshape(self.elements, self.components, self.per_element, self.count)
         return values.transpose(3, 1, 0, 2).reshape(self.count, self.components, -1)
 
@@ -119,7 +139,7 @@ class CellOperator:
         columns = each.transpose(2, 1, 3, 0).reshape(self.elements, -1, self.count)
         return (self.sum @ (self.weighted @ columns).reshape(-1, self.count)).ravel()
 
-    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Array) -> None:
+    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
         """Add Lᵀ w J L.
 
         Parameters
@@ -134,7 +154,7 @@ class CellOperator:
             for j in range(m):
                 middle = np.einsum("baeq,ebqn->eaqn", each[j, :, i], table)
                 local = self.weighted @ middle.reshape(self.elements, -1, self.local)
-                self._add(local, pattern, blocks[i, j])
+                self._add(local, pattern, blocks.pairs[i, j])
 
     def add_bilinear(self, matrix: Array, pattern: Pattern, block: Array) -> None:
         """Add Lᵀ w M L, one constant M (components, components), to one block of scalars."""

@@ -13,7 +13,7 @@ from scipy.sparse.linalg import splu
 from skfem.element import DiscreteField
 
 from anmstrip.arrays import Array, Index
-from anmstrip.fem.operators import CellOperator, Pattern
+from anmstrip.fem.operators import Blocks, CellOperator, Pattern
 from anmstrip.fem.strip import Strip
 
 
@@ -165,18 +165,19 @@ class ContactOperator:
 
     def apply(self, full: Array) -> Array:
         """Values of the unknown components, shape (count, points)."""
-        return np.ascontiguousarray((self.matrix @ full.reshape(-1, self.count)).T)
+        own = full[: self.matrix.shape[1] * self.count]
+        return np.ascontiguousarray((self.matrix @ own.reshape(-1, self.count)).T)
 
     def gather(self, forces: Array) -> Array:
         """Generalised forces of forces per area, shape (count, points) → (unknowns,)."""
         return (self.transposed @ (forces * self.weights).T).ravel()
 
-    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Array) -> None:
+    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
         """Add Lᵀ w J L, J[j, i] of shape (count, count, points), over these points' cells."""
         self._add_tangent(derivative, self.table, pattern, blocks)
 
     def _add_tangent(
-        self, derivative: Array, inputs: Array, pattern: Pattern, blocks: Array
+        self, derivative: Array, inputs: Array, pattern: Pattern, blocks: Blocks
     ) -> None:
         """Add Lᵀ w J M, where the table of M is another one than that of L."""
         every = np.zeros((self.count, self.count, self.cells.max() + 1))
@@ -189,7 +190,7 @@ class ContactOperator:
         for i in range(self.count):
             for j in range(self.count):
                 local = transposed @ (weighted[j, i][:, :, None] * table)
-                blocks[i, j] += np.bincount(places, local.ravel(), pattern.couplings)
+                blocks.pairs[i, j] += np.bincount(places, local.ravel(), pattern.couplings)
 
 
 class SlopeOperator(ContactOperator):
@@ -207,10 +208,10 @@ class SlopeOperator(ContactOperator):
 
     def apply(self, full: Array) -> Array:
         """Values and derivatives of the unknown components, shape (2, count, points)."""
-        unknowns = full.reshape(-1, self.count)
+        unknowns = full[: self.matrix.shape[1] * self.count].reshape(-1, self.count)
         return np.stack([(m @ unknowns).T for m in (self.matrix, self.slopes)])
 
-    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Array) -> None:
+    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
         """Add Lᵀ w (J_0 L + J_1 L,x), J of shape (2, count, count, points)."""
         self._add_tangent(derivative[0], self.table, pattern, blocks)
         self._add_tangent(derivative[1], self.slope_table, pattern, blocks)

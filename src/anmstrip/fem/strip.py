@@ -109,6 +109,10 @@ class Strip:
         """Number of degrees of freedom of all unknown components."""
         return self.count * self.scalars
 
+    def nodal(self, full: Array) -> Array:
+        """Values of the degrees of freedom, (scalars, components), of all unknowns of a model."""
+        return full[: self.unknowns].reshape(-1, self.count)
+
     @property
     def nodes(self) -> Array:
         """Reference positions of the mesh nodes, shape (3, nodes)."""

@@ -290,8 +290,12 @@ class Friction(LawEffect):
     def surface(self, place: Projection, controls: Mapping[str, Any]) -> Any:
         """Velocity of the surface along the tangents (m/s), (components of slip, points)."""
         speed = control_of(self.roller, controls, "surface_speed") * self.roller.sense
+        return self.turned(place) * speed
+
+    def turned(self, place: Projection) -> Any:
+        """Components of slip of a surface that turns with unit speed, (components, points or 1)."""
         turning = np.eye(len(self.frame) - 1)[0][:, None]
-        return (turning if place.ratio is None else place.ratio * turning) * speed
+        return turning if place.ratio is None else place.ratio * turning
 
     def sliding(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Projection, Any, Any]:
         """Return where the points are on the roller, its tangents there, and their slip."""
@@ -317,7 +321,7 @@ class Friction(LawEffect):
         """Slip (m/s), (components of slip, points), and pressure (Pa) of all points."""
         full, velocity, controls = moment
         assert velocity is not None
-        place = self.contact.seen(self.operator.apply(full), controls)
+        place = self.contact.seen(self.contact.operator.apply(full), controls)
         slip = self.slip(place, self.tangents(place), self.operator.apply(velocity), controls)
         return np.asarray(slip), np.asarray(self.contact.pressure(place))
 
@@ -325,6 +329,10 @@ class Friction(LawEffect):
         """Residual per area: minus the traction of the roller, (components, points)."""
         place, tangents, slip = self.sliding(x, v, controls)
         traction = self.acting(self.contact.pressure(place), slip)
+        return self.on_strip(tangents, traction)
+
+    def on_strip(self, tangents: Any, traction: Any) -> Any:
+        """Residual per area of a traction along the tangents, (components, points)."""
         local = np.einsum("ki...,k...->i...", tangents, traction)
         return transform(-self.view.swapaxes(0, 1), local)
 

@@ -12,7 +12,7 @@ from scipy.sparse import csr_matrix
 
 from anmstrip.arrays import Array
 from anmstrip.fem.geometry import Kinematics
-from anmstrip.fem.operators import Pattern
+from anmstrip.fem.operators import Blocks, Pattern
 from anmstrip.fem.sampling import REMEMBERED
 from anmstrip.taylor.series import Series, record
 from anmstrip.taylor.tape import Tape
@@ -31,7 +31,7 @@ class Operator(Protocol):
     def gather(self, forces: Array) -> Array:
         """Lᵀ w f."""
 
-    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Array) -> None:
+    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
         """Add Lᵀ w J L."""
 
 
@@ -46,7 +46,8 @@ class Effect:
     """One term of the residual R(u, v, controls) of a strip.
 
     1. ``name`` stands in reports, and ``points`` counts the points of evaluation.
-    2. ``force`` is the residual in plain numbers, shape (unknowns,).
+    2. ``force`` is the residual in plain numbers, shape (unknowns,); one that the rollers do not
+       feel may end with the unknowns of the strip.
     3. ``rate_dependent`` says that the residual depends on v; stages with such an effect run
        in time.
     4. The remaining methods matter to contact and friction; others keep the defaults.
@@ -131,8 +132,9 @@ class LinearEffect(Effect):
     pattern: Pattern
 
     def product(self, full: Array) -> Array:
-        """Return K u, shape (unknowns,)."""
-        return (self.matrix @ full.reshape(-1, self.pattern.count)).ravel()
+        """Return K u, shape (unknowns of the strip,)."""
+        own = full[: self.pattern.scalars * self.pattern.count]
+        return (self.matrix @ own.reshape(-1, self.pattern.count)).ravel()
 
     def force(self, full: Array, velocity: Array | None, controls: Values) -> Array:
         """Return K u, shape (unknowns,)."""
@@ -144,10 +146,10 @@ class LinearEffect(Effect):
         p = self.pattern
         return csr_matrix((self.block, (p.row, p.column)), shape=(p.scalars, p.scalars))
 
-    def add_tangent(self, blocks: Array) -> None:
+    def add_tangent(self, blocks: Blocks) -> None:
         """Add K to the diagonal blocks."""
         for c in range(self.pattern.count):
-            blocks[c, c] += self.block
+            blocks.pairs[c, c] += self.block
 
 
 @dataclass(frozen=True)
@@ -314,7 +316,7 @@ class EffectSeries:
     def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
         """Fix order k of the unknowns."""
 
-    def add_tangent(self, pattern: Pattern, blocks: Array, rate: float) -> None:
+    def add_tangent(self, pattern: Pattern, blocks: Blocks, rate: float) -> None:
         """Add ∂R/∂u + rate ∂R/∂v to the blocks."""
 
 
@@ -365,7 +367,7 @@ class LawSeries(EffectSeries):
     def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
         self.orders.correct(*self._changes(u, v, control))
 
-    def add_tangent(self, pattern: Pattern, blocks: Array, rate: float) -> None:
+    def add_tangent(self, pattern: Pattern, blocks: Blocks, rate: float) -> None:
         count = int(np.prod(self.shape[:-1]))
         unit = np.eye(count).reshape((count, *self.shape[:-1], 1))
         unit = np.broadcast_to(unit, (count, *self.shape))
@@ -389,7 +391,7 @@ class LinearSeries(EffectSeries):
     def derivative(self, u: Array, v: Array | None, control: float) -> Array:
         return self.effect.product(u)
 
-    def add_tangent(self, pattern: Pattern, blocks: Array, rate: float) -> None:
+    def add_tangent(self, pattern: Pattern, blocks: Blocks, rate: float) -> None:
         self.effect.add_tangent(blocks)
 
 

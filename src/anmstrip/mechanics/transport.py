@@ -88,7 +88,7 @@ def transport_velocity(strip: Strip, pattern: Pattern, full: Array, speed: float
 
 def strip_speed(strip: Strip, full: Array, velocity: Array) -> float:
     """Mean of v · r,X / |r,X|² over the nodes (m/s), that of v = c ∂r/∂X if it is so."""
-    along = full.reshape(-1, strip.count)[strip.dofs("u_x")]
+    along = strip.nodal(full)[strip.dofs("u_x")]
     along = along + strip.kinematics.pick([1.0, 0.0, 0.0])
-    v = velocity.reshape(-1, strip.count)[strip.node_values]
+    v = strip.nodal(velocity)[strip.node_values]
     return float(((v * along).sum(axis=1) / (along * along).sum(axis=1)).mean())

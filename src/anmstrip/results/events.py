@@ -12,6 +12,7 @@ import numpy as np
 from anmstrip.arrays import Array, Index
 from anmstrip.equilibrium import StageProblem
 from anmstrip.mechanics.contact import Contact, Friction
+from anmstrip.mechanics.effects import LawEffect
 from anmstrip.mechanics.laws import FrictionLaw, cone_speed, corner_speed
 from anmstrip.mechanics.roller import Roller
 from anmstrip.results.rollers import TOUCHING
@@ -89,16 +90,16 @@ def gap_and_slip(
 
     inputs = [_at_points(contact, stretch.full), stretch.control]
     if friction is not None and stretch.velocity is not None:
-        inputs.append(_at_points(contact, stretch.velocity))
+        inputs.append(_at_points(friction, stretch.velocity))
     count = max(len(stretch.full), ORDER + 1)
     padded = (np.pad(c, [(0, count - len(c)), *[(0, 0)] * (c.ndim - 1)]) for c in inputs)
     found = taylor_series(trace, *padded)
     return found[:, 0], None if friction is None else found[:, 1]
 
 
-def _at_points(contact: Contact, full: Array) -> Array:
-    """Return orders of all unknowns at a contact's points, shape (orders, components, points)."""
-    return np.stack([contact.operator.apply(u) for u in full])
+def _at_points(effect: LawEffect, full: Array) -> Array:
+    """Return orders of all unknowns at an effect's points, shape (orders, components, points)."""
+    return np.stack([effect.operator.apply(u) for u in full])
 
 
 @dataclass(frozen=True)

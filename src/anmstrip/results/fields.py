@@ -96,7 +96,7 @@ class FieldSampler:
 
     def _dofs(self, full: Array) -> Array:
         """Values of the elements' own degrees of freedom, (dofs, elements, components)."""
-        return full.reshape(-1, self.strip.count)[self.strip.basis.element_dofs]
+        return self.strip.nodal(full)[self.strip.basis.element_dofs]
 
     @cached_property
     def from_contact(self) -> Array:

@@ -38,6 +38,9 @@ class ContactState:
     slip: Array  # m/s, shape (3, points); zero where there is no friction
     traction: Array  # Pa, shape (3, points); zero where there is no friction
     coefficient: float | None  # f, with friction
+    arm: Array  # distance of the surface from the axis (m), shape (points,)
+    speed: float  # of the surface (m/s)
+    bearing_torque: float  # against it (N m)
 
     @cached_property
     def touching(self) -> NDArray[np.bool_]:
@@ -95,6 +98,9 @@ class RollerReading:
     max_slip: float  # largest slip speed in contact (m/s)
     creep_speed: float  # roller's surface speed less the strip's, mean over the contact (m/s)
     cone_violation: float  # largest |R_T| / (f R_N) − 1 in contact, at least 0
+    surface_speed: float  # where the profile has the nominal radius (m/s)
+    torque: float  # moment of friction about the axis on the strip, in the sense of drag (N m)
+    bearing_torque: float  # with which bearings brake a roller that turns freely (N m)
     resultant: Array  # force of the roller on the strip (N), shape (3,)
 
     @property
@@ -137,6 +143,9 @@ def reading_of(
     return RollerReading(
         normal_force=float((state.pressure * area).sum()),
         drag=float((state.traction * state.turning * area).sum()),
+        surface_speed=state.speed,
+        torque=float((state.traction * state.turning * area * state.arm).sum()),
+        bearing_torque=state.bearing_torque,
         wrap=wrap,
         tension_in=float(np.linalg.norm(before) / state.width),
         tension_out=float(np.linalg.norm(after) / state.width),

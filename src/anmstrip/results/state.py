@@ -13,6 +13,7 @@ from anmstrip.continuation.path import Branch
 from anmstrip.equilibrium import StageProblem
 from anmstrip.mechanics.loads import FollowerLoad
 from anmstrip.mechanics.shell import Membrane, principal
+from anmstrip.mechanics.turning import Drives
 from anmstrip.results.rollers import (
     ContactState,
     Regularisation,
@@ -108,7 +109,7 @@ class State:
         strip = self.plan.model.strip
         given = self.controls.get(f"{name}.force", np.zeros(3)) * edge.length
         given += self._following(name)
-        values = self.imbalance.reshape(-1, strip.count)[edge.values].sum(axis=0)
+        values = strip.nodal(self.imbalance)[edge.values].sum(axis=0)
         return strip.kinematics.embed(values) + given + self._outside(name, edge.length)
 
     def _following(self, name: str) -> Array:
@@ -131,7 +132,7 @@ class State:
         """Mean force per length of an edge along the strip's own direction there (N/m)."""
         edge = self.plan.model.strip.edges[name]
         strip = self.plan.model.strip
-        slopes = self.full.reshape(-1, strip.count)[strip.dofs("u_x")[edge.nodes]].mean(axis=0)
+        slopes = strip.nodal(self.full)[strip.dofs("u_x")[edge.nodes]].mean(axis=0)
         along = np.array([1.0, 0.0, 0.0]) + strip.kinematics.embed(slopes)
         along /= np.linalg.norm(along)
         outward = -along if name == "entry" else along
@@ -157,7 +158,42 @@ class State:
             chosen = near.operator.chosen
             slip[:, chosen], traction[:, chosen] = near.in_space(x, v, self.controls)
         coefficient = None if friction is None else friction.law_of_slip.coefficient
-        return ContactState(contact, place.gap, normal, pressure, slip, traction, coefficient)
+        roller = contact.roller.members[0]
+        ratio = 1.0 if place.ratio is None else place.ratio
+        speed, bearing = self._turning(roller.name)
+        return ContactState(
+            contact,
+            place.gap,
+            normal,
+            pressure,
+            slip,
+            traction,
+            coefficient,
+            arm=roller.radius * np.broadcast_to(ratio, place.gap.shape),
+            speed=speed,
+            bearing_torque=bearing,
+        )
+
+    def _turning(self, name: str) -> tuple[float, float]:
+        """Speed of a roller's surface (m/s), and torque of its bearings against it (N m)."""
+        model = self.plan.model
+        if name not in model.turning:
+            return float(self.controls[f"rollers.{name}.surface_speed"]), 0.0
+        drives = next((e for e in model.effects if isinstance(e, Drives)), None)
+        if drives is None or self.velocity is None:
+            return 0.0, 0.0
+        speeds, number = drives.apply(self.velocity)[0], model.turning.index(name)
+        return float(speeds[number]), float(drives.drag(speeds)[number])
+
+    def surface_travel(self, name: str, before: State) -> float:
+        """Travel (m) of a roller's surface since a state of the same stage or its beginning."""
+        model, h = self.plan.model, self.time - before.time
+        if name in model.turning:
+            place = model.strip.unknowns + model.turning.index(name)
+            return float(self.full[place] - before.full[place])
+        key = f"rollers.{name}.surface_speed"
+        gained = float(self.plan.controls.rate(key)) * h / self.plan.duration
+        return h * (float(self.controls[key]) - 0.5 * gained)
 
     @cached_property
     def rollers(self) -> dict[str, RollerReading]:
@@ -178,7 +214,7 @@ class State:
             name: regularisation_of(
                 self.contacts[name],
                 reading,
-                speed=float(self.controls[f"rollers.{name}.surface_speed"]),
+                speed=reading.surface_speed,
                 elapsed=np.inf if self.plan.steady else self.time,
                 stiffness=self.plan.model.strip.tensile_stiffness,
             )

@@ -114,6 +114,29 @@ def known_rollers(rollers: Rollers, stages: Stages) -> Iterator[Mistake]:
                 yield Mistake("", key, name, "the name of a roller", nearest(name, known))
 
 
+def drives(rollers: Rollers, stages: Stages, friction: FrictionSpec | None) -> Iterator[Mistake]:
+    """Yield controls that a roller's drive does not have, and rollers that nothing turns."""
+    drive = {roller.name: roller.drive for roller in rollers}
+    for name, kind in drive.items():
+        if kind != "speed" and friction is None:
+            expected = '"speed", since without a table [friction] nothing turns the roller'
+            hint = "[friction]\ncoefficient = 0.2\nspeed = 1.0e-4"
+            yield Mistake("", f"rollers.{name}.drive", kind, expected, hint)
+        for stage in stages:
+            if kind != "speed" and stage.steady:
+                expected = f'"speed" beside the steady stage {stage.name}, which needs the speed'
+                yield Mistake("", f"rollers.{name}.drive", kind, expected, 'drive = "speed"')
+    asked = {"surface_speed": "speed", "angular_speed": "speed", "torque": "torque"}
+    for stage in stages:
+        for name, control in stage.rollers.items():
+            for key, needed in asked.items():
+                value = getattr(control, key)
+                if value is not None and drive.get(name, needed) != needed:
+                    place = f"stages.{stage.name}.rollers.{name}.{key}"
+                    expected = f'nothing, since the roller has drive = "{drive[name]}"'
+                    yield Mistake("", place, value, expected, f'drive = "{needed}"')
+
+
 def plates(
     strip: StripSpec, friction: FrictionSpec | None, threading: ThreadingSpec | None
 ) -> Iterator[Mistake]:
@@ -402,6 +425,7 @@ RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     unique_stages,
     known_edges,
     known_rollers,
+    drives,
     plates,
     rollers_of_a_section,
     directions,

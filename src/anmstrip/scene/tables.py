@@ -285,9 +285,16 @@ class RollerSpec(Table):
     """coefficient f on this roller; left out: that of [friction], at least 0 (1)"""
     wrap: Literal["over", "under", "left", "right"] | None = Field(None, examples=['"over"'])
     """side on which a threaded strip passes, "over" or "under", "left" or "right" (text)"""
+    drive: Literal["speed", "torque", "idle"] = Field("speed", examples=['"idle"'])
+    """what a stage gives, "speed" or "torque"; "idle" if the strip turns it (text)"""
+    bearing: NotNegative = Field(0.0, examples=["2.0"])
+    """torque with which the bearings brake a roller that turns, at least 0 (N m)"""
 
     def find_mistakes(self) -> Iterator[Mistake]:
-        """Yield an axis without direction."""
+        """Yield an axis without direction, and bearings that nobody feels."""
+        if self.bearing and self.drive == "speed":
+            expected = "0, since a roller driven by speed turns whatever its bearings do"
+            yield Mistake("", "bearing", self.bearing, expected, 'drive = "idle", or no bearing')
         if not any(self.axis):
             expected = "a direction: three numbers, not all 0 (1)"
             yield Mistake("", "axis", self.axis, expected, "axis = [0.0, 1.0, 0.0]")
@@ -361,6 +368,8 @@ class RollerControl(Table):
     """speed of the surface, positive if it carries a threaded strip on, a number (m/s)"""
     angular_speed: Number | None = Field(None, examples=["2.0"])
     """speed of turning instead, right-handed about the axis, a number (rad/s)"""
+    torque: Number | None = Field(None, examples=["100.0"])
+    """torque of the drive, in the sense of surface_speed, a number (N m)"""
     move: Vector | None = Field(None, examples=["[0.0, 0.0, 0.1]"])
     """displacement from the initial position, three numbers (m)"""
 

@@ -78,7 +78,7 @@ class Feed:
 
     def _end(self, edge: Edge, full: Array) -> Array:
         """Mean position and tangent vector of an end, shape (2, 3)."""
-        place = full.reshape(-1, self.strip.count) + self.flat
+        place = self.strip.nodal(full) + self.flat
         slopes = self.strip.dofs("u_x")[edge.nodes]
         means = np.stack([place[edge.values].mean(axis=0), place[slopes].mean(axis=0)])
         return self.strip.kinematics.embed(means.T).T
@@ -94,14 +94,14 @@ class Feed:
             Whether these are displacements, from reference positions that move along.
         """
         flat = self.flat if position else 0.0
-        old = values.reshape(-1, self.strip.count) + flat
+        old = self.strip.nodal(values) + flat
         new = np.empty_like(old)
         columns, count = self.columns, len(self.columns)
         for column in range(count):
             source = min(max(column - elements, 0), count - 1)
             beyond = (column - elements - source) * self.length
             new[columns[column]] = self._continued(old[columns[source]], beyond)
-        return (new - flat).ravel()
+        return np.append(new - flat, values[self.strip.unknowns :])
 
     def _continued(self, column: Array, distance: float) -> Array:
         """A column of nodes some distance further along the straight strip."""
@@ -136,7 +136,7 @@ def relabelled(
     What is held stays where it is; the course learns by how much its labels' places changed.
     """
     supports, free = plan.supports, plan.supports.free
-    held = np.ones(feed.strip.unknowns, dtype=bool)
+    held = np.ones(len(supports.start), dtype=bool)
     held[free] = False
 
     def at(t: float, state: Array) -> Array:
@@ -147,7 +147,7 @@ def relabelled(
     change = np.where(held, after[0] - before[0], 0.0)
     for name in course.moved:
         values = feed.strip.edges[name].values
-        step = change.reshape(-1, feed.strip.count)[values].mean(axis=0)
+        step = feed.strip.nodal(change)[values].mean(axis=0)
         course.shift(name, feed.strip.kinematics.embed(step))
     velocity = plan.moving((memory.times[0] - plan.start) / plan.duration)
     velocity[free] = memory.v

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import LinearOperator, eigsh
@@ -10,7 +12,7 @@ from anmstrip.arrays import Array
 from anmstrip.continuation.equations import PathStopped
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.errors import InputError
-from anmstrip.fem.operators import CellOperator, Pattern
+from anmstrip.fem.operators import Blocks, CellOperator, Pattern
 from anmstrip.fem.sampling import l2_projection
 from anmstrip.linalg.solvers import LinearSolver, SparseSolver
 from anmstrip.mechanics.shell import Membrane, principal
@@ -20,7 +22,7 @@ from anmstrip.simulation.march import March
 from anmstrip.simulation.problem import Assembly
 
 
-def compressive_stiffness(membrane: Membrane, full: Array, pattern: Pattern) -> Array:
+def compressive_stiffness(membrane: Membrane, full: Array, pattern: Pattern) -> Blocks:
     """Blocks of G, see :class:`~anmstrip.fem.operators.Pattern`."""
     values, vectors = principal(membrane.at(full))
     part = np.einsum("pak,pk,pbk->abp", vectors, -np.minimum(values, 0.0), vectors)
@@ -99,9 +101,10 @@ def buckling(state: State, count: int) -> tuple[Array, Array]:
     factors : ndarray, shape (count,)
     modes : ndarray, shape (free, count)
     """
-    plan, free = state.plan, state.plan.supports.free
-    model = plan.model.without_rates
-    equations = Equilibrium(model, plan.supports, plan.controls)
+    plan, model = state.plan, state.plan.model.without_rates
+    free = plan.supports.free[plan.supports.free < model.strip.unknowns]  # what turns rests
+    supports = replace(plan.supports, free=free)
+    equations = Equilibrium(model, supports, plan.controls)
     tangent = equations.recurrence(state.full[free], state.control, 1).tangent()
     assert state.membrane is not None
     blocks = compressive_stiffness(state.membrane, state.full, model.pattern)

@@ -109,7 +109,7 @@ class March:
         self.tolerances = Tolerances(assembly.scene.solver.tolerance)
         self.course, self.solver = Course(assembly), SparseSolver()
         self.cost = Cost(most=assembly.scene.solver.max_tangents)
-        self.full = np.zeros(assembly.strip.unknowns)
+        self.full = np.zeros(assembly.unknowns)
         self.velocity = np.zeros_like(self.full)
         self.reached: float | None = None
         self.pace: Pace | None = None
@@ -131,7 +131,7 @@ class March:
                 reactions[name] = held - self.course.values.get(f"{name}.force", np.zeros(3))
         if stage.steady and state is not None and state.plan.in_time:
             self.course.take_over(state)
-        return self.course.plan(stage, reactions)
+        return self.course.plan(stage, reactions, self.full[self.assembly.strip.unknowns :])
 
     def here(self, plan: StageProblem) -> State:
         """Return the present state, as one of a stage."""

@@ -211,11 +211,15 @@ def _carried(
     """Largest travel of the strip, backwards and forwards (m).
 
     That of the edges that are held, or of any roller's surface where none is or one is let go: a
-    roller that stands does not hold a strip that others carry over it.
+    roller that stands does not hold a strip that others carry over it.  Where only torques drive
+    the strip, its travel is not known, and all of it may pass.
     """
     held = [edge for edge, spec in scene.edges.items() if spec.fixed]
     ways = []
     if not held or any(c.release for stage in scene.stages for c in stage.edges.values()):
+        drives = {roller.drive for roller in scene.rollers}
+        if "torque" in drives and "speed" not in drives:
+            return np.inf, np.inf
         for roller in rollers:
             sense = carrying_sense(roller, thread) * roller.sense
             own = [surface_speed(s.rollers.get(roller.name), roller) for s in scene.stages]

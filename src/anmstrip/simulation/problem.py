@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from anmstrip.mechanics.contact import Contact, Friction
     from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
     from anmstrip.mechanics.transport import SteadyFriction
+    from anmstrip.mechanics.turning import Drives
     from anmstrip.simulation.threading import Thread
 
 GENTLE = {
@@ -158,6 +159,16 @@ class Assembly:
         return tuple(replace(r, sense=carrying_sense(r, self.thread)) for r in rollers)
 
     @cached_property
+    def turning(self) -> tuple[str, ...]:
+        """Rollers whose speed is unknown: those that a torque or the strip turns."""
+        return tuple(spec.name for spec in self.scene.rollers if spec.drive != "speed")
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns: those of the strip, and the travels of turning surfaces."""
+        return self.strip.unknowns + len(self.turning)
+
+    @cached_property
     def material(self) -> Material:
         """Material of the strip."""
         m = self.scene.material
@@ -267,9 +278,28 @@ class Assembly:
         from anmstrip.mechanics.contact import Friction
 
         own = [spec.friction for spec in self.scene.rollers]
-        if all(f is None for f in own):
-            return Friction(contact, law)
-        return Friction(contact, law, [law.coefficient if f is None else f for f in own])
+        coefficients = None
+        if any(f is not None for f in own):
+            coefficients = [law.coefficient if f is None else f for f in own]
+        if not self.turning:
+            return Friction(contact, law, coefficients)
+        from anmstrip.mechanics.turning import DRIVEN, TurningFriction
+
+        numbers = {name: number for number, name in enumerate(self.turning)}
+        each = [numbers.get(roller.name, DRIVEN) for roller in self.rollers]
+        return TurningFriction(contact, law, coefficients, each, len(self.turning))
+
+    @cached_property
+    def drives(self) -> Drives | None:
+        """Torques and bearings of the rollers that turn freely, if there are any."""
+        if not self.turning or self.friction is None:
+            return None
+        from anmstrip.mechanics.turning import Drives
+
+        chosen = [spec for spec in self.scene.rollers if spec.name in self.turning]
+        radii, bearings = ([getattr(s, k) for s in chosen] for k in ("radius", "bearing"))
+        speed, unknowns = self.friction.speed, self.strip.unknowns
+        return Drives(self.turning, np.array(radii), np.array(bearings), speed, unknowns)
 
     @cached_property
     def carrying(self) -> SteadyFriction | None:
@@ -336,7 +366,7 @@ class Assembly:
         if self.membrane is None and "exit.force" in given:
             own.insert(0, self.pretension)
         if stage.friction:
-            own.append(self.carrying if stage.steady else self.rubbing)
+            own += [self.carrying] if stage.steady else [self.rubbing, self.drives]
         if (stiffness := self.scene.strip.foundation) is not None:
             from anmstrip.mechanics.foundation import Foundation
 

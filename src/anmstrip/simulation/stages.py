@@ -59,8 +59,11 @@ class Course:
             key = f"rollers.{roller.name}"
             self.values.setdefault(f"{key}.centre", np.array(roller.centre, dtype=float))
             self.values.setdefault(f"{key}.surface_speed", np.array(0.0))
+            self.values.setdefault(f"{key}.torque", np.array(0.0))
 
-    def plan(self, stage: StageSpec, reactions: dict[str, Array]) -> StageProblem:
+    def plan(
+        self, stage: StageSpec, reactions: dict[str, Array], turned: Array | None = None
+    ) -> StageProblem:
         """Prepare a stage.
 
         Parameters
@@ -68,6 +71,8 @@ class Course:
         stage : StageSpec
         reactions : dict
             Held edge → mean reaction (N/m), for those that the stage releases.
+        turned : ndarray, shape (turning rollers,), optional
+            Travel (m) of surfaces so far, which a stage without friction keeps.
         """
         for name, control in stage.edges.items():
             if control.release and name not in self.released:
@@ -89,8 +94,8 @@ class Course:
             name=stage.name,
             start=self.time,
             duration=stage.duration,
-            model=Model(a.strip, a.pattern, effects, a.scales),
-            supports=self.supports(stage),
+            model=Model(a.strip, a.pattern, effects, a.scales, a.turning),
+            supports=self.supports(stage, turned),
             controls=Controls(start, slope),
             in_time=a.frictional(stage),
             steady=stage.steady,
@@ -113,7 +118,7 @@ class Course:
     def _at_edge(self, name: str, full: Array) -> Array:
         """Mean over an edge, shape (3,)."""
         strip = self.assembly.strip
-        values = full.reshape(-1, strip.count)[strip.edges[name].values]
+        values = strip.nodal(full)[strip.edges[name].values]
         return strip.kinematics.embed(values.mean(axis=0))
 
     def finish(self, stage: StageSpec, velocity: Array | None = None) -> None:
@@ -147,6 +152,8 @@ class Course:
             control, key = stage.rollers.get(roller.name), f"rollers.{roller.name}"
             if (speed := surface_speed(control, roller)) is not None:
                 end[f"{key}.surface_speed"] = np.array(speed)
+            if control is not None and control.torque is not None:
+                end[f"{key}.torque"] = np.array(control.torque)
             if control is not None and control.move is not None:
                 end[f"{key}.centre"] = np.array(roller.centre) + np.array(control.move)
         return end
@@ -174,11 +181,15 @@ class Course:
             return begin, begin
         return begin, np.array(control.velocity, dtype=float)
 
-    def supports(self, stage: StageSpec) -> Supports:
+    def supports(self, stage: StageSpec, turned: Array | None = None) -> Supports:
         """Return which unknowns a stage holds, and how they move."""
-        strip = self.assembly.strip
-        held = np.zeros(strip.unknowns, dtype=bool)
-        start, end, bows = (np.zeros(strip.unknowns) for _ in range(3))
+        strip, unknowns = self.assembly.strip, self.assembly.unknowns
+        held = np.zeros(unknowns, dtype=bool)
+        start, end, bows = (np.zeros(unknowns) for _ in range(3))
+        if not self.assembly.frictional(stage):  # what turns rests
+            held[strip.unknowns :] = True
+            if turned is not None:
+                start[strip.unknowns :] = end[strip.unknowns :] = turned
         for name, components in self._held().items():
             edge, now = strip.edges[name], self.moved.get(name, np.zeros(3))
             destination, (before, after) = self._destination(stage, name), self._speeds(stage, name)

@@ -1,0 +1,117 @@
+"""Rollers that a torque or the strip turns, in runs: statics, speeds, travel, messages."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from threaded import ended, roller, scene_of
+
+from anmstrip.driver.explain import explain
+from anmstrip.driver.scene import Scene
+
+RADIUS, WIDTH, SPEED = 0.2, 0.5, 0.2
+
+LINE: dict[str, Any] = {
+    "strip": {"thickness": 5e-4, "width": WIDTH, "refined": 0.03},
+    "friction": {"law": "tanh", "coefficient": 0.3, "speed": 1e-3},
+    "threading": {"tension": 1e4, "entry": (-0.2, 0.0, -0.6), "exit": (0.8, 0.0, -0.4)},
+    "rollers": [
+        roller("a", 0.0, 0.0, RADIUS, "over"),
+        roller("b", 0.5, -0.2, RADIUS, "under", axis=(0.0, -1.0, 0.0)),
+    ],
+    "stages": [
+        {"name": "hold", "duration": 0.1},
+        {"name": "start", "duration": 0.1, "entry": {"velocity": [0.0, 0.0, SPEED]}},
+        {"name": "run", "duration": 0.1},
+    ],
+    "solver": {"tolerance": 1e-3},
+}  # fmt: skip
+"""Two rollers, the axis of the second turned round; the entry lets the strip go at a speed."""
+
+
+def turned(first: dict[str, Any], second: dict[str, Any], **controls: Any) -> Scene:
+    """The line with other drives, and controls of its first stage."""
+    line = deepcopy(LINE)
+    line["rollers"] = [
+        table | own for table, own in zip(line["rollers"], (first, second), strict=True)
+    ]
+    line["stages"][0]["rollers"] = controls
+    return scene_of(line)
+
+
+@pytest.fixture(scope="module")
+def braked() -> Any:
+    """An idler with bearings and a roller with a torque."""
+    drives = {"drive": "idle", "bearing": 40.0}, {"drive": "torque"}
+    return ended(turned(*drives, b={"torque": 60.0}))
+
+
+def test_tensions_are_those_of_moments_about_the_axes(braked: Any) -> None:
+    """Bearings of 40 N m over 0.2 m and 0.5 m brake by 400 N/m, a torque of 60 N m pulls by 600.
+
+    Tensions of the bent strip act at the radius, to a share of its strain and to the tolerance.
+    """
+    _, state = braked
+    a, b = state.rollers["a"], state.rollers["b"]
+    assert a.tension_out - a.tension_in == pytest.approx(400.0, abs=10.0)
+    assert b.tension_in - b.tension_out == pytest.approx(600.0, abs=10.0)
+    assert (a.bearing_torque, b.bearing_torque) == pytest.approx((40.0, 0.0), rel=1e-3)
+    assert (a.torque, b.torque) == pytest.approx((-40.0, 60.0), abs=0.01)
+    assert (a.drag, b.drag) == pytest.approx((-200.0, 300.0), abs=0.05)
+    assert b.tension_out == pytest.approx(1e4, rel=1e-3)
+
+
+def test_free_rollers_turn_with_the_strip(braked: Any) -> None:
+    """But for the slip that their friction needs, V_c atanh of its share of the cone."""
+    run, state = braked
+    for number, name in enumerate(("a", "b")):
+        reading = state.rollers[name]
+        share = abs(reading.drag) / (0.3 * reading.normal_force)
+        assert reading.surface_speed == pytest.approx(SPEED, abs=2e-3 * np.arctanh(share) + 1e-3)
+        travel = state.full[run.assembly.strip.unknowns + number]
+        assert travel == pytest.approx(SPEED * 0.05 + SPEED * 0.1, rel=0.01)
+
+
+def test_an_idler_neither_pulls_nor_brakes() -> None:
+    _, state = ended(turned({"drive": "idle"}, {"drive": "idle"}))
+    for reading in state.rollers.values():
+        assert abs(reading.torque) < 0.01
+        assert reading.tension_in == pytest.approx(reading.tension_out, rel=1e-3)
+        assert reading.surface_speed == pytest.approx(SPEED, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("tables", "stage", "key"),
+    [
+        ({"drive": "idle"}, {"surface_speed": 1.0}, "stages.hold.rollers.a.surface_speed"),
+        ({"drive": "idle"}, {"torque": 1.0}, "stages.hold.rollers.a.torque"),
+        ({"drive": "torque"}, {"angular_speed": 1.0}, "stages.hold.rollers.a.angular_speed"),
+        ({}, {"torque": 1.0}, "stages.hold.rollers.a.torque"),
+        ({"bearing": 1.0}, {}, "rollers.a.bearing"),
+        ({}, {"surface_speed": 1.0, "angular_speed": 1.0}, "stages.hold.rollers.a.angular_speed"),
+    ],
+)
+def test_controls_that_a_drive_does_not_have(
+    tables: dict[str, Any], stage: dict[str, Any], key: str
+) -> None:
+    with pytest.raises(ValidationError) as error:
+        turned(tables, {}, a=stage)
+    assert key.rpartition(".")[2] in str(error.value)
+
+
+def test_explain_names_the_drives() -> None:
+    text = explain(turned({"drive": "idle"}, {"drive": "torque"}))
+    assert "clockwise, idle" in text
+    assert "anticlockwise, torque" in text
+
+
+def test_what_turns_needs_friction() -> None:
+    line = deepcopy(LINE)
+    line["rollers"][0]["drive"] = "idle"
+    del line["friction"]
+    with pytest.raises(ValidationError, match="nothing turns the roller"):
+        scene_of(line)
