@@ -180,16 +180,26 @@ def resuming_command(scene: Path, directory: Path | None, settings: Iterable[str
 @main.command("explain", short_help="Say what a run would do, and warn.")
 @scene_argument
 @settings_option
-def explain_command(scene: Path, settings: tuple[str, ...]) -> None:
+@click.option(
+    "--picture",
+    metavar="FILE",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Also draw the line from the side: a .png, .svg or .pdf.",
+)
+def explain_command(scene: Path, settings: tuple[str, ...], picture: Path | None) -> None:
     """Say what a run of a scene would do, and warn; nothing is solved or written.
 
     Effects with their points and memory, what is left out, rollers with their wraps, stages,
     and which level of kinematics the numbers justify. Keys of --set as for run.
     """
-    from anmstrip.driver.explain import explain
+    from anmstrip.driver.explain import draw_line, explain
     from anmstrip.driver.scene import Scene
 
-    click.echo(explain(Scene.load(scene, settings)))
+    loaded = Scene.load(scene, settings)
+    click.echo(explain(loaded))
+    if picture is not None:
+        draw_line(loaded, picture)
+        click.echo(f"Picture in {picture}.")
 
 
 @main.command("case", short_help="Run a mass-spring case of the paper.")

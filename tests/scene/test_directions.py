@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from copy import deepcopy
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from threaded import ended, roller, scene_of, values
 
-from anmstrip.driver.explain import explain
+from anmstrip.driver.explain import draw_line, explain
+from anmstrip.errors import InputError
 from anmstrip.mechanics.roller import Roller
 from anmstrip.simulation.problem import Assembly
 
@@ -112,6 +114,37 @@ def test_explain_says_sides_and_directions() -> None:
     assert "above  anticlockwise" in rows["b"]
     assert rows["a"].endswith("over")
     assert "–" in rows["c"]
+
+
+def test_the_line_is_drawn_as_it_is_threaded(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Strip from entry to exit, wraps on the rollers, and arrows in the senses of their speeds."""
+    from anmstrip.pictures import layout
+
+    drawn: list[Any] = []
+    draw_layout = layout.draw_layout
+    monkeypatch.setattr(layout, "draw_layout", lambda *given: drawn.append(given))
+    scene = scene_of(seen((-1, -1), False))
+    draw_line(scene, tmp_path / "line.svg")
+    (given,) = drawn
+    _, _, line, wheels = given
+    np.testing.assert_allclose(line[:, [0, -1]].T, [[0.8, -0.3], [-1.4, 0.1]], atol=1e-12)
+    for wheel, table in zip(wheels, scene.rollers, strict=True):
+        assert wheel.clockwise == (table.name != "b")
+        away = np.linalg.norm(wheel.arc - wheel.centre[:, None], axis=0)
+        # pressed in by the contact's penalty
+        np.testing.assert_allclose(away, table.radius, rtol=2e-3)
+        assert bool(wheel.arc.size) == (table.wrap is not None)
+    draw_layout(*given)
+    text = (tmp_path / "line.svg").read_text(encoding="utf8")
+    assert text.count("<!-- entry -->") == 1
+    assert f"<!-- {wheels[0].caption.split()[0]} -->" in text
+
+
+def test_a_picture_of_no_known_kind_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="ends in"):
+        draw_line(scene_of(LINE), tmp_path / "line.txt")
 
 
 def test_members_keep_their_senses() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from io import StringIO
+from pathlib import Path
 
 import numpy as np
 from rich.console import Console
@@ -11,13 +12,16 @@ from rich.table import Table
 
 from anmstrip.driver.warnings import Level, Preview, justified_level, levels, warnings
 from anmstrip.equilibrium import StageProblem
-from anmstrip.errors import printable
+from anmstrip.errors import InputError, Mistake, printable
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.simulation.problem import Assembly, flat_gap
 from anmstrip.taylor.series import record
 
 MEGABYTE = 2.0**20
+
+POINTS = 400
+"""Of a drawn strip, and of each of its wraps."""
 
 
 def explain(scene: SceneSpec) -> str:
@@ -171,6 +175,46 @@ def roller_table(preview: Preview) -> Table:
             wrap if thread is not None else f"{flat_gap(strip, roller):.3g} m, {wrap}",
         )
     return table
+
+
+def draw_line(scene: SceneSpec, picture: Path) -> None:
+    """Draw strip, rollers, wraps and directions from the side.
+
+    A threaded line as it begins, another one as its stages leave it.
+
+    Raises
+    ------
+    InputError
+        A picture of no known kind, or mistakes that only the mesh shows.
+    """
+    from anmstrip.pictures.layout import SUFFIXES, Wheel, draw_layout
+
+    if picture.suffix.lower() not in SUFFIXES:
+        expected = f"the name of a file that ends in {', '.join(SUFFIXES)}"
+        hint = f"--picture {picture.with_suffix('.png')}"
+        raise InputError([Mistake("--picture", "", str(picture), expected, hint)])
+    preview = Preview.of(Assembly(scene))
+    assembly, thread = preview.assembly, preview.assembly.thread
+    path, turns = preview.strings[-1].path, preview.strings[-1].turns
+    controls = preview.plans[-1].controls.at(1.0)
+    if thread is not None:
+        path, turns, controls = thread.middle, thread.turns, preview.plans[0].controls.at(0.0)
+    half = 0.5 * assembly.strip.length
+    line, wheels, arcs = np.array([[-half, half], [0.0, 0.0]]), [], {}
+    if path is not None:
+        line = path.at(np.linspace(0.0, path.length[0], POINTS), 0)[0]
+        ends = zip(path.arcs.start[:, 0], path.arcs.end[:, 0], strict=True)
+        for name, (start, end) in zip(turns, ends, strict=True):
+            arcs[name] = path.at(np.linspace(start, end, POINTS), 0)[0]
+    for roller, spec in zip(assembly.rollers, scene.rollers, strict=True):
+        centre = np.asarray(controls[f"rollers.{roller.name}.centre"])[[0, 2]]
+        wrap = f"\n{np.degrees(turns[roller.name]):.4g}°" if roller.name in arcs else ""
+        kind = "" if spec.drive == "speed" else f"\n{spec.drive}"
+        clockwise = roller.sense * roller.unit_axis[1] >= 0.0
+        arc = arcs.get(roller.name, np.zeros((2, 0)))
+        caption = roller.name + wrap + kind
+        wheels.append(Wheel(centre, roller.radius, bool(clockwise), caption, arc))
+    draw_layout(picture, scene.title or scene.name, line, wheels)
 
 
 def stage_table(plans: Sequence[StageProblem]) -> Table:

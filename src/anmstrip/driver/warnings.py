@@ -20,6 +20,7 @@ from anmstrip.mechanics.string_path import (
     NoTangentError,
     NotTouchedError,
     StraightEnd,
+    StringPath,
     string_path,
 )
 from anmstrip.simulation.meshing import (
@@ -385,6 +386,7 @@ class StringEstimate:
     senses: dict[str, str]  # "over" or "under", of those
     slope: float  # steepest angle to the flat strip, sag included (rad)
     places: dict[str, Array] = field(default_factory=dict)  # direction to the middle of the wrap
+    path: StringPath | None = None  # around those rollers; None where it touches none
 
 
 def string_estimate(course: Course) -> StringEstimate:
@@ -429,6 +431,7 @@ def string_estimate(course: Course) -> StringEstimate:
             {r.name: "over" if sense > 0.0 else "under" for r, sense in rollers},
             float(np.abs(slopes).max()) + sag,
             {r.name: way for (r, _), way in zip(rollers, ways, strict=True)},
+            path,
         )
     if isinstance(entry, FixedEnd) and isinstance(exit, FixedEnd):
         along = np.subtract(exit.position, entry.position)
