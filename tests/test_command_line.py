@@ -44,6 +44,7 @@ class FakeRun:
     done: bool = True
     message: str = "Reached the end."
     warnings: tuple[str, ...] = ("The strip is compressed.",)
+    state: None = None
     saved: list[bool] = field(default_factory=list)
 
     @property

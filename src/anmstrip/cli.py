@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import math
 import shlex
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -45,7 +46,7 @@ settings_option = click.option(
 )
 scene_argument = click.argument("scene", metavar="SCENE.toml", type=click.Path(path_type=Path))
 quiet_option = click.option(
-    "--quiet", is_flag=True, help="Show no progress; the last two lines still come."
+    "--quiet", is_flag=True, help="Show no progress; what is said at the end still comes."
 )
 
 
@@ -141,20 +142,24 @@ def run_command(
     """Run a scene; its results can be looked at while it goes on.
 
     DIR gets strip.pvd and rollers.pvd for ParaView, history.csv with a row for every step,
-    summary.json and a checkpoint. Keys of --set are dotted, rollers and stages go by their
-    names, and values are in TOML syntax:
+    profile.csv along the strip, summary.json and a checkpoint. Keys of --set are dotted, rollers
+    and stages go by their names, and values are in TOML syntax:
 
     \b
       --set friction.coefficient=0.2 --set rollers.r1.radius=0.3
       --set 'strip.cells=[40, 4]'    --set stages.turn.duration=2
 
+    Ctrl-C and SIGTERM keep what was computed, and say how to go on.
+
     Exit status: 0 done, 1 stopped before its end (what was computed is there, and the message
     says what to try), 2 wrong input (every mistake is told, nothing was written).
     """
+    from anmstrip.driver.report import report
     from anmstrip.driver.scene import Scene
 
     loaded = Scene.load(scene, settings)
     running = loaded.run(directory or Path("results", loaded.name), resume=resume)
+    usual = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         for _ in running if quiet else show_progress(running, describe_step):
             pass
@@ -163,9 +168,10 @@ def run_command(
         click.echo(f"Interrupted. Everything up to here is in {running.directory}.")
         click.echo(f"Next: {resuming_command(scene, running.directory, settings)}")
         sys.exit(STOPPED)
+    finally:
+        signal.signal(signal.SIGTERM, usual)
     click.echo(running.message)
-    for warning in running.warnings:
-        click.echo(f"Warning: {warning}")
+    click.echo(report(running))
     click.echo(f"Results in {running.directory}. Next: anmstrip render {running.directory}")
     if not running.outcome.done:
         sys.exit(STOPPED)

@@ -10,9 +10,11 @@ from reported_files import Results, ran
 
 
 def made(name: str, factory: pytest.TempPathFactory, *settings: str) -> Results:
-    """Run one of the scenes to its end."""
+    """Run one of the scenes to its end; every step is written unless it has times of its own."""
     directory: Path = factory.mktemp("runs") / name.lower()
     directory.mkdir()
+    if name != "LIFTED":
+        settings = ("output.every=1", *settings)
     results = ran(getattr(scenes, name), directory, *settings, options=("--quiet",))
     assert results.exit_code == 0, results.printed + results.progress
     return results

@@ -23,6 +23,8 @@ NODES = [(0, 0), (3, 0), (3, 3), (0, 3), (1, 0), (2, 0), (3, 1), (3, 2), (1, 3),
 """Places (i, j) of the nodes of VTK's cubic quadrilateral: corners, edges, interior."""
 
 THIRDS = np.linspace(0.0, 1.0, 4)
+GAUSS, GAUSS_WEIGHTS = (0.5 * v for v in np.polynomial.legendre.leggauss(5))
+GAUSS = GAUSS + 0.5
 POWERS = np.linalg.inv(np.vander(THIRDS, increasing=True))
 """Coefficients of the cubic through four equidistant values."""
 
@@ -171,19 +173,63 @@ class Surface:
         """Both tangent vectors r,1 and r,2."""
         return self.derivative(self.positions, 1), self.derivative(self.positions, 0, 1)
 
+    def derivative_at(
+        self, places: np.ndarray, values: np.ndarray, along: int = 0, across: int = 0
+    ) -> np.ndarray:
+        """Differentiate the cubics at a grid of places, the same along and across."""
+        hx, hy = (h.reshape(-1, 1, 1, *(1,) * (values.ndim - 3)) for h in self.sizes)
+        one, two = (derivatives(places, order) for order in (along, across))
+        found = np.einsum("ai,bj,nji...->nba...", one, two, values)
+        return np.asarray(found / (hx**along * hy**across))
+
+    def at_gauss(self, values: np.ndarray, along: int = 0, across: int = 0) -> np.ndarray:
+        """Differentiate the cubics at five by five points of Gauss."""
+        return self.derivative_at(GAUSS, values, along, across)
+
     @cached_property
     def strain(self) -> np.ndarray:
-        """Green-Lagrange strains (xx, yy, xy)."""
-        a, b = self.tangents
+        """Green-Lagrange strains (xx, yy, xy) at the points of Gauss."""
+        a, b = self.at_gauss(self.positions, 1), self.at_gauss(self.positions, 0, 1)
         dot = [np.einsum("njic,njic->nji", *pair) for pair in ((a, a), (b, b), (a, b))]
         return np.stack([0.5 * (dot[0] - 1.0), 0.5 * (dot[1] - 1.0), 0.5 * dot[2]], axis=-1)
+
+    def recovered(self, values: np.ndarray) -> np.ndarray:
+        """What is bilinear between means at the corners of the linear part within the patches.
+
+        Parameters
+        ----------
+        values : array, shape (patch, 5, 5, ...)
+            At the points of Gauss.
+
+        Returns
+        -------
+        array, shape (points, ...)
+        """
+        legendre = np.stack([np.ones(5), 2.0 * GAUSS - 1.0])  # of norms 1 and 1/3
+        weighted = legendre * np.array([[1.0], [3.0]]) * GAUSS_WEIGHTS
+        part = np.einsum("lj,ki,nji...->nlk...", weighted, weighted, values)
+        ends = np.array([[1.0, -1.0], [1.0, 1.0]])
+        corners = np.einsum("jl,ik,nlk...->nji...", ends, ends, part)
+        ids = self.cells[:, ::3, ::3]
+        total = np.zeros((len(self.points), *values.shape[3:]))
+        np.add.at(total, ids.ravel(), corners.reshape(-1, *values.shape[3:]))
+        count = np.bincount(ids.ravel(), minlength=len(total)).clip(1)
+        nodes = (total / count.reshape(-1, *(1,) * (total.ndim - 1)))[ids]
+        hats = np.stack([1.0 - THIRDS, THIRDS], axis=-1)
+        return self.averaged(np.einsum("jl,ik,nlk...->nji...", hats, hats, nodes))
 
     @cached_property
     def curvature(self) -> np.ndarray:
         """Curvatures (xx, yy, xy), positive where the upper side is stretched."""
-        n = np.cross(*self.tangents)
+        return self.curvature_at(THIRDS)
+
+    def curvature_at(self, places: np.ndarray) -> np.ndarray:
+        """Curvatures at a grid of places."""
+        first = [self.derivative_at(places, self.positions, *k) for k in ((1, 0), (0, 1))]
+        n = np.cross(*first)
         n /= np.linalg.norm(n, axis=-1, keepdims=True)
-        second = [self.derivative(self.positions, *k) for k in ((2, 0), (0, 2), (1, 1))]
+        orders = ((2, 0), (0, 2), (1, 1))
+        second = [self.derivative_at(places, self.positions, *k) for k in orders]
         return np.stack([-np.einsum("njic,njic->nji", n, s) for s in second], axis=-1)
 
     # where contact is looked at: corners, middles and centres, by Simpson's rule ---------------

@@ -182,23 +182,47 @@ class Look:
         total = self.pressure[..., None] * self.normal + self.traction
         return np.asarray(self.surface.integral(total))
 
+    @property
+    def torque(self) -> float:
+        """Moment about the axis of the friction, which acts on the surface, in a speed's sense."""
+        surface = self.profile[0][..., None] * self.radial
+        moment = np.cross(surface, self.traction) @ self.axis
+        return float(self.surface.integral(moment)) * self.shape.sense
+
     @cached_property
-    def touching(self) -> np.ndarray:
-        """Points with more than a tenth of the mean pressure, weighted by force."""
+    def least(self) -> float:
+        """A tenth of the mean pressure, weighted by force (Pa)."""
         p = self.pressure
         mean = self.surface.integral(p**2) / self.surface.integral(p)
-        return np.asarray(p > max(0.1 * mean, self.shape.law.faint))
+        return float(max(0.1 * mean, self.shape.law.faint))
+
+    @cached_property
+    def touching(self) -> np.ndarray:
+        """Points with more than the least pressure."""
+        return np.asarray(self.pressure > self.least)
+
+    @cached_property
+    def ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """Angles about the axis and places on the flat strip (m) of all that touches.
+
+        At 4000 places along every line of contact points, on parabolas through the three.
+        """
+        s = np.linspace(0.0, 1.0, 4001)[:, None]
+        hats = np.hstack([(1 - s) * (1 - 2 * s), 4 * s * (1 - s), s * (2 * s - 1)])
+        n = self.normal[self.gap == self.gap.min()][0]
+        first = n - (n @ self.axis) * self.axis
+        angle = np.arctan2(self.normal @ np.cross(self.axis, first), self.normal @ first)
+        x = self.surface.at_contact(self.surface.reference)[..., 0]
+        gap, angle, x = (v @ hats.T for v in (self.gap, angle, x))
+        law = self.shape.law
+        inside = law.pressure(gap) - law.pressure(np.array(self.shape.radius)) > self.least
+        return angle[inside], x[inside]
 
     @property
     def wrap(self) -> float:
-        """Angle about the axis from the first to the last normal of points that touch."""
-        if not self.touching.any():
-            return 0.0
-        n = self.normal[self.touching]
-        first = n.mean(axis=0) - (n.mean(axis=0) @ self.axis) * self.axis
-        first /= np.linalg.norm(first)
-        angles = np.arctan2(n @ np.cross(self.axis, first), n @ first)
-        return float(angles.max() - angles.min())
+        """Angle about the axis from the first to the last place that touches."""
+        angles, _ = self.ends
+        return float(np.ptp(angles)) if len(angles) else 0.0
 
     @property
     def speeds(self) -> np.ndarray:
@@ -221,5 +245,5 @@ class Look:
     @property
     def arc(self) -> tuple[float, float]:
         """Places on the flat strip where contact begins and ends (m)."""
-        x = self.surface.at_contact(self.surface.reference)[..., 0][self.touching]
+        _, x = self.ends
         return float(x.min()), float(x.max())

@@ -14,6 +14,9 @@ from reported_states import looks_at
 
 G = 9.81
 
+SAMPLED = 2e-4
+"""Angle (rad) from one place to the next but one, of 4000 within an element."""
+
 LEFT = 1e-3
 """Imbalance that a tolerance of 1e-3 leaves, as a share of the largest edge force."""
 
@@ -53,9 +56,10 @@ def weight(results: Results, surface: Surface, until: float = np.inf) -> np.ndar
 
 def every_state(results: Results) -> list[tuple[int, Surface, dict[str, Look]]]:
     """Rows of the history with their states and rollers, a dozen of them."""
-    count = len(results.surfaces)
+    surfaces = results.surfaces[1:]
+    count = len(surfaces)
     rows = sorted({*range(0, count, max(1, count // 12)), count - 1, count - 2})
-    return [(k, s, looks_at(results, s)) for k, s in enumerate(results.surfaces) if k in rows]
+    return [(k, s, looks_at(results, s)) for k, s in enumerate(surfaces) if k in rows]
 
 
 @pytest.fixture(params=["turning", "shell", "plate"])
@@ -65,7 +69,9 @@ def results(request: pytest.FixtureRequest) -> Results:
 
 
 def test_every_step_has_a_row_and_a_state(results: Results) -> None:
-    times = [time for time, _ in results.states]
+    """The beginning has a state alone."""
+    start, *times = [time for time, _ in results.states]
+    assert start == 0.0
     np.testing.assert_array_equal(results.history["time"], times)
     np.testing.assert_array_equal(results.history["step"], np.arange(1, len(times) + 1))
 
@@ -83,7 +89,7 @@ def test_rows_of_rollers_are_those_of_the_states(results: Results) -> None:
             assert told["torque"] == pytest.approx(look.torque, rel=1e-5, abs=1e-6)
             assert told["surface_speed"] == pytest.approx(look.speed, rel=1e-12, abs=1e-15)
             if look.normal_force > 1e-3:
-                assert told["wrap"] == pytest.approx(look.wrap, rel=1e-8)
+                assert told["wrap"] == pytest.approx(look.wrap, abs=SAMPLED)
             largest = look.speeds.max(initial=0.0)
             assert told["max_slip"] == pytest.approx(largest, rel=1e-7, abs=1e-12)
 

@@ -1,5 +1,7 @@
 """The list of states is readable at any moment."""
 
+import errno
+import os
 import random
 import subprocess
 import sys
@@ -57,7 +59,7 @@ def test_a_resumed_run_forgets_what_came_after_its_checkpoint(run):
 
 def test_a_run_killed_before_its_first_state_can_be_resumed(tmp_path):
     contents = Collection.reopen(tmp_path / "strip.pvd", until_time=0.5)
-    assert contents.entries == ()
+    assert (contents.count, contents.last) == (0, None)
     assert read_collection(tmp_path / "strip.pvd") == ()
 
 
@@ -66,6 +68,42 @@ def test_a_damaged_list_is_an_input_error(tmp_path, content):
     (tmp_path / "strip.pvd").write_text(content)
     with pytest.raises(InputError, match="without --resume"):
         Collection.reopen(tmp_path / "strip.pvd", until_time=1.0)
+
+
+def test_a_list_is_extended_by_its_line_alone(tmp_path, monkeypatch):
+    """Whatever the length: one write of a line and of what closes the list."""
+    contents, written = Collection(tmp_path / "strip.pvd"), []
+    contents.add(0.0, "strip_0.vtu")
+    monkeypatch.setattr(Collection, "_write", None)  # the whole list is not written again
+    for k in range(1, 300):
+        before = (tmp_path / "strip.pvd").stat().st_size
+        contents.add(float(k), f"strip_{k:05d}.vtu")
+        written.append((tmp_path / "strip.pvd").stat().st_size - before)
+    assert max(written) < 100
+    assert [entry.time for entry in read_collection(tmp_path / "strip.pvd")] == [*range(300)]
+
+
+def test_a_full_disk_leaves_the_list_as_it_was(tmp_path, monkeypatch):
+    contents = Collection(tmp_path / "strip.pvd")
+    contents.add(0.0, "strip_0.vtu")
+    contents.add(1.0, "strip_1.vtu")
+    before = (tmp_path / "strip.pvd").read_bytes()
+    monkeypatch.setattr(os, "fsync", refuse)
+    with pytest.raises(OSError, match=r"strip\.pvd"):
+        contents.add(2.0, "strip_2.vtu")
+    assert (tmp_path / "strip.pvd").read_bytes() == before
+
+
+def refuse(_):
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_list_that_was_taken_away_is_missed(tmp_path):
+    contents = Collection(tmp_path / "strip.pvd")
+    contents.add(0.0, "strip_0.vtu")
+    (tmp_path / "strip.pvd").unlink()
+    with pytest.raises(FileNotFoundError, match=r"strip\.pvd"):
+        contents.add(1.0, "strip_1.vtu")
 
 
 def test_a_kill_at_any_instant_leaves_every_listed_state_readable(tmp_path):

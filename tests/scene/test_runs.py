@@ -38,7 +38,8 @@ GENTLE = [
 
 FIELDS = {
     "displacement", "velocity", "normal_pressure", "friction_traction", "slip_velocity", "gap",
-    "membrane_force", "bending_moment", "von_mises", "mean_curvature",
+    "membrane_force", "bending_moment", "von_mises", "mean_curvature", "arc_length", "tension",
+    "contact_status", "normal",
 }  # fmt: skip
 COLUMNS = [
     "stage", "time", "step", "tangents", "order", "range", "residual",
@@ -57,7 +58,8 @@ class Finished:
 
     def times_of_every(self, n: int) -> list[float]:
         last = self.steps[-1].step
-        return [step.time for step in self.steps if step.step % n == 0 or step.step == last]
+        chosen = [step.time for step in self.steps if step.step % n == 0 or step.step == last]
+        return [0.0, *chosen]
 
     def steps_of(self, stage: str) -> list[Step]:
         return [step for step in self.steps if step.stage == stage]
@@ -280,7 +282,7 @@ def test_state_inside_a_step_in_time(capstan: Finished) -> None:
 
 def test_plain_surfaces(finished: Callable[..., Finished]) -> None:
     found = finished(PRESS, [*GENTLE, "output.smooth=false", "output.every=1000"])
-    (entry,) = listed(found.directory / "strip.pvd")
+    _, entry = listed(found.directory / "strip.pvd")
     surface = read_surface(found.directory / entry.file)
     assert surface.cells.shape == (9 * found.run.assembly.strip.mesh.nelements, 4)
     assert entry.time == pytest.approx(2.0)
@@ -408,9 +410,12 @@ def test_resumed_run_ends_where_the_other_did(small: Finished, tmp_path: Path, w
     entries = listed(tmp_path / "strip.pvd")
     times = table["time"].tolist()
     odd_end = times[-1:] if len(times) % 2 else []
-    assert [entry.time for entry in entries] == times[1::2] + odd_end
+    assert [entry.time for entry in entries] == [0.0, *times[1::2], *odd_end]
     assert len({entry.file for entry in entries}) == len(entries)
     assert run.recorder.turned == pytest.approx(small.run.recorder.turned)
+    rows = history.read_history(tmp_path / "profile.csv")["time"]
+    assert sorted(set(rows)) == [entry.time for entry in entries]
+    assert len(rows) % len(entries) == 0
 
 
 def test_finished_run_that_is_resumed_stays_what_it_was(small: Finished, tmp_path: Path) -> None:

@@ -84,7 +84,7 @@ def explain(scene: SceneSpec) -> str:
     return stream.getvalue().rstrip()
 
 
-def _table(title: str, *columns: str) -> Table:
+def plain_table(title: str, *columns: str) -> Table:
     """Return an empty table, its first column to the left and the others to the right."""
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     for i, column in enumerate(columns):
@@ -94,7 +94,7 @@ def _table(title: str, *columns: str) -> Table:
 
 def effect_table(preview: Preview) -> Table:
     """Return the effects with their points, unknowns, memory and stages."""
-    table = _table("Effects", "effect", "points", "unknowns", "memory (MB)", "in stages")
+    table = plain_table("Effects", "effect", "points", "unknowns", "memory (MB)", "in stages")
     found: dict[str, tuple[Effect, list[StageProblem]]] = {}
     for plan in preview.plans:
         for effect in plan.model.effects:
@@ -152,7 +152,7 @@ def roller_table(preview: Preview) -> Table:
     kinds = {spec.name: spec.drive for spec in preview.assembly.scene.rollers}
     last = "wrap (°), side" if thread else "gap to the flat strip, wrap (°), side"
     columns = ("radius (m)", "centre (m)", "axis", "passed", "turns", last)
-    table = _table("Rollers", "roller", *columns)
+    table = plain_table("Rollers", "roller", *columns)
     for roller in preview.assembly.rollers:
         radius = f"{roller.radius:g}"
         if not roller.is_cylinder:
@@ -219,7 +219,8 @@ def draw_line(scene: SceneSpec, picture: Path) -> None:
 
 def stage_table(plans: Sequence[StageProblem]) -> Table:
     """Return the stages with their times, free unknowns and paths, and what moves in them."""
-    table = _table("Stages", "stage", "from (s)", "to (s)", "free unknowns", "path", "what moves")
+    columns = ("from (s)", "to (s)", "free unknowns", "path", "what moves")
+    table = plain_table("Stages", "stage", *columns)
     for plan in plans:
         moving = sorted(plan.controls.slope)
         moving += ["held edges"] if np.any(plan.supports.slope) else []
@@ -244,7 +245,7 @@ def path_of(plan: StageProblem) -> str:
 def level_table(found: Sequence[Level], own: str) -> Table:
     """Return the levels of kinematics with their unknowns, points and costs."""
     columns = ("unknowns", "points", "cost of an expansion (estimate)", "sees this scene")
-    table = _table("Kinematics", "level", *columns)
+    table = plain_table("Kinematics", "level", *columns)
     for level in found:
         name, size = level.kinematics.name, level.size
         counts = ("–", "–") if size is None else (str(size.unknowns), str(size.points))

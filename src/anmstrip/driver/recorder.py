@@ -13,6 +13,8 @@ from typing import Any
 from anmstrip.arrays import Array
 from anmstrip.results.fields import FieldSampler
 from anmstrip.results.files import History, save_checkpoint, write_summary
+from anmstrip.results.profile import COLUMNS as PROFILE_COLUMNS
+from anmstrip.results.profile import Profile
 from anmstrip.results.state import State
 from anmstrip.results.vtk import Collection, subdivide, write_rollers, write_surface
 from anmstrip.simulation.march import Step
@@ -20,6 +22,10 @@ from anmstrip.simulation.problem import Assembly
 
 CHECKPOINT_SECONDS = 2.0
 """Least time between two checkpoints inside a stage."""
+
+WRITTEN = 100
+"""States of a run that are written by default: the first one in each of so many equal parts of its
+time, and the ends of the stages."""
 
 STALE = ("checkpoint.npz", "summary.json")
 """Files of an earlier run in the same directory that no longer belong to anything."""
@@ -68,17 +74,25 @@ class Recorder:
             self.events = History.reopen(events, EVENT_COLUMNS, self.event_rows)
         else:
             self.events = History(events, EVENT_COLUMNS)
-        self.states = len(self.strip.entries)
+        profile, self.profile_rows = directory / "profile.csv", kept.get("profile_rows", 0)
+        if self.profile_rows:
+            self.profile_table = History.reopen(profile, PROFILE_COLUMNS, self.profile_rows)
+        else:
+            self.profile_table = History(profile, PROFILE_COLUMNS)
+        self.states = self.strip.count
         self.due = [t for t in assembly.scene.output.times or () if t > kept["time"]]
         touching = None if assembly.contact is None else assembly.contact_operator
         bends, bent = assembly.bending is not None, assembly.imperfection
-        self.surface = FieldSampler(assembly.strip, assembly.membrane, touching, bends, bent)
+        parts = assembly.strip, assembly.membrane, touching, bends, bent
+        self.surface, self.profile = FieldSampler(*parts), Profile(*parts)
         self.turned = dict.fromkeys((r.name for r in assembly.rollers), 0.0) | kept["turned"]
         self.last_checkpoint = 0.0
 
     def record(self, step: Step, before: State) -> None:
         """Write what is wanted of an accepted step: history, events, its end or instants inside."""
         state, output = step.state, self.assembly.scene.output
+        if output.times is None and not self.strip.count:
+            self.write_state(state.at(state.plan.start, before))
         values = {column: getattr(step, column) for column in STEP_COLUMNS}
         for edge in ("entry", "exit"):
             values[f"{edge}_tension"] = state.tension(edge)
@@ -96,11 +110,23 @@ class Recorder:
             self.write_state(inside)
             before = inside
         self._turn(state, before)
-        if output.times is None and step.step % output.every == 0:
+        if output.times is None and self._is_due(step):
             self.write_state(state)
 
+    def _is_due(self, step: Step) -> bool:
+        """Whether the end of a step is one of the states to write."""
+        if (every := self.assembly.scene.output.every) is not None:
+            return step.step % every == 0
+        parts = [
+            int(WRITTEN * time / step.end_time) for time in (self.strip.last or 0.0, step.time)
+        ]
+        return parts[1] > parts[0] or step.state.control > 1.0 - 1e-9
+
     def write_state(self, state: State) -> None:
-        """Write the surface and the rollers, and list them."""
+        """Write the profile, the surface and the rollers, and list them."""
+        rows = self.profile.rows(state)
+        self.profile_table.extend(rows)
+        self.profile_rows += len(rows)
         strip, rollers = (f"{name}_{self.states:05d}.vtu" for name in ("strip", "rollers"))
         fields = self.surface.sample(state)
         points = self.surface.reference.T + fields["displacement"]
@@ -131,7 +157,7 @@ class Recorder:
         if not force and now - self.last_checkpoint < CHECKPOINT_SECONDS:
             return
         self.last_checkpoint = now
-        names = ("rows", "states", "turned", "event_rows")
+        names = ("rows", "states", "turned", "event_rows", "profile_rows")
         counters = {name: getattr(self, name) for name in names}
         save_checkpoint(self.directory / "checkpoint.npz", arrays, {**facts, **counters})
 

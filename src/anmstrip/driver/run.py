@@ -15,6 +15,7 @@ from anmstrip.continuation.equations import Cost, Outcome, PathStopped
 from anmstrip.continuation.follow import Pace
 from anmstrip.driver.checkpoint import identity, read_checkpoint
 from anmstrip.driver.recorder import Recorder
+from anmstrip.driver.warnings import Preview, warnings
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import SHELL
 from anmstrip.results.state import State
@@ -114,7 +115,7 @@ class Run:
     message : str
         The same in a sentence.
     warnings : list of str
-        What the last state of a written run gives cause for.
+        What the scene and the last state of a written run give cause for.
 
     Raises
     ------
@@ -279,19 +280,37 @@ class Run:
         """Write the last state, unless other ones were asked for, and the summary."""
         if self.recorder is None:
             return
-        facts, state, written = self.facts(), self.state, self.recorder.strip.entries
+        facts, state, written = self.facts(), self.state, self.recorder.strip.last
         if state is not None:
             chosen = self.scene.output.times is not None or self.outcome is Outcome.INTERRUPTED
-            if not written or (not chosen and written[-1].time < state.time):
+            if written is None or (not chosen and written < state.time):
                 self.recorder.write_state(state)
+            self.warnings = warnings(Preview.of(self.assembly))
             if self.assembly.kinematics is SHELL:
                 from anmstrip.results.wrinkles import Wrinkling
 
                 wrinkling = Wrinkling(state)
-                self.warnings = facts["warnings"] = wrinkling.warnings
+                self.warnings += wrinkling.warnings
                 facts["wrinkle_amplitude"] = wrinkling.amplitude(self.recorder.surface)
                 facts["compressive_membrane_force"] = wrinkling.compression
-        self.recorder.summary(facts, state)
+        self.recorder.summary(facts | {"errors": self.errors(), "warnings": self.warnings}, state)
+
+    def errors(self) -> dict[str, float | None]:
+        """Return what is known of the errors, as shares of tensions and lengths, else None.
+
+        Along paths and in time they are held below the tolerance; what the regularised laws of the
+        last state cost is estimated, see :class:`~anmstrip.results.rollers.Regularisation`; that of
+        the mesh is not.
+        """
+        tolerances, state = self.march.tolerances, self.state
+        rubs = any(self.assembly.frictional(stage) for stage in self.scene.course)
+        costs = [] if state is None else [c.effect for c in state.regularisation.values()]
+        return {
+            "path": tolerances.path,
+            "time": tolerances.time if rubs else None,
+            "mesh": None,
+            "regularisation": max(costs, default=None),
+        }
 
     def facts(self) -> dict[str, Any]:
         """Return the counters of the run, as in ``summary.json``."""

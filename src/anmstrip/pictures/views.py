@@ -11,35 +11,9 @@ import numpy as np
 from matplotlib.colors import Colormap, LinearSegmentedColormap
 from numpy.typing import NDArray
 
-from anmstrip.results.vtk import Points, read_surface, subdivide
+from anmstrip.results.vtk import FIELDS, TENSOR, Field, Points, read_surface, subdivide
 
-VECTOR = ("x", "y", "z")
-TENSOR = ("xx", "yy", "xy")
 PREFIXES = {-6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
-
-
-@dataclass(frozen=True)
-class Field:
-    """Label and unit of a field."""
-
-    label: str
-    unit: str  # of SI, as printed
-    components: tuple[str, ...] = ()  # names of the columns; none for a scalar
-
-
-FIELDS = {
-    "displacement": Field("displacement", "m", VECTOR),
-    "velocity": Field("velocity", "m/s", VECTOR),
-    "normal_pressure": Field("normal pressure", "Pa"),
-    "friction_traction": Field("friction traction", "Pa", VECTOR),
-    "slip_velocity": Field("slip velocity", "m/s", VECTOR),
-    "gap": Field("gap", "m"),
-    "membrane_force": Field("membrane force", "N/m", TENSOR),
-    "bending_moment": Field("bending moment", "N", TENSOR),
-    "von_mises": Field("von Mises stress, top", "Pa"),
-    "mean_curvature": Field("mean curvature", "1/m"),
-    "surface_angle": Field("angle of the surface", "rad"),
-}
 
 
 def choices(names: Iterable[str]) -> list[str]:
@@ -117,10 +91,10 @@ def title(name: str, largest: float) -> tuple[str, float]:
     component = component or ("xx" if field.components == TENSOR else "")
     label = f"{field.label}, {component}" if component else field.label
     power = 0
-    if field.unit and not field.unit.startswith("1/") and 0.0 < largest < np.inf:
+    if field.unit and not field.unit.startswith("1") and 0.0 < largest < np.inf:
         power = 3 * int(np.floor(np.log10(largest) / 3.0))
         power = min(max(power, min(PREFIXES)), max(PREFIXES))
-    unit = f" [{PREFIXES[power]}{field.unit}]" if field.unit else ""
+    unit = f" [{PREFIXES[power]}{field.unit}]" if field.unit not in ("", "1") else ""
     return label + unit, 10.0**-power
 
 

@@ -23,7 +23,7 @@ _FACTS, _ARRAY = "facts", "array/"
 
 
 @contextmanager
-def _named_errors(path: Path) -> Iterator[None]:
+def named_errors(path: Path) -> Iterator[None]:
     """Let an `OSError` leave with the name of the file that the user knows.
 
     A full disk is reported by the system without any name, and a refused permission with the
@@ -62,7 +62,7 @@ def atomic_write(path: AnyPath) -> Iterator[Path]:
     """
     target = Path(path)
     temporary = target.with_name(f".{target.name}.part")
-    with _named_errors(target):
+    with named_errors(target):
         try:
             yield temporary
             with temporary.open("rb+") as file:
@@ -219,11 +219,15 @@ class History:
         OSError
             The file cannot be written.
         """
-        if unknown := set(row) - set(self.columns):
+        self.extend([row])
+
+    def extend(self, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Add several rows in one piece, as :meth:`append` adds one."""
+        if unknown := {column for row in rows for column in row} - set(self.columns):
             raise ValueError(f"no such columns: {', '.join(sorted(unknown))}")
-        line = _encode([[row.get(column) for column in self.columns]])
-        with _named_errors(self.path), self.path.open("ab") as file:
-            file.write(line)
+        lines = _encode([[row.get(column) for column in self.columns] for row in rows])
+        with named_errors(self.path), self.path.open("ab") as file:
+            file.write(lines)
 
 
 def write_table(path: AnyPath, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:

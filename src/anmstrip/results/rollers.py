@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -20,8 +20,22 @@ if TYPE_CHECKING:
 TOUCHING = 0.1
 """Share of a roller's mean pressure above which a point counts as in contact."""
 
+BEYOND = 2.0
+"""Distance from an end of contact, in √(D/T), up to which its line load is looked for.  On meshes
+of 1 to 1/8 of that length and onsets of contact over 1e-6 to 1e-4 m the loads of a roller in the
+middle of a 50° wrap are then within 2 per cent of the theory; at 1 they are up to 40 per cent off,
+at 4 up to 6."""
+
 STICKS = 0.95
 """Share of the cone f R_N up to which a point counts as sticking."""
+
+SQUARE = np.arange(9).reshape(3, 3)
+LINES = {
+    3: np.array([[0, 1, 2]]),
+    9: np.concatenate([SQUARE, SQUARE.T]),
+    10: np.array([[0, 3, 1], [1, 4, 2], [0, 5, 2]]),
+}
+"""Lines of three contact points on elements of a section, on squares both ways, on triangles."""
 
 FIBRES = 16
 """Stripes of the width, along each of which gaps are averaged."""
@@ -43,14 +57,31 @@ class ContactState:
     bearing_torque: float  # against it (N m)
 
     @cached_property
-    def touching(self) -> NDArray[np.bool_]:
-        """Points in contact: by more than what is faint, and a tenth of the mean pressure.
+    def least(self) -> float:
+        """Pressure (Pa) above which a point is in contact.
 
-        The mean is weighted by force.
+        What is faint, and a tenth of the mean pressure, weighted by force.
         """
         force = self.pressure * self.area
         mean = float((force * self.pressure).sum()) / max(float(force.sum()), 1e-300)
-        return self.pressure > max(TOUCHING * mean, self.contact.signorini.faint)
+        return max(TOUCHING * mean, self.contact.signorini.faint)
+
+    @cached_property
+    def touching(self) -> NDArray[np.bool_]:
+        """Points in contact."""
+        return self.pressure > self.least
+
+    @property
+    def cone_share(self) -> Array:
+        """|R_T| / (f R_N) of the points in contact, 0 elsewhere and without friction."""
+        cone = (self.coefficient or 0.0) * self.pressure
+        size = np.linalg.norm(self.traction, axis=0)
+        return np.divide(size, cone, out=np.zeros_like(size), where=self.touching & (cone > 0.0))
+
+    @property
+    def status(self) -> Array:
+        """Of each point: 0 free, 1 in contact, 2 in contact and slipping."""
+        return np.where(self.touching, np.where(self.cone_share >= STICKS, 2.0, 1.0), 0.0)
 
     @property
     def area(self) -> Array:
@@ -58,10 +89,44 @@ class ContactState:
         return self.contact.operator.weights
 
     @cached_property
+    def ends(self) -> Array:
+        """Where contact begins and ends: angle about the axis (rad) and reference x, shape (2, n).
+
+        Along every line of three contact points of an element that does not run straight across
+        the gap is taken as a parabola, and contact is where it is below the gap of the least
+        pressure; so the ends move continuously with the state, not from point to point.  Empty
+        without contact.
+        """
+        operator = self.contact.operator
+        lines = operator.cells[:, LINES[operator.cells.shape[1]]].reshape(-1, 3)
+        lines = lines[(self.gap[lines] < self.contact.reaches).any(axis=1)]
+        along, across, _ = np.abs(np.diff(operator.reference[:, lines[:, ::2]], axis=2))[..., 0]
+        lines = lines[along > 1e-6 * across]
+        gap = self.gap[lines] - float(self.contact.signorini.gap(self.least + self.contact.least))
+        places = np.concatenate([np.tile([0.0, 0.5, 1.0], (len(lines), 1)), _roots(gap)], axis=1)
+        s = places[:, :, None]
+        quadratic = np.concatenate(
+            [(1 - s) * (1 - 2 * s), 4 * s * (1 - s), s * (2 * s - 1)], axis=2
+        )
+        found = np.concatenate([gap < 0.0, np.isfinite(places[:, 3:])], axis=1)
+        values = np.stack([self.angle[lines], operator.reference[0, lines]])
+        return np.einsum("lsk,vlk->vls", quadratic, values)[:, found]
+
+    @cached_property
+    def angle(self) -> Array:
+        """Angle of each point about the axis, from the middle of contact or the nearest point."""
+        weight = self.pressure * self.area * self.touching
+        middle = self.normal @ weight if weight.any() else self.normal[:, self.gap.argmin()]
+        middle = middle / np.linalg.norm(middle)
+        across = np.cross(self.roller.unit_axis, middle)
+        return np.arctan2(across @ self.normal, middle @ self.normal)
+
+    @cached_property
     def arc(self) -> tuple[float, float]:
         """Reference x where contact begins and ends; of the nearest point if there is none."""
-        x = self.contact.operator.reference[0]
-        x = x[self.touching] if self.touching.any() else x[[int(self.gap.argmin())]]
+        x = self.ends[1]
+        if not x.size:
+            x = self.contact.operator.reference[0, [self.gap.argmin()]]
         return float(x.min()), float(x.max())
 
     @property
@@ -86,13 +151,23 @@ class ContactState:
         return self.contact.operator.width
 
 
+def _roots(values: Array) -> Array:
+    """Where parabolas through values (n, 3) at 0, 1/2 and 1 vanish in between, (n, 2); NaN else."""
+    c, middle, end = values.T
+    a, b = 2.0 * (c + end) - 4.0 * middle, 4.0 * middle - 3.0 * c - end
+    with np.errstate(invalid="ignore", divide="ignore"):
+        q = -0.5 * (b + np.copysign(np.sqrt(b * b - 4.0 * a * c), b))
+        roots = np.stack([q / a, c / q], axis=1)
+        return np.where((roots > 0.0) & (roots < 1.0), roots, np.nan)
+
+
 @dataclass(frozen=True)
 class RollerReading:
     """Forces of a roller on the strip, and how they come about."""
 
     normal_force: float  # sum of the normal forces (N)
     drag: float  # sum of the friction forces in the sense of a positive speed (N)
-    wrap: float  # angle from the first to the last point in contact (rad)
+    wrap: float  # angle from the beginning to the end of contact (rad)
     tension_in: float  # before the roller (N/m), by equilibrium from the entry; 0 without one
     tension_out: float  # behind it, likewise
     max_slip: float  # largest slip speed in contact (m/s)
@@ -101,6 +176,9 @@ class RollerReading:
     surface_speed: float  # where the profile has the nominal radius (m/s)
     torque: float  # moment of friction about the axis on the strip, in the sense of drag (N m)
     bearing_torque: float  # with which bearings brake a roller that turns freely (N m)
+    capacity_used: float | None  # |ln(T1/T2)| / (f θ), at most 1; None where there is no friction
+    line_load_in: float  # load where the strip runs on, beyond T/r (N/m)
+    line_load_out: float  # where it runs off
     resultant: Array  # force of the roller on the strip (N), shape (3,)
 
     @property
@@ -110,7 +188,7 @@ class RollerReading:
 
 
 def reading_of(
-    state: ContactState, incoming: Array, weight_before: Callable[[float], Array]
+    state: ContactState, incoming: Array, weight_before: Callable[[float], Array], bending: float
 ) -> RollerReading:
     """Read off a roller.
 
@@ -121,8 +199,10 @@ def reading_of(
         Sum of the forces on the strip before the roller, its weight left out (N).
     weight_before : callable
         Weight of the strip up to a reference x (N), shape (3,).
+    bending : float
+        D (N m); 0 of a strip that does not resist bending.
     """
-    area, touching, normal = state.area, state.touching, state.normal[:, state.touching]
+    area, touching = state.area, state.touching
     resultant = ((state.pressure * state.normal + state.traction) * area).sum(axis=1)
     force = state.pressure * area * touching
     along = np.einsum("ip,ip->p", state.slip, state.turning)
@@ -130,30 +210,84 @@ def reading_of(
         total + weight_before(x)
         for total, x in zip((incoming, incoming + resultant), state.arc, strict=True)
     )
-    wrap = violation = 0.0
-    if touching.any():
-        middle = normal.sum(axis=1) / np.linalg.norm(normal.sum(axis=1))
-        across = np.cross(state.roller.unit_axis, middle)
-        wrap = float(np.ptp(np.arctan2(across @ normal, middle @ normal)))
-    if state.coefficient and touching.any():
-        ratio = np.linalg.norm(state.traction, axis=0)[touching] / (
-            state.coefficient * state.pressure[touching]
-        )
-        violation = max(0.0, float(ratio.max()) - 1.0)
+    wrap = float(np.ptp(state.ends[0])) if state.ends.size else 0.0
+    tensions = [float(np.linalg.norm(v) / state.width) for v in (before, after)]
+    friction = (state.traction * state.turning).sum(axis=0) * area
+    loads = line_loads(state, tensions, bending)
     return RollerReading(
         normal_force=float((state.pressure * area).sum()),
-        drag=float((state.traction * state.turning * area).sum()),
+        drag=float(friction.sum()),
         surface_speed=state.speed,
-        torque=float((state.traction * state.turning * area * state.arm).sum()),
+        torque=float(friction @ state.arm),
         bearing_torque=state.bearing_torque,
         wrap=wrap,
-        tension_in=float(np.linalg.norm(before) / state.width),
-        tension_out=float(np.linalg.norm(after) / state.width),
+        tension_in=tensions[0],
+        tension_out=tensions[1],
         max_slip=float(np.linalg.norm(state.slip, axis=0)[touching].max(initial=0.0)),
         creep_speed=-float((along * force).sum() / force.sum()) if force.any() else 0.0,
-        cone_violation=violation,
+        cone_violation=max(0.0, float(state.cone_share.max()) - 1.0),
+        capacity_used=capacity_used(state, before, after, wrap),
+        line_load_in=loads[0],
+        line_load_out=loads[1],
         resultant=resultant,
     )
+
+
+def capacity_used(state: ContactState, before: Array, after: Array, wrap: float) -> float | None:
+    """Share |ln(T1/T2)| / (f θ) of what friction can bear, between 0 and 1.
+
+    θ is the angle by which the roller turns the strip, between the directions of its forces (N)
+    before and behind, to whole turns nearest to the wrap: that of Euler's formula.  The angle of
+    contact is smaller by √(D/T)/r at both ends, where the line loads do as much as it lacks.
+    """
+    tensions = np.linalg.norm(before), np.linalg.norm(after)
+    if not state.coefficient or wrap == 0.0 or min(tensions) == 0.0:
+        return None
+    axis = state.roller.unit_axis
+    turn = np.arctan2(axis @ np.cross(before, after), before @ after)
+    angles = np.abs(turn + 2.0 * np.pi * np.array([-1.0, 0.0, 1.0]))
+    angle = angles[np.abs(angles - wrap).argmin()]
+    used = abs(np.log(tensions[0] / tensions[1])) / max(state.coefficient * angle, 1e-300)
+    return float(min(used, 1.0))
+
+
+def line_loads(state: ContactState, tensions: Sequence[float], bending: float) -> list[float]:
+    """Loads per width (N/m) that act where contact begins and ends, beyond the pressure T/r.
+
+    In theory a strip that resists bending presses with T/r on the way, and with a line load
+    q = √(D T)/r at both ends, where its curvature falls off; a mesh and a soft law spread that, in
+    peaks that grow with every refinement.  Of the forces F_i up to a point at the distances u_i
+    from them, a pressure κ = T/r that begins at u and a load q there have the same sum and moment:
+
+        q + κ u = Σ F_i,  q u + κ u²/2 = Σ F_i u_i  ⟹  q² = (Σ F_i)² − 2 κ Σ F_i u_i.
+
+    The point is :data:`BEYOND` √(D/T) behind the end, at most in the middle of the arc; there, half
+    of a contact along a line belongs to each end.
+    """
+    if not state.ends.size or min(tensions) == 0.0:
+        return [0.0, 0.0]
+    x, station = np.unique(np.round(state.contact.operator.reference[0], 9), return_inverse=True)
+    share = state.area / state.width
+    rub = (state.traction * state.turning).sum(axis=0)
+    force, rubbed = (np.bincount(station, v * share).astype(float) for v in (state.pressure, rub))
+    loads = []
+    for sense, tension, other in ((1.0, *tensions), (-1.0, *tensions[::-1])):
+        first, last = (float((sense * np.array(state.arc)).min()), sense * state.middle)
+        point = min(first + BEYOND * np.sqrt(bending / tension), last)
+        u = np.maximum(point - sense * x, 0.0)
+        held = np.interp(point, np.sort(sense * x), _up_to(force, sense))
+        lost = np.interp(point, np.sort(sense * x), _up_to(rubbed, sense))
+        here = tension + 0.5 * np.sign(other - tension) * abs(lost)
+        loads.append(
+            float(np.sqrt(max(held**2 - 2.0 * here / state.roller.radius * (force @ u), 0.0)))
+        )
+    return loads
+
+
+def _up_to(values: Array, sense: float) -> Array:
+    """Sums up to the middle of each value, from the first or from the last on."""
+    ordered = values[:: int(sense)]
+    return np.asarray(np.cumsum(ordered) - 0.5 * ordered)
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,10 @@ class State:
         if time == self.time:
             return self
         control = (time - self.plan.start) / self.plan.duration
-        a = None if self.branch is None else self.branch.reaches(control)
+        a = None
+        if self.branch is not None:
+            begins = control == self.branch.control[0]
+            a = 0.0 if begins else self.branch.reaches(control)
         if self.branch is not None and a is not None:
             full = self.plan.supports.full(self.branch(a)[0], control)
             return State(self.plan, time, control, full, self.plan.transport(full, control))
@@ -198,12 +201,14 @@ class State:
     @cached_property
     def rollers(self) -> dict[str, RollerReading]:
         """Roller → what is read off, in the order of the scene."""
-        edges = self.plan.model.strip.edges
+        strip, effects = self.plan.model.strip, self.plan.model.effects
+        bends = any(e.name == "bending" for e in effects)
+        edges, bending = strip.edges, bends * strip.bending_stiffness
         incoming = self.edge_force("entry") if "entry" in edges else np.zeros(3)
         readings = {}
         for name in sorted(self.contacts, key=lambda n: self.contacts[n].middle):
             state = self.contacts[name]
-            readings[name] = reading_of(state, incoming, self._weight_before)
+            readings[name] = reading_of(state, incoming, self._weight_before, bending)
             incoming = incoming + readings[name].resultant
         return {name: readings[name] for name in self.contacts}
 

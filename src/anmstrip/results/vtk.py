@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import base64
+import errno
+import os
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+from xml.sax.saxutils import quoteattr
 
 import meshio
 import numpy as np
@@ -14,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from anmstrip.errors import InputError, Mistake
 from anmstrip.mechanics.roller import Roller
-from anmstrip.results.files import AnyPath, atomic_write
+from anmstrip.results.files import AnyPath, atomic_write, named_errors
 
 Points = NDArray[np.float64]
 Cells = NDArray[np.int64]
@@ -31,12 +37,44 @@ RINGS = 49
 """Circles by which a roller is drawn that is no cylinder."""
 
 _KINDS = {
-    3: ("triangle", np.arange(3)),
-    4: ("quad", np.arange(4)),
-    16: ("VTK_LAGRANGE_QUADRILATERAL", LAGRANGE_ORDER),
-    21: ("VTK_LAGRANGE_TRIANGLE", TRIANGLE_ORDER),
+    3: (5, "triangle", np.arange(3)),
+    4: (9, "quad", np.arange(4)),
+    16: (70, "VTK_LAGRANGE_QUADRILATERAL", LAGRANGE_ORDER),
+    21: (69, "VTK_LAGRANGE_TRIANGLE", TRIANGLE_ORDER),
 }
-"""For each number of nodes, meshio's name of the cell and the order of its nodes there."""
+"""For each number of nodes, VTK's number and meshio's name of the cell, and its nodes' order."""
+
+VECTOR, TENSOR = ("x", "y", "z"), ("xx", "yy", "xy")
+
+
+@dataclass(frozen=True)
+class Field:
+    """Label and unit of a field."""
+
+    label: str
+    unit: str  # of SI, as printed
+    components: tuple[str, ...] = ()  # names of the columns; none for a scalar
+
+
+FIELDS = {
+    "displacement": Field("displacement", "m", VECTOR),
+    "velocity": Field("velocity", "m/s", VECTOR),
+    "normal": Field("normal", "1", VECTOR),
+    "arc_length": Field("arc length", "m"),
+    "tension": Field("tension", "N/m"),
+    "normal_pressure": Field("normal pressure", "Pa"),
+    "friction_traction": Field("friction traction", "Pa", VECTOR),
+    "slip_velocity": Field("slip velocity", "m/s", VECTOR),
+    "gap": Field("gap", "m"),
+    "contact_status": Field("0 free, 1 sticks, 2 slips", "1"),
+    "membrane_force": Field("membrane force", "N/m", TENSOR),
+    "bending_moment": Field("bending moment", "N", TENSOR),
+    "von_mises": Field("von Mises stress, top", "Pa"),
+    "mean_curvature": Field("mean curvature", "1/m"),
+    "surface_angle": Field("angle of the surface", "rad"),
+    "roller": Field("number of the roller", "1"),
+}
+"""All fields that are written."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +102,9 @@ def write_surface(
 ) -> None:
     """Write a surface and its fields as a `.vtu`, all at once; see :class:`SurfaceMesh`.
 
+    What :data:`FIELDS` knows is written with its unit (VTK's ``UNITS_LABEL``) and the names of its
+    components; a field ``normal`` is what shades the surface.
+
     Raises
     ------
     ValueError
@@ -80,10 +121,46 @@ def write_surface(
     for name, values in data.items():
         if values.ndim not in (1, 2) or len(values) != len(positions):
             raise ValueError(f"{name} has shape {values.shape} for {len(positions)} points")
-    kind, order = _KINDS[indices.shape[1]]
-    mesh = meshio.Mesh(positions, [(kind, indices[:, order])], point_data=data)
+    number, _, order = _KINDS[indices.shape[1]]
+    count, size = indices.shape
+    root = Element(
+        "VTKFile",
+        type="UnstructuredGrid",
+        version="1.0",
+        byte_order="LittleEndian",
+        header_type="UInt64",
+        compressor="vtkZLibDataCompressor",
+    )
+    grid = SubElement(root, "UnstructuredGrid")
+    piece = SubElement(grid, "Piece", NumberOfPoints=f"{len(positions)}", NumberOfCells=f"{count}")
+    _add_array(SubElement(piece, "Points"), "Points", positions)
+    corners = SubElement(piece, "Cells")
+    _add_array(corners, "connectivity", indices[:, order].ravel())
+    _add_array(corners, "offsets", size * np.arange(1, count + 1))
+    _add_array(corners, "types", np.full(count, number))
+    shading = {"Normals": "normal"} if "normal" in data else {}
+    point_data = SubElement(piece, "PointData", shading)
+    for name, values in data.items():
+        _add_array(point_data, name, values)
     with atomic_write(path) as temporary:
-        mesh.write(temporary, file_format="vtu")
+        ElementTree.ElementTree(root).write(temporary, "utf-8", xml_declaration=True)
+
+
+def _add_array(parent: Element, name: str, values: NDArray[np.generic]) -> None:
+    """Add an array to a file of VTK's: one compressed block, its three sizes before it."""
+    kind = "Float64" if values.dtype.kind == "f" else "Int64"
+    content = values.astype("<f8" if kind == "Float64" else "<i8").tobytes()
+    squeezed = zlib.compress(content)
+    sizes = np.array([1, len(content), len(content), len(squeezed)], dtype="<u8").tobytes()
+    array = SubElement(parent, "DataArray", type=kind, Name=name, format="binary")
+    if values.ndim > 1:
+        array.set("NumberOfComponents", f"{values.shape[1]}")
+    array.text = (base64.b64encode(sizes) + base64.b64encode(squeezed)).decode()
+    if field := FIELDS.get(name):
+        for number, component in enumerate(field.components):
+            array.set(f"ComponentName{number}", component)
+        unit = SubElement(array, "InformationKey", name="UNITS_LABEL", location="vtkDataArray")
+        unit.text = field.unit
 
 
 def read_surface(path: AnyPath) -> SurfaceMesh:
@@ -104,7 +181,7 @@ def read_surface(path: AnyPath) -> SurfaceMesh:
         raise
     except Exception as error:  # damage shows as exceptions of any kind
         raise ValueError(f"{path} is damaged: {error}") from error
-    kind, order = _KINDS.get(cells.shape[1], ("", np.arange(0)))
+    _, kind, order = _KINDS.get(cells.shape[1], (0, "", np.arange(0)))
     if block.type != kind:
         raise ValueError(f"{path} holds cells of another kind: {block.type}")
     return SurfaceMesh(np.asarray(mesh.points), cells[:, np.argsort(order)], dict(mesh.point_data))
@@ -157,12 +234,37 @@ def subdivide(cells: ArrayLike) -> Cells:
     return nodes[:, pieces].reshape(-1, pieces.shape[1])
 
 
+def facing(points: Points, cells: Cells) -> Cells:
+    """Turn cells so that all of them are seen from above where their points lie flat.
+
+    Parameters
+    ----------
+    points : (3, n) array
+        Of the flat strip.
+    cells : (m, 16) or (m, 21) array of int
+        As in :class:`SurfaceMesh`.
+    """
+    quads = cells.shape[1] == 16
+    across = 12 if quads else 20
+    first, second = (
+        points[:2, cells[:, k]] - points[:2, cells[:, 0]] for k in (3 if quads else 5, across)
+    )
+    below = first[0] * second[1] < first[1] * second[0]
+    if quads:
+        swapped = np.arange(16).reshape(4, 4).T.ravel()
+    else:
+        i, j = np.rint(5.0 * triangle_lattice(6)).astype(int)
+        swapped = np.lexsort((j, i))
+    return np.where(below[:, None], cells[:, swapped], cells)
+
+
 def roller_surface(
     roller: Roller, length: float, angle: float = 0.0, *, sectors: int = 96
 ) -> SurfaceMesh:
-    """Make a closed surface of revolution out of plain quadrilaterals.
+    """Make a closed surface of revolution out of plain quadrilaterals, shaded as smooth.
 
-    Its field `surface_angle` (rad, 0 to 2 pi) is painted on the material and turns with it.
+    Its field `surface_angle` (rad, 0 to 2 pi) is painted on the material and turns with it; its
+    `normal` is that of the true surface.
 
     Parameters
     ----------
@@ -177,21 +279,27 @@ def roller_surface(
     Returns
     -------
     SurfaceMesh
-        4 (sectors + 1) points, 3 sectors quadrilaterals: one end, the mantle, the other end.
-        With a profile the mantle has more rings.
+        6 (sectors + 1) points, 3 sectors quadrilaterals: one end, the mantle, the other end.
+        With a profile the mantle has more rings.  The edges' points are there twice.
     """
     first, second, along = roller.frame
     painted = np.linspace(0.0, 2.0 * np.pi, sectors + 1)
     turned = painted[:, None, None] + angle
     rings = np.linspace(-0.5, 0.5, 2 if roller.is_cylinder else RINGS) * length
-    height = np.pad(rings, 1, mode="edge")[:, None]
-    radius = np.pad(roller.radius_at(rings), 1)[:, None]
+    radius, slope = roller.radius_at(rings), roller.slope_at(rings)
     radial = np.cos(turned) * first + np.sin(turned) * second
-    points = np.asarray(roller.centre, dtype=float) + height * along + radius * radial
-    count = len(height)
-    start = count * np.arange(sectors)[:, None] + np.arange(count - 1)
+    height = np.pad(rings, 2, mode="edge")[:, None]
+    distance = np.concatenate([[0.0, radius[0]], radius, [radius[-1], 0.0]])[:, None]
+    points = np.asarray(roller.centre, dtype=float) + height * along + distance * radial
+    mantle = (radial - slope[:, None] * along) / np.sqrt(1.0 + slope[:, None] ** 2)
+    end = np.broadcast_to(along, (sectors + 1, 2, 3))
+    normal = np.concatenate([-end, mantle, end], axis=1)
+    count, edges = len(height), (1, len(height) - 3)
+    along_axis = np.setdiff1d(np.arange(count - 1), edges)
+    start = count * np.arange(sectors)[:, None] + along_axis
     cells = np.stack([start, start + count, start + count + 1, start + 1], axis=-1).reshape(-1, 4)
-    return SurfaceMesh(points.reshape(-1, 3), cells, {"surface_angle": np.repeat(painted, count)})
+    fields = {"surface_angle": np.repeat(painted, count), "normal": normal.reshape(-1, 3)}
+    return SurfaceMesh(points.reshape(-1, 3), cells, fields)
 
 
 def write_rollers(
@@ -205,9 +313,8 @@ def write_rollers(
     surfaces = [roller_surface(roller, 1.2 * width, angle) for roller, angle in pairs]
     count = np.cumsum([0, *(len(surface.points) for surface in surfaces)])
     cells = [surface.cells + count[k] for k, surface in enumerate(surfaces)]
-    painted = np.concatenate([surface.fields["surface_angle"] for surface in surfaces])
     fields = {
-        "surface_angle": painted,
+        **{n: np.concatenate([s.fields[n] for s in surfaces]) for n in surfaces[0].fields},
         "roller": np.repeat(np.arange(len(surfaces)), np.diff(count)),
     }
     points = np.concatenate([surface.points for surface in surfaces])
@@ -223,22 +330,31 @@ class Entry:
 
 
 class Collection:
-    """States in the order of time, rewritten at each addition.
+    """States in the order of time, listed in a `.pvd` that can be opened at any moment.
 
-    The file lists only what was added, so that it can be opened at any moment, provided that a
-    state is added after it has been written.
+    A state is added, after its own file has been written, by one write of a line and of what
+    closes the list, over what closed it before: whatever its length, that costs the same, and a
+    kill leaves the list without the line or with it.
 
     Parameters
     ----------
     path : path
         The `.pvd`.  Nothing is written until the first addition, which replaces what was there.
     entries : sequence of Entry
-        What it already lists.
+        What it lists from the beginning.
+
+    Attributes
+    ----------
+    count : int
+        How many it lists.
+    last : float or None
+        Time of the last one.
     """
 
-    def __init__(self, path: AnyPath, entries: tuple[Entry, ...] = ()) -> None:
-        self.path = Path(path)
-        self.entries = entries
+    def __init__(self, path: AnyPath, entries: Sequence[Entry] = ()) -> None:
+        self.path, self.count = Path(path), len(entries)
+        self.last = entries[-1].time if entries else None
+        self._end: int | None = None
 
     @classmethod
     def reopen(cls, path: AnyPath, until_time: float) -> Self:
@@ -250,25 +366,56 @@ class Collection:
             The file is there but damaged.
         """
         entries = read_collection(path) if Path(path).exists() else ()
-        collection = cls(path, tuple(entry for entry in entries if entry.time <= until_time))
-        collection._write()
+        kept = [entry for entry in entries if entry.time <= until_time]
+        collection = cls(path, kept)
+        collection._write(kept)
         return collection
 
     def add(self, time: float, file: AnyPath) -> None:
         """Add a state, not before the last one, that is on disk in the directory of the `.pvd`."""
-        self.entries = (*self.entries, Entry(float(time), Path(file).name))
-        self._write()
+        entry = Entry(float(time), Path(file).name)
+        if self._end is None:
+            self._write([entry])
+        else:
+            self._append(entry)
+        self.count, self.last = self.count + 1, entry.time
 
-    def _write(self) -> None:
-        root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
-        parent = ElementTree.SubElement(root, "Collection")
-        for entry in self.entries:
-            ElementTree.SubElement(
-                parent, "DataSet", timestep=repr(entry.time), group="", part="0", file=entry.file
-            )
-        ElementTree.indent(root)
+    def _write(self, entries: Iterable[Entry]) -> None:
+        """Write the whole list, all at once."""
+        content = HEAD + b"".join(map(_line, entries))
         with atomic_write(self.path) as temporary:
-            ElementTree.ElementTree(root).write(temporary, "utf-8", xml_declaration=True)
+            temporary.write_bytes(content + TAIL)
+        self._end = len(content)
+
+    def _append(self, entry: Entry) -> None:
+        """Write a line over the end of the list; a full disk leaves it as it was."""
+        assert self._end is not None
+        line = _line(entry)
+        with named_errors(self.path), self.path.open("rb+", buffering=0) as file:
+            file.seek(self._end)
+            try:
+                if file.write(line + TAIL) < len(line + TAIL):
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+                os.fsync(file.fileno())
+            except OSError:
+                file.seek(self._end)
+                file.write(TAIL)
+                file.truncate()
+                raise
+        self._end += len(line)
+
+
+HEAD = b"""<?xml version='1.0' encoding='utf-8'?>
+<VTKFile type="Collection" version="0.1">
+  <Collection>
+"""
+TAIL = b"  </Collection>\n</VTKFile>\n"
+
+
+def _line(entry: Entry) -> bytes:
+    """One state in a list of states."""
+    file = quoteattr(entry.file)
+    return f'    <DataSet timestep="{entry.time!r}" group="" part="0" file={file}/>\n'.encode()
 
 
 def read_collection(path: AnyPath) -> tuple[Entry, ...]:

@@ -152,6 +152,4 @@ class SceneSpec(Table):
         for stage in scene["stages"]:
             stage["friction"] = stage["friction"] and self.friction is not None
             stage.update(stage.pop("edges"))
-        if self.output.times is not None:
-            del scene["output"]["every"]
         return scene

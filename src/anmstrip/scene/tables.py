@@ -460,8 +460,8 @@ class SolverSpec(Table):
 class OutputSpec(Table):
     """Choice of the states that are written."""
 
-    every: Integer = Field(1, examples=["1"])
-    """write every n-th accepted step, an integer above 0 (1)"""
+    every: Integer | None = Field(None, examples=["1"])
+    """write every n-th accepted step, an integer above 0; left out: about 100 states (1)"""
     times: tuple[NotNegative, ...] | None = Field(None, examples=["[0.5, 1.0, 2.6]"])
     """times to write, increasing numbers of at least 0 (s)"""
     smooth: StrictBool = Field(True, examples=["false"])
@@ -473,7 +473,7 @@ class OutputSpec(Table):
         """Yield two choices of states, or times in disorder."""
         if self.times is None:
             return
-        if "every" in self.model_fields_set:
+        if self.every is not None:
             expected = "either every or times, not both"
             yield Mistake("", "every", self.every, expected, "one of them; take one out")
         ordered = sorted(set(self.times))

@@ -288,10 +288,11 @@ class March:
 
 @contextmanager
 def unbroken() -> Iterator[None]:
-    """Let Ctrl-C wait until the body has ended, and then do what it does.
+    """Let Ctrl-C, and SIGTERM where it is handled, wait until the body has ended.
 
-    For what has to be changed and written together.  In other threads than the main one,
-    where Python never raises ``KeyboardInterrupt``, there is nothing to wait for.
+    For what has to be changed and written together; they do what they do afterwards.  In other
+    threads than the main one, where Python never raises ``KeyboardInterrupt``, there is nothing
+    to wait for.
 
     Examples
     --------
@@ -306,15 +307,18 @@ def unbroken() -> Iterator[None]:
     >>> done
     ['all of it', 'then the interruption']
     """
-    usual = signal.getsignal(signal.SIGINT)
-    if usual is None or threading.current_thread() is not threading.main_thread():
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
+    signals = {s: signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)}
+    usual = {s: handler for s, handler in signals.items() if callable(handler)}
     pressed: list[tuple[Any, ...]] = []
-    signal.signal(signal.SIGINT, lambda *given: pressed.append(given))
+    for number in usual:
+        signal.signal(number, lambda *given: pressed.append(given))
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, usual)
-        if pressed and callable(usual):
-            usual(*pressed[-1])
+        for number, handler in usual.items():
+            signal.signal(number, handler)
+        if pressed:
+            usual[pressed[-1][0]](*pressed[-1])

@@ -1,0 +1,67 @@
+"""What a run says at its end: rollers, ends, estimated errors and warnings."""
+
+from __future__ import annotations
+
+from io import StringIO
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Console
+
+from anmstrip.driver.explain import plain_table
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from anmstrip.driver.run import Run
+    from anmstrip.results.state import State
+
+
+def report(run: Run) -> str:
+    """Describe the last state of a run by roller, its ends, what it may be wrong by, and warn."""
+    stream = StringIO()
+    console = Console(file=stream, width=100, no_color=True, highlight=False)
+    state = run.state
+    if state is not None:
+        if state.rollers:
+            console.print(roller_table(state))
+        for line in (tensions(state), errors(run)):
+            console.print(line, markup=False)
+    for warning in run.warnings:
+        console.print(f"Warning: {warning}", markup=False)
+    return stream.getvalue().rstrip()
+
+
+def roller_table(state: State) -> Table:
+    """Return what every roller does, in units that stand in the heads of the columns."""
+    heads = ("wrap\n(°)", "T in\n(N/m)", "T out\n(N/m)", "normal\n(N)", "torque\n(N m)")
+    more = ("slip\n(m/s)", "friction\nused", "line load\non (N/m)", "and off\n(N/m)")
+    table = plain_table(f"Rollers at t = {state.time:.6g} s", "\nroller", *heads, *more)
+    for name, r in state.rollers.items():
+        used = "–" if r.capacity_used is None else f"{100.0 * r.capacity_used:.3g} %"
+        values = (np.degrees(r.wrap), r.tension_in, r.tension_out, r.normal_force, r.torque)
+        loads = (f"{load:.3g}" for load in (r.line_load_in, r.line_load_out))
+        table.add_row(name, *(f"{v:.4g}" for v in values), f"{r.max_slip:.3g}", used, *loads)
+    return table
+
+
+def tensions(state: State) -> str:
+    """Return the tensions of both ends in a sentence."""
+    ends = [n for n in ("entry", "exit") if n in state.plan.model.strip.edges]
+    told = (f"{state.tension(name):.6g} N/m at the {name}" for name in ends)
+    return f"Tension {' and '.join(told)}."
+
+
+def errors(run: Run) -> str:
+    """Return what is known of the errors of a run in a sentence."""
+    words = {
+        "path": "along paths below",
+        "time": "in time below",
+        "mesh": "of the mesh about",
+        "regularisation": "of the laws of contact and friction about",
+    }
+    known, told = run.errors(), []
+    for name, value in known.items():
+        told += [] if value is None else [f"{words[name]} {value:.2g}"]
+    missing = "" if known["mesh"] is not None else "; that of the mesh is not estimated"
+    return f"Errors, as shares of tensions and lengths: {', '.join(told)}{missing}."

@@ -1,0 +1,355 @@
+"""Profiles along the strip, line loads, torques and shares of friction, against the states."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import reported_scenes as scenes
+from reported_files import Results, Surface, ran, rows_of
+from reported_rollers import Look
+from reported_states import looks_at
+from scipy.optimize import brentq
+
+from anmstrip import Scene
+from anmstrip.mechanics.contact import Contact
+from anmstrip.results.rollers import ContactState
+
+E, NU = 2.0e11, 0.3
+D = E * 1e-9 / 12.0 / (1.0 - NU**2)
+HALVES = np.array([0.0, 0.5, 1.0])
+
+
+@pytest.fixture(params=["turning", "shell"])
+def results(request: pytest.FixtureRequest) -> Results:
+    found: Results = request.getfixturevalue(request.param)
+    return found
+
+
+def profiles(results: Results) -> dict[float, dict[str, np.ndarray]]:
+    """Columns of ``profile.csv`` at every written time; NaN where empty."""
+    found: dict[float, dict[str, list[float]]] = {}
+    for row in rows_of(results.directory / "profile.csv"):
+        table = found.setdefault(float(row["time"]), {name: [] for name in row})
+        for name, value in row.items():
+            table[name].append(float(value) if value else np.nan)
+    return {t: {n: np.array(v) for n, v in table.items()} for t, table in found.items()}
+
+
+class Stations:
+    """Means over the lines of contact points across, of values (patch, 3, 3) by contact point."""
+
+    def __init__(self, surface: Surface) -> None:
+        self.surface = surface
+        flat = np.round(surface.at_contact(surface.reference)[..., :2], 8).reshape(-1, 2)
+        _, self.point = np.unique(flat, axis=0, return_inverse=True)
+        self.count = np.bincount(self.point)
+        self.areas = np.bincount(self.point, surface.areas.ravel())
+        first = np.unique(self.point, return_index=True)[1]
+        self.x, self.station = np.unique(flat[first, 0], return_inverse=True)
+
+    def points(self, values: np.ndarray) -> np.ndarray:
+        """Return the mean over the patches that share a point."""
+        return np.bincount(self.point, values.ravel()) / self.count
+
+    def mean(self, values: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
+        """Return the mean over each line by area; NaN where all weights are 0."""
+        w = self.areas * (1.0 if weights is None else self.points(weights))
+        with np.errstate(invalid="ignore"):
+            total = np.bincount(self.station, w * self.points(values))
+            return np.asarray(total / np.bincount(self.station, w))
+
+
+def same(found: np.ndarray, expected: np.ndarray, share: float = 1e-6) -> None:
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(expected))
+    bound = share * np.nanmax(np.abs(expected))
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=bound)
+
+
+def test_a_profile_is_written_with_every_state(results: Results) -> None:
+    assert list(profiles(results)) == [time for time, _ in results.states]
+
+
+def test_profiles_are_means_over_the_width(results: Results) -> None:
+    """Positions, pressure, tension, curvature and moment of the last state."""
+    surface, (*_, table) = results.last, profiles(results).values()
+    stations, t = Stations(surface), 1e-3
+    for k, name in enumerate("xyz"):
+        place = surface.at_contact(surface.positions)[..., k]
+        np.testing.assert_allclose(table[name], stations.mean(place), atol=1e-9)
+    np.testing.assert_allclose(table["arc_length"], stations.x - stations.x[0], atol=1e-7)
+    pressure = sum(look.pressure for look in looks_at(results, surface).values())
+    same(table["pressure"], stations.mean(np.asarray(pressure)))
+    xx = surface.at_contact(surface.patch("membrane_force")[..., 0])
+    slope = np.linalg.norm(surface.derivative_at(HALVES, surface.positions, 1), axis=-1)
+    same(table["tension"], stations.mean(xx * slope), 1e-4)
+    tension = stations.points(xx * slope)
+    for name, choose in (("tension_min", np.min), ("tension_max", np.max)):
+        lines = [choose(tension[stations.station == k]) for k in range(len(stations.x))]
+        same(table[name], np.array(lines), 1e-4)
+    along, across = surface.curvature_at(HALVES)[..., 0], surface.curvature_at(HALVES)[..., 1]
+    same(table["curvature"], stations.mean(along))
+    across = 0.0 * across if results.name == "turning" else across
+    same(table["moment"], stations.mean(E * t**3 / 12.0 / (1.0 - NU**2) * (along + NU * across)))
+
+
+def test_slip_and_share_of_the_cone_are_those_in_contact(results: Results) -> None:
+    """Slip along the tangent towards the exit; friction of a line over what f bears there."""
+    surface, (*_, table) = results.last, profiles(results).values()
+    stations = Stations(surface)
+    tangent = surface.derivative_at(HALVES, surface.positions, 1)
+    tangent /= np.linalg.norm(tangent, axis=-1, keepdims=True)
+    slip, touching, rub, cone = (np.zeros(tangent.shape[:-1]) for _ in range(4))
+    for look in looks_at(results, surface).values():
+        slip += np.sum(look.slip * tangent, axis=-1) * look.touching
+        rub += np.linalg.norm(look.traction, axis=-1) * look.touching
+        cone += look.shape.friction * look.pressure * look.touching
+        touching += look.touching
+    # the shell's direction along is taken across its normal and y, which leans by 1e-2
+    same(table["slip"], stations.mean(slip, touching), 1e-4)
+    shares = np.where(cone > 0.0, rub / np.where(cone > 0.0, cone, 1.0), 0.0)
+    same(table["cone_share"], stations.mean(shares, cone), 1e-5)
+
+
+def lift_off(look: Look, tensions: tuple[float, float], sense: float) -> float:
+    """Load at an end that, with T/r behind it, is in equilibrium with what presses near it.
+
+    The forces within 2 √(D/T) of the end and T/r from the load on have the same sum and moment;
+    half of what friction takes there is taken off T.
+    """
+    tension, other = tensions[:: int(sense)]
+    width = look.surface.width
+    x = sense * look.surface.at_contact(look.surface.reference)[..., 0]
+    ends = sorted(sense * v for v in look.arc)
+    point = min(ends[0] + 2.0 * np.sqrt(D / tension), 0.5 * sum(ends))
+    share = look.surface.areas / width
+    rubbed = np.sum(look.traction * look.turning, axis=-1)
+    before, lost = (up_to(x, v * share, point) for v in (look.pressure, rubbed))
+    kappa = (tension + 0.5 * np.sign(other - tension) * abs(lost)) / look.shape.radius
+    moment = (look.pressure * share * np.maximum(point - x, 0.0)).sum()
+
+    def left(u: float) -> float:
+        return float((before - kappa * u) * u + 0.5 * kappa * u**2 - moment)
+
+    return float(before - kappa * brentq(left, 0.0, before / kappa))
+
+
+def up_to(x: np.ndarray, values: np.ndarray, point: float) -> float:
+    """Sum of values up to a point, each counted half at its own place and linear in between."""
+    places, number = np.unique(np.round(x, 9), return_inverse=True)
+    whole = np.bincount(number.ravel(), values.ravel())
+    return float(np.interp(point, places, np.cumsum(whole) - 0.5 * whole))
+
+
+def test_line_loads_are_in_equilibrium_with_the_pressure(results: Results) -> None:
+    surface, rollers = results.last, results.summary["rollers"]
+    *_, table = profiles(results).values()
+    total = 0.0
+    for name, look in looks_at(results, surface).items():
+        values = rollers[name]
+        tensions = values["tension_in"], values["tension_out"]
+        for key, sense in (("line_load_in", 1.0), ("line_load_out", -1.0)):
+            assert values[key] == pytest.approx(lift_off(look, tensions, sense), rel=1e-3)
+            total += values[key]
+    assert np.nansum(table["line_load"]) == pytest.approx(total, rel=1e-12)
+    assert np.isfinite(table["line_load"]).sum() == 2 * len(rollers)
+
+
+WRAPPED = """
+[strip]
+kinematics = "section"
+width = 0.5
+thickness = 1.0e-3
+cells = [16, 2]
+refined = {refined}
+
+[material]
+young = 2.0e11
+poisson = 0.3
+
+[contact]
+
+[threading]
+tension = 1.0e4
+entry = [-2.0, 0.0, -1.0]
+exit = [2.0, 0.0, -1.0]
+
+[[rollers]]
+radius = 0.5
+centre = [0.0, 0.0, -0.5]
+wrap = "over"
+
+[edges.entry]
+fixed = ["x", "z"]
+
+[[stages]]
+duration = 1.0
+friction = false
+"""
+
+
+@pytest.fixture(scope="module", params=[0.02, 0.01, 0.005])
+def wrapped(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Results:
+    """A strip at rest on a roller, on meshes of 1/2 to 1/8 of √(D/T) = 43 mm."""
+    text = WRAPPED.format(refined=request.param)
+    return ran(text, tmp_path_factory.mktemp("wrapped"), options=("--quiet",))
+
+
+def test_line_loads_are_those_of_the_theory_on_every_mesh(wrapped: Results) -> None:
+    """√(D T)/r, whatever the peak of the pressure: 2, 3 and 4.5 times T/r."""
+    (values,) = wrapped.summary["rollers"].values()
+    for key in ("line_load_in", "line_load_out"):
+        assert values[key] == pytest.approx(np.sqrt(D * 1e4) / 0.5, rel=0.03)
+
+
+def test_tension_does_not_swing_over_a_roller(wrapped: Results) -> None:
+    """Without friction it is T, while what the strains make within elements swings about it."""
+    surface = wrapped.last
+    # in equilibrium the bent strip's own curve takes off M κ = D/r² = 73 N/m, and T (1 − cos) of
+    # the angle √(D/T)/r = 5°, 37 N/m; a mesh of half of √(D/T) adds a per cent where it lifts off
+    size = surface.sizes[0].min()
+    assert np.abs(surface.fields["tension"] / 1e4 - 1.0).max() < (0.04 if size > 0.015 else 0.02)
+    raw = E * 1e-3 * surface.strain[..., 0]
+    swings = {0.02: 5.0, 0.01: 2.0}.get(round(float(size), 2 if size > 0.006 else 3), 1.0)
+    assert np.ptp(raw) > swings * np.ptp(surface.fields["tension"])
+
+
+def test_torque_is_the_moment_of_friction(results: Results) -> None:
+    for name, look in looks_at(results, results.last).items():
+        torque = results.summary["rollers"][name]["torque"]
+        assert torque == pytest.approx(look.torque, rel=1e-5)
+
+
+def test_capacity_used_is_that_of_eulers_formula(turning: Results, shell: Results) -> None:
+    """|ln(T1/T2)| over f times the angle between the forces before and behind, at most 1."""
+    for results in (turning, shell):
+        before = np.array(results.summary["edges"]["entry"]["force"])
+        for name, look in looks_at(results, results.last).items():
+            values = results.summary["rollers"][name]
+            after = before + look.resultant
+            if results.name == "turning":
+                unit = before / np.linalg.norm(before), after / np.linalg.norm(after)
+                angle = np.arccos(unit[0] @ unit[1])
+                ratio = np.log(values["tension_in"] / values["tension_out"])
+                expected = min(abs(ratio) / (look.shape.friction * angle), 1.0)
+                assert values["capacity_used"] == pytest.approx(expected, rel=1e-3)
+            before = after
+    front, back = (shell.summary["rollers"][name] for name in ("front", "back"))
+    assert front["capacity_used"] == 1.0
+    ratio = np.log(back["tension_out"] / back["tension_in"])
+    # the weight of the strip between the rollers and on them turns the forces by some 1e-3
+    turned = turn_of_back(shell)
+    assert back["capacity_used"] == pytest.approx(ratio / (0.2 * turned), rel=5e-3)
+
+
+def turn_of_back(shell: Results) -> float:
+    """Angle between the strip's directions in the middle of the span before, and at the exit."""
+    surface, looks = shell.last, looks_at(shell, shell.last)
+    middle = 0.5 * (looks["front"].arc[1] + looks["back"].arc[0])
+    x, slopes = surface.reference[..., 0], surface.tangents[0]
+    before = slopes[np.abs(x - middle) < 0.1].mean(axis=0)
+    unit = before / np.linalg.norm(before)
+    return float(np.arccos(unit @ surface.edge("exit")))
+
+
+def test_friction_in_a_stage_without_it_has_no_share(plate: Results) -> None:
+    (values,) = plate.summary["rollers"].values()
+    assert (values["capacity_used"], values["torque"]) == (None, 0.0)
+
+
+# where contact begins and ends ---------------------------------------------------------------
+
+
+def flat_contact(contact: Contact, depth: float) -> ContactState:
+    """Points of a flat strip beside a roller of 0.5 m whose top is so deep in it."""
+    n = len(contact.operator.chosen)
+    x = contact.operator.apply(np.zeros(2 * contact.operator.matrix.shape[1]))
+    controls = {"rollers.r.centre": np.array([0.0, 0.0, depth - 0.5])}
+    place = contact.seen(x, controls)
+    pressure = np.maximum(contact.pressure(place), 0.0)
+    still, normal = np.zeros((3, n)), contact.normal(place)
+    arm = np.full(n, 0.5)
+    return ContactState(contact, place.gap, normal, pressure, still, still, None, arm, 0.0, 0.0)
+
+
+def test_wrap_and_arc_are_those_of_geometry_between_points_too(tmp_path: Path) -> None:
+    """A flat strip lies in a roller over 2 arccos((r − d)/(r + h)), where h is the least gap.
+
+    The roller comes up in steps of 2 µm through several points, which stand 25 mm apart: the wrap
+    begins at 0 and grows without jumps, in steps of an eighth of what a point is wide at most.
+    """
+    path = tmp_path / "scene.toml"
+    path.write_text(scenes.LIFTED)
+    assembly = Scene.load(path).run().assembly
+    assert assembly.contact is not None
+    contact = assembly.contact.by_roller["r"]
+    wraps = []
+    for depth in np.arange(-1e-3, 5e-3, 2e-6):
+        state = flat_contact(contact, depth)
+        h = float(contact.signorini.gap(state.least + contact.least))
+        cosine = (0.5 - depth) / (0.5 + h)
+        expected = 2.0 * np.arccos(cosine) if cosine < 1.0 else 0.0
+        wraps.append(float(np.ptp(state.ends[0])) if state.ends.size else 0.0)
+        assert wraps[-1] == pytest.approx(expected, abs=2e-4)
+        if expected > 0.0:
+            half = np.sqrt((0.5 + h) ** 2 - (0.5 - depth) ** 2)
+            assert state.arc == (pytest.approx(-half, abs=1e-4), pytest.approx(half, abs=1e-4))
+    assert wraps[0] == 0.0
+    assert 0.0 < np.abs(np.diff(wraps)).max() < 0.025 / 0.5 / 8.0 + 2e-4
+
+
+def test_the_end_of_a_run_is_a_table_by_roller(shell: Results) -> None:
+    """Within 100 columns, all numbers of the summary to their digits."""
+    lines = shell.printed.splitlines()[1:-1]  # without the message and the directory
+    assert max(map(len, lines)) <= 100
+    for name, r in shell.summary["rollers"].items():
+        (row,) = [line.split() for line in lines if line.startswith(f"{name} ")]
+        keys = ("tension_in", "tension_out", "normal_force", "torque")
+        four = [f"{np.degrees(r['wrap']):.4g}", *(f"{r[key]:.4g}" for key in keys)]
+        used = f"{100.0 * r['capacity_used']:.3g}", "%"
+        three = (f"{r['max_slip']:.3g}", *used, f"{r['line_load_in']:.3g}")
+        assert row == [name, *four, *three, f"{r['line_load_out']:.3g}"]
+    told = " ".join(shell.printed.split())
+    edges = shell.summary["edges"]
+    for name in ("entry", "exit"):
+        assert f"{edges[name]['tension']:.6g} N/m at the {name}" in told
+    assert all(f"Warning: {line}" in told for line in shell.summary["warnings"])
+    assert len(shell.summary["warnings"]) == 3
+
+
+def test_errors_are_the_tolerance_and_what_the_laws_cost(shell: Results, plate: Results) -> None:
+    costs = [r["regularisation_effect"]["total"] for r in shell.summary["rollers"].values()]
+    expected = {"path": 1e-3, "time": 1e-3, "mesh": None, "regularisation": max(costs)}
+    assert shell.summary["errors"] == expected
+    told = " ".join(shell.printed.split())
+    assert (
+        f"in time below 0.001, of the laws of contact and friction about {max(costs):.2g}" in told
+    )
+    assert plate.summary["errors"]["time"] is None
+    assert json.loads((plate.directory / "summary.json").read_text())["errors"]["mesh"] is None
+
+
+# which states are written --------------------------------------------------------------------
+
+
+def test_about_a_hundred_states_are_written_by_default(tmp_path: Path) -> None:
+    """The beginning, the first step in every hundredth of the time, and the ends of the stages."""
+    results = ran(scenes.TURNING, tmp_path, "solver.time_step=1.1e-3", options=("--quiet",))
+    times = results.history["time"]
+    assert len(times) > 200
+    ends = [max(times[np.array(results.history["stage"]) == s]) for s in ("pull", "wrap", "turn")]
+    firsts = [times[times >= k * 2.9 / 100.0 - 1e-12].min() for k in range(1, 101)]
+    written = [time for time, _ in results.states]
+    assert written == pytest.approx(sorted({0.0, *ends, *firsts}))
+    start = results.surfaces[0]
+    assert not start.fields["displacement"].any()
+
+
+def test_the_first_state_of_a_threaded_strip_is_that_around_its_rollers(shell: Results) -> None:
+    """At t = 0 it lies where its path begins: under tension, on both rollers."""
+    time, surface = shell.states[0][0], shell.surfaces[0]
+    assert time == 0.0
+    looks = looks_at(shell, surface)
+    assert all(np.abs(look.gap).min() < 5e-3 for look in looks.values())
