@@ -182,13 +182,6 @@ class Look:
         total = self.pressure[..., None] * self.normal + self.traction
         return np.asarray(self.surface.integral(total))
 
-    @property
-    def torque(self) -> float:
-        """Moment about the axis of the friction, which acts on the surface, in a speed's sense."""
-        surface = self.profile[0][..., None] * self.radial
-        moment = np.cross(surface, self.traction) @ self.axis
-        return float(self.surface.integral(moment)) * self.shape.sense
-
     @cached_property
     def least(self) -> float:
         """A tenth of the mean pressure, weighted by force (Pa)."""

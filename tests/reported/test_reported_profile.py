@@ -1,4 +1,4 @@
-"""Profiles along the strip, line loads, torques and shares of friction, against the states."""
+"""Profiles along the strip, line loads and shares of friction, against the states."""
 
 from __future__ import annotations
 
@@ -214,12 +214,6 @@ def test_tension_does_not_swing_over_a_roller(wrapped: Results) -> None:
     raw = E * 1e-3 * surface.strain[..., 0]
     swings = {0.02: 5.0, 0.01: 2.0}.get(round(float(size), 2 if size > 0.006 else 3), 1.0)
     assert np.ptp(raw) > swings * np.ptp(surface.fields["tension"])
-
-
-def test_torque_is_the_moment_of_friction(results: Results) -> None:
-    for name, look in looks_at(results, results.last).items():
-        torque = results.summary["rollers"][name]["torque"]
-        assert torque == pytest.approx(look.torque, rel=1e-5)
 
 
 def test_capacity_used_is_that_of_eulers_formula(turning: Results, shell: Results) -> None:
