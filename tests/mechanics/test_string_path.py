@@ -112,6 +112,47 @@ def test_wraps_up_to_three_hundred_degrees(degrees):
     np.testing.assert_allclose(np.degrees(path.arcs.turn), [[degrees]], rtol=1e-12)
 
 
+@pytest.mark.parametrize("sense", [OVER, UNDER])
+@pytest.mark.parametrize("degrees", [20, 181, 240, 314, 316, 345, 359.9])
+def test_a_string_that_may_cross_itself_wraps_up_to_a_full_turn(degrees, sense):
+    """Long runs, which meet behind the circle; between points on its tangents, by hand."""
+    turn, r, before, behind = -sense * np.radians(degrees), 0.5, 3.0, 4.0
+    heading = 0.4
+    u, n = (
+        np.array([np.cos(heading), np.sin(heading)]),
+        np.array([-np.sin(heading), np.cos(heading)]),
+    )
+    v = np.array([np.cos(heading + turn), np.sin(heading + turn)])
+    m = np.array([-v[1], v[0]])
+    centre = np.array([0.3, -0.2])
+    ends = centre + sense * r * n - before * u, centre + sense * r * m + behind * v
+    path = string_path(
+        centre.reshape(1, 2, 1), [[r]], [sense], *(FixedEnd(end) for end in ends), crossing=[True]
+    )
+    np.testing.assert_allclose(np.degrees(path.arcs.turn), [[degrees]], rtol=1e-12)
+    np.testing.assert_allclose(path.length, before + behind + r * np.radians(degrees), rtol=1e-13)
+    s = np.linspace(0.0, path.length[0], 20001)
+    points, directions = path.at(s, 0)
+    np.testing.assert_allclose(points[:, -1], ends[1], atol=1e-12)
+    gap = np.linalg.norm(points - centre[:, None], axis=0) - r
+    assert gap.min() > -1e-12
+    side = directions[1] * (centre[0] - points[0]) - directions[0] * (centre[1] - points[1])
+    assert (sense * side).min() > r - 1e-12  # the circle stays on the same side
+    if 200 < degrees < 300:
+        with pytest.raises(NotTouchedError):
+            string_path(centre.reshape(1, 2, 1), [[r]], [sense], *map(FixedEnd, ends))
+
+
+def test_only_circles_that_are_named_may_be_crossed_at():
+    centres = np.reshape([(0.0, 0.0), (3.0, -2.0)], (2, 2, 1))
+    ends = FixedEnd((-3.0, 0.5)), FixedEnd((6.0, 0.5))
+    arguments = centres, [[0.5], [0.5]], [OVER, OVER], *ends
+    path = string_path(*arguments, crossing=[False, True])
+    assert np.pi < path.arcs.turn[1, 0] < 2.0 * np.pi
+    with pytest.raises(NotTouchedError):
+        string_path(*arguments, crossing=[True, False])
+
+
 def test_level_rollers_are_touched_in_a_line():
     """Rounding does not lift a strip off rollers it lies on."""
     heights = np.array([0.1, 0.7, 0.3, 0.9, 0.2])

@@ -292,3 +292,25 @@ def test_where_the_guess_leads_nowhere_the_path_is_followed(monkeypatch) -> None
     (newton, less), (path, more) = found
     assert path == pytest.approx(newton, rel=1e-6)
     assert less < 0.2 * more
+
+
+@pytest.mark.parametrize("degrees", [200.0, 330.0])
+def test_a_strip_that_crosses_itself_is_wrapped_as_its_scene_says(degrees: float) -> None:
+    """Both ends level with each other; the force on the roller is 2 T sin θ/2, its sum T θ."""
+    turn, away = np.radians(degrees), 1.5
+    slope = 0.5 * turn  # of the entry's run against the horizontal, upwards
+    entry = np.array([-np.sin(slope), np.cos(slope)]) * 0.3 - away * np.array(
+        [np.cos(slope), np.sin(slope)]
+    )
+    ends = {"entry": (entry[0], 0.0, entry[1]), "exit": (-entry[0], 0.0, entry[1])}
+    one = roller("a", 0.0, 0.0, 0.3, "over", crossing=True)
+    strip = {"thickness": 2e-4, "refined": 0.01}
+    scene = scene_of({"threading": ends, "rollers": [one], "strip": strip})
+    run, state = ended(scene)
+    assert run.assembly.thread.turns["a"] == pytest.approx(turn, rel=1e-3)
+    reading = state.rollers["a"]
+    bent = 1.0 - run.assembly.strip.bending_stiffness / (2.0 * 0.3**2) / 1e4
+    assert reading.normal_force == pytest.approx(0.5 * 1e4 * bent * turn, rel=0.02)
+    expected = 2.0 * 0.5 * 1e4 * np.sin(0.5 * turn)
+    assert np.linalg.norm(reading.resultant) == pytest.approx(expected, rel=0.02)
+    assert reading.wrap == pytest.approx(turn, abs=0.1)

@@ -402,12 +402,13 @@ def string_estimate(course: Course) -> StringEstimate:
     stiffness = 2.0 * largest_force(a.scene) / length + 6.0 * bending_stiffness(a.scene) / length**3
     sag = float(np.arctan(load / stiffness if stiffness else np.inf)) if load else 0.0
     entry, exit = (_end(course, name) for name in ENDS)
+    crossing = {spec.name for spec in a.scene.rollers if spec.crossing}
     rollers: list[tuple[Roller, float]] = []
     if a.scene.contact is not None and a.thread is not None:
         rollers = list(zip(a.thread.rollers, a.thread.senses, strict=True))
     elif a.scene.contact is not None:
-        crossing = [roller for roller in a.rollers if abs(roller.unit_axis[1]) > 0.1]
-        for roller in sorted(crossing, key=lambda roller: roller.centre[0]):
+        across = [roller for roller in a.rollers if abs(roller.unit_axis[1]) > 0.1]
+        for roller in sorted(across, key=lambda roller: roller.centre[0]):
             below = roller.centre[2] < 0.0
             rollers.append((roller, 1.0 if below else -1.0))
     while rollers:
@@ -418,7 +419,9 @@ def string_estimate(course: Course) -> StringEstimate:
             centres.append((centre + s * axis)[[0, 2], None])
             radii.append([float(roller.radius_at(s))])
         try:
-            path = string_path(centres, radii, [float(sense) for _, sense in rollers], entry, exit)
+            senses = [float(sense) for _, sense in rollers]
+            crossed = [roller.name in crossing for roller, _ in rollers]
+            path = string_path(centres, radii, senses, entry, exit, crossed)
         except (NotTouchedError, NoTangentError) as error:
             del rollers[min(error.index, len(rollers) - 1)]
             continue

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from anmstrip.arrays import Array
+
+Mask = NDArray[np.bool_]
 
 ROUNDING = 1e-7
 """Turns (rad) above −ROUNDING count as zero: the root of the rounding of a length."""
@@ -136,7 +138,12 @@ class StringPath:
 
 
 def string_path(
-    centres: ArrayLike, radii: ArrayLike, senses: ArrayLike, entry: End, exit: End
+    centres: ArrayLike,
+    radii: ArrayLike,
+    senses: ArrayLike,
+    entry: End,
+    exit: End,
+    crossing: ArrayLike = False,
 ) -> StringPath:
     """Taut path from the entry round the circles, in their order, to the exit.
 
@@ -150,6 +157,8 @@ def string_path(
         s: +1 over, −1 under.
     entry, exit : FixedEnd or StraightEnd
         With no circles at least one has to be a FixedEnd.
+    crossing : array_like of bool, shape (circles,), optional
+        Where the string may cross itself, so that all turns up to a full one are wraps.
 
     Raises
     ------
@@ -206,7 +215,7 @@ def string_path(
     runs = np.sqrt(np.maximum(distance2 - across**2, 0.0))
     t = np.arctan2(d[1], d[0]) - np.arctan2(across, runs)
 
-    turns = wrap_angles(t, runs, rho[1:-1])
+    turns = wrap_angles(t, runs, rho[1:-1], np.broadcast_to(crossing, len(r)))
     arcs = np.abs(rho[1:-1]) * turns
     n = frame(t)[1]
     leaving, arriving = c[:, :-1] + rho[:-1] * n, c[:, 1:-1] + rho[1:-1] * n[:, :-1]
@@ -220,7 +229,7 @@ def string_path(
     )
 
 
-def wrap_angles(t: Array, runs: Array, rho: Array) -> Array:
+def wrap_angles(t: Array, runs: Array, rho: Array, crossing: Mask) -> Array:
     """Angles of wrap s (t_in − t_out) from headings, shape (circles, fibres), ≥ 0.
 
     A turn in [0, 2π) may stand for the negative turn − 2π of a circle that is not touched.  The
@@ -228,11 +237,13 @@ def wrap_angles(t: Array, runs: Array, rho: Array) -> Array:
     behind the first and ahead of the second point of contact.  A strip cannot pass through
     itself, so one of the two runs has to end before that.  This tells a lifted roller from a
     bridle at any angle; very short runs tell nothing and leave the decision to LARGEST_TURN.
+    A strip that may cross itself, in a helix around the roller, is believed to be wrapped.
     """
     turn = np.mod(-np.sign(rho) * np.diff(t, axis=0) + ROUNDING, 2.0 * np.pi) - ROUNDING
     meeting = np.abs(rho) * np.tan(np.pi - 0.5 * turn)
     shorter = np.minimum(runs[:-1], runs[1:])
     untouched = (turn > LARGEST_TURN) | ((turn > np.pi) & (meeting < shorter))
+    untouched &= ~crossing[:, None]
     if np.any(untouched):
         missing = np.where(untouched, 2.0 * np.pi - turn, 0.0).max(axis=1)
         raise NotTouchedError(int(np.argmax(missing)), -float(np.max(missing)))

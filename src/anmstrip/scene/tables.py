@@ -285,6 +285,8 @@ class RollerSpec(Table):
     """coefficient f on this roller; left out: that of [friction], at least 0 (1)"""
     wrap: Literal["over", "under", "left", "right"] | None = Field(None, examples=['"over"'])
     """side on which a threaded strip passes, "over" or "under", "left" or "right" (text)"""
+    crossing: StrictBool = Field(False, examples=["true"])
+    """whether a threaded strip may cross itself to wrap the roller farther (true or false)"""
     drive: Literal["speed", "torque", "idle"] = Field("speed", examples=['"idle"'])
     """what a stage gives, "speed" or "torque"; "idle" if the strip turns it (text)"""
     bearing: NotNegative = Field(0.0, examples=["2.0"])
@@ -292,6 +294,9 @@ class RollerSpec(Table):
 
     def find_mistakes(self) -> Iterator[Mistake]:
         """Yield an axis without direction, and bearings that nobody feels."""
+        if self.crossing and self.wrap is None:
+            expected = "false without a wrap, which it tells how to read"
+            yield Mistake("", "crossing", True, expected, 'wrap = "over"')
         if self.bearing and self.drive == "speed":
             expected = "0, since a roller driven by speed turns whatever its bearings do"
             yield Mistake("", "bearing", self.bearing, expected, 'drive = "idle", or no bearing')

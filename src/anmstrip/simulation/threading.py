@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anmstrip.arrays import Array
 from anmstrip.errors import InputError
@@ -48,6 +49,8 @@ class Thread:
         Those that it is wrapped around, in their order along the strip.
     senses : ndarray, shape (rollers,)
         +1 over or left, −1 under or right.
+    crossing : ndarray of bool, shape (rollers,)
+        Where the strip may cross itself.
     depths : ndarray, shape (rollers,)
         Gap of the pressed strip (m), negative where it is pressed in.
     ends : tuple of End or None
@@ -62,6 +65,7 @@ class Thread:
 
     rollers: Sequence[Roller]
     senses: Array
+    crossing: NDArray[np.bool_]
     depths: Array
     ends: tuple[Any, ...]
     along: float
@@ -111,7 +115,9 @@ class Thread:
             point = np.asarray(roller.centre)[:, None] + roller.unit_axis[:, None] * s
             centres.append(point[[0, 2]])
             radii.append(roller.radius_at(s) + depth)
-        return string_path(np.array(centres), np.array(radii), self.senses, *self.ends)
+        circles = np.array(centres), np.array(radii), self.senses
+        entry, exit = self.ends
+        return string_path(*circles, entry, exit, self.crossing)
 
     def ends_in_space(self, reference: Array) -> tuple[Array, Array, Array]:
         """Displacements of entry and exit, and direction of the strip at the exit, (3,) each.
@@ -200,6 +206,7 @@ def thread_of(scene: SceneSpec, rollers: Sequence[Roller]) -> Thread:
     thread = Thread(
         chosen,
         np.array([SENSES[sides[roller.name]] for roller in chosen]),
+        np.array([spec.crossing for spec in scene.rollers if spec.wrap is not None], dtype=bool),
         np.array([_depth(scene, roller) for roller in chosen]),
         tuple(None if p is None else FixedEnd((p[0], p[2])) for p in (spec.entry, spec.exit)),
         *uniaxial_stretches(spec.tension, m.young * scene.strip.thickness, m.poisson),
@@ -270,6 +277,7 @@ def _refused(scene: SceneSpec, rollers: Sequence[Roller], error: ValueError) -> 
         )
         other = OTHER_SIDE[side or "over"]
         hint = f'wrap = "{other}", another centre, or no wrap'
+        hint += "; crossing = true if the strip crosses itself there"
         return scene.refused(f"rollers.{names[index]}.wrap", side, expected, hint)
     before = names[index - 1] if index else "the entry"
     after = names[index] if index < len(names) else "the exit"
