@@ -32,7 +32,12 @@ class Model:
     effects : sequence of Effect
     scales : Scales
     turning : sequence of str, optional
-        Rollers that turn freely: the travels of their surfaces (m) are the last unknowns.
+        Rollers that turn freely: the travels of their surfaces (m) follow the strip's unknowns, in
+        steady stages their speeds (m/s).
+    conveyed : bool, optional
+        Whether the last unknown is the speed (m/s) of strip in steady stages beside its control.
+    pull : ndarray, shape (unknowns of the strip,), optional
+        Weights of the strip's residual whose sum has to vanish for that speed.
 
     Attributes
     ----------
@@ -49,13 +54,17 @@ class Model:
         effects: Sequence[Effect],
         scales: Scales,
         turning: Sequence[str] = (),
+        conveyed: bool = False,
+        pull: Array | None = None,
     ) -> None:
         self.strip, self.pattern, self.scales = strip, pattern, scales
-        self.turning, self.unknowns = tuple(turning), strip.unknowns + len(turning)
+        self.turning, self.conveyed, self.pull = tuple(turning), conveyed, pull
+        self.others = len(turning) + conveyed
+        self.unknowns = strip.unknowns + self.others
         self.effects = tuple(effects)
         self.seconds = {effect.name: 0.0 for effect in effects}
         self.value_unknowns = strip.unknowns_of(strip.node_values)
-        self.units = np.append(np.repeat(strip.dof_lengths, strip.count), np.ones(len(turning)))
+        self.units = np.append(np.repeat(strip.dof_lengths, strip.count), np.ones(self.others))
         self.laws = RecordedLaws()
         self._restrictions: dict[bytes, Restriction] = {}
 
@@ -69,8 +78,18 @@ class Model:
         """The effects that do not look at the velocity."""
         if not self.rate_dependent:
             return self
-        still = [effect for effect in self.effects if not effect.rate_dependent]
-        return Model(self.strip, self.pattern, still, self.scales, self.turning)
+        return self.with_effects([e for e in self.effects if not e.rate_dependent])
+
+    def with_effects(self, effects: Sequence[Effect]) -> Model:
+        """Return the same with other effects."""
+        given = self.turning, self.conveyed, self.pull
+        return Model(self.strip, self.pattern, effects, self.scales, *given)
+
+    def closed(self, total: Array) -> Array:
+        """Return a residual with that of the strip's speed, from the one of the strip."""
+        if self.pull is not None:
+            total[-1] = self.pull @ total[: len(self.pull)]
+        return total
 
     def restriction(self, free: Index) -> Restriction:
         """Assembler over the free unknowns, remembered."""
@@ -87,7 +106,7 @@ class Model:
             force = effect.force(full, velocity, controls)
             total[: len(force)] += force
             self.seconds[effect.name] += time.perf_counter() - begin
-        return total
+        return self.closed(total)
 
     def tension_error(self, full: Array, change: Array) -> float:
         """Root mean square of the membrane forces of a change, over the tension scale."""
@@ -223,16 +242,19 @@ class EquilibriumSeries:
             if found is not None:
                 total[: len(found)] += found
             self.model.seconds[part.effect.name] += time.perf_counter() - begin
-        return total[self.free]
+        return self.model.closed(total)[self.free]
 
     def tangent(self) -> csc_matrix | Bordered:
-        """∂R/∂u + rate ∂R/∂v over the free unknowns; those of rollers are a border."""
-        blocks = self.model.pattern.zeros(len(self.model.turning))
+        """∂R/∂u + rate ∂R/∂v over the free unknowns; those of rollers and speed are a border."""
+        blocks = self.model.pattern.zeros(self.model.others)
         velocity = self.equations.velocity
         for part in self.parts:
             begin = time.perf_counter()
             part.add_tangent(self.model.pattern, blocks, 0.0 if velocity is None else velocity.rate)
             self.model.seconds[part.effect.name] += time.perf_counter() - begin
+        if self.model.pull is not None:
+            blocks.rows[-1] = self.model.pattern.sum_of_rows(self.model.pull, blocks)
+            blocks.corner[-1] = self.model.pull @ blocks.columns
         return self.model.restriction(self.free).matrix(blocks)
 
     def _changes(self, u: Array, control: float) -> tuple[Array, Array | None]:
@@ -300,8 +322,7 @@ class Motion:
 
         model, size = self.model, self.model.scales
         drag = Drag(ContactOperator(model.strip), size.tension * time / size.length**2)
-        effects = [*model.effects, drag]
-        slowed = Model(model.strip, model.pattern, effects, size, model.turning)
+        slowed = model.with_effects([*model.effects, drag])
         return Motion(slowed, self.supports, self.controls, self.start, self.duration)
 
     def error(self, u: Array, change: Array) -> float:
@@ -345,16 +366,21 @@ class StageProblem:
     steady: bool = False
 
     def transport(self, full: Array, control: float) -> Array | None:
-        """Velocity of strip that moves through a stationary state; None of another rate-free one.
+        """Velocities in a stationary state, of strip and free rollers; None of another stage.
 
         Shape (unknowns,).
         """
         if not self.steady:
             return None
-        from anmstrip.mechanics.transport import SPEED, transport_velocity
+        from anmstrip.mechanics.transport import transport_velocity
 
-        speed = float(self.controls.at(control)[SPEED])
-        return transport_velocity(self.model.strip, self.model.pattern, full, speed)
+        model, speed = self.model, self.strip_speed(full, control)
+        velocity = transport_velocity(model.strip, model.pattern, full, speed)
+        return np.concatenate([velocity, full[model.strip.unknowns : -1], [0.0]])
+
+    def strip_speed(self, full: Array, control: float) -> float:
+        """Speed of the strip in a state of a steady stage (m of unstressed strip per second)."""
+        return float(self.controls.at(control)["strip.speed"] + full[-1])
 
     def continues(self, past: StageProblem) -> bool:
         """Whether a stage in time goes on where another ended, with no jump of a velocity."""

@@ -180,6 +180,8 @@ class Recorder:
                     "regularisation_effect": {**effect, "total": cost.effect},
                 }
         written = {"rollers": rollers, "edges": edges, "input": self.assembly.scene.to_dict()}
+        if state is not None and state.strip_speed is not None:
+            facts = {**facts, "strip_speed": state.strip_speed}
         summary = {**facts, **written, "versions": versions()}
         write_summary(self.directory / "summary.json", summary)
 

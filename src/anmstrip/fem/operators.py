@@ -48,6 +48,13 @@ class Pattern:
         shapes = pairs, (n, others), (others, n), (others, others)
         return Blocks(*(np.zeros(shape) for shape in shapes))
 
+    def sum_of_rows(self, weights: Array, blocks: Blocks) -> Array:
+        """Weighted sum of the rows of the strip's unknowns, shape (unknowns of the strip,)."""
+        each = weights.reshape(-1, self.count)[self.row]
+        summed = np.einsum("ni,ijn->jn", each, blocks.pairs)
+        columns = [np.bincount(self.column, each, self.scalars) for each in summed]
+        return np.ravel(np.stack(columns, axis=1))
+
     def restricted(self, free: Index) -> Restriction:
         """Maker of sparse matrices over the free unknowns."""
         return Restriction(self, free)

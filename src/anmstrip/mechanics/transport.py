@@ -8,23 +8,55 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.fem.operators import CellOperator, Pattern
+from anmstrip.fem.operators import Blocks, CellOperator, Pattern
 from anmstrip.fem.sampling import SlopeOperator, l2_projection
 from anmstrip.fem.strip import Strip
-from anmstrip.mechanics.contact import Friction, transform
+from anmstrip.mechanics.contact import transform
 from anmstrip.mechanics.roller import Projection
+from anmstrip.mechanics.turning import SurfaceOperator, TurningFriction
 
 SPEED = "strip.speed"
 """Control: c (m/s)."""
 
 
+class TransportOperator(SurfaceOperator):
+    """Displacements, their derivatives along X, speeds of free surfaces, and the strip's own.
+
+    The last of these is the last unknown, which counts from the control; forces come out as of a
+    :class:`~anmstrip.mechanics.turning.SurfaceOperator`.
+    """
+
+    contact: SlopeOperator
+
+    def apply(self, full: Array) -> Array:
+        """Values at the points, shape (2 count + 2, points)."""
+        strip = self.contact.apply(full).reshape(-1, self.points)
+        speed = np.full(self.points, full[-1])
+        return np.vstack([strip, self.surface @ self._turned(full), speed])
+
+    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
+        """Add Lᵀ w J L, J[j, i] of shape (2 count + 2, count + 1, points)."""
+        *_, by_surface, by_speed = derivative
+        by_strip = derivative[:-2].reshape(2, self.contact.count, *derivative.shape[1:])
+        self.contact.add_tangent(by_strip[:, :, :-1], pattern, blocks)
+        blocks.columns[:, -1] += self.contact.gather(by_speed[:-1])
+        for number, here in enumerate(self.surface.T.toarray()):
+            on_value, on_slope = by_strip[:, :, -1] * here
+            blocks.columns[:, number] += self.contact.gather(by_surface[:-1] * here)
+            blocks.rows[number] += self.contact.gather(on_value)
+            blocks.rows[number] += self.contact.gather_slopes(on_slope)
+            blocks.corner[number, number] += (by_surface[-1] * here) @ self.weights
+            blocks.corner[number, -1] += (by_speed[-1] * here) @ self.weights
+
+
 @dataclass(frozen=True)
-class SteadyFriction(Friction):
+class SteadyFriction(TurningFriction):
     """Friction on strip that moves through its own shape: no velocity is unknown.
 
     The slip is √(|v|² − (v·a)²) − V ρ/r along the strip, with the roller's axis a, its surface
@@ -43,35 +75,39 @@ class SteadyFriction(Friction):
 
     rate_dependent = False
 
-    @property
-    def operator(self) -> SlopeOperator:  # type: ignore[override]
-        """Values and slopes at the points of the contact."""
+    @cached_property
+    def operator(self) -> TransportOperator:  # type: ignore[override]
+        """Operator to the points of the contact, and to the surfaces that they see."""
         assert self.slopes is not None
-        return self.slopes.restricted(self.contact.operator.chosen)
+        slopes, which = self.slopes.restricted(self.contact.operator.chosen), self.roller.which
+        which = np.zeros(slopes.points, dtype=np.int64) if which is None else which
+        return TransportOperator(slopes, np.array(self.numbers)[which], self.rollers)
 
     def sliding(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Projection, Any, Any]:
         """Return where the points are on the roller, its tangents there, and their slip.
 
         Parameters
         ----------
-        x : array or Series, shape (2, components, points)
-            Displacements and their derivatives along X.
+        x : array or Series, shape (2 components + 2, points)
         v : None
         controls : mapping
         """
-        place = self.contact.seen(x[0], controls)
+        count = self.contact.kinematics.count
+        place = self.contact.seen(x[:count], controls)
         tangents = self.tangents(place)
         flat = self.contact.kinematics.pick([1.0, 0.0, 0.0])[:, None]
-        along = transform(self.view, x[1] + flat)
+        along = transform(self.view, x[count : 2 * count] + flat)
         parts = np.einsum("ki...,i...->k...", tangents, along)
         length = np.sqrt(along[0] * along[0] + along[1] * along[1])
         forward = np.where(parts[0] > 0.0, length, -length)
         stretched = np.stack([forward, *(parts[k] for k in range(1, len(self.frame) - 1))])
-        return place, tangents, stretched * controls[SPEED] - self.surface(place, controls)
+        turned = self.turned(place) * (x[-2] * self.roller.sense)
+        surface = self.surface(place, controls) + turned
+        return place, tangents, stretched * (x[-1] + controls[SPEED]) - surface
 
 
 def transport_velocity(strip: Strip, pattern: Pattern, full: Array, speed: float) -> Array:
-    """Velocity c ∂r/∂X of a stationary state, on the strip's own functions, (unknowns,).
+    """Velocity c ∂r/∂X of a stationary state, on the strip's functions, (unknowns of the strip,).
 
     Parameters
     ----------

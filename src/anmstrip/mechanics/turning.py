@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -59,8 +59,12 @@ class SurfaceOperator:
 
     def apply(self, full: Array) -> Array:
         """Values of the strip and of the surface, shape (count + 1, points)."""
-        turned = full[len(full) - self.surface.shape[1] :]
-        return np.vstack([self.contact.apply(full), self.surface @ turned])
+        return np.vstack([self.contact.apply(full), self.surface @ self._turned(full)])
+
+    def _turned(self, full: Array) -> Array:
+        """Unknowns of the free rollers, which follow those of the strip."""
+        begin = self.contact.matrix.shape[1] * self.contact.count
+        return full[begin : begin + self.surface.shape[1]]
 
     def gather(self, forces: Array) -> Array:
         """Generalised forces of forces per area, (count + 1, points) → (unknowns,)."""
@@ -107,7 +111,13 @@ class TurningFriction(Friction):
         """Roller → its own friction, at all points of the strip."""
         parts = super().by_roller.items()
         return {
-            name: TurningFriction(part.contact, part.law_of_slip, None, (number,), self.rollers)
+            name: replace(
+                self,
+                contact=part.contact,
+                law_of_slip=part.law_of_slip,
+                coefficients=None,
+                numbers=(number,),
+            )
             for (name, part), number in zip(parts, self.numbers, strict=True)
         }
 
@@ -171,7 +181,7 @@ class Drives(LawEffect):
 
     def apply(self, full: Array) -> Array:
         """Values of the rollers, shape (1, rollers)."""
-        return full[None, self.unknowns :]
+        return full[None, self.unknowns : self.unknowns + len(self.names)]
 
     def gather(self, forces: Array) -> Array:
         """Generalised forces, (1, rollers) → (unknowns,)."""
@@ -179,7 +189,8 @@ class Drives(LawEffect):
 
     def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
         """Add J of shape (1, 1, rollers) to the corner."""
-        blocks.corner += np.diag(derivative[0, 0])
+        places = np.arange(len(self.names))
+        blocks.corner[places, places] += derivative[0, 0]
 
     def drag(self, speeds: Any) -> Any:
         """Torque (N m) with which bearings brake, positive against positive speeds, (rollers,)."""
@@ -190,3 +201,14 @@ class Drives(LawEffect):
         given = [controls[f"rollers.{name}.torque"] for name in self.names]
         torque = at_points(given, np.arange(len(given)))
         return np.stack([(self.drag(v[0]) - torque) / self.radii])
+
+
+@dataclass(frozen=True)
+class SteadyDrives(Drives):
+    """The same in a stationary state, where the speeds are unknowns themselves."""
+
+    rate_dependent = False
+
+    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+        """Drag less torque, over the radius (N), shape (1, rollers)."""
+        return super().law(x, x, controls)

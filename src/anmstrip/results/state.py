@@ -91,6 +91,11 @@ class State:
         return self.plan.controls.at(self.control)
 
     @property
+    def strip_speed(self) -> float | None:
+        """Speed of the strip (m of unstressed strip per second); None but in steady stages."""
+        return self.plan.strip_speed(self.full, self.control) if self.plan.steady else None
+
+    @property
     def membrane(self) -> Membrane | None:
         """Membrane of the strip; a plate has none."""
         return next((e for e in self.plan.model.effects if isinstance(e, Membrane)), None)
@@ -111,11 +116,11 @@ class State:
         edge = self.plan.model.strip.edges[name]
         strip = self.plan.model.strip
         given = self.controls.get(f"{name}.force", np.zeros(3)) * edge.length
-        given += self._following(name)
+        given += self.following_force(name)
         values = strip.nodal(self.imbalance)[edge.values].sum(axis=0)
         return strip.kinematics.embed(values) + given + self._outside(name, edge.length)
 
-    def _following(self, name: str) -> Array:
+    def following_force(self, name: str) -> Array:
         """Total of the load that follows the strip at an edge (N), shape (3,)."""
         for effect in self.plan.model.effects:
             if isinstance(effect, FollowerLoad) and effect.control == f"{name}.tension":
@@ -193,6 +198,8 @@ class State:
         model, h = self.plan.model, self.time - before.time
         if name in model.turning:
             place = model.strip.unknowns + model.turning.index(name)
+            if self.plan.steady:
+                return h * float(self.full[place])
             return float(self.full[place] - before.full[place])
         key = f"rollers.{name}.surface_speed"
         gained = float(self.plan.controls.rate(key)) * h / self.plan.duration

@@ -122,10 +122,6 @@ def drives(rollers: Rollers, stages: Stages, friction: FrictionSpec | None) -> I
             expected = '"speed", since without a table [friction] nothing turns the roller'
             hint = "[friction]\ncoefficient = 0.2\nspeed = 1.0e-4"
             yield Mistake("", f"rollers.{name}.drive", kind, expected, hint)
-        for stage in stages:
-            if kind != "speed" and stage.steady:
-                expected = f'"speed" beside the steady stage {stage.name}, which needs the speed'
-                yield Mistake("", f"rollers.{name}.drive", kind, expected, 'drive = "speed"')
     asked = {"surface_speed": "speed", "angular_speed": "speed", "torque": "torque"}
     for stage in stages:
         for name, control in stage.rollers.items():
@@ -211,6 +207,7 @@ def moments(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
 def held_components(edges: Mapping[str, EdgeSpec], stages: Stages) -> Iterator[Mistake]:
     """Yield motion of free components and force on held ones; a release frees them all."""
     released: set[str] = set()
+    conveyed = {f"stages.{stage.name}.entry" for stage in stages if stage.steady}
     for place, name, control in edge_controls(stages):
         if control.release:
             released.add(name)
@@ -227,7 +224,7 @@ def held_components(edges: Mapping[str, EdgeSpec], stages: Stages) -> Iterator[M
         if both := [c for c in nonzero(control.force) if c in fixed]:
             expected = f"0 in {', '.join(both)}: the component is held; its reaction follows"
             yield Mistake("", f"{place}.force", control.force, expected, f"0.0 there, or {release}")
-        if control.tension and {"x", "z"} <= set(fixed):
+        if control.tension and {"x", "z"} <= set(fixed) and place not in conveyed:
             expected = "0: x and z are held, which take it; their reaction follows"
             yield Mistake("", f"{place}.tension", control.tension, expected, release)
 
@@ -292,6 +289,7 @@ def steady_stages(
     speed, held = None, edges["entry"].fixed if "entry" in edges else ()
     for stage in stages:
         key, given = f"stages.{stage.name}", stage.strip.speed
+        tension = stage.edges["entry"].tension if "entry" in stage.edges else None
         speed = speed if given is None else given
         if not stage.steady:
             if given is not None:
@@ -307,8 +305,16 @@ def steady_stages(
             yield Mistake(
                 "", "edges.entry.fixed", list(held) or None, expected, 'fixed = ["x", "z"]'
             )
-        if speed is None:
-            expected = "the speed of the strip (m/s), of which the tension at the entry is a result"
+        if given is not None and tension is not None:
+            expected = "either the strip's speed or the tension at the entry: the other follows"
+            yield Mistake("", f"{key}.entry.tension", tension, expected, "one; take the other out")
+        elif tension is not None:
+            if all(roller.drive != "speed" for roller in rollers):
+                expected = "strip.speed instead: no roller has a speed, and torques do not fix it"
+                yield Mistake("", f"{key}.entry.tension", tension, expected, "strip.speed = 1.0")
+            speed = np.nan
+        elif speed is None:
+            expected = "the speed of the strip (m/s), or the tension at its entry, entry.tension"
             yield Mistake("", f"{key}.strip.speed", None, expected, "strip.speed = 1.0")
         for name, control in stage.edges.items():
             for word in ("velocity", "release"):

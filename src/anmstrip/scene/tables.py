@@ -402,7 +402,7 @@ class StageSpec(Table):
     name: Name = Field(examples=['"turn"'])
     """name, of letters, digits, - and _ (text)"""
     duration: Positive = Field(examples=["1.0"])
-    """duration, a number above 0; 1 if a steady stage leaves it out (s)"""
+    """duration, which a steady stage may leave out, a number above 0 (s)"""
     steady: StrictBool = Field(False, examples=["true"])
     """whether every state of the stage is a stationary one (true or false)"""
     strip: StripControl = Field(StripControl(), examples=["{ speed = 1.0 }"])

@@ -16,6 +16,7 @@ from anmstrip.continuation.equations import Cost, Tolerances
 from anmstrip.continuation.follow import Pace, PathSolver, Settings, follow
 from anmstrip.equilibrium import Equilibrium, Motion, StageProblem
 from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.mechanics.transport import SPEED
 from anmstrip.results.state import State
 from anmstrip.scene.schema import StageSpec
 from anmstrip.scene.tables import THREADING
@@ -127,11 +128,17 @@ class March:
         reactions = {}
         for name, control in stage.edges.items():
             if state is not None and control.release and name not in self.course.released:
-                held = state.edge_force(name) / self.assembly.strip.edges[name].length
+                held = state.edge_force(name) - state.following_force(name)
+                held = held / self.assembly.strip.edges[name].length
                 reactions[name] = held - self.course.values.get(f"{name}.force", np.zeros(3))
         if stage.steady and state is not None and state.plan.in_time:
             self.course.take_over(state)
-        return self.course.plan(stage, reactions, self.full[self.assembly.strip.unknowns :])
+        if stage.steady and self.reached is None:
+            strip = self.assembly.strip.unknowns
+            self.full = np.append(self.full[:strip], self.velocity[strip:])
+            if state is not None and self.course.pulled(stage):
+                self.course.values["entry.tension"] = np.array(state.tension("entry"))
+        return self.course.plan(stage, reactions, self.full)
 
     def here(self, plan: StageProblem) -> State:
         """Return the present state, as one of a stage."""
@@ -151,6 +158,9 @@ class March:
     def finish(self, stage: StageSpec, plan: StageProblem) -> None:
         """Leave a stage."""
         self.course.finish(stage, self.velocity if plan.steady else None)
+        if plan.steady:
+            self.course.values[SPEED] = np.array(plan.strip_speed(self.full, 1.0))
+            self.full = np.append(self.full[:-1], 0.0)
         self.reached, self.pace, self.slack, self.past = None, None, False, plan
 
     def through(self, plan: StageProblem, steps: int) -> Iterator[Step]:

@@ -165,8 +165,13 @@ class Assembly:
 
     @property
     def unknowns(self) -> int:
-        """Number of unknowns: those of the strip, and the travels of turning surfaces."""
-        return self.strip.unknowns + len(self.turning)
+        """Number of unknowns: those of the strip, of turning rollers, and of the strip's speed."""
+        return self.strip.unknowns + len(self.turning) + self.conveyed
+
+    @property
+    def conveyed(self) -> bool:
+        """Whether the strip has a speed of its own: there are steady stages."""
+        return any(stage.steady for stage in self.scene.stages)
 
     @cached_property
     def material(self) -> Material:
@@ -283,11 +288,17 @@ class Assembly:
             coefficients = [law.coefficient if f is None else f for f in own]
         if not self.turning:
             return Friction(contact, law, coefficients)
-        from anmstrip.mechanics.turning import DRIVEN, TurningFriction
+        from anmstrip.mechanics.turning import TurningFriction
+
+        return TurningFriction(contact, law, coefficients, self._numbers, len(self.turning))
+
+    @property
+    def _numbers(self) -> list[int]:
+        """Number of each roller's own unknown, or ``DRIVEN``."""
+        from anmstrip.mechanics.turning import DRIVEN
 
         numbers = {name: number for number, name in enumerate(self.turning)}
-        each = [numbers.get(roller.name, DRIVEN) for roller in self.rollers]
-        return TurningFriction(contact, law, coefficients, each, len(self.turning))
+        return [numbers.get(roller.name, DRIVEN) for roller in self.rollers]
 
     @cached_property
     def drives(self) -> Drives | None:
@@ -302,6 +313,15 @@ class Assembly:
         return Drives(self.turning, np.array(radii), np.array(bearings), speed, unknowns)
 
     @cached_property
+    def steady_drives(self) -> Drives | None:
+        """The same for stationary states."""
+        if (drives := self.drives) is None:
+            return None
+        from anmstrip.mechanics.turning import SteadyDrives
+
+        return SteadyDrives(**vars(drives))
+
+    @cached_property
     def carrying(self) -> SteadyFriction | None:
         """Friction on strip that moves through its own shape."""
         if (rubbing := self.rubbing) is None:
@@ -309,8 +329,9 @@ class Assembly:
         from anmstrip.fem.sampling import SlopeOperator
         from anmstrip.mechanics.transport import SteadyFriction
 
-        law, own = rubbing.law_of_slip, rubbing.coefficients
-        return SteadyFriction(rubbing.contact, law, own, SlopeOperator(self.strip))
+        given = rubbing.contact, rubbing.law_of_slip, rubbing.coefficients
+        free = self._numbers, len(self.turning)
+        return SteadyFriction(*given, *free, SlopeOperator(self.strip))
 
     @cached_property
     def signorini(self) -> ContactLaw:
@@ -366,7 +387,8 @@ class Assembly:
         if self.membrane is None and "exit.force" in given:
             own.insert(0, self.pretension)
         if stage.friction:
-            own += [self.carrying] if stage.steady else [self.rubbing, self.drives]
+            steady = [self.carrying, self.steady_drives]
+            own += steady if stage.steady else [self.rubbing, self.drives]
         if (stiffness := self.scene.strip.foundation) is not None:
             from anmstrip.mechanics.foundation import Foundation
 

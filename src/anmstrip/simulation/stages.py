@@ -55,6 +55,8 @@ class Course:
             self.begun = {"entry": entry, "exit": exit}
             self.moved.update(self.begun)
             self.values["exit.force"] = thread.tension * leaving
+        if self.assembly.conveyed:
+            self.values.setdefault(SPEED, np.array(0.0))
         for roller in self.assembly.rollers:
             key = f"rollers.{roller.name}"
             self.values.setdefault(f"{key}.centre", np.array(roller.centre, dtype=float))
@@ -62,7 +64,7 @@ class Course:
             self.values.setdefault(f"{key}.torque", np.array(0.0))
 
     def plan(
-        self, stage: StageSpec, reactions: dict[str, Array], turned: Array | None = None
+        self, stage: StageSpec, reactions: dict[str, Array], full: Array | None = None
     ) -> StageProblem:
         """Prepare a stage.
 
@@ -71,8 +73,8 @@ class Course:
         stage : StageSpec
         reactions : dict
             Held edge → mean reaction (N/m), for those that the stage releases.
-        turned : ndarray, shape (turning rollers,), optional
-            Travel (m) of surfaces so far, which a stage without friction keeps.
+        full : ndarray, shape (unknowns,), optional
+            State at the beginning, of whose surfaces a stage without friction keeps the travel.
         """
         for name, control in stage.edges.items():
             if control.release and name not in self.released:
@@ -89,13 +91,13 @@ class Course:
             rate = slope.get(f"{key}.centre", np.zeros(3)) / stage.duration
             start[f"{key}.velocity"] = rate
         effects = self.assembly.effects(stage, start)
-        a = self.assembly
+        a, pull = self.assembly, self._pull(full) if self.pulled(stage) else None
         return StageProblem(
             name=stage.name,
             start=self.time,
             duration=stage.duration,
-            model=Model(a.strip, a.pattern, effects, a.scales, a.turning),
-            supports=self.supports(stage, turned),
+            model=Model(a.strip, a.pattern, effects, a.scales, a.turning, a.conveyed, pull),
+            supports=self.supports(stage, full),
             controls=Controls(start, slope),
             in_time=a.frictional(stage),
             steady=stage.steady,
@@ -105,6 +107,26 @@ class Course:
         """Labels have moved: an edge's displacement now counts from elsewhere."""
         self.moved[name] = self.moved[name] + change
         self.begun[name] = self.begun.get(name, np.zeros(3)) + change
+
+    def pulled(self, stage: StageSpec) -> bool:
+        """Whether a steady stage has the tension of its entry given, and the strip's speed not."""
+        given, course = None, self.assembly.scene.course
+        for each in course[: course.index(stage) + 1]:
+            if each.steady and each.strip.speed is not None:
+                given = SPEED
+            elif each.steady and "entry" in each.edges and each.edges["entry"].tension is not None:
+                given = "entry.tension"
+        return stage.steady and given == "entry.tension"
+
+    def _pull(self, full: Array | None) -> Array:
+        """Weights that sum up what holds the entry along the strip, (unknowns of the strip,)."""
+        strip = self.assembly.strip
+        edge, pull = strip.edges["entry"], np.zeros((strip.scalars, strip.count))
+        whole = np.zeros(strip.unknowns) if full is None else full
+        slopes = strip.nodal(whole)[strip.dofs("u_x")[edge.nodes]]
+        along = slopes.mean(axis=0) + strip.kinematics.pick([1.0, 0.0, 0.0])
+        pull[edge.values] = along / np.linalg.norm(along)
+        return pull.ravel()
 
     def take_over(self, state: State) -> None:
         """Begin a steady stage from a state in time: its entry is held where it is."""
@@ -181,15 +203,17 @@ class Course:
             return begin, begin
         return begin, np.array(control.velocity, dtype=float)
 
-    def supports(self, stage: StageSpec, turned: Array | None = None) -> Supports:
+    def supports(self, stage: StageSpec, full: Array | None = None) -> Supports:
         """Return which unknowns a stage holds, and how they move."""
         strip, unknowns = self.assembly.strip, self.assembly.unknowns
         held = np.zeros(unknowns, dtype=bool)
         start, end, bows = (np.zeros(unknowns) for _ in range(3))
-        if not self.assembly.frictional(stage):  # what turns rests
+        if not (stage.steady or self.assembly.frictional(stage)):  # what turns rests
             held[strip.unknowns :] = True
-            if turned is not None:
-                start[strip.unknowns :] = end[strip.unknowns :] = turned
+            if full is not None:
+                start[strip.unknowns :] = end[strip.unknowns :] = full[strip.unknowns :]
+        elif self.assembly.conveyed:
+            held[-1] = not self.pulled(stage)
         for name, components in self._held().items():
             edge, now = strip.edges[name], self.moved.get(name, np.zeros(3))
             destination, (before, after) = self._destination(stage, name), self._speeds(stage, name)
@@ -223,4 +247,5 @@ def stretched(assembly: Assembly, tension: float) -> Array:
     p = quadrature_points(strip)
     middle = 0.5 * (strip.nodes[1].min() + strip.nodes[1].max())
     x, y = (along - 1.0) * (p[0] - strip.nodes[0].min()), (across - 1.0) * (p[1] - middle)
-    return l2_projection(strip, assembly.pattern, np.stack([x, y, np.zeros_like(x)]))
+    pulled = l2_projection(strip, assembly.pattern, np.stack([x, y, np.zeros_like(x)]))
+    return np.append(pulled, np.zeros(assembly.unknowns - strip.unknowns))
