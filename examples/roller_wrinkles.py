@@ -74,7 +74,12 @@ def skewed_scene(cells: tuple[int, int], refined: float, way: float, friction: f
     }  # fmt: skip
     if friction:
         tables |= {
-            "friction": {"coefficient": friction, "exponent": 0.1, "speed": 1e-3},
+            "friction": {
+                "coefficient": friction,
+                "law": "norton-hoff",
+                "exponent": 0.1,
+                "speed": 1e-3,
+            },
             "solver": {"tolerance": 1e-3},
             "stages": [
                 {"name": "hold", "duration": 0.02},

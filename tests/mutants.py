@@ -585,7 +585,7 @@ ADVICE = (
     ),
     Mutant(
         "friction too steep by its width",
-        "DIGITS * seen / friction.omega",
+        "DIGITS * seen / corner",
         "DIGITS * seen",
         "advice",
         "test_diagnosis.py",

@@ -254,7 +254,13 @@ def wrapping(friction):
         "solver": {"tolerance": 1e-4},
     }
     if friction:
-        scene["friction"] = {"coefficient": 0.3, "exponent": 0.1, "omega": 0.1, "speed": 1.0}
+        scene["friction"] = {
+            "law": "norton-hoff",
+            "coefficient": 0.3,
+            "exponent": 0.1,
+            "omega": 0.1,
+            "speed": 1.0,
+        }
         scene["stages"].append({"duration": 0.02, "rollers": {"r1": {"surface_speed": 1.0}}})
     else:
         for stage in scene["stages"]:

@@ -11,7 +11,7 @@ from anmstrip.driver.scene import Scene
 
 TENSION, RADIUS = 1.0e4, 0.5  # N/m, m
 CONTACT = {"stiffness": 1.0e10, "eta": 10.0, "delta": 1.0e-3}
-FRICTION = {"coefficient": 0.3, "exponent": 0.05, "omega": 0.1, "speed": 1.0}
+FRICTION = {"law": "norton-hoff", "coefficient": 0.3, "exponent": 0.05, "omega": 0.1, "speed": 1.0}
 MATERIAL = {"young": 2.0e11, "poisson": 0.3, "density": 7850.0}
 SHEET = {"width": 1.0, "thickness": 1.0e-3}
 ROLLER = {"name": "r1", "radius": RADIUS, "centre": [0.0, 0.0, -RADIUS - 1e-3]}

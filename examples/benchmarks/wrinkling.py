@@ -156,7 +156,7 @@ class Skewed:
 
 def rubbing(friction: float) -> dict[str, Any]:
     """Return the tables of friction, and of what it takes to solve with it."""
-    law = {"coefficient": friction, "exponent": EXPONENT, "speed": CREEP}
+    law = {"coefficient": friction, "law": "norton-hoff", "exponent": EXPONENT, "speed": CREEP}
     return {"friction": law, "solver": {"tolerance": ON_THE_WAY}}
 
 

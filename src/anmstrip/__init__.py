@@ -48,7 +48,7 @@ _NAMES = {
     "fem.strip": "Material Strip grid",
     "linalg.solvers": "Remembering",
     "mechanics.effects": "Effect LawEffect",
-    "mechanics.laws": "ContactLaw FrictionLaw NortonHoff Tanh "
+    "mechanics.laws": "Algebraic ContactLaw FrictionLaw NortonHoff Tanh "
     "Signorini RepulsiveSignorini GradedSignorini",
     "mechanics.roller": "Roller",
     "taylor.series": "Series record taylor_series",

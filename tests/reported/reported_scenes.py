@@ -45,6 +45,7 @@ pressure = 2.0e4
 onset = 1.0e-4
 
 [friction]
+law = "norton-hoff"
 coefficient = 0.3
 exponent = 0.05
 omega = 0.1
@@ -84,6 +85,7 @@ pressure = 2.0e4
 onset = 2.0e-4
 
 [friction]
+law = "norton-hoff"
 coefficient = 0.3
 exponent = 0.1
 speed = 1.0e-3

@@ -53,7 +53,7 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
     ("exponent = 0.05", "exponent = 1.1", "friction.exponent", "at most 1"),
     ("omega = 0.1", "omega = 0", "friction.omega", "above 0"),
     ("radius = 0.5", "radius = 0.5\nfriction = -0.1", "rollers.r1.friction", "at least 0"),
-    ("speed = 1.0\n", "", "friction.speed", "nothing"),
+    ('law = "norton-hoff"\n', "", "friction.law", "a law beside exponent"),
     ('law = "norton-hoff"', 'law = "coulomb"', "friction.law", '"tanh"'),
     ("radius = 0.5", f"radius = 0x{'f' * 5000}", "rollers.r1.radius", "digits"),
     ("radius = 0.5", f"radius = [0x{'f' * 5000}]", "rollers.r1.radius", "digits"),

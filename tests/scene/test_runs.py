@@ -351,7 +351,14 @@ def test_roller_that_is_moved_presses() -> None:
 def test_released_edge_keeps_its_tension(tmp_path: Path) -> None:
     """The reaction becomes a load, also when the release is where a run was resumed."""
     tables = short(
-        **ROLLER, friction={"coefficient": 0.3, "exponent": 0.1, "omega": 0.1, "speed": 1.0}
+        **ROLLER,
+        friction={
+            "law": "norton-hoff",
+            "coefficient": 0.3,
+            "exponent": 0.1,
+            "omega": 0.1,
+            "speed": 1.0,
+        },
     )
     tables["solver"]["tolerance"] = 1e-3
     tables["stages"] += [

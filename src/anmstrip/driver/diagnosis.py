@@ -272,13 +272,15 @@ def stiff_friction(failure: Failure) -> str | None:
     if not failure.plan.in_time or friction is None or not failure.touched:
         return None
     seen = np.finfo(float).eps * strip.length / (SHARE * failure.plan.duration)
-    turns = friction.omega * friction.speed
+    corner = friction.omega if "omega" in friction.constants else 1.0
+    assert friction.speed is not None
+    turns = corner * friction.speed
     if not turns < DIGITS * seen:
         return None
     return (
         f"Friction turns round within {turns:.2g} m/s, and the last digit of the positions is "
         f"worth {seen:.2g} m/s in a step of time. "
-        f"Try --set friction.speed={DIGITS * seen / friction.omega:.1g}."
+        f"Try --set friction.speed={DIGITS * seen / corner:.1g}."
     )
 
 

@@ -131,7 +131,6 @@ class Run:
         resume: bool = False,
         effects: Iterable[EffectMaker] = (),
     ) -> None:
-        self.scene = scene
         self.directory = None if directory is None else Path(directory)
         imperfection = None
         if scene.strip.imperfection is not None:
@@ -139,6 +138,7 @@ class Run:
 
             imperfection = imperfection_of(scene)
         self.assembly = Assembly(scene, imperfection, tuple(effects))
+        self.scene = self.assembly.scene
         self.march, self.identity = March(self.assembly), identity(self.assembly)
         self.steps, self.first_stage = 0, 0
         self.effects: dict[str, dict[str, Any]] = {}

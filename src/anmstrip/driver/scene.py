@@ -131,7 +131,10 @@ class SharpenedRun(Run):
         """Return q and V_c (m/s), and K (Pa/m) and η (Pa) or the onset of contact (m)."""
         f, c = self.scene.friction, self.scene.contact
         assert f is not None and c is not None
-        friction = {"exponent": f.exponent, "speed": f.speed}
+        assert f.speed is not None
+        friction = {"speed": f.speed}
+        if f.law == "norton-hoff":
+            friction = {"exponent": f.exponent, **friction}
         if c.constants is None:
             return {**friction, "onset": self.assembly.signorini.width}
         return {**friction, "stiffness": c.constants[0], "eta": c.constants[1]}

@@ -211,7 +211,7 @@ class Friction(LawEffect):
     ----------
     contact : Contact
         Gives gap and pressure; its reach is that of friction.
-    law_of_slip : NortonHoff or Tanh
+    law_of_slip : FrictionLaw
     coefficients : sequence of float or None
         f on each roller, if it is not that of the law.
     """

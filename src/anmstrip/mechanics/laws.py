@@ -211,6 +211,23 @@ class NortonHoff(FrictionLaw):
 
 
 @dataclass(frozen=True)
+class Algebraic(FrictionLaw):
+    """R_T = −f R_N v / √(v·v + V_c²): bounded by f, which it nears like 1 − V_c²/2v².
+
+    At ten times V_c it is 0.995 f R_N, and it keeps a slope in slip: tanh, which nears f
+    exponentially, leaves a strip in full slip without any, so that nothing says how fast.
+    """
+
+    coefficient: Any  # f, a number or (points,)
+    speed: float  # V_c (m/s)
+
+    def __call__(self, normal: Any, slip: Any) -> Any:
+        """Tangential reaction, components on the first axis."""
+        strength = normal / regular_norm(slip * (1.0 / self.speed), 1.0)
+        return slip * strength * (-self.coefficient / self.speed)
+
+
+@dataclass(frozen=True)
 class Tanh(FrictionLaw):
     """R_T = −f R_N tanh(|v|_reg / V_c) v / |v|_reg: bounded by f."""
 

@@ -268,8 +268,8 @@ def rollers_have_friction(friction: FrictionSpec | None, rollers: Rollers) -> It
     """Yield rollers with a coefficient of their own in a scene without friction."""
     for roller in rollers:
         if friction is None and roller.friction is not None:
-            expected = "a table [friction] as well, for the law and its speed"
-            hint = f"[friction]\ncoefficient = {roller.friction:g}\nspeed = 1.0e-4"
+            expected = "a table [friction] as well, for all rollers"
+            hint = f"[friction]\ncoefficient = {roller.friction:g}"
             yield Mistake("", f"rollers.{roller.name}.friction", roller.friction, expected, hint)
 
 
@@ -278,7 +278,7 @@ def stages_have_friction(friction: FrictionSpec | None, stages: Stages) -> Itera
     for stage in stages:
         if friction is None and stage.friction and "friction" in stage.model_fields_set:
             expected = "false, since the scene has no [friction]"
-            hint = "friction = false, or a table [friction] with coefficient and speed"
+            hint = "friction = false, or a table [friction] with its coefficient"
             yield Mistake("", f"stages.{stage.name}.friction", True, expected, hint)
 
 

@@ -152,4 +152,7 @@ class SceneSpec(Table):
         for stage in scene["stages"]:
             stage["friction"] = stage["friction"] and self.friction is not None
             stage.update(stage.pop("edges"))
+        if self.friction is not None:
+            for key in {"exponent", "omega"}.difference(self.friction.constants):
+                del scene["friction"][key]
         return scene

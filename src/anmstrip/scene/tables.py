@@ -99,7 +99,7 @@ class StripSpec(Table):
     thickness: Positive = Field(examples=["1.0e-3"])
     """thickness, a number above 0 (m)"""
     cells: tuple[Count, Count] | None = Field(None, examples=["[16, 2]"])
-    """elements along and across, two integers from 1 to 100000 (1)"""
+    """elements along and across, two integers from 1 to 100000; left out: by the rollers (1)"""
     refined: Positive | None = Field(None, examples=["0.025"])
     """element length over the rollers, a number above 0 (m)"""
     mesh: Path | None = Field(None, examples=['"../meshes/strip_refined.msh"'])
@@ -122,9 +122,8 @@ class StripSpec(Table):
     def find_mistakes(self) -> Iterator[Mistake]:
         """Yield neither or both of rectangle and mesh file, and an imperfection that cannot be."""
         if self.mesh is None:
-            for key in ("width", "cells"):
-                if getattr(self, key) is None:
-                    yield missing(type(self), key)
+            if self.width is None:
+                yield missing(type(self), "width")
         else:
             yield from self._mistakes_beside_mesh(self.mesh)
         if self.imperfection is None:
@@ -233,10 +232,10 @@ class ContactSpec(Table):
 class FrictionSpec(Table):
     """Regularised friction."""
 
-    law: Annotated[str, Field(strict=True, pattern=f"^(norton-hoff|tanh|{OWN_LAW})$")] = Field(
-        "norton-hoff", examples=['"norton-hoff"']
+    law: Annotated[str, Field(strict=True, pattern=f"^(algebraic|norton-hoff|tanh|{OWN_LAW})$")] = (
+        Field("algebraic", examples=['"algebraic"'])
     )
-    """friction law, "norton-hoff", "tanh", or "module:Class" of one's own (text)"""
+    """friction law, "algebraic", "norton-hoff", "tanh", or "module:Class" of one's own (text)"""
     parameters: dict[str, Number] = Field({}, examples=["{ dip = 0.2 }"])
     """further arguments of a law of one's own, a table of numbers (1)"""
     coefficient: NotNegative = Field(examples=["0.3"])
@@ -245,10 +244,24 @@ class FrictionSpec(Table):
     """exponent q, a number above 0 and at most 1 (1)"""
     omega: Positive = Field(0.1, examples=["0.1"])
     """regularisation ω, a number above 0 (1)"""
-    speed: Positive = Field(examples=["1.0"])
-    """characteristic slip speed V_c, a number above 0 (m/s)"""
+    speed: Positive | None = Field(None, examples=["1.0e-6"])
+    """characteristic slip speed V_c, a number above 0; left out: from the elastic creep (m/s)"""
     regularisation: Literal["fixed", "auto"] = Field("fixed", examples=['"auto"'])
     """laws as given, or sharpened to the tolerance, "fixed" or "auto" (text)"""
+
+    @property
+    def constants(self) -> tuple[str, ...]:
+        """Keys that the law has besides f and V_c."""
+        built_in = {"algebraic": (), "tanh": ("omega",)}
+        return built_in.get(self.law, ("exponent", "omega"))
+
+    def find_mistakes(self) -> Iterator[Mistake]:
+        """Yield a constant without the law that has it."""
+        given = [key for key in ("exponent", "omega") if key in self.model_fields_set]
+        if given and "law" not in self.model_fields_set:
+            key = given[0]
+            expected = f'a law beside {key}, which the default, "{self.law}", does not have'
+            yield Mistake("", "law", None, expected, 'law = "norton-hoff"')
 
 
 class SidesSpec(Table):

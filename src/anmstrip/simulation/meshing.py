@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -12,6 +14,7 @@ from skfem import MeshLine, MeshQuad
 from anmstrip.arrays import Array
 from anmstrip.fem.strip import grid, line
 from anmstrip.mechanics.roller import Roller
+from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import RollerControl
 
@@ -26,7 +29,7 @@ QUARTER = 0.25
 """Share of the boundary layer √(D/T) that an element over a roller may cover."""
 
 NEAR_LIFT = 2.0
-"""Boundary layers on both sides of a place where a standing mesh lifts on or off that are fine."""
+"""Boundary layers on both sides of a place where a strip lifts on or off that are fine."""
 
 GROWTH = 0.15
 """Growth of the element length per length of strip beyond.  With 0.15 the difference of tensions
@@ -34,8 +37,20 @@ over a roller is within 0.1 % of that on an evenly fine mesh, with 0.3 within 0.
 1 %; with twice ``NEAR_LIFT`` it changes by 0.02 %."""
 
 ARC = 0.05
-"""Longest element inside the arc of a standing mesh, over the radius.  The tension of a strip that
+"""Longest element inside an arc, over the radius.  The tension of a strip that
 sticks is off by 7e-5 of itself with 0.1, by 1e-6 with 0.05: a cubic stretches on a circle."""
+
+STRING, FOLLOWS = 1.0 / 64.0, 1.0 / 8.0
+"""Shares of a roller's radius between which elements are by default where the strip lifts off."""
+
+COARSEST = 20
+"""Least number of elements along a strip by default."""
+
+MOST_UNKNOWNS = 12_000
+"""Of a mesh by default."""
+
+SAMPLES = 1_000_000
+"""Most places at which the length of elements is looked at."""
 
 
 def largest_force(scene: SceneSpec) -> float:
@@ -65,35 +80,149 @@ def strip_mesh(
 ) -> MeshQuad | MeshLine:
     """Rectangles, or lines of a section, finer over and near the rollers.
 
-    The fine part covers a quarter of each roller's circumference on both sides of its axis,
-    or the arc on which a threaded strip touches it, and the stretch that is carried over it.
-    A strip that is fed is fine everywhere: all of it comes to pass the rollers.  A mesh that
-    stands still is fine where the strip lifts on and off alone.
+    Without ``strip.cells`` see :func:`default_zones`.  With it, the fine part covers a quarter of
+    each roller's circumference on both sides of its axis, or the arc on which a threaded strip
+    touches it, and the stretch that is carried over it.  A strip that is fed is fine everywhere:
+    all of it comes to pass the rollers.  A mesh that stands still is fine where the strip lifts on
+    and off alone, and there it has nodes: a string has corners of its curvature there.
     """
-    spec = scene.strip
-    assert spec.width is not None and spec.cells is not None
+    spec, section = scene.strip, scene.strip.kinematics == "section"
     length = spec.length if thread is None else thread.length
-    assert length is not None
-    half, coarse = length / 2.0, length / spec.cells[0]
+    assert spec.width is not None and length is not None
+    half, across = length / 2.0, cells_across(scene)
+    lifts = sorted(np.ravel(list(thread.arcs.values()))) if thread and _stands(scene) else []
+    if spec.cells is None:
+        xs = default_lines(scene, rollers, thread, half, lifts)
+    else:
+        xs = chosen_lines(scene, rollers, thread, half, lifts)
+    return line(xs) if section else grid(xs, np.linspace(-0.5, 0.5, across + 1) * spec.width)
+
+
+def cells_across(scene: SceneSpec) -> int:
+    """Return the number of elements across: typed, or enough for what the rollers make vary.
+
+    An even number, so that the middle of an edge is a node.
+    """
+    if scene.strip.cells is not None:
+        return scene.strip.cells[1]
+    return 8 if any(roller.profile for roller in scene.rollers) else 4
+
+
+@dataclass(frozen=True)
+class Zone:
+    """A stretch of strip, in the reference, that is to have elements of a length."""
+
+    first: float  # m
+    last: float  # m
+    size: float  # m
+
+
+def default_lines(
+    scene: SceneSpec,
+    rollers: Sequence[Roller],
+    thread: Thread | None,
+    half: float,
+    marks: Sequence[float],
+) -> Array:
+    """Coordinates of nodes of a scene without ``strip.cells``, see :func:`default_zones`.
+
+    A strip that is fed has equal elements.  All are longer by one factor where there would be more
+    than MOST_UNKNOWNS.
+    """
+    zones, coarse = default_zones(scene, rollers, thread), 2.0 * half / COARSEST
+    per_line = {"section": 4, "plate": 4, "shell": 12}[scene.strip.kinematics]
+    if scene.strip.kinematics != "section":
+        per_line *= cells_across(scene) + 1
+    most = MOST_UNKNOWNS // per_line - 1
+    if not scene.strip.feed:
+        return graded_nodes(half, zones, coarse, marks, most)
+    size = min([coarse, *(zone.size for zone in zones)])
+    return np.linspace(-half, half, min(most, int(np.ceil(2.0 * half / size))) + 1)
+
+
+def wanted_size(scene: SceneSpec, radius: float) -> float:
+    """Length (m) of elements where the strip lifts off a roller.
+
+    A quarter of the boundary layer, but no finer than a share of the radius from which on the
+    strip is as good as a string, and no longer than it takes to follow the roller.
+    """
+    if scene.strip.refined is not None:
+        return scene.strip.refined
+    return radius * float(np.clip(QUARTER * boundary_layer(scene) / radius, STRING, FOLLOWS))
+
+
+def default_zones(
+    scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None
+) -> list[Zone]:
+    """Stretches where the strip lifts on and off its rollers, and their arcs.
+
+    Where it lifts on and off, elements have a quarter of the boundary layer √(D/T), over all labels
+    that will pass; on arcs in between they have twice as much.
+    """
+    zones, (back, ahead) = list[Zone](), _carried(scene, rollers, thread)
+    if _stands(scene):
+        back = ahead = 0.0
+    arcs = () if thread is None else _arcs_in_stages(scene, thread)
+    for roller in rollers if scene.contact is not None else ():
+        size = wanted_size(scene, roller.radius)
+        margin = float(np.clip(NEAR_LIFT * boundary_layer(scene), 2.0 * size, 16.0 * size))
+        lifts = np.array([arc[roller.name] for arc in arcs if roller.name in arc])
+        if not len(lifts):  # anywhere near where the strip passes the roller
+            moves = [stage.rollers.get(roller.name) for stage in scene.stages]
+            ways = [(0.0, 0.0, 0.0), *(m.move for m in moves if m is not None and m.move)]
+            places = crossing(roller) + np.array(ways)[:, [0, 2]]
+            x = places[:, 0] if thread is None else [thread.passing(p)[0] for p in places]
+            reach = 0.5 * np.pi * roller.radius
+            lifts, margin = np.array([[min(x) - reach, max(x) + reach]] * 2).T, 0.0
+        first, last = lifts.min(axis=0) - ahead - margin, lifts.max(axis=0) + back + margin
+        zones += [Zone(float(lo), float(hi), size) for lo, hi in zip(first, last, strict=True)]
+        arc = min(2.0 * size, max(size, ARC * roller.radius))
+        zones.append(Zone(float(lifts.min()), float(lifts.max()), arc))
+    return zones
+
+
+def _arcs_in_stages(scene: SceneSpec, thread: Thread) -> list[dict[str, tuple[float, float]]]:
+    """Arcs of a threaded strip at the beginning and, where rollers move, after each stage."""
+    arcs, rollers, given = [thread.arcs], list(thread.rollers), {r.name: r for r in thread.rollers}
+    for stage in scene.stages:
+        ways = {name: control.move for name, control in stage.rollers.items() if control.move}
+        for k, roller in enumerate(rollers):
+            if roller.name in ways:
+                centre = np.add(given[roller.name].centre, ways[roller.name])
+                rollers[k] = replace(roller, centre=tuple(centre))
+        with suppress(NotTouchedError, NoTangentError):
+            arcs.append(replace(thread, rollers=tuple(rollers), given=thread.length).arcs)
+    return arcs
+
+
+def chosen_lines(
+    scene: SceneSpec,
+    rollers: Sequence[Roller],
+    thread: Thread | None,
+    half: float,
+    lifts: Sequence[float],
+) -> Array:
+    """Coordinates of nodes with the number of elements of ``strip.cells``, and finer ones."""
+    spec = scene.strip
+    assert spec.cells is not None
+    coarse = 2.0 * half / spec.cells[0]
     fine = spec.refined or QUARTER * boundary_layer(scene) or np.inf
     zones = list[tuple[float, float]]()
     if scene.contact is not None and fine < coarse:
         zones = fine_zones(scene, rollers, thread, half)
     if spec.feed:
         zones = [(-half, half)] if zones else []
-    section, layer = spec.kinematics == "section", max(boundary_layer(scene), fine / QUARTER)
-    standing = thread if zones and _stands(scene) else None
-    if standing is not None:
-        near = NEAR_LIFT * layer
-        zones = [(x - near, x + near) for arc in standing.arcs.values() for x in arc]
-    _bearable(scene, half, zones, fine, 1 if section else spec.cells[1])
-    if standing is None:
-        xs = lines_of_nodes(half, zones, fine, coarse)
-    else:
-        xs = graded_nodes(half, standing, near, fine, coarse)
-    if section:
-        return line(xs)
-    return grid(xs, np.linspace(-spec.width / 2.0, spec.width / 2.0, spec.cells[1] + 1))
+    graded = [Zone(*zone, fine) for zone in zones]
+    if zones and len(lifts):
+        assert thread is not None
+        near = NEAR_LIFT * max(boundary_layer(scene), fine / QUARTER)
+        zones = [(x - near, x + near) for x in lifts]
+        graded = [Zone(x - near, x + near, fine) for x in lifts]
+        graded += [Zone(*thread.arcs[r.name], ARC * r.radius) for r in thread.rollers]
+    _bearable(scene, half, zones, fine, 1 if spec.kinematics == "section" else spec.cells[1])
+    if len(lifts):
+        return graded_nodes(half, graded, coarse, lifts)
+    return lines_of_nodes(half, zones, fine, coarse)
 
 
 def _bearable(
@@ -134,26 +263,30 @@ def _stands(scene: SceneSpec) -> bool:
     return steady and not scene.strip.feed and not any(moves)
 
 
-def graded_nodes(half: float, thread: Thread, near: float, fine: float, coarse: float) -> Array:
-    """Coordinates from −half to half, fine where the strip lifts on and off, growing away from it.
+def graded_nodes(
+    half: float,
+    zones: Sequence[Zone],
+    coarse: float,
+    marks: Sequence[float] = (),
+    most: float = np.inf,
+) -> Array:
+    """Coordinates from −half to half, fine in the zones and growing away from them.
 
-    These places are nodes: a string has corners of its curvature there.  The length of the
-    elements is at most ``fine`` up to ``near`` of them, grows by ``GROWTH`` per length beyond, to
-    ``ARC`` radii on a roller and to ``coarse`` elsewhere.
+    The length of the elements is at most that of a zone inside it, grows by ``GROWTH`` per length
+    beyond, up to ``coarse``; all by one factor where there would be more than ``most``.  The marks
+    become nodes.
     """
-    x = np.linspace(-half, half, 1 + int(np.ceil(8.0 * half / fine)))
+    finest = min([coarse, *(zone.size for zone in zones)])
+    x = np.linspace(-half, half, 1 + min(int(np.ceil(8.0 * half / finest)), SAMPLES))
     sizes = np.full_like(x, coarse)
-    for roller in thread.rollers:
-        first, last = thread.arcs[roller.name]
-        sizes[(first < x) & (x < last)] = min(coarse, ARC * roller.radius)
-    lifts = np.sort(np.ravel(list(thread.arcs.values())))
-    place = np.clip(np.searchsorted(lifts, x), 1, len(lifts) - 1)
-    distance = np.minimum(np.abs(x - lifts[place - 1]), np.abs(lifts[place] - x))
-    sizes = np.minimum(sizes, fine + GROWTH * np.maximum(distance - near, 0.0))
+    for zone in zones:
+        away = np.maximum(np.maximum(zone.first - x, x - zone.last), 0.0)
+        sizes = np.minimum(sizes, zone.size + GROWTH * away)
     passed = np.cumsum(np.append(0.0, 0.5 * np.diff(x) * (1.0 / sizes[1:] + 1.0 / sizes[:-1])))
+    passed *= min(1.0, most / passed[-1])
     xs = [np.array([-half])]
-    for a, b in pairwise(np.interp([-half, *lifts, half], x, passed)):
-        xs.append(np.interp(np.linspace(a, b, int(np.ceil(b - a)) + 1)[1:], passed, x))
+    for a, b in pairwise(np.interp([-half, *marks, half], x, passed)):
+        xs.append(np.interp(np.linspace(a, b, max(1, int(np.ceil(b - a - 1e-9))) + 1)[1:], passed, x))
     return np.concatenate(xs)
 
 

@@ -31,7 +31,13 @@ from anmstrip.mechanics.loads import (
 from anmstrip.mechanics.roller import Roller, Sides
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
-from anmstrip.simulation.meshing import carrying_sense, largest_force, strip_mesh
+from anmstrip.simulation.defaults import completed
+from anmstrip.simulation.meshing import (
+    carrying_sense,
+    cells_across,
+    largest_force,
+    strip_mesh,
+)
 
 if TYPE_CHECKING:
     from anmstrip.fem.sampling import ContactOperator
@@ -101,8 +107,7 @@ def size_of(assembly: Assembly, level: Kinematics) -> Size | None:
         scalars, quadrature = strip.scalars, strip.basis.dx.size
         touched = 4 * strip.mesh.nelements
     else:
-        assert spec.cells is not None
-        across = spec.cells[1]
+        across = cells_across(assembly.scene)
         scalars, quadrature = 4 * lines * (across + 1), 16 * (lines - 1) * across
         touched = (2 * lines - 1) * (2 * across + 1)
     rubbed = 2 if assembly.scene.friction is not None and level is not PLATE else 1
@@ -117,6 +122,10 @@ EffectMaker = Callable[[Strip], Effect]
 
 UNSEEN = 0.01
 """Stretch that the onset of contact may make, over the elastic one."""
+
+FLOATS = 0.05
+"""Share of its thickness by which a strip that only its weight presses may float: a tenth of the
+half by which its middle is nearer to the roller than its face, which is not modelled."""
 
 FAINT = 1e-4
 """Share of the pressure T/r of a wrapped strip below which there is no friction.
@@ -133,6 +142,7 @@ class Assembly:
     Parameters
     ----------
     scene : SceneSpec
+        What it leaves open is filled in, see :mod:`anmstrip.simulation.defaults`.
     imperfection : ndarray, shape (unknowns,), optional
         Displacement of the flat strip that makes no stress, see
         :mod:`anmstrip.simulation.imperfection`.
@@ -149,6 +159,9 @@ class Assembly:
     scene: SceneSpec
     imperfection: Array | None = None
     added: tuple[EffectMaker, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "scene", completed(self.scene))
 
     @cached_property
     def rollers(self) -> tuple[Roller, ...]:
@@ -254,13 +267,16 @@ class Assembly:
         f = self.scene.friction
         if f is None:
             return None
-        from anmstrip.mechanics.laws import NortonHoff, Tanh
+        from anmstrip.mechanics.laws import Algebraic, NortonHoff, Tanh
 
-        if f.law == "tanh":
-            return Tanh(f.coefficient, f.omega, f.speed)
+        assert f.speed is not None
         if ":" in f.law:
             return own_law(self.scene, "friction")
-        return NortonHoff(f.coefficient, f.exponent, f.omega, f.speed)
+        if f.law == "norton-hoff":
+            return NortonHoff(f.coefficient, f.exponent, f.omega, f.speed)
+        if f.law == "tanh":
+            return Tanh(f.coefficient, f.omega, f.speed)
+        return Algebraic(f.coefficient, f.speed)
 
     @cached_property
     def contact(self) -> Contact | None:
@@ -338,9 +354,11 @@ class Assembly:
         """The scene's contact law.
 
         Left open, it is graded: p₀ is the pressure of the taut strip on its rollers, or its
-        weight if that is more, and the onset is the gap that a straight strip has half a spacing
-        of contact points beyond where it lifts off.  Where rollers make the tension vary across,
-        a gap stretches fibres by its share of the radius, which must not be seen beside T/(E t).
+        weight or the pressure on it if that is more, and the onset is the gap that a straight
+        strip has half a spacing of contact points beyond where it lifts off.  Where only weight
+        or pressure presses, q, the strip floats w log(p₀/q) high, which must be a small share of
+        its thickness.  Where rollers make the tension vary across, a gap stretches fibres by its
+        share of the radius, which must not be seen beside T/(E t).
         """
         c = self.scene.contact
         assert c is not None
@@ -350,15 +368,19 @@ class Assembly:
             return own_law(self.scene, "contact")
         if c.constants is not None:
             return RepulsiveSignorini(*c.constants)
-        tension, thickness = self.scales.tension, self.strip.thickness
+        tension, thickness = largest_force(self.scene), self.strip.thickness
         radius = float(np.exp(np.mean(np.log([roller.radius for roller in self.rollers]))))
-        gravity = [float(np.linalg.norm(stage.gravity or (0.0,))) for stage in self.scene.course]
-        weight = (self.scene.material.density or 0.0) * thickness * max(gravity)
+        load = distributed_load(self.scene)
+        if tension == load == 0.0:
+            tension = self.scales.tension
+        pressure = c.pressure or max(tension / radius, load)
         half_spacing = 0.25 * float(self.strip.cell_sizes[0].min())  # two points to an element
         onset = half_spacing**2 / (2.0 * radius)
+        if load:
+            onset = min(onset, FLOATS * thickness / max(1.0, float(np.log(pressure / load))))
         if self.kinematics.count == 3 and any(map(varies_across, self.scene.rollers)):
             onset = min(onset, UNSEEN * tension / (self.material.young * thickness) * radius)
-        return GradedSignorini(c.pressure or max(tension / radius, weight), c.onset or onset)
+        return GradedSignorini(pressure, c.onset or onset)
 
     def _contact(self, reaches: list[float]) -> Contact | None:
         """Contact of every point with every roller, up to the given gaps."""
@@ -477,6 +499,13 @@ def roller_of(spec: RollerSpec) -> Roller:
         crown = (spec.taper + sum(crown[:1]), *crown[1:])
     sides = None if given is None else Sides(given.taper, 0.5 * given.flat, given.rounding)
     return Roller(spec.name, spec.radius, spec.centre, spec.axis, crown, sides)
+
+
+def distributed_load(scene: SceneSpec) -> float:
+    """Return the largest weight of the strip, or pressure on it, in any stage (Pa)."""
+    weight = (scene.material.density or 0.0) * scene.strip.thickness
+    gravity = [float(np.linalg.norm(stage.gravity or (0.0,))) for stage in scene.stages]
+    return max([abs(stage.pressure or 0.0) for stage in scene.stages] + [weight * max(gravity)])
 
 
 def varies_across(roller: RollerSpec) -> bool:

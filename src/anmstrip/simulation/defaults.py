@@ -1,0 +1,67 @@
+"""What a scene leaves open: the characteristic slip speed of its friction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from anmstrip.scene.schema import SceneSpec
+
+HONEST = 0.1
+"""Share of the elastic creep that V_c is by default.
+
+What sticks creeps at up to about V_c, and the algebraic law in full slip, which the elastic creep
+at least is, then misses f by 0.5 %."""
+
+
+def completed(scene: SceneSpec) -> SceneSpec:
+    """Return the scene with the slip speed of its friction, if that was left out."""
+    if scene.friction is None or scene.friction.speed is not None:
+        return scene
+    law = scene.friction.model_copy(update={"speed": HONEST * elastic_creep(scene)})
+    return scene.model_copy(update={"friction": law})
+
+
+def elastic_creep(scene: SceneSpec) -> float:
+    """Return the speed (m/s) at which a driven strip slips because tension stretches it.
+
+    Where friction takes up to f T of the tension T, strains differ by f T/(E t), and speeds by as
+    much of the speed of the line: V f T/(E t).  T is the least tension that the scene asks for.
+    """
+    assert scene.friction is not None
+    own = [roller.friction for roller in scene.rollers]
+    f = max([scene.friction.coefficient, *(g for g in own if g is not None)]) or 1.0
+    strain = least_tension(scene) / (scene.material.young * scene.strip.thickness)
+    return f * strain * line_speed(scene)
+
+
+def least_tension(scene: SceneSpec) -> float:
+    """Return the least tension above 0 (N/m) that is asked for, else a millionth of E t."""
+    forces = [0.0 if scene.threading is None else scene.threading.tension]
+    for stage in scene.stages:
+        for edge in stage.edges.values():
+            forces += [edge.tension or 0.0, float(np.linalg.norm(edge.force or 0.0))]
+    wanted = [force for force in forces if force > 0.0]
+    return min(wanted, default=1e-6 * scene.material.young * scene.strip.thickness)
+
+
+def line_speed(scene: SceneSpec) -> float:
+    """Return the largest speed (m/s) of rollers' surfaces and of edges.
+
+    Where all stand, it is the longest way that a roller or an edge is moved by, else the smallest
+    radius, around which the strip gives way to a change of tension; over the time with friction.
+    """
+    speeds, ways = [0.0], [0.0]
+    radii = {roller.name: roller.radius for roller in scene.rollers}
+    for stage in scene.stages:
+        for name, roller in stage.rollers.items():
+            turning = radii[name] * (roller.angular_speed or 0.0)
+            speeds.append(abs(roller.surface_speed or turning))
+            ways.append(float(np.linalg.norm(roller.move or 0.0)))
+        for edge in stage.edges.values():
+            speeds.append(float(np.linalg.norm(edge.velocity or 0.0)))
+            ways.append(float(np.linalg.norm(edge.move or 0.0)))
+    if max(speeds) > 0.0:
+        return max(speeds)
+    time = sum(stage.duration for stage in scene.stages if stage.friction)
+    way = max(ways) or min((roller.radius for roller in scene.rollers), default=1.0)
+    return way / (time or sum(stage.duration for stage in scene.stages))
