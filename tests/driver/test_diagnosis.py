@@ -226,8 +226,8 @@ def test_long_elements_over_a_roller() -> None:
 
 def test_friction_that_is_too_steep() -> None:
     message = told(wrapped(), stalled(), scene(friction={"coefficient": 0.3, "speed": 1e-12}))
-    assert "Friction turns round within 1e-13 m/s" in message
-    assert typed(message) == ["friction.speed=9e-08"]
+    assert "Friction turns round within 1e-12 m/s" in message
+    assert typed(message) == ["friction.speed=9e-09"]
 
 
 def test_series_of_few_terms() -> None:

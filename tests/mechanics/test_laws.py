@@ -6,7 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anmstrip.mechanics.laws import GradedSignorini, NortonHoff, RepulsiveSignorini, Signorini, Tanh
+from anmstrip.mechanics.laws import (
+    Algebraic,
+    GradedSignorini,
+    NortonHoff,
+    RepulsiveSignorini,
+    Signorini,
+    Tanh,
+)
 from anmstrip.taylor.series import taylor_series
 
 STIFFNESSES = 10.0 ** np.arange(3, 13)
@@ -137,18 +144,30 @@ def test_orders_of_the_friction_law(slip):
     assert found == pytest.approx(wanted, rel=1e-9, abs=1e-12 * np.abs(wanted).max())
 
 
-@pytest.mark.parametrize("law", [hoff(), Tanh(0.3, 0.1, 2.0)])
+@pytest.mark.parametrize("law", [hoff(), Tanh(0.3, 0.1, 2.0), Algebraic(0.3, 2.0)])
 @pytest.mark.parametrize("slip", [0.0, 1e-12, 1.0, 1e8])
 def test_without_normal_force_there_is_no_friction_at_all(law, slip):
     assert (law(np.zeros(1), np.array([[slip], [-slip]])) == 0.0).all()
 
 
+@pytest.mark.parametrize("law", [Tanh(0.3, 0.1, 2.0), Algebraic(0.3, 2.0)])
 @given(slip=st.floats(-1e3, 1e3), across=st.floats(-1e3, 1e3))
-def test_tanh_is_bounded_by_the_cone_and_opposes_slip(slip, across):
+def test_bounded_laws_stay_in_the_cone_and_oppose_slip(law, slip, across):
     v = np.array([slip, across])
-    force = Tanh(0.3, 0.1, 2.0)(np.float64(5.0), v)
+    force = law(np.float64(5.0), v)
     assert np.hypot(*force) <= 0.3 * 5.0 * (1.0 + 1e-14)
     assert force @ v <= 0.0
+
+
+def test_the_algebraic_law_in_full_slip_is_what_was_typed_and_keeps_a_slope():
+    """v/√(v² + V_c²) at ten times V_c: 0.995 f R_N, slope 1/101^(3/2) of that at rest."""
+    law, v = Algebraic(0.3, 2.0), np.array([20.0, 0.0])
+    assert law.effective(20.0) == pytest.approx(0.3 * 10.0 / 101.0**0.5, rel=1e-12)
+    assert law.effective(20.0) > 0.99 * 0.3
+    slope = (law.effective(20.02) - law.effective(19.98)) / 0.04
+    assert slope == pytest.approx(0.3 / 2.0 / 101.0**1.5, rel=1e-4)
+    turned = law(np.float64(5.0), v[::-1])
+    assert turned == pytest.approx(law(np.float64(5.0), v)[::-1], rel=1e-14)
 
 
 def test_norton_hoff_leaves_the_cone_at_high_speed():
@@ -163,7 +182,7 @@ def test_norton_hoff_tends_to_coulomb():
     assert law(np.float64(1.0), np.array([1e-3]))[0] == pytest.approx(-0.3, rel=1e-3)
 
 
-@pytest.mark.parametrize("law", [hoff(), Tanh(0.3, 0.1, 2.0)])
+@pytest.mark.parametrize("law", [hoff(), Tanh(0.3, 0.1, 2.0), Algebraic(0.3, 2.0)])
 def test_the_effective_coefficient_is_that_of_the_law(law):
     for slip in (1e-3, 0.1, 7.0):
         assert -law(np.float64(2.0), np.array([slip]))[0] == pytest.approx(

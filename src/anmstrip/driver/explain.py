@@ -15,6 +15,7 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import InputError, Mistake, printable
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
 from anmstrip.scene.schema import SceneSpec
+from anmstrip.simulation.defaults import elastic_creep
 from anmstrip.simulation.problem import Assembly, flat_gap
 from anmstrip.taylor.series import record
 
@@ -70,6 +71,10 @@ def explain(scene: SceneSpec) -> str:
         law, given = assembly.signorini, scene.contact.constants or scene.contact.onset
         resolved = "" if given else ", as the mesh resolves"
         say(f"Contact: {law.words}, setting in over {law.width:.3g} m{resolved}.")
+    if scene.friction is not None and assembly.friction is not None:
+        given = scene.friction.speed is not None
+        why = "" if given else f", a tenth of the elastic creep of {elastic_creep(scene):.2g} m/s"
+        say(f"Friction: {scene.friction.law}, V_c = {assembly.friction.speed:.3g} m/s{why}.")
     scales = assembly.scales
     say(
         f"Errors are relative to {scales.length:g} m (positions), {scales.force:g} N (imbalance) "

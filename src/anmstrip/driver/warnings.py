@@ -24,11 +24,14 @@ from anmstrip.mechanics.string_path import (
     string_path,
 )
 from anmstrip.simulation.meshing import (
+    MOST_UNKNOWNS,
     QUARTER,
     bending_stiffness,
     boundary_layer,
+    cells_across,
     largest_force,
     surface_speed,
+    wanted_size,
 )
 from anmstrip.simulation.problem import Assembly, Size, size_of
 from anmstrip.simulation.stages import Course
@@ -212,9 +215,21 @@ def heavy_strip(preview: Preview) -> Iterator[str]:
 
 def coarse_mesh(preview: Preview) -> Iterator[str]:
     """Elements over rollers that are longer than a quarter of the boundary layer."""
-    layer = boundary_layer(preview.assembly.scene)
+    scene, strip = preview.assembly.scene, preview.assembly.strip
+    layer = boundary_layer(scene)
     coarse: dict[str, list[str]] = {}
-    for roller in preview.assembly.rollers if preview.assembly.scene.contact else ():
+    if scene.strip.cells is None and scene.strip.mesh is None:
+        wanted = min((wanted_size(scene, r.radius) for r in preview.assembly.rollers), default=0.0)
+        finest = float(strip.cell_sizes[0].min())
+        if finest > 1.2 * wanted > 0.0:
+            yield (
+                f"elements where the strip lifts off its rollers are {finest:.2g} m long instead "
+                f"of {wanted:.2g} m, so that there are no more than {MOST_UNKNOWNS} unknowns. Less "
+                f"travel makes them shorter, and so does strip.cells = "
+                f"[{int(np.ceil(strip.length / wanted))}, {cells_across(scene)}], at its cost."
+            )
+        return
+    for roller in preview.assembly.rollers if scene.contact else ():
         if (h := element_over(preview.assembly, roller)) > 1.01 * QUARTER * layer:
             coarse.setdefault(f"{h:.3g} m", []).append(roller.name)
     for size, names in coarse.items():

@@ -1,0 +1,160 @@
+"""What is left out of a scene: slip speed, mesh, onset of contact."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from anmstrip.driver.scene import Scene
+from anmstrip.simulation.defaults import elastic_creep
+from anmstrip.simulation.problem import Assembly
+
+FIELD = sorted((Path(__file__).parents[1] / "field").glob("*.toml"))
+LINE: dict[str, Any] = {  # over one roller by 90°: 4 m level, then 1.5 m down
+    "strip": {"kinematics": "section", "width": 1.0, "thickness": 1e-3},
+    "material": {"young": 2e11, "poisson": 0.3, "density": 7850.0},
+    "contact": {},
+    "friction": {"coefficient": 0.2},
+    "threading": {"tension": 1e4, "entry": [-4.0, 0.0, 0.0], "exit": [0.5, 0.0, -2.0]},
+    "rollers": [{"name": "r1", "radius": 0.5, "centre": [0.0, 0.0, -0.5], "wrap": "over"}],
+    "edges": {"entry": {"fixed": ["x", "z"]}},
+    "stages": [
+        {
+            "duration": 0.5,
+            "entry": {"release": True},
+            "rollers": {"r1": {"surface_speed": 2.0}},
+        }
+    ],
+}
+LAYER = (2e11 * 1e-9 / 12.0 / 0.91 / 1e4) ** 0.5
+"""√(D/T) = 42.8 mm"""
+
+
+def assembly(*stages: dict[str, Any], **tables: dict[str, Any]) -> Assembly:
+    """The line with other stages, and with some values in its tables."""
+    scene = copy.deepcopy(LINE)
+    for name, values in tables.items():
+        scene[name] = {**scene[name], **values}
+    if stages:
+        scene["stages"] = list(stages)
+    return Assembly(Scene.model_validate(scene))
+
+
+def speed(*stages: dict[str, Any], **tables: dict[str, Any]) -> float:
+    """V_c (m/s)."""
+    law = assembly(*stages, **tables).friction
+    assert law is not None
+    return law.speed
+
+
+def test_slip_speed_is_a_tenth_of_the_elastic_creep() -> None:
+    """V f T/(E t)/10, by the least tension; a typed one stays."""
+    assert speed() == pytest.approx(0.1 * 2.0 * 0.2 * 1e4 / 2e8, rel=1e-12)
+    stop = {"duration": 1.0, "rollers": {"r1": {"angular_speed": 8.0}}, "exit": {"tension": 5e3}}
+    assert speed(stop) == pytest.approx(0.1 * 4.0 * 0.2 * 5e3 / 2e8, rel=1e-12)
+    assert speed(friction={"speed": 1e-3}) == 1e-3
+    assert speed(friction={"coefficient": 0.0}) > 0.0
+
+
+def test_slip_speed_where_nothing_turns_is_a_displacement_over_the_time() -> None:
+    still = {"duration": 4.0, "friction": False}
+    moved = {"duration": 2.0, "rollers": {"r1": {"move": [0.0, 0.0, 0.3]}}}
+    strain = 0.2 * 1e4 / 2e8
+    assert speed(still, moved) == pytest.approx(0.1 * strain * 0.3 / 2.0, rel=1e-12)
+    step = {"duration": 5.0, "exit": {"tension": 2e4}}
+    assert speed(step) == pytest.approx(0.1 * strain * 0.5 / 5.0, rel=1e-12)
+
+
+def test_slip_speed_is_among_what_was_used() -> None:
+    scene = assembly().scene
+    assert scene.to_dict()["friction"] == {
+        "law": "algebraic", "parameters": {}, "coefficient": 0.2, "speed": speed(),
+        "regularisation": "fixed",
+    }  # fmt: skip
+    assert 0.1 * elastic_creep(scene) == speed()
+
+
+def cells(given: Assembly) -> tuple[np.ndarray, np.ndarray]:
+    """Middles and lengths of the elements along x."""
+    x = np.unique(np.round(given.strip.mesh.p[0], 12))
+    return 0.5 * (x[1:] + x[:-1]), np.diff(x)
+
+
+def test_elements_are_a_quarter_of_the_boundary_layer_where_the_strip_lifts_off() -> None:
+    """Over the 0.5 m that pass, 2 √(D/T) more on either side; then they grow, to a tenth."""
+    given = assembly()
+    assert given.thread is not None
+    (on, off), half = given.thread.arcs["r1"], 0.5 * given.thread.length
+    middles, lengths = cells(given)
+    for place in (on, off):
+        near = (middles > place - 2.0 * LAYER - 0.5) & (middles < place + 2.0 * LAYER)
+        assert lengths[near].max() < 1.05 * 0.25 * LAYER
+    assert lengths.max() > 0.8 * 2.0 * half / 20.0
+    growth = np.maximum(lengths[1:] / lengths[:-1], lengths[:-1] / lengths[1:])
+    assert growth.max() < 1.0 + 2.0 * 0.3
+    assert len(lengths) < 200
+    # without travel only the lift-off itself, and the middle of the arc has larger ones
+    rest = assembly({"duration": 1.0})
+    middles, lengths = cells(rest)
+    middle = np.abs(middles - 0.5 * (on + off)) < 0.1
+    assert 0.4 * LAYER < lengths[middle].max() < 0.51 * LAYER
+    assert len(lengths) < 100
+
+
+def test_a_roller_that_moves_has_fine_elements_where_it_goes() -> None:
+    """A carriage that rises shifts the labels on the next roller by twice as much."""
+    scene = copy.deepcopy(LINE) | {
+        "rollers": [
+            {"name": "a", "radius": 0.3, "centre": [0.0, 0.0, 0.0], "wrap": "under"},
+            {"name": "b", "radius": 0.3, "centre": [0.6, 0.0, 2.0], "wrap": "over"},
+            {"name": "c", "radius": 0.3, "centre": [1.2, 0.0, 0.0], "wrap": "under"},
+        ],
+        "threading": {"tension": 1e4, "entry": [-2.0, 0.0, -0.3], "exit": [3.0, 0.0, -0.3]},
+        "stages": [{"duration": 1.0, "rollers": {"b": {"move": [0.0, 0.0, 0.5]}}}],
+    }
+    given = Assembly(Scene.model_validate(scene))
+    assert given.thread is not None
+    middles, lengths = cells(given)
+    _, off = given.thread.arcs["c"]
+    assert lengths[(middles > off) & (middles < off + 1.0)].max() < 1.05 * 0.25 * LAYER
+
+
+def test_elements_across_are_even_and_more_where_the_profile_varies() -> None:
+    shell = {"kinematics": "shell"}
+    plain = assembly(strip=shell)
+    assert len(np.unique(plain.strip.mesh.p[1])) == 5
+    crowned = copy.deepcopy(LINE)
+    crowned["strip"] |= shell
+    crowned["rollers"][0]["crown"] = [0.0, -2e-4]
+    assert len(np.unique(Assembly(Scene.model_validate(crowned)).strip.mesh.p[1])) == 9
+
+
+@pytest.mark.parametrize("path", FIELD, ids=lambda path: path.stem)
+def test_a_bare_scene_is_bounded(path: Path) -> None:
+    """At most 12 000 unknowns, equal elements where the strip is fed."""
+    given = Assembly(Scene.load(path))
+    assert given.strip.unknowns <= 12_000
+    if given.scene.strip.feed:
+        assert np.ptp(cells(given)[1]) < 1e-9
+
+
+def test_a_film_is_not_resolved_below_what_a_string_needs() -> None:
+    """√(D/T) = 0.2 mm; a 64th of the radius is 7.8 mm."""
+    film = assembly(
+        {"duration": 1.0}, strip={"thickness": 2e-5}, material={"young": 4.5e9},
+        threading={"tension": 100.0},
+    )  # fmt: skip
+    assert cells(film)[1].min() == pytest.approx(0.5 / 64.0, rel=0.05)
+
+
+def test_a_plate_does_not_float_on_its_weight_by_a_share_of_its_thickness() -> None:
+    """By p₀ exp(−h/w): the gap under ρ g t beside a pressure T/r 130 times as large."""
+    fall = {"duration": 1.0, "gravity": [0.0, 0.0, -9.81]}
+    for stage, load in ((fall, 7850.0 * 9.81 * 1e-3), ({"duration": 1.0, "pressure": -50.0}, 50.0)):
+        law = assembly(stage, strip={"cells": [40, 1], "refined": 0.1}).signorini
+        assert law.pressure == pytest.approx(2e4)
+        assert 0.04e-3 < float(law.gap(load)) <= 0.0501e-3
