@@ -125,7 +125,7 @@ def test_without_events_nothing_is_imported_or_written(tmp_path: Path) -> None:
 
 
 RUBBED = {
-    "friction": {"coefficient": 0.3, "speed": 1e-3},
+    "friction": {"law": "norton-hoff", "coefficient": 0.3, "speed": 1e-3},
     "stages": [
         *LIFTED["stages"][:2],
         {"name": "rest", "duration": 1.0},

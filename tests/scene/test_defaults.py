@@ -95,14 +95,14 @@ def test_elements_are_a_quarter_of_the_boundary_layer_where_the_strip_lifts_off(
         assert lengths[near].max() < 1.05 * 0.25 * LAYER
     assert lengths.max() > 0.8 * 2.0 * half / 20.0
     growth = np.maximum(lengths[1:] / lengths[:-1], lengths[:-1] / lengths[1:])
-    assert growth.max() < 1.0 + 2.0 * 0.3
+    assert growth.max() < 1.0 + 2.0 * 0.15
     assert len(lengths) < 200
     # without travel only the lift-off itself, and the middle of the arc has larger ones
     rest = assembly({"duration": 1.0})
     middles, lengths = cells(rest)
     middle = np.abs(middles - 0.5 * (on + off)) < 0.1
     assert 0.4 * LAYER < lengths[middle].max() < 0.51 * LAYER
-    assert len(lengths) < 100
+    assert len(lengths) < 120
 
 
 def test_a_roller_that_moves_has_fine_elements_where_it_goes() -> None:

@@ -23,6 +23,7 @@ from anmstrip.mechanics.string_path import (
     StringPath,
     string_path,
 )
+from anmstrip.simulation.defaults import elastic_creep
 from anmstrip.simulation.meshing import (
     MOST_UNKNOWNS,
     QUARTER,
@@ -47,6 +48,9 @@ SUNK = 0.1
 
 SLACK = 1e-2
 """Share of the largest force below which an end that was pulled is slack."""
+
+UNLIKE = 0.1
+"""Share by which a friction coefficient may act as another one than was typed, unsaid."""
 
 
 @dataclass(frozen=True)
@@ -239,21 +243,55 @@ def coarse_mesh(preview: Preview) -> Iterator[str]:
         )
 
 
+def slip_speed(preview: Preview) -> float:
+    """Return the speed (m/s) at which the strip slips on rollers that are driven or stand.
+
+    That is their own less that of an edge which is held in x throughout, else the elastic creep;
+    infinite if nothing moves.
+    """
+    scene, rollers = preview.assembly.scene, preview.assembly.rollers
+    released = {n for stage in scene.stages for n, edge in stage.edges.items() if edge.release}
+    held = [n for n, edge in scene.edges.items() if "x" in edge.fixed and n not in released]
+    idle = {spec.name for spec in scene.rollers if spec.drive != "speed"}
+    turning, moving, slip, moves = dict[str, float](), dict[str, float](), 0.0, False
+    for stage in scene.stages:
+        for roller in rollers:
+            if (given := surface_speed(stage.rollers.get(roller.name), roller)) is not None:
+                turning[roller.name] = given
+        for name, edge in stage.edges.items():
+            if edge.velocity is not None:
+                moving[name] = float(np.copysign(np.linalg.norm(edge.velocity), edge.velocity[0]))
+        moves = moves or any(turning.values()) or any(moving.values())
+        speeds = [turning.get(r.name, 0.0) for r in rollers if r.name not in idle]
+        slip = max([slip, *(abs(v - moving.get(name, 0.0)) for v in speeds for name in held)])
+    return slip or (elastic_creep(scene) if moves and scene.friction is not None else np.inf)
+
+
 def slipping_friction(preview: Preview) -> Iterator[str]:
-    """A reference speed of friction far above the elastic creep of a driven strip."""
-    law, stages = preview.assembly.friction, preview.assembly.scene.stages
-    if law is None or preview.tension == 0.0:
+    """A slip speed of friction far above that of the scene, or a typed f that acts as another."""
+    law, spec = preview.assembly.friction, preview.assembly.scene.friction
+    if law is None or spec is None or preview.tension == 0.0:
         return
-    rollers = preview.assembly.rollers
-    given = [surface_speed(stage.rollers.get(r.name), r) for stage in stages for r in rollers]
-    speed = max((abs(s) for s in given if s), default=0.0)
-    creep = speed * law.coefficient * preview.tension / preview.assembly.strip.tensile_stiffness
-    if creep and law.speed > 10.0 * creep:
+    slip = slip_speed(preview)
+    if law.speed > 10.0 * slip:
         yield (
-            f"friction.speed V_c = {law.speed:g} m/s is far above the elastic creep of a driven "
-            f"strip, about {creep:.2g} m/s: rollers will slip visibly "
-            f"(V_c = {creep:.1g} is honest)."
+            f"friction.speed V_c = {law.speed:g} m/s is far above the speed at which the strip "
+            f"slips, about {slip:.2g} m/s (elastic creep, unless an edge is held): rollers will "
+            f"slip visibly (V_c = {slip:.1g} is honest)."
         )
+    elif spec.law == "norton-hoff" and np.isfinite(slip):
+        share = float(law.share(slip))
+        if abs(share - 1.0) > UNLIKE:
+            yield acts_as(spec.coefficient, share, slip)
+
+
+def acts_as(coefficient: float, share: float, slip: float) -> str:
+    """Return that Norton and Hoff's law does not act with the coefficient that was typed."""
+    return (
+        f"friction.coefficient = {coefficient:g} acts as {share * coefficient:.3g} at a slip of "
+        f"{slip:.2g} m/s, since Norton and Hoff's law grows with the slip. "
+        f'Try --set friction.speed={slip:.1g}, or law = "algebraic".'
+    )
 
 
 def beyond_yield(preview: Preview) -> Iterator[str]:

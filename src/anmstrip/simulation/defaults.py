@@ -53,6 +53,7 @@ def line_speed(scene: SceneSpec) -> float:
     speeds, ways = [0.0], [0.0]
     radii = {roller.name: roller.radius for roller in scene.rollers}
     for stage in scene.stages:
+        speeds.append(abs(stage.strip.speed or 0.0))
         for name, roller in stage.rollers.items():
             turning = radii[name] * (roller.angular_speed or 0.0)
             speeds.append(abs(roller.surface_speed or turning))

@@ -90,7 +90,9 @@ def strip_mesh(
     length = spec.length if thread is None else thread.length
     assert spec.width is not None and length is not None
     half, across = length / 2.0, cells_across(scene)
-    lifts = sorted(np.ravel(list(thread.arcs.values()))) if thread and _stands(scene) else []
+    lifts = list[float]()
+    if thread is not None and _stands(scene):
+        lifts = sorted(x for arc in thread.arcs.values() for x in arc)
     if spec.cells is None:
         xs = default_lines(scene, rollers, thread, half, lifts)
     else:
@@ -151,9 +153,7 @@ def wanted_size(scene: SceneSpec, radius: float) -> float:
     return radius * float(np.clip(QUARTER * boundary_layer(scene) / radius, STRING, FOLLOWS))
 
 
-def default_zones(
-    scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None
-) -> list[Zone]:
+def default_zones(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> list[Zone]:
     """Stretches where the strip lifts on and off its rollers, and their arcs.
 
     Where it lifts on and off, elements have a quarter of the boundary layer √(D/T), over all labels
@@ -212,15 +212,14 @@ def chosen_lines(
         zones = fine_zones(scene, rollers, thread, half)
     if spec.feed:
         zones = [(-half, half)] if zones else []
-    graded = [Zone(*zone, fine) for zone in zones]
-    if zones and len(lifts):
-        assert thread is not None
+    graded = list[Zone]()
+    if zones and thread is not None and lifts:
         near = NEAR_LIFT * max(boundary_layer(scene), fine / QUARTER)
         zones = [(x - near, x + near) for x in lifts]
-        graded = [Zone(x - near, x + near, fine) for x in lifts]
+        graded = [Zone(*zone, fine) for zone in zones]
         graded += [Zone(*thread.arcs[r.name], ARC * r.radius) for r in thread.rollers]
     _bearable(scene, half, zones, fine, 1 if spec.kinematics == "section" else spec.cells[1])
-    if len(lifts):
+    if graded:
         return graded_nodes(half, graded, coarse, lifts)
     return lines_of_nodes(half, zones, fine, coarse)
 
@@ -286,7 +285,9 @@ def graded_nodes(
     passed *= min(1.0, most / passed[-1])
     xs = [np.array([-half])]
     for a, b in pairwise(np.interp([-half, *marks, half], x, passed)):
-        xs.append(np.interp(np.linspace(a, b, max(1, int(np.ceil(b - a - 1e-9))) + 1)[1:], passed, x))
+        xs.append(
+            np.interp(np.linspace(a, b, max(1, int(np.ceil(b - a - 1e-9))) + 1)[1:], passed, x)
+        )
     return np.concatenate(xs)
 
 
