@@ -298,7 +298,6 @@ def test_long_elements_are_warned_of(said: dict[str, str]) -> None:
     ) in whole(said["TURNING"])
 
 
-<<<<<<< HEAD
 def test_a_fast_reference_speed_is_warned_of(tmp_path: Path) -> None:
     """The entry is held, so that the roller slips with all of its speed of 1 m/s."""
     told = whole(explained(scenes.TURNING, tmp_path, "friction.speed=11.0"))
@@ -308,25 +307,6 @@ def test_a_fast_reference_speed_is_warned_of(tmp_path: Path) -> None:
         "(V_c = 1 is honest)."
     ) in told
     assert "is far above" not in whole(explained(scenes.TURNING, tmp_path, "friction.speed=9.0"))
-=======
-def test_a_fast_reference_speed_is_warned_of(said: dict[str, str]) -> None:
-    """Elastic creep of a driven strip: its speed times f T/(E t)."""
-    creep = 0.002 * 0.3 * 1.0e4 / (E * T)
-    assert (
-        f"Warning: friction.speed V_c = 0.001 m/s is far above the speed at which the strip slips, "
-        f"about {creep:.2g} m/s (elastic creep, unless an edge is held): rollers will slip visibly "
-        f"(V_c = {creep:.1g} is honest)."
-    ) in whole(said["SHELL"])
-
-
-def test_a_coefficient_that_acts_as_another_is_warned_of(said: dict[str, str]) -> None:
-    """Norton and Hoff's law at ten times V_c = 0.1 m/s, where the entry is held."""
-    acts = 0.3 * 10.0 * (10.0**2 + 0.1**2) ** (0.5 * (0.05 - 1.0))
-    assert (
-        f"Warning: friction.coefficient = 0.3 acts as {acts:.3g} at a slip of 1 m/s, since Norton "
-        'and Hoff\'s law grows with the slip. Try --set friction.speed=1, or law = "algebraic".'
-    ) in whole(said["TURNING"])
->>>>>>> 9fcceae (V_c is judged by the slip of the scene, and Norton-Hoff friction that acts as another f is said)
 
 
 def test_yield_is_warned_of(tmp_path: Path) -> None:
