@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from anmstrip.simulation.meshing import (
     QUARTER,
     bending_stiffness,
     boundary_layer,
+    carrying_sense,
     cells_across,
     largest_force,
     surface_speed,
@@ -42,6 +44,9 @@ STEEPEST = np.radians(5.0)
 
 BENT = 0.5
 """Turn (rad) within one element over a roller that it cannot follow."""
+
+PARALLEL = 0.99
+"""Least cosine of the angle between axes of rollers that face each other."""
 
 SUNK = 0.1
 """Share of a roller's radius that a strip may sink into it, pressed by its tension."""
@@ -309,8 +314,28 @@ def beyond_yield(preview: Preview) -> Iterator[str]:
             )
 
 
+def nip(preview: Preview) -> Iterator[str]:
+    """Parallel rollers on both sides of the strip, closer to each other than it is thick."""
+    assembly, thickness = preview.assembly, preview.assembly.strip.thickness
+    sides = {
+        roller.name: carrying_sense(roller, assembly.thread) * np.sign(roller.unit_axis[1])
+        for roller in assembly.rollers
+    }
+    for a, b in combinations(assembly.rollers if assembly.scene.contact else (), 2):
+        way = np.subtract(b.centre, a.centre)
+        gap = float(np.linalg.norm(np.cross(way, a.unit_axis))) - a.radius - b.radius
+        faced = sides[a.name] * sides[b.name] < 0.0 and abs(a.unit_axis @ b.unit_axis) > PARALLEL
+        if not faced or gap >= thickness * (1.0 - 1e-9):
+            continue
+        told = "squeeze it" if a.half else "touch its mid-surface alone (contact.faces)"
+        yield (
+            f"rollers {a.name} and {b.name} leave a gap of {gap:.3g} m to a strip of "
+            f"{thickness:.3g} m, and {told}."
+        )
+
+
 SERIOUS_RULES = (sharp_roller, soft_contact, slack_start, released_strip, slack_end, heavy_strip)
-OTHER_RULES = (coarse_mesh, slipping_friction, beyond_yield)
+OTHER_RULES = (nip, coarse_mesh, slipping_friction, beyond_yield)
 
 
 def element_over(assembly: Assembly, roller: Roller) -> float:
@@ -470,7 +495,7 @@ def string_estimate(course: Course) -> StringEstimate:
             centre, axis = values[f"rollers.{roller.name}.centre"], roller.unit_axis
             s = -centre[1] / axis[1]
             centres.append((centre + s * axis)[[0, 2], None])
-            radii.append([float(roller.radius_at(s))])
+            radii.append([float(roller.radius_at(s) + roller.half)])
         try:
             senses = [float(sense) for _, sense in rollers]
             crossed = [roller.name in crossing for roller, _ in rollers]

@@ -63,6 +63,7 @@ class Roller:
     axis: Any = (0.0, 1.0, 0.0)  # a, any length; turning about y moves the top towards +x
     crown: Sequence[Any] = ()  # c_1, c_2, … (1, 1/m, …)
     sides: Sides | None = None
+    half: Any = 0.0  # distance (m) from the face of the strip that touches it to the mid-surface
     sense: Any = 1.0  # of a positive surface speed: 1 right-handed about the axis, −1 against it
     several: tuple[Roller, ...] = ()
     which: Index | None = None  # number of each point's roller among several, (points,)
@@ -120,7 +121,8 @@ class Roller:
     def project(self, y: Any) -> Projection:
         """Gap and directions of points.
 
-        h = (ρ − R(s)) / √(1 + R'²), exact for cylinders and cones, of first order else.
+        h = (ρ − R(s)) / √(1 + R'²) − t/2, exact for cylinders and cones, of first order else; the
+        half thickness t/2 is left out where rollers touch the mid-surface.
 
         Parameters
         ----------
@@ -131,9 +133,9 @@ class Roller:
         across = y if self.is_cylinder else y[:2]
         distance = np.sqrt(np.einsum("i...,i...->...", across, across))
         if self.is_cylinder:
-            return Projection(distance - self.radius, across / distance)
+            return Projection(distance - (self.radius + self.half), across / distance)
         radius, slope = self.radius_at(y[2]), self.slope_at(y[2])
-        gap = (distance - radius) / np.sqrt(slope * slope + 1.0)
+        gap = (distance - radius) / np.sqrt(slope * slope + 1.0) - self.half
         return Projection(gap, across / distance, slope, radius / self.radius)
 
     def normal(self, at: Projection) -> Any:
@@ -192,6 +194,7 @@ def combine(rollers: Sequence[Roller], which: Index) -> Roller:
         Sides(*(at_points(values, which) for values in zip(*sides, strict=True)))
         if any(roller.sides for roller in rollers)
         else None,
+        at_points([roller.half for roller in rollers], which),
         at_points([roller.sense for roller in rollers], which),
         tuple(rollers),
         which,

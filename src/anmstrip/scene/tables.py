@@ -193,6 +193,8 @@ class ContactSpec(Table):
     """gap over which contact sets in, a number above 0 (m)"""
     pressure: Positive | None = Field(None, examples=["2.0e4"])
     """pressure under which the strip lies on the surface, a number above 0 (Pa)"""
+    faces: StrictBool = Field(False, examples=["true"])
+    """whether rollers touch the faces of the strip or its mid-surface (true or false)"""
 
     @property
     def constants(self) -> tuple[float, float, float] | None:

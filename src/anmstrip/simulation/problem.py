@@ -166,7 +166,7 @@ class Assembly:
     @cached_property
     def rollers(self) -> tuple[Roller, ...]:
         """Geometry of the rollers; those of a threaded strip carry it at positive speeds."""
-        rollers = tuple(roller_of(spec) for spec in self.scene.rollers)
+        rollers = rollers_of(self.scene)
         if self.thread is None:
             return rollers
         return tuple(replace(r, sense=carrying_sense(r, self.thread)) for r in rollers)
@@ -213,7 +213,7 @@ class Assembly:
             return None
         from anmstrip.simulation.threading import thread_of
 
-        return thread_of(self.scene, [roller_of(spec) for spec in self.scene.rollers])
+        return thread_of(self.scene, rollers_of(self.scene))
 
     @cached_property
     def strip(self) -> Strip:
@@ -492,13 +492,20 @@ def own_law(scene: SceneSpec, table: str) -> Any:
         raise scene.refused(f"{table}.parameters", typed, expected, hint) from error
 
 
-def roller_of(spec: RollerSpec) -> Roller:
-    """Return the geometry of a roller of the scene."""
+def rollers_of(scene: SceneSpec) -> tuple[Roller, ...]:
+    """Return the geometry of all rollers of a scene."""
+    faces = scene.contact is not None and scene.contact.faces
+    half = 0.5 * scene.strip.thickness if faces else 0.0
+    return tuple(roller_of(spec, half) for spec in scene.rollers)
+
+
+def roller_of(spec: RollerSpec, half: float = 0.0) -> Roller:
+    """Return the geometry of a roller, which touches the strip so far from its mid-surface (m)."""
     crown, given = spec.crown, spec.sides
     if spec.taper:
         crown = (spec.taper + sum(crown[:1]), *crown[1:])
     sides = None if given is None else Sides(given.taper, 0.5 * given.flat, given.rounding)
-    return Roller(spec.name, spec.radius, spec.centre, spec.axis, crown, sides)
+    return Roller(spec.name, spec.radius, spec.centre, spec.axis, crown, sides, half)
 
 
 def distributed_load(scene: SceneSpec) -> float:
@@ -553,7 +560,7 @@ def flat_gap(strip: Strip, roller: Roller) -> float:
     if slope:  # the axis may go through the rectangle itself
         crossing = (np.asarray(roller.centre) - axis * (roller.centre[2] / slope))[:2]
         if ((low <= crossing) & (crossing <= high)).all():
-            return -float(roller.radius)
+            return -float(roller.radius + roller.half)
     (west, south), (east, north) = low, high
     corners = np.array([[west, south], [east, south], [east, north], [west, north]])
     from_axis = np.column_stack([corners, np.zeros(4)]) - roller.centre
@@ -562,7 +569,7 @@ def flat_gap(strip: Strip, roller: Roller) -> float:
     squared = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
     share = np.clip(-(from_axis * along).sum(axis=1) / squared, 0.0, 1.0)
     nearest = np.linalg.norm(from_axis + share[:, None] * along, axis=1).min()
-    return float(nearest) - roller.radius
+    return float(nearest) - float(roller.radius + roller.half)
 
 
 def middle_node(strip: Strip, name: str) -> int | None:

@@ -114,7 +114,7 @@ class Thread:
             s = (y - roller.centre[1]) / roller.unit_axis[1]
             point = np.asarray(roller.centre)[:, None] + roller.unit_axis[:, None] * s
             centres.append(point[[0, 2]])
-            radii.append(roller.radius_at(s) + depth)
+            radii.append(roller.radius_at(s) + roller.half + depth)
         circles = np.array(centres), np.array(radii), self.senses
         entry, exit = self.ends
         return string_path(*circles, entry, exit, self.crossing)
