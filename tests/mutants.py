@@ -100,18 +100,23 @@ READINGS = (
         "rollers",
     ),
     Mutant("drag has the other sign", "drag=float(", "drag=-float(", "rollers"),
-    Mutant("cone violation is always 0", "max(0.0, float(ratio.max()) - 1.0)", "0.0", "rollers"),
+    Mutant(
+        "cone violation is always 0",
+        "max(0.0, float(state.cone_share.max()) - 1.0)",
+        "0.0",
+        "rollers",
+    ),
     Mutant("wrap 1 per cent off", "wrap = float(np.ptp(", "wrap = 1.01 * float(np.ptp(", "rollers"),
     Mutant(
         "tension before a roller is a force",
-        "np.linalg.norm(before) / state.width",
-        "np.linalg.norm(before)",
+        "tension_in=tensions[0]",
+        "tension_in=tensions[0] * state.width",
         "rollers",
     ),
     Mutant(
         "tension behind a roller is that before",
-        "np.linalg.norm(after) / state.width",
-        "np.linalg.norm(before) / state.width",
+        "tension_out=tensions[1]",
+        "tension_out=tensions[0]",
         "rollers",
     ),
     Mutant(
@@ -210,8 +215,8 @@ FIELDS = (
     ),
     Mutant(
         "contact points not in the middle",
-        'np.interp(POINTS["line"][0], [0.0, 0.5, 1.0], row)',
-        'np.interp(POINTS["line"][0], [0.0, 0.4, 1.0], row)',
+        "np.interp(np.unique(self.local[0]), [0.0, 0.5, 1.0], row)",
+        "np.interp(np.unique(self.local[0]), [0.0, 0.4, 1.0], row)",
         "fields",
     ),
     Mutant(
@@ -228,20 +233,20 @@ FIELDS = (
     ),
     Mutant(
         "moments of the imperfection",
-        "bending, natural = curvature - bent, ",
-        "bending, natural = curvature, ",
+        "bending = curvature - self._geometry(self.imperfection)[2]",
+        "bending = curvature",
         "fields",
     ),
     Mutant(
-        "membrane forces of the imperfection",
-        "self.membrane.forces(flat, natural)",
-        "self.membrane.forces(flat, None)",
+        "membrane forces are not averaged at nodes",
+        "(sums / np.bincount(nodes.ravel()))[:, nodes] @ to_points.T",
+        "corners @ to_points.T + 0.0 * np.sum(sums)",
         "fields",
     ),
     Mutant(
         "a plate has no tension",
-        'membrane[0] = state.controls.get("exit.force", np.zeros(3))[0]',
-        "pass",
+        "np.multiply.outer([pull, 0.0, 0.0]",
+        "np.multiply.outer([0.0, 0.0, 0.0]",
         "fields",
     ),
 )
@@ -273,14 +278,14 @@ FILES = (
     ),
     Mutant(
         "travel by the last speed",
-        "h * (speed - 0.5 * slope",
-        "h * (speed - 0.0 * slope",
+        "- 0.5 * gained)",
+        "- 0.0 * gained)",
         "rollers",
     ),
     Mutant(
         "profiles are not drawn",
-        "np.pad(roller.radius_at(rings), 1)",
-        "np.pad(roller.radius + 0.0 * rings, 1)",
+        "roller.radius_at(rings), roller.slope_at(rings)",
+        "roller.radius + 0.0 * rings, roller.slope_at(rings)",
         "rollers",
     ),
     Mutant(
@@ -291,17 +296,65 @@ FILES = (
     ),
     Mutant(
         "rollers drawn off their axes",
-        'edge")[:, None]\n    radius',
-        'edge")[:, None] * 1.1\n    radius',
+        'edge")[:, None]\n    distance',
+        'edge")[:, None] * 1.1\n    distance',
         "rollers",
     ),
     Mutant(
         "times of states in other units",
-        "timestep=repr(entry.time)",
-        "timestep=repr(1.1 * entry.time)",
+        "{entry.time!r}",
+        "{1.1 * entry.time!r}",
         "rollers",
     ),
 )
+
+ENDS = (
+    Mutant("wrap from point to point", "_roots(gap)], axis=1)", "_roots(gap + 1e9)], axis=1)",
+           "profile"),
+    Mutant("a parabola through two points", "4 * s * (1 - s), s * (2 * s - 1)",
+           "2 * s * (1 - s), s * (2 * s - 1)", "profile"),
+    Mutant("capacity by the contact's angle", "angles[np.abs(angles - wrap).argmin()]", "wrap",
+           "profile"),
+    Mutant("capacity without a bound", "return float(min(used, 1.0))", "return float(used)",
+           "profile"),
+    Mutant("line load without its moment", "held**2 - 2.0 * here", "held**2 - 1.0 * here",
+           "profile"),
+    Mutant("line loads exchanged", "line_load_in=loads[0]", "line_load_in=loads[1]", "profile"),
+    Mutant("friction leaves the tension alone", "here = tension + 0.5 *", "here = tension + 0.0 *",
+           "profile"),
+    Mutant("largest error is the least", "max(costs, default=None)", "min(costs, default=None)",
+           "profile"),
+    Mutant("error in time is that of paths", '"time": tolerances.time if rubs else None',
+           '"time": tolerances.path', "profile"),
+)  # fmt: skip
+
+PROFILE = (
+    Mutant("tension between files and ends", "self._average(membrane[0] * stretch)",
+           "self._average(membrane[0])", "fields"),
+    Mutant("least squares without areas", "np.sqrt(basis.W)", "np.ones_like(basis.W)", "fields"),
+    Mutant("all that touches slips", "self.cone_share >= STICKS, 2.0, 1.0",
+           "self.cone_share >= 0.0, 2.0, 1.0", "fields"),
+    Mutant("cells seen from below", "= first[0] * second[1] <", "= first[0] * second[1] >",
+           "fields"),
+    Mutant("components without names", 'array.set(f"ComponentName{number}", component)', "pass",
+           "fields"),
+    Mutant("slip runs the other way", "slip += (contact.slip", "slip -= (contact.slip", "profile"),
+    Mutant("curvature across for along", "self.fields.curvature(state.full)[:, 0]",
+           "self.fields.curvature(state.full)[:, 1]", "profile"),
+    Mutant("moment has the other sign", 'self._mean(fields["bending_moment"][:, 0])',
+           '-self._mean(fields["bending_moment"][:, 0])', "profile"),
+    Mutant("means without areas", "weights = self.areas if weights is None",
+           "weights = np.ones_like(self.areas) if weights is None", "profile"),
+    Mutant("one line load at both ends", "for x, load in zip(contact.arc, ends, strict=True):",
+           "for x, load in zip(contact.arc[:1] * 2, ends, strict=True):", "profile"),
+    Mutant("share of the cone by points", '"cone_share": self._mean(shares, cone * self.areas)',
+           '"cone_share": self._mean(shares, touching * self.areas)', "profile"),
+    Mutant("states twice as often", "WRITTEN = 100", "WRITTEN = 200", "profile"),
+    Mutant("the end of a stage is not written", "step.state.control > 1.0 - 1e-9",
+           "step.state.control > 2.0", "profile"),
+    Mutant("the beginning is a step's end", "a = 0.0 if begins else", "a = None if begins else",
+           "profile"),
+)  # fmt: skip
 
 HISTORY = (
     Mutant(
@@ -600,8 +653,8 @@ ADVICE = (
 )
 
 MUTANTS = (
-    *STATE, *READINGS, *REGULARISATION, *FIELDS, *FILES, *HISTORY, *SUMMARY, *EVENTS, *ESTIMATES,
-    *WRINKLES, *ADVICE,
+    *STATE, *READINGS, *ENDS, *REGULARISATION, *FIELDS, *PROFILE, *FILES, *HISTORY, *SUMMARY,
+    *EVENTS, *ESTIMATES, *WRINKLES, *ADVICE,
 )  # fmt: skip
 
 

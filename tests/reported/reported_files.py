@@ -116,6 +116,7 @@ class Surface:
         self.time, self.points, self.fields = time, mesh.points, mesh.point_data
         (block,) = mesh.cells
         assert block.type == "VTK_LAGRANGE_QUADRILATERAL"
+        self.drawn = block.data
         place = np.array([4 * j + i for i, j in NODES])
         cells = block.data[:, np.argsort(place)].reshape(-1, 4, 4)
         flat = (mesh.points - mesh.point_data["displacement"])[cells]

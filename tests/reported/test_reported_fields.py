@@ -87,6 +87,71 @@ def stretched(name: str, surface: Surface) -> np.ndarray:
     return np.asarray(surface.strain - natural)
 
 
+def test_tension_is_the_force_along_the_strip(state: tuple[str, Surface]) -> None:
+    """The recovered N_xx times the stretch √(1 + 2 E_xx)."""
+    surface = state[1]
+    stretch = np.linalg.norm(surface.tangents[0], axis=-1)
+    expected = surface.averaged(surface.patch("membrane_force")[..., 0] * stretch)
+    close(surface.fields["tension"], expected)
+
+
+def test_arc_length_begins_at_the_entry(state: tuple[str, Surface]) -> None:
+    x = state[1].reference[..., 0]
+    np.testing.assert_allclose(state[1].patch("arc_length"), x - x.min(), atol=1e-12)
+
+
+def test_normals_point_to_the_upper_side_as_cells_do(state: tuple[str, Surface]) -> None:
+    """The mean of the patches' normals; every cell of the file is counter-clockwise from there."""
+    surface = state[1]
+    n = np.cross(*surface.tangents)
+    n /= np.linalg.norm(n, axis=-1, keepdims=True)
+    np.testing.assert_allclose(surface.fields["normal"], surface.averaged(n), atol=1e-7)
+    corners = surface.drawn[:, :4]
+    flat = (surface.points - surface.fields["displacement"])[corners]
+    diagonals = flat[:, 2] - flat[:, 0], flat[:, 3] - flat[:, 1]
+    assert np.cross(*diagonals)[:, 2].min() > 0.0
+
+
+@pytest.mark.parametrize("name", ["turning", "shell", "plate"])
+def test_status_tells_what_touches_and_slips(name: str, request: pytest.FixtureRequest) -> None:
+    """At the nodes: 0 free, 1 in contact, 2 with friction of 95 per cent of the cone or more."""
+    results: Results = request.getfixturevalue(name)
+    surface = results.last
+    expected = np.zeros((len(surface.cells), 3, 3))
+    for look in looks_at(results, surface).values():
+        size = np.linalg.norm(look.traction, axis=-1)
+        slips = (look.shape.friction > 0.0) & (size >= 0.95 * look.shape.friction * look.pressure)
+        expected = np.maximum(expected, look.touching * np.where(slips, 2.0, 1.0))
+    found = surface.patch("contact_status")
+    np.testing.assert_array_equal(found[:, ::3, ::3], expected[:, ::2, ::2])
+    assert {0.0} < set(found.ravel()) <= {0.0, 1.0, 2.0}
+
+
+def test_fields_have_units_and_names_of_components(turning: Results) -> None:
+    """As VTK reads them; the normals are what shades a surface."""
+    vtk = pytest.importorskip("vtkmodules.vtkCommonCore", exc_type=ImportError)
+    xml = pytest.importorskip("vtkmodules.vtkIOXML", exc_type=ImportError)
+    units = {
+        "displacement": "m", "velocity": "m/s", "normal": "1", "arc_length": "m",
+        "tension": "N/m", "normal_pressure": "Pa", "friction_traction": "Pa",
+        "slip_velocity": "m/s", "gap": "m", "contact_status": "1", "membrane_force": "N/m",
+        "bending_moment": "N", "von_mises": "Pa", "mean_curvature": "1/m",
+    }  # fmt: skip
+    reader = xml.vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(turning.states[-1][1]))
+    reader.Update()
+    data = reader.GetOutput().GetPointData()
+    arrays = [data.GetArray(k) for k in range(data.GetNumberOfArrays())]
+    key = vtk.vtkDataArray.UNITS_LABEL()
+    assert {a.GetName(): a.GetInformation().Get(key) for a in arrays} == units
+    tensors, vectors = ("membrane_force", "bending_moment"), ("velocity", "friction_traction")
+    for names, components in ((tensors, ["xx", "yy", "xy"]), (vectors, ["x", "y", "z"])):
+        for name in names:
+            array = data.GetArray(name)
+            assert [array.GetComponentName(k) for k in range(3)] == components
+    assert data.GetNormals().GetName() == "normal"
+
+
 def moments_of(name: str, surface: Surface) -> np.ndarray:
     """M = D [(1 − ν) κ + ν tr κ 1] on the patches; a section cannot bend across."""
     t, nu = thickness_and_poisson(name)

@@ -196,6 +196,9 @@ def check_same(whole: Whole, directory: Path) -> None:
         history.read_history(d / "history.csv") for d in (directory, whole.directory)
     )
     np.testing.assert_allclose(ours["time"], reference["time"], rtol=1e-12)
+    tables = [history.read_history(d / "profile.csv") for d in (directory, whole.directory)]
+    np.testing.assert_allclose(*(table["time"] for table in tables), rtol=1e-12)
+    np.testing.assert_allclose(*(table["z"] for table in tables), atol=1e-12 * length)
     entries = [listed(d / "strip.pvd") for d in (directory, whole.directory)]
     assert [e.file for e in entries[0]] == [e.file for e in entries[1]]
     files = {path.name for path in directory.iterdir()}
@@ -219,7 +222,7 @@ def instants(whole: Whole, count: int, seed: int) -> Iterator[list[Stop]]:
 
 
 @pytest.mark.parametrize("runs", [2, pytest.param(10, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("sign", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("sign", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_stopped_runs_end_where_the_other_did(
     whole: Whole, tmp_path: Path, runs: int, sign: signal.Signals
 ) -> None:
@@ -229,8 +232,9 @@ def test_stopped_runs_end_where_the_other_did(
         for stop in stops:
             stopped.append(signalled(whole, directory, stop, sign))
             check_readable(directory)
-            if sign is signal.SIGINT and stopped[-1]:
+            if sign is not signal.SIGKILL and stopped[-1]:
                 check_nothing_lost(directory)
+                assert "Next: anmstrip run" in directory.with_suffix(".log").read_text()
         finished(whole, directory)
         check_readable(directory)
         check_same(whole, directory)
