@@ -37,7 +37,8 @@ def test_rows_are_what_the_scenes_left(tmp_path: Path) -> None:
             assert float(row[f"{edge}_tension"]) == pytest.approx(1.0e4, rel=1e-3)
         for key, value in summary["rollers"]["r1"].items():
             if key != "regularisation_effect":
-                assert float(row[f"r1_{key}"]) == value
+                found = row[f"r1_{key}"]  # empty of what there is not: no friction, no share of it
+                assert (float(found) if found else None) == value
         for key, value in summary["rollers"]["r1"]["regularisation_effect"].items():
             assert float(row[f"r1_regularisation_effect_{key}"]) == value
         line = f"{row['directory']} done in {float(row['wall_seconds']):.1f} s"
