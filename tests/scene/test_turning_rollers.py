@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import deepcopy
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -115,3 +116,43 @@ def test_what_turns_needs_friction() -> None:
     del line["friction"]
     with pytest.raises(ValidationError, match="nothing turns the roller"):
         scene_of(line)
+
+
+def fed() -> Scene:
+    """Strip without end over an idler, to a roller that drives it; the entry is let go."""
+    line = deepcopy(LINE)
+    line["strip"] |= {"feed": True, "refined": 0.05, "cells": (30, 2)}
+    line["rollers"][0] |= {"drive": "idle", "bearing": 10.0}
+    line["stages"][1] = {
+        "name": "start", "duration": 0.1, "entry": {"release": True},
+        "rollers": {"b": {"surface_speed": 0.8}},
+    }  # fmt: skip
+    return scene_of(line)
+
+
+def test_a_fed_line_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
+    """Labels move back under an idler whose travel goes on: as far as the strip's, 0.12 m."""
+    *_, last = fed().run()
+    steps = iter(fed().run(tmp_path))
+    while next(steps).stage != "run":
+        pass
+    steps.close()  # type: ignore[attr-defined]
+    again = fed().run(tmp_path, resume=True)
+    *_, end = again
+    assert again.march.feed is not None
+    assert again.march.feed.elements == 2
+    np.testing.assert_array_equal(end.state.full, last.state.full)
+    assert end.tangents == last.tangents
+    assert end.state.full[-1] == pytest.approx(0.12, rel=2e-3)
+    assert end.state.rollers["a"].torque == pytest.approx(-10.0, rel=1e-3)
+
+
+def test_events_see_the_speed_of_a_free_roller() -> None:
+    """An idler takes up the strip's speed: its points slip by much less than that."""
+    line = deepcopy(LINE)
+    line["rollers"][0]["drive"] = "idle"
+    line["output"] = {"events": True}
+    run = scene_of(line).run()
+    found = [e for step in run for e in step.events if e.roller == "a" and e.slip is not None]
+    assert found
+    assert max(e.slip for e in found) < 0.1 * SPEED

@@ -172,15 +172,17 @@ def check_arrays(arrays: Mapping[str, Array], facts: Facts, march: March) -> Non
         Which one, and what it should be.
     """
     strip, stages = march.assembly.strip, march.scene.course
-    course = Course(march.assembly, released=set(facts.released))
+    course, unknowns = Course(march.assembly), march.assembly.unknowns
     for stage in stages[: facts.stage]:
+        course.released |= {name for name, edge in stage.edges.items() if edge.release}
         course.finish(stage)
+    course.released |= set(facts.released)
     free = len(course.supports(stages[facts.stage]).free)
     kept = {"moved": course.moved, "speed": course.speeds, "value": course.values}
     needed = {
         f"{kind}.{name}": np.shape(x) for kind, own in kept.items() for name, x in own.items()
     }
-    needed |= {"full": (strip.unknowns,), "velocity": (strip.unknowns,)}
+    needed |= {"full": (unknowns,), "velocity": (unknowns,)}
     needed |= {f"value.{name}.force": (3,) for name in facts.released}
     needed |= {} if facts.forward is None else {"forward": (free,)}
     if facts.times is not None:
