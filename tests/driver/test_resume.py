@@ -164,3 +164,44 @@ def test_the_next_command_is_what_was_typed() -> None:
     assert words[-1] == "--resume"
     assert words[6:-1:2] == list(settings)
     assert [Override.parse(text).value for text in words[6:-1:2]] == [0.2, [40, 4], "it's"]
+
+
+def test_two_runs_into_one_directory(begun: tuple[Path, Path], tmp_path: Path) -> None:
+    """The second is refused before it touches anything, and the first ends as if alone."""
+    scene, _ = begun
+    first = Scene.load(scene).run(tmp_path)
+    steps = iter(first)
+    next(steps)
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    with pytest.raises(InputError, match="in use by process"):
+        Scene.load(scene).run(tmp_path)
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+    assert list(steps)
+    assert first.outcome.done
+    assert not (tmp_path / ".running").exists()
+
+
+def test_a_directory_emptied_under_a_run_is_not_refilled(
+    begun: tuple[Path, Path], tmp_path: Path
+) -> None:
+    scene, _ = begun
+    steps = iter(Scene.load(scene).run(tmp_path / "results"))
+    next(steps)
+    for path in (tmp_path / "results").iterdir():
+        path.unlink()
+    with pytest.raises(FileNotFoundError, match="taken away") as caught:
+        list(steps)
+    assert caught.value.filename == str(tmp_path / "results")
+    assert not list((tmp_path / "results").iterdir())
+
+
+def test_a_table_taken_away_under_a_run_is_not_begun_again(
+    begun: tuple[Path, Path], tmp_path: Path
+) -> None:
+    scene, _ = begun
+    steps = iter(Scene.load(scene).run(tmp_path))
+    next(steps)
+    (tmp_path / "history.csv").unlink()
+    with pytest.raises(FileNotFoundError) as caught:
+        list(steps)
+    assert caught.value.filename == str(tmp_path / "history.csv")

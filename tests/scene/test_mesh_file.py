@@ -125,7 +125,7 @@ def test_two_islands_are_refused(written: Callable[..., Path], aside: float) -> 
     """Apart, or with a corner in common, which holds nothing."""
     points, ((kind, cells),), edges = generated()
     up = 0.0 if aside > 2.0 else 0.8
-    everything = np.concatenate([points, [*points, aside, up]])
+    everything = np.concatenate([points, np.add(points, (aside, up))])
     if up:  # the upper right corner of the one is the lower left one of the other
         here, there = (
             int(np.abs(everything - corner).sum(axis=1)[half].argmin()) + half.start
@@ -141,7 +141,7 @@ def test_two_islands_are_refused(written: Callable[..., Path], aside: float) -> 
 @pytest.mark.parametrize("distance", [1e9, 1e15, 1e300])
 def test_nodes_without_digits_are_refused(written: Callable[..., Path], distance: float) -> None:
     points, cells, edges = generated()
-    found = refused(scene_of(written([*points, distance, 0.0], cells, edges)))
+    found = refused(scene_of(written(np.add(points, (distance, 0.0)), cells, edges)))
     assert "strip.mesh" in found
     assert "digits" in found["strip.mesh"] or distance > 1e9
 

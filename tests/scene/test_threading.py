@@ -127,7 +127,8 @@ def test_guess_follows_the_belt() -> None:
     at = strip.nodes + strip.kinematics.embed(full.reshape(-1, 2)[strip.node_values].T)
     expected = thread.positions(strip.nodes, float(strip.mesh.p[0].min()))
     np.testing.assert_allclose(at, expected, atol=2e-5)
-    np.testing.assert_allclose(at[:, [0, -1]][[0, 2]], [[-2.0, 2.0], [-1.0, -1.0]], atol=1e-6)
+    ends = at[:, [0, -1]] + assembly.origin[:, None]
+    np.testing.assert_allclose(ends[[0, 2]], [[-2.0, 2.0], [-1.0, -1.0]], atol=1e-6)
 
 
 def test_guess_contracts_across() -> None:
@@ -144,12 +145,13 @@ def test_guess_contracts_across() -> None:
 
 
 def test_level_ends_share_what_the_strip_leaves() -> None:
-    thread = Assembly(scene_of(BRIDLE)).thread
+    assembly = Assembly(scene_of(BRIDLE))
+    thread, height = assembly.thread, assembly.origin[2]
     (entry, _), (exit_, _) = (thread.middle.at(s, 0) for s in (0.0, thread.middle.length[0]))
     starts = thread.middle.starts[:, 0]
     assert np.diff(starts)[0] == pytest.approx(np.diff(starts)[-1])
-    assert entry[1] == pytest.approx(0.0, abs=1e-5)
-    assert exit_[1] == pytest.approx(-1.9, abs=1e-5)
+    assert entry[1] + height == pytest.approx(0.0, abs=1e-5)
+    assert exit_[1] + height == pytest.approx(-1.9, abs=1e-5)
     assert thread.middle.length[0] == pytest.approx(8.0 * thread.along)
 
 

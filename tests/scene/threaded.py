@@ -72,7 +72,7 @@ def values(run: Run, state: State) -> Any:
     """Positions of the nodes, shape (3, nodes)."""
     strip = run.assembly.strip
     own = state.full.reshape(-1, strip.count)[strip.node_values]
-    return strip.nodes + strip.kinematics.embed(own.T)
+    return strip.nodes + strip.kinematics.embed(own.T) + strip.origin[:, None]
 
 
 def turned(state: State) -> float:

@@ -90,6 +90,7 @@ class Facts(BaseModel):
     forward: Number | None = None
     rows: Count
     event_rows: Count
+    profile_rows: Count
     states: Count
     turned: dict[str, Number]  # travel of the rollers' surfaces (m)
 

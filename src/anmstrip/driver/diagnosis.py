@@ -77,6 +77,7 @@ def locate(evidence: Evidence, state: State) -> Location | None:
         gaps.append((float(contact.gap[np.abs(x - point[:, None]).sum(axis=0).argmin()]), name))
     gap, roller = min(gaps)
     name = "xyz"[strip.kinematics.components[component]]
+    point = point + strip.flat_origin[: len(point)]
     return Location(tuple(point), name, element, roller if gap < NEAR * element else "")
 
 
@@ -164,11 +165,11 @@ def squeezed(failure: Failure) -> str | None:
         overlap = a.radius + b.radius - distance
         if overlap > 0.0 or (contacts[a.name].touching & contacts[b.name].touching).any():
             away = 1.1 * max(overlap, failure.assembly.strip.thickness) / distance * across
-            key, value = f"rollers.{b.name}.centre", centre + away
+            key, value = f"rollers.{b.name}.centre", centre + away + failure.assembly.origin
             control = failure.stage.rollers.get(b.name)
             if control is not None and control.move is not None:
                 key = f"stages.{failure.stage.name}.rollers.{b.name}.move"
-                value -= np.array(b.centre)
+                value -= np.add(b.centre, failure.assembly.origin)
             return (
                 f"Rollers {a.name} and {b.name} are {-overlap:.3g} m apart and squeeze the strip. "
                 f"Try --set '{key}={_vector(value)}'."
@@ -219,7 +220,7 @@ def slack(failure: Failure) -> str | None:
     bearable = euler / (4.0 * strip.cell_sizes[0]) ** 2
     worst = int(np.argmin(least + bearable))
     if least[worst] < -max(bearable[worst], 1e-3 * failure.assembly.scales.tension):
-        x = strip.mesh.p[0, strip.mesh.t[:, worst]].mean()
+        x = strip.mesh.p[0, strip.mesh.t[:, worst]].mean() + strip.flat_origin[0]
         found = f"pressed at x = {x:.3g} m with {-least[worst]:.3g} N/m, and buckles"
     elif mean[0, 0].max() < euler / strip.length**2:
         found = "under no tension, which is what holds a thin strip in shape"

@@ -161,8 +161,9 @@ def roller_table(preview: Preview) -> Table:
     for roller in preview.assembly.rollers:
         radius = f"{roller.radius:g}"
         if not roller.is_cylinder:
-            left, right = strip.nodes[1].min(), strip.nodes[1].max()
-            low, high = (roller.radius_at(y - roller.centre[1]) for y in (left, right))
+            left, right = np.sort(strip.nodes[1])[[0, -1]] + strip.origin[1]
+            place = roller.centre[1] + strip.origin[1]
+            low, high = (roller.radius_at(y - place) for y in (left, right))
             radius += f"; {low:g} at y = {left:g} m, {high:g} at y = {right:g} m"
         turn = preview.turn(roller) if thread is None else thread.turns.get(roller.name)
         turn = preview.turn(roller) if turn is None else turn
@@ -173,7 +174,7 @@ def roller_table(preview: Preview) -> Table:
         table.add_row(
             roller.name,
             radius,
-            ", ".join(f"{c:g}" for c in roller.centre),
+            ", ".join(f"{c:g}" for c in np.add(roller.centre, strip.origin)),
             ", ".join(f"{c:.3g}" for c in roller.unit_axis),
             preview.passes(roller),
             ("" if clockwise else "anti") + "clockwise" + drive,

@@ -10,9 +10,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from anmstrip.arrays import Array
 from anmstrip.results.fields import FieldSampler
-from anmstrip.results.files import History, save_checkpoint, write_summary
+from anmstrip.results.files import DirectoryLock, History, save_checkpoint, write_summary
 from anmstrip.results.profile import COLUMNS as PROFILE_COLUMNS
 from anmstrip.results.profile import Profile
 from anmstrip.results.state import State
@@ -53,6 +55,7 @@ class Recorder:
     ) -> None:
         self.assembly, self.directory = assembly, directory
         directory.mkdir(parents=True, exist_ok=True)
+        self.lock = DirectoryLock(directory)
         names = [f"{r.name}_{column}" for r in assembly.rollers for column in ROLLER_COLUMNS]
         columns = (*STEP_COLUMNS, "entry_tension", "exit_tension", *names)
         history, events = directory / "history.csv", directory / "events.csv"
@@ -91,6 +94,7 @@ class Recorder:
     def record(self, step: Step, before: State) -> None:
         """Write what is wanted of an accepted step: history, events, its end or instants inside."""
         state, output = step.state, self.assembly.scene.output
+        self.lock.check()
         if output.times is None and not self.strip.count:
             self.write_state(state.at(state.plan.start, before))
         values = {column: getattr(step, column) for column in STEP_COLUMNS}
@@ -129,14 +133,18 @@ class Recorder:
         self.profile_rows += len(rows)
         strip, rollers = (f"{name}_{self.states:05d}.vtu" for name in ("strip", "rollers"))
         fields = self.surface.sample(state)
-        points = self.surface.reference.T + fields["displacement"]
+        origin, flat_origin = self.assembly.origin, np.append(self.assembly.flat_origin, 0.0)
+        points = self.surface.reference.T + fields["displacement"] + origin
+        fields["displacement"] += origin - flat_origin
         smooth = self.assembly.scene.output.smooth
         cells = self.surface.cells if smooth else subdivide(self.surface.cells)
         write_surface(self.directory / strip, points, cells, fields)
         self.strip.add(state.time, strip)
         if self.assembly.rollers:
             moved = [
-                replace(roller, centre=tuple(state.controls[f"rollers.{roller.name}.centre"]))
+                replace(
+                    roller, centre=tuple(state.controls[f"rollers.{roller.name}.centre"] + origin)
+                )
                 for roller in self.assembly.rollers
             ]
             angles = [roller.sense * self.turned[roller.name] / roller.radius for roller in moved]
@@ -157,12 +165,14 @@ class Recorder:
         if not force and now - self.last_checkpoint < CHECKPOINT_SECONDS:
             return
         self.last_checkpoint = now
+        self.lock.check()
         names = ("rows", "states", "turned", "event_rows", "profile_rows")
         counters = {name: getattr(self, name) for name in names}
         save_checkpoint(self.directory / "checkpoint.npz", arrays, {**facts, **counters})
 
     def summary(self, facts: Mapping[str, Any], state: State | None) -> None:
-        """Write ``summary.json``."""
+        """Write ``summary.json``; then the directory is free for others."""
+        self.lock.check()
         edges: dict[str, Any] = {}
         rollers: dict[str, Any] = {}
         if state is not None:
@@ -184,6 +194,7 @@ class Recorder:
             facts = {**facts, "strip_speed": state.strip_speed}
         summary = {**facts, **written, "versions": versions()}
         write_summary(self.directory / "summary.json", summary)
+        self.lock.release()
 
 
 def versions() -> dict[str, str]:

@@ -61,6 +61,13 @@ class Strip:
         W (m) of a section; a surface has its own.
     surface : ReferenceSurface, optional
         Where a point of the mesh's plane lies in space; for a shell.
+
+    Attributes
+    ----------
+    origin : ndarray, shape (3,)
+        Place (m) in the scene's coordinates of the local origin from which positions count.
+    flat_origin : ndarray, shape (2,)
+        The same of the flat strip: where the mesh file has what is (0, 0) here.
     """
 
     def __init__(
@@ -74,6 +81,7 @@ class Strip:
     ) -> None:
         self.mesh, self.thickness, self.material = mesh, thickness, material
         self.surface = surface
+        self.origin, self.flat_origin = np.zeros(3), np.zeros(2)
         self.kinematics = kinematics
         element, degree = next(e for kind, e in ELEMENTS.items() if isinstance(mesh, kind))
         self.basis = Basis(mesh, element(), intorder=degree)

@@ -241,6 +241,7 @@ class EventWatch:
             if value_at(functions[0][:, column], a) > 0.0:
                 found.append((float(a), int(column), "grazing"))
         x, y = self.contact.operator.reference[:2, chosen]
+        x, y = np.add([x, y], self.plan.model.strip.flat_origin[:, None])
         for a, column, kind in sorted(found):
             pair = int(chosen[column])
             if kind in (*KINDS[1], *KINDS[2]) and not self.touching[pair]:

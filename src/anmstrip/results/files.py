@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import csv
+import errno
 import io
 import json
 import math
 import os
+import platform
+import weakref
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path, PurePath
@@ -71,6 +74,80 @@ def atomic_write(path: AnyPath) -> Iterator[Path]:
         except BaseException:
             temporary.unlink(missing_ok=True)
             raise
+
+
+class DirectoryLock:
+    """A directory to which one run at a time writes; a killed process leaves it free.
+
+    The system holds the lock, on a file in the directory, as long as the process lives.
+
+    Parameters
+    ----------
+    directory : path
+
+    Raises
+    ------
+    InputError
+        Another run, in this process or another one, writes there.
+    OSError
+        The directory cannot be written.
+    """
+
+    def __init__(self, directory: AnyPath) -> None:
+        self.path = Path(directory) / ".running"
+        with named_errors(self.path):
+            while True:
+                self.file = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666)
+                self.release = weakref.finalize(self, _unlock, self.path, self.file)
+                self._lock()
+                if _is_file(self.path, self.file):  # no other run has ended just now
+                    break
+                self.release()
+            os.truncate(self.file, 0)
+            os.write(self.file, f"in use by process {os.getpid()} on {platform.node()}".encode())
+
+    def _lock(self) -> None:
+        """Take the lock; file systems without locks, and Windows, let everybody in."""
+        try:
+            import fcntl
+
+            fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            given = os.read(self.file, 200).decode(errors="replace")
+            self.release.detach()
+            os.close(self.file)
+            expected = "a directory to which no other run writes"
+            hint = "-o with another directory, or the same command when that run has ended"
+            raise InputError([Mistake(str(self.path.parent), "", given, expected, hint)]) from error
+        except (ImportError, OSError):
+            return
+
+    def check(self) -> None:
+        """Refuse to go on writing to a directory that was emptied or replaced.
+
+        Raises
+        ------
+        FileNotFoundError
+            With the directory as its `filename`.
+        """
+        if not _is_file(self.path, self.file):
+            words = "the files of this run were taken away"
+            raise FileNotFoundError(errno.ENOENT, words, str(self.path.parent))
+
+
+def _is_file(path: Path, file: int) -> bool:
+    """Return whether a path leads to an open file."""
+    try:
+        return os.path.samestat(path.stat(), os.fstat(file))
+    except FileNotFoundError:
+        return False
+
+
+def _unlock(path: Path, file: int) -> None:
+    """Let others write to a directory, unless it is theirs already."""
+    if _is_file(path, file):
+        path.unlink()
+    os.close(file)
 
 
 def plain(value: Any, *, keep_nonfinite: bool = False) -> Any:
@@ -226,7 +303,8 @@ class History:
         if unknown := {column for row in rows for column in row} - set(self.columns):
             raise ValueError(f"no such columns: {', '.join(sorted(unknown))}")
         lines = _encode([[row.get(column) for column in self.columns] for row in rows])
-        with named_errors(self.path), self.path.open("ab") as file:
+        with named_errors(self.path), self.path.open("rb+") as file:  # not made anew
+            file.seek(0, os.SEEK_END)
             file.write(lines)
 
 

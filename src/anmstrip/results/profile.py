@@ -57,7 +57,7 @@ class Profile:
         What belongs to contact is empty where no point of the station touches a roller.
         """
         fields, flat = self.fields.sample(state), self.fields.reference
-        position = flat.T + fields["displacement"]
+        position = flat.T + fields["displacement"] + self.fields.strip.origin
         columns = {name: self._mean(position[:, k]) for k, name in enumerate("xyz")}
         columns |= {
             "arc_length": self._mean(fields["arc_length"]),

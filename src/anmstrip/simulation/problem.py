@@ -40,6 +40,8 @@ from anmstrip.simulation.meshing import (
 )
 
 if TYPE_CHECKING:
+    from skfem import Mesh
+
     from anmstrip.fem.sampling import ContactOperator
     from anmstrip.mechanics.contact import Contact, Friction
     from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
@@ -164,9 +166,41 @@ class Assembly:
         object.__setattr__(self, "scene", completed(self.scene))
 
     @cached_property
+    def origin(self) -> Array:
+        """Local origin (m), from which positions in space count, shape (3,).
+
+        Far from its origin a scene would lose the last digits of its lengths.  Results are
+        written in the scene's own coordinates again.
+        """
+        spec = self.scene.threading
+        if spec is None:
+            return np.append(self.flat_origin, 0.0)
+        ends = [place for place in (spec.entry, spec.exit) if place is not None]
+        wrapped = [roller.centre for roller in self.scene.rollers if roller.wrap is not None]
+        return local_origin(np.transpose([*ends, *wrapped]))
+
+    @cached_property
+    def flat_origin(self) -> Array:
+        """Local origin (m) from which points of the flat strip count, shape (2,).
+
+        A threaded strip keeps its y: its middle runs in the plane y = 0.
+        """
+        if self.scene.strip.mesh is None:
+            return np.zeros(2)
+        origin = local_origin(self.mesh_of_file.p)
+        return origin if self.scene.threading is None else origin * [1.0, 0.0]
+
+    @cached_property
+    def mesh_of_file(self) -> Mesh:
+        """Mesh of the scene's file, in its own coordinates."""
+        from anmstrip.scene.mesh_file import read_mesh
+
+        return read_mesh(self.scene)
+
+    @cached_property
     def rollers(self) -> tuple[Roller, ...]:
         """Geometry of the rollers; those of a threaded strip carry it at positive speeds."""
-        rollers = rollers_of(self.scene)
+        rollers = rollers_of(self.scene, self.origin)
         if self.thread is None:
             return rollers
         return tuple(replace(r, sense=carrying_sense(r, self.thread)) for r in rollers)
@@ -213,7 +247,11 @@ class Assembly:
             return None
         from anmstrip.simulation.threading import thread_of
 
-        return thread_of(self.scene, rollers_of(self.scene))
+        rollers = rollers_of(self.scene, self.origin)
+        length = self.scene.strip.length
+        if self.scene.strip.mesh is not None:
+            length = float(np.ptp(self.mesh_of_file.p[0]))
+        return thread_of(self.scene, rollers, self.origin, length)
 
     @cached_property
     def strip(self) -> Strip:
@@ -222,11 +260,10 @@ class Assembly:
         if spec.mesh is None:
             mesh = strip_mesh(self.scene, self.rollers, self.thread)
         else:
-            from anmstrip.scene.mesh_file import read_mesh
-
-            mesh = renumbered(read_mesh(self.scene))
+            mesh = renumbered(self.mesh_of_file.translated(-self.flat_origin))
         width = spec.width or 1.0
         strip = Strip(mesh, spec.thickness, self.material, self.kinematics, width)
+        strip.origin, strip.flat_origin = self.origin, self.flat_origin
         check_geometry(self.scene, strip, self.rollers)
         return strip
 
@@ -492,20 +529,33 @@ def own_law(scene: SceneSpec, table: str) -> Any:
         raise scene.refused(f"{table}.parameters", typed, expected, hint) from error
 
 
-def rollers_of(scene: SceneSpec) -> tuple[Roller, ...]:
-    """Return the geometry of all rollers of a scene."""
+def local_origin(points: Array) -> Array:
+    """Return the middle of points of shape (d, n), so rounded that differences to it are not.
+
+    In thousandths of a power of two of their size: a line that is moved by a multiple of that,
+    or mirrored, is solved by the same numbers.
+    """
+    size = float(np.ptp(points, axis=1).max()) or float(np.abs(points).max()) or 1.0
+    step = 2.0 ** (np.ceil(np.log2(size)) - 10.0)
+    middle = 0.5 * (points.min(axis=1) + points.max(axis=1))
+    return np.asarray(step * np.round(middle / step) + 0.0)
+
+
+def rollers_of(scene: SceneSpec, origin: Array) -> tuple[Roller, ...]:
+    """Return the geometry of all rollers of a scene, from a local origin, shape (3,)."""
     faces = scene.contact is not None and scene.contact.faces
     half = 0.5 * scene.strip.thickness if faces else 0.0
-    return tuple(roller_of(spec, half) for spec in scene.rollers)
+    return tuple(roller_of(spec, origin, half) for spec in scene.rollers)
 
 
-def roller_of(spec: RollerSpec, half: float = 0.0) -> Roller:
+def roller_of(spec: RollerSpec, origin: Array, half: float) -> Roller:
     """Return the geometry of a roller, which touches the strip so far from its mid-surface (m)."""
     crown, given = spec.crown, spec.sides
     if spec.taper:
         crown = (spec.taper + sum(crown[:1]), *crown[1:])
     sides = None if given is None else Sides(given.taper, 0.5 * given.flat, given.rounding)
-    return Roller(spec.name, spec.radius, spec.centre, spec.axis, crown, sides, half)
+    x, y, z = (float(c) for c in np.asarray(spec.centre) - origin)
+    return Roller(spec.name, spec.radius, (x, y, z), spec.axis, crown, sides, half)
 
 
 def distributed_load(scene: SceneSpec) -> float:

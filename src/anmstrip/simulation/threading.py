@@ -184,8 +184,10 @@ class Thread:
         return np.stack([position[0], y * self.across, position[1]])
 
 
-def thread_of(scene: SceneSpec, rollers: Sequence[Roller]) -> Thread:
-    """Return the way of a threaded strip.
+def thread_of(
+    scene: SceneSpec, rollers: Sequence[Roller], origin: Array, length: float | None
+) -> Thread:
+    """Return the way of a threaded strip, from a local origin, shape (3,).
 
     Raises
     ------
@@ -198,17 +200,14 @@ def thread_of(scene: SceneSpec, rollers: Sequence[Roller]) -> Thread:
     spec, m = scene.threading, scene.material
     sides = {r.name: r.wrap for r in scene.rollers if r.wrap is not None}
     chosen = [roller for roller in rollers if roller.name in sides]
-    length = scene.strip.length
-    if scene.strip.mesh is not None:
-        from anmstrip.scene.mesh_file import read_mesh
-
-        length = float(np.ptp(read_mesh(scene).p[0]))
+    given = spec.entry, spec.exit
+    ends = [None if place is None else (place - origin)[[0, 2]] for place in given]
     thread = Thread(
         chosen,
         np.array([SENSES[sides[roller.name]] for roller in chosen]),
         np.array([spec.crossing for spec in scene.rollers if spec.wrap is not None], dtype=bool),
         np.array([_depth(scene, roller) for roller in chosen]),
-        tuple(None if p is None else FixedEnd((p[0], p[2])) for p in (spec.entry, spec.exit)),
+        tuple(None if place is None else FixedEnd(place) for place in ends),
         *uniaxial_stretches(spec.tension, m.young * scene.strip.thickness, m.poisson),
         spec.tension,
         length,
@@ -285,6 +284,7 @@ def _refused(scene: SceneSpec, rollers: Sequence[Roller], error: ValueError) -> 
     key = key if index else "threading.entry"
     assert scene.threading is not None
     given = {"threading.entry": scene.threading.entry, "threading.exit": scene.threading.exit}
-    value = given[key] if key in given else list(rollers[index].centre)
+    centres = {f"rollers.{roller.name}.centre": roller.centre for roller in scene.rollers}
+    value = (given | centres)[key]
     expected = f"room for a straight run from {before} to {after}, which overlap"
     return scene.refused(key, value, expected, "a place further away")
