@@ -205,22 +205,22 @@ def draw_line(scene: SceneSpec, picture: Path) -> None:
     controls = preview.plans[-1].controls.at(1.0)
     if thread is not None:
         path, turns, controls = thread.middle, thread.turns, preview.plans[0].controls.at(0.0)
-    half = 0.5 * assembly.strip.length
+    half, origin = 0.5 * assembly.strip.length, assembly.origin[[0, 2]]
     line, wheels, arcs = np.array([[-half, half], [0.0, 0.0]]), [], {}
     if path is not None:
         line = path.at(np.linspace(0.0, path.length[0], POINTS), 0)[0]
         ends = zip(path.arcs.start[:, 0], path.arcs.end[:, 0], strict=True)
         for name, (start, end) in zip(turns, ends, strict=True):
-            arcs[name] = path.at(np.linspace(start, end, POINTS), 0)[0]
+            arcs[name] = path.at(np.linspace(start, end, POINTS), 0)[0] + origin[:, None]
     for roller, spec in zip(assembly.rollers, scene.rollers, strict=True):
-        centre = np.asarray(controls[f"rollers.{roller.name}.centre"])[[0, 2]]
+        centre = np.asarray(controls[f"rollers.{roller.name}.centre"])[[0, 2]] + origin
         wrap = f"\n{np.degrees(turns[roller.name]):.4g}°" if roller.name in arcs else ""
         kind = "" if spec.drive == "speed" else f"\n{spec.drive}"
         clockwise = roller.sense * roller.unit_axis[1] >= 0.0
         arc = arcs.get(roller.name, np.zeros((2, 0)))
         caption = roller.name + wrap + kind
         wheels.append(Wheel(centre, roller.radius, bool(clockwise), caption, arc))
-    draw_layout(picture, scene.title or scene.name, line, wheels)
+    draw_layout(picture, scene.title or scene.name, line + origin[:, None], wheels)
 
 
 def stage_table(plans: Sequence[StageProblem]) -> Table:
