@@ -160,3 +160,42 @@ def test_profile_makes_the_middle_carry_more(scene: str, tensions: dict[float, f
             assert line.sum() > 10
             assert force[line].mean() == pytest.approx(expected, rel=0.02)
     assert state.tension("entry") == pytest.approx(state.tension("exit"), rel=1e-5)
+
+
+def test_line_settles_with_the_torques_of_its_bearings() -> None:
+    """Stick on the drives, M/(r W) on every idler, and together the drag of all bearings."""
+    run, last = ended("line.toml")
+    state, readings = last.state, last.state.rollers
+    assert run.stages["line"]["tangents"] <= 18
+    assert state.tension("entry") == pytest.approx(1e4, rel=1e-5)
+    assert state.tension("exit") == pytest.approx(1e4, rel=1e-5)
+    assert state.strip_speed == pytest.approx(1.99985, abs=2e-5)
+    stretched = run.assembly.strip.tensile_stiffness * (2.0 / state.strip_speed - 1.0)
+    drives = [readings[name] for name in ("r1", "r20", "r40")]
+    for drive, torque in zip(drives, (607.0, 160.0, -469.0), strict=True):
+        assert drive.tension_in == pytest.approx(stretched, rel=0.01)
+        assert drive.torque == pytest.approx(torque, abs=5.0)
+    idlers = [reading for reading in readings.values() if reading not in drives]
+    assert len(idlers) == 37
+    for idler in idlers:
+        assert idler.torque == pytest.approx(-8.0, rel=1e-3)
+        assert idler.tension_out - idler.tension_in == pytest.approx(8.0 / 0.4 / 1.2, rel=0.02)
+    assert sum(drive.torque for drive in drives) == pytest.approx(37 * 8.0, rel=0.01)
+
+
+def test_steering_is_that_of_shelton() -> None:
+    """y_L/(θ L) = (KL cosh KL − sinh KL)/(KL (cosh KL − 1)), KL = L √(T/E I_z): to 0.2 %."""
+    run, last = ended("steering.toml")
+    state, strip = last.state, run.assembly.strip
+    values, middle = strip.nodal(state.full)[strip.node_values], np.abs(strip.mesh.p[1]) < 1e-9
+    x = strip.mesh.p[0, middle] + values[middle, 0]
+    tension, width = 4.4e4, run.scene.strip.width
+    length = 2.0 + np.sqrt(strip.bending_stiffness / tension)
+    kl = length * np.sqrt(tension * width / (strip.tensile_stiffness * width**3 / 12.0))
+    expected = (kl * np.cosh(kl) - np.sinh(kl)) / (kl * (np.cosh(kl) - 1.0))
+    assert expected == pytest.approx(0.6782, abs=1e-4)
+    y = np.interp(x.min() + length, np.sort(x), values[middle, 1][np.argsort(x)])
+    assert -y / (1e-3 * length) == pytest.approx(expected, rel=2e-3)
+    assert y == pytest.approx(-1.370e-3, rel=2e-3)
+    assert state.strip_speed == pytest.approx(0.99978, abs=1e-5)
+    assert run.cost.expansions <= 26
