@@ -42,8 +42,16 @@ def draw(job: Job) -> None:
             points, cells, tones = rollers
             surface = pyvista.PolyData(points, np.insert(cells, 0, 4, axis=1))
             for tone, grey in enumerate(GREYS):
-                sectors = surface.extract_cells(tones == tone)
-                plotter.add_mesh(sectors, color=grey, ambient=AMBIENT, diffuse=1.0 - AMBIENT)
+                sectors = surface.extract_cells(tones == tone).extract_surface(
+                    algorithm="dataset_surface"
+                )
+                plotter.add_mesh(
+                    sectors,
+                    color=grey,
+                    smooth_shading=True,
+                    ambient=AMBIENT,
+                    diffuse=1.0 - AMBIENT,
+                )
         place = 24, job.size[1] - 46
         plotter.add_text(f"t = {frame.time:.4g}", position=place, color="black", font_size=11)
         camera = plotter.camera

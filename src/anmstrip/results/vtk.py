@@ -66,7 +66,7 @@ FIELDS = {
     "friction_traction": Field("friction traction", "Pa", VECTOR),
     "slip_velocity": Field("slip velocity", "m/s", VECTOR),
     "gap": Field("gap", "m"),
-    "contact_status": Field("0 free, 1 sticks, 2 slips", "1"),
+    "contact_status": Field("contact (0 free, 1 touches, 2 slips)", "1"),
     "membrane_force": Field("membrane force", "N/m", TENSOR),
     "bending_moment": Field("bending moment", "N", TENSOR),
     "von_mises": Field("von Mises stress, top", "Pa"),
