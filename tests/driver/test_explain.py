@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from anmstrip.driver.explain import explain
+from anmstrip.driver.preview import Preview
 from anmstrip.driver.scene import Scene
-from anmstrip.driver.warnings import Level, Preview, justified_level, levels, warnings
+from anmstrip.driver.warnings import Level, justified_level, levels, warnings
 from anmstrip.simulation.problem import Assembly
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -24,9 +24,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from anmstrip.driver.preview import Preview
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
-from anmstrip.driver.warnings import Preview, serious
+from anmstrip.driver.warnings import serious
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.errors import InputError
 from anmstrip.results.vtk import read_surface

@@ -199,7 +199,8 @@ def round_off(failure: Failure) -> str | None:
 
 def forewarned(failure: Failure) -> str | None:
     """It could be told before the run, of this stage and those before it."""
-    from anmstrip.driver.warnings import Preview, serious
+    from anmstrip.driver.preview import Preview
+    from anmstrip.driver.warnings import serious
 
     preview = Preview.of(failure.assembly)
     until = 1 + [plan.name for plan in preview.plans].index(failure.stage.name)

@@ -10,7 +10,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from anmstrip.driver.warnings import Level, Preview, justified_level, levels, warnings
+from anmstrip.driver.preview import Preview
+from anmstrip.driver.warnings import Level, justified_level, levels, warnings
 from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import InputError, Mistake, printable
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
@@ -230,6 +231,8 @@ def stage_table(plans: Sequence[StageProblem]) -> Table:
     for plan in plans:
         moving = sorted(plan.controls.slope)
         moving += ["held edges"] if np.any(plan.supports.slope) else []
+        held = plan.controls.at(1.0).items()
+        moving += [k for k, v in held if k.endswith("speed") and np.any(v) and k not in moving]
         table.add_row(
             plan.name,
             f"{plan.start:g}",

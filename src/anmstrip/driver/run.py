@@ -14,8 +14,9 @@ from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Outcome, PathStopped
 from anmstrip.continuation.follow import Pace
 from anmstrip.driver.checkpoint import identity, read_checkpoint
+from anmstrip.driver.preview import Preview
 from anmstrip.driver.recorder import Recorder
-from anmstrip.driver.warnings import Preview, warnings
+from anmstrip.driver.warnings import warnings
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import SHELL
 from anmstrip.results.state import State

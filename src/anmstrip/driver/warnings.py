@@ -1,52 +1,37 @@
 """Warnings before a scene runs, and the level of kinematics that its numbers justify.
 
-Every rule is a function that looks at a :class:`Preview` and yields sentences.
+Every rule is a function that looks at a :class:`~anmstrip.driver.preview.Preview` and yields
+sentences; those of statics stand in :mod:`anmstrip.driver.physics`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from itertools import combinations
+from dataclasses import dataclass
 
 import numpy as np
 
-from anmstrip.arrays import Array
-from anmstrip.equilibrium import StageProblem
+from anmstrip.driver import physics
+from anmstrip.driver.preview import Preview
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.mechanics.roller import Roller
-from anmstrip.mechanics.string_path import (
-    End,
-    FixedEnd,
-    NoTangentError,
-    NotTouchedError,
-    StraightEnd,
-    StringPath,
-    string_path,
-)
+from anmstrip.scene.tables import ENDS
 from anmstrip.simulation.defaults import elastic_creep
 from anmstrip.simulation.meshing import (
     MOST_UNKNOWNS,
     QUARTER,
-    bending_stiffness,
     boundary_layer,
-    carrying_sense,
     cells_across,
-    largest_force,
     surface_speed,
     wanted_size,
 )
 from anmstrip.simulation.problem import Assembly, Size, size_of
-from anmstrip.simulation.stages import Course
 
 STEEPEST = np.radians(5.0)
 """Slope up to which a plate is offered: it errs by slope²/2, which is 0.4 % there."""
 
 BENT = 0.5
 """Turn (rad) within one element over a roller that it cannot follow."""
-
-PARALLEL = 0.99
-"""Least cosine of the angle between axes of rollers that face each other."""
 
 SUNK = 0.1
 """Share of a roller's radius that a strip may sink into it, pressed by its tension."""
@@ -56,49 +41,6 @@ SLACK = 1e-2
 
 UNLIKE = 0.1
 """Share by which a friction coefficient may act as another one than was typed, unsaid."""
-
-
-@dataclass(frozen=True)
-class Preview:
-    """A scene before it runs."""
-
-    assembly: Assembly
-    plans: Sequence[StageProblem]  # the stages as they would be solved
-    strings: Sequence[StringEstimate]  # the strip as a taut string at the end of each
-
-    @classmethod
-    def of(cls, assembly: Assembly) -> Preview:
-        """Walk through all stages."""
-        course, plans, strings = Course(assembly), [], []
-        for stage in assembly.scene.course:
-            plans.append(course.plan(stage, {}))
-            course.finish(stage)
-            strings.append(string_estimate(course))
-        return cls(assembly, plans, strings)
-
-    @property
-    def tension(self) -> float:
-        """Largest force of the scene (N/m)."""
-        return largest_force(self.assembly.scene)
-
-    @property
-    def steepest(self) -> StringEstimate:
-        """The string with the largest slope."""
-        return max(self.strings, key=lambda string: string.slope)
-
-    def turn(self, roller: Roller) -> float:
-        """Largest wrap of a roller in any stage (rad)."""
-        return max((string.turns.get(roller.name, 0.0) for string in self.strings), default=0.0)
-
-    def passes(self, roller: Roller) -> str:
-        """Where from a roller the strip is in the middle of its wrap: x to the right, z upwards."""
-        found = [s.places[roller.name] for s in self.strings if roller.name in s.places]
-        if not found:
-            return "–"
-        x, z = found[0]
-        if abs(z) >= abs(x):
-            return "above" if z > 0.0 else "below"
-        return "to the right" if x > 0.0 else "to the left"
 
 
 def warnings(preview: Preview) -> list[str]:
@@ -170,21 +112,17 @@ def slack_start(preview: Preview) -> Iterator[str]:
 
 
 def released_strip(preview: Preview) -> Iterator[str]:
-    """Stages from which on no edge holds the strip in x, nor friction what is changed there."""
+    """Stages from which on no edge holds the strip in x, nor friction."""
     scene, names = preview.assembly.scene, {plan.name for plan in preview.plans}
     holding = {name for name, edge in scene.edges.items() if "x" in edge.fixed}
     for stage in (stage for stage in scene.stages if stage.name in names and holding):
-        holding -= {name for name, edge in stage.edges.items() if edge.release}
-        pulled = [name for name, edge in stage.edges.items() if edge.force or edge.tension]
-        rubs = preview.assembly.frictional(stage)
-        if holding or (rubs and not pulled):
-            continue
-        who, key = ("only friction", "force") if rubs else ("nothing", "release")
-        what = f", which pulls at its {pulled[0]}" if rubs else ""
-        yield (
-            f"{who} holds the strip in x in stage {stage.name}{what}. "
-            f"Try it without stages.{stage.name}.{(pulled or ['entry'])[0]}.{key}."
-        )
+        released = [name for name, edge in stage.edges.items() if edge.release]
+        holding -= set(released)
+        if not holding and not preview.assembly.frictional(stage):
+            yield (
+                f"nothing holds the strip in x in stage {stage.name}. "
+                f"Try it without stages.{stage.name}.{(released or ['entry'])[0]}.release."
+            )
 
 
 def slack_end(preview: Preview) -> Iterator[str]:
@@ -299,43 +237,16 @@ def acts_as(coefficient: float, share: float, slip: float) -> str:
     )
 
 
-def beyond_yield(preview: Preview) -> Iterator[str]:
-    """Rollers over which the bent strip is stressed beyond its yield stress."""
-    scene, m = preview.assembly.scene, preview.assembly.material
-    limit = scene.material.yield_stress
-    if limit is None or scene.contact is None or not scene.strip.bending:
-        return
-    for roller in preview.assembly.rollers:
-        stress = m.young * scene.strip.thickness / (2.0 * roller.radius * (1.0 - m.poisson**2))
-        if stress > limit:
-            yield (
-                f"bending over {roller.name} gives {stress / 1e6:.0f} MPa at the surface, "
-                f"above the yield stress {limit / 1e6:.0f} MPa; plasticity is not modelled."
-            )
-
-
-def nip(preview: Preview) -> Iterator[str]:
-    """Parallel rollers on both sides of the strip, closer to each other than it is thick."""
-    assembly, thickness = preview.assembly, preview.assembly.strip.thickness
-    sides = {
-        roller.name: carrying_sense(roller, assembly.thread) * np.sign(roller.unit_axis[1])
-        for roller in assembly.rollers
-    }
-    for a, b in combinations(assembly.rollers if assembly.scene.contact else (), 2):
-        way = np.subtract(b.centre, a.centre)
-        gap = float(np.linalg.norm(np.cross(way, a.unit_axis))) - a.radius - b.radius
-        faced = sides[a.name] * sides[b.name] < 0.0 and abs(a.unit_axis @ b.unit_axis) > PARALLEL
-        if not faced or gap >= thickness * (1.0 - 1e-9):
-            continue
-        told = "squeeze it" if a.half else "touch its mid-surface alone (contact.faces)"
-        yield (
-            f"rollers {a.name} and {b.name} leave a gap of {gap:.3g} m to a strip of "
-            f"{thickness:.3g} m, and {told}."
-        )
-
-
-SERIOUS_RULES = (sharp_roller, soft_contact, slack_start, released_strip, slack_end, heavy_strip)
-OTHER_RULES = (nip, coarse_mesh, slipping_friction, beyond_yield)
+SERIOUS_RULES = (
+    sharp_roller,
+    soft_contact,
+    slack_start,
+    released_strip,
+    physics.beyond_capacity,
+    slack_end,
+    heavy_strip,
+)
+OTHER_RULES = (coarse_mesh, slipping_friction, *physics.RULES)
 
 
 def element_over(assembly: Assembly, roller: Roller) -> float:
@@ -451,82 +362,3 @@ def against_plate(preview: Preview) -> Iterator[str]:
                 yield f"{name}.tension in stage {stage.name}: only exit.force pulls a plate"
             elif c.force is not None and any(c.force[name == "exit" : 2]):
                 yield f"stage {stage.name} pulls {name} in the plane, not by exit.force along x"
-
-
-ENDS = ("entry", "exit")
-
-
-@dataclass(frozen=True)
-class StringEstimate:
-    """The strip at the end of a stage, seen as a taut string."""
-
-    turns: dict[str, float]  # wraps of the rollers that are touched (rad)
-    senses: dict[str, str]  # "over" or "under", of those
-    slope: float  # steepest angle to the flat strip, sag included (rad)
-    places: dict[str, Array] = field(default_factory=dict)  # direction to the middle of the wrap
-    path: StringPath | None = None  # around those rollers; None where it touches none
-
-
-def string_estimate(course: Course) -> StringEstimate:
-    """Lay a taut string over or under the rollers, where they are at the end of a stage.
-
-    An end that is held is where it was moved to, a free one runs in the direction of its
-    force.  Rollers that a taut string would not touch are left out, and those that lie along
-    the strip.  A string sags by q L / 2 T, a beam by at most q L³ / 6 D; both carry together.
-    """
-    a, values = course.assembly, course.values
-    weight = a.material.density * a.strip.thickness * abs(values.get("gravity", np.zeros(3))[2])
-    load, length = float(weight + abs(values.get("pressure", 0.0))), a.strip.length
-    stiffness = 2.0 * largest_force(a.scene) / length + 6.0 * bending_stiffness(a.scene) / length**3
-    sag = float(np.arctan(load / stiffness if stiffness else np.inf)) if load else 0.0
-    entry, exit = (_end(course, name) for name in ENDS)
-    crossing = {spec.name for spec in a.scene.rollers if spec.crossing}
-    rollers: list[tuple[Roller, float]] = []
-    if a.scene.contact is not None and a.thread is not None:
-        rollers = list(zip(a.thread.rollers, a.thread.senses, strict=True))
-    elif a.scene.contact is not None:
-        across = [roller for roller in a.rollers if abs(roller.unit_axis[1]) > 0.1]
-        for roller in sorted(across, key=lambda roller: roller.centre[0]):
-            below = roller.centre[2] < 0.0
-            rollers.append((roller, 1.0 if below else -1.0))
-    while rollers:
-        centres, radii = [], []
-        for roller, _ in rollers:
-            centre, axis = values[f"rollers.{roller.name}.centre"], roller.unit_axis
-            s = -centre[1] / axis[1]
-            centres.append((centre + s * axis)[[0, 2], None])
-            radii.append([float(roller.radius_at(s) + roller.half)])
-        try:
-            senses = [float(sense) for _, sense in rollers]
-            crossed = [roller.name in crossing for roller, _ in rollers]
-            path = string_path(centres, radii, senses, entry, exit, crossed)
-        except (NotTouchedError, NoTangentError) as error:
-            del rollers[min(error.index, len(rollers) - 1)]
-            continue
-        angles = path.angles[0::2, 0]
-        slopes = np.arctan2(np.sin(angles), np.cos(angles))
-        middles = path.at(0.5 * (path.arcs.start[:, 0] + path.arcs.end[:, 0]), 0)[0].T
-        ways = middles - np.array(centres)[:, :, 0]
-        return StringEstimate(
-            {r.name: float(t) for (r, _), t in zip(rollers, path.arcs.turn[:, 0], strict=True)},
-            {r.name: "over" if sense > 0.0 else "under" for r, sense in rollers},
-            float(np.abs(slopes).max()) + sag,
-            {r.name: way for (r, _), way in zip(rollers, ways, strict=True)},
-            path,
-        )
-    if isinstance(entry, FixedEnd) and isinstance(exit, FixedEnd):
-        along = np.subtract(exit.position, entry.position)
-        return StringEstimate({}, {}, float(abs(np.arctan2(along[1], along[0]))) + sag)
-    slope = max(abs(end.angle) for end in (entry, exit) if isinstance(end, StraightEnd))
-    return StringEstimate({}, {}, float(slope) + sag)
-
-
-def _end(course: Course, name: str) -> End:
-    """Place of an end, or the direction in which it is pulled."""
-    x, edges = course.assembly.strip.mesh.p[0], course.assembly.scene.edges
-    if name in edges and "z" in edges[name].fixed:  # released ones stay about where they were
-        moved = course.moved.get(name, np.zeros(3))
-        return FixedEnd([(x.max() if name == "exit" else x.min()) + moved[0], moved[2]])
-    force = np.asarray(course.values.get(f"{name}.force", np.zeros(3)))
-    force = force if name == "exit" else -force
-    return StraightEnd(0.25 * float(np.ptp(x)), float(np.arctan2(force[2], force[0])))

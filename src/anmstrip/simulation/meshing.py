@@ -159,7 +159,7 @@ def default_zones(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | 
     Where it lifts on and off, elements have a quarter of the boundary layer √(D/T), over all labels
     that will pass; on arcs in between they have twice as much.
     """
-    zones, (back, ahead) = list[Zone](), _carried(scene, rollers, thread)
+    zones, (back, ahead) = list[Zone](), carried(scene, rollers, thread)
     if _stands(scene):
         back = ahead = 0.0
     arcs = () if thread is None else _arcs_in_stages(scene, thread)
@@ -298,7 +298,7 @@ def fine_zones(
     zones, united = [], list[tuple[float, float]]()
     threaded = {} if thread is None else thread.arcs
     margin = 4.0 * min(boundary_layer(scene), half)
-    back, ahead = _carried(scene, rollers, thread)
+    back, ahead = carried(scene, rollers, thread)
     for roller in rollers:
         reach = 0.5 * np.pi * roller.radius
         middle = roller.centre[0] if thread is None else thread.passing(crossing(roller))[0]
@@ -339,7 +339,7 @@ def surface_speed(control: RollerControl | None, roller: Roller) -> float | None
     return roller.sense * roller.radius * control.angular_speed
 
 
-def _carried(
+def carried(
     scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None
 ) -> tuple[float, float]:
     """Largest travel of the strip, backwards and forwards (m).

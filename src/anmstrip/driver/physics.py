@@ -1,0 +1,335 @@
+"""What is wrong with the physics of a line, by statics and before it runs.
+
+Every rule is a function that looks at a :class:`~anmstrip.driver.preview.Preview` and yields
+sentences, each with what to type.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+
+import numpy as np
+
+from anmstrip.driver.preview import Preview
+from anmstrip.mechanics.roller import Roller
+from anmstrip.scene.tables import ENDS
+from anmstrip.simulation.meshing import (
+    bending_stiffness,
+    boundary_layer,
+    carried,
+    carrying_sense,
+    surface_speed,
+)
+from anmstrip.simulation.problem import distributed_load
+
+PLASTIC = 5e-3
+"""Strain at which no metal is elastic any more, for a scene without a yield stress."""
+
+METAL = 1e10
+"""Young's modulus (Pa) from which a strip is taken for metal; film and paper have less."""
+
+PARALLEL = 0.99
+"""Least cosine of the angle between axes of rollers that face each other."""
+
+GRAZES = 1e-3
+"""Share of a roller's radius by which a string may be nearer to it than its surface."""
+
+UNEQUAL = 0.01
+"""Share by which speeds of rollers may differ: far more than the elastic creep of any strip."""
+
+LARGEST = {"m": 20.0, "m/s": 100.0}
+"""Widths, radii and speeds in a line beyond which another unit was meant."""
+
+
+def other_units(preview: Preview) -> Iterator[str]:
+    """Values that no line has, but in millimetres, megapascals or metres per minute."""
+    scene, thread = preview.assembly.scene, preview.assembly.scene.threading
+    t, m = scene.strip.thickness, scene.material
+    least = min((roller.radius for roller in scene.rollers), default=np.inf)
+    told = []
+    if t > min(0.1 * least, 0.1):
+        told.append(("strip.thickness", t, "m", "mm", 1e-3 * t))
+    if (width := scene.strip.width or 0.0) > LARGEST["m"]:
+        told.append(("strip.width", width, "m", "mm", 1e-3 * width))
+    for roller in scene.rollers:
+        if roller.radius > LARGEST["m"]:
+            key = f"rollers.{roller.name}.radius"
+            told.append((key, roller.radius, "m", "mm", 1e-3 * roller.radius))
+    if m.young < 1e7:
+        unit, factor = ("GPa", 1e9) if m.young < 1e3 else ("MPa", 1e6)
+        told.append(("material.young", m.young, "Pa", unit, factor * m.young))
+    if m.yield_stress is not None and m.yield_stress < 1e4:
+        told.append(("material.yield_stress", m.yield_stress, "Pa", "MPa", 1e6 * m.yield_stress))
+    if m.density is not None and m.density < 100.0:
+        told.append(("material.density", m.density, "kg/m³", "g/cm³", 1e3 * m.density))
+    if thread is not None and thread.tension < 1e4 * t:
+        told.append(("threading.tension", thread.tension, "N/m", "MPa", 1e6 * t * thread.tension))
+    for stage in scene.stages:
+        for name, control in stage.rollers.items():
+            if abs(speed := control.surface_speed or 0.0) > LARGEST["m/s"]:
+                key = f"stages.{stage.name}.rollers.{name}.surface_speed"
+                told.append((key, speed, "m/s", "m/min", speed / 60.0))
+    for key, value, unit, meant, better in told:
+        yield (
+            f"{key} = {value:g} is in {unit}, in which no line has such a value; was it meant in "
+            f"{meant}? Try --set {key}={better:.3g}."
+        )
+
+
+def meeting_rollers(preview: Preview) -> Iterator[str]:
+    """Rollers that move into one another."""
+    for plan in preview.plans:
+        end = plan.controls.at(1.0)
+        for a, b in combinations(preview.assembly.rollers, 2):
+            keys = [f"rollers.{roller.name}.centre" for roller in (a, b)]
+            way, axis = np.subtract(*(np.asarray(end[key]) for key in keys)), a.unit_axis
+            moving = [key for key in keys if np.any(plan.controls.slope.get(key, 0.0))]
+            if abs(axis @ b.unit_axis) < PARALLEL or not moving:
+                continue
+            overlap = a.radius + b.radius - float(np.linalg.norm(way - (way @ axis) * axis))
+            if overlap > 0.0:
+                moved = a if keys[0] in moving else b
+                yield (
+                    f"stage {plan.name} moves {a.name} and {b.name} {overlap:.2g} m into one "
+                    f"another. Try a move of {moved.name} that is shorter by that "
+                    f"(stages.{plan.name}.rollers.{moved.name}.move)."
+                )
+
+
+def roller_in_the_way(preview: Preview) -> Iterator[str]:
+    """Rollers through which the strip is laid, on its way between others."""
+    if preview.assembly.thread is None:
+        return
+    for roller in preview.assembly.rollers:
+        inside = -preview.strings[0].gaps.get(roller.name, 0.0)
+        if inside > GRAZES * roller.radius:
+            yield (
+                f"the threaded strip would run {inside:.2g} m inside of roller {roller.name}. "
+                f'Try rollers.{roller.name}.wrap = "over" or "under", in its place among the '
+                f"others, or --set with another rollers.{roller.name}.centre."
+            )
+
+
+def untouched_roller(preview: Preview) -> Iterator[str]:
+    """Rollers that the strip never touches, or comes off when they move."""
+    scene, thread = preview.assembly.scene, preview.assembly.thread
+    if scene.contact is None or distributed_load(scene):
+        return
+    for roller in preview.assembly.rollers:
+        if not abs(roller.unit_axis[1]) > 0.1:
+            continue
+        gap = min(string.gaps.get(roller.name, 0.0) for string in preview.strings)
+        if preview.turn(roller) == 0.0 and gap > GRAZES * roller.radius:
+            yield (
+                f"roller {roller.name} is touched by nothing: the strip passes at {gap:.2g} m. "
+                f"Try --set with another rollers.{roller.name}.centre, a move that long in a "
+                "stage, or take the roller out."
+            )
+        for stage, string in zip(scene.course, preview.strings, strict=True):
+            wrapped = thread is not None and roller in thread.rollers
+            if wrapped and stage.rollers and roller.name not in string.turns:
+                yield (
+                    f"the strip comes off roller {roller.name} in stage {stage.name}, which moves "
+                    f"{' and '.join(stage.rollers)}. Try shorter moves "
+                    f"(stages.{stage.name}.rollers)."
+                )
+                break
+
+
+def driven_without_friction(preview: Preview) -> Iterator[str]:
+    """Rollers that turn in a stage in which nothing rubs on them."""
+    scene = preview.assembly.scene
+    for spec in scene.rollers:
+        turning = [
+            stage
+            for stage in scene.stages
+            if (c := stage.rollers.get(spec.name)) and (c.surface_speed or c.angular_speed)
+        ]
+        f = None if scene.friction is None else scene.friction.coefficient
+        f = f if spec.friction is None else spec.friction
+        if turning and (not f or not any(preview.assembly.frictional(s) for s in turning)):
+            off = f"stages.{turning[0].name}.friction=true" if f else "friction.coefficient=0.2"
+            yield (
+                f"roller {spec.name} turns, but nothing rubs on it, so that it drives nothing. "
+                f"Try --set {off}."
+            )
+
+
+def holding(preview: Preview, roller: Roller) -> float:
+    """Return e^(fθ) of a roller: the ratio of tensions that friction on it can hold."""
+    scene = preview.assembly.scene
+    (spec,) = (spec for spec in scene.rollers if spec.name == roller.name)
+    f = 0.0 if scene.friction is None else scene.friction.coefficient
+    f = f if spec.friction is None else spec.friction
+    return float(np.exp(min(f * preview.turn(roller), 100.0))) if spec.drive == "speed" else 1.0
+
+
+def beyond_capacity(preview: Preview) -> Iterator[str]:
+    """Stages that pull at both free ends by more than friction on the rollers can hold."""
+    scene = preview.assembly.scene
+    held = {name for name in ENDS if name in scene.edges and "x" in scene.edges[name].fixed}
+    first = 0.0 if scene.threading is None else scene.threading.tension
+    pulls = dict.fromkeys(ENDS, first)
+    turn = sum(preview.turn(roller) for roller in preview.assembly.rollers)
+    capacity = float(np.prod([holding(preview, roller) for roller in preview.assembly.rollers]))
+    for stage in scene.stages:
+        before = max(pulls.values())
+        for name in ENDS:
+            edge = stage.edges.get(name)
+            if edge is None:
+                continue
+            if edge.release:
+                held.discard(name)
+                pulls[name] = before
+            if edge.tension is not None or edge.force is not None:
+                force = 0.0 if edge.force is None else float(np.linalg.norm(edge.force))
+                pulls[name] = force if edge.tension is None else edge.tension
+        low, high = sorted(pulls.values())
+        if held or not preview.assembly.frictional(stage) or high <= capacity * low * 1.001:
+            continue
+        end = max(pulls, key=lambda name: pulls[name])
+        changed = stage.edges.get(end)
+        key = "force" if changed is not None and changed.force is not None else "tension"
+        f = np.log(high / low) / turn if low and turn else np.inf
+        more = f", or a friction coefficient above {f:.2g}" if f < 2.0 else ""
+        yield (
+            f"only friction holds the strip in x in stage {stage.name}, which pulls at its {end} "
+            f"by {high:.3g} N/m against {low:.3g} N/m, and on {np.degrees(turn):.0f}° of wrap "
+            f"friction holds {capacity:.3g} times as much at most: the strip runs away. "
+            f"Try stages.{stage.name}.{end}.{key} below {capacity * low:.2g} N/m{more}."
+        )
+
+
+def sharpest_curvature(preview: Preview, roller: Roller) -> float:
+    """Curvature (1/m) of the strip on a roller: 1/r, or θ/2λ where it only touches along a line."""
+    line = preview.turn(roller) / (2.0 * boundary_layer(preview.assembly.scene) or 1e-300)
+    return float(min(1.0 / roller.radius, line))
+
+
+def beyond_yield(preview: Preview) -> Iterator[str]:
+    """Rollers over which the bent strip is stressed beyond its yield stress."""
+    scene, m = preview.assembly.scene, preview.assembly.material
+    limit, t = scene.material.yield_stress, scene.strip.thickness
+    if scene.contact is None or not bending_stiffness(scene):
+        return
+    for roller in preview.assembly.rollers:
+        strain = 0.5 * t * sharpest_curvature(preview, roller)
+        stress = m.young * strain / (1.0 - m.poisson**2)
+        if limit is not None and stress > limit:
+            bound = f"above the yield stress {limit / 1e6:.0f} MPa"
+            least = m.young * t / (2.0 * limit * (1.0 - m.poisson**2))
+        elif limit is None and m.young > METAL and strain > PLASTIC:
+            bound, least = f"a strain of {100.0 * strain:.2g} %", 0.5 * t / PLASTIC
+        else:
+            continue
+        yield (
+            f"bending over {roller.name} gives {stress / 1e6:.0f} MPa at the surface, {bound}; "
+            f"plasticity is not modelled. Try --set rollers.{roller.name}.radius={least:.2g}."
+        )
+
+
+def stretched_beyond_yield(preview: Preview) -> Iterator[str]:
+    """Tensions beyond the yield stress."""
+    scene, t = preview.assembly.scene, preview.assembly.scene.strip.thickness
+    m, stress = scene.material, preview.tension / t
+    limit = m.yield_stress or (PLASTIC * m.young if m.young > METAL else np.inf)
+    if stress > limit:
+        yield (
+            f"the largest tension, {preview.tension:.3g} N/m, is a stress of {stress / 1e6:.0f} "
+            f"MPa, beyond {limit / 1e6:.0f} MPa, at which the strip yields; plasticity is not "
+            f"modelled. Try tensions below {limit * t:.2g} N/m, in N per metre of width."
+        )
+
+
+def gravity_upwards(preview: Preview) -> Iterator[str]:
+    """Gravity that points upwards, or is not that of the earth."""
+    for stage in preview.assembly.scene.stages:
+        g = stage.gravity
+        if g is not None and g[2] > 0.0:
+            yield (
+                f"gravity in stage {stage.name} points upwards, as z does. "
+                f"Try --set 'stages.{stage.name}.gravity=[{g[0]:g}, {g[1]:g}, {-g[2]:g}]'."
+            )
+
+
+def unequal_speeds(preview: Preview) -> Iterator[str]:
+    """Driven rollers of which some must slip or brake, since their surfaces go at other speeds."""
+    assembly, last = preview.assembly, dict[str, float]()
+    driven = {spec.name for spec in assembly.scene.rollers if spec.drive == "speed"}
+    touched = [r for r in assembly.rollers if r.name in driven and preview.turn(r) > 0.0]
+    if assembly.friction is None:
+        return
+    for stage in assembly.scene.stages:
+        for roller in touched:
+            if (speed := surface_speed(stage.rollers.get(roller.name), roller)) is not None:
+                last[roller.name] = speed * roller.sense * carrying_sense(roller, assembly.thread)
+        if not stage.rollers or not any(last.values()):
+            continue
+        fast = max(last, key=lambda name: abs(last[name]))
+        others = [roller.name for roller in touched if holding(preview, roller) > 1.0]
+        for name in others:
+            speed, given = last.get(name, 0.0), last[fast]
+            if abs(speed - given) > UNEQUAL * abs(given):
+                how = f"goes at {speed:g} m/s" if speed else "stands"
+                told = next(r for r in touched if r.name == fast)
+                typed = given * told.sense * carrying_sense(told, assembly.thread)
+                yield (
+                    f"roller {name} {how} in stage {stage.name} while {fast} goes at {given:g} "
+                    "m/s: the strip slips on one of them. Try --set "
+                    f"stages.{stage.name}.rollers.{name}.surface_speed={typed:g}, or "
+                    f'rollers.{name}.drive = "idle".'
+                )
+                return
+
+
+def strip_runs_out(preview: Preview) -> Iterator[str]:
+    """An end of the strip that travels as far as the first roller on its way."""
+    scene, thread = preview.assembly.scene, preview.assembly.thread
+    if thread is None or scene.strip.feed or any(stage.steady for stage in scene.stages):
+        return
+    back, ahead = carried(scene, preview.assembly.rollers, thread)
+    half = 0.5 * thread.length
+    first = min(start for start, _ in thread.arcs.values()) + half
+    last = half - max(end for _, end in thread.arcs.values())
+    for travel, run, end in ((ahead, first, "entry"), (back, last, "exit")):
+        if travel > run > 0.0:
+            yield (
+                f"the strip travels {travel:.3g} m, and after {run:.3g} m its {end} comes to a "
+                f"roller. Try --set strip.feed=true, or a threading.{end} further away."
+            )
+
+
+def nip(preview: Preview) -> Iterator[str]:
+    """Parallel rollers on both sides of the strip, closer to each other than it is thick."""
+    assembly, thickness = preview.assembly, preview.assembly.strip.thickness
+    sides = {
+        roller.name: carrying_sense(roller, assembly.thread) * np.sign(roller.unit_axis[1])
+        for roller in assembly.rollers
+    }
+    for a, b in combinations(assembly.rollers if assembly.scene.contact else (), 2):
+        way = np.subtract(b.centre, a.centre)
+        gap = float(np.linalg.norm(np.cross(way, a.unit_axis))) - a.radius - b.radius
+        faced = sides[a.name] * sides[b.name] < 0.0 and abs(a.unit_axis @ b.unit_axis) > PARALLEL
+        if not faced or gap >= thickness * (1.0 - 1e-9):
+            continue
+        told = "squeeze it" if a.half else "touch its mid-surface alone (contact.faces)"
+        yield (
+            f"rollers {a.name} and {b.name} leave a gap of {gap:.3g} m to a strip of "
+            f"{thickness:.3g} m, and {told}."
+        )
+
+
+RULES = (
+    nip,
+    other_units,
+    meeting_rollers,
+    roller_in_the_way,
+    untouched_roller,
+    driven_without_friction,
+    beyond_yield,
+    stretched_beyond_yield,
+    gravity_upwards,
+    unequal_speeds,
+    strip_runs_out,
+)

@@ -1,0 +1,166 @@
+"""A scene before it runs: its stages, and the strip as a taut string at the end of each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from anmstrip.arrays import Array
+from anmstrip.equilibrium import StageProblem
+from anmstrip.mechanics.roller import Roller
+from anmstrip.mechanics.string_path import (
+    End,
+    FixedEnd,
+    NoTangentError,
+    NotTouchedError,
+    StraightEnd,
+    StringPath,
+    string_path,
+)
+from anmstrip.scene.tables import ENDS
+from anmstrip.simulation.meshing import bending_stiffness, crossing, largest_force
+from anmstrip.simulation.problem import Assembly
+from anmstrip.simulation.stages import Course
+
+LOOKS = 4000
+"""Places of a string from which its distance to rollers is measured."""
+
+
+@dataclass(frozen=True)
+class Preview:
+    """A scene before it runs."""
+
+    assembly: Assembly
+    plans: Sequence[StageProblem]  # the stages as they would be solved
+    strings: Sequence[StringEstimate]  # the strip as a taut string at the end of each
+
+    @classmethod
+    def of(cls, assembly: Assembly) -> Preview:
+        """Walk through all stages."""
+        course, plans, strings = Course(assembly), [], []
+        for stage in assembly.scene.course:
+            plans.append(course.plan(stage, {}))
+            course.finish(stage)
+            strings.append(string_estimate(course))
+        return cls(assembly, plans, strings)
+
+    @property
+    def tension(self) -> float:
+        """Largest force of the scene (N/m)."""
+        return largest_force(self.assembly.scene)
+
+    @property
+    def steepest(self) -> StringEstimate:
+        """The string with the largest slope."""
+        return max(self.strings, key=lambda string: string.slope)
+
+    def turn(self, roller: Roller) -> float:
+        """Largest wrap of a roller in any stage (rad)."""
+        return max((string.turns.get(roller.name, 0.0) for string in self.strings), default=0.0)
+
+    def passes(self, roller: Roller) -> str:
+        """Where from a roller the strip is in the middle of its wrap: x to the right, z upwards."""
+        found = [s.places[roller.name] for s in self.strings if roller.name in s.places]
+        if not found:
+            return "–"
+        x, z = found[0]
+        if abs(z) >= abs(x):
+            return "above" if z > 0.0 else "below"
+        return "to the right" if x > 0.0 else "to the left"
+
+
+@dataclass(frozen=True)
+class StringEstimate:
+    """The strip at the end of a stage, seen as a taut string."""
+
+    turns: dict[str, float]  # wraps of the rollers that are touched (rad)
+    senses: dict[str, str]  # "over" or "under", of those
+    slope: float  # steepest angle to the flat strip, sag included (rad)
+    places: dict[str, Array] = field(default_factory=dict)  # direction to the middle of the wrap
+    path: StringPath | None = None  # around those rollers; None where it touches none
+    gaps: dict[str, float] = field(default_factory=dict)  # least ones of all rollers (m)
+
+
+def string_estimate(course: Course) -> StringEstimate:
+    """Lay a taut string over or under the rollers, where they are at the end of a stage.
+
+    An end that is held is where it was moved to, a free one runs in the direction of its
+    force.  Rollers that a taut string would not touch are left out, and those that lie along
+    the strip.  A string sags by q L / 2 T, a beam by at most q L³ / 6 D; both carry together.
+    """
+    a, values = course.assembly, course.values
+    weight = a.material.density * a.strip.thickness * abs(values.get("gravity", np.zeros(3))[2])
+    load, length = float(weight + abs(values.get("pressure", 0.0))), a.strip.length
+    stiffness = 2.0 * largest_force(a.scene) / length + 6.0 * bending_stiffness(a.scene) / length**3
+    sag = float(np.arctan(load / stiffness if stiffness else np.inf)) if load else 0.0
+    entry, exit = (_end(course, name) for name in ENDS)
+    crossing = {spec.name for spec in a.scene.rollers if spec.crossing}
+    rollers: list[tuple[Roller, float]] = []
+    if a.scene.contact is not None and a.thread is not None:
+        rollers = list(zip(a.thread.rollers, a.thread.senses, strict=True))
+    elif a.scene.contact is not None:
+        across = [roller for roller in a.rollers if abs(roller.unit_axis[1]) > 0.1]
+        for roller in sorted(across, key=lambda roller: roller.centre[0]):
+            below = roller.centre[2] < 0.0
+            rollers.append((roller, 1.0 if below else -1.0))
+    while rollers:
+        centres, radii = [], []
+        for roller, _ in rollers:
+            centre, axis = values[f"rollers.{roller.name}.centre"], roller.unit_axis
+            s = -centre[1] / axis[1]
+            centres.append((centre + s * axis)[[0, 2], None])
+            radii.append([float(roller.radius_at(s) + roller.half)])
+        try:
+            senses = [float(sense) for _, sense in rollers]
+            crossed = [roller.name in crossing for roller, _ in rollers]
+            path = string_path(centres, radii, senses, entry, exit, crossed)
+        except (NotTouchedError, NoTangentError) as error:
+            del rollers[min(error.index, len(rollers) - 1)]
+            continue
+        angles = path.angles[0::2, 0]
+        slopes = np.arctan2(np.sin(angles), np.cos(angles))
+        middles = path.at(0.5 * (path.arcs.start[:, 0] + path.arcs.end[:, 0]), 0)[0].T
+        ways = middles - np.array(centres)[:, :, 0]
+        return StringEstimate(
+            {r.name: float(t) for (r, _), t in zip(rollers, path.arcs.turn[:, 0], strict=True)},
+            {r.name: "over" if sense > 0.0 else "under" for r, sense in rollers},
+            float(np.abs(slopes).max()) + sag,
+            {r.name: way for (r, _), way in zip(rollers, ways, strict=True)},
+            path,
+            gaps_to(course, path.at(np.linspace(0.0, float(path.length[0]), LOOKS), 0)[0]),
+        )
+    x, moved = a.strip.mesh.p[0], [course.moved.get(name, np.zeros(3)) for name in ENDS]
+    straight = np.array([[x.min(), 0.0], [x.max(), 0.0]]) + np.array(moved)[:, [0, 2]]
+    gaps = gaps_to(course, straight.T)
+    if isinstance(entry, FixedEnd) and isinstance(exit, FixedEnd):
+        along = np.subtract(exit.position, entry.position)
+        slope = float(abs(np.arctan2(along[1], along[0])))
+    else:
+        slope = max(abs(end.angle) for end in (entry, exit) if isinstance(end, StraightEnd))
+    return StringEstimate({}, {}, float(slope) + sag, gaps=gaps)
+
+
+def gaps_to(course: Course, places: Array) -> dict[str, float]:
+    """Return the least gap (m) between every roller and straight pieces between places, (2, n)."""
+    gaps, step = {}, np.diff(places)
+    for roller in course.assembly.rollers:
+        at = np.asarray(course.values[f"rollers.{roller.name}.centre"])
+        centre = crossing(roller) + (at - np.asarray(roller.centre))[[0, 2]]
+        way = centre[:, None] - places[:, :-1]
+        square = np.maximum((step**2).sum(axis=0), np.finfo(float).tiny)
+        nearest = way - np.clip((way * step).sum(axis=0) / square, 0.0, 1.0) * step
+        gaps[roller.name] = float(np.hypot(*nearest).min()) - float(roller.radius + roller.half)
+    return gaps
+
+
+def _end(course: Course, name: str) -> End:
+    """Place of an end, or the direction in which it is pulled."""
+    x, edges = course.assembly.strip.mesh.p[0], course.assembly.scene.edges
+    if name in edges and "z" in edges[name].fixed:  # released ones stay about where they were
+        moved = course.moved.get(name, np.zeros(3))
+        return FixedEnd([(x.max() if name == "exit" else x.min()) + moved[0], moved[2]])
+    force = np.asarray(course.values.get(f"{name}.force", np.zeros(3)))
+    force = force if name == "exit" else -force
+    return StraightEnd(0.25 * float(np.ptp(x)), float(np.arctan2(force[2], force[0])))
