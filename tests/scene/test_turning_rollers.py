@@ -13,6 +13,8 @@ from threaded import ended, roller, scene_of
 
 from anmstrip.driver.explain import explain
 from anmstrip.driver.scene import Scene
+from anmstrip.driver.warnings import Preview, serious
+from anmstrip.simulation.problem import Assembly
 
 RADIUS, WIDTH, SPEED = 0.2, 0.5, 0.2
 
@@ -145,6 +147,23 @@ def test_a_fed_line_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
     assert end.tangents == last.tangents
     assert end.state.full[-1] == pytest.approx(0.12, rel=2e-3)
     assert end.state.rollers["a"].torque == pytest.approx(-10.0, rel=1e-3)
+
+
+def test_a_line_that_runs_loose_is_told_and_the_advice_holds_it() -> None:
+    """Without it any speed is in equilibrium; with it the strip rests."""
+    line = deepcopy(LINE)
+    for table in line["rollers"]:
+        table["drive"] = "idle"
+    line["stages"][1] = {"name": "start", "duration": 0.1, "entry": {"release": True}}
+    told = serious(Preview.of(Assembly(scene_of(line))))
+    (found,) = [words for words in told if "how fast the strip runs in stage start" in words]
+    key, _, value = found.partition("--set ")[2].rstrip(".").partition("=")
+    assert key == "rollers.a.bearing"
+    line["rollers"][0]["bearing"] = float(value)
+    scene = scene_of(line)
+    assert not [words for words in serious(Preview.of(Assembly(scene))) if "how fast" in words]
+    _, state = ended(scene)
+    assert abs(state.rollers["a"].surface_speed) < 1e-3
 
 
 def test_events_see_the_speed_of_a_free_roller() -> None:

@@ -36,6 +36,9 @@ BENT = 0.5
 SUNK = 0.1
 """Share of a roller's radius that a strip may sink into it, pressed by its tension."""
 
+UNSEEN = 1e-3
+"""Torque of bearings that hardly counts, over that of the tension."""
+
 SLACK = 1e-2
 """Share of the largest force below which an end that was pulled is slack."""
 
@@ -118,11 +121,28 @@ def released_strip(preview: Preview) -> Iterator[str]:
     for stage in (stage for stage in scene.stages if stage.name in names and holding):
         released = [name for name, edge in stage.edges.items() if edge.release]
         holding -= set(released)
-        if not holding and not preview.assembly.frictional(stage):
+        if holding:
+            continue
+        if not preview.assembly.frictional(stage):
             yield (
                 f"nothing holds the strip in x in stage {stage.name}. "
                 f"Try it without stages.{stage.name}.{(released or ['entry'])[0]}.release."
             )
+        elif loose := running_loose(preview):
+            yield f"nothing says how fast the strip runs in stage {stage.name}: {loose}"
+
+
+def running_loose(preview: Preview) -> str:
+    """Why no roller says how fast a strip runs that no edge holds; nothing if one does."""
+    rollers = preview.assembly.scene.rollers
+    if any(roller.drive == "speed" or roller.bearing for roller in rollers):
+        return ""
+    first, width = rollers[0], preview.assembly.strip.width
+    bearing = UNSEEN * preview.tension * width * first.radius
+    return (
+        "no edge holds it in x, and no roller is driven by speed or braked by bearings. "
+        f"Try --set rollers.{first.name}.bearing={bearing:.1g}."
+    )
 
 
 def slack_end(preview: Preview) -> Iterator[str]:
