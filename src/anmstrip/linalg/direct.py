@@ -6,7 +6,7 @@ import weakref
 from collections.abc import Callable
 from functools import cached_property
 from importlib.util import find_spec
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from scipy.linalg import lapack
@@ -126,15 +126,26 @@ def negative_pivots(matrix: csc_matrix) -> int:
     return int((symmetric_lu(matrix).U.diagonal() < 0.0).sum())
 
 
-def refined(solve: Solve, matrix: csc_matrix) -> Solve:
+def refined(solve: Solve, matrix: Any, norm: float, least: int = 0) -> Solve:
     """Solver with as many steps of iterative refinement as a trial asks for.
+
+    Parameters
+    ----------
+    solve : callable
+    matrix : matrix
+        Anything with a ``shape`` and a product with a vector, of entries of order one.
+    norm : float
+        Largest sum of the sizes of a row's entries.
+    least : int, optional
+        Steps that are made in any case: one makes the solver stable for every component, if it
+        is not too bad (Skeel 1980).
 
     Raises
     ------
     SingularTangentError
         The factors do not solve the system.
     """
-    norm, b = float(abs(matrix).sum(axis=1).max()), np.cos(np.arange(matrix.shape[0]))
+    b = np.cos(np.arange(matrix.shape[0]))
 
     def backward_error(x: Array) -> float:
         scale = norm * np.abs(x).max() + np.abs(b).max()
@@ -143,6 +154,7 @@ def refined(solve: Solve, matrix: csc_matrix) -> Solve:
     x, left, steps = solve(b), np.inf, 0
     while (error := backward_error(x)) > ENOUGH and steps < MOST_REFINEMENTS and error < left / 2:
         x, left, steps = x + solve(b - matrix @ x), error, steps + 1
+    steps = max(steps, least)
     if not error < TOO_MUCH:
         raise SingularTangentError(f"the factors leave a residual of {error:.1g}")
 
@@ -249,11 +261,12 @@ class SuperLUPlan(Plan):
         """LU factors of the equilibrated matrix, refined."""
         d = equilibrated(matrix)
         scaled = self.scaled(matrix, d)
+        norm = float(abs(scaled).sum(axis=1).max())
         try:
-            solve = refined(self.unpivoted(scaled), scaled)
+            solve = refined(self.unpivoted(scaled), scaled, norm)
         except SingularTangentError:
             try:
-                solve = refined(splu(scaled, diag_pivot_thresh=1.0).solve, scaled)
+                solve = refined(splu(scaled, diag_pivot_thresh=1.0).solve, scaled, norm)
             except RuntimeError as error:
                 raise SingularTangentError(str(error)) from error
         return Factors(lambda right: solve(right * d) * d, lambda: negative_pivots(scaled))
