@@ -543,9 +543,10 @@ ESTIMATES = (
     ),
     Mutant(
         "creep without friction",
-        "speed * law.coefficient * preview.tension",
-        "speed * preview.tension",
+        "return f * strain * line_speed(scene)",
+        "return strain * line_speed(scene)",
         "explain",
+        "test_defaults.py",
     ),
     Mutant(
         "bending stress of a beam",
