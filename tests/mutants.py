@@ -507,7 +507,7 @@ ESTIMATES = (
     ),
     Mutant(
         "radius below the strip's sides",
-        "roller.radius_at(y - roller.centre[1])",
+        "roller.radius_at(y - place)",
         "roller.radius_at(y)",
         "explain",
     ),
@@ -550,8 +550,8 @@ ESTIMATES = (
     ),
     Mutant(
         "bending stress of a beam",
-        "(2.0 * roller.radius * (1.0 - m.poisson**2))",
-        "(2.0 * roller.radius)",
+        "m.young * strain / (1.0 - m.poisson**2)",
+        "m.young * strain",
         "explain",
     ),
     Mutant(

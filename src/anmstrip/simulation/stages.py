@@ -111,7 +111,8 @@ class Course:
     def pulled(self, stage: StageSpec) -> bool:
         """Whether a steady stage has the tension of its entry given, and the strip's speed not."""
         given, course = None, self.assembly.scene.course
-        for each in course[: course.index(stage) + 1]:
+        number = [each.name for each in course].index(stage.name)
+        for each in course[: number + 1]:
             if each.steady and each.strip.speed is not None:
                 given = SPEED
             elif each.steady and "entry" in each.edges and each.edges["entry"].tension is not None:
