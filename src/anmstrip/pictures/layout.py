@@ -20,6 +20,9 @@ SUFFIXES = (".png", ".svg", ".pdf")
 ARROWS = 6
 """Arrows along the strip that show which way it travels."""
 
+SMALL = 0.04
+"""Radius of a roller, over the larger side of the picture, that has no room for a caption."""
+
 ROOM = 0.08
 """Room around the line, over its larger side."""
 
@@ -59,7 +62,7 @@ def draw_layout(picture: Path, title: str, line: Array, wheels: Sequence[Wheel])
     axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room))
     axes.spines[["top", "right"]].set_visible(False)
     for wheel in wheels:
-        draw_wheel(axes, wheel)
+        draw_wheel(axes, wheel, line, wheel.radius < SMALL * max(width, height))
     axes.plot(*line, color=OUTLINE, linewidth=2.0, zorder=3)
     draw_travel(axes, line)
     for name, place, along in (("entry", line[:, 0], -1), ("exit", line[:, -1], 1)):
@@ -68,8 +71,11 @@ def draw_layout(picture: Path, title: str, line: Array, wheels: Sequence[Wheel])
     figure.savefig(picture)
 
 
-def draw_wheel(axes: Axes, wheel: Wheel) -> None:
-    """Draw a roller with its wrap, its caption, and an arrow in the sense of a positive speed."""
+def draw_wheel(axes: Axes, wheel: Wheel, line: Array, small: bool) -> None:
+    """Draw a roller with its wrap, and an arrow in the sense of a positive speed.
+
+    Its caption stands on it, or beside it away from the strip if it is small.
+    """
     axes.add_patch(Circle(tuple(wheel.centre), wheel.radius, color=GREYS[1], zorder=1))
     axes.plot(*wheel.arc, color=STEEL[3], linewidth=6.0, solid_capstyle="butt", zorder=2)
     turn = -1.0 if wheel.clockwise else 1.0
@@ -78,7 +84,26 @@ def draw_wheel(axes: Axes, wheel: Wheel) -> None:
     axes.plot(*ring, color="black", linewidth=1.2, zorder=4)
     style = {"arrowstyle": "-|>", "color": "black"}
     axes.annotate("", tuple(ring[:, -1]), tuple(ring[:, -3]), arrowprops=style)
-    axes.annotate(wheel.caption, tuple(wheel.centre), va="center", ha="center", fontsize=9)
+    place, shift, across, upright = wheel.centre, np.zeros(2), "center", "center"
+    if small:
+        to_strip = (wheel.arc if wheel.arc.size else line) - wheel.centre[:, None]
+        nearest = to_strip[:, np.hypot(*to_strip).argmin()]
+        away = -to_strip.mean(axis=1) if wheel.arc.size else -nearest
+        away /= np.hypot(*away) or 1.0
+        place, shift = wheel.centre + wheel.radius * away, 6.0 * away
+        if abs(away[0]) > abs(away[1]):
+            across = "left" if away[0] > 0.0 else "right"
+        else:
+            upright = "bottom" if away[1] > 0.0 else "top"
+    axes.annotate(
+        wheel.caption,
+        tuple(place),
+        (float(shift[0]), float(shift[1])),
+        textcoords="offset points",
+        ha=across,
+        va=upright,
+        fontsize=9,
+    )
 
 
 def draw_travel(axes: Axes, line: Array) -> None:
