@@ -1,10 +1,13 @@
-"""Broken scene files by the million: the reader gives a scene or a list of mistakes.
+"""Broken inputs by the million: what reads them gives a result or a list of mistakes.
 
 Every input is an example of this project that was damaged as files get damaged (cut short,
 lines lost or doubled, bytes flipped) or as people mistype (numbers that are none, wrong units,
 values of another type, keys of another table or law)::
 
     python tests/hard/fuzz_reader.py --count 1000000 --seed 0
+    python tests/hard/fuzz_reader.py --of checkpoint --count 100000
+
+``--of`` is ``scene``, ``override``, ``checkpoint`` or ``mesh``.
 """
 
 from __future__ import annotations
@@ -12,17 +15,27 @@ from __future__ import annotations
 import argparse
 import random
 import sys
+import tempfile
 import time
 import tomllib
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from anmstrip.driver.checkpoint import read_checkpoint
+from anmstrip.driver.run import Run, unpack
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
+from anmstrip.results.files import load_checkpoint, save_checkpoint
 from anmstrip.scene.loading import parse_scene
+from anmstrip.simulation.march import March
+from anmstrip.simulation.problem import Assembly
 
 TOP = Path(__file__).parents[2]
 TEXTS = tuple(path.read_text(encoding="utf-8") for path in sorted(TOP.glob("examples/*.toml")))
@@ -183,6 +196,156 @@ def setting_of(dice: random.Random) -> str:
     return f"{key}{dice.choice(('=', '=', '==', ''))}{dice.choice(NUMBERS)}"
 
 
+RUN = """
+[strip]
+length = 4.0
+width = 1.0
+thickness = 1.0e-3
+cells = [4, 1]
+kinematics = "section"
+[material]
+young = 2.0e11
+poisson = 0.3
+[contact]
+[[rollers]]
+radius = 0.5
+centre = [0.0, 0.0, -0.51]
+[edges.entry]
+fixed = ["x", "z"]
+[edges.exit]
+fixed = ["z"]
+[[stages]]
+name = "pull"
+duration = 1.0
+exit.force = [1.0e4, 0.0, 0.0]
+[[stages]]
+name = "lift"
+duration = 1.0
+exit.move = [0.0, 0.0, 0.1]
+"""
+"""A scene whose checkpoints are damaged."""
+
+
+@cache
+def checkpoints() -> tuple[Scene, tuple[bytes, ...]]:
+    """A scene, and the checkpoints after each of its steps."""
+    scene, found = Scene.from_tables(parse_scene(RUN, "run.toml"), SOURCE), []
+    with tempfile.TemporaryDirectory() as directory:
+        run = scene.run(directory)
+        for _ in run:
+            run._checkpoint(force=True)
+            found.append((Path(directory) / "checkpoint.npz").read_bytes())
+    return scene, tuple(found)
+
+
+def read_checkpoint_of(seed: int) -> object:
+    """Damage a checkpoint, by bytes or by values, and read it."""
+    dice, (scene, contents) = random.Random(seed), checkpoints()
+    path = scratch() / "checkpoint.npz"
+    content = bytearray(dice.choice(contents))
+    path.write_bytes(content)
+    if dice.random() < 0.2:
+        at = dice.randrange(len(content))
+        content[at] = dice.randrange(256)
+        path.write_bytes(content[: dice.choice((at, len(content)))])
+    else:
+        arrays, facts = load_checkpoint(path)
+        for _ in range(dice.choice((1, 1, 2, 4))):
+            if dice.random() < 0.6:
+                del facts["input"]["title"]  # so that what is spoilt may be the scene as well
+                _spoil(facts, dice)
+                facts.setdefault("input", {})
+            else:
+                name = dice.choice(list(arrays))
+                arrays[name] = dice.choice(ARRAYS)(arrays[name])
+            if not isinstance(facts["input"], dict):
+                break
+            facts["input"].setdefault("title", "")
+        plain = {key: value for key, value in facts.items() if not isinstance(value, bytes)}
+        with suppress(TypeError):  # what no file can hold
+            save_checkpoint(path, arrays, plain)
+    return refused_or(lambda: taken_up(scene, path))
+
+
+@cache
+def assembly() -> Assembly:
+    """The mechanics of the scene of the checkpoints, made once."""
+    return Assembly(checkpoints()[0])
+
+
+def taken_up(scene: Scene, path: Path) -> Run:
+    """Return a run that has taken up a checkpoint, with the stage that comes next prepared."""
+    run = Run(scene)
+    run.assembly = assembly()
+    run.march = March(run.assembly)
+    unpack(run, *read_checkpoint(path, run.march))
+    run.march.planned(scene.course[run.first_stage], None)
+    return run
+
+
+ARRAYS: tuple[Callable[[Any], Any], ...] = (
+    lambda x: x.ravel()[:-1], lambda x: x[None], lambda x: x * np.nan, lambda x: -x,
+    lambda x: np.full_like(x, np.inf), lambda x: np.ones_like(x, int), lambda x: np.float64(1.0),
+    lambda x: np.zeros((0, 3)), lambda x: x.astype("U4"), lambda x: x.astype(complex),
+    lambda x: x.astype(np.float32),
+)  # fmt: skip
+"""What happens to an array."""
+
+
+@cache
+def scratch() -> Path:
+    """A directory for files that are read once."""
+    return Path(tempfile.mkdtemp())
+
+
+MESHES = tuple(path.read_text(encoding="utf-8") for path in sorted(TOP.glob("meshes/*.msh")))
+
+
+def read_mesh_of(seed: int) -> object:
+    """Damage a mesh file and make a strip of it."""
+    dice = random.Random(seed)
+    text = dice.choice(MESHES)
+    for _ in range(dice.choice((1, 1, 2, 4))):
+        text = dice.choice((_cut, _flipped, _littered, _lines_moved, _number_changed))(text, dice)
+    path = scratch() / f"strip.{dice.choice(('msh', 'msh', 'msh', 'vtk', 'inp'))}"
+    path.write_text(text, encoding="utf-8")
+    tables = tomllib.loads(RUN.replace("length = 4.0\nwidth = 1.0", f'mesh = "{path}"'))
+    del tables["strip"]["cells"]
+    tables["strip"]["kinematics"] = "shell"
+    return refused_or(lambda: Assembly(Scene.from_tables(tables, SOURCE)).strip)
+
+
+def _number_changed(text: str, dice: random.Random) -> str:
+    """Another number in some line: a node elsewhere, or a cell of other nodes."""
+    lines = text.splitlines()
+    i = dice.randrange(len(lines))
+    words = lines[i].split()
+    if words:
+        words[dice.randrange(len(words))] = dice.choice((*NUMBERS[:14], "1", "7", "1e9"))
+        lines[i] = " ".join(words)
+    return "\n".join(lines)
+
+
+def read_override_of(seed: int) -> object:
+    """Type a wrong setting, and set it in an example."""
+    dice = random.Random(seed)
+    setting = setting_of(dice)
+    for _ in range(dice.randrange(3)):
+        setting = dice.choice((_cut, _flipped, _littered))(setting, dice)
+    tables = tomllib.loads(TEXTS[seed % len(TEXTS)])
+    return refused_or(lambda: Scene.from_tables(tables, SOURCE, [setting]))
+
+
+def refused_or(read: Callable[[], object]) -> object:
+    """Return what was read, or the refusal, which must have words that steer no terminal."""
+    try:
+        return read()
+    except InputError as error:
+        assert all(c.isprintable() or c == "\n" for c in str(error))
+        assert error.mistakes
+        return error
+
+
 def read_one(seed: int) -> Scene | InputError:
     """Make an input and read it; whatever else is raised is a fault of the reader."""
     dice = random.Random(seed)
@@ -197,13 +360,22 @@ def read_one(seed: int) -> Scene | InputError:
         return error
 
 
-def fuzzed(seeds: range) -> Tally:
+READERS: dict[str, Callable[[int], object]] = {
+    "scene": read_one,
+    "override": read_override_of,
+    "checkpoint": read_checkpoint_of,
+    "mesh": read_mesh_of,
+}
+
+
+def fuzzed(seeds: range, of: str = "scene") -> Tally:
     """Read one input for every seed."""
+    read = READERS[of]
     scenes, crashes = 0, []
     for seed in seeds:
         begin = time.process_time()
         try:
-            scenes += isinstance(read_one(seed), Scene)
+            scenes += not isinstance(read(seed), InputError)
         except Exception as error:
             crashes.append((seed, f"{type(error).__name__}: {error}"))
         if (seconds := time.process_time() - begin) > SLOW:
@@ -222,16 +394,17 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--of", choices=READERS, default="scene")
     given = parser.parse_args()
     warnings.simplefilter("error")
     scenes = refused = crashed = 0
     for part in parts(range(given.seed, given.seed + given.count)):
-        tally = fuzzed(part)
+        tally = fuzzed(part, given.of)
         scenes, refused = scenes + tally.scenes, refused + tally.refused
         crashed += len(tally.crashes)
         for seed, words in tally.crashes:
             print(f"seed {seed}: {words}", flush=True)
-        print(f"{part.stop}: {scenes} scenes, {refused} refused, {crashed} crashes", flush=True)
+        print(f"{part.stop}: {scenes} read, {refused} refused, {crashed} crashes", flush=True)
     return 1 if crashed else 0
 
 

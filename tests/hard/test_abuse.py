@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from hypothesis import HealthCheck, given, settings
@@ -22,6 +23,7 @@ from hypothesis import strategies as st
 from anmstrip.cli import main
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
+from anmstrip.results.files import load_checkpoint
 from anmstrip.results.vtk import read_collection as listed
 from anmstrip.results.vtk import read_surface
 from anmstrip.simulation.problem import Assembly
@@ -59,6 +61,15 @@ def test_reader_gives_a_scene_or_mistakes() -> None:
     assert tally.crashes == ()
     assert tally.scenes > 100
     assert tally.refused > 1000
+
+
+@pytest.mark.parametrize(("of", "count"), [("override", 500), ("checkpoint", 500), ("mesh", 200)])
+def test_other_readers_give_a_result_or_mistakes(of: str, count: int) -> None:
+    """Fuzzed as by ``python tests/hard/fuzz_reader.py --of checkpoint --count 100000``."""
+    tally = fuzzed(range(count), of)
+    assert tally.crashes == ()
+    assert tally.scenes
+    assert tally.refused > count // 2
 
 
 @settings(max_examples=100, deadline=None)
@@ -156,7 +167,7 @@ def test_full_disk_at_any_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     """The n-th file does not fit, for every n of the run; the rest stays readable."""
     scene = tmp_path / "scene.toml"
     scene.write_text(QUICK, encoding="utf-8")
-    real, calls = os.fsync, iter(range(0))
+    real, calls, ends = os.fsync, iter(range(0)), list[object]()
 
     def full(file: int) -> None:
         if next(calls, None) is None:
@@ -174,7 +185,13 @@ def test_full_disk_at_any_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         assert result.stderr.startswith(f"Stopped: {results}")
         assert "No space left on device." in result.stderr
         assert not list(results.glob(".*.part"))
+        calls = iter(range(10**6))  # there is room again: nothing was lost but time
+        resumed = ["--resume"] * (results / "checkpoint.npz").exists()
+        again = CliRunner().invoke(main, ["run", str(scene), "-o", str(results), *resumed])
+        assert again.exit_code == 0, again.output
+        ends.append(load_checkpoint(results / "checkpoint.npz")[0]["full"])
     assert fitting > 3
+    np.testing.assert_allclose(ends, [ends[0]] * len(ends), rtol=0.0, atol=1e-12)
     assert json.loads((results / "summary.json").read_text(encoding="utf-8"))["status"] == "done"
 
 

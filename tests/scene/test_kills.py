@@ -221,7 +221,7 @@ def instants(whole: Whole, count: int, seed: int) -> Iterator[list[Stop]]:
         yield [Stop(int(n), float(random.uniform(0.0, 0.03))) for n in rows]
 
 
-@pytest.mark.parametrize("runs", [2, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("runs", [2, pytest.param(23, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("sign", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_stopped_runs_end_where_the_other_did(
     whole: Whole, tmp_path: Path, runs: int, sign: signal.Signals
