@@ -177,7 +177,8 @@ class Assembly:
             return np.append(self.flat_origin, 0.0)
         ends = [place for place in (spec.entry, spec.exit) if place is not None]
         wrapped = [roller.centre for roller in self.scene.rollers if roller.wrap is not None]
-        return local_origin(np.transpose([*ends, *wrapped]))
+        x, _, z = local_origin(np.transpose([*ends, *wrapped]))
+        return np.array([x, 0.0, z])  # the middle of the strip runs in the plane y = 0
 
     @cached_property
     def flat_origin(self) -> Array:
