@@ -549,6 +549,13 @@ ESTIMATES = (
         "test_defaults.py",
     ),
     Mutant(
+        "all of the wrap of a roller that idles holds",
+        'if spec.drive == "speed" else 1.0',
+        'if spec.drive != "torque" else 1.0',
+        "explain",
+        "test_forewarnings.py",
+    ),
+    Mutant(
         "bending stress of a beam",
         "m.young * strain / (1.0 - m.poisson**2)",
         "m.young * strain",
