@@ -81,7 +81,13 @@ def four_roll_bridle(line: Line) -> None:
 
 
 def drag_bars(line: Line) -> None:
-    line.expect_slip_chain(exit=3.0e4)
+    turns = dict(zip(line.wrapped, line.straights(3.0e4).turns, strict=True))
+    for name, turn in turns.items():  # bars that stand hold back: the tight side is behind them
+        roll = line.roll(name)
+        behind = line.tight_side(roll["tension_in"], name, turn)
+        assert abs(roll["tension_out"] / behind - 1.0) < 0.01, f"{name}: {roll}, not {behind} N/m"
+    line.expect_slipping(*line.wrapped)
+    line.expect_ends(0.01, entry=3.0e4 * exp(-line.friction * sum(turns.values())), exit=3.0e4)
 
 
 def catenary_furnace(line: Line) -> None:
