@@ -77,3 +77,46 @@ def test_every_roller_is_looked_at(operator):
         return np.array([contact.position(np.tile(x, 2), here) for x in shift])
 
     assert deepest(contact, places) == pytest.approx(0.3, abs=1e-12)
+
+
+@pytest.mark.parametrize("crown", [(), (0.0, -0.8)])
+def test_near_points_are_those_of_all_pairs_wherever_the_strip_goes(operator, crown):
+    """Along a random way, points and rollers moving; all pairs are looked at now and then only."""
+    rng = np.random.default_rng(2)
+    centres = [np.array([x, 0.0, z]) for x in (-0.3, 0.0, 0.4) for z in (-0.4, 0.5)]
+    rollers = [Roller(f"r{k}", 0.05, tuple(c), crown=crown) for k, c in enumerate(centres)]
+    contact = contact_of(operator, *rollers)
+    contact = Contact(contact.roller, LAW, contact.operator, 0.05)
+    full, moves, looks = np.zeros((operator.matrix.shape[1], 3)), np.zeros((6, 3)), 0
+    values = np.flatnonzero(operator.matrix.sum(axis=0).A1 > 0.0)
+    found = latest = None
+    for _ in range(300):
+        full[values] += rng.normal(0.0, 2e-3, 3)
+        moves += rng.normal(0.0, 5e-4, (6, 3))
+        controls = {f"rollers.r{k}.centre": c + moves[k] for k, c in enumerate(centres)}
+        found = contact.within_reach(full.ravel(), controls)
+        gap = contact.seen(contact.operator.apply(full.ravel()), controls).gap
+        np.testing.assert_array_equal(found, np.flatnonzero(gap < 0.05))
+        looks += contact.latest["neighbours"] is not latest
+        latest = contact.latest["neighbours"]
+    assert 1 < looks < 100
+    assert len(latest.pairs) < contact.operator.points
+
+
+def test_a_step_that_leaves_the_neighbours_is_looked_at_whole(operator):
+    """A long way past a far roller, and back to where it began."""
+    rollers = [Roller("a", 0.2, (0.0, 0.0, -3.0)), Roller("b", 0.2, (0.0, 0.0, -0.8))]
+    contact = contact_of(operator, *rollers)
+    contact = Contact(contact.roller, LAW, contact.operator, 0.1)
+    controls = {f"rollers.{r.name}.centre": np.array(r.centre) for r in rollers}
+    value = operator.matrix.T @ np.ones(operator.points) != 0.0
+
+    def states(shares):
+        for s in shares:
+            full = np.zeros((operator.matrix.shape[1], 3))
+            full[value, 2] = -16.0 * s * (1.0 - s)
+            yield full.ravel(), None, controls
+
+    assert contact.crossing(states) is not None
+    quiet = Contact(contact.roller, LAW, contact.operator, 0.1)
+    assert quiet.crossing(lambda shares: ((u * 0.01, v, c) for u, v, c in states(shares))) is None

@@ -116,9 +116,12 @@ class ContactOperator:
         Their numbers in the whole strip.
     width : float
         Of the strip (m).
+    whole : ContactOperator
+        That of all points, of which this is a part.
     """
 
     def __init__(self, strip: Strip) -> None:
+        self.whole = self
         kind = shape_of(strip)
         self.count, self.width = strip.count, strip.width
         patch = patches(strip, contact_points(kind))

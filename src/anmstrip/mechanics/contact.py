@@ -26,6 +26,9 @@ CHORD = 0.25
 MOST = 1024
 """Looks at one step."""
 
+STEEPEST = 1.5
+"""Bound of the change of a gap over the way of its point: (1 + |R'|)/√(1 + R'²) ≤ √2."""
+
 
 def deepest(contact: Contact, places: Callable[[Array], Array]) -> float | None:
     """Return where on its way a point lies deeper than at either end, by more than the onset.
@@ -165,13 +168,50 @@ class Contact(LawEffect):
         return self.roller.project(self.position(x, controls))
 
     def crossing(self, states: Callable[[Array], Iterable[Moment]]) -> float | None:
-        """Return where a step crosses a roller, as a share of it; see :func:`deepest`."""
+        """Return where a step crosses a roller, as a share of it; see :func:`deepest`.
 
-        def places(shares: Array) -> Array:
-            moments = states(shares)
-            return np.array([self.position(self.operator.apply(u), c) for u, _, c in moments])
+        Of all pairs, if anything moves so far that neighbours say nothing.
+        """
+        ((full, _, controls),) = states(np.zeros(1))
+        near, farthest = self.neighbours(full, controls), 0.0
 
-        return deepest(self, places)
+        def places(shares: Array, part: Contact = near.part) -> Array:
+            nonlocal farthest
+            moments = [(u, c) for u, _, c in states(shares)]
+            farthest = max(farthest, *(near.moved(self.points_and_centres(*m)) for m in moments))
+            return np.array([part.position(part.operator.apply(u), c) for u, c in moments])
+
+        places(np.linspace(0.0, 1.0, 3))
+        found = deepest(near.part, places) if near.part.points else None
+        if farthest <= near.skin:
+            return found
+        return deepest(self, lambda shares: places(shares, self))
+
+    def points_and_centres(self, full: Array, controls: Mapping[str, Any]) -> tuple[Array, Array]:
+        """Displacements of all points, (components, points), and centres, (rollers, 3)."""
+        names = [f"rollers.{roller.name}.centre" for roller in self.roller.members]
+        return self.operator.whole.apply(full), np.array([controls[name] for name in names])
+
+    def neighbours(self, full: Array, controls: Mapping[str, Any]) -> Neighbours:
+        """Pairs that are near, looked up anew when something has moved far.
+
+        As lists of neighbours of particles are (Verlet, Phys. Rev. 159, 98, 1967): all pairs are
+        looked at only then, so that the work of a state grows with the points and not with their
+        number times that of the rollers.
+        """
+        here = self.points_and_centres(full, controls)
+        latest = self.latest.get("neighbours")
+        if latest is None or not latest.moved(here) <= latest.skin:
+            skin = min(float(roller.radius) for roller in self.roller.members)
+            gap = self.seen(self.operator.apply(full), controls).gap
+            pairs = np.flatnonzero(gap < self.reaches + STEEPEST * skin)
+            latest = self.latest["neighbours"] = Neighbours(self._part(pairs), pairs, skin, *here)
+        return latest
+
+    @cached_property
+    def latest(self) -> dict[str, Neighbours]:
+        """The neighbours that were looked up last."""
+        return {}
 
     def near(self, full: Array, controls: Mapping[str, Any]) -> Contact:
         """The same effect on the points within reach."""
@@ -179,8 +219,9 @@ class Contact(LawEffect):
 
     def within_reach(self, full: Array, controls: Mapping[str, Any]) -> Index:
         """Numbers of the points within reach."""
-        gap = self.seen(self.operator.apply(full), controls).gap
-        return np.flatnonzero(gap < self.reaches)
+        near = self.neighbours(full, controls)
+        gap = near.part.seen(near.part.operator.apply(full), controls).gap
+        return np.asarray(near.pairs[gap < near.part.reaches])
 
     def pressure(self, place: Projection) -> Any:
         """R (Pa), shape (points,)."""
@@ -196,6 +237,26 @@ class Contact(LawEffect):
         place = self.seen(x, controls)
         traction = self.roller.normal(place) * self.pressure(place)
         return transform(-self.view.swapaxes(0, 1), traction)
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """Pairs that may come within reach until points and rollers have moved by the skin."""
+
+    part: Contact  # of these pairs
+    pairs: Index  # their numbers among all
+    skin: float  # m
+    displacements: Array  # of all points when they were looked up (m), (components, points)
+    centres: Array  # of the rollers (m), (rollers, 3)
+
+    def moved(self, here: tuple[Array, Array]) -> float:
+        """Return the largest distance (m) by which a point and a roller may have come nearer."""
+        points, rollers = here[0] - self.displacements, here[1] - self.centres
+        squares = (
+            (points**2).sum(axis=0).max(initial=0.0),
+            (rollers**2).sum(axis=1).max(initial=0.0),
+        )
+        return float(sum(np.sqrt(squares)))
 
 
 @dataclass(frozen=True)
