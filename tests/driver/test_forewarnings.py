@@ -6,11 +6,15 @@ import copy
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from anmstrip.driver.preview import Preview
 from anmstrip.driver.scene import Scene
-from anmstrip.driver.warnings import serious, warnings
+from anmstrip.driver.warnings import free_to_turn, serious, warnings
+from anmstrip.equilibrium import Equilibrium
+from anmstrip.fem.sampling import l2_projection, quadrature_points
+from anmstrip.mechanics.shell import uniaxial_stretches
 from anmstrip.simulation.problem import Assembly
 
 PULL = {
@@ -273,3 +277,54 @@ def test_lines_of_the_field_raise_no_false_alarm(path: Path) -> None:
     found = warnings(Preview.of(Assembly(Scene.load(path))))
     assert [line for line in found if "no more than 12000 unknowns" not in line] == []
     assert bool(found) == (path.stem[:2] in ("13", "28"))
+
+
+def free(changed: dict[str, Any] | None = None, last: dict[str, Any] | None = None) -> list[str]:
+    """Ends that are free to turn in the scene with some entries changed, or with a stage more."""
+    tables = copy.deepcopy(TABLES)
+    for key, value in (changed or {}).items():
+        table, entry = key.split(".")
+        tables[table][int(entry) if entry.isdigit() else entry] = value
+    if last is not None:
+        tables["stages"].append({"name": "last", "duration": 1.0, **last})
+    return list(free_to_turn(preview_of(tables)))
+
+
+def turned_imbalance(control: dict[str, Any], angle: float) -> float:
+    """Imbalance, over the force scale, of the flat strip under its load, turned about its entry."""
+    tables = copy.deepcopy(TABLES)
+    for key in ("contact", "friction", "rollers"):
+        del tables[key]
+    tables["stages"] = [{"name": "pull", "duration": 1.0, "exit": control}]
+    preview = preview_of(tables)
+    (plan,), assembly = preview.plans, preview.assembly
+    strip, along = assembly.strip, uniaxial_stretches(1e4, 2e8, 0.3)[0]
+    x, begin = quadrature_points(strip)[0], strip.nodes[0].min()
+    way = along * (x - begin)
+    moved = np.stack([begin + way * np.cos(angle) - x, 0.0 * x, way * np.sin(angle)])
+    full = l2_projection(strip, assembly.pattern, moved)
+    equilibrium = Equilibrium(plan.model, plan.supports, plan.controls)
+    return equilibrium.imbalance(equilibrium.residual(full[plan.supports.free], 1.0))
+
+
+def test_an_end_that_is_pulled_along_its_own_direction_is_free_to_turn() -> None:
+    """In equilibrium at any angle, which a force of a given direction is not."""
+    for angle in (0.0, 0.3, -1.0):
+        assert turned_imbalance({"tension": 1e4}, angle) < 1e-8
+    assert turned_imbalance({"force": [1e4, 0.0, 0.0]}, 0.0) < 1e-9
+    assert turned_imbalance({"force": [1e4, 0.0, 0.0]}, 0.3) > 0.1
+    (told,) = free(last={"exit": {"tension": 1e4}})
+    assert "in stage last the exit is pulled along its own direction and free in z" in told
+    assert """--set 'edges.exit.fixed=["z"]'""" in told
+    (told,) = free(last={"entry": {"release": True, "tension": 1e4}})
+    assert "in stage last the entry is pulled" in told
+
+
+def test_ends_that_are_not_free_to_turn() -> None:
+    pulled = {"exit": {"tension": 1e4}}
+    assert free(last={**pulled, "gravity": [0.0, 0.0, -9.81]}) == []
+    assert free(last={"exit": {"tension": 1e4, "force": [0.0, 0.0, -10.0]}}) == []
+    assert free({"strip.foundation": 1e3}, last=pulled) == []
+    lay = {**LAY, "exit": {"tension": 1e4}}
+    assert len(free({"stages.1": lay})) == 1
+    assert free({"stages.1": lay, "edges.exit": {"fixed": ["z"]}}) == []

@@ -247,6 +247,19 @@ def more_tension(failure: Failure) -> str:
     return f"--set 'stages.{scene.stages[0].name}.exit.force=[{tension:.3g}, 0.0, 0.0]'"
 
 
+def free_end(failure: Failure) -> str | None:
+    """An end that is free to turn, where it fails away from all rollers."""
+    from anmstrip.driver.preview import Preview
+    from anmstrip.driver.warnings import free_to_turn
+
+    location = failure.location
+    if location is None or location.roller:
+        return None
+    stage, preview = failure.stage.name, Preview.of(failure.assembly)
+    found = next(free_to_turn(preview), "")
+    return f"{found[0].upper()}{found[1:]}" if found.startswith(f"in stage {stage} ") else None
+
+
 def coarse(failure: Failure) -> str | None:
     """Elements over a roller do not see the strip bend onto it."""
     location, strip = failure.location, failure.assembly.strip
@@ -335,6 +348,7 @@ CAUSES: tuple[Callable[[Failure], str | None], ...] = (
     round_off,
     forewarned,
     slack,
+    free_end,
     coarse,
     stiff_friction,
     low_order,
