@@ -98,8 +98,8 @@ class ContactState:
         without contact.
         """
         operator = self.contact.operator
-        lines = operator.cells[:, LINES[operator.cells.shape[1]]].reshape(-1, 3)
-        lines = lines[(self.gap[lines] < self.contact.reaches).any(axis=1)]
+        cells = operator.cells[(self.gap[operator.cells] < self.contact.reaches).any(axis=1)]
+        lines = cells[:, LINES[cells.shape[1]]].reshape(-1, 3)
         along, across, _ = np.abs(np.diff(operator.reference[:, lines[:, ::2]], axis=2))[..., 0]
         lines = lines[along > 1e-6 * across]
         gap = self.gap[lines] - float(self.contact.signorini.gap(self.least + self.contact.least))
@@ -264,12 +264,16 @@ def line_loads(state: ContactState, tensions: Sequence[float], bending: float) -
     The point is :data:`BEYOND` √(D/T) behind the end, at most in the middle of the arc; there, half
     of a contact along a line belongs to each end.
     """
-    if not state.ends.size or min(tensions) == 0.0:
+    if not (state.ends.size and state.pressure.any()) or min(tensions) == 0.0:
         return [0.0, 0.0]
-    x, station = np.unique(np.round(state.contact.operator.reference[0], 9), return_inverse=True)
-    share = state.area / state.width
-    rub = (state.traction * state.turning).sum(axis=0)
-    force, rubbed = (np.bincount(station, v * share).astype(float) for v in (state.pressure, rub))
+    near = np.flatnonzero(state.pressure)
+    places = np.round(state.contact.operator.reference[0, near], 9)
+    x, station = np.unique(places, return_inverse=True)
+    share = state.area[near] / state.width
+    rub = (state.traction * state.turning).sum(axis=0)[near]
+    force, rubbed = (
+        np.bincount(station, v * share).astype(float) for v in (state.pressure[near], rub)
+    )
     loads = []
     for sense, tension, other in ((1.0, *tensions), (-1.0, *tensions[::-1])):
         first, last = (float((sense * np.array(state.arc)).min()), sense * state.middle)
