@@ -163,11 +163,11 @@ def test_numbering_does_not_matter(level: str, monkeypatch: pytest.MonkeyPatch) 
     assert forces(shuffled=True) == pytest.approx(forces(shuffled=False), rel=1e-9)
 
 
-def renumbered(scene: Scene, thread: Any) -> Any:
+def renumbered(scene: Scene, rollers: Any, thread: Any) -> Any:
     """The mesh with its nodes in another order."""
     from anmstrip.simulation.meshing import strip_mesh
 
-    mesh = strip_mesh(scene, thread)
+    mesh = strip_mesh(scene, rollers, thread)
     order = np.random.default_rng(1).permutation(mesh.p.shape[1])
     place = np.argsort(order)
     low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)

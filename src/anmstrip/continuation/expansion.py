@@ -12,8 +12,12 @@ from anmstrip.continuation.equations import TINY, Cost, Equations, Outcome, Path
 from anmstrip.continuation.path import Branch
 from anmstrip.linalg.solvers import LinearSolver
 
-LARGEST = 1e100
-"""Size of a coefficient after which a series ends, so that no later one overflows."""
+LARGEST = float(np.finfo(float).max) ** (1.0 / 3.0)
+"""Size of a coefficient after which a series ends, so that products of three do not overflow."""
+
+SEEN = 0.1
+"""Share of the tolerance above which an order is seen.  With a half of it sharp friction
+(ω = 1e-10, q = 0.01) stalls; with nothing tangents are the same, and series longer than need be."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +144,7 @@ def expand(
 
 
 def _is_seen(force: float, k: int, reach: float, tolerance: float) -> bool:
-    """Whether force · reach^k, left without order k, is more than a tenth of the tolerance."""
+    """Whether force · reach^k, left without order k, is more than a share of the tolerance."""
     if not force > 0.0:
         return force != 0.0
-    return math.log(force) + k * math.log(reach) > math.log(max(0.1 * tolerance, TINY))
+    return math.log(force) + k * math.log(reach) > math.log(max(SEEN * tolerance, TINY))

@@ -8,10 +8,11 @@ import numpy as np
 from scipy.linalg import toeplitz
 
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import TINY, Cost, Equations, inner, size
+from anmstrip.continuation import validity
+from anmstrip.continuation.equations import Cost, Equations, inner, size
 from anmstrip.continuation.path import Branch
-from anmstrip.continuation.validity import errors, guessed_range
-from anmstrip.taylor.polynomials import first_root
+from anmstrip.continuation.validity import guessed_range, longest
+from anmstrip.taylor.polynomials import EPSILON, first_root
 
 LOOKED_AT = 4
 """Last orders that must be parallel, and in one ratio."""
@@ -56,39 +57,19 @@ def cleared(equations: Equations, branch: Branch) -> Branch:
     return replace(branch, u=u, control=control, forces=forces)
 
 
-RUNG = 1.05
-"""Lengths that are tried are powers of this, times that of the series: what round-off changes in
-an error does not change them.  With 1.0001 the capstan takes 102 tangents instead of 97."""
-
-FIRST = 10
-"""Rung that is tried first: most quotients hold up to there.  From 0 the coarse capstan takes 47
-tangents instead of 38."""
-
-TRIALS = 4
-"""Lengths that are tried.  Without a bound conveying takes 339 tangents instead of 322."""
-
-AIM = 0.7
-"""Share of the tolerance that the next one aims at.  With half of it conveying takes 354 tangents
-instead of 322."""
-
 LAST = 4
-"""Orders of the product that are to vanish.  With one, levelling takes 53 tangents, not 50."""
+"""Orders of the product that are to vanish, weighted at the longest length that is tried.  With one
+the bridle takes 346 tangents instead of 309."""
 
-FURTHER = 4.0
-"""Where they are weighted, and the longest that is tried, over the length of the series.  With 3
-conveying takes 340 tangents instead of 322."""
-
-DAMPING = 1e-7
-"""Damping of the denominator's coefficients, over the largest term.  With 1e-9 steps in mm and in
-m are of other lengths, by 4e-3 after 50 of them, with 1e-7 by 5e-9; tangents are hardly fewer."""
+DAMPING = EPSILON**0.5
+"""Damping of the denominator's coefficients, over the largest term: errors and damping of a least
+squares problem are then alike.  With 1e-9 steps in mm and in m are of other lengths."""
 
 
 def longest_quotient(
     equations: Equations, series: Branch, tolerance: float, reach: float, cost: Cost
 ) -> tuple[Branch, float] | None:
     """The rational form of a series, if it meets the tolerance further on than its terms tell.
-
-    Its error is taken for a power of the length, which the lengths that are tried tell.
 
     Returns
     -------
@@ -102,29 +83,13 @@ def longest_quotient(
     guess, reach = guessed_range(equations, series, tolerance, reach)
     if series.order < 3 or guess >= reach:
         return None
-    quotient, limit = rational(equations, series.cut(guess)), min(reach, FURTHER * guess)
+    quotient, limit = rational(equations, series.cut(guess)), min(reach, validity.FURTHER * guess)
     if quotient is None:
         return None
     pole = first_root(quotient.denominator, limit)
-    limit = limit if pole is None else pole / RUNG
-    rung, best, least, power = FIRST, 0, np.inf, series.order + 1.0
-    last, last_error = np.inf, np.inf
-    found: tuple[Branch, float] | None = None
-    for _ in range(TRIALS):
-        length = min(guess * RUNG**rung, limit)
-        if not best < rung < least or length <= (guess if found is None else found[0].length):
-            break
-        error, imbalance = errors(equations, quotient, length, cost, tolerance)
-        if error <= tolerance:
-            found, best = (quotient.cut(length), imbalance), rung
-        else:
-            least = rung
-        if length != last and 0.0 < error < np.inf and 0.0 < last_error < np.inf:
-            power = max(float(np.log(error / last_error) / np.log(length / last)), 1.0)
-        last, last_error = length, error
-        growth = np.log(AIM * tolerance / max(error, TINY)) / power
-        rung += int(np.floor(np.clip(growth, -np.log(2.0), np.log(2.0)) / np.log(RUNG)))
-    return found
+    limit = limit if pole is None else pole / validity.RUNG
+    middle = round(0.5 * np.log(validity.FURTHER) / np.log(validity.RUNG))  # half way up the ladder
+    return longest(equations, quotient, guess, limit, tolerance, cost, middle)
 
 
 def rational(equations: Equations, branch: Branch) -> Branch | None:
@@ -133,7 +98,7 @@ def rational(equations: Equations, branch: Branch) -> Branch | None:
     The denominator's coefficients d_1 … d_m make the last orders of the product vanish, in
     coordinates of what the orders span, by damped least squares.
     """
-    n, scale = branch.order, FURTHER * branch.length
+    n, scale = branch.order, validity.FURTHER * branch.length
     degree, last = n - 1, min(LAST, n - 1)
     with np.errstate(all="ignore"):
         powers = scale ** np.arange(1.0, n + 1)
