@@ -14,7 +14,7 @@ RUNG = 1.05
 not change them.  With 1.001 three examples take 444 tangents instead of 446, and more residuals."""
 
 FURTHER = 4.0
-"""The longest that is tried, over the guess.  With 2 the bridle takes 363 tangents instead of 309."""
+"""The longest that is tried, over the guess.  With 2 the bridle takes 363 tangents, not 309."""
 
 
 def validated(
