@@ -99,6 +99,33 @@ READINGS = (
         "normal_force=1.1 * float((state.pressure * area).sum())",
         "rollers",
     ),
+    Mutant(
+        "a torque of the nominal radius",
+        "float(friction @ state.arm)",
+        "float(friction.sum()) * state.roller.radius",
+        "rollers",
+    ),
+    Mutant(
+        "the torque is the drag", "float(friction @ state.arm)", "float(friction.sum())", "rollers"
+    ),
+    Mutant("the surface stands", "surface_speed=state.speed", "surface_speed=0.0", "rollers"),
+    Mutant(
+        "bearings drive",
+        "bearing_torque=state.bearing_torque",
+        "bearing_torque=-state.bearing_torque",
+        "rollers",
+        "test_turning_rollers.py",
+    ),
+    Mutant(
+        "travel of a free surface is its speed",
+        "self.full[place] - before.full[place]",
+        "self.velocity[place]",
+        "rollers",
+        "test_turning_rollers.py",
+    ),
+    Mutant(
+        "where the strip passes is turned", '"above" if z > 0.0', '"above" if z < 0.0', "explain"
+    ),
     Mutant("drag has the other sign", "drag=float(", "drag=-float(", "rollers"),
     Mutant(
         "cone violation is always 0",

@@ -80,7 +80,12 @@ def test_free_rollers_turn_with_the_strip(braked: Any) -> None:
 
 
 def test_an_idler_neither_pulls_nor_brakes() -> None:
-    _, state = ended(turned({"drive": "idle"}, {"drive": "idle"}))
+    travel, before = 0.0, None
+    for step in turned({"drive": "idle"}, {"drive": "idle"}).run():
+        state = step.state
+        travel += 0.0 if before is None else state.surface_travel("a", before)
+        before = state
+    assert travel == pytest.approx(SPEED * 0.15, rel=0.01)
     for reading in state.rollers.values():
         assert abs(reading.torque) < 0.01
         assert reading.tension_in == pytest.approx(reading.tension_out, rel=1e-3)
