@@ -130,7 +130,7 @@ class DirectoryLock:
         FileNotFoundError
             With the directory as its `filename`.
         """
-        if not _is_file(self.path, self.file):
+        if self.release.alive and not _is_file(self.path, self.file):
             words = "the files of this run were taken away"
             raise FileNotFoundError(errno.ENOENT, words, str(self.path.parent))
 
