@@ -383,19 +383,26 @@ class StageProblem:
         return float(self.controls.at(control)["strip.speed"] + full[-1])
 
     def continues(self, past: StageProblem) -> bool:
-        """Whether a stage in time goes on where another ended, with no jump of a velocity."""
+        """Whether a stage in time goes on where another ended, with no jump of a velocity.
+
+        A velocity jumps with the rate of any control but a surface speed, which is one itself.
+        """
         if not (self.in_time and past.in_time):
             return False
         if not np.array_equal(self.supports.free, past.supports.free):
             return False
         if not np.allclose(self.moving(0.0), past.moving(1.0), rtol=1e-9, atol=0.0):
             return False
-        names = [name for name in self.controls.start if name.endswith(".velocity")]
+        names = {*self.controls.slope, *past.controls.slope}
         return all(
-            n in past.controls.start
-            and np.array_equal(self.controls.start[n], past.controls.start[n])
-            for n in names
+            np.allclose(self.rate(name), past.rate(name), rtol=1e-9, atol=0.0)
+            for name in names
+            if not name.endswith(".surface_speed")
         )
+
+    def rate(self, name: str) -> Any:
+        """Rate of a control (its unit per s), 0 if it stands still."""
+        return self.controls.slope.get(name, 0.0) / self.duration
 
     def moving(self, control: float) -> Array:
         """Velocities of what is held (m/s), zero elsewhere, shape (unknowns,)."""

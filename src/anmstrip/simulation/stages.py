@@ -37,6 +37,8 @@ class Course:
         Edge → displacement (m) of a threaded strip at the beginning, from which moves count.
     speeds : dict
         Edge → velocity (m/s) of its held components, which lasts until a stage changes it.
+    outward : dict
+        Edge → direction in which a threaded strip goes on beyond it, where its tension pulls.
     """
 
     assembly: Assembly
@@ -46,15 +48,17 @@ class Course:
     time: float = 0.0
     begun: dict[str, Array] = field(default_factory=dict)
     speeds: dict[str, Array] = field(default_factory=dict)
+    outward: dict[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         thread = self.assembly.thread
         if thread is not None and not self.values:  # begin at the ends, pulled at the exit
             x = self.assembly.strip.mesh.p[0]
-            entry, exit, leaving = thread.ends_in_space(np.array([x.min(), x.max()]))
+            entry, exit, *outward = thread.ends_in_space(np.array([x.min(), x.max()]))
             self.begun = {"entry": entry, "exit": exit}
             self.moved.update(self.begun)
-            self.values["exit.force"] = thread.tension * leaving
+            self.outward = dict(zip(("entry", "exit"), outward, strict=True))
+            self.values["exit.force"] = thread.tension * self.outward["exit"]
         if self.assembly.conveyed:
             self.values.setdefault(SPEED, np.array(0.0))
         for roller in self.assembly.rollers:
@@ -159,7 +163,9 @@ class Course:
         for name, edge in stage.edges.items():
             if edge.force is not None:
                 end[f"{name}.force"] = np.array(edge.force, dtype=float)
-            if edge.tension is not None:
+            if edge.tension is not None and name in self.outward:
+                end[f"{name}.force"] = edge.tension * self.outward[name]
+            elif edge.tension is not None:
                 end[f"{name}.tension"] = np.array(edge.tension, dtype=float)
                 if edge.force is None and f"{name}.force" in end:
                     end[f"{name}.force"] = np.zeros(3)

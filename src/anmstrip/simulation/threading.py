@@ -119,8 +119,8 @@ class Thread:
         entry, exit = self.ends
         return string_path(*circles, entry, exit, self.crossing)
 
-    def ends_in_space(self, reference: Array) -> tuple[Array, Array, Array]:
-        """Displacements of entry and exit, and direction of the strip at the exit, (3,) each.
+    def ends_in_space(self, reference: Array) -> tuple[Array, Array, Array, Array]:
+        """Displacements of entry and exit, and outward directions of the strip there, (3,) each.
 
         Parameters
         ----------
@@ -131,8 +131,8 @@ class Thread:
         position, direction = self.middle.at(s, 0)
         in_space = np.stack([position[0], np.zeros(2), position[1]])
         moved = in_space - np.stack([reference, np.zeros(2), np.zeros(2)])
-        leaving = direction[:, 1]
-        return moved[:, 0], moved[:, 1], np.array([leaving[0], 0.0, leaving[1]])
+        outward = np.stack([direction[0], np.zeros(2), direction[1]]) * [-1.0, 1.0]
+        return moved[:, 0], moved[:, 1], outward[:, 0], outward[:, 1]
 
     def guess(self, strip: Strip, pattern: Pattern) -> Array:
         """Displacements of the threaded strip before equilibrium, shape (unknowns,).
@@ -158,7 +158,7 @@ class Thread:
         from anmstrip.mechanics.shell import Membrane
 
         x, entry = strip.mesh.p[0], strip.edges["entry"]
-        _, _, leaving = self.ends_in_space(np.array([x.min(), x.max()]))
+        *_, leaving = self.ends_in_space(np.array([x.min(), x.max()]))
         one = entry.values[[len(entry.values) // 2]]
         held = np.concatenate([3 * entry.trace, 3 * entry.trace + 2, 3 * one + 1])
         at_rest = Supports.at_rest(strip.unknowns, held)

@@ -291,11 +291,11 @@ class _Integrator:
         """
         tolerance, answer = self.stepping.tolerance, local
         share = max((new - memory.times[0]) / self.stepping.whole, LEAST_SHARE)
-        lasting = self.equations.error(trial.u, local) / share
         if trial.turned <= tolerance:
             self.cost.solves += 1
             with self.cost.timed("error in time"):
                 answer = self.solver.factors.solve(trial.resistance(trial.rate * local))
+        lasting = self.equations.error(trial.u, answer) / share
         return max(lasting, self.equations.fading_error(trial.u, answer)) / tolerance
 
     def next_order(
