@@ -12,6 +12,7 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Evidence, Outcome, PathStopped
 from anmstrip.continuation.follow import PathStep, Settings
+from anmstrip.continuation.newton import Corrections, Newton
 from anmstrip.linalg.solvers import LinearSolver, Remembering
 from anmstrip.timestepping.formulas import (
     AffineVelocity,
@@ -83,6 +84,8 @@ time then ask for a shorter step.  Without it sharp friction takes a strip twice
 
 NARROWEST = 1e-6
 """The same of the path to rest, for which there is no shorter step."""
+
+MOST_CORRECTIONS, HALVINGS = 40, 8
 
 SETTLING = 0.01
 """First instant after a start, as a fraction of the first step.  With the whole of it the bridle
@@ -215,7 +218,7 @@ class _Integrator:
         raise PathStopped(failed.outcome, t, failed.detail, failed.evidence)
 
     def settled(self, memory: Memory) -> Memory:
-        """The same start, in equilibrium, with the velocity after the first instant.
+        """The start in equilibrium, after the first instant, with the velocity there.
 
         What imbalance the start has is taken away while nothing moves, so that it
         is not mistaken for motion.  Then stick and elasticity settle, within
@@ -230,8 +233,9 @@ class _Integrator:
         try:
             rest = self.followed(path, len(u), rational=False, shortest=NARROWEST)
             still = replace(memory, states=(u + rest.branch.end[0],))
-            instant = max(SETTLING * memory.step, DIGITS_OF_TIME * np.spacing(t))
-            return replace(still, v=self.trial(still, t + instant, 1).v)
+            after = t + max(SETTLING * memory.step, DIGITS_OF_TIME * np.spacing(t))
+            first = self.trial(still, after, 1)
+            return start_memory(after, first.u, first.v, memory.step)
         except PathStopped:
             return memory
 
@@ -261,10 +265,19 @@ class _Integrator:
             w += weight * (state - u)
         velocity = AffineVelocity(rate, memory.v, w - memory.v)
         path = self.equations.during(t, new - t, velocity, u)
-        last = self.followed(path, len(u), rational=self.settings.rational, shortest=NARROW)
-        increment = last.branch.end[0]
+        try:
+            last = self.followed(path, len(u), rational=self.settings.rational, shortest=NARROW)
+            increment, imbalance = last.branch.end[0], last.imbalance
+        except PathStopped as stopped:
+            if stopped.outcome is Outcome.TOO_MANY_TANGENTS:
+                raise
+            net = Corrections(self.settings.tolerance, most=MOST_CORRECTIONS, halvings=HALVINGS)
+            found = Newton(path, self.solver, net, self.cost).corrected(np.zeros_like(u), 1.0)
+            if found is None:
+                raise
+            increment, imbalance = found.u, found.imbalance
         v, spent = velocity(increment, 1.0), self.cost.expansions - before
-        return _Trial(u + increment, v, last.imbalance, spent, path, increment, rate)
+        return _Trial(u + increment, v, imbalance, spent, path, increment, rate)
 
     def local_error(self, memory: Memory, u: Array, new: float, order: int) -> Array:
         """Local error, from the predictor through order + 1 past states.
