@@ -222,9 +222,11 @@ class March:
         """
         if np.any(self.full) or np.any(plan.supports.slope):
             return 0.0
-        end = plan.controls.at(1.0)
-        pulled = float(end.get("exit.force", np.zeros(3))[0])
-        return max(pulled + float(end.get("exit.tension", 0.0)), 0.0)
+        before, after = (
+            float(at.get("exit.force", np.zeros(3))[0]) + float(at.get("exit.tension", 0.0))
+            for at in (plan.controls.at(0.0), plan.controls.at(1.0))
+        )
+        return 0.0 if before > 0.0 else max(after, 0.0)
 
     def _in_time(self, plan: StageProblem, settings: Settings) -> Iterator[Step]:
         memory, taken = self._memory(plan), 0

@@ -163,7 +163,8 @@ class Course:
         for name, edge in stage.edges.items():
             if edge.force is not None:
                 end[f"{name}.force"] = np.array(edge.force, dtype=float)
-            if edge.tension is not None and name in self.outward:
+            scalar = stage.steady and name == "entry"  # the strip's speed answers to it
+            if edge.tension is not None and name in self.outward and not scalar:
                 end[f"{name}.force"] = edge.tension * self.outward[name]
             elif edge.tension is not None:
                 end[f"{name}.tension"] = np.array(edge.tension, dtype=float)
@@ -171,12 +172,8 @@ class Course:
                     end[f"{name}.force"] = np.zeros(3)
             if edge.moment is not None:
                 end[f"{name}.moment"] = np.array(edge.moment, dtype=float)
-        if stage.gravity is not None:
-            end["gravity"] = np.array(stage.gravity, dtype=float)
-        if stage.strip.speed is not None:
-            end[SPEED] = np.array(stage.strip.speed, dtype=float)
-        if stage.pressure is not None:
-            end["pressure"] = np.array(stage.pressure, dtype=float)
+        plain = {"gravity": stage.gravity, "pressure": stage.pressure, SPEED: stage.strip.speed}
+        end.update({key: np.array(to, dtype=float) for key, to in plain.items() if to is not None})
         for roller in self.assembly.rollers:
             control, key = stage.rollers.get(roller.name), f"rollers.{roller.name}"
             if (speed := surface_speed(control, roller)) is not None:

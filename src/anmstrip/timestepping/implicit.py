@@ -86,8 +86,8 @@ NARROWEST = 1e-6
 """The same of the path to rest, for which there is no shorter step."""
 
 MOST_CORRECTIONS, HALVINGS = 20, 8
-"""Iterations at the end of a step whose path stalls, each with a line search.  With 40 a snap, where
-nothing is found, takes 900 tangents instead of 600."""
+"""Iterations at the end of a step whose path stalls, each with a line search.  With 40 a snap, for
+which nothing is found, takes 900 tangents instead of 600."""
 
 SETTLING = 0.01
 """First instant after a start, as a fraction of the first step.  With the whole of it the bridle
