@@ -259,7 +259,8 @@ def test_steady_stages_follow_each_other() -> None:
 @pytest.mark.parametrize("kinematics", ["section", "shell"])
 def test_tangent_is_that_of_the_residual(kinematics: str) -> None:
     """With free rollers and the tension of the entry given, about a state in motion."""
-    scene = scene_of(LINE, strip={"kinematics": kinematics, "refined": 0.2})
+    blunt = {"law": "tanh", "coefficient": FRICTION, "speed": 0.3}
+    scene = scene_of(LINE, strip={"kinematics": kinematics, "refined": 0.2}, friction=blunt)
     assembly = Assembly(scene)
     plan = Course(assembly).plan(scene.stages[0], {})
     equations = Equilibrium(plan.model, plan.supports, plan.controls)
@@ -271,11 +272,31 @@ def test_tangent_is_that_of_the_residual(kinematics: str) -> None:
     w = rng.standard_normal(u.shape) / equations.free_units
     matrix = equations.recurrence(u, 0.7, 1).tangent()
     assert isinstance(matrix, Bordered)
-    change, step = matrix.assembled() @ w, 1e-9
-    found = equations.residual(u + step * w, 0.7) - equations.residual(u - step * w, 0.7)
-    error = found / (2.0 * step) - change
-    for part in (slice(-4), slice(-4, -1), slice(-1, None)):
-        assert np.linalg.norm(error[part]) < 1e-5 * np.linalg.norm(change[part])
+    for direction, step in ((w, 1e-9), *((e, 1e-5) for e in np.eye(len(u))[-4:])):
+        change = matrix.assembled() @ direction
+        found = equations.residual(u + step * direction, 0.7)
+        found -= equations.residual(u - step * direction, 0.7)
+        error = found / (2.0 * step) - change
+        for part in (slice(-4), *(slice(k, k + 1) for k in (-4, -3, -2)), slice(-1, None)):
+            size = max(np.linalg.norm(change[part]), 1e-9 * np.linalg.norm(change))
+            assert np.linalg.norm(error[part]) < 1e-5 * size
+
+
+def test_slip_is_measured_along_the_strip() -> None:
+    """c |r,X| − V at the nodes, also where the strip meets the roller at an angle."""
+    speed = 1.0 / stretch(1.1e4)
+    run, state = ended(steady(speed, 1.5e-5))
+    strip, contact = run.assembly.strip, state.contacts["a"]
+    slopes = strip.nodal(state.full)[strip.dofs("u_x")] + np.array([1.0, 0.0])
+    x = contact.contact.operator.reference[0]
+    nodes = np.flatnonzero(np.linalg.norm(contact.traction, axis=0) > 0.0)
+    nodes = nodes[np.isin(np.round(x[nodes], 9), np.round(strip.mesh.p[0], 9))]
+    own = np.searchsorted(np.round(strip.mesh.p[0], 9), np.round(x[nodes], 9))
+    along = np.stack([slopes[own, 0], 0.0 * x[nodes], slopes[own, 1]])
+    assert np.abs((along * contact.normal[:, nodes]).sum(axis=0)).max() > 0.02
+    expected = speed * np.linalg.norm(along, axis=0) - 1.0
+    slip = (contact.slip * contact.turning).sum(axis=0)[nodes]
+    assert slip == pytest.approx(expected, abs=1e-12)
 
 
 def test_slopes_at_contact_points_are_derivatives() -> None:
