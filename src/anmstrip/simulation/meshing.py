@@ -41,7 +41,10 @@ ARC = 0.05
 sticks is off by 7e-5 of itself with 0.1, by 1e-6 with 0.05: a cubic stretches on a circle."""
 
 STRING, FOLLOWS = 1.0 / 64.0, 1.0 / 8.0
-"""Shares of a roller's radius between which elements are by default where the strip lifts off."""
+"""Shares of a roller's radius between which elements are by default where the strip lifts off.
+
+On foil in full slip over half a turn, with √(D/T) a 440th of the radius, the ratio of tensions is
+off by 5e-5, 1e-5 and 2e-5 of itself with a 64th, a 32nd and a 16th."""
 
 COARSEST = 20
 """Least number of elements along a strip by default."""
