@@ -44,6 +44,7 @@ FIELDS = {
 COLUMNS = [
     "stage", "time", "step", "tangents", "order", "range", "residual",
     "entry_tension", "exit_tension", "r1_normal_force", "r1_drag", "r1_wrap", "r1_max_slip",
+    "r1_surface_speed", "r1_torque",
 ]  # fmt: skip
 
 
