@@ -348,6 +348,7 @@ def test_explain_says_what_the_path_is() -> None:
     text = explain(steady(1.0, 1e-5))
     assert "stationary states, in" in text
     assert "friction (switched off" not in text
+    assert "nothing rubs" not in text
 
 
 def test_standing_mesh_is_fine_at_lift_on_and_lift_off_alone() -> None:

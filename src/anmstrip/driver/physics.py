@@ -148,7 +148,9 @@ def driven_without_friction(preview: Preview) -> Iterator[str]:
         ]
         f = None if scene.friction is None else scene.friction.coefficient
         f = f if spec.friction is None else spec.friction
-        if turning and (not f or not any(preview.assembly.frictional(s) for s in turning)):
+        if turning and (
+            not f or not any(s.steady or preview.assembly.frictional(s) for s in turning)
+        ):
             off = f"stages.{turning[0].name}.friction=true" if f else "friction.coefficient=0.2"
             yield (
                 f"roller {spec.name} turns, but nothing rubs on it, so that it drives nothing. "
