@@ -123,13 +123,15 @@ def string_estimate(course: Course) -> StringEstimate:
         slopes = np.arctan2(np.sin(angles), np.cos(angles))
         middles = path.at(0.5 * (path.arcs.start[:, 0] + path.arcs.end[:, 0]), 0)[0].T
         ways = middles - np.array(centres)[:, :, 0]
+        least = min(float(roller.radius) for roller in a.rollers)
+        looks = max(LOOKS, int(20.0 * float(path.length[0]) / least))  # chords cut in by r/3200
         return StringEstimate(
             {r.name: float(t) for (r, _), t in zip(rollers, path.arcs.turn[:, 0], strict=True)},
             {r.name: "over" if sense > 0.0 else "under" for r, sense in rollers},
             float(np.abs(slopes).max()) + sag,
             {r.name: way for (r, _), way in zip(rollers, ways, strict=True)},
             path,
-            gaps_to(course, path.at(np.linspace(0.0, float(path.length[0]), LOOKS), 0)[0]),
+            gaps_to(course, path.at(np.linspace(0.0, float(path.length[0]), looks), 0)[0]),
         )
     x, moved = a.strip.mesh.p[0], [course.moved.get(name, np.zeros(3)) for name in ENDS]
     straight = np.array([[x.min(), 0.0], [x.max(), 0.0]]) + np.array(moved)[:, [0, 2]]
