@@ -7,14 +7,6 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Equations, Evidence, Outcome, PathStopped
 from anmstrip.continuation.path import Branch
-from anmstrip.taylor.polynomials import EPSILON
-
-RUNG = 1.05
-"""Lengths that are tried are powers of this, times a guess: what round-off changes in an error does
-not change them.  With 1.001 three examples take 444 tangents instead of 446, and more residuals."""
-
-FURTHER = 4.0
-"""The longest that is tried, over the guess.  With 2 the bridle takes 363 tangents, not 309."""
 
 
 def validated(
@@ -39,62 +31,33 @@ def validated(
     PathStopped
         If no length is found.
     """
+
+    def predicted(length: float, error: float) -> float:
+        """Length at which the error would be half the tolerance."""
+        if not np.isfinite(error):
+            return 0.2 * length
+        return np.inf if error == 0.0 else length * (0.5 * tolerance / error) ** power
+
+    power = 1.0 / (branch.order + 1)
     guess, reach = guessed_range(equations, branch, tolerance, reach)
-    limit = min(reach, FURTHER * guess)
-    if (found := longest(equations, branch, guess, limit, tolerance, cost)) is not None:
-        return found
-    residual = excess(equations, branch, guess * EPSILON, cost)
-    raise PathStopped(
-        Outcome.STALLED if np.isfinite(residual).all() else Outcome.NOT_FINITE,
-        float(branch.control[0]),
-        f"the series does not meet the tolerance {tolerance:g} at any length",
-        Evidence(residual=residual),
-    )
-
-
-def longest(
-    equations: Equations,
-    branch: Branch,
-    guess: float,
-    limit: float,
-    tolerance: float,
-    cost: Cost,
-    rung: int = 0,
-) -> tuple[Branch, float] | None:
-    """The longest piece of a branch found that meets the tolerance, and the imbalance at its end.
-
-    Lengths are the rungs of a ladder, guess · RUNG^rung up to the limit.  The error is taken for
-    a power of the length, a^(N+1) at first and then as the last two lengths tell; the next one
-    is at most twice, at least half as long.  Half of the tolerance is aimed at, so that the
-    imbalance at the end leaves room for the next branch; all of it where a quotient went too far,
-    from which conveying takes 333 tangents instead of 356.
-
-    Parameters
-    ----------
-    rung : int
-        The one that is tried first: 0 for a series; above 0, as are all others, for a quotient.
-    """
-    quotient = rung > 0
-    best, least = (0 if quotient else -np.inf), np.inf
-    power, last, last_error = branch.order + 1.0, np.inf, np.inf
-    found: tuple[Branch, float] | None = None
-    while best < rung < least and guess * RUNG**rung > EPSILON * guess:
-        length = min(guess * RUNG**rung, limit)
-        if found is not None and length <= found[0].length:
-            break
-        error, imbalance = errors(equations, branch, length, cost, tolerance)
-        if error <= tolerance:
-            found, best = (branch.cut(length), imbalance), rung
-        else:
-            least = rung
-        if length != last and 0.0 < error < np.inf and 0.0 < last_error < np.inf:
-            power = max(float(np.log(error / last_error) / np.log(length / last)), 1.0)
-        last, last_error = length, error
-        share = np.clip(error / tolerance, EPSILON, 1.0 / EPSILON)
-        share *= 1.0 if quotient and error > tolerance else 2.0
-        growth = np.clip(-np.log(share) / power, -np.log(2.0), np.log(2.0))
-        rung += int(np.floor(growth / np.log(RUNG)))
-    return found
+    error, imbalance = errors(equations, branch, guess, cost, tolerance)
+    longer = predicted(guess, error)
+    if error <= tolerance and longer > 1.05 * guess and guess < reach:
+        trial = min(longer, 2.0 * guess, reach)
+        better = errors(equations, branch, trial, cost, tolerance)
+        if better[0] <= tolerance:
+            return branch.cut(trial), better[1]
+    while error > tolerance:
+        guess *= np.clip(predicted(1.0, error), 0.2, 0.9)
+        if guess < 1e-9:
+            raise PathStopped(
+                Outcome.STALLED if np.isfinite(error) else Outcome.NOT_FINITE,
+                float(branch.control[0]),
+                f"the series does not meet the tolerance {tolerance:g} at any length",
+                Evidence(residual=excess(equations, branch, guess, cost)),
+            )
+        error, imbalance = errors(equations, branch, guess, cost, tolerance)
+    return branch.cut(guess), imbalance
 
 
 def guessed_range(
