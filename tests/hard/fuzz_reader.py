@@ -21,6 +21,7 @@ import tomllib
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -187,7 +188,7 @@ def _spoil(tables: dict[str, Any], dice: random.Random) -> None:
         if not deeper or dice.random() < 0.2:
             break
         inside = inside[key]
-    inside[key] = dice.choice(VALUES)
+    inside[key] = deepcopy(dice.choice(VALUES))  # which later damage must not reach
 
 
 def setting_of(dice: random.Random) -> str:
@@ -383,7 +384,7 @@ def fuzzed(seeds: range, of: str = "scene") -> Tally:
     return Tally(scenes, len(seeds) - scenes - len(crashes), tuple(crashes))
 
 
-def parts(seeds: range, size: int = 10_000) -> Iterator[range]:
+def parts(seeds: range, size: int = 1_000) -> Iterator[range]:
     """A long range in parts, to be told of on the way."""
     for first in range(seeds.start, seeds.stop, size):
         yield range(first, min(first + size, seeds.stop))
