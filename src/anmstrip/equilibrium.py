@@ -120,7 +120,7 @@ class Model:
 
 
 class Equilibrium:
-    """R(u, λ) = 0 of the free unknowns; implements the series wing's ``Equations``.
+    """R(u, λ) = 0 of the free unknowns; a :class:`~anmstrip.continuation.equations.Equations`.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ class Equilibrium:
 
 
 class EquilibriumSeries:
-    """Orders of R at one point; implements the series wing's ``Recurrence``."""
+    """Orders of R at one point; a :class:`~anmstrip.continuation.equations.Recurrence`."""
 
     def __init__(self, equations: Equilibrium, u: Array, control: float, order: int) -> None:
         self.equations, self.model = equations, equations.model
@@ -285,7 +285,7 @@ class EquilibriumSeries:
 
 
 class Motion:
-    """A stage in time; implements the series wing's ``RateEquations``.
+    """A stage in time; a :class:`~anmstrip.timestepping.formulas.RateEquations`.
 
     Parameters
     ----------
