@@ -187,7 +187,7 @@ class FunctionStepEquations(StepEquations):
     ) -> None:
         self.problem, self.t, self.h = problem, t, h
         self.velocity, self.about = velocity, about
-        self.softness = np.zeros((0, 0))
+        self.softness = np.eye(len(about))
         self.share = h / problem.whole if h > 0.0 else 1.0
         self.unit = self.share
 

@@ -122,15 +122,16 @@ def integrate(
     """
     cost = Cost() if cost is None else cost
     integrator = _Integrator(equations, Remembering(solver), settings, stepping, cost)
+    begin = memory.times[0]
     if memory.available == 1:
         memory = integrator.settled(memory)
     for _ in range(settings.max_steps):
-        step = integrator.step(memory, end)
+        step = replace(integrator.step(memory, end), start=begin)
         yield step
-        memory = step.memory
-        if memory.times[0] >= end:
+        memory, begin = step.memory, step.end
+        if begin >= end:
             return
-    raise PathStopped(Outcome.TOO_MANY_STEPS, memory.times[0])
+    raise PathStopped(Outcome.TOO_MANY_STEPS, begin)
 
 
 @dataclass(frozen=True)
@@ -298,11 +299,12 @@ class _Integrator:
     def error(self, memory: Memory, trial: _Trial, new: float, local: Array) -> float:
         """Local error over what is allowed.
 
-        What lasts may add up to the tolerance over the whole time; what fades may
-        be as large as the tolerance in every step.  The formula errs in the velocity; the
+        What lasts may add up to the tolerance over the whole time; what fades, and what
+        the path between the ends of a step is wrong by, may be as large as the tolerance in
+        every step.  The formula errs in the velocity; the
         equations answer with a change of state, which is small where stiffness, not resistance
         to motion, decides: positions that the velocity has no part in are in equilibrium at any
-        time, and what the residual leaves of them does not count.  Where slip turns round in a
+        time, and what the residual leaves of them does not last.  Where slip turns round in a
         step, its end does not tell what resisted in between: the error of the formula itself
         counts then.
         """
@@ -312,8 +314,10 @@ class _Integrator:
             self.cost.solves += 1
             with self.cost.timed("error in time"):
                 answer = self.solver.factors.solve(trial.resistance(trial.rate * local))
-        lasting = self.equations.error(trial.u, answer) / share
-        return max(lasting, self.equations.fading_error(trial.u, answer)) / tolerance
+        fading = max(
+            self.equations.error(trial.u, local), self.equations.fading_error(trial.u, answer)
+        )
+        return max(self.equations.error(trial.u, answer) / share, fading) / tolerance
 
     def next_order(
         self, memory: Memory, trial: _Trial, new: float, order: int, ratio: float
