@@ -58,7 +58,8 @@ def test_too_many_tangents_in_one_step_do_not_ask_for_more_steps():
         raise PathStopped(Outcome.TOO_MANY_STEPS, 0.3)
 
     told = in_time(ends, never)
-    assert (told.outcome, told.control) == (Outcome.STALLED, 0.0)
+    assert told.outcome is Outcome.STALLED
+    assert told.control == pytest.approx(0.5)  # Newton's method solves the steps that have an end
     assert "too many tangents" in told.detail
 
 

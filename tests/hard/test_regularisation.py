@@ -69,8 +69,8 @@ def test_penetration_is_that_of_the_law() -> None:
     assert cost.by_penetration == pytest.approx(deepest / 0.5)
 
 
-def crowned(contact: dict[str, float], crown: float = -2e-4) -> tuple[float, Regularisation]:
-    """Mean pressure in the middle of a crowned roller, under a shell, and what contact costs."""
+def crowned(contact: dict[str, float], crown: float = -2e-4) -> tuple[Any, Regularisation]:
+    """Mean pressure inside the arc on every line along a crowned roller, and what contact costs."""
     example = Path(__file__).parents[2] / "examples" / "crowned.toml"
     tables = Scene.load(example).to_dict() | {"contact": contact}
     tables["strip"] |= {"cells": [12, 4], "refined": 0.04}
@@ -79,16 +79,18 @@ def crowned(contact: dict[str, float], crown: float = -2e-4) -> tuple[float, Reg
     assert list(run)
     assert run.outcome.done
     state = end_of(run).contacts["r1"]
-    middle = state.touching & (np.abs(state.contact.operator.reference[1]) < 0.3)
-    pressure = np.average(state.pressure[middle], weights=state.area[middle])
-    return float(pressure), end_of(run).regularisation["r1"]
+    x, y = state.contact.operator.reference[:2].round(6)
+    inside = np.abs(x - x[state.touching].mean()) < 0.2  # it lifts off at 0.3 m
+    lines = [inside & (y == line) for line in np.unique(y)]
+    means = [np.average(state.pressure[line], weights=state.area[line]) for line in lines]
+    return np.array(means), end_of(run).regularisation["r1"]
 
 
 def test_gaps_over_a_crown_stretch_fibres() -> None:
-    """Soft contact lets the middle carry less: by the gap over r T/(E t), not over r alone."""
+    """Soft contact moves pressure between lines: by the gap over r T/(E t), not over r alone."""
     soft = {"stiffness": 1e9, "eta": 10.0, "delta": 1e-3}
     (pressed, cost), (sharp, little) = crowned(soft), crowned({})
-    error = 1.0 - pressed / sharp
+    error = np.abs(1.0 - pressed / sharp).max()
     assert error > 0.1
     assert cost.penetration / 0.5 < 2e-3 * error
     assert cost.by_penetration == pytest.approx(error, rel=0.5)

@@ -102,7 +102,9 @@ def test_uniform_stretch(strip, elastic, strain):
 @pytest.mark.parametrize("tension", [1.0, 1e5, 5e6])
 def test_stretched_strip_is_in_equilibrium(strip, elastic, tension):
     """The start of a scene: it leaves nothing to be taken away."""
-    full = stretched(SimpleNamespace(strip=strip, pattern=Pattern(strip)), tension)
+    full = stretched(
+        SimpleNamespace(strip=strip, pattern=Pattern(strip), unknowns=strip.unknowns), tension
+    )
     equations = free_equations(
         strip,
         [*elastic, edge_force(strip, "exit"), edge_force(strip, "entry")],

@@ -95,7 +95,7 @@ def test_a_threaded_strip_is_wrapped_half_its_thickness_away() -> None:
     }
     run, state = ended(scene_of(tables))
     at = values(run, state)
-    for one in run.assembly.rollers:
+    for one in run.scene.rollers:
         away = np.hypot(at[0] - one.centre[0], at[2] - one.centre[2])
         on = np.abs(away - 0.2) < 0.5 * THICKNESS + 2e-5
         assert on.sum() > 5

@@ -21,9 +21,6 @@ from anmstrip.mechanics.contact import transform
 from anmstrip.mechanics.roller import Projection
 from anmstrip.mechanics.turning import SurfaceOperator, TurningFriction
 
-SPEED = "strip.speed"
-"""Control: c (m/s)."""
-
 
 class TransportOperator(SurfaceOperator):
     """Displacements, their derivatives along X, speeds of free surfaces, and the strip's own.
@@ -103,7 +100,7 @@ class SteadyFriction(TurningFriction):
         stretched = np.stack([forward, *(parts[k] for k in range(1, len(self.frame) - 1))])
         turned = self.turned(place) * (x[-2] * self.roller.sense)
         surface = self.surface(place, controls) + turned
-        return place, tangents, stretched * (x[-1] + controls[SPEED]) - surface
+        return place, tangents, stretched * (x[-1] + controls["strip.speed"]) - surface
 
 
 def transport_velocity(strip: Strip, pattern: Pattern, full: Array, speed: float) -> Array:

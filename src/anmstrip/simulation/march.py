@@ -16,7 +16,6 @@ from anmstrip.continuation.equations import Cost, Tolerances
 from anmstrip.continuation.follow import Pace, PathSolver, Settings, follow
 from anmstrip.equilibrium import Equilibrium, Motion, StageProblem
 from anmstrip.linalg.solvers import SparseSolver
-from anmstrip.mechanics.transport import SPEED
 from anmstrip.results.state import State
 from anmstrip.scene.schema import StageSpec
 from anmstrip.scene.tables import THREADING
@@ -159,7 +158,7 @@ class March:
         """Leave a stage."""
         self.course.finish(stage, self.velocity if plan.steady else None)
         if plan.steady:
-            self.course.values[SPEED] = np.array(plan.strip_speed(self.full, 1.0))
+            self.course.values["strip.speed"] = np.array(plan.strip_speed(self.full, 1.0))
             self.full = np.append(self.full[:-1], 0.0)
         self.reached, self.pace, self.slack, self.past = None, None, False, plan
 

@@ -12,7 +12,6 @@ from anmstrip.fem.constraints import Supports
 from anmstrip.fem.sampling import l2_projection, quadrature_points
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.shell import uniaxial_stretches
-from anmstrip.mechanics.transport import SPEED, strip_speed
 from anmstrip.results.state import State
 from anmstrip.scene.schema import StageSpec
 from anmstrip.simulation.meshing import surface_speed
@@ -60,7 +59,7 @@ class Course:
             self.outward = dict(zip(("entry", "exit"), outward, strict=True))
             self.values["exit.force"] = thread.tension * self.outward["exit"]
         if self.assembly.conveyed:
-            self.values.setdefault(SPEED, np.array(0.0))
+            self.values.setdefault("strip.speed", np.array(0.0))
         for roller in self.assembly.rollers:
             key = f"rollers.{roller.name}"
             self.values.setdefault(f"{key}.centre", np.array(roller.centre, dtype=float))
@@ -118,7 +117,7 @@ class Course:
         number = [each.name for each in course].index(stage.name)
         for each in course[: number + 1]:
             if each.steady and each.strip.speed is not None:
-                given = SPEED
+                given = "strip.speed"
             elif each.steady and "entry" in each.edges and each.edges["entry"].tension is not None:
                 given = "entry.tension"
         return stage.steady and given == "entry.tension"
@@ -135,12 +134,14 @@ class Course:
 
     def take_over(self, state: State) -> None:
         """Begin a steady stage from a state in time: its entry is held where it is."""
+        from anmstrip.mechanics.transport import strip_speed
+
         strip, velocity = self.assembly.strip, state.velocity
         assert velocity is not None
         self.released.discard("entry")
         self.values.pop("entry.force", None)
         self.moved["entry"] = self._at_edge("entry", state.full)
-        self.values[SPEED] = np.array(strip_speed(strip, state.full, velocity))
+        self.values["strip.speed"] = np.array(strip_speed(strip, state.full, velocity))
 
     def _at_edge(self, name: str, full: Array) -> Array:
         """Mean over an edge, shape (3,)."""
@@ -164,7 +165,8 @@ class Course:
             if edge.force is not None:
                 end[f"{name}.force"] = np.array(edge.force, dtype=float)
             scalar = stage.steady and name == "entry"  # the strip's speed answers to it
-            if edge.tension is not None and name in self.outward and not scalar:
+            guided = scalar or "z" in self._held().get(name, ())
+            if edge.tension is not None and name in self.outward and not guided:
                 end[f"{name}.force"] = edge.tension * self.outward[name]
             elif edge.tension is not None:
                 end[f"{name}.tension"] = np.array(edge.tension, dtype=float)
@@ -172,7 +174,11 @@ class Course:
                     end[f"{name}.force"] = np.zeros(3)
             if edge.moment is not None:
                 end[f"{name}.moment"] = np.array(edge.moment, dtype=float)
-        plain = {"gravity": stage.gravity, "pressure": stage.pressure, SPEED: stage.strip.speed}
+        plain = {
+            "gravity": stage.gravity,
+            "pressure": stage.pressure,
+            "strip.speed": stage.strip.speed,
+        }
         end.update({key: np.array(to, dtype=float) for key, to in plain.items() if to is not None})
         for roller in self.assembly.rollers:
             control, key = stage.rollers.get(roller.name), f"rollers.{roller.name}"
