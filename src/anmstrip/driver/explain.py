@@ -143,7 +143,7 @@ def left_out(preview: Preview) -> list[str]:
         "friction (switched off in every stage): nothing depends on velocity.": not still,
         "weight (no stage has gravity).": "weight" in names,
         "pressure (no stage has it).": "pressure" in names,
-        "tension that follows the strip (no stage has entry.tension or exit.tension).": follows,
+        "tension that follows the strip (given to no end of a flat strip, or held in z).": follows,
         "moments on edges (no stage has entry.moment or exit.moment).": bent,
         "inertia, plasticity, heat: not modelled.": False,
     }
