@@ -59,7 +59,7 @@ def test_too_many_tangents_in_one_step_do_not_ask_for_more_steps():
 
     told = in_time(ends, never)
     assert told.outcome is Outcome.STALLED
-    assert told.control == pytest.approx(0.5)  # Newton's method solves the steps that have an end
+    assert told.control < 0.1  # Newton's method solves the first step
     assert "too many tangents" in told.detail
 
 

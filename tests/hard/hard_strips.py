@@ -196,7 +196,7 @@ def capstan(
     scaled, strength = thickness / 1e-3, (1.0 / speed) ** q
     tables["strip"]["thickness"] = thickness
     law = {"coefficient": 0.3 / strength, "exponent": q, "omega": omega, "speed": speed}
-    tables["friction"] = law
+    tables["friction"] = {"law": "norton-hoff", **law}
     for stage in tables["stages"][:2]:
         stage["exit"]["force"] = [scaled * force for force in stage["exit"]["force"]]
     tables["contact"]["eta"] *= min(scaled, 1.0)
@@ -236,7 +236,8 @@ def hold(duration: float = 1e3, refined: float = 0.0125) -> tuple[Trial, Run]:
     slacken = {"name": "slacken", "duration": 1.0, "exit": less}
     long = {"name": "hold", "duration": duration, "entry": {"release": True}}
     tables = tables_of(PULL, LAY, slacken, long, refined=refined)
-    tables["friction"] = {"coefficient": 0.3, "exponent": 0.1, "omega": 1e-6, "speed": 1e-4}
+    law = {"coefficient": 0.3, "exponent": 0.1, "omega": 1e-6, "speed": 1e-4}
+    tables["friction"] = {"law": "norton-hoff", **law}
     tables["contact"] = {}
     run, steps = ran(tables)
     late = [step for step in steps if step.time >= steps[-1].time - 0.5 * duration]

@@ -113,6 +113,8 @@ class Course:
 
     def pulled(self, stage: StageSpec) -> bool:
         """Whether a steady stage has the tension of its entry given, and the strip's speed not."""
+        if not stage.steady:
+            return False
         given, course = None, self.assembly.scene.course
         number = [each.name for each in course].index(stage.name)
         for each in course[: number + 1]:
@@ -120,7 +122,7 @@ class Course:
                 given = "strip.speed"
             elif each.steady and "entry" in each.edges and each.edges["entry"].tension is not None:
                 given = "entry.tension"
-        return stage.steady and given == "entry.tension"
+        return given == "entry.tension"
 
     def _pull(self, full: Array | None) -> Array:
         """Weights that sum up what holds the entry along the strip, (unknowns of the strip,)."""

@@ -260,7 +260,11 @@ class _Integrator:
         return last
 
     def trial(self, memory: Memory, new: float, order: int) -> _Trial:
-        """Solve a step."""
+        """Solve a step; the first after a jump also by Newton's method, where its path stalls.
+
+        All points may cross the corners of friction in such a step.  Elsewhere a path that stalls
+        may mean that nothing balances, and Newton's method would find a state far away.
+        """
         t, u, before = memory.times[0], memory.states[0], self.cost.expansions
         past, rate = formula(memory.times, new, order)
         w = np.zeros_like(u)
@@ -272,7 +276,7 @@ class _Integrator:
             last = self.followed(path, len(u), rational=self.settings.rational, shortest=NARROW)
             increment, imbalance = last.branch.end[0], last.imbalance
         except PathStopped as stopped:
-            if stopped.outcome is Outcome.TOO_MANY_TANGENTS:
+            if memory.available > 1 or stopped.outcome is Outcome.TOO_MANY_TANGENTS:
                 raise
             net = Corrections(self.settings.tolerance, most=MOST_CORRECTIONS, halvings=HALVINGS)
             found = Newton(path, self.solver, net, self.cost).corrected(np.zeros_like(u), 1.0)
@@ -389,5 +393,5 @@ class _Integrator:
 
 
 def _ratio(error: float, order: int) -> float:
-    """Ratio of the next step to this one with which a third of what is allowed is used."""
-    return GROWTH[0] if error == 0.0 else float((0.35 / error) ** (1.0 / order))
+    """Ratio of the next step to this one with which a quarter of what is allowed is used."""
+    return GROWTH[0] if error == 0.0 else float((0.25 / error) ** (1.0 / order))
