@@ -102,13 +102,14 @@ def test_heavy_strip_hangs_in_a_catenary() -> None:
     pull = -(state.edge_force("entry") + state.rollers["left"].resultant)[0]
     weight = strip.material.density * strip.thickness * 9.81
     assert pull == pytest.approx(28.671 * weight, rel=4e-5)
-    z = state.full.reshape(-1, strip.count)[strip.node_values, 1]
-    x = strip.mesh.p[0] + state.full.reshape(-1, strip.count)[strip.node_values, 0]
+    moved = state.full.reshape(-1, strip.count)
+    x = strip.mesh.p[0] + moved[strip.node_values, 0] + strip.origin[0]
+    z = moved[strip.node_values, 1] + strip.origin[2]
     between = (x > 2.0) & (x < 8.0)
     assert between.sum() > 10
     assert z[between].min() == pytest.approx(-0.420, rel=2e-3)
     ends = strip.edges["exit"].values
-    assert state.full.reshape(-1, strip.count)[ends, 1] == pytest.approx(-3.0 + 0.047, abs=1e-3)
+    assert moved[ends, 1] + strip.origin[2] == pytest.approx(-3.0 + 0.047, abs=1e-3)
 
 
 def test_small_deflection_is_that_of_linear_theory() -> None:
@@ -144,7 +145,10 @@ def test_levelling_rollers_take_their_share() -> None:
 
 @pytest.mark.parametrize(
     ("scene", "tensions"),
-    [("crowned", {0.0: 23.7e3, 0.5: 12.1e3}), ("tapered", {0.0: 22.6e3, 0.125: 22.9e3, 0.5: 11e3})],
+    [
+        ("crowned", {0.0: 23.7e3, 0.25: 21.4e3}),
+        ("tapered", {0.0: 22.6e3, 0.125: 22.9e3, 0.375: 17.4e3}),
+    ],
 )
 def test_profile_makes_the_middle_carry_more(scene: str, tensions: dict[float, float]) -> None:
     """On the roller more in the middle than at the edges; symmetric; nothing rubs."""
