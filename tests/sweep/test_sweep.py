@@ -284,6 +284,7 @@ def test_a_killed_scheduler(tmp_path: Path) -> None:
         for process in (server, worker):
             process.kill()
             process.wait()
+        log.close()
     assert sweep.returncode == 1
     assert "Traceback" not in told + errors
     assert "Interrupted: the scheduler has gone. Next: the same command" in told
