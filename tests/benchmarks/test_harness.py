@@ -16,7 +16,7 @@ from harness import Report, Sheet
 from motions import Trial
 from strips import growing, steps_of
 
-OFF = {"contact", "laws", "string_path"}
+OFF = {"contact", "laws", "turning", "transport"}
 """Modules of mechanics that a strip with nothing but its membrane has no use for."""
 
 
@@ -98,7 +98,7 @@ def test_effects_that_are_off_are_not_imported(quick: tuple[Path, str]) -> None:
     brought = {step: cells_of(quick[0], f"+ {step}")[1].split(", ") for step in steps}
     assert "shell" in brought["membrane"]
     assert brought["bending"] == brought["weight"] == brought["friction"] == ["none"]
-    assert {*brought["contact"]} == {"contact", "laws", "string_path"}
+    assert {*brought["contact"]} == {"contact", "laws"}
     modules = [module for step in steps for module in brought[step] if module != "none"]
     assert len(modules) == len({*modules})
 

@@ -13,7 +13,6 @@ from anmstrip.continuation.path import Branch
 from anmstrip.equilibrium import StageProblem
 from anmstrip.mechanics.loads import FollowerLoad
 from anmstrip.mechanics.shell import Membrane, principal
-from anmstrip.mechanics.turning import Drives
 from anmstrip.results.rollers import (
     ContactState,
     Regularisation,
@@ -187,6 +186,8 @@ class State:
         model = self.plan.model
         if name not in model.turning:
             return float(self.controls[f"rollers.{name}.surface_speed"]), 0.0
+        from anmstrip.mechanics.turning import Drives
+
         drives = next((e for e in model.effects if isinstance(e, Drives)), None)
         if drives is None or self.velocity is None:
             return 0.0, 0.0

@@ -447,8 +447,10 @@ class Assembly:
         if self.membrane is None and "exit.force" in given:
             own.insert(0, self.pretension)
         if stage.friction:
-            steady = [self.carrying, self.steady_drives]
-            own += steady if stage.steady else [self.rubbing, self.drives]
+            if stage.steady:
+                own += [self.carrying, self.steady_drives]
+            else:
+                own += [self.rubbing, self.drives]
         if (stiffness := self.scene.strip.foundation) is not None:
             from anmstrip.mechanics.foundation import Foundation
 

@@ -393,5 +393,5 @@ class _Integrator:
 
 
 def _ratio(error: float, order: int) -> float:
-    """Ratio of the next step to this one with which a quarter of what is allowed is used."""
-    return GROWTH[0] if error == 0.0 else float((0.25 / error) ** (1.0 / order))
+    """Ratio of the next step to this one with which three tenths of what is allowed are used."""
+    return GROWTH[0] if error == 0.0 else float((0.3 / error) ** (1.0 / order))
