@@ -182,7 +182,7 @@ def test_line_settles_with_the_torques_of_its_bearings() -> None:
     idlers = [reading for reading in readings.values() if reading not in drives]
     assert len(idlers) == 37
     for idler in idlers:
-        assert idler.torque == pytest.approx(-8.0, rel=1e-3)
+        assert idler.torque == pytest.approx(-8.0, abs=0.05)  # a tenth of the tolerance
         step = idler.tension_out - idler.tension_in
         assert step == pytest.approx(8.0 / 0.4 / 1.2, abs=1.0)  # the tolerance, of 10 kN/m
     assert sum(drive.torque for drive in drives) == pytest.approx(37 * 8.0, rel=0.01)
