@@ -354,6 +354,8 @@ class StageProblem:
         Whether velocities matter; else the stage is rate-free.
     steady : bool
         Whether strip moves through its states, which are stationary.
+    fed : bool
+        Whether material passes labels that stay, in time; the last unknown is the length passed.
     """
 
     name: str
@@ -364,6 +366,7 @@ class StageProblem:
     controls: Controls
     in_time: bool
     steady: bool = False
+    fed: bool = False
 
     def transport(self, full: Array, control: float) -> Array | None:
         """Velocities in a stationary state, of strip and free rollers; None of another stage.
@@ -372,11 +375,14 @@ class StageProblem:
         """
         if not self.steady:
             return None
+        velocity = self.carried(full, self.strip_speed(full, control))
+        return np.concatenate([velocity, full[self.model.strip.unknowns : -1], [0.0]])
+
+    def carried(self, full: Array, speed: float) -> Array:
+        """Velocity c ∂r/∂X of strip that moves through its own shape, (unknowns of the strip,)."""
         from anmstrip.mechanics.transport import transport_velocity
 
-        model, speed = self.model, self.strip_speed(full, control)
-        velocity = transport_velocity(model.strip, model.pattern, full, speed)
-        return np.concatenate([velocity, full[model.strip.unknowns : -1], [0.0]])
+        return transport_velocity(self.model.strip, self.model.pattern, full, speed)
 
     def strip_speed(self, full: Array, control: float) -> float:
         """Speed of the strip in a state of a steady stage (m of unstressed strip per second)."""
@@ -397,7 +403,7 @@ class StageProblem:
         return all(
             np.allclose(self.rate(name), past.rate(name), rtol=1e-9, atol=0.0)
             for name in names
-            if not name.endswith(".surface_speed")
+            if not name.endswith((".surface_speed", ".passing"))
         )
 
     def rate(self, name: str) -> Any:

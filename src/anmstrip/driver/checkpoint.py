@@ -79,7 +79,7 @@ class Facts(BaseModel):
     course_time: Number  # at which this stage began (s)
     released: list[str]  # edges
     slack: bool
-    fed: int  # elements
+    passed: Number  # length of strip that has been fed in (m)
     stages: dict[str, StageFacts]
     effects: dict[str, EffectFacts]
     snaps: list[SnapFacts]
@@ -191,7 +191,6 @@ def check_arrays(arrays: Mapping[str, Array], facts: Facts, march: March) -> Non
         if any(new <= old for new, old in pairwise(facts.times)):
             raise ValueError("times that do not go back")
     known = needed | {f"begun.{name}": (3,) for name in strip.edges}
-    known |= {f"home.{name}": (2, 3) for name in strip.edges if march.feed is not None}
     if wrong := (needed.keys() - arrays) | (arrays.keys() - known):
         raise ValueError(f"array {min(wrong)} that is missing or unknown")
     for name, values in arrays.items():

@@ -33,8 +33,7 @@ def kept_values(march: March) -> dict[str, dict[str, Array]]:
     """Return what stages have left, by kind and name, as a checkpoint keeps it."""
     course = march.course
     kept = {"moved": course.moved, "begun": course.begun, "speed": course.speeds}
-    home = {} if march.feed is None else march.feed.home
-    return {**kept, "value": course.values, "home": home}
+    return {**kept, "value": course.values}
 
 
 def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
@@ -58,7 +57,7 @@ def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
         "effects": run.effects,
         "snaps": run.snaps,
         "slack": march.slack,
-        "fed": 0 if march.feed is None else march.feed.elements,
+        "passed": march.passed,
     }
     if memory is not None:
         arrays |= {"states": np.array(memory.states), "v": memory.v}
@@ -77,10 +76,8 @@ def unpack(run: Run, arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> N
     run.first_stage, run.steps, march.reached = facts["stage"], facts["steps"], facts["reached"]
     cost.expansions, cost.factorisations = facts["expansions"], facts["factorisations"]
     run.spent, run.stages, run.effects = facts["seconds"], facts["stages"], facts["effects"]
-    run.snaps, march.slack = facts["snaps"], facts["slack"]
+    run.snaps, march.slack, march.passed = facts["snaps"], facts["slack"], facts["passed"]
     march.course.time, march.course.released = facts["course_time"], set(facts["released"])
-    if march.feed is not None:
-        march.feed.elements = facts["fed"]
     kept = kept_values(march)
     for name, value in arrays.items():
         kind, _, key = name.partition(".")
@@ -159,8 +156,7 @@ class Run:
         if scene.output.events and a.contact is not None:
             from anmstrip.results.events import EventWatch
 
-            fed, tension = scene.strip.feed, a.scales.tension
-            self.watch = EventWatch(a.contact, a.rollers, a.friction, tension, fed)
+            self.watch = EventWatch(a.contact, a.rollers, a.friction, a.scales.tension)
         self.recorder: Recorder | None = None
         if self.directory is not None:
             self.recorder = Recorder(self.assembly, self.directory, resumed)
@@ -231,7 +227,7 @@ class Run:
         plan, state = step.state.plan, step.state
         before = self.march.here(plan) if self.state is None else self.state
         velocity = None if before.velocity is None else self.march.velocity
-        before = replace(before, full=self.march.full, velocity=velocity)  # in this step's labels
+        before = replace(before, full=self.march.full, velocity=velocity)  # as this stage has them
         if step.snapped:
             values = self.assembly.strip.unknowns_of(self.assembly.strip.node_values)
             distance = float(np.abs(state.full - self.march.full)[values].max())
@@ -329,8 +325,14 @@ class Run:
             "effects": self.effects,
             "stages": self.stages,
             "snaps": self.snaps,
-            **({} if march.feed is None else {"feed": march.feed.facts(march.full)}),
+            **({"feed": self._fed()} if self.scene.strip.feed else {}),
         }
+
+    def _fed(self) -> dict[str, float]:
+        """Return the unstressed length (m) and the mass (kg) of the strip that was fed in."""
+        strip, length = self.assembly.strip, self.march.passed
+        mass = strip.material.density * strip.thickness * strip.width * length
+        return {"length": length, "mass": mass}
 
     def _success(self) -> str:
         """Return what is said of a run that has come to its end."""

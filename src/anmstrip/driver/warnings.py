@@ -306,8 +306,6 @@ def element_over(assembly: Assembly, roller: Roller) -> float:
         if roller.name not in assembly.thread.arcs:
             return 0.0
         first, last = assembly.thread.arcs[roller.name]
-        if assembly.scene.strip.feed:
-            first, last = -np.inf, np.inf
     x = mesh.p[0, mesh.t].mean(axis=0)
     return float(assembly.strip.cell_sizes[0, (first <= x) & (x <= last)].max(initial=0.0))
 
@@ -389,8 +387,6 @@ def against_plate(preview: Preview) -> Iterator[str]:
     scene, steep = preview.assembly.scene, preview.steepest
     if any(preview.assembly.frictional(stage) for stage in scene.course):
         yield "friction moves the strip along"
-    if scene.strip.feed:
-        yield "the strip is fed, so it moves along"
     if steep.slope > STEEPEST:
         wraps = [f"{n} by {np.degrees(t):.3g}°" for n, t in steep.turns.items() if t > 0.0]
         error = (

@@ -382,8 +382,8 @@ class Friction(LawEffect):
         """Slip (m/s), (components of slip, points), and pressure (Pa) of all points."""
         full, velocity, controls = moment
         assert velocity is not None
-        place = self.contact.seen(self.contact.operator.apply(full), controls)
-        slip = self.slip(place, self.tangents(place), self.operator.apply(velocity), controls)
+        x, v = self.operator.apply(full), self.operator.apply(velocity)
+        place, _, slip = self.sliding(x, v, controls)
         return np.asarray(slip), np.asarray(self.contact.pressure(place))
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:

@@ -1,7 +1,8 @@
-"""Strip that moves through its own shape: friction and velocities of a stationary state.
+"""Strip that moves through its own shape: material passes labels that stay where they are.
 
-Labels X stay where they are in space, and material passes them at c (m of unstressed strip per
-second), so that a state r(X, Y) that does not change moves with v = c ∂r/∂X.
+At c (m of unstressed strip per second) it moves with v = ∂r/∂t + c ∂r/∂X (an arbitrary
+Lagrangian-Eulerian description: Donea, Huerta, Ponthot & Rodríguez-Ferran, Encyclopedia of
+Computational Mechanics, chapter 14, 2004), in a stationary state r(X, Y) with v = c ∂r/∂X.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from anmstrip.arrays import Array
 from anmstrip.fem.operators import Blocks, CellOperator, Pattern
 from anmstrip.fem.sampling import SlopeOperator, l2_projection
 from anmstrip.fem.strip import Strip
-from anmstrip.mechanics.contact import transform
+from anmstrip.mechanics.contact import control_of, transform
+from anmstrip.mechanics.effects import LawEffect
 from anmstrip.mechanics.roller import Projection
 from anmstrip.mechanics.turning import SurfaceOperator, TurningFriction
 
@@ -25,7 +27,7 @@ from anmstrip.mechanics.turning import SurfaceOperator, TurningFriction
 class TransportOperator(SurfaceOperator):
     """Displacements, their derivatives along X, speeds of free surfaces, and the strip's own.
 
-    The last of these is the last unknown, which counts from the control; forces come out as of a
+    The last of these is the last unknown; forces come out as of a
     :class:`~anmstrip.mechanics.turning.SurfaceOperator`.
     """
 
@@ -33,7 +35,7 @@ class TransportOperator(SurfaceOperator):
 
     def apply(self, full: Array) -> Array:
         """Values at the points, shape (2 count + 2, points)."""
-        strip = self.contact.apply(full).reshape(-1, self.points)
+        strip = self.contact.apply(full).reshape(2 * self.contact.count, self.points)
         speed = np.full(self.points, full[-1])
         return np.vstack([strip, self.surface @ self._turned(full), speed])
 
@@ -53,14 +55,14 @@ class TransportOperator(SurfaceOperator):
 
 
 @dataclass(frozen=True)
-class SteadyFriction(TurningFriction):
-    """Friction on strip that moves through its own shape: no velocity is unknown.
+class CarriedFriction(TurningFriction):
+    """Friction on strip of which material passes labels that hardly move.
 
-    The slip is √(|v|² − (v·a)²) − V ρ/r along the strip, with the roller's axis a, its surface
-    speed V and its profile ρ/r; v·m along the meridian m.  A strip that bends onto a roller
-    meets it at an angle α ~ √(D/T)/r: with v·t along the roller's tangent t it would seem to slip
-    by −c α²/2, which is a thousand times the elastic creep.  Control besides those of friction:
-    ``strip.speed`` c (m/s).
+    The slip is v·s − V ρ/r along the strip, with its own direction s across the roller's axis, the
+    roller's surface speed V and its profile ρ/r; v·m along the meridian m.  A strip that bends onto
+    a roller meets it at an angle α ~ √(D/T)/r: with v·t along the roller's tangent t it would seem
+    to slip by −c α²/2, which is a thousand times the elastic creep.  The last unknown is the length
+    (m) that has passed, of which c is the rate.
 
     Attributes
     ----------
@@ -69,8 +71,6 @@ class SteadyFriction(TurningFriction):
     """
 
     slopes: SlopeOperator | None = None
-
-    rate_dependent = False
 
     @cached_property
     def operator(self) -> TransportOperator:  # type: ignore[override]
@@ -85,8 +85,8 @@ class SteadyFriction(TurningFriction):
 
         Parameters
         ----------
-        x : array or Series, shape (2 components + 2, points)
-        v : None
+        x, v : array or Series, shape (2 components + 2, points)
+            Of the unknowns and of their rates.
         controls : mapping
         """
         count = self.contact.kinematics.count
@@ -97,10 +97,93 @@ class SteadyFriction(TurningFriction):
         parts = np.einsum("ki...,i...->k...", tangents, along)
         length = np.sqrt(along[0] * along[0] + along[1] * along[1])
         forward = np.where(parts[0] > 0.0, length, -length)
-        stretched = np.stack([forward, *(parts[k] for k in range(1, len(self.frame) - 1))])
-        turned = self.turned(place) * (x[-2] * self.roller.sense)
-        surface = self.surface(place, controls) + turned
-        return place, tangents, stretched * (x[-1] + controls["strip.speed"]) - surface
+        others = range(1, len(self.frame) - 1)
+        change, turning, speed = self.rates(x, v, controls)
+        moving = np.stack([forward, *(parts[k] for k in others)]) * speed
+        if change is not None:
+            changing = np.einsum("ki...,i...->k...", tangents, change)
+            shifted = (along[0] * change[0] + along[1] * change[1]) / forward
+            moving = moving + np.stack([shifted, *(changing[k] for k in others)])
+        turned = self.turned(place) * (turning * self.roller.sense)
+        return place, tangents, moving - (self.surface(place, controls) + turned)
+
+    def rates(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Any, Any, Any]:
+        """Return ∂r/∂t against the roller in its frame, speeds of free surfaces, and c (m/s)."""
+        own = transform(self.frame, control_of(self.roller, controls, "velocity"))
+        return transform(self.view, v[: self.contact.kinematics.count]) - own, v[-2], v[-1]
+
+
+@dataclass(frozen=True)
+class SteadyFriction(CarriedFriction):
+    """The same in a stationary state, in which no velocity is unknown.
+
+    Control besides those of friction: ``strip.speed`` (m/s), from which the last unknown counts.
+    """
+
+    rate_dependent = False
+
+    def rates(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Any, Any, Any]:
+        """Return no change, speeds of free surfaces, and c (m/s)."""
+        return None, x[-2], x[-1] + controls["strip.speed"]
+
+
+class Passage(LawEffect):
+    """Condition at the end of a fed strip for the length that has passed: (v − V)·d = 0.
+
+    V is what that end would move with, or 0 if nothing holds it: its label then stays.  As a force
+    it is multiplied by a stiffness.  Control: ``strip.passing`` V·d (m/s).
+
+    Parameters
+    ----------
+    strip : Strip
+    edge : str
+        The end.
+    direction : ndarray, shape (3,)
+        d, along the strip from entry to exit.
+    held : bool
+        Whether the end is held: then its label stays, and c ∂r/∂X·d = V·d.
+    stiffness : float
+        N s/m.
+    unknowns : int
+        All of them.
+    """
+
+    name, points, rate_dependent = "passage", 1, True
+
+    def __init__(
+        self, strip: Strip, edge: str, direction: Array, held: bool, stiffness: float, unknowns: int
+    ) -> None:
+        self.held, self.stiffness, self.unknowns = held, stiffness, unknowns
+        own = strip.kinematics.pick(direction)
+        self.flat = float(own @ strip.kinematics.pick([1.0, 0.0, 0.0]))
+        values, slopes = strip.edges[edge].values, strip.dofs("u_x")[strip.edges[edge].nodes]
+        self.sums = np.zeros((2, strip.scalars, strip.count))
+        for row, scalars in enumerate((values, slopes)):
+            self.sums[row, scalars] = own / len(scalars)
+        self.sums = self.sums.reshape(2, -1)
+
+    @property
+    def operator(self) -> Passage:  # type: ignore[override]
+        """The end is its own point."""
+        return self
+
+    def apply(self, full: Array) -> Array:
+        """Mean displacement and slope of the end along d, and the last unknown, shape (3, 1)."""
+        return np.append(self.sums @ full[: self.sums.shape[1]], full[-1])[:, None]
+
+    def gather(self, forces: Array) -> Array:
+        """Generalised forces, (1, 1) → (unknowns,)."""
+        return np.append(np.zeros(self.unknowns - 1), forces[0])
+
+    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
+        """Add J of shape (3, 1, 1) to the last row."""
+        blocks.rows[-1] += derivative[:2, 0, 0] @ self.sums
+        blocks.corner[-1, -1] += derivative[2, 0, 0]
+
+    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+        """Residual (N), shape (1, 1)."""
+        moving = v[2] * (x[1] + self.flat) if self.held else v[0]
+        return np.stack([(moving - controls["strip.passing"]) * self.stiffness])
 
 
 def transport_velocity(strip: Strip, pattern: Pattern, full: Array, speed: float) -> Array:

@@ -82,13 +82,12 @@ def gap_and_slip(
 
     def trace(x: Any, control: Any, v: Any = None) -> Any:
         controls = plan.controls.at(control)
-        place = contact.seen(x, controls)
         if friction is None:
-            return np.stack([place.gap])
-        slip = friction.slip(place, friction.tangents(place), v, controls)
+            return np.stack([contact.seen(x, controls).gap])
+        place, _, slip = friction.sliding(x, v, controls)
         return np.stack([place.gap, np.einsum("i...,i...->...", slip, slip)])
 
-    inputs = [_at_points(contact, stretch.full), stretch.control]
+    inputs = [_at_points(friction or contact, stretch.full), stretch.control]
     if friction is not None and stretch.velocity is not None:
         inputs.append(_at_points(friction, stretch.velocity))
     count = max(len(stretch.full), ORDER + 1)
@@ -128,8 +127,6 @@ class EventWatch:
     friction_law : FrictionLaw or None
     tension : float
         Scale of the tension (N/m).
-    fed : bool
-        Whether points change their labels when fresh strip is fed in.
 
     Attributes
     ----------
@@ -143,10 +140,9 @@ class EventWatch:
         rollers: Sequence[Roller],
         friction_law: FrictionLaw | None,
         tension: float,
-        fed: bool = False,
     ) -> None:
         self.contact, self.rollers, self.friction_law = contact, rollers, friction_law
-        self.tension, self.fed = tension, fed
+        self.tension = tension
         self.watches = Watch(), Watch(), Watch()
         self.plan: Any = None
         self.touching = self.sticking = np.zeros(0, dtype=bool)
@@ -179,15 +175,13 @@ class EventWatch:
 
         Parameters
         ----------
-        before : State
-            In the labels of this step, if fresh strip has been fed in since.
-        state : State
+        before, state : State
         """
         plan, stretch = state.plan, Stretch.between(before, state)
         moved = _at_points(self.contact, stretch.full)
         controls = plan.controls.at(float(stretch.control[0]))
         gap = np.asarray(self.contact.seen(moved[0], controls).gap) - self.levels
-        if self.plan is None or (self.plan is not plan and self.fed):
+        if self.plan is None:
             for watch in self.watches:
                 watch.signs = np.zeros_like(gap)
             self.watches[0].signs = np.where(gap > 0.0, 1.0, -1.0)

@@ -76,10 +76,9 @@ class FieldSampler:
 
     def sample(self, state: State) -> dict[str, Array]:
         """All fields of a state by name, points first; see :data:`~anmstrip.results.vtk.FIELDS`."""
-        velocity = np.zeros_like(state.full) if state.velocity is None else state.velocity
         return {
             "displacement": self.interpolate(state.full),
-            "velocity": self.interpolate(velocity),
+            "velocity": self.interpolate(state.material_velocity),
             "arc_length": self.reference[0] - self.reference[0].min(),
             **self._contact(state),
             **self._stress(state),

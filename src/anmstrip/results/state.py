@@ -91,8 +91,21 @@ class State:
 
     @property
     def strip_speed(self) -> float | None:
-        """Speed of the strip (m of unstressed strip per second); None but in steady stages."""
+        """Speed of the strip (m of unstressed strip per second), if material passes its labels."""
+        if self.plan.fed and self.velocity is not None:
+            return float(self.velocity[-1])
         return self.plan.strip_speed(self.full, self.control) if self.plan.steady else None
+
+    @cached_property
+    def material_velocity(self) -> Array:
+        """Velocity of the material, on the strip's functions, (unknowns of the strip,)."""
+        unknowns = self.plan.model.strip.unknowns
+        if self.velocity is None:
+            return np.zeros(unknowns)
+        moving, speed = self.velocity[:unknowns], self.strip_speed
+        if not self.plan.fed or speed is None:
+            return moving
+        return moving + self.plan.carried(self.full, speed)
 
     @property
     def membrane(self) -> Membrane | None:

@@ -110,8 +110,8 @@ class StripSpec(Table):
         True, examples=['"kirchhoff-love"']
     )
     """whether the strip resists bending, true, false or "kirchhoff-love" (text)"""
-    feed: StrictBool = Field(False, examples=["true"])
-    """whether fresh strip follows what has left (true or false)"""
+    feed: StrictBool | None = Field(None, examples=["true"])
+    """whether fresh strip follows what has left, true or false; left out: if it is threaded (1)"""
     foundation: Positive | None = Field(None, examples=["1.0e5"])
     """stiffness of an elastic foundation under the strip, a number above 0 (Pa/m)"""
     imperfection: ImperfectionSpec | None = Field(

@@ -1,4 +1,4 @@
-"""What a scene leaves open: the characteristic slip speed of its friction."""
+"""What a scene leaves open: the slip speed of its friction, and whether fresh strip comes in."""
 
 from __future__ import annotations
 
@@ -14,11 +14,32 @@ at least is, then misses f by 0.5 %."""
 
 
 def completed(scene: SceneSpec) -> SceneSpec:
-    """Return the scene with the slip speed of its friction, if that was left out."""
+    """Return the scene with what it has left open."""
+    if scene.strip.feed is None:
+        strip = scene.strip.model_copy(update={"feed": goes_on(scene)})
+        scene = scene.model_copy(update={"strip": strip})
     if scene.friction is None or scene.friction.speed is not None:
         return scene
     law = scene.friction.model_copy(update={"speed": HONEST * elastic_creep(scene)})
     return scene.model_copy(update={"friction": law})
+
+
+def goes_on(scene: SceneSpec) -> bool:
+    """Return whether the strip is fed by default: threaded, it goes on beyond entry and exit.
+
+    Not where its ends are moved, or both held and moving, where its shape belongs to the material,
+    and where nothing rubs.
+    """
+    shaped = scene.strip.mesh is not None or scene.strip.imperfection is not None
+    if scene.threading is None or scene.friction is None or shaped:
+        return False
+    held, moving = {name for name, edge in scene.edges.items() if edge.fixed}, False
+    for stage in scene.stages:
+        held -= {name for name, end in stage.edges.items() if end.release}
+        moving = moving or any(end.velocity is not None for end in stage.edges.values())
+        if any(end.move for end in stage.edges.values()) or (moving and {"entry", "exit"} <= held):
+            return False
+    return True
 
 
 def elastic_creep(scene: SceneSpec) -> float:

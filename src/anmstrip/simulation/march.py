@@ -26,7 +26,6 @@ from anmstrip.timestepping.implicit import UNHURRIED, Stepping, TimeStep, integr
 
 if TYPE_CHECKING:
     from anmstrip.results.events import Event
-    from anmstrip.simulation.feed import Feed
 
 
 MOST_CORRECTIONS = 100
@@ -97,8 +96,8 @@ class March:
         Whether this stage began with a slack strip, see :meth:`_slack`.
     past : StageProblem or None
         The stage before.
-    feed : Feed or None
-        Of fresh strip.
+    passed : float
+        Unstressed length (m) of the strip that has been fed in, in time.
     follow : callable
         Follows paths; by series unless somebody compares.
     """
@@ -116,11 +115,7 @@ class March:
         self.memory: Memory | None = None
         self.slack = False
         self.past: StageProblem | None = None
-        self.feed: Feed | None = None
-        if assembly.scene.strip.feed:
-            from anmstrip.simulation.feed import Feed
-
-            self.feed = Feed(assembly.strip)
+        self.passed = 0.0
 
     def planned(self, stage: StageSpec, state: State | None) -> StageProblem:
         """A stage ready to be solved; what it releases goes on as a load."""
@@ -134,7 +129,7 @@ class March:
             self.course.take_over(state)
         if stage.steady and self.reached is None:
             strip = self.assembly.strip.unknowns
-            self.full = np.append(self.full[:strip], self.velocity[strip:])
+            self.full = np.concatenate([self.full[:strip], self.velocity[strip:-1], [0.0]])
             if state is not None and self.course.pulled(stage):
                 self.course.values["entry.tension"] = np.array(state.tension("entry"))
         return self.course.plan(stage, reactions, self.full)
@@ -149,6 +144,8 @@ class March:
     def accept(self, step: Step) -> None:
         """Move to the end of a step."""
         state = step.state
+        if state.plan.fed and state.velocity is not None:  # c is linear in a step
+            self.passed += 0.5 * step.range * float(self.velocity[-1] + state.velocity[-1])
         self.full, self.reached = state.full, state.control
         self.velocity = np.zeros_like(self.full) if state.velocity is None else state.velocity
         self.pace = step.past if isinstance(step.past, Pace) else None
@@ -156,10 +153,17 @@ class March:
 
     def finish(self, stage: StageSpec, plan: StageProblem) -> None:
         """Leave a stage."""
-        self.course.finish(stage, self.velocity if plan.steady else None)
-        if plan.steady:
-            self.course.values["strip.speed"] = np.array(plan.strip_speed(self.full, 1.0))
+        if not plan.steady:
+            self.course.finish(stage)
+        else:
+            speed = plan.strip_speed(self.full, 1.0)
+            self.course.finish(stage, self.full, speed)
+            self.course.values["strip.speed"] = np.array(speed)
             self.full = np.append(self.full[:-1], 0.0)
+            if self.scene.strip.feed:
+                turning = self.velocity[self.assembly.strip.unknowns : -1]
+                still = np.zeros(self.assembly.strip.unknowns)
+                self.velocity = np.concatenate([still, turning, [speed]])
         self.reached, self.pace, self.slack, self.past = None, None, False, plan
 
     def through(self, plan: StageProblem, steps: int) -> Iterator[Step]:
@@ -228,23 +232,14 @@ class March:
         return 0.0 if before > 0.0 else max(after, 0.0)
 
     def _in_time(self, plan: StageProblem, settings: Settings) -> Iterator[Step]:
-        memory, taken = self._memory(plan), 0
-        if self.reached is not None:  # broken off, perhaps before the labels moved
-            plan, memory = self._fed(plan, memory)
-        while memory.times[0] < plan.start + plan.duration:
-            left = replace(settings, max_steps=settings.max_steps - taken)
-            for step in self._time_steps(plan, memory, left):
-                control = (step.end - plan.start) / plan.duration
-                velocity = plan.moving(control)
-                velocity[plan.supports.free] = step.v
-                full = plan.supports.full(step.u, control)
-                state = State(plan, step.end, control, full, velocity)
-                covered = step.end - step.start
-                yield Step(state, settings.order, covered, step.imbalance, step.memory, step.snap)
-                memory, taken = step.memory, taken + 1
-                if self._due():
-                    break
-            plan, memory = self._fed(plan, memory)
+        for step in self._time_steps(plan, self._memory(plan), settings):
+            control = (step.end - plan.start) / plan.duration
+            velocity = plan.moving(control)
+            velocity[plan.supports.free] = step.v
+            full = plan.supports.full(step.u, control)
+            state = State(plan, step.end, control, full, velocity)
+            covered = step.end - step.start
+            yield Step(state, settings.order, covered, step.imbalance, step.memory, step.snap)
 
     def _memory(self, plan: StageProblem) -> Memory:
         """The past of a stage in time: that of the stage before, if nothing jumps."""
@@ -277,24 +272,6 @@ class March:
             ),
             cost=self.cost,
         )
-
-    def _due(self) -> int:
-        """Elements of fresh strip that have to be fed in."""
-        return 0 if self.feed is None else self.feed.due(self.full)
-
-    def _fed(self, plan: StageProblem, memory: Memory) -> tuple[StageProblem, Memory]:
-        """The same stage after fresh strip was fed in for what has left, if it has."""
-        elements = self._due()
-        if self.feed is None or not elements:
-            return plan, memory
-        from anmstrip.simulation.feed import relabelled
-
-        with unbroken():
-            plan, memory = relabelled(self.feed, elements, plan, self.course, memory)
-            self.full = self.feed.moved(self.full, elements)
-            self.velocity = self.feed.moved(self.velocity, elements, position=False)
-            self.memory = memory
-        return plan, memory
 
 
 @contextmanager

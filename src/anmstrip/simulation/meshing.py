@@ -84,9 +84,9 @@ def strip_mesh(
 
     Without ``strip.cells`` see :func:`default_zones`.  With it, the fine part covers a quarter of
     each roller's circumference on both sides of its axis, or the arc on which a threaded strip
-    touches it, and the stretch that is carried over it.  A strip that is fed is fine everywhere:
-    all of it comes to pass the rollers.  A mesh that stands still is fine where the strip lifts on
-    and off alone, and there it has nodes: a string has corners of its curvature there.
+    touches it, and the stretch that is carried over it.  A mesh that stands still, as that of a
+    strip that is fed, is fine where the strip lifts on and off alone, and there it has nodes: a
+    string has corners of its curvature there.
     """
     spec, section = scene.strip, scene.strip.kinematics == "section"
     length = spec.length if thread is None else thread.length
@@ -130,18 +130,14 @@ def default_lines(
 ) -> Array:
     """Coordinates of nodes of a scene without ``strip.cells``, see :func:`default_zones`.
 
-    A strip that is fed has equal elements.  All are longer by one factor where there would be more
-    than MOST_UNKNOWNS.
+    All are longer by one factor where there would be more than MOST_UNKNOWNS.
     """
     zones, coarse = default_zones(scene, rollers, thread), 2.0 * half / COARSEST
     per_line = {"section": 4, "plate": 4, "shell": 12}[scene.strip.kinematics]
     if scene.strip.kinematics != "section":
         per_line *= cells_across(scene) + 1
     most = MOST_UNKNOWNS // per_line - 1
-    if not scene.strip.feed:
-        return graded_nodes(half, zones, coarse, marks, most)
-    size = min([coarse, *(zone.size for zone in zones)])
-    return np.linspace(-half, half, min(most, int(np.ceil(2.0 * half / size))) + 1)
+    return graded_nodes(half, zones, coarse, marks, most)
 
 
 def wanted_size(scene: SceneSpec, radius: float) -> float:
@@ -214,8 +210,6 @@ def chosen_lines(
     zones = list[tuple[float, float]]()
     if scene.contact is not None and fine < coarse:
         zones = fine_zones(scene, rollers, thread, half)
-    if spec.feed:
-        zones = [(-half, half)] if zones else []
     graded = list[Zone]()
     if zones and thread is not None and lifts:
         near = NEAR_LIFT * max(boundary_layer(scene), fine / QUARTER)
@@ -263,7 +257,7 @@ def _stands(scene: SceneSpec) -> bool:
     moves = [c.move for stage in scene.stages for c in stage.edges.values()]
     moves += [c.move for stage in scene.stages for c in stage.rollers.values()]
     steady = all(stage.steady or not stage.friction for stage in scene.stages)
-    return steady and not scene.strip.feed and not any(moves)
+    return (steady or scene.strip.feed) and not any(moves)
 
 
 def graded_nodes(
@@ -350,8 +344,11 @@ def carried(
 
     That of the edges that are held, or of any roller's surface where none is or one is let go: a
     roller that stands does not hold a strip that others carry over it.  Where only torques drive
-    the strip, its travel is not known, and all of it may pass.
+    the strip, its travel is not known, and all of it may pass.  A strip that is fed stays where it
+    is.
     """
+    if scene.strip.feed:
+        return 0.0, 0.0
     held = [edge for edge, spec in scene.edges.items() if spec.fixed]
     ways = []
     if not held or any(c.release for stage in scene.stages for c in stage.edges.values()):

@@ -9,7 +9,7 @@ from functools import cached_property
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from anmstrip.mechanics.loads import (
 from anmstrip.mechanics.roller import Roller, Sides
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
-from anmstrip.simulation.defaults import completed
+from anmstrip.simulation.defaults import completed, line_speed
 from anmstrip.simulation.meshing import (
     carrying_sense,
     cells_across,
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from anmstrip.fem.sampling import ContactOperator
     from anmstrip.mechanics.contact import Contact, Friction
     from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
-    from anmstrip.mechanics.transport import SteadyFriction
+    from anmstrip.mechanics.transport import CarriedFriction, SteadyFriction
     from anmstrip.mechanics.turning import Drives
     from anmstrip.simulation.threading import Thread
 
@@ -121,6 +121,7 @@ def size_of(assembly: Assembly, level: Kinematics) -> Size | None:
 
 
 EffectMaker = Callable[[Strip], Effect]
+CarriedT = TypeVar("CarriedT", bound="CarriedFriction")
 
 UNSEEN = 0.01
 """Stretch that the onset of contact may make, over the elastic one."""
@@ -218,8 +219,8 @@ class Assembly:
 
     @property
     def conveyed(self) -> bool:
-        """Whether the strip has a speed of its own: there are steady stages."""
-        return any(stage.steady for stage in self.scene.stages)
+        """Whether the strip has a speed of its own: it is fed, or there are steady stages."""
+        return self.scene.strip.feed or any(stage.steady for stage in self.scene.stages)
 
     @cached_property
     def material(self) -> Material:
@@ -377,15 +378,33 @@ class Assembly:
 
     @cached_property
     def carrying(self) -> SteadyFriction | None:
-        """Friction on strip that moves through its own shape."""
+        """Friction on strip that moves through its own shape, in a stationary state."""
+        from anmstrip.mechanics.transport import SteadyFriction
+
+        return self._carrying(SteadyFriction)
+
+    @cached_property
+    def carrying_in_time(self) -> CarriedFriction | None:
+        """The same in time, on strip that is fed."""
+        from anmstrip.mechanics.transport import CarriedFriction
+
+        return self._carrying(CarriedFriction)
+
+    def _carrying(self, kind: type[CarriedT]) -> CarriedT | None:
         if (rubbing := self.rubbing) is None:
             return None
         from anmstrip.fem.sampling import SlopeOperator
-        from anmstrip.mechanics.transport import SteadyFriction
 
         given = rubbing.contact, rubbing.law_of_slip, rubbing.coefficients
         free = self._numbers, len(self.turning)
-        return SteadyFriction(*given, *free, SlopeOperator(self.strip))
+        return kind(*given, *free, SlopeOperator(self.strip))
+
+    def passage(self, edge: str, direction: Array, held: bool) -> Effect:
+        """Condition for the length of strip that has passed an end, see ``Passage``."""
+        from anmstrip.mechanics.transport import Passage
+
+        stiffness = self.strip.tensile_stiffness * self.strip.width / line_speed(self.scene)
+        return Passage(self.strip, edge, direction, held, stiffness, self.unknowns)
 
     @cached_property
     def signorini(self) -> ContactLaw:
@@ -449,6 +468,8 @@ class Assembly:
         if stage.friction:
             if stage.steady:
                 own += [self.carrying, self.steady_drives]
+            elif self.scene.strip.feed:
+                own += [self.carrying_in_time, self.drives]
             else:
                 own += [self.rubbing, self.drives]
         if (stiffness := self.scene.strip.foundation) is not None:

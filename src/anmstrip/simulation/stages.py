@@ -17,6 +17,9 @@ from anmstrip.scene.schema import StageSpec
 from anmstrip.simulation.meshing import surface_speed
 from anmstrip.simulation.problem import Assembly, middle_node
 
+ALONG = 0.5
+"""Least share of a held direction that holds an end along the strip."""
+
 
 @dataclass
 class Course:
@@ -95,6 +98,13 @@ class Course:
             start[f"{key}.velocity"] = rate
         effects = self.assembly.effects(stage, start)
         a, pull = self.assembly, self._pull(full) if self.pulled(stage) else None
+        if self.fed(stage):
+            edge, direction, held = self.passing(stage)
+            effects.append(a.passage(edge, direction, held))
+            before, after = (held * float(v @ direction) for v in self._speeds(stage, edge))
+            start["strip.passing"] = np.array(before)
+            if after != before:
+                slope["strip.passing"] = np.array(after - before)
         return StageProblem(
             name=stage.name,
             start=self.time,
@@ -104,7 +114,26 @@ class Course:
             controls=Controls(start, slope),
             in_time=a.frictional(stage),
             steady=stage.steady,
+            fed=self.fed(stage),
         )
+
+    def fed(self, stage: StageSpec) -> bool:
+        """Whether material passes labels that stay, in time."""
+        return self.assembly.scene.strip.feed and self.assembly.frictional(stage)
+
+    def passing(self, stage: StageSpec) -> tuple[str, Array, bool]:
+        """End of a fed strip whose label stays, the direction there, (3,), and if it is held along.
+
+        The exit, if it alone is held along the strip, else the entry.
+        """
+        directions = self._directions
+        held = {
+            name: any(abs(directions[name]["xyz".index(c)]) > ALONG for c in components)
+            for name, components in self._held().items()
+            if name in directions
+        }
+        edge = "exit" if held.get("exit") and not held.get("entry") else "entry"
+        return edge, directions[edge], held.get(edge, False)
 
     def shift(self, name: str, change: Array) -> None:
         """Labels have moved: an edge's displacement now counts from elsewhere."""
@@ -129,21 +158,28 @@ class Course:
         strip = self.assembly.strip
         edge, pull = strip.edges["entry"], np.zeros((strip.scalars, strip.count))
         whole = np.zeros(strip.unknowns) if full is None else full
-        slopes = strip.nodal(whole)[strip.dofs("u_x")[edge.nodes]]
-        along = slopes.mean(axis=0) + strip.kinematics.pick([1.0, 0.0, 0.0])
+        along = strip.kinematics.pick(self._tangent("entry", whole))
         pull[edge.values] = along / np.linalg.norm(along)
         return pull.ravel()
+
+    def _tangent(self, name: str, full: Array) -> Array:
+        """Mean ∂r/∂X on an edge, shape (3,)."""
+        strip = self.assembly.strip
+        slopes = strip.nodal(full)[strip.dofs("u_x")[strip.edges[name].nodes]]
+        return np.array([1.0, 0.0, 0.0]) + strip.kinematics.embed(slopes.mean(axis=0))
 
     def take_over(self, state: State) -> None:
         """Begin a steady stage from a state in time: its entry is held where it is."""
         from anmstrip.mechanics.transport import strip_speed
 
-        strip, velocity = self.assembly.strip, state.velocity
+        speed, velocity = state.strip_speed, state.velocity
         assert velocity is not None
+        if speed is None:
+            speed = strip_speed(self.assembly.strip, state.full, velocity)
         self.released.discard("entry")
         self.values.pop("entry.force", None)
         self.moved["entry"] = self._at_edge("entry", state.full)
-        self.values["strip.speed"] = np.array(strip_speed(strip, state.full, velocity))
+        self.values["strip.speed"] = np.array(speed)
 
     def _at_edge(self, name: str, full: Array) -> Array:
         """Mean over an edge, shape (3,)."""
@@ -151,14 +187,17 @@ class Course:
         values = strip.nodal(full)[strip.edges[name].values]
         return strip.kinematics.embed(values.mean(axis=0))
 
-    def finish(self, stage: StageSpec, velocity: Array | None = None) -> None:
-        """Remember where a stage has ended, and with which velocity if it was steady."""
+    def finish(self, stage: StageSpec, full: Array | None = None, speed: float = 0.0) -> None:
+        """Remember where a stage has ended; if it was steady, in which state and at which speed."""
         self.values.update(self._targets(stage, dict(self.values)))
         for name in self._held():
             self.moved[name] = self._destination(stage, name)
             self.speeds[name] = self._speeds(stage, name)[1]
-            if velocity is not None:
-                self.speeds[name] = self._at_edge(name, velocity)
+            if full is not None:
+                self.speeds[name] = speed * self._tangent(name, full)
+                if self.assembly.scene.strip.feed and name in self._directions:
+                    along = self._directions[name]
+                    self.speeds[name] = (self.speeds[name] @ along) * along
         self.time += stage.duration
 
     def _targets(self, stage: StageSpec, start: dict[str, Array]) -> dict[str, Array]:
@@ -204,7 +243,23 @@ class Course:
         control = stage.edges.get(name)
         if control is not None and control.move is not None:
             return self.begun.get(name, np.zeros(3)) + np.array(control.move, dtype=float)
-        return now + 0.5 * stage.duration * sum(self._speeds(stage, name))
+        return now + 0.5 * stage.duration * sum(self._label_speeds(stage, name))
+
+    @property
+    def _directions(self) -> dict[str, Array]:
+        """Directions of the strip at its ends, as drawn, shape (3,)."""
+        flat = np.array([1.0, 0.0, 0.0])
+        entry, exit = self.outward.get("entry", -flat), self.outward.get("exit", flat)
+        return {"entry": -entry, "exit": exit}
+
+    def _label_speeds(self, stage: StageSpec, name: str) -> tuple[Array, Array]:
+        """The same of the labels there: of a fed strip those that material passes stay."""
+        before, after = self._speeds(stage, name)
+        edge, direction, held = self.passing(stage)
+        if not (self.fed(stage) and held and edge == name):
+            return before, after
+        along = np.outer(direction, direction)
+        return before - along @ before, after - along @ after
 
     def _speeds(self, stage: StageSpec, name: str) -> tuple[Array, Array]:
         """Velocities of an edge at the beginning and at the end of a stage (m/s)."""
@@ -225,10 +280,11 @@ class Course:
             if full is not None:
                 start[strip.unknowns :] = end[strip.unknowns :] = full[strip.unknowns :]
         elif self.assembly.conveyed:
-            held[-1] = not self.pulled(stage)
+            held[-1] = not (self.pulled(stage) or self.fed(stage))
         for name, components in self._held().items():
             edge, now = strip.edges[name], self.moved.get(name, np.zeros(3))
-            destination, (before, after) = self._destination(stage, name), self._speeds(stage, name)
+            destination = self._destination(stage, name)
+            before, after = self._label_speeds(stage, name)
             bow = 0.5 * stage.duration * (after - before)  # half of what the velocity gains
             for c in ("xyz".index(x) for x in components):
                 place = strip.kinematics.place(c)
