@@ -244,14 +244,17 @@ def test_an_ordinary_bridle_gives_no_cause() -> None:
             [("stages.1.rollers.b.surface_speed", -1.0)],
             "roller b goes at -1 m/s in stage run", "rollers.b.surface_speed=1, or",
         ),
-        ([("stages.1.duration", 20.0)], "travels 10 m, and after 4 m its entry", "feed=true"),
+        (
+            [("stages.1.duration", 20.0), ("strip.feed", False)],
+            "travels 10 m, and after 4 m its entry", "strip.feed = false out",
+        ),
         (
             [("stages.1.gravity", [0.0, 0.0, -196.2])],
             "in stage run the strip weighs", "larger tension",
         ),
         (
             [("strip.cells", [20, 1]), ("strip.refined", 0.068)],
-            "elements over a, b are 0.06", "would be 0.0107 m (strip.refined)",
+            "elements over a, b are 0.0158", "would be 0.0107 m (strip.refined)",
         ),
         (
             [("friction", {"law": "norton-hoff", "coefficient": 0.2, "speed": 1e-8})],
@@ -273,10 +276,7 @@ FIELD = sorted((Path(__file__).parents[1] / "field").glob("*.toml"))
 
 @pytest.mark.parametrize("path", FIELD, ids=lambda path: path.stem)
 def test_lines_of_the_field_raise_no_false_alarm(path: Path) -> None:
-    """Only what is true of two long ones: that their meshes are bounded."""
-    found = warnings(Preview.of(Assembly(Scene.load(path))))
-    assert [line for line in found if "no more than 12000 unknowns" not in line] == []
-    assert bool(found) == (path.stem[:2] in ("13", "28"))
+    assert warnings(Preview.of(Assembly(Scene.load(path)))) == []
 
 
 def free(changed: dict[str, Any] | None = None, last: dict[str, Any] | None = None) -> list[str]:

@@ -93,7 +93,7 @@ def test_a_metre_over_a_driven_roller_takes_few_tangents() -> None:
 
 def test_what_passes_is_the_travel_of_the_roller_less_creep_and_stretch() -> None:
     """In the end the strip comes in at c with c λ(T_in) about V within the slip of the law."""
-    run = done(tables(stages=tables()["stages"][:1] + [{"name": "run", "duration": 2.0}]))
+    run = done(tables(stages=[tables()["stages"][0], {"name": "run", "duration": 2.0}]))
     state, told = run.state, run.facts()["feed"]
     assert state is not None and state.strip_speed is not None
     stretch = 1.0 + 1.2e4 / STIFFNESS

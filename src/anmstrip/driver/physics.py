@@ -298,7 +298,8 @@ def strip_runs_out(preview: Preview) -> Iterator[str]:
         if travel > run > 0.0:
             yield (
                 f"the strip travels {travel:.3g} m, and after {run:.3g} m its {end} comes to a "
-                f"roller. Take strip.feed = false out, so that fresh strip follows, or type a threading.{end} further away."
+                f"roller. Take strip.feed = false out, so that fresh strip follows, or type a "
+                f"threading.{end} further away."
             )
 
 

@@ -24,6 +24,7 @@ from anmstrip.simulation.meshing import (
     QUARTER,
     boundary_layer,
     cells_across,
+    stands,
     surface_speed,
     wanted_size,
 )
@@ -299,13 +300,20 @@ OTHER_RULES = (coarse_mesh, slipping_friction, *physics.RULES)
 
 
 def element_over(assembly: Assembly, roller: Roller) -> float:
-    """Length of the longest element that comes to lie on a roller (m), 0 if none does."""
+    """Length of the longest element that comes to lie on a roller (m), 0 if none does.
+
+    On a mesh that stands still, of those where the strip lifts on and off.
+    """
     mesh, reach = assembly.strip.mesh, 0.5 * np.pi * roller.radius
     first, last = roller.centre[0] - reach, roller.centre[0] + reach
     if assembly.thread is not None:
         if roller.name not in assembly.thread.arcs:
             return 0.0
         first, last = assembly.thread.arcs[roller.name]
+        if stands(assembly.scene):
+            nodes = np.unique(mesh.p[0])
+            around = np.searchsorted(nodes, [first, last]).clip(1, len(nodes) - 2)
+            return float(np.diff(nodes)[[around - 1, around]].max())
     x = mesh.p[0, mesh.t].mean(axis=0)
     return float(assembly.strip.cell_sizes[0, (first <= x) & (x <= last)].max(initial=0.0))
 

@@ -157,10 +157,10 @@ class Passage(LawEffect):
         own = strip.kinematics.pick(direction)
         self.flat = float(own @ strip.kinematics.pick([1.0, 0.0, 0.0]))
         values, slopes = strip.edges[edge].values, strip.dofs("u_x")[strip.edges[edge].nodes]
-        self.sums = np.zeros((2, strip.scalars, strip.count))
+        sums = np.zeros((2, strip.scalars, strip.count))
         for row, scalars in enumerate((values, slopes)):
-            self.sums[row, scalars] = own / len(scalars)
-        self.sums = self.sums.reshape(2, -1)
+            sums[row, scalars] = own / len(scalars)
+        self.sums = sums.reshape(2, -1)
 
     @property
     def operator(self) -> Passage:  # type: ignore[override]

@@ -93,7 +93,7 @@ def strip_mesh(
     assert spec.width is not None and length is not None
     half, across = length / 2.0, cells_across(scene)
     lifts = list[float]()
-    if thread is not None and _stands(scene):
+    if thread is not None and stands(scene):
         lifts = sorted(x for arc in thread.arcs.values() for x in arc)
     if spec.cells is None:
         xs = default_lines(scene, rollers, thread, half, lifts)
@@ -158,7 +158,7 @@ def default_zones(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | 
     that will pass; on arcs in between they have twice as much.
     """
     zones, (back, ahead) = list[Zone](), carried(scene, rollers, thread)
-    if _stands(scene):
+    if stands(scene):
         back = ahead = 0.0
     arcs = () if thread is None else _arcs_in_stages(scene, thread)
     for roller in rollers if scene.contact is not None else ():
@@ -252,12 +252,12 @@ def lines_of_nodes(
     return np.concatenate(xs)
 
 
-def _stands(scene: SceneSpec) -> bool:
+def stands(scene: SceneSpec) -> bool:
     """Whether the strip lifts on and off at the same labels throughout."""
     moves = [c.move for stage in scene.stages for c in stage.edges.values()]
     moves += [c.move for stage in scene.stages for c in stage.rollers.values()]
     steady = all(stage.steady or not stage.friction for stage in scene.stages)
-    return (steady or scene.strip.feed) and not any(moves)
+    return bool(steady or scene.strip.feed) and not any(moves)
 
 
 def graded_nodes(

@@ -99,9 +99,9 @@ class Course:
         effects = self.assembly.effects(stage, start)
         a, pull = self.assembly, self._pull(full) if self.pulled(stage) else None
         if self.fed(stage):
-            edge, direction, held = self.passing(stage)
-            effects.append(a.passage(edge, direction, held))
-            before, after = (held * float(v @ direction) for v in self._speeds(stage, edge))
+            edge, direction, tied = self.passing(stage)
+            effects.append(a.passage(edge, direction, tied))
+            before, after = (tied * float(v @ direction) for v in self._speeds(stage, edge))
             start["strip.passing"] = np.array(before)
             if after != before:
                 slope["strip.passing"] = np.array(after - before)
@@ -119,7 +119,7 @@ class Course:
 
     def fed(self, stage: StageSpec) -> bool:
         """Whether material passes labels that stay, in time."""
-        return self.assembly.scene.strip.feed and self.assembly.frictional(stage)
+        return bool(self.assembly.scene.strip.feed) and self.assembly.frictional(stage)
 
     def passing(self, stage: StageSpec) -> tuple[str, Array, bool]:
         """End of a fed strip whose label stays, the direction there, (3,), and if it is held along.
