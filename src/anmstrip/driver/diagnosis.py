@@ -214,7 +214,7 @@ def slack(failure: Failure) -> str | None:
     membrane, strip = failure.assembly.membrane, failure.assembly.strip
     if membrane is None:
         return None
-    forces = membrane.at(failure.state.full)
+    forces = membrane.at(failure.state.full, failure.state.controls)
     mean = forces.reshape(*forces.shape[:2], strip.mesh.nelements, -1).mean(axis=3)
     least = np.linalg.eigvalsh(np.moveaxis(mean, 2, 0))[:, 0]
     euler = np.pi**2 * strip.bending_stiffness if failure.scene.strip.bending else 0.0

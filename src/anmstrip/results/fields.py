@@ -192,7 +192,7 @@ class FieldSampler:
             pull = state.controls.get("exit.force", np.zeros(3))[0]
             return np.multiply.outer([pull, 0.0, 0.0], np.ones(shape[1:]))
         from_quadrature, to_points = self._recovery
-        forces = _components(self.membrane.at(state.full))
+        forces = _components(self.membrane.at(state.full, state.controls))
         corners = forces.reshape(3, shape[1], -1) @ from_quadrature.T
         nodes = self.strip.mesh.t.T
         sums = [np.bincount(nodes.ravel(), component.ravel()) for component in corners]

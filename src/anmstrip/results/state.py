@@ -103,7 +103,7 @@ class State:
     def principal_forces(self) -> Array:
         """Membrane forces (N/m), ascending, at the quadrature points, shape (points, d)."""
         assert self.membrane is not None
-        return principal(self.membrane.at(self.full))[0]
+        return principal(self.membrane.at(self.full, self.controls))[0]
 
     @cached_property
     def imbalance(self) -> Array:
