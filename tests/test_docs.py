@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import doctest
 import re
 import sys
 import tomllib
@@ -145,6 +146,21 @@ def tables_of(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
             for inner in (part, *get_args(part)):
                 if isinstance(inner, type) and issubclass(inner, BaseModel):
                     yield from tables_of(inner)
+
+
+DOCTESTED = [
+    ".".join(path.relative_to(ROOT / "src").with_suffix("").parts)
+    for path in sorted((ROOT / "src").rglob("*.py"))
+    if ">>> " in path.read_text(encoding="utf-8")
+]
+"""Modules with examples in their docstrings."""
+
+
+@pytest.mark.parametrize("name", DOCTESTED)
+def test_examples_in_docstrings_hold(name: str) -> None:
+    tried = doctest.testmod(import_module(name))
+    assert tried.attempted
+    assert not tried.failed
 
 
 def test_every_key_of_a_scene_is_described() -> None:

@@ -34,6 +34,7 @@ Equation numbers are those of Béchet, Lejeune & Potier-Ferry (2010).
 from __future__ import annotations
 
 from importlib import import_module
+from importlib.metadata import version
 from typing import Any
 
 _NAMES = {
@@ -60,6 +61,8 @@ __all__ = sorted(_DOORS)  # noqa: PLE0605
 
 def __getattr__(name: str) -> Any:
     """Import what is asked for, when it is asked for."""
+    if name == "__version__":
+        return version(__name__)
     if name not in _DOORS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(_DOORS[name]), name)

@@ -39,6 +39,16 @@ EVENT_COLUMNS = ("time", "stage", "kind", "roller", "point", "x", "y", "gap", "s
 ROLLER_COLUMNS = ("normal_force", "drag", "wrap", "max_slip", "surface_speed", "torque")
 
 
+def history_row(step: Step) -> dict[str, Any]:
+    """Return the row of a step in ``history.csv``."""
+    state, values = step.state, {column: getattr(step, column) for column in STEP_COLUMNS}
+    for edge in ("entry", "exit"):
+        values[f"{edge}_tension"] = state.tension(edge)
+    for name, reading in state.rollers.items():
+        values |= {f"{name}_{column}": getattr(reading, column) for column in ROLLER_COLUMNS}
+    return values
+
+
 class Recorder:
     """Writes history, states, checkpoint and summary of a run into a directory.
 
@@ -97,12 +107,7 @@ class Recorder:
         self.lock.check()
         if output.times is None and not self.strip.count:
             self.write_state(state.at(state.plan.start, before))
-        values = {column: getattr(step, column) for column in STEP_COLUMNS}
-        for edge in ("entry", "exit"):
-            values[f"{edge}_tension"] = state.tension(edge)
-        for name, reading in state.rollers.items():
-            values |= {f"{name}_{column}": getattr(reading, column) for column in ROLLER_COLUMNS}
-        self.history.append(values)
+        self.history.append(history_row(step))
         self.rows += 1
         for event in step.events:
             assert self.events is not None

@@ -23,6 +23,7 @@ class Scene(SceneSpec):
     >>> scene = Scene(
     ...     strip={"length": 4.0, "width": 1.0, "thickness": 1e-3, "cells": [16, 2]},
     ...     material={"young": 2e11, "poisson": 0.3},
+    ...     edges={"entry": {"fixed": ["x", "y", "z"]}, "exit": {"fixed": ["y", "z"]}},
     ...     stages=[{"duration": 1.0, "exit": {"force": [1e4, 0.0, 0.0]}}],
     ... )
     >>> [step.time for step in scene.run()]

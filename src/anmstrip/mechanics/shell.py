@@ -79,6 +79,7 @@ class Membrane(LawEffect):
         self.stiffness = plane_stress(strip)
         self.flat = strip.frames().tangents
         self.metric = np.eye(strip.kinematics.directions)[:, :, None]
+        self.imperfection = imperfection
         if imperfection is not None:
             natural = self.flat + self.operator.apply(imperfection)
             self.metric = np.einsum("iap,ibp->abp", natural, natural)

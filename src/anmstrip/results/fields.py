@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -10,8 +12,37 @@ from anmstrip.arrays import Array, Index
 from anmstrip.fem.sampling import ContactOperator, contact_points, patches, shape_of, unit_grid
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.shell import Membrane, moduli
-from anmstrip.results.state import State
+from anmstrip.results.rollers import ContactState, RollerReading
 from anmstrip.results.vtk import facing, triangle_lattice
+
+
+class Readable(Protocol):
+    """What fields and profiles read off a :class:`~anmstrip.results.state.State`."""
+
+    @property
+    def time(self) -> float:
+        """Time (s)."""
+
+    @property
+    def full(self) -> Array:
+        """Displacements, shape (unknowns,)."""
+
+    @property
+    def velocity(self) -> Array | None:
+        """Velocities, shape (unknowns,)."""
+
+    @property
+    def controls(self) -> Mapping[str, Array]:
+        """Values of the controls."""
+
+    @property
+    def contacts(self) -> Mapping[str, ContactState]:
+        """Roller → what it does to the strip."""
+
+    @property
+    def rollers(self) -> Mapping[str, RollerReading]:
+        """Roller → what is read off."""
+
 
 POINTS = {"line": unit_grid(4, 1), "quad": unit_grid(4), "triangle": triangle_lattice(6)}
 """Points of the output on each kind of element: cubic patches, quintic triangles."""
@@ -74,7 +105,7 @@ class FieldSampler:
         if local is None:
             self.cells = facing(self.reference, self.cells)
 
-    def sample(self, state: State) -> dict[str, Array]:
+    def sample(self, state: Readable) -> dict[str, Array]:
         """All fields of a state by name, points first; see :data:`~anmstrip.results.vtk.FIELDS`."""
         velocity = np.zeros_like(state.full) if state.velocity is None else state.velocity
         return {
@@ -126,7 +157,7 @@ class FieldSampler:
         apart = self.local[:, :, None] - contact_points(self.kind)[:, None]
         return np.asarray((apart**2).sum(axis=0).argmin(axis=1))
 
-    def _contact(self, state: State) -> dict[str, Array]:
+    def _contact(self, state: Readable) -> dict[str, Array]:
         """Sums over the rollers of what they do; gap and slip of the nearest one."""
         found = list(state.contacts.values())
         if not found:
@@ -156,7 +187,7 @@ class FieldSampler:
         np.maximum.at(status, self.own, found_status[cells[:, self.nearest]])
         return {**fields, "contact_status": np.tile(status, self.lines)}
 
-    def _stress(self, state: State) -> dict[str, Array]:
+    def _stress(self, state: Readable) -> dict[str, Array]:
         """Membrane forces, moments, von Mises stress of the top surface, curvature, normal."""
         tangents, normal, curvature = self._geometry(state.full)
         bending = curvature
@@ -177,7 +208,7 @@ class FieldSampler:
             "normal": self._average(normal),
         }
 
-    def _membrane_forces(self, state: State) -> Array:
+    def _membrane_forces(self, state: Readable) -> Array:
         """Membrane forces (xx, yy, xy) (N/m), recovered, shape (3, elements, points).
 
         Within an element on a roller those of the strains swing about the force that is in

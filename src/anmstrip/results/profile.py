@@ -10,8 +10,7 @@ from anmstrip.arrays import Array, Index
 from anmstrip.fem.sampling import ContactOperator, contact_points, shape_of
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.shell import Membrane
-from anmstrip.results.fields import FieldSampler
-from anmstrip.results.state import State
+from anmstrip.results.fields import FieldSampler, Readable
 
 COLUMNS = (
     *("time", "arc_length", "x", "y", "z", "tension", "tension_min", "tension_max", "pressure"),
@@ -51,10 +50,10 @@ class Profile:
         places = np.round((x - x.min()) / unit)
         self.station: Index = np.unique(places, return_inverse=True)[1]
 
-    def rows(self, state: State) -> list[dict[str, Any]]:
-        """Return a row for every station, from the entry on, by the columns of the table.
+    def columns(self, state: Readable) -> dict[str, Array]:
+        """Return the columns of the table, with a value for every station from the entry on.
 
-        What belongs to contact is empty where no point of the station touches a roller.
+        What belongs to contact is NaN where no point of the station touches a roller.
         """
         fields, flat = self.fields.sample(state), self.fields.reference
         position = flat.T + fields["displacement"] + self.fields.strip.origin
@@ -76,7 +75,11 @@ class Profile:
                 if contact.touching.any():
                     loads[place] = np.nan_to_num(loads[place]) + load
         table = {"time": np.full(len(loads), state.time), **columns, "line_load": loads}
-        values = np.array([table[name] for name in COLUMNS]).T
+        return {name: table[name] for name in COLUMNS}
+
+    def rows(self, state: Readable) -> list[dict[str, Any]]:
+        """Return a row for every station, from the entry on; empty where the column is NaN."""
+        values = np.array(list(self.columns(state).values())).T
         kept = [[None if np.isnan(value) else value for value in row] for row in values.tolist()]
         return [dict(zip(COLUMNS, row, strict=True)) for row in kept]
 
@@ -94,7 +97,7 @@ class Profile:
         np.maximum.at(high, self.station, tension)
         return {"tension_min": low, "tension_max": high}
 
-    def _friction(self, state: State, normal: Array) -> dict[str, Array]:
+    def _friction(self, state: Readable, normal: Array) -> dict[str, Array]:
         """Slip along the strip, positive where it runs ahead of the roller, and share of the cone.
 
         Of the points in contact; the share is that of all forces of a station.

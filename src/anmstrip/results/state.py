@@ -11,8 +11,10 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.continuation.path import Branch
 from anmstrip.equilibrium import StageProblem
+from anmstrip.errors import nearest
 from anmstrip.mechanics.loads import FollowerLoad
 from anmstrip.mechanics.shell import Membrane, principal
+from anmstrip.results.profile import Profile
 from anmstrip.results.rollers import (
     ContactState,
     Regularisation,
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
     from anmstrip.mechanics.contact import Contact, Friction
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class State:
     """A state of the strip in a stage.
 
@@ -93,6 +95,41 @@ class State:
     def strip_speed(self) -> float | None:
         """Speed of the strip (m of unstressed strip per second); None but in steady stages."""
         return self.plan.strip_speed(self.full, self.control) if self.plan.steady else None
+
+    def along(self, name: str) -> Array:
+        """Values along the strip, from the entry to the exit.
+
+        Parameters
+        ----------
+        name : str
+            A column of ``profile.csv``, such as ``"tension"``; ``"arc_length"`` is the abscissa.
+
+        Returns
+        -------
+        ndarray, shape (stations,)
+            At the ends and middles of the elements, in SI; NaN where the quantity needs contact
+            and there is none.
+
+        Raises
+        ------
+        KeyError
+            There is no such column.
+        """
+        if name not in self.profile:
+            raise KeyError(f"no column {name!r} along the strip; {nearest(name, self.profile)}")
+        return self.profile[name]
+
+    @cached_property
+    def profile(self) -> dict[str, Array]:
+        """All columns along the strip, see :meth:`along`."""
+        effects, membrane = self.plan.model.effects, self.membrane
+        touching = next((c.contact.operator for c in self.contacts.values()), None)
+        bends = any(e.name == "bending" for e in effects)
+        bent = None if membrane is None else membrane.imperfection
+        return Profile(self.plan.model.strip, membrane, touching, bends, bent).columns(self)
+
+    def __repr__(self) -> str:
+        return f"<State of {self.plan.name!r} at t = {self.time:.6g} s>"
 
     @property
     def membrane(self) -> Membrane | None:

@@ -6,11 +6,17 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from anmstrip.errors import InputError, Mistake
 from anmstrip.scene.checks import check_scene
-from anmstrip.scene.loading import parse_scene, read_text, validate_scene, with_default_names
+from anmstrip.scene.loading import (
+    all_mistakes,
+    parse_scene,
+    read_text,
+    validate_scene,
+    with_default_names,
+)
 from anmstrip.scene.tables import (
     THREADING,
     ContactSpec,
@@ -76,6 +82,16 @@ class SceneSpec(Table):
     """the output, a table (1)"""
 
     _source: Path | None = PrivateAttr(None)
+
+    def __init__(self, /, **tables: Any) -> None:
+        try:
+            super().__init__(**tables)
+        except ValidationError as error:
+            raise all_mistakes(error, type(self), tables) from None
+
+    def __repr__(self) -> str:
+        kind = f"{type(self).__name__} {self.title or self.name!r}"
+        return f"<{kind}: {len(self.rollers)} rollers, {len(self.course)} stages>"
 
     @model_validator(mode="before")
     @classmethod

@@ -38,7 +38,7 @@ FIRST_STEP = 0.01
 stage on levelling takes 71 tangents instead of 50."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Step:
     """One accepted step.
 
@@ -56,6 +56,9 @@ class Step:
     tangents: int = 0  # factorised up to here
     end_time: float = 0.0  # at which the run ends (s)
     events: tuple[Event, ...] = ()  # if the scene asks for them
+
+    def __repr__(self) -> str:
+        return f"<Step {self.step} of {self.stage!r} to t = {self.time:.6g} s>"
 
     @property
     def stage(self) -> str:
