@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -90,6 +91,22 @@ class Restriction:
         )
 
 
+@dataclass(frozen=True)
+class Part:
+    """Rows of an operator that are the same matrix for several components.
+
+    Of the components c of one kind, row + k step + c stride is the k-th derivative.
+    """
+
+    matrix: csr_matrix  # (derivatives · points, scalars)
+    weights: Array  # (derivatives · points,)
+    first: int = 0  # unknown
+    count: int = 1  # components
+    row: int = 0
+    step: int = 1
+    stride: int = 1
+
+
 class CellOperator:
     """Derivatives at quadrature points of elements, along the reference's directions.
 
@@ -139,6 +156,19 @@ class CellOperator:
         )
         values = values.reshape(self.elements, self.components, self.per_element, self.count)
         return values.transpose(3, 1, 0, 2).reshape(self.count, self.components, -1)
+
+    @cached_property
+    def matrices(self) -> tuple[list[Part], list[Part]]:
+        """L as sparse matrices, and that of which forces are the transposed."""
+        table = self.table.reshape(self.elements, self.components, self.per_element, self.local)
+        rows = table.swapaxes(0, 1).reshape(-1, self.local)
+        columns = np.repeat(self.dofs, self.per_element, axis=0).ravel()
+        starts = np.arange(0, rows.size + 1, self.local)
+        index = (np.tile(columns, self.components), starts)
+        matrix = csr_matrix((rows.ravel(), *index), shape=(len(rows), self.sum.shape[0]))
+        weights = np.tile(self.weights, self.components)
+        parts = [Part(matrix, weights, count=self.count, stride=self.components)]
+        return parts, parts
 
     def gather(self, forces: Array) -> Array:
         """Generalised forces of point forces, shape (count, components, points) → (unknowns,)."""

@@ -5,17 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from scipy.sparse import csr_matrix
 
 from anmstrip.arrays import Array
 from anmstrip.fem.geometry import Kinematics
-from anmstrip.fem.operators import Blocks, Pattern
+from anmstrip.fem.operators import Blocks, Part, Pattern
 from anmstrip.fem.sampling import REMEMBERED
+from anmstrip.taylor.program import AVAILABLE
 from anmstrip.taylor.series import Series, record
 from anmstrip.taylor.tape import Tape
+
+if TYPE_CHECKING:
+    from anmstrip.mechanics.compiled import CompiledLaw
 
 
 class Operator(Protocol):
@@ -24,6 +28,10 @@ class Operator(Protocol):
     @property
     def points(self) -> int:
         """Number of points."""
+
+    @property
+    def matrices(self) -> tuple[list[Part], list[Part]]:
+        """L as sparse matrices, and that of which forces are the transposed."""
 
     def apply(self, full: Array) -> Array:
         """L u."""
@@ -263,6 +271,18 @@ class RecordedLaw:
             return effect.law(x, v, self.asked)
 
         self.program = record(law, *kinematic, points=effect.operator.points, compiled=True)
+        self.kinematic = len(kinematic)
+
+    @cached_property
+    def compiled(self) -> CompiledLaw | None:
+        """From unknowns to forces at once, if the program is compiled and keeps points apart."""
+        program = self.program
+        laned = program.output.laned and all(x.laned for x in program.inputs[: self.kinematic])
+        if not (laned and AVAILABLE):
+            return None
+        from anmstrip.mechanics.compiled import CompiledLaw
+
+        return CompiledLaw(program, self.effect.operator.matrices, self.kinematic)
 
     def fits(self, effect: LawEffect, kinematic: list[Array], controls: Controls) -> bool:
         """Whether the program holds for an effect with other controls."""
@@ -309,9 +329,8 @@ class EffectSeries:
         """Return order 1 for changes of the unknowns, their velocities and λ."""
         raise NotImplementedError
 
-    def advance(self, k: int) -> Array | None:
-        """Return order k of what the lower orders make."""
-        return None
+    def advance(self, k: int, total: Array) -> None:
+        """Add order k of what the lower orders make, shape (unknowns,)."""
 
     def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
         """Fix order k of the unknowns."""
@@ -338,7 +357,7 @@ class LawSeries(EffectSeries):
         if effect.rate_dependent and velocity is not None:
             kinematic.append(self.operator.apply(velocity))
         law, values = laws.of(effect, kinematic, control, controls), controls.at(control)
-        moving = list(law.asked.moving)
+        moving, self.compiled = list(law.asked.moving), law.compiled
         self.slopes = [controls.slope.get(name) for name in moving]
         self.orders = law.program.start(*kinematic, *(values[name] for name in moving), order=order)
         self.shape = kinematic[0].shape
@@ -361,11 +380,19 @@ class LawSeries(EffectSeries):
             return None
         return self.operator.gather(self.orders.derivative(*changes))
 
-    def advance(self, k: int) -> Array:
-        return self.operator.gather(self.orders.advance(k))
+    def advance(self, k: int, total: Array) -> None:
+        if self.compiled is not None:
+            self.compiled.advance(self.orders.w, k, total, pending=True)
+            return
+        force = self.operator.gather(self.orders.advance(k))
+        total[: len(force)] += force
 
     def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
-        self.orders.correct(*self._changes(u, v, control))
+        if self.compiled is None:
+            self.orders.correct(*self._changes(u, v, control))
+            return
+        moved = [None if slope is None else control * slope for slope in self.slopes]
+        self.compiled.lift([u, v] if self.in_rate else [u], moved)
 
     def add_tangent(self, pattern: Pattern, blocks: Blocks, rate: float) -> None:
         count = int(np.prod(self.shape[:-1]))

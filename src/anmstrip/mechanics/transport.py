@@ -12,9 +12,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from anmstrip.arrays import Array
-from anmstrip.fem.operators import Blocks, CellOperator, Pattern
+from anmstrip.fem.operators import Blocks, CellOperator, Part, Pattern
 from anmstrip.fem.sampling import SlopeOperator, l2_projection
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.contact import transform
@@ -30,6 +31,15 @@ class TransportOperator(SurfaceOperator):
     """
 
     contact: SlopeOperator
+
+    @property
+    def matrices(self) -> tuple[list[Part], list[Part]]:
+        """L as sparse matrices, and that of which forces are the transposed."""
+        inputs, outputs = super().matrices
+        *_, surface = inputs
+        ones = csr_matrix(np.ones((self.points, 1)))
+        last = surface.first + self.surface.shape[1]
+        return [*inputs, Part(ones, self.weights, last, row=surface.row + 1)], outputs
 
     def apply(self, full: Array) -> Array:
         """Values at the points, shape (2 count + 2, points)."""
