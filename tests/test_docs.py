@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import ast
 import doctest
+import json
 import re
+import shlex
 import sys
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -14,6 +16,7 @@ from types import ModuleType
 from typing import Any, get_args
 
 import pytest
+from click.testing import CliRunner
 from pydantic import BaseModel
 
 from anmstrip import Scene
@@ -21,6 +24,7 @@ from anmstrip.cli import main
 from anmstrip.scene.schema import SceneSpec
 
 ROOT = Path(__file__).parent.parent
+TUTORIAL = sorted((ROOT / "docs" / "tutorial").glob("*.md"))
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
@@ -46,11 +50,50 @@ def merged(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]
     return {**base, **change, **both}
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("page", TUTORIAL, ids=lambda page: page.stem)
+def test_tutorial_runs_as_printed(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Files are saved under the names that the text says before them; all else is typed."""
+    monkeypatch.chdir(tmp_path)
+    for other in TUTORIAL[: TUTORIAL.index(page) + 1]:
+        text = other.read_text(encoding="utf-8")
+        for found in FENCE.finditer(text):
+            if found[1] == "toml":
+                name = re.findall(r"`(\w+\.toml)`", text[: found.start()])[-1]
+                Path(name).write_text(found[2], encoding="utf-8")
+    for found in FENCE.finditer(page.read_text(encoding="utf-8")):
+        if found[1] == "console":
+            for line in found[2].splitlines():
+                done = CliRunner().invoke(main, shlex.split(line)[1:])
+                assert done.exit_code == 0, (line, done.output)
+        elif found[1] == "python":
+            exec(compile(found[2], page.name, "exec"), {"__name__": "tutorial"})
+
+
+CLAIM = re.compile(r"^def (test_\w+)\([^)]*\bclaim\b", re.MULTILINE)
+
+
+def test_every_claim_has_its_row() -> None:
+    """Tests that claim, and those named in docs/claims.jsonl, are the same."""
+    claiming = {
+        f"{path.relative_to(ROOT).as_posix()}::{name}"
+        for path in (ROOT / "tests").rglob("test_*.py")
+        for name in CLAIM.findall(path.read_text(encoding="utf-8"))
+    }
+    lines = (ROOT / "docs" / "claims.jsonl").read_text(encoding="utf-8").splitlines()
+    written = [json.loads(line) for line in lines]
+    assert {claim["test"].partition("[")[0] for claim in written} == claiming
+    for claim in written:
+        assert 0.0 <= claim["error"] <= claim["bound"], claim
+
+
 def test_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 200
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", [*PAGES, *TUTORIAL], ids=lambda page: page.name)
 def test_links_lead_somewhere(page: Path) -> None:
     """Relative links and the files that are named in code spans with a directory."""
     text = without_blocks(page.read_text(encoding="utf-8"))
@@ -117,7 +160,7 @@ def test_python_runs(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         exec(compile(tree, "<documentation>", "exec"), module.__dict__)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", [*PAGES, *TUTORIAL], ids=lambda page: page.name)
 def test_commands_exist(page: Path) -> None:
     """Commands of the program, and the options that follow them in the same span of code."""
     for command, rest in re.findall(r"anmstrip ([a-z]+)\b([^`\n]*)", page.read_text("utf-8")):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import math
 import shlex
 import signal
@@ -206,6 +207,21 @@ def explain_command(scene: Path, settings: tuple[str, ...], picture: Path | None
     if picture is not None:
         draw_line(loaded, picture)
         click.echo(f"Picture in {picture}.")
+
+
+@main.command("schema")
+def schema_command() -> None:
+    """Print the JSON schema of scene files, by which editors complete and check them.
+
+    \b
+      anmstrip schema > scene.schema.json
+
+    Editors with a TOML server (taplo, Even Better TOML) use it in a file that begins with
+    the line "#:schema ./scene.schema.json".
+    """
+    from anmstrip.scene.schema import json_schema
+
+    click.echo(json.dumps(json_schema(), indent=1, ensure_ascii=False))
 
 
 @main.command("case", short_help="Run a mass-spring case of the paper.")

@@ -172,3 +172,22 @@ class SceneSpec(Table):
             for key in {"exponent", "omega"}.difference(self.friction.constants):
                 del scene["friction"][key]
         return scene
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON schema of a scene file, by which editors complete and check it.
+
+    What pydantic makes of the models, with what files may leave out besides: names, the duration
+    of steady stages; and with the names of edges as keys of a stage.
+    """
+    schema = SceneSpec.model_json_schema()
+    tables = schema["$defs"]
+    tables["RollerSpec"]["required"].remove("name")
+    stage = tables["StageSpec"]
+    stage["required"] = []
+    steady = {"properties": {"steady": {"const": True}}, "required": ["steady"]}
+    stage["anyOf"] = [{"required": ["duration"]}, steady]
+    stage["additionalProperties"] = stage["properties"].pop("edges")["additionalProperties"]
+    for table in (schema, *tables.values()):
+        table["description"] = table["description"].partition("\n\n")[0]
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

@@ -1,0 +1,40 @@
+"""What all tests share: claims, which are checked and written down for the documentation."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from claims import Claim
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option that names the file of claims."""
+    words = "append the claims that tests check to FILE, a line of JSON for each"
+    parser.addoption("--claims", metavar="FILE", type=Path, help=words)
+
+
+@pytest.fixture
+def claim(request: pytest.FixtureRequest) -> Claim:
+    """Check a value against an independent reference; with ``--claims`` also write it down.
+
+    ``claim(quantity, value, expected, bound, reference)`` asserts that `value` differs from
+    `expected` by at most the share `bound` of it (of 1 if it is 0).  `reference` says where the
+    expected value comes from.  The table on the verification page is made of these lines.
+    """
+    target, test = request.config.getoption("--claims"), request.node.nodeid
+
+    def check(
+        quantity: str, value: float, expected: float, bound: float, reference: str = ""
+    ) -> None:
+        error = abs(float(value) - expected) / (abs(expected) or 1.0)
+        if target is not None:
+            told = {"quantity": quantity, "reference": reference, "expected": float(expected)}
+            told |= {"value": float(value), "error": error, "bound": bound, "test": test}
+            with target.open("a", encoding="utf-8") as file:  # workers append whole lines
+                file.write(json.dumps(told, ensure_ascii=False) + "\n")
+        assert error <= bound, f"{quantity}: {value} instead of {expected} ({reference})"
+
+    return check
