@@ -175,7 +175,7 @@ def test_commands_exist(page: Path) -> None:
 def test_every_command_and_option_is_in_the_readme() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     for name, command in main.commands.items():
-        (row,) = re.findall(rf"^\| `anmstrip {name} .*$", text, re.MULTILINE)
+        (row,) = re.findall(rf"^\| `anmstrip {name}[ `].*$", text, re.MULTILINE)
         for parameter in command.params:
             if parameter.param_type_name == "option":
                 assert any(option in row for option in parameter.opts), (name, parameter.opts)

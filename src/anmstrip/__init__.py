@@ -21,7 +21,7 @@ R_N     pressure, reaction     of a roller or obstacle, normal to it  Pa, N   me
 p₀, w   pressure, width        R_N = p₀ exp(−h/w), the default        Pa, m   mechanics.laws
 K       stiffness              of a penalty, R_N (R_N/K + h) = η δ    Pa/m    mechanics.laws
 η, δ    eta, delta             of a penalty; η (δ − h) in eq. (5c)    Pa, m   mechanics.laws
-R_T     traction               −f R_N |v|^(q−1) v_s / V_c^q, (5d)     Pa, N   mechanics.laws
+R_T     traction               −f R_N ‖v‖^(q−1) v_s / V_c^q, (5d)     Pa, N   mechanics.laws
 v_s     slip                   tangential velocity on a roller        m/s     mechanics.contact
 f, q    coefficient, exponent  of friction                            1       mechanics.laws
 ω, V_c  omega, speed           corner and characteristic speed        1, m/s  mechanics.laws
