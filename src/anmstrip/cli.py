@@ -19,10 +19,11 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 if TYPE_CHECKING:
+    from anmstrip.driver.operating_map import MapStep
     from anmstrip.simulation.march import Step
     from anmstrip.sweep.study import Ended
 
-S = TypeVar("S", "Step", "Ended")
+S = TypeVar("S", "Step", "Ended", "MapStep")
 
 STOPPED, WRONG = 1, 2
 """Exit statuses: stopped before the end, wrong input."""
@@ -222,6 +223,54 @@ def schema_command() -> None:
     from anmstrip.scene.schema import json_schema
 
     click.echo(json.dumps(json_schema(), indent=1, ensure_ascii=False))
+
+
+@main.command("map", short_help="Follow the stationary state of a line along a control.")
+@scene_argument
+@click.option(
+    "--along",
+    metavar="KEY=a:b[:n]",
+    multiple=True,
+    help="Control and range; a second one goes from value to value, the first is followed.",
+)
+@settings_option
+@directory_option
+@quiet_option
+def map_command(
+    scene: Path,
+    along: tuple[str, ...],
+    settings: tuple[str, ...],
+    directory: Path | None,
+    quiet: bool,
+) -> None:
+    """Follow the stationary state of a line along a control.
+
+    The scene's last stage is steady. From its stationary state the control is followed to both
+    ends of the range, folds included, and every point on the way is a stationary state. The key is
+    one of a stage:
+
+    \b
+      anmstrip map examples/bridle_map.toml --along rollers.lower.surface_speed=0.99996:1.00004
+      anmstrip map examples/bridle_map.toml --along strip.speed=0.9999:0.99998:201 \\
+          --along exit.tension=8e3:12e3:5
+
+    DIR gets map.csv with n rows evenly spaced in the control (101, and 5 curves of a second one):
+    tensions, torques, slip arcs, shares of the friction, wraps and offsets; map.png; and map.json
+    with the folds, and where the whole wrap of a roller begins or ceases to slip.
+
+    Exit status: 0 done, 1 stopped before both ends (what was computed is there), 2 wrong input.
+    """
+    from anmstrip.driver.operating_map import OperatingMap
+    from anmstrip.driver.scene import Scene
+
+    loaded = Scene.load(scene, settings)
+    made = OperatingMap(loaded, along, directory or Path("results", f"{loaded.name}-map"))
+    for _ in made if quiet else show_progress(made, lambda step: step.words):
+        pass
+    click.echo(made.message)
+    click.echo(f"Table, figure and summary in {made.directory}.")
+    if not made.done:
+        sys.exit(STOPPED)
 
 
 @main.command("case", short_help="Run a mass-spring case of the paper.")

@@ -203,7 +203,8 @@ def forewarned(failure: Failure) -> str | None:
     from anmstrip.driver.warnings import serious
 
     preview = Preview.of(failure.assembly)
-    until = 1 + [plan.name for plan in preview.plans].index(failure.stage.name)
+    names = [plan.name for plan in preview.plans]  # a map goes on after the last of them
+    until = 1 + names.index(failure.stage.name) if failure.stage.name in names else None
     plans, strings = preview.plans[:until], preview.strings[:until]
     found = serious(replace(preview, plans=plans, strings=strings))
     return f"{found[0][0].upper()}{found[0][1:]}" if found else None

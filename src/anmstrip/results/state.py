@@ -182,6 +182,22 @@ class State:
         outward = -along if name == "entry" else along
         return float(self.edge_force(name) @ outward) / edge.length
 
+    def offset(self, x: float) -> float:
+        """Displacement along y of the strip at a reference x, mean over its width (m).
+
+        Parameters
+        ----------
+        x : float
+            Between lines of nodes the means are interpolated linearly.
+        """
+        strip = self.plan.model.strip
+        place = strip.kinematics.place(1)
+        if place is None:
+            return 0.0
+        moved = strip.nodal(self.full)[strip.node_values, place]
+        lines, number = np.unique(np.round(strip.nodes[0], 9), return_inverse=True)
+        return float(np.interp(x, lines, np.bincount(number, moved) / np.bincount(number)))
+
     @cached_property
     def contacts(self) -> dict[str, ContactState]:
         """Roller → what it does to the strip."""

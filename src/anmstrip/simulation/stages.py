@@ -116,8 +116,9 @@ class Course:
         if not stage.steady:
             return False
         given, course = None, self.assembly.scene.course
-        number = [each.name for each in course].index(stage.name)
-        for each in course[: number + 1]:
+        names = [each.name for each in course]
+        before = course[: names.index(stage.name)] if stage.name in names else course
+        for each in (*before, stage):
             if each.steady and each.strip.speed is not None:
                 given = "strip.speed"
             elif each.steady and "entry" in each.edges and each.edges["entry"].tension is not None:
