@@ -137,15 +137,21 @@ def main() -> None:
 @directory_option
 @settings_option
 @click.option("--resume", is_flag=True, help="Go on where an earlier run in DIR was interrupted.")
+@click.option("--no-report", is_flag=True, help="Leave report.html out.")
 @quiet_option
 def run_command(
-    scene: Path, directory: Path | None, settings: tuple[str, ...], resume: bool, quiet: bool
+    scene: Path,
+    directory: Path | None,
+    settings: tuple[str, ...],
+    resume: bool,
+    no_report: bool,
+    quiet: bool,
 ) -> None:
     """Run a scene; its results can be looked at while it goes on.
 
     DIR gets strip.pvd and rollers.pvd for ParaView, history.csv with a row for every step,
-    profile.csv along the strip, summary.json and a checkpoint. Keys of --set are dotted, rollers
-    and stages go by their names, and values are in TOML syntax:
+    profile.csv along the strip, summary.json, a checkpoint and report.html. Keys of --set are
+    dotted, rollers and stages go by their names, and values are in TOML syntax:
 
     \b
       --set friction.coefficient=0.2 --set rollers.r1.radius=0.3
@@ -160,21 +166,26 @@ def run_command(
     from anmstrip.driver.scene import Scene
 
     loaded = Scene.load(scene, settings)
-    running = loaded.run(directory or Path("results", loaded.name), resume=resume)
+    directory = directory or Path("results", loaded.name)
+    running = loaded.run(directory, resume=resume)
     usual = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         for _ in running if quiet else show_progress(running, describe_step):
             pass
     except KeyboardInterrupt:
         running.interrupted()
-        click.echo(f"Interrupted. Everything up to here is in {running.directory}.")
-        click.echo(f"Next: {resuming_command(scene, running.directory, settings)}")
+        click.echo(f"Interrupted. Everything up to here is in {directory}.")
+        click.echo(f"Next: {resuming_command(scene, directory, settings)}")
         sys.exit(STOPPED)
     finally:
         signal.signal(signal.SIGTERM, usual)
     click.echo(running.message)
     click.echo(report(running))
-    click.echo(f"Results in {running.directory}. Next: anmstrip render {running.directory}")
+    if not no_report:
+        from anmstrip.pictures.report import write_report
+
+        click.echo(f"Report in {write_report(directory)}.")
+    click.echo(f"Results in {directory}. Next: anmstrip render {directory}")
     if not running.outcome.done:
         sys.exit(STOPPED)
 
@@ -374,6 +385,19 @@ def render_command(directory: Path, field: str | None, movie: bool) -> None:
 
     for picture in render(directory, field=field, movie=movie):
         click.echo(str(picture))
+
+
+@main.command("report")
+@click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+def report_command(directory: Path) -> None:
+    """Write report.html of a run, also of one that goes on or was interrupted.
+
+    One page that opens in a browser without a network: tables, warnings, errors, plots along
+    the strip and over time, the last state in space, and the scene.
+    """
+    from anmstrip.pictures.report import write_report
+
+    click.echo(str(write_report(directory)))
 
 
 @main.command("sweep", short_help="Run a scene with many values of a few keys.")

@@ -29,7 +29,7 @@ WRITTEN = 100
 """States of a run that are written by default: the first one in each of so many equal parts of its
 time, and the ends of the stages."""
 
-STALE = ("checkpoint.npz", "summary.json")
+STALE = ("checkpoint.npz", "summary.json", "report.html")
 """Files of an earlier run in the same directory that no longer belong to anything."""
 
 STEP_COLUMNS = ("stage", "time", "step", "tangents", "order", "range", "residual")
