@@ -16,6 +16,25 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--claims", metavar="FILE", type=Path, help=words)
 
 
+SMOKE = (
+    *(
+        "test_house.py",
+        "driver/test_from_python.py",
+        "scene/test_loading.py",
+        "taylor/test_series.py",
+    ),
+    *("mechanics/test_foundation.py", "results/test_summary.py", "test_command_line.py"),
+)
+"""Files of the tests that ``pytest -m smoke`` runs: a little of everything, in half a minute."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests of the files above."""
+    for item in items:
+        if item.path.as_posix().endswith(tuple(f"/tests/{name}" for name in SMOKE)):
+            item.add_marker("smoke")
+
+
 @pytest.fixture
 def claim(request: pytest.FixtureRequest) -> Claim:
     """Check a value against an independent reference; with ``--claims`` also write it down.
