@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
+from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, eye, kron
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.strip import Strip
@@ -23,6 +23,7 @@ class Blocks:
     columns: Array  # (unknowns of the strip, others): a full column for each other unknown
     rows: Array  # (others, unknowns of the strip)
     corner: Array  # (others, others)
+    internal: Eliminated | Chained | None = None  # unknowns of points' own
 
 
 class Pattern:
@@ -203,3 +204,177 @@ class CellOperator:
         """Sum element matrices (elements, row, column) into a block."""
         places = pattern.places if self.cells is None else pattern.cells[self.cells].ravel()
         block += np.bincount(places, local.ravel(), pattern.couplings)
+
+
+def upwind(strip: Strip) -> csr_matrix:
+    """Return backward differences along a section, at its quadrature points, (points, points).
+
+    Before the entry stands zero.  Of a flow law they make the backward Euler method along the
+    strip, which for stress that hardly depends on the rate is a return to the yield surface at
+    every point.
+    """
+    x = np.asarray(strip.basis.global_coordinates())[0].ravel()
+    order = np.argsort(x)
+    steps = np.diff(x[order], prepend=strip.mesh.p[0].min())
+    index = np.concatenate([order, order[1:]]), np.concatenate([order, order[:-1]])
+    values = np.concatenate([1.0 / steps, -1.0 / steps[1:]])
+    return csr_matrix((values, index), shape=(len(x), len(x)))
+
+
+class InternalOperator:
+    """Derivatives at quadrature points, and unknowns that belong to each point alone.
+
+    Of a law with unknowns of its own: it has the equations for them, as many, below its forces.
+    They are the last unknowns of a model, component by component.
+
+    Parameters
+    ----------
+    cells : CellOperator
+    place : int
+        Number of the first of these unknowns in a model.
+    own : int
+        How many each point has.
+    slopes : csr_matrix, optional
+        From values at the points to derivatives along the strip, shape (points, points): those of
+        the own unknowns follow behind them, and their equations are solved for the whole strip.
+    """
+
+    def __init__(
+        self, cells: CellOperator, place: int, own: int, slopes: csr_matrix | None = None
+    ) -> None:
+        self.cells, self.place, self.own, self.slopes = cells, place, own, slopes
+        self.strains = cells.count * cells.components
+
+    @property
+    def points(self) -> int:
+        """Number of quadrature points."""
+        return self.cells.points
+
+    @cached_property
+    def matrix(self) -> csr_matrix:
+        """Derivatives from the unknowns of the strip, (strains · points, unknowns)."""
+        cells = self.cells
+        shape = cells.elements, cells.components, cells.per_element, cells.local
+        table = cells.table.reshape(shape)
+        e, k, p, n = np.mgrid[tuple(slice(size) for size in shape)]
+        point, dof = e * cells.per_element + p, cells.dofs[e, n]
+        rows = [(c * cells.components + k) * self.points + point for c in range(cells.count)]
+        columns = [cells.count * dof + c for c in range(cells.count)]
+        index = np.ravel(rows), np.ravel(columns)
+        shape = self.strains * self.points, cells.count * cells.sum.shape[0]
+        return csr_matrix((np.tile(table.ravel(), cells.count), index), shape=shape)
+
+    def values(self, full: Array) -> Array:
+        """Return the own unknowns, shape (own, points)."""
+        return full[self.place : self.place + self.own * self.points].reshape(self.own, -1)
+
+    def apply(self, full: Array) -> Array:
+        """Return derivatives, own unknowns and their slopes, shape (components, points)."""
+        values = self.values(full)
+        rows = [self.cells.apply(full).reshape(self.strains, -1), values]
+        return np.vstack(rows if self.slopes is None else [*rows, (self.slopes @ values.T).T])
+
+    def rates(self, x: Any, v: Any) -> Any:
+        """Return the rates of the own unknowns, or their slopes, from values and their rates."""
+        return v[self.strains :] if self.slopes is None else x[self.strains + self.own :]
+
+    def gather(self, forces: Array) -> Array:
+        """Return generalised forces, and the own equations if there are any, (unknowns,)."""
+        shape = (self.cells.count, self.cells.components, -1)
+        on_strip = self.cells.gather(forces[: self.strains].reshape(shape))
+        if len(forces) == self.strains:
+            return on_strip
+        total = np.zeros(self.place + self.own * self.points)
+        total[: len(on_strip)] = on_strip
+        total[self.place :] = forces[self.strains :].ravel()
+        return total
+
+    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
+        """Add Lᵀ w J L, J[j, i] of change j and force i, without the own unknowns if they flow."""
+        q = self.strains
+        on_strains = derivative[:q, :q]
+        if derivative.shape[1] > q and self.slopes is None:
+            part = Eliminated(self, *(derivative[a, b] for a, b in _quarters(q)))
+            on_strains = on_strains - part.relief
+            blocks.internal = part
+        elif derivative.shape[1] > q:
+            blocks.internal = Chained(self, derivative)
+        shape = (self.cells.count, self.cells.components) * 2
+        self.cells.add_tangent(on_strains.reshape(*shape, -1), pattern, blocks)
+
+
+def _quarters(q: int) -> tuple[tuple[slice, slice], ...]:
+    """Return own equations by strains, forces by own unknowns, own equations by own unknowns."""
+    first, last = slice(0, q), slice(q, None)
+    return (first, last), (last, first), (last, last)
+
+
+class Eliminated:
+    """Unknowns z of points, g = A L u + C z, that act on the others as Lᵀ w B z.
+
+    Parameters
+    ----------
+    operator : InternalOperator
+    by_strains, on_forces, own : ndarray
+        A, B and C as J[j, i] of change j and result i, points last.
+    """
+
+    def __init__(self, operator: InternalOperator, by_strains: Array, on_forces: Array, own: Array):
+        self.operator = operator
+        self.by_strains = by_strains.transpose(2, 1, 0)
+        self.on_forces = on_forces.transpose(2, 1, 0)
+        self.inverse = np.linalg.inv(own.transpose(2, 1, 0))
+
+    @property
+    def relief(self) -> Array:
+        """B C⁻¹ A as J[j, i], shape (strains, strains, points)."""
+        return (self.on_forces @ self.inverse @ self.by_strains).transpose(2, 1, 0)
+
+    def reduced(self, own: Array) -> Array:
+        """Return Lᵀ w B C⁻¹ g, shape (unknowns of the strip,)."""
+        operator = self.operator
+        right = own.reshape(operator.own, -1).T[:, :, None]
+        return operator.gather((self.on_forces @ (self.inverse @ right))[:, :, 0].T)
+
+    def recovered(self, full: Array, own: Array) -> Array:
+        """Return z = C⁻¹ (g − A L u), shape (own unknowns,)."""
+        operator = self.operator
+        strains = operator.cells.apply(full).reshape(operator.strains, -1).T[:, :, None]
+        right = own.reshape(operator.own, -1).T[:, :, None] - self.by_strains @ strains
+        return (self.inverse @ right)[:, :, 0].T.ravel()
+
+
+class Chained:
+    """The same where the own unknowns of a point depend on those of the point before.
+
+    Nothing can be eliminated point by point: what flows at a point is carried along the strip.
+
+    Parameters
+    ----------
+    operator : InternalOperator
+        With slopes.
+    derivative : ndarray
+        J[j, i] of change j and result i, points last.
+    """
+
+    def __init__(self, operator: InternalOperator, derivative: Array) -> None:
+        self.operator, self.derivative = operator, derivative
+
+    def blocks(self) -> tuple[csr_matrix, csr_matrix, csr_matrix]:
+        """Return ∂(forces)/∂z, ∂g/∂u and ∂g/∂z, over the unknowns of the strip and z."""
+        operator, q, m = self.operator, self.operator.strains, self.operator.own
+        by_strain, by_own, by_slope = np.split(self.derivative, [q, q + m])
+        gradient, weights = operator.matrix, np.tile(operator.cells.weights, q)
+        on_forces = gradient.T @ (_diagonals(by_own[:, :q]).multiply(weights[:, None]))
+        along = kron(eye(m), operator.slopes)
+        own = _diagonals(by_own[:, q:]) + _diagonals(by_slope[:, q:]) @ along
+        return on_forces.tocsr(), (_diagonals(by_strain[:, q:]) @ gradient).tocsr(), own.tocsr()
+
+
+def _diagonals(derivative: Array) -> csr_matrix:
+    """Return the matrix of J[j, i] at points, (results · points, changes · points)."""
+    changes, results, points = derivative.shape
+    j, i, p = np.mgrid[:changes, :results, :points]
+    index = (i * points + p).ravel(), (j * points + p).ravel()
+    shape = results * points, changes * points
+    return csr_matrix((derivative.ravel(), index), shape=shape)

@@ -26,7 +26,7 @@ from anmstrip.mechanics.turning import SurfaceOperator, TurningFriction
 class TransportOperator(SurfaceOperator):
     """Displacements, their derivatives along X, speeds of free surfaces, and the strip's own.
 
-    The last of these is the last unknown, which counts from the control; forces come out as of a
+    The last of these counts from the control; forces come out as of a
     :class:`~anmstrip.mechanics.turning.SurfaceOperator`.
     """
 
@@ -41,10 +41,14 @@ class TransportOperator(SurfaceOperator):
         last = surface.first + self.surface.shape[1]
         return [*inputs, Part(ones, self.weights, last, row=surface.row + 1)], outputs
 
+    def end(self) -> int:
+        """Number of the unknown after the free surfaces: the strip's own speed."""
+        return self.contact.matrix.shape[1] * self.contact.count + self.surface.shape[1]
+
     def apply(self, full: Array) -> Array:
         """Values at the points, shape (2 count + 2, points)."""
         strip = self.contact.apply(full).reshape(-1, self.points)
-        speed = np.full(self.points, full[-1])
+        speed = np.full(self.points, full[self.end])
         return np.vstack([strip, self.surface @ self._turned(full), speed])
 
     def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:

@@ -323,6 +323,23 @@ def steady_stages(
                     yield Mistake("", f"{key}.{name}.{word}", value, expected, "take it out")
 
 
+def yielding_sections(material: MaterialSpec, strip: StripSpec) -> Iterator[Mistake]:
+    """Yield plastic flow of what has no layers, or whose layers could not be followed."""
+    if material.plasticity is None:
+        return
+    expected = '"section": layers that yield are those of cylindrical bending'
+    if strip.kinematics != "section":
+        hint = 'kinematics = "section", or no [material.plasticity]'
+        yield Mistake("", "strip.kinematics", strip.kinematics, expected, hint)
+    if not strip.bending:
+        expected = "true beside [material.plasticity], whose layers bend"
+        yield Mistake("", "strip.bending", strip.bending, expected, "bending = true")
+    for key in ("feed", "imperfection"):
+        if value := getattr(strip, key):
+            expected = f"no {key} beside [material.plasticity]: strip that yields is not relabelled"
+            yield Mistake("", f"strip.{key}", value, expected, f"no {key}, or no plasticity")
+
+
 def threading_partners(
     threading: ThreadingSpec | None, contact: ContactSpec | None, rollers: Rollers
 ) -> Iterator[Mistake]:
@@ -445,6 +462,7 @@ RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     rollers_have_friction,
     stages_have_friction,
     steady_stages,
+    yielding_sections,
     threading_partners,
     one_length,
     held_entry,

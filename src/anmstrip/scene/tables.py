@@ -157,8 +157,32 @@ class StripSpec(Table):
             yield Mistake("", "mesh", str(mesh), "a file that exists", hint)
 
 
+class PlasticitySpec(Table):
+    """Plastic flow: the rate from the stress, ε_p' = ε₀ (σ/σ_y)ⁿ, in layers."""
+
+    exponent: Annotated[Integer, Field(ge=3, le=301)] = Field(51, examples=["51"])
+    """exponent n of the stress, an odd integer from 3 to 301 (1)"""
+    reference_rate: Positive = Field(0.1, examples=["0.1"])
+    """strain rate ε₀ at which the stress is the yield stress, a number above 0 (1/s)"""
+    isotropic_hardening: NotNegative = Field(0.0, examples=["1.0e9"])
+    """growth of the yield stress with plastic strain, a number of at least 0 (Pa)"""
+    kinematic_hardening: NotNegative = Field(0.0, examples=["1.0e9"])
+    """growth of the back stress with plastic strain, a number of at least 0 (Pa)"""
+    layers: Annotated[Integer, Field(ge=5, le=41)] = Field(11, examples=["11"])
+    """layers through the thickness, an integer from 5 to 41 (1)"""
+    uniaxial: StrictBool = Field(False, examples=["true"])
+    """whether fibres flow without stress across, as in a narrow strip (true or false)"""
+
+    def find_mistakes(self) -> Iterator[Mistake]:
+        """Yield an even exponent, with which tension and compression would flow the same way."""
+        if self.exponent % 2 == 0:
+            expected = "an odd integer, so that the flow has the sign of the stress (1)"
+            hint = f"exponent = {self.exponent + 1}"
+            yield Mistake("", "exponent", self.exponent, expected, hint)
+
+
 class MaterialSpec(Table):
-    """Isotropic elastic material."""
+    """Isotropic material, elastic or elastic and plastic."""
 
     young: Positive = Field(examples=["2.0e11"])
     """Young's modulus, a number above 0 (Pa)"""
@@ -167,7 +191,20 @@ class MaterialSpec(Table):
     density: Positive | None = Field(None, examples=["7850.0"])
     """density, a number above 0 (kg/m³)"""
     yield_stress: Positive | None = Field(None, examples=["3.0e8"])
-    """yield stress, only to warn, a number above 0 (Pa)"""
+    """yield stress, a number above 0; without plasticity only to warn (Pa)"""
+    plasticity: PlasticitySpec | None = Field(None, examples=["{ exponent = 51 }"])
+    """plastic flow beyond the yield stress; left out: none, a table (1, 1/s, Pa)"""
+
+    def find_mistakes(self) -> Iterator[Mistake]:
+        """Yield plastic flow without a yield stress, or of fibres that a modulus holds across."""
+        if self.plasticity is None:
+            return
+        if self.yield_stress is None:
+            expected = "the stress at which the strip flows, since there is [material.plasticity]"
+            yield Mistake("", "yield_stress", None, expected, "yield_stress = 3.0e8")
+        if self.plasticity.uniaxial and self.poisson != 0.0:
+            expected = "0 beside plasticity.uniaxial: a strip that bends without stress across"
+            yield Mistake("", "poisson", self.poisson, expected, "poisson = 0.0, or no uniaxial")
 
 
 class ContactSpec(Table):

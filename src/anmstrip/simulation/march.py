@@ -136,8 +136,9 @@ class March:
         if stage.steady and state is not None and state.plan.in_time:
             self.course.take_over(state)
         if stage.steady and self.reached is None:
-            strip = self.assembly.strip.unknowns
-            self.full = np.append(self.full[:strip], self.velocity[strip:])
+            turning = slice(self.assembly.strip.unknowns, self.assembly.coupled)
+            self.full = self.full.copy()
+            self.full[turning] = self.velocity[turning]
             if state is not None and self.course.pulled(stage):
                 self.course.values["entry.tension"] = np.array(state.tension("entry"))
         return self.course.plan(stage, reactions, self.full)
@@ -162,7 +163,8 @@ class March:
         self.course.finish(stage, self.velocity if plan.steady else None)
         if plan.steady:
             self.course.values["strip.speed"] = np.array(plan.strip_speed(self.full, 1.0))
-            self.full = np.append(self.full[:-1], 0.0)
+            self.full = self.full.copy()
+            self.full[self.assembly.coupled - 1] = 0.0
         self.reached, self.pace, self.slack, self.past = None, None, False, plan
 
     def through(self, plan: StageProblem, steps: int) -> Iterator[Step]:

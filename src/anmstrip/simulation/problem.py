@@ -31,12 +31,14 @@ from anmstrip.mechanics.loads import (
 from anmstrip.mechanics.roller import Roller, Sides
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
+from anmstrip.scene.tables import THREADING
 from anmstrip.simulation.defaults import completed
 from anmstrip.simulation.meshing import (
     carrying_sense,
     cells_across,
     largest_force,
     strip_mesh,
+    surface_speed,
 )
 
 if TYPE_CHECKING:
@@ -45,6 +47,7 @@ if TYPE_CHECKING:
     from anmstrip.fem.sampling import ContactOperator
     from anmstrip.mechanics.contact import Contact, Friction
     from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
+    from anmstrip.mechanics.plasticity import FlowLaw, Plasticity
     from anmstrip.mechanics.transport import SteadyFriction
     from anmstrip.mechanics.turning import Drives
     from anmstrip.simulation.threading import Thread
@@ -212,9 +215,14 @@ class Assembly:
         return tuple(spec.name for spec in self.scene.rollers if spec.drive != "speed")
 
     @property
-    def unknowns(self) -> int:
-        """Number of unknowns: those of the strip, of turning rollers, and of the strip's speed."""
+    def coupled(self) -> int:
+        """Number of unknowns of the strip, of turning rollers, and of the strip's speed."""
         return self.strip.unknowns + len(self.turning) + self.conveyed
+
+    @property
+    def unknowns(self) -> int:
+        """Number of all unknowns: these, and the plastic strains."""
+        return self.coupled + (0 if self.frozen is None else len(self.frozen.units))
 
     @property
     def conveyed(self) -> bool:
@@ -291,6 +299,68 @@ class Assembly:
         if turns and self.kinematics is not PLATE:
             return KirchhoffLove(self.strip, self.imperfection)
         return isometric_bending(self.strip, self.pattern)
+
+    @cached_property
+    def flow(self) -> FlowLaw | None:
+        """Flow law of the scene's material, if it yields.
+
+        In plane strain J2 flow begins at 2/√3 of the yield stress (Hill, The Mathematical Theory
+        of Plasticity, ch. IV), and the same in both directions hardens 4/3 times as much.
+        """
+        m = self.scene.material
+        if m.plasticity is None or m.yield_stress is None:
+            return None
+        from anmstrip.mechanics.plasticity import FlowLaw
+
+        p = m.plasticity
+        held = 1.0 if p.uniaxial else 2.0 / np.sqrt(3.0)
+        hardening = (held**2 * h for h in (p.isotropic_hardening, p.kinematic_hardening))
+        return FlowLaw(held * m.yield_stress, p.exponent, p.reference_rate, *hardening)
+
+    def _plasticity(self, flow: FlowLaw, frozen: bool, along: bool) -> Plasticity:
+        """Return plastic flow that is frozen, in time, or along the strip."""
+        from anmstrip.fem.operators import CellOperator, InternalOperator, upwind
+        from anmstrip.mechanics.plasticity import Layers, Plasticity
+
+        p = self.scene.material.plasticity
+        assert p is not None
+        layers = Layers.of(self.strip.thickness, p.layers)
+        own, slopes = p.layers * flow.variables, upwind(self.strip) if along else None
+        operator = InternalOperator(CellOperator(self.strip, (1, 2)), self.coupled, own, slopes)
+        return Plasticity(self.strip, flow, layers, operator, frozen)
+
+    @cached_property
+    def frozen(self) -> Plasticity | None:
+        """Plastic strains that do not grow, if the material yields."""
+        return None if self.flow is None else self._plasticity(self.flow, True, False)
+
+    @cached_property
+    def flowing(self) -> Plasticity | None:
+        """Plastic flow in time, if the material yields."""
+        return None if self.flow is None else self._plasticity(self.flow, False, False)
+
+    @cached_property
+    def flowing_along(self) -> Plasticity | None:
+        """Plastic flow along the strip in stationary states, at the speed of the fastest roller."""
+        if self.flow is None:
+            return None
+        speeds = [stage.strip.speed for stage in self.scene.stages if stage.strip.speed]
+        for stage in self.scene.stages:
+            controls = ((stage.rollers.get(roller.name), roller) for roller in self.rollers)
+            speeds += [v for c, roller in controls if (v := surface_speed(c, roller))]
+        flow = replace(self.flow, rate=self.flow.rate / max(map(abs, speeds), default=1.0))
+        return self._plasticity(flow, False, True)
+
+    def plasticity(self, stage: StageSpec) -> Plasticity | None:
+        """Return plastic strains as they grow in a stage, if the material yields."""
+        if not self.yields(stage):
+            return self.frozen
+        return self.flowing_along if stage.steady else self.flowing
+
+    def units(self, stage: StageSpec) -> Array | None:
+        """Return the units of the plastic strains' equations in a stage, if there are any."""
+        effect = self.plasticity(stage)
+        return None if effect is None else effect.units
 
     @cached_property
     def contact_operator(self) -> ContactOperator:
@@ -443,7 +513,7 @@ class Assembly:
             Names of the controls that are given, now or before.
         """
         given = sorted(controls)
-        own = [self.membrane, self.bending, self.contact]
+        own = [self.membrane, self.bending, self.plasticity(stage), self.contact]
         if self.membrane is None and "exit.force" in given:
             own.insert(0, self.pretension)
         if stage.friction:
@@ -476,8 +546,16 @@ class Assembly:
         """Tension of a plate."""
         return Pretension(self.strip)
 
+    def yields(self, stage: StageSpec) -> bool:
+        """Whether plastic strains grow in a stage; a strip is threaded as an elastic one."""
+        return self.scene.material.plasticity is not None and stage.name != THREADING
+
     def frictional(self, stage: StageSpec) -> bool:
-        """Whether friction, or an effect like it, acts in a stage, so that it runs in time."""
+        """Whether friction, flow, or an effect like them, acts in a stage: it runs in time."""
+        return self.rubs(stage) or (self.yields(stage) and not stage.steady)
+
+    def rubs(self, stage: StageSpec) -> bool:
+        """Whether friction, or an effect of the user's like it, acts in a stage in time."""
         rubs = self.friction is not None and bool(self.rollers)
         rates = stage.friction and not stage.steady
         return rates and (rubs or any(e.rate_dependent for e in self.added_effects))

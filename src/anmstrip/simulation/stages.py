@@ -58,6 +58,8 @@ class Course:
             self.moved.update(self.begun)
             self.outward = dict(zip(("entry", "exit"), outward, strict=True))
             self.values["exit.force"] = thread.tension * self.outward["exit"]
+        if self.assembly.flow is not None:  # a threaded strip begins as an elastic one
+            self.values.setdefault("yielding", np.array(float(thread is None)))
         if self.assembly.conveyed:
             self.values.setdefault("strip.speed", np.array(0.0))
         for roller in self.assembly.rollers:
@@ -99,7 +101,9 @@ class Course:
             name=stage.name,
             start=self.time,
             duration=stage.duration,
-            model=Model(a.strip, a.pattern, effects, a.scales, a.turning, a.conveyed, pull),
+            model=Model(
+                a.strip, a.pattern, effects, a.scales, a.turning, a.conveyed, pull, a.units(stage)
+            ),
             supports=self.supports(stage, full),
             controls=Controls(start, slope),
             in_time=a.frictional(stage),
@@ -183,6 +187,8 @@ class Course:
             "strip.speed": stage.strip.speed,
         }
         end.update({key: np.array(to, dtype=float) for key, to in plain.items() if to is not None})
+        if self.assembly.yields(stage):
+            end["yielding"] = np.array(1.0)
         for roller in self.assembly.rollers:
             control, key = stage.rollers.get(roller.name), f"rollers.{roller.name}"
             if (speed := surface_speed(control, roller)) is not None:
@@ -221,12 +227,15 @@ class Course:
         strip, unknowns = self.assembly.strip, self.assembly.unknowns
         held = np.zeros(unknowns, dtype=bool)
         start, end, bows = (np.zeros(unknowns) for _ in range(3))
-        if not (stage.steady or self.assembly.frictional(stage)):  # what turns rests
-            held[strip.unknowns :] = True
-            if full is not None:
-                start[strip.unknowns :] = end[strip.unknowns :] = full[strip.unknowns :]
+        if not (stage.steady or self.assembly.rubs(stage)):  # what turns rests
+            held[strip.unknowns : self.assembly.coupled] = True
         elif self.assembly.conveyed:
-            held[-1] = not self.pulled(stage)
+            held[self.assembly.coupled - 1] = not self.pulled(stage)
+        if not self.assembly.yields(stage):  # plastic strains stay
+            held[self.assembly.coupled :] = True
+        if full is not None:
+            resting = strip.unknowns + np.flatnonzero(held[strip.unknowns :])
+            start[resting] = end[resting] = full[resting]
         for name, components in self._held().items():
             edge, now = strip.edges[name], self.moved.get(name, np.zeros(3))
             destination, (before, after) = self._destination(stage, name), self._speeds(stage, name)
