@@ -273,8 +273,9 @@ class EquilibriumSeries:
         matrix = self.model.restriction(coupled).matrix(blocks)
         if blocks.internal is None:
             return matrix
-        own = self._joined if isinstance(blocks.internal, Chained) else self._condensed
-        return own(matrix, blocks.internal, coupled)
+        if isinstance(blocks.internal, Chained):
+            return self._joined(matrix, blocks.internal, coupled)
+        return self._condensed(matrix, blocks.internal, coupled)
 
     def _joined(self, matrix: Any, part: Chained, coupled: Index) -> Joined:
         """Return the tangent whose points' own unknowns are carried along the strip."""

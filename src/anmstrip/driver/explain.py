@@ -109,6 +109,8 @@ def effect_table(preview: Preview) -> Table:
             found.setdefault(effect.name, (effect, []))[1].append(plan)
     for i, (name, (effect, acting)) in enumerate(found.items()):
         own = str(preview.assembly.strip.unknowns) if i == 0 else "0"
+        if name == "plasticity":
+            own = str(preview.assembly.unknowns - preview.assembly.coupled)
         used = memory(effect, preview.assembly.order, acting[0]) / MEGABYTE
         stages = ", ".join(plan.name for plan in acting)
         table.add_row(name, str(effect.points), own, f"{used:.2f}", stages)
@@ -145,7 +147,10 @@ def left_out(preview: Preview) -> list[str]:
         "pressure (no stage has it).": "pressure" in names,
         "tension that follows the strip (given to no end of a flat strip, or held in z).": follows,
         "moments on edges (no stage has entry.moment or exit.moment).": bent,
-        "inertia, plasticity, heat: not modelled.": False,
+        "plasticity (no table [material.plasticity]): the strip springs back whole.": (
+            "plasticity" in names
+        ),
+        "inertia, heat: not modelled.": False,
     }
     return [line for line, acts in acting.items() if not acts]
 
@@ -250,7 +255,8 @@ def path_of(plan: StageProblem) -> str:
     """Return what kind of path a stage is."""
     if plan.steady:
         return "stationary states, in the control"
-    return "implicit in time (friction)" if plan.in_time else "rate-free, in the control"
+    rates = " and ".join(e.name for e in plan.model.effects if e.rate_dependent)
+    return f"implicit in time ({rates})" if plan.in_time else "rate-free, in the control"
 
 
 def level_table(found: Sequence[Level], own: str) -> Table:

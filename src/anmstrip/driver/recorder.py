@@ -14,7 +14,15 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.results.fields import FieldSampler
-from anmstrip.results.files import DirectoryLock, History, save_checkpoint, write_summary
+from anmstrip.results.files import (
+    DirectoryLock,
+    History,
+    save_checkpoint,
+    write_summary,
+    write_table,
+)
+from anmstrip.results.plastic import COLUMNS as YIELD_COLUMNS
+from anmstrip.results.plastic import LAYER_COLUMNS, YieldedStrip
 from anmstrip.results.profile import COLUMNS as PROFILE_COLUMNS
 from anmstrip.results.profile import Profile
 from anmstrip.results.state import State
@@ -87,11 +95,13 @@ class Recorder:
             self.events = History.reopen(events, EVENT_COLUMNS, self.event_rows)
         else:
             self.events = History(events, EVENT_COLUMNS)
+        yields = () if assembly.flow is None else YIELD_COLUMNS
+        profile_columns = (*PROFILE_COLUMNS, *yields)
         profile, self.profile_rows = directory / "profile.csv", kept.get("profile_rows", 0)
         if self.profile_rows:
-            self.profile_table = History.reopen(profile, PROFILE_COLUMNS, self.profile_rows)
+            self.profile_table = History.reopen(profile, profile_columns, self.profile_rows)
         else:
-            self.profile_table = History(profile, PROFILE_COLUMNS)
+            self.profile_table = History(profile, profile_columns)
         self.states = self.strip.count
         self.due = [t for t in assembly.scene.output.times or () if t > kept["time"]]
         touching = None if assembly.contact is None else assembly.contact_operator
@@ -194,6 +204,10 @@ class Recorder:
                     "penetration": cost.penetration,
                     "regularisation_effect": {**effect, "total": cost.effect},
                 }
+            if (layers := YieldedStrip.of(state)) is not None:
+                write_table(self.directory / "layers.csv", LAYER_COLUMNS, layers.rows())
+                for name, bend in layers.rollers().items():
+                    rollers[name]["bend"] = asdict(bend)
         written = {"rollers": rollers, "edges": edges, "input": self.assembly.scene.to_dict()}
         if state is not None and state.strip_speed is not None:
             facts = {**facts, "strip_speed": state.strip_speed}

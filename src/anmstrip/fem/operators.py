@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, eye, kron
+from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, eye, kron, vstack
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.strip import Strip
@@ -48,7 +48,8 @@ class Pattern:
         """Empty blocks; others is the number of unknowns besides those of the strip."""
         n, pairs = self.count * self.scalars, (self.count, self.count, self.couplings)
         shapes = pairs, (n, others), (others, n), (others, others)
-        return Blocks(*(np.zeros(shape) for shape in shapes))
+        blocks, columns, rows, corner = (np.zeros(shape) for shape in shapes)
+        return Blocks(blocks, columns, rows, corner)
 
     def sum_of_rows(self, weights: Array, blocks: Blocks) -> Array:
         """Weighted sum of the rows of the strip's unknowns, shape (unknowns of the strip,)."""
@@ -237,12 +238,20 @@ class InternalOperator:
     slopes : csr_matrix, optional
         From values at the points to derivatives along the strip, shape (points, points): those of
         the own unknowns follow behind them, and their equations are solved for the whole strip.
+    flows : bool, optional
+        Whether there are equations for the own unknowns; else they are held.
     """
 
     def __init__(
-        self, cells: CellOperator, place: int, own: int, slopes: csr_matrix | None = None
+        self,
+        cells: CellOperator,
+        place: int,
+        own: int,
+        slopes: csr_matrix | None = None,
+        flows: bool = True,
     ) -> None:
-        self.cells, self.place, self.own, self.slopes = cells, place, own, slopes
+        self.cells, self.place, self.own = cells, place, own
+        self.slopes, self.flows = slopes, flows
         self.strains = cells.count * cells.components
 
     @property
@@ -253,16 +262,21 @@ class InternalOperator:
     @cached_property
     def matrix(self) -> csr_matrix:
         """Derivatives from the unknowns of the strip, (strains · points, unknowns)."""
-        cells = self.cells
-        shape = cells.elements, cells.components, cells.per_element, cells.local
-        table = cells.table.reshape(shape)
-        e, k, p, n = np.mgrid[tuple(slice(size) for size in shape)]
-        point, dof = e * cells.per_element + p, cells.dofs[e, n]
-        rows = [(c * cells.components + k) * self.points + point for c in range(cells.count)]
-        columns = [cells.count * dof + c for c in range(cells.count)]
-        index = np.ravel(rows), np.ravel(columns)
-        shape = self.strains * self.points, cells.count * cells.sum.shape[0]
-        return csr_matrix((np.tile(table.ravel(), cells.count), index), shape=shape)
+        (part,), _ = self.cells.matrices
+        each = [kron(part.matrix, row[None]) for row in np.eye(part.count)]
+        return csr_matrix(vstack(each))
+
+    @cached_property
+    def matrices(self) -> tuple[list[Part], list[Part]]:
+        """L as sparse matrices, and that of which forces are the transposed."""
+        inputs, outputs = self.cells.matrices
+        ones = np.ones(self.own * self.points)
+        same = Part(csr_matrix(eye(len(ones))), ones, self.place, row=self.strains)
+        inputs = [*inputs, same]
+        if self.slopes is not None:
+            along = csr_matrix(kron(eye(self.own), self.slopes))
+            inputs.append(Part(along, ones, self.place, row=self.strains + self.own))
+        return inputs, [*outputs, same] if self.flows else outputs
 
     def values(self, full: Array) -> Array:
         """Return the own unknowns, shape (own, points)."""
@@ -282,7 +296,7 @@ class InternalOperator:
         """Return generalised forces, and the own equations if there are any, (unknowns,)."""
         shape = (self.cells.count, self.cells.components, -1)
         on_strip = self.cells.gather(forces[: self.strains].reshape(shape))
-        if len(forces) == self.strains:
+        if not self.flows or len(forces) == self.strains:
             return on_strip
         total = np.zeros(self.place + self.own * self.points)
         total[: len(on_strip)] = on_strip
@@ -293,11 +307,11 @@ class InternalOperator:
         """Add Lᵀ w J L, J[j, i] of change j and force i, without the own unknowns if they flow."""
         q = self.strains
         on_strains = derivative[:q, :q]
-        if derivative.shape[1] > q and self.slopes is None:
+        if self.flows and self.slopes is None:
             part = Eliminated(self, *(derivative[a, b] for a, b in _quarters(q)))
             on_strains = on_strains - part.relief
             blocks.internal = part
-        elif derivative.shape[1] > q:
+        elif self.flows:
             blocks.internal = Chained(self, derivative)
         shape = (self.cells.count, self.cells.components) * 2
         self.cells.add_tangent(on_strains.reshape(*shape, -1), pattern, blocks)

@@ -20,7 +20,7 @@ from anmstrip.fem.geometry import dot, normal_vector, normal_work
 from anmstrip.fem.operators import InternalOperator
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.effects import LawEffect
-
+from anmstrip.mechanics.shell import eigencurvature, eigenstrain
 
 
 def lobatto(count: int) -> tuple[Array, Array]:
@@ -45,11 +45,19 @@ class FlowLaw:
     rate: float  # ε₀ (1/s), or per length of strip (1/m) in stationary states
     isotropic: float = 0.0  # H_i (Pa)
     kinematic: float = 0.0  # H_k (Pa)
+    equivalent: float = 1.0  # von Mises stress over that of a flowing fibre
 
     @property
     def variables(self) -> int:
         """Internal variables of a fibre: ε_p, and p if it hardens isotropically."""
         return 2 if self.isotropic else 1
+
+    def driving(self, stress: Any, internal: Any) -> Any:
+        """Return s, (layers, points), from σ (Pa) and the internal variables."""
+        overstress = stress - internal[0] * self.kinematic
+        if not self.isotropic:
+            return overstress * (1.0 / self.yield_stress)
+        return overstress / (internal[1] * self.isotropic + self.yield_stress)
 
     def rates(self, stress: Any, internal: Any, share: Any) -> Any:
         """Rates of the internal variables, of their shape (variables, layers, points).
@@ -62,12 +70,7 @@ class FlowLaw:
         share : float or Series
             By which s is multiplied, 0 for a strip that does not yield yet.
         """
-        driving = stress - internal[0] * self.kinematic
-        if self.isotropic:
-            driving = driving / (internal[1] * self.isotropic + self.yield_stress)
-        else:
-            driving = driving * (1.0 / self.yield_stress)
-        s = driving * share
+        s = self.driving(stress, internal) * share
         flow = np.power(s, self.exponent) * self.rate
         return np.stack([flow, flow * s]) if self.isotropic else np.stack([flow])
 
@@ -114,8 +117,6 @@ class Plasticity(LawEffect):
     layers : Layers
     operator : InternalOperator
         To the first and second derivatives, and to the internal variables.
-    frozen : bool, optional
-        Whether nothing flows, as in stages without time.
     """
 
     name = "plasticity"
@@ -127,11 +128,9 @@ class Plasticity(LawEffect):
         flow: FlowLaw,
         layers: Layers,
         operator: InternalOperator,
-        frozen: bool = False,
     ) -> None:
         self.strip, self.flow, self.layers, self.operator = strip, flow, layers, operator
-        self.frozen = frozen
-        self.rate_dependent = not (frozen or operator.slopes is not None)
+        self.rate_dependent = operator.flows and operator.slopes is None
         self.modulus = 12.0 * strip.bending_stiffness / strip.thickness**3
         self.share = strip.tensile_stiffness / (self.modulus * strip.thickness)
 
@@ -151,12 +150,19 @@ class Plasticity(LawEffect):
         parts = [x[begin + k * m : begin + (k + 1) * m] for k in range(self.flow.variables)]
         return np.stack(parts)
 
+    def bent(self, x: Any) -> Any:
+        """Return n · r,xx (1/m), (points,), from the operator's values."""
+        m = normal_vector((x[:4:2] + self.strip.kinematics.flat[:, 0])[:, None])
+        return dot(m, x[1:4:2]) / np.sqrt(dot(m, m))
+
     def stresses(self, x: Any, controls: Mapping[str, Any]) -> Any:
         """Return σ (Pa), (layers, points), from the operator's values."""
-        tangent, second = x[:4:2] + self.strip.kinematics.flat[:, 0], x[1:4:2]
-        m = normal_vector(tangent[:, None])
-        stretch = (dot(tangent, tangent) - 1.0) * 0.5
-        bent = dot(m, second) / np.sqrt(dot(m, m))
+        tangent = x[:4:2] + self.strip.kinematics.flat[:, 0]
+        stretch, bent = (dot(tangent, tangent) - 1.0) * 0.5, self.bent(x)
+        if (own := eigenstrain(self.strip, controls)) is not None:
+            stretch = stretch - own[0, 0]
+        if (own := eigencurvature(controls)) is not None:
+            bent = bent + own[0]
         strain = stretch * self.share - bent * self.layers.heights[:, None]
         return (strain - self.internal(x)[0]) * self.modulus
 
@@ -176,13 +182,14 @@ class Plasticity(LawEffect):
         n, s = m / size, second * moment
         p = (s - n * dot(n, s)) / size
         against_tangent, against_second = (
-            tangent * force + normal_work(tangent[:, None], p)[0], n * moment,
+            tangent * force + normal_work(tangent[:, None], p)[0],
+            n * moment,
         )
         forces = [f[c] for c in range(2) for f in (against_tangent, against_second)]
-        if self.frozen:
+        if not self.operator.flows:
             return np.stack(forces)
         share = controls["yielding"]
         law = self.flow.rates(self.stresses(x, controls), self.internal(x), share)
         rates = self.operator.rates(x, v)
-        flows = [f for variable in range(self.flow.variables) for f in law[variable]]
-        return np.stack([*forces, *(r - f for r, f in zip(rates, flows))])
+        grown = [law[k, i] for k in range(law.shape[0]) for i in range(law.shape[1])]
+        return np.stack([*forces, *(rates[i] - flow for i, flow in enumerate(grown))])

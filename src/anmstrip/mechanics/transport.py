@@ -41,6 +41,7 @@ class TransportOperator(SurfaceOperator):
         last = surface.first + self.surface.shape[1]
         return [*inputs, Part(ones, self.weights, last, row=surface.row + 1)], outputs
 
+    @property
     def end(self) -> int:
         """Number of the unknown after the free surfaces: the strip's own speed."""
         return self.contact.matrix.shape[1] * self.contact.count + self.surface.shape[1]

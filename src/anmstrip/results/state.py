@@ -13,6 +13,7 @@ from anmstrip.continuation.path import Branch
 from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import nearest
 from anmstrip.mechanics.loads import FollowerLoad
+from anmstrip.mechanics.plasticity import Plasticity
 from anmstrip.mechanics.shell import Membrane, principal
 from anmstrip.results.profile import Profile
 from anmstrip.results.rollers import (
@@ -135,6 +136,11 @@ class State:
     def membrane(self) -> Membrane | None:
         """Membrane of the strip; a plate has none."""
         return next((e for e in self.plan.model.effects if isinstance(e, Membrane)), None)
+
+    @property
+    def plasticity(self) -> Plasticity | None:
+        """Plastic strains, of strip that can yield."""
+        return next((e for e in self.plan.model.effects if isinstance(e, Plasticity)), None)
 
     @cached_property
     def principal_forces(self) -> Array:

@@ -314,8 +314,14 @@ class Assembly:
 
         p = m.plasticity
         held = 1.0 if p.uniaxial else 2.0 / np.sqrt(3.0)
-        hardening = (held**2 * h for h in (p.isotropic_hardening, p.kinematic_hardening))
-        return FlowLaw(held * m.yield_stress, p.exponent, p.reference_rate, *hardening)
+        return FlowLaw(
+            held * m.yield_stress,
+            p.exponent,
+            p.reference_rate,
+            held**2 * p.isotropic_hardening,
+            held**2 * p.kinematic_hardening,
+            1.0 / held,
+        )
 
     def _plasticity(self, flow: FlowLaw, frozen: bool, along: bool) -> Plasticity:
         """Return plastic flow that is frozen, in time, or along the strip."""
@@ -326,8 +332,9 @@ class Assembly:
         assert p is not None
         layers = Layers.of(self.strip.thickness, p.layers)
         own, slopes = p.layers * flow.variables, upwind(self.strip) if along else None
-        operator = InternalOperator(CellOperator(self.strip, (1, 2)), self.coupled, own, slopes)
-        return Plasticity(self.strip, flow, layers, operator, frozen)
+        cells = CellOperator(self.strip, (1, 2))
+        operator = InternalOperator(cells, self.coupled, own, slopes, not frozen)
+        return Plasticity(self.strip, flow, layers, operator)
 
     @cached_property
     def frozen(self) -> Plasticity | None:
