@@ -168,8 +168,8 @@ class PlasticitySpec(Table):
     """growth of the yield stress with plastic strain, a number of at least 0 (Pa)"""
     kinematic_hardening: NotNegative = Field(0.0, examples=["1.0e9"])
     """growth of the back stress with plastic strain, a number of at least 0 (Pa)"""
-    layers: Annotated[Integer, Field(ge=5, le=41)] = Field(11, examples=["11"])
-    """layers through the thickness, an integer from 5 to 41 (1)"""
+    layers: Annotated[Integer, Field(ge=5, le=81)] = Field(21, examples=["21"])
+    """layers through the thickness, an integer from 5 to 81 (1)"""
     uniaxial: StrictBool = Field(False, examples=["true"])
     """whether fibres flow without stress across, as in a narrow strip (true or false)"""
 
