@@ -1,4 +1,4 @@
-"""Strip that yields on a roller: what is reported, against closed forms and the files themselves."""
+"""Strip that yields on a roller: what is reported, against closed forms and the files."""
 
 import json
 
@@ -108,7 +108,7 @@ def ends(state):
 
 
 def test_files_agree_with_the_definitions(run):
-    state, directory, _ = run
+    _, directory, _ = run
     table = read_history(directory / "layers.csv")
     x = np.unique(table["arc_length"])
     stress, height, strain, left = (
