@@ -28,6 +28,9 @@ S = TypeVar("S", "Step", "Ended", "MapStep")
 STOPPED, WRONG = 1, 2
 """Exit statuses: stopped before the end, wrong input."""
 
+KINDS = ("bridle", "furnace", "leveller", "roller", "steering")
+"""Lines of which ``anmstrip new`` writes a scene."""
+
 INTERVAL = 5.0
 """Seconds between two lines where there is no terminal."""
 
@@ -194,6 +197,34 @@ def resuming_command(scene: Path, directory: Path | None, settings: Iterable[str
     """Return what to type, as a shell takes it, to go on with an interrupted run."""
     given = [part for text in settings for part in ("--set", text)]
     return shlex.join(["anmstrip", "run", str(scene), "-o", str(directory), *given, "--resume"])
+
+
+@main.command("new", short_help="Write a commented scene to start from.")
+@click.argument("kind", metavar="KIND", type=click.Choice(KINDS))
+@click.option(
+    "-o",
+    "--output",
+    "target",
+    metavar="FILE",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Where the scene goes (default: KIND.toml here).",
+)
+def new_command(kind: str, target: Path | None) -> None:
+    """Write a commented scene of a line to start from, which runs as it is.
+
+    KIND is bridle, furnace, leveller, roller (a single one) or steering (one out of line).
+    """
+    from importlib.resources import files
+
+    from anmstrip.errors import InputError, Mistake
+
+    target = target or Path(f"{kind}.toml")
+    if target.exists():
+        expected, hint = "a file that is not there yet", "-o with another name"
+        raise InputError([Mistake("-o", "", str(target), expected, hint)])
+    scene = (files("anmstrip.scene") / "templates" / f"{kind}.toml").read_text("utf-8")
+    target.write_text(scene, encoding="utf-8")
+    click.echo(f"Scene in {target}. Next: anmstrip explain {target}, anmstrip run {target}")
 
 
 @main.command("explain", short_help="Say what a run would do, and warn.")
