@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.fem.operators import Part
-from anmstrip.taylor.compiled import SPARE, CompiledExecutor, entry
+from anmstrip.taylor.compiled import SPARE, CompiledExecutor, entry, prepared
 from anmstrip.taylor.program import Program
+
+
+class Operand(NamedTuple):
+    """A sparse matrix for the machine."""
+
+    arrays: list[Any]  # kept
+    addresses: list[int]
+    first: int  # unknown, in bytes
+    numbers: tuple[int, int, int]  # rows, components, stride
 
 
 class CompiledLaw:
@@ -20,70 +31,112 @@ class CompiledLaw:
     ----------
     program : Program
         Compiled, with all points in its lanes.
-    parts : tuple of lists
-        L of one input, and what forces are gathered by, see :class:`anmstrip.fem.operators.Part`.
+    matrices : tuple of lists of Part
+        L of one input, and what forces are gathered by.
     inputs : int
-        How many inputs L is for: 1, or 2 with the velocity.
+        How many inputs L is for: 1, or 2 with the velocity; the others are controls.
+
+    Attributes
+    ----------
+    given, changes : ndarray, shape (inputs, blocks, lanes)
+        Inputs of order 0, and changes of others.
+    found : ndarray, shape (outputs, blocks, lanes)
+        Outputs that were found last.
     """
 
-    def __init__(self, program: Program, parts: tuple[list[Part], list[Part]], inputs: int) -> None:
-        self.program, self.lanes = program, program.blocks * program.lanes
-        first, self.lifts = 0, []
-        self.kept: list[Any] = []
-        for variable in program.inputs[:inputs]:
-            self.lifts.append([self.lifted(part, first) for part in parts[0]])
-            first += variable.rows.size
-        self.gathers = [self.gathered(part) for part in parts[1]]
-        self.moving = []
-        for variable in program.inputs[inputs:]:
-            self.moving.append(slice(first, first + variable.rows.size))
-            first += variable.rows.size
-        self.changes = np.zeros((first, program.blocks, program.lanes))
+    def __init__(
+        self, program: Program, matrices: tuple[list[Part], list[Part]], inputs: int
+    ) -> None:
+        assert isinstance(program.executor, CompiledExecutor)
+        self.program, self.executor = program, program.executor
+        self.lanes = program.blocks * program.lanes
+        self.sizes = [variable.rows.size for variable in program.inputs]
+        self.stops = np.cumsum(self.sizes)
+        self.lifts = [
+            [self.lifted(part, stop - size) for part in matrices[0]]
+            for size, stop in zip(self.sizes[:inputs], self.stops, strict=False)
+        ]
+        self.gathers = [self.gathered(part) for part in matrices[1]]
+        self.moving = [slice(*ends) for ends in pairwise(self.stops[inputs - 1 :])]
+        self.given, self.changes = np.zeros((2, self.stops[-1], program.blocks, program.lanes))
         self.found = np.empty((len(program.tables.outputs), program.blocks, program.lanes))
+        self.forces = self.found.ctypes.data
+        self.lift_part, self.gather_part = entry("lift"), entry("gather")
 
     def places(self, part: Part, first: int) -> Array:
         """Places of the rows of a part in what a program takes or gives."""
         derivatives, points = np.divmod(np.arange(part.matrix.shape[0]), self.program.points)
-        rows = first + part.row + derivatives * part.step
-        return np.asarray(rows * self.lanes + points, dtype=np.int32)
+        return np.asarray((first + part.row + derivatives * part.step) * self.lanes + points)
 
-    def addresses(self, *arrays: Array) -> list[int]:
-        """Addresses of compressed rows, which are kept."""
-        kept = [x if x.dtype.kind == "f" else np.asarray(x, dtype=np.int32) for x in arrays]
-        self.kept += kept
-        return [x.ctypes.data for x in kept]
-
-    def lifted(self, part: Part, first: int) -> tuple[list[int], int, tuple[int, int, int]]:
-        """Arrays for ``lift``, the first unknown, and numbers."""
+    def lifted(self, part: Part, first: int) -> Operand:
+        """A part of L, whose places are in the inputs."""
         m = part.matrix
-        arrays = self.addresses(m.indptr, m.indices, m.data, self.places(part, first))
-        return arrays, 8 * part.first, (m.shape[0], part.count, part.stride * self.lanes)
+        return self.operand(part, m.indptr, m.indices, m.data, self.places(part, first))
 
-    def gathered(self, part: Part) -> tuple[list[int], int, tuple[int, int, int]]:
-        """Arrays for ``gather``, the first unknown, and numbers."""
+    def gathered(self, part: Part) -> Operand:
+        """A part of Lᵀ w, whose places are in the outputs."""
         m = part.matrix.multiply(part.weights[:, None]).T.tocsr()
-        arrays = self.addresses(m.indptr, self.places(part, 0)[m.indices], m.data)
-        return arrays, 8 * part.first, (m.shape[0], part.count, part.stride * self.lanes)
+        return self.operand(part, m.indptr, self.places(part, 0)[m.indices], m.data)
 
-    def lift(self, motions: Sequence[Array | None], moved: Sequence[Any]) -> None:
-        """Set the changes of the inputs, from those of unknowns and of controls."""
-        begin, lift = self.changes.ctypes.data, entry("lift")
-        for parts, motion in zip(self.lifts, motions, strict=True):
-            if motion is None:
-                continue
+    def operand(self, part: Part, starts: Array, *arrays: Array) -> Operand:
+        """Arrays and numbers for the machine."""
+        kept = [x if x.dtype == float else x.astype(np.int32) for x in (starts, *arrays)]
+        numbers = len(starts) - 1, part.count, part.stride * self.lanes
+        return Operand(kept, [x.ctypes.data for x in kept], 8 * part.first, numbers)
+
+    def lift(self, motions: Sequence[Array | None], moved: Sequence[Any], into: Array) -> None:
+        """Set inputs, from values or changes of unknowns and of controls."""
+        begin = into.ctypes.data
+        for operands, motion in zip(self.lifts, motions, strict=True):
+            assert motion is not None
             x = motion.ctypes.data
-            for arrays, first, numbers in parts:
-                lift(SPARE, SPARE, *arrays, x + first, begin, *numbers)
-        for rows, change in zip(self.moving, moved, strict=True):
-            self.changes[rows] = 0.0 if change is None else np.reshape(change, (-1, 1, 1))
+            for m in operands:
+                self.lift_part(SPARE, SPARE, *m.addresses, x + m.first, begin, *m.numbers)
+        flat, points = into.reshape(len(into), -1), self.program.points
+        for rows, value in zip(self.moving, moved, strict=True):
+            flat[rows, :points] = np.reshape(value, (rows.stop - rows.start, -1))
 
-    def advance(self, w: Array, k: int, total: Array, *, pending: bool) -> None:
-        """Complete order k − 1 by the changes, and add order k to a residual."""
-        executor = self.program.executor
-        assert isinstance(executor, CompiledExecutor)
-        given, found = self.program.zeros, self.found
-        arrays = given, self.changes, found, executor.now, executor.change
-        entry("advance")(SPARE, SPARE, *executor.arguments(w, *arrays), k, pending)
-        gather, forces, begin = entry("gather"), found.ctypes.data, total.ctypes.data
-        for addresses, first, numbers in self.gathers:
-            gather(SPARE, SPARE, *addresses, forces, begin + first, *numbers)
+    def gather(self, total: Array) -> Array:
+        """Add the forces that were found last to a residual, shape (unknowns,)."""
+        begin = total.ctypes.data
+        for m in self.gathers:
+            self.gather_part(SPARE, SPARE, *m.addresses, self.forces, begin + m.first, *m.numbers)
+        return total
+
+    def start(self, w: Array, motions: Sequence[Array | None], values: Sequence[Any]) -> None:
+        """Find order 0 at the values of unknowns and controls."""
+        self.lift(motions, values, self.given)
+        flat, points = self.given.reshape(len(self.given), -1), self.program.points
+        flat[:, points:] = flat[:, points - 1 : points]  # lanes that are left
+        self.prepared(w, self.given)(0, False)
+        w[:, :, 1] = 0.0
+
+    def prepared(self, w: Array, given: Array) -> Callable[..., None]:
+        """Return what completes order k − 1 by the changes, if asked to, and finds order k."""
+        x = self.executor
+        arrays = given, self.changes, self.found, x.now, x.change
+        return prepared("advance", *x.arguments(w, *arrays))
+
+    def derivative(self, w: Array) -> None:
+        """Find the changes of the outputs that those of the inputs make."""
+        arguments = self.executor.arguments(w, self.changes, self.found, self.executor.change)
+        prepared("derivatives", *arguments)(1)
+
+    def tangent(self, w: Array, rate: float) -> Array:
+        """Return ∂law/∂x + rate ∂law/∂v, shape (entries of x, *output)."""
+        seeds, rows = self.units, np.arange(self.sizes[0])
+        if len(self.lifts) > 1:
+            seeds[rows, self.sizes[0] + rows] = rate
+        found = np.empty((len(rows), *self.found.shape))
+        prepared("derivatives", *self.executor.arguments(w, seeds, found, self.executor.change))(
+            len(rows)
+        )
+        return self.program.unpacked(found, (len(rows),))
+
+    @cached_property
+    def units(self) -> Array:
+        """Unit changes of x, shape (entries of x, inputs, blocks, lanes)."""
+        rows = np.arange(self.sizes[0])
+        units = np.zeros((len(rows), *self.changes.shape))
+        units[rows, rows] = 1.0
+        return units

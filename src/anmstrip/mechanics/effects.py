@@ -46,6 +46,9 @@ class Operator(Protocol):
 Values = Mapping[str, Any]
 """Values of the controls, by name."""
 
+State = tuple[Array, Array | None, float]
+"""Displacements and velocities of all unknowns, and λ."""
+
 Moment = tuple[Array, Array | None, Mapping[str, Any]]
 """Displacements and velocities of all unknowns, and the values of the controls."""
 
@@ -284,17 +287,23 @@ class RecordedLaw:
 
         return CompiledLaw(program, self.effect.operator.matrices, self.kinematic)
 
-    def fits(self, effect: LawEffect, kinematic: list[Array], controls: Controls) -> bool:
+    def fits(self, effect: LawEffect, inputs: int, controls: Controls) -> bool:
         """Whether the program holds for an effect with other controls."""
         return (
             effect is self.effect
             and self.program.reusable
-            and len(self.program.inputs) == len(kinematic) + len(self.asked.moving)
+            and len(self.program.inputs) == inputs + len(self.asked.moving)
             and all(
                 name not in controls.slope and np.array_equal(controls.start[name], value)
                 for name, value in self.asked.constant.items()
             )
         )
+
+
+def motions_of(effect: LawEffect, state: State) -> list[Array]:
+    """Displacements, and velocities if the effect looks at them and there are any."""
+    full, velocity, _ = state
+    return [full] if velocity is None or not effect.rate_dependent else [full, velocity]
 
 
 class RecordedLaws:
@@ -303,14 +312,13 @@ class RecordedLaws:
     def __init__(self) -> None:
         self.latest: dict[str, list[RecordedLaw]] = {}
 
-    def of(
-        self, effect: LawEffect, kinematic: list[Array], control: float, controls: Controls
-    ) -> RecordedLaw:
+    def of(self, effect: LawEffect, state: State, controls: Controls) -> RecordedLaw:
         """The program for an effect at some of its points."""
-        latest = self.latest.setdefault(effect.name, [])
+        latest, motions = self.latest.setdefault(effect.name, []), motions_of(effect, state)
         for law in latest:
-            if law.fits(effect, kinematic, controls):
+            if law.fits(effect, len(motions), controls):
                 return law
+        kinematic, control = [effect.operator.apply(x) for x in motions], state[2]
         latest.insert(0, RecordedLaw(effect, kinematic, control, controls))
         del latest[REMEMBERED:]
         return latest[0]
@@ -343,22 +351,13 @@ class LawSeries(EffectSeries):
     """A pointwise effect."""
 
     def __init__(
-        self,
-        effect: LawEffect,
-        order: int,
-        state: tuple[Array, Array | None, float],
-        controls: Controls,
-        laws: RecordedLaws,
+        self, effect: LawEffect, order: int, state: State, controls: Controls, law: RecordedLaw
     ) -> None:
-        self.effect, self.operator = effect, effect.operator
-        full, velocity, control = state
-        self.in_rate = effect.rate_dependent and velocity is not None
-        kinematic = [self.operator.apply(full)]
-        if effect.rate_dependent and velocity is not None:
-            kinematic.append(self.operator.apply(velocity))
-        law, values = laws.of(effect, kinematic, control, controls), controls.at(control)
-        moving, self.compiled = list(law.asked.moving), law.compiled
+        self.effect, self.operator, moving = effect, effect.operator, law.asked.moving
+        kinematic = [self.operator.apply(x) for x in motions_of(effect, state)]
+        self.in_rate = len(kinematic) > 1
         self.slopes = [controls.slope.get(name) for name in moving]
+        values = controls.at(state[2])
         self.orders = law.program.start(*kinematic, *(values[name] for name in moving), order=order)
         self.shape = kinematic[0].shape
 
@@ -381,18 +380,11 @@ class LawSeries(EffectSeries):
         return self.operator.gather(self.orders.derivative(*changes))
 
     def advance(self, k: int, total: Array) -> None:
-        if self.compiled is not None:
-            self.compiled.advance(self.orders.w, k, total, pending=True)
-            return
         force = self.operator.gather(self.orders.advance(k))
         total[: len(force)] += force
 
     def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
-        if self.compiled is None:
-            self.orders.correct(*self._changes(u, v, control))
-            return
-        moved = [None if slope is None else control * slope for slope in self.slopes]
-        self.compiled.lift([u, v] if self.in_rate else [u], moved)
+        self.orders.correct(*self._changes(u, v, control))
 
     def add_tangent(self, pattern: Pattern, blocks: Blocks, rate: float) -> None:
         count = int(np.prod(self.shape[:-1]))
@@ -402,6 +394,51 @@ class LawSeries(EffectSeries):
         self.operator.add_tangent(
             derivative.reshape(self.shape[:-1] + derivative.shape[1:]), pattern, blocks
         )
+
+
+class CompiledSeries(EffectSeries):
+    """A pointwise effect, by machine code."""
+
+    def __init__(
+        self, effect: LawEffect, order: int, state: State, controls: Controls, law: RecordedLaw
+    ) -> None:
+        assert law.compiled is not None
+        self.effect, self.operator = effect, effect.operator
+        self.law, program = law.compiled, law.program
+        full, _, control = state
+        self.slopes = [controls.rate(name) for name in law.asked.moving]
+        self.w = np.empty((program.blocks, program.kept, max(order, 1) + 1, program.lanes))
+        given = zip(law.asked.moving, self.slopes, strict=True)
+        values = [controls.start[name] + control * slope for name, slope in given]
+        self.law.start(self.w, motions_of(effect, state), values)
+        self.force = self.law.gather(np.zeros_like(full))
+        self.advanced = self.law.prepared(self.w, program.zeros)
+
+    def residual(self) -> Array:
+        return self.force
+
+    def _lift(self, u: Array, v: Array | None, control: float) -> None:
+        """Set the changes of the inputs."""
+        motions = [u, v][: len(self.law.lifts)]
+        self.law.lift(motions, [control * slope for slope in self.slopes], self.law.changes)
+
+    def derivative(self, u: Array, v: Array | None, control: float) -> Array:
+        self._lift(u, v, control)
+        self.law.derivative(self.w)
+        return self.law.gather(np.zeros_like(u))
+
+    def advance(self, k: int, total: Array) -> None:
+        self.advanced(k, True)
+        self.law.gather(total)
+
+    def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
+        self._lift(u, v, control)
+
+    def add_tangent(self, pattern: Pattern, blocks: Blocks, rate: float) -> None:
+        x, *_ = self.law.program.inputs
+        found = self.law.tangent(self.w, rate)
+        entries = found.reshape(x.shape[:-1] + found.shape[1:])
+        self.operator.add_tangent(entries, pattern, blocks)
 
 
 class LinearSeries(EffectSeries):
@@ -443,7 +480,7 @@ class LoadSeries(EffectSeries):
 def series_of(
     effect: Effect,
     order: int,
-    state: tuple[Array, Array | None, float],
+    state: State,
     controls: Controls,
     laws: RecordedLaws,
 ) -> EffectSeries:
@@ -455,4 +492,6 @@ def series_of(
         return LoadSeries(effect, control, controls)
     assert isinstance(effect, LawEffect)
     near = effect.near(full, controls.at(control))
-    return LawSeries(near, order, state, controls, laws)
+    law = laws.of(near, state, controls)
+    kind = LawSeries if law.compiled is None else CompiledSeries
+    return kind(near, order, state, controls, law)

@@ -121,8 +121,19 @@ def keep(content: bytes, places: list[Path]) -> None:
 
 def call(name: str, *arguments: Any) -> None:
     """Call an entry with arrays, in the order of the machine, and numbers."""
-    addresses = (x.ctypes.data if isinstance(x, np.ndarray) else x for x in arguments)
-    entry(name)(SPARE, SPARE, *addresses)
+    prepared(name, *(x for x in arguments if isinstance(x, np.ndarray)))(
+        *(x for x in arguments if not isinstance(x, np.ndarray))
+    )
+
+
+def prepared(name: str, *arrays: Array) -> Callable[..., None]:
+    """Return a function of the numbers that an entry takes after these arrays."""
+    addresses, function = [x.ctypes.data for x in arrays], entry(name)
+
+    def called(*numbers: int, kept: Any = arrays) -> None:
+        function(SPARE, SPARE, *addresses, *numbers)
+
+    return called
 
 
 class CompiledExecutor:
@@ -140,12 +151,12 @@ class CompiledExecutor:
         sizes = [len(tables.code), rows, inputs, outputs, blocks, lanes, places, 0, count]
         self.sizes = np.array(sizes, dtype=np.int64)
         self.now, self.change = np.zeros((2, rows, lanes))
-        self.addresses = [x.ctypes.data for x in (*self.tables, self.sizes)]
 
-    def arguments(self, w: Array, *arrays: Array) -> list[int]:
-        """Addresses for a call, of tables, coefficients, and other arrays."""
-        self.sizes[7] = w.shape[2]
-        return [*self.addresses, w.ctypes.data, *(x.ctypes.data for x in arrays)]
+    def arguments(self, w: Array, *arrays: Array) -> list[Any]:
+        """Arrays for a call: tables, coefficients, and others."""
+        sizes = self.sizes.copy()
+        sizes[7] = w.shape[2]
+        return [*self.tables, sizes, w, *arrays]
 
     def advance(self, w: Array, k: int, given: Array, changes: Array | None) -> Array:
         """Order k of the outputs, see :class:`anmstrip.taylor.program.Executor`."""
