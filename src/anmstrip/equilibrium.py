@@ -18,7 +18,14 @@ from anmstrip.fem.operators import Chained, Eliminated, Pattern, Restriction
 from anmstrip.fem.strip import Strip
 from anmstrip.linalg.bordered import Bordered
 from anmstrip.linalg.condensed import Condensed, Joined
-from anmstrip.mechanics.effects import Controls, Effect, Moment, RecordedLaws, series_of
+from anmstrip.mechanics.effects import (
+    Controls,
+    Effect,
+    Moment,
+    RecordedLaws,
+    force_of,
+    series_of,
+)
 from anmstrip.mechanics.shell import Membrane
 from anmstrip.timestepping.formulas import AffineVelocity
 
@@ -182,9 +189,15 @@ class Equilibrium:
 
     def residual(self, u: Array, control: float) -> Array:
         """Imbalance of the free unknowns, shape (free,)."""
-        full = self.supports.full(u, control)
-        forces = self.model.force(full, self.full_velocity(u, control), self.controls.at(control))
-        return forces[self.supports.free]
+        full, model = self.supports.full(u, control), self.model
+        state, values = (full, self.full_velocity(u, control), control), self.controls.at(control)
+        total = np.zeros_like(full)
+        for effect in model.effects:
+            begin = time.perf_counter()
+            force = force_of(effect, state, values, self.controls, model.laws)
+            total[: len(force)] += force
+            model.seconds[effect.name] += time.perf_counter() - begin
+        return model.closed(total)[self.supports.free]
 
     def interior_check(self, branch: Branch) -> float | None:
         """Return where on a branch the strip crosses a roller that neither end shows."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.fem.operators import Part
-from anmstrip.taylor.compiled import SPARE, CompiledExecutor, entry, prepared
+from anmstrip.taylor.compiled import SPARE, CompiledExecutor, addresses, call, entry
 from anmstrip.taylor.program import Program
 
 
@@ -57,10 +57,15 @@ class CompiledLaw:
             for size, stop in zip(self.sizes[:inputs], self.stops, strict=False)
         ]
         self.gathers = [self.gathered(part) for part in matrices[1]]
-        self.moving = [slice(*ends) for ends in pairwise(self.stops[inputs - 1 :])]
+        ends, shapes = (
+            pairwise(self.stops[inputs - 1 :]),
+            [x.shape for x in program.inputs[inputs:]],
+        )
+        self.moving = [(slice(*rows), shape) for rows, shape in zip(ends, shapes, strict=True)]
         self.given, self.changes = np.zeros((2, self.stops[-1], program.blocks, program.lanes))
         self.found = np.empty((len(program.tables.outputs), program.blocks, program.lanes))
-        self.forces = self.found.ctypes.data
+        inside = self.executor.now, self.executor.change
+        self.buffers = addresses(self.given, self.changes, self.found, *inside)
         self.lift_part, self.gather_part = entry("lift"), entry("gather")
 
     def places(self, part: Part, first: int) -> Array:
@@ -82,7 +87,7 @@ class CompiledLaw:
         """Arrays and numbers for the machine."""
         kept = [x if x.dtype == float else x.astype(np.int32) for x in (starts, *arrays)]
         numbers = len(starts) - 1, part.count, part.stride * self.lanes
-        return Operand(kept, [x.ctypes.data for x in kept], 8 * part.first, numbers)
+        return Operand(kept, addresses(*kept), 8 * part.first, numbers)
 
     def lift(self, motions: Sequence[Array | None], moved: Sequence[Any], into: Array) -> None:
         """Set inputs, from values or changes of unknowns and of controls."""
@@ -93,44 +98,42 @@ class CompiledLaw:
             for m in operands:
                 self.lift_part(SPARE, SPARE, *m.addresses, x + m.first, begin, *m.numbers)
         flat, points = into.reshape(len(into), -1), self.program.points
-        for rows, value in zip(self.moving, moved, strict=True):
-            flat[rows, :points] = np.reshape(value, (rows.stop - rows.start, -1))
+        for (rows, shape), value in zip(self.moving, moved, strict=True):
+            flat[rows, :points] = np.broadcast_to(value, shape).reshape(rows.stop - rows.start, -1)
 
     def gather(self, total: Array) -> Array:
         """Add the forces that were found last to a residual, shape (unknowns,)."""
-        begin = total.ctypes.data
+        begin, found = total.ctypes.data, self.buffers[2]
         for m in self.gathers:
-            self.gather_part(SPARE, SPARE, *m.addresses, self.forces, begin + m.first, *m.numbers)
+            self.gather_part(SPARE, SPARE, *m.addresses, found, begin + m.first, *m.numbers)
         return total
 
-    def start(self, w: Array, motions: Sequence[Array | None], values: Sequence[Any]) -> None:
-        """Find order 0 at the values of unknowns and controls."""
+    def start(
+        self, w: Array, motions: Sequence[Array | None], values: Sequence[Any]
+    ) -> Callable[[int], None]:
+        """Find order 0 at the values of unknowns and controls, and return what finds others.
+
+        Called with k it completes order k − 1 by the changes and finds order k.
+        """
         self.lift(motions, values, self.given)
         flat, points = self.given.reshape(len(self.given), -1), self.program.points
         flat[:, points:] = flat[:, points - 1 : points]  # lanes that are left
-        self.prepared(w, self.given)(0, False)
-        w[:, :, 1] = 0.0
-
-    def prepared(self, w: Array, given: Array) -> Callable[..., None]:
-        """Return what completes order k − 1 by the changes, if asked to, and finds order k."""
-        x = self.executor
-        arrays = given, self.changes, self.found, x.now, x.change
-        return prepared("advance", *x.arguments(w, *arrays))
+        arguments, advance = [*self.executor.tables_and(w), *self.buffers], entry("advance")
+        advance(SPARE, SPARE, *arguments, 0, False)
+        self.given[:], w[:, :, 1] = 0.0, 0.0
+        return lambda k: advance(SPARE, SPARE, *arguments, k, True)
 
     def derivative(self, w: Array) -> None:
         """Find the changes of the outputs that those of the inputs make."""
-        arguments = self.executor.arguments(w, self.changes, self.found, self.executor.change)
-        prepared("derivatives", *arguments)(1)
+        _, changes, found, _, inside = self.buffers
+        call("derivatives", *self.executor.tables_and(w), changes, found, inside, 1)
 
     def tangent(self, w: Array, rate: float) -> Array:
         """Return ∂law/∂x + rate ∂law/∂v, shape (entries of x, *output)."""
-        seeds, rows = self.units, np.arange(self.sizes[0])
+        rows = np.arange(self.sizes[0])
         if len(self.lifts) > 1:
-            seeds[rows, self.sizes[0] + rows] = rate
-        found = np.empty((len(rows), *self.found.shape))
-        prepared("derivatives", *self.executor.arguments(w, seeds, found, self.executor.change))(
-            len(rows)
-        )
+            self.units[rows, self.sizes[0] + rows] = rate
+        found = self.executor.derivative(w, self.units)
         return self.program.unpacked(found, (len(rows),))
 
     @cached_property

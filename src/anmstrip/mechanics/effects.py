@@ -117,10 +117,13 @@ class LawEffect(Effect):
 
     def force(self, full: Array, velocity: Array | None, controls: Values) -> Array:
         """Return Lᵀ w law(L u, L v, controls), shape (unknowns,)."""
-        effect = self.near(full, controls)
-        operator = effect.operator
+        return self.near(full, controls).force_here(full, velocity, controls)
+
+    def force_here(self, full: Array, velocity: Array | None, controls: Values) -> Array:
+        """Return the same of all points."""
+        operator = self.operator
         v = operator.apply(velocity) if self.rate_dependent and velocity is not None else None
-        return operator.gather(effect.law(operator.apply(full), v, controls))
+        return operator.gather(self.law(operator.apply(full), v, controls))
 
 
 @dataclass(frozen=True)
@@ -312,14 +315,19 @@ class RecordedLaws:
     def __init__(self) -> None:
         self.latest: dict[str, list[RecordedLaw]] = {}
 
+    def known(self, effect: LawEffect, state: State, controls: Controls) -> RecordedLaw | None:
+        """The program for an effect at some of its points, if it was recorded."""
+        inputs = len(motions_of(effect, state))
+        latest = self.latest.setdefault(effect.name, [])
+        return next((law for law in latest if law.fits(effect, inputs, controls)), None)
+
     def of(self, effect: LawEffect, state: State, controls: Controls) -> RecordedLaw:
         """The program for an effect at some of its points."""
-        latest, motions = self.latest.setdefault(effect.name, []), motions_of(effect, state)
-        for law in latest:
-            if law.fits(effect, len(motions), controls):
-                return law
-        kinematic, control = [effect.operator.apply(x) for x in motions], state[2]
-        latest.insert(0, RecordedLaw(effect, kinematic, control, controls))
+        if (law := self.known(effect, state, controls)) is not None:
+            return law
+        latest = self.latest[effect.name]
+        kinematic = [effect.operator.apply(x) for x in motions_of(effect, state)]
+        latest.insert(0, RecordedLaw(effect, kinematic, state[2], controls))
         del latest[REMEMBERED:]
         return latest[0]
 
@@ -410,9 +418,8 @@ class CompiledSeries(EffectSeries):
         self.w = np.empty((program.blocks, program.kept, max(order, 1) + 1, program.lanes))
         given = zip(law.asked.moving, self.slopes, strict=True)
         values = [controls.start[name] + control * slope for name, slope in given]
-        self.law.start(self.w, motions_of(effect, state), values)
+        self.advanced = self.law.start(self.w, motions_of(effect, state), values)
         self.force = self.law.gather(np.zeros_like(full))
-        self.advanced = self.law.prepared(self.w, program.zeros)
 
     def residual(self) -> Array:
         return self.force
@@ -428,7 +435,7 @@ class CompiledSeries(EffectSeries):
         return self.law.gather(np.zeros_like(u))
 
     def advance(self, k: int, total: Array) -> None:
-        self.advanced(k, True)
+        self.advanced(k)
         self.law.gather(total)
 
     def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
@@ -495,3 +502,17 @@ def series_of(
     law = laws.of(near, state, controls)
     kind = LawSeries if law.compiled is None else CompiledSeries
     return kind(near, order, state, controls, law)
+
+
+def force_of(
+    effect: Effect, state: State, values: Values, controls: Controls, laws: RecordedLaws
+) -> Array:
+    """Return the residual of an effect at a state, by machine code where there is a program."""
+    full, velocity, _ = state
+    if not isinstance(effect, LawEffect):
+        return effect.force(full, velocity, values)
+    near = effect.near(full, values)
+    law = laws.known(near, state, controls)
+    if law is None or law.compiled is None:
+        return near.force_here(full, velocity, values)
+    return CompiledSeries(near, 0, state, controls, law).residual()

@@ -119,21 +119,15 @@ def keep(content: bytes, places: list[Path]) -> None:
         )
 
 
-def call(name: str, *arguments: Any) -> None:
-    """Call an entry with arrays, in the order of the machine, and numbers."""
-    prepared(name, *(x for x in arguments if isinstance(x, np.ndarray)))(
-        *(x for x in arguments if not isinstance(x, np.ndarray))
-    )
+def addresses(*arrays: Any) -> list[int]:
+    """Return where the entries of arrays are."""
+    return [x.ctypes.data for x in arrays]
 
 
-def prepared(name: str, *arrays: Array) -> Callable[..., None]:
-    """Return a function of the numbers that an entry takes after these arrays."""
-    addresses, function = [x.ctypes.data for x in arrays], entry(name)
-
-    def called(*numbers: int, kept: Any = arrays) -> None:
-        function(SPARE, SPARE, *addresses, *numbers)
-
-    return called
+def call(name: str, *arguments: Array | int) -> None:
+    """Call an entry with arrays or their addresses, and numbers."""
+    given = (x.ctypes.data if isinstance(x, np.ndarray) else x for x in arguments)
+    entry(name)(SPARE, SPARE, *given)
 
 
 class CompiledExecutor:
@@ -149,24 +143,26 @@ class CompiledExecutor:
         rows, inputs, outputs = len(tables.kept), len(tables.inputs), len(tables.outputs)
         places = int(tables.kept.max(initial=-1)) + 1
         sizes = [len(tables.code), rows, inputs, outputs, blocks, lanes, places, 0, count]
-        self.sizes = np.array(sizes, dtype=np.int64)
         self.now, self.change = np.zeros((2, rows, lanes))
+        self.fixed, self.sizes = addresses(*tables), np.array(sizes, dtype=np.int64)
+        self.of_order: dict[int, Array] = {}
 
-    def arguments(self, w: Array, *arrays: Array) -> list[Any]:
-        """Arrays for a call: tables, coefficients, and others."""
-        sizes = self.sizes.copy()
-        sizes[7] = w.shape[2]
-        return [*self.tables, sizes, w, *arrays]
+    def tables_and(self, w: Array) -> list[int]:
+        """Addresses of the tables, their sizes, and coefficients."""
+        orders = w.shape[2]
+        if orders not in self.of_order:
+            self.of_order[orders] = np.where(np.arange(len(self.sizes)) == 7, orders, self.sizes)
+        return [*self.fixed, *addresses(self.of_order[orders], w)]
 
     def advance(self, w: Array, k: int, given: Array, changes: Array | None) -> Array:
         """Order k of the outputs, see :class:`anmstrip.taylor.program.Executor`."""
         found, pending = np.empty((len(self.tables.outputs), *given.shape[1:])), changes is not None
         arrays = given, given if changes is None else changes, found, self.now, self.change
-        call("advance", *self.arguments(w, *arrays), k, pending)
+        call("advance", *self.tables_and(w), *arrays, k, pending)
         return found
 
     def derivative(self, w: Array, seeds: Array) -> Array:
         """Changes of the outputs, see :class:`anmstrip.taylor.program.Executor`."""
         found = np.empty((len(seeds), len(self.tables.outputs), *seeds.shape[2:]))
-        call("derivatives", *self.arguments(w, seeds, found, self.change), len(seeds))
+        call("derivatives", *self.tables_and(w), seeds, found, self.change, len(seeds))
         return found
