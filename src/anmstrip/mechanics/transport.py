@@ -38,8 +38,7 @@ class TransportOperator(SurfaceOperator):
         inputs, outputs = super().matrices
         *_, surface = inputs
         ones = csr_matrix(np.ones((self.points, 1)))
-        last = surface.first + self.surface.shape[1]
-        return [*inputs, Part(ones, self.weights, last, row=surface.row + 1)], outputs
+        return [*inputs, Part(ones, self.weights, self.end, row=surface.row + 1)], outputs
 
     @property
     def end(self) -> int:
