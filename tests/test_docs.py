@@ -223,3 +223,39 @@ def test_files_beside_the_package_say_the_same_as_it() -> None:
     run = recipe.partition("  run:\n")[2].partition("tests:")[0]
     conda = {line.strip(" -").replace("matplotlib-base", "matplotlib") for line in run.splitlines()}
     assert {name.replace(">=", " >=") for name in project["dependencies"]} <= conda
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", sorted((ROOT / "examples" / "notebooks").glob("*.ipynb")), ids=str)
+def test_notebooks_run(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All cells in turn; a notebook is kept without what its cells printed."""
+    monkeypatch.chdir(path.parent)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    module = ModuleType("notebook")
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    cells = [c for c in json.loads(path.read_text("utf-8"))["cells"] if c["cell_type"] == "code"]
+    assert any("assert " in "".join(cell["source"]) for cell in cells)
+    for cell in cells:
+        assert cell["outputs"] == []
+        exec(compile("".join(cell["source"]), path.name, "exec"), module.__dict__)
+
+
+QUESTIONS = {
+    "yawed roller": ("howto", "Set a roller out of line"),
+    "tension along the strip": ("howto", "Read the tension along the strip"),
+    "history plot": ("howto", "Plot a history"),
+    "tolerance": ("faq", "What is the tolerance?"),
+    "own mesh": ("howto", "Use a mesh of your own"),
+    "own law": ("howto", "Use a law of your own"),
+    "signs": ("faq", "Which way is positive?"),
+    "units": ("faq", "Which units?"),
+    "converged?": ("faq", "Has it converged?"),
+    "cite": ("faq", "How do I cite it?"),
+}
+
+
+@pytest.mark.parametrize("question", QUESTIONS)
+def test_question_is_answered_a_click_from_the_first_page(question: str) -> None:
+    page, head = QUESTIONS[question]
+    assert f"({page}.md)" in (ROOT / "docs" / "index.md").read_text("utf-8")
+    assert head in (ROOT / "docs" / f"{page}.md").read_text("utf-8")
