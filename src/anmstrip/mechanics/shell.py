@@ -109,20 +109,26 @@ class Membrane(LawEffect):
 
 
 def uniaxial_stretches(
-    tension: float, tensile_stiffness: float, poisson: float
+    tension: float,
+    tensile_stiffness: float,
+    poisson: float,
+    eigen: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[float, float]:
     """Return the stretches along and across a strip under tension.
 
-    The strain E along solves T = √(1 + 2E) E_young t E; the strip contracts across by −ν E.
+    The strain E along solves T = √(1 + 2E) E_young t (E − E⁰) with the eigenstrains E⁰ along and
+    across; the strip contracts across by ν (E − E⁰).
     """
-    strain = tension / tensile_stiffness
+    along, across = eigen
+    strain = along + tension / tensile_stiffness
     for _ in range(30):
-        stretch = np.sqrt(1.0 + 2.0 * strain)
-        change = (tensile_stiffness * strain * stretch - tension) / (
-            tensile_stiffness * (stretch + strain / stretch)
+        stretch, elastic = np.sqrt(1.0 + 2.0 * strain), strain - along
+        change = (tensile_stiffness * elastic * stretch - tension) / (
+            tensile_stiffness * (stretch + elastic / stretch)
         )
         strain -= change
-    return float(np.sqrt(1.0 + 2.0 * strain)), float(np.sqrt(1.0 - 2.0 * poisson * strain))
+    narrow = across - poisson * (strain - along)
+    return float(np.sqrt(1.0 + 2.0 * strain)), float(np.sqrt(1.0 + 2.0 * narrow))
 
 
 def principal(forces: Array) -> tuple[Array, Array]:

@@ -15,11 +15,13 @@ from anmstrip.errors import Mistake, nearest
 from anmstrip.scene.tables import (
     EDGE_NAMES,
     ENDS,
+    I_UNIT,
     STAGE_KEYS,
     THREADING,
     ContactSpec,
     EdgeControl,
     EdgeSpec,
+    FieldSpec,
     FrictionSpec,
     MaterialSpec,
     RollerSpec,
@@ -235,6 +237,57 @@ def tensions(stages: Stages) -> Iterator[Mistake]:
         if control.tension is not None and name not in ENDS:
             expected = "entry or exit, the ends of the strip"
             yield Mistake("", f"{key}.tension", control.tension, expected, "exit.tension = 1.0e4")
+
+
+def natural_shapes(strip: StripSpec, material: MaterialSpec, stages: Stages) -> Iterator[Mistake]:
+    """Yield eigenstrain and eigencurvature that a strip cannot have, or not as much."""
+    shapes = [("strip", strip), *((f"stages.{s.name}.strip", s.strip) for s in stages)]
+    value: object
+    for place, key, given in ((p, k, v) for p, s in shapes for k, v in s.natural.items()):
+        where, curved = f"{place}.{key}", key in ("coil_set", "crossbow")
+        value, varies = given, key in ("camber", "crossbow")
+        along: tuple[tuple[float, float], ...] = ()
+        if isinstance(given, FieldSpec):
+            value, along = given.model_dump(exclude_defaults=True), given.along
+            varies = bool(np.ptp(given.samples[:, 0]))
+        if strip.kinematics == "plate":
+            expected = 'nothing: a "plate" stays stressed as exit.force says'
+            yield Mistake("", where, value, expected, OTHER["plate"])
+        elif strip.kinematics == "section" and varies:
+            expected = 'nothing that varies across: a "section" has no width'
+            yield Mistake("", where, value, expected, OTHER["section"])
+        elif curved and not strip.bending:
+            expected = "nothing: a strip without bending has no moments"
+            yield Mistake("", where, value, expected, "bending = true")
+        elif key == "temperature" and material.expansion is None:
+            mistake = missing(MaterialSpec, "expansion")
+            expected = f"{mistake.expected}, since {where} is given"
+            yield replace(mistake, key="material.expansion", expected=expected)
+        elif along and strip.feed:
+            expected = "no table along: a fed strip is the same all along"
+            yield Mistake("", f"{where}.along", list(along), expected, "feed = false")
+        elif along and strip.length is not None and along[-1][0] > strip.length:
+            expected = f"distances from the entry up to the strip's length {strip.length:g} (m)"
+            hint = f"along = [[0.0, 1.0], [{strip.length:g}, 1.0]]"
+            yield Mistake("", f"{where}.along", list(along), expected, hint)
+        elif not curved:
+            yield from _moderate(where, key, given, strip, material)
+
+
+def _moderate(
+    where: str, key: str, given: Any, strip: StripSpec, material: MaterialSpec
+) -> Iterator[Mistake]:
+    """Yield an eigenstrain that no metal has, most often in another unit."""
+    units = {"temperature": material.expansion or 0.0, "flatness": I_UNIT}
+    unit = units.get(key, 0.5 * (strip.width or 0.0))
+    largest = float(np.abs(given.samples if isinstance(given, FieldSpec) else given).max())
+    if unit * largest > STRETCHED:
+        name = {"temperature": "K", "flatness": "I-units of 1e-5"}.get(key, "1/m")
+        expected = (
+            f"at most {STRETCHED / unit:.3g} ({name}); {largest:.3g} would be a strain of "
+            f"{100.0 * unit * largest:.3g} %"
+        )
+        yield Mistake("", where, largest, expected, f"{key} = {0.01 * STRETCHED / unit:.2g}")
 
 
 def gravity_has_density(material: MaterialSpec, stages: Stages) -> Iterator[Mistake]:
@@ -456,6 +509,7 @@ RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     moments,
     held_components,
     tensions,
+    natural_shapes,
     gravity_has_density,
     friction_has_contact,
     sharpened_laws_are_built_in,

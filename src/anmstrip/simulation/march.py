@@ -205,7 +205,7 @@ class March:
             u = self.assembly.thread.guess(self.assembly.strip, self.assembly.pattern)[free]
             u = self._corrected(Equilibrium(plan.model, plan.supports, plan.controls), u)
         elif tension := self._slack(plan):
-            self.slack, u = True, stretched(self.assembly, tension)[free]
+            self.slack, u = True, stretched(self.assembly, tension, plan.controls.at(1.0))[free]
         if self.slack:
             return u, Equilibrium(plan.model, *plan.held_at_end)
         return u, Equilibrium(plan.model, plan.supports, plan.controls)

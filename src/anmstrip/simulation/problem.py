@@ -18,6 +18,7 @@ from anmstrip.errors import InputError
 from anmstrip.fem.constraints import Scales
 from anmstrip.fem.geometry import KINEMATICS, PLATE, SECTION, Kinematics
 from anmstrip.fem.operators import Pattern
+from anmstrip.fem.sampling import quadrature_points
 from anmstrip.fem.strip import Material, Strip, renumbered
 from anmstrip.mechanics.effects import Effect, LawEffect
 from anmstrip.mechanics.loads import (
@@ -31,7 +32,7 @@ from anmstrip.mechanics.loads import (
 from anmstrip.mechanics.roller import Roller, Sides
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
-from anmstrip.scene.tables import THREADING
+from anmstrip.scene.tables import I_UNIT, THREADING, FieldSpec, NaturalShape
 from anmstrip.simulation.defaults import completed
 from anmstrip.simulation.meshing import (
     carrying_sense,
@@ -233,7 +234,7 @@ class Assembly:
     def material(self) -> Material:
         """Material of the strip."""
         m = self.scene.material
-        return Material(m.young, m.poisson, m.density or 0.0)
+        return Material(m.young, m.poisson, m.density or 0.0, m.expansion or 0.0)
 
     @property
     def kinematics(self) -> Kinematics:
@@ -281,6 +282,27 @@ class Assembly:
         """Sparsity pattern of the tangent."""
         return Pattern(self.strip)
 
+    def natural(self, shape: NaturalShape) -> dict[str, Array]:
+        """Return controls of eigenstrain and eigencurvature, see :mod:`anmstrip.mechanics.shell`.
+
+        Fields are values at the quadrature points, shape (points,).
+        """
+        strip, found = self.strip, {}
+        for key, given in shape.natural.items():
+            if key in ("coil_set", "crossbow"):
+                found[f"strip.{key}"] = np.array(given)
+                continue
+            x, y, _ = quadrature_points(strip)
+            right, left = strip.nodes[1].min(), strip.nodes[1].max()
+            y = y - 0.5 * (right + left)
+            if isinstance(given, FieldSpec):
+                unit = 1.0 if key == "temperature" else I_UNIT
+                values = unit * given.at(y / strip.width, x - strip.nodes[0].min())
+            else:
+                values = -given * y
+            found[f"strip.{key}"] = np.broadcast_to(values, y.shape).copy()
+        return found
+
     @cached_property
     def membrane(self) -> Membrane | None:
         """Membrane of all but a plate, which has a given tension instead."""
@@ -296,6 +318,7 @@ class Assembly:
         if not spec.bending:
             return None
         turns = spec.bending == "kirchhoff-love" or spec.imperfection is not None
+        turns = turns or not naturals(self.scene).isdisjoint(("coil_set", "crossbow"))
         if turns and self.kinematics is not PLATE:
             return KirchhoffLove(self.strip, self.imperfection)
         return isometric_bending(self.strip, self.pattern)
@@ -569,8 +592,10 @@ class Assembly:
 
     @cached_property
     def scales(self) -> Scales:
-        """Scales of length, force and tension: the largest edge force, else from bending."""
+        """Scales of length, force and tension: the largest edge force, else of heat, or bending."""
         tension = largest_force(self.scene)
+        if tension == 0.0:
+            tension = self.strip.tensile_stiffness * largest_eigenstrain(self.scene)
         if tension == 0.0:
             tension = self.strip.bending_stiffness / self.strip.length**2
         return Scales(self.strip.length, tension * self.strip.width, tension)
@@ -644,6 +669,25 @@ def roller_of(spec: RollerSpec, origin: Array, half: float) -> Roller:
     sides = None if given is None else Sides(given.taper, 0.5 * given.flat, given.rounding)
     x, y, z = (float(c) for c in np.asarray(spec.centre) - origin)
     return Roller(spec.name, spec.radius, (x, y, z), spec.axis, crown, sides, half)
+
+
+def naturals(scene: SceneSpec) -> set[str]:
+    """Return the kinds of eigenstrain and eigencurvature of a scene, from its strip or a stage."""
+    shapes = [scene.strip, *(stage.strip for stage in scene.stages)]
+    return {key for shape in shapes for key in shape.natural}
+
+
+def largest_eigenstrain(scene: SceneSpec) -> float:
+    """Return the largest eigenstrain of a scene, anywhere and in any stage, 0 without."""
+    units = {"temperature": scene.material.expansion or 0.0, "flatness": I_UNIT}
+    units["camber"] = 0.5 * (scene.strip.width or 0.0)
+    found = [0.0]
+    for shape in (scene.strip, *(stage.strip for stage in scene.stages)):
+        for key in units.keys() & shape.natural.keys():
+            given = shape.natural[key]
+            values = given.samples if isinstance(given, FieldSpec) else given
+            found.append(units[key] * float(np.abs(values).max()))
+    return max(found)
 
 
 def distributed_load(scene: SceneSpec) -> float:

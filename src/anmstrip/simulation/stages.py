@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,7 +12,7 @@ from anmstrip.equilibrium import Model, StageProblem
 from anmstrip.fem.constraints import Supports
 from anmstrip.fem.sampling import l2_projection, quadrature_points
 from anmstrip.mechanics.effects import Controls
-from anmstrip.mechanics.shell import uniaxial_stretches
+from anmstrip.mechanics.shell import eigenstrain, uniaxial_stretches
 from anmstrip.results.state import State
 from anmstrip.scene.schema import StageSpec
 from anmstrip.simulation.meshing import surface_speed
@@ -60,6 +61,8 @@ class Course:
             self.values["exit.force"] = thread.tension * self.outward["exit"]
         if self.assembly.flow is not None:  # a threaded strip begins as an elastic one
             self.values.setdefault("yielding", np.array(float(thread is None)))
+        for key, value in self.assembly.natural(self.assembly.scene.strip).items():
+            self.values.setdefault(key, value)
         if self.assembly.conveyed:
             self.values.setdefault("strip.speed", np.array(0.0))
         for roller in self.assembly.rollers:
@@ -189,6 +192,7 @@ class Course:
         end.update({key: np.array(to, dtype=float) for key, to in plain.items() if to is not None})
         if self.assembly.yields(stage):
             end["yielding"] = np.array(1.0)
+        end |= self.assembly.natural(stage.strip)
         for roller in self.assembly.rollers:
             control, key = stage.rollers.get(roller.name), f"rollers.{roller.name}"
             if (speed := surface_speed(control, roller)) is not None:
@@ -256,16 +260,24 @@ class Course:
         return Supports(np.flatnonzero(~held), start, end - start, bows if bent else None)
 
 
-def stretched(assembly: Assembly, tension: float) -> Array:
+def stretched(assembly: Assembly, tension: float, controls: Mapping[str, Array]) -> Array:
     """Displacement of the uniformly stretched flat strip, all unknowns.
 
     Parameters
     ----------
     tension : float
         T (N/m) along x.
+    controls : mapping
+        Of whose eigenstrain the mean counts.
     """
     strip = assembly.strip
-    along, across = uniaxial_stretches(tension, strip.tensile_stiffness, strip.material.poisson)
+    own, weights = eigenstrain(strip, controls), strip.weights().ravel()
+    mean = (0.0, 0.0)
+    if own is not None:
+        xx, yy = (own[i, i] @ weights / weights.sum() for i in (0, -1))
+        mean = float(xx), float(yy)
+    given = strip.tensile_stiffness, strip.material.poisson, mean
+    along, across = uniaxial_stretches(tension, *given)
     p = quadrature_points(strip)
     middle = 0.5 * (strip.nodes[1].min() + strip.nodes[1].max())
     x, y = (along - 1.0) * (p[0] - strip.nodes[0].min()), (across - 1.0) * (p[1] - middle)
