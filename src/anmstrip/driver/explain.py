@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from io import StringIO
 from pathlib import Path
 
@@ -16,8 +16,9 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import InputError, Mistake, printable
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
 from anmstrip.scene.schema import SceneSpec
+from anmstrip.scene.tables import FieldSpec
 from anmstrip.simulation.defaults import elastic_creep
-from anmstrip.simulation.problem import Assembly, flat_gap
+from anmstrip.simulation.problem import Assembly, flat_gap, naturals
 from anmstrip.taylor.series import record
 
 MEGABYTE = 2.0**20
@@ -55,6 +56,8 @@ def explain(scene: SceneSpec) -> str:
     if (bent := scene.strip.imperfection) is not None:
         words = f"by mode {bent.mode} of buckling at the end of stage {scene.course[0].name}"
         say(f"Bent without stress by {bent.amplitude:g} m, {words}.")
+    for line in natural_shapes(scene):
+        say(f"Unstressed: {line}.")
     for line in left_out(preview):
         say(f"Left out: {line}")
     if scene.rollers:
@@ -130,6 +133,21 @@ def memory(effect: Effect, order: int, plan: StageProblem) -> float:
     return program.nbytes(order)
 
 
+def natural_shapes(scene: SceneSpec) -> Iterator[str]:
+    """Yield what the strip would be like unstressed, from the beginning and by stages."""
+    units = {"temperature": "K", "flatness": "I-units"}
+    shapes = [("", scene.strip), *((f" in stage {s.name}", s.strip) for s in scene.stages)]
+    for when, shape in shapes:
+        for key, given in shape.natural.items():
+            if not isinstance(given, FieldSpec):
+                value = f"{given:g} 1/m"
+            else:
+                low, high = given.samples.min(), given.samples.max()
+                value = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+                value += f" {units[key]}"
+            yield f"{key.replace('_', ' ')} {value}{when}"
+
+
 def left_out(preview: Preview) -> list[str]:
     """Return the effects that do not act, with what in the scene says so."""
     scene, names = preview.assembly.scene, {e.name for p in preview.plans for e in p.model.effects}
@@ -150,7 +168,10 @@ def left_out(preview: Preview) -> list[str]:
         "plasticity (no table [material.plasticity]): the strip springs back whole.": (
             "plasticity" in names
         ),
-        "inertia, heat: not modelled.": False,
+        "heat, flatness, camber, coil set (no strip.temperature, …): flat and cold.": naturals(
+            scene
+        ),
+        "inertia: not modelled.": False,
     }
     return [line for line, acts in acting.items() if not acts]
 

@@ -106,7 +106,7 @@ class FieldSpec(Table):
 
     Examples
     --------
-    >>> FieldSpec(across=(10.0, 0.0, 8.0), along=((0.0, 0.0), (2.0, 1.0))).at(0.5, 1.0)
+    >>> FieldSpec(across=(10.0, 0.0, 8.0), along=((0.0, 0.0), (2.0, 1.0))).at(0.5, 1.0).item()
     6.0
     """
 
