@@ -260,18 +260,20 @@ class Course:
         return Supports(np.flatnonzero(~held), start, end - start, bows if bent else None)
 
 
-def stretched(assembly: Assembly, tension: float, controls: Mapping[str, Array]) -> Array:
+def stretched(
+    assembly: Assembly, tension: float, controls: Mapping[str, Array] | None = None
+) -> Array:
     """Displacement of the uniformly stretched flat strip, all unknowns.
 
     Parameters
     ----------
     tension : float
         T (N/m) along x.
-    controls : mapping
+    controls : mapping, optional
         Of whose eigenstrain the mean counts.
     """
     strip = assembly.strip
-    own, weights = eigenstrain(strip, controls), strip.weights().ravel()
+    own, weights = eigenstrain(strip, controls or {}), strip.weights().ravel()
     mean = (0.0, 0.0)
     if own is not None:
         xx, yy = (own[i, i] @ weights / weights.sum() for i in (0, -1))
