@@ -92,6 +92,8 @@ class Fakes:
             return FakeRun(scene, directory, resume, **ending)
 
         self.put("anmstrip.driver.scene", "Run", made)
+        named = "anmstrip.pictures.report.write_report"
+        self.monkeypatch.setattr(named, lambda directory: Path(directory, "report.html"))
 
     def _called(self, result: Any, given: tuple[Any, ...], named: dict[str, Any]) -> Any:
         if isinstance(result, Exception):
@@ -121,6 +123,7 @@ def test_run_that_is_done(fakes: Fakes) -> None:
     assert result.stdout.splitlines() == [
         "Reached the end.",
         "Warning: The strip is compressed.",
+        "Report in results/capstan/report.html.",
         "Results in results/capstan. Next: anmstrip render results/capstan",
     ]
 

@@ -12,6 +12,7 @@ import pytest
 from anmstrip import Scene
 from anmstrip.driver.run import Run, Step
 from anmstrip.results.fields import FieldSampler
+from claims import Claim
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
@@ -32,7 +33,7 @@ def edge_angle(step: Step) -> float:
     return float(np.arctan2(-end[2], end[0]) + np.arctan2(-entry[2], -entry[0]))
 
 
-def test_capstan_ratio_on_its_own_mesh() -> None:
+def test_capstan_ratio_on_its_own_mesh(claim: Claim) -> None:
     """Euler–Eytelwein with bending: within 0.05 %."""
     run, last = ended("capstan.toml")
     reading, scene = last.state.rollers["r1"], run.scene
@@ -42,10 +43,16 @@ def test_capstan_ratio_on_its_own_mesh() -> None:
     bending *= 1.0 + scene.friction.coefficient**2
     exponent = f * edge_angle(last)
     exponent -= bending * (1.0 / reading.tension_out - 1.0 / reading.tension_in)
-    assert reading.tension_ratio == pytest.approx(np.exp(exponent), rel=5e-4)
+    claim(
+        "tension ratio of `capstan.toml`",
+        reading.tension_ratio,
+        np.exp(exponent),
+        5e-4,
+        "capstan formula with bending",
+    )
 
 
-def test_press_pressure_and_lift_off() -> None:
+def test_press_pressure_and_lift_off(claim: Claim) -> None:
     """Beam on a smooth cylinder: p = (T − D/2R²)/R, lift-off 2 asin(√(D/T)/2R) early."""
     run, last = ended("press.toml")
     state, radius = last.state, run.scene.rollers[0].radius
@@ -58,10 +65,19 @@ def test_press_pressure_and_lift_off() -> None:
     interior = np.abs(angle - 0.04) < 0.2
     lines = np.unique(np.round(x[interior], 9))
     assert len(lines) > 10
+    means: list[float] = []
     for line in lines:
         on = np.isclose(x, line)
         mean = np.average(contact.pressure[on], weights=contact.area[on])
         assert mean == pytest.approx(pressure, rel=0.02)
+        means.append(mean)
+    claim(
+        "mean pressure in the arc of `press.toml` (Pa)",
+        np.mean(means),
+        pressure,
+        0.02,
+        "beam on a rigid cylinder, (T − D/2r²)/r",
+    )
     lift_off = 2.0 * np.arcsin(np.sqrt(bending / tension) / (2.0 * radius))
     element = run.scene.strip.refined / radius
     expected = edge_angle(last) - 2.0 * lift_off
@@ -70,14 +86,20 @@ def test_press_pressure_and_lift_off() -> None:
     assert not any("friction" in name for name in run.effects)
 
 
-def test_convey_moves_at_the_rollers_speed() -> None:
+def test_convey_moves_at_the_rollers_speed(claim: Claim) -> None:
     """Some centimetres of the conveying scene: speed of the strip, tension ratio, cone."""
     run, last = ended("convey.toml", "strip.refined=0.1", "stages.convey.duration=0.05")
     entry = run.assembly.strip.edges["entry"].values
     speed = np.linalg.norm(last.state.velocity.reshape(-1, 3)[entry], axis=1)
     np.testing.assert_allclose(speed, 1.0, rtol=2e-3)
     reading = last.state.rollers["r1"]
-    assert reading.tension_ratio == pytest.approx(1.0 / 0.95, rel=2e-3)
+    claim(
+        "tension ratio of `convey.toml`",
+        reading.tension_ratio,
+        1.0 / 0.95,
+        2e-3,
+        "forces on the two ends",
+    )
     assert 0.0 < reading.creep_speed < 1e-4
     assert reading.cone_violation < 0.05
 
@@ -95,24 +117,24 @@ def test_series_costs_less_than_the_linear_algebra_allows() -> None:
     assert seconds["series"] < 1.5 * algebra
 
 
-def test_heavy_strip_hangs_in_a_catenary() -> None:
+def test_heavy_strip_hangs_in_a_catenary(claim: Claim) -> None:
     """H = w a with a = 28.671 m; lowest point at z = −0.420 m; the exit rises by 47 mm."""
     run, last = ended("heavy.toml")
     state, strip = last.state, run.assembly.strip
     pull = -(state.edge_force("entry") + state.rollers["left"].resultant)[0]
     weight = strip.material.density * strip.thickness * 9.81
-    assert pull == pytest.approx(28.671 * weight, rel=4e-5)
+    claim("horizontal tension of `heavy.toml` (N)", pull, 28.671 * weight, 4e-5, "catenary")
     moved = state.full.reshape(-1, strip.count)
     x = strip.mesh.p[0] + moved[strip.node_values, 0] + strip.origin[0]
     z = moved[strip.node_values, 1] + strip.origin[2]
     between = (x > 2.0) & (x < 8.0)
     assert between.sum() > 10
-    assert z[between].min() == pytest.approx(-0.420, rel=2e-3)
+    claim("lowest point of `heavy.toml` (m)", z[between].min(), -0.420, 2e-3, "catenary")
     ends = strip.edges["exit"].values
     assert moved[ends, 1] + strip.origin[2] == pytest.approx(-3.0 + 0.047, abs=1e-3)
 
 
-def test_small_deflection_is_that_of_linear_theory() -> None:
+def test_small_deflection_is_that_of_linear_theory(claim: Claim) -> None:
     """Sag s = q l²/2T − q λ²/T (1 − 1/cosh(l/λ)), then F = 2 T (30 mm + s)/(l − λ tanh(l/λ))."""
     run = Scene.load(EXAMPLES / "small_deflection.toml").run()
     ends = {step.stage: step.state for step in run}
@@ -124,12 +146,16 @@ def test_small_deflection_is_that_of_linear_theory() -> None:
     sag /= pull
     middle = strip.node_values[np.abs(strip.mesh.p[0]) < 1e-9]
     # on the middle line: the width is free to bend across, which the formula leaves out
-    assert ends["weight"].full[middle].mean() == pytest.approx(-sag, rel=2e-3)
+    sunk = ends["weight"].full[middle].mean()
+    claim(
+        "sag of `small_deflection.toml` (m)", sunk, -sag, 2e-3, "linear theory of a stretched beam"
+    )
     force = 2.0 * pull * (0.030 + sag) / (span - layer * np.tanh(span / layer))
-    assert ends["lift"].rollers["r1"].normal_force == pytest.approx(force, rel=1e-3)
+    lifting = ends["lift"].rollers["r1"].normal_force
+    claim("force that lifts it (N)", lifting, force, 1e-3, "linear theory of a stretched beam")
 
 
-def test_levelling_rollers_take_their_share() -> None:
+def test_levelling_rollers_take_their_share(claim: Claim) -> None:
     """ln(T_exit/T_entry) = f_eff Σθ, a belt's around R + D/2TR; each takes f_eff of its force."""
     run, last = ended("levelling.toml")
     f, thread = run.assembly.friction.effective(0.5), run.assembly.thread
@@ -137,7 +163,13 @@ def test_levelling_rollers_take_their_share() -> None:
     turns = sum(replace(thread, depths=thread.depths + bent).turns.values())
     assert turns == pytest.approx(1.3, rel=0.02)
     ratio = last.state.tension("exit") / last.state.tension("entry")
-    assert np.log(ratio) == pytest.approx(f * turns, rel=0.02)
+    claim(
+        "logarithm of the tension ratio of `levelling.toml`",
+        np.log(ratio),
+        f * turns,
+        0.02,
+        "belt friction over seven arcs",
+    )
     assert len(last.state.rollers) == 7
     for reading in last.state.rollers.values():
         assert abs(reading.drag) == pytest.approx(f * reading.normal_force, rel=2e-3)
@@ -166,7 +198,7 @@ def test_profile_makes_the_middle_carry_more(scene: str, tensions: dict[float, f
     assert state.tension("entry") == pytest.approx(state.tension("exit"), rel=1e-5)
 
 
-def test_line_settles_with_the_torques_of_its_bearings() -> None:
+def test_line_settles_with_the_torques_of_its_bearings(claim: Claim) -> None:
     """Stick on the drives, M/(r W) on every idler, and together the drag of all bearings."""
     run, last = ended("line.toml")
     state, readings = last.state, last.state.rollers
@@ -185,10 +217,17 @@ def test_line_settles_with_the_torques_of_its_bearings() -> None:
         assert idler.torque == pytest.approx(-8.0, abs=0.05)  # a tenth of the tolerance
         step = idler.tension_out - idler.tension_in
         assert step == pytest.approx(8.0 / 0.4 / 1.2, abs=1.0)  # the tolerance, of 10 kN/m
-    assert sum(drive.torque for drive in drives) == pytest.approx(37 * 8.0, rel=0.01)
+    together = sum(drive.torque for drive in drives)
+    claim(
+        "torque of the drives of `line.toml` (N m)",
+        together,
+        37 * 8.0,
+        0.01,
+        "drag of all bearings",
+    )
 
 
-def test_steering_is_that_of_shelton() -> None:
+def test_steering_is_that_of_shelton(claim: Claim) -> None:
     """y_L/(θ L) = (KL cosh KL − sinh KL)/(KL (cosh KL − 1)), KL = L √(T/E I_z): to 0.2 %."""
     run, last = ended("steering.toml")
     state, strip = last.state, run.assembly.strip
@@ -200,7 +239,13 @@ def test_steering_is_that_of_shelton() -> None:
     expected = (kl * np.cosh(kl) - np.sinh(kl)) / (kl * (np.cosh(kl) - 1.0))
     assert expected == pytest.approx(0.6782, abs=1e-4)
     y = np.interp(x.min() + length, np.sort(x), values[middle, 1][np.argsort(x)])
-    assert -y / (1e-3 * length) == pytest.approx(expected, rel=2e-3)
+    claim(
+        "offset over angle and span of `steering.toml`",
+        -y / (1e-3 * length),
+        expected,
+        2e-3,
+        "Shelton (1968)",
+    )
     assert y == pytest.approx(-1.370e-3, rel=2e-3)
     assert state.strip_speed == pytest.approx(0.99978, abs=1e-5)
     assert run.cost.expansions <= 26

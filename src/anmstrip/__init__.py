@@ -21,7 +21,7 @@ R_N     pressure, reaction     of a roller or obstacle, normal to it  Pa, N   me
 p₀, w   pressure, width        R_N = p₀ exp(−h/w), the default        Pa, m   mechanics.laws
 K       stiffness              of a penalty, R_N (R_N/K + h) = η δ    Pa/m    mechanics.laws
 η, δ    eta, delta             of a penalty; η (δ − h) in eq. (5c)    Pa, m   mechanics.laws
-R_T     traction               −f R_N |v|^(q−1) v_s / V_c^q, (5d)     Pa, N   mechanics.laws
+R_T     traction               −f R_N ‖v‖^(q−1) v_s / V_c^q, (5d)     Pa, N   mechanics.laws
 v_s     slip                   tangential velocity on a roller        m/s     mechanics.contact
 f, q    coefficient, exponent  of friction                            1       mechanics.laws
 ω, V_c  omega, speed           corner and characteristic speed        1, m/s  mechanics.laws
@@ -34,6 +34,7 @@ Equation numbers are those of Béchet, Lejeune & Potier-Ferry (2010).
 from __future__ import annotations
 
 from importlib import import_module
+from importlib.metadata import version
 from typing import Any
 
 _NAMES = {
@@ -60,6 +61,8 @@ __all__ = sorted(_DOORS)  # noqa: PLE0605
 
 def __getattr__(name: str) -> Any:
     """Import what is asked for, when it is asked for."""
+    if name == "__version__":
+        return version(__name__)
     if name not in _DOORS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(_DOORS[name]), name)

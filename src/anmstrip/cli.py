@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import math
 import shlex
 import signal
@@ -18,13 +19,17 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 if TYPE_CHECKING:
+    from anmstrip.driver.operating_map import MapStep
     from anmstrip.simulation.march import Step
     from anmstrip.sweep.study import Ended
 
-S = TypeVar("S", "Step", "Ended")
+S = TypeVar("S", "Step", "Ended", "MapStep")
 
 STOPPED, WRONG = 1, 2
 """Exit statuses: stopped before the end, wrong input."""
+
+KINDS = ("bridle", "furnace", "leveller", "roller", "steering")
+"""Lines of which ``anmstrip new`` writes a scene."""
 
 INTERVAL = 5.0
 """Seconds between two lines where there is no terminal."""
@@ -135,15 +140,21 @@ def main() -> None:
 @directory_option
 @settings_option
 @click.option("--resume", is_flag=True, help="Go on where an earlier run in DIR was interrupted.")
+@click.option("--no-report", is_flag=True, help="Leave report.html out.")
 @quiet_option
 def run_command(
-    scene: Path, directory: Path | None, settings: tuple[str, ...], resume: bool, quiet: bool
+    scene: Path,
+    directory: Path | None,
+    settings: tuple[str, ...],
+    resume: bool,
+    no_report: bool,
+    quiet: bool,
 ) -> None:
     """Run a scene; its results can be looked at while it goes on.
 
     DIR gets strip.pvd and rollers.pvd for ParaView, history.csv with a row for every step,
-    profile.csv along the strip, summary.json and a checkpoint. Keys of --set are dotted, rollers
-    and stages go by their names, and values are in TOML syntax:
+    profile.csv along the strip, summary.json, a checkpoint and report.html. Keys of --set are
+    dotted, rollers and stages go by their names, and values are in TOML syntax:
 
     \b
       --set friction.coefficient=0.2 --set rollers.r1.radius=0.3
@@ -158,21 +169,26 @@ def run_command(
     from anmstrip.driver.scene import Scene
 
     loaded = Scene.load(scene, settings)
-    running = loaded.run(directory or Path("results", loaded.name), resume=resume)
+    directory = directory or Path("results", loaded.name)
+    running = loaded.run(directory, resume=resume)
     usual = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         for _ in running if quiet else show_progress(running, describe_step):
             pass
     except KeyboardInterrupt:
         running.interrupted()
-        click.echo(f"Interrupted. Everything up to here is in {running.directory}.")
-        click.echo(f"Next: {resuming_command(scene, running.directory, settings)}")
+        click.echo(f"Interrupted. Everything up to here is in {directory}.")
+        click.echo(f"Next: {resuming_command(scene, directory, settings)}")
         sys.exit(STOPPED)
     finally:
         signal.signal(signal.SIGTERM, usual)
     click.echo(running.message)
     click.echo(report(running))
-    click.echo(f"Results in {running.directory}. Next: anmstrip render {running.directory}")
+    if not no_report:
+        from anmstrip.pictures.report import write_report
+
+        click.echo(f"Report in {write_report(directory)}.")
+    click.echo(f"Results in {directory}. Next: anmstrip render {directory}")
     if not running.outcome.done:
         sys.exit(STOPPED)
 
@@ -181,6 +197,34 @@ def resuming_command(scene: Path, directory: Path | None, settings: Iterable[str
     """Return what to type, as a shell takes it, to go on with an interrupted run."""
     given = [part for text in settings for part in ("--set", text)]
     return shlex.join(["anmstrip", "run", str(scene), "-o", str(directory), *given, "--resume"])
+
+
+@main.command("new", short_help="Write a commented scene to start from.")
+@click.argument("kind", metavar="KIND", type=click.Choice(KINDS))
+@click.option(
+    "-o",
+    "--output",
+    "target",
+    metavar="FILE",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Where the scene goes (default: KIND.toml here).",
+)
+def new_command(kind: str, target: Path | None) -> None:
+    """Write a commented scene of a line to start from, which runs as it is.
+
+    KIND is bridle, furnace, leveller, roller (a single one) or steering (one out of line).
+    """
+    from importlib.resources import files
+
+    from anmstrip.errors import InputError, Mistake
+
+    target = target or Path(f"{kind}.toml")
+    if target.exists():
+        expected, hint = "a file that is not there yet", "-o with another name"
+        raise InputError([Mistake("-o", "", str(target), expected, hint)])
+    scene = (files("anmstrip.scene") / "templates" / f"{kind}.toml").read_text("utf-8")
+    target.write_text(scene, encoding="utf-8")
+    click.echo(f"Scene in {target}. Next: anmstrip explain {target}, anmstrip run {target}")
 
 
 @main.command("explain", short_help="Say what a run would do, and warn.")
@@ -206,6 +250,69 @@ def explain_command(scene: Path, settings: tuple[str, ...], picture: Path | None
     if picture is not None:
         draw_line(loaded, picture)
         click.echo(f"Picture in {picture}.")
+
+
+@main.command("schema")
+def schema_command() -> None:
+    """Print the JSON schema of scene files, by which editors complete and check them.
+
+    \b
+      anmstrip schema > scene.schema.json
+
+    Editors with a TOML server (taplo, Even Better TOML) use it in a file that begins with
+    the line "#:schema ./scene.schema.json".
+    """
+    from anmstrip.scene.schema import json_schema
+
+    click.echo(json.dumps(json_schema(), indent=1, ensure_ascii=False))
+
+
+@main.command("map", short_help="Follow the stationary state of a line along a control.")
+@scene_argument
+@click.option(
+    "--along",
+    metavar="KEY=a:b[:n]",
+    multiple=True,
+    help="Control and range; a second one goes from value to value, the first is followed.",
+)
+@settings_option
+@directory_option
+@quiet_option
+def map_command(
+    scene: Path,
+    along: tuple[str, ...],
+    settings: tuple[str, ...],
+    directory: Path | None,
+    quiet: bool,
+) -> None:
+    """Follow the stationary state of a line along a control.
+
+    The scene's last stage is steady. From its stationary state the control is followed to both
+    ends of the range, folds included, and every point on the way is a stationary state. The key is
+    one of a stage:
+
+    \b
+      anmstrip map examples/bridle_map.toml --along rollers.lower.surface_speed=0.99996:1.00004
+      anmstrip map examples/bridle_map.toml --along strip.speed=0.9999:0.99998:201 \\
+          --along exit.tension=8e3:12e3:5
+
+    DIR gets map.csv with n rows evenly spaced in the control (101, and 5 curves of a second one):
+    tensions, torques, slip arcs, shares of the friction, wraps and offsets; map.png; and map.json
+    with the folds, and where the whole wrap of a roller begins or ceases to slip.
+
+    Exit status: 0 done, 1 stopped before both ends (what was computed is there), 2 wrong input.
+    """
+    from anmstrip.driver.operating_map import OperatingMap
+    from anmstrip.driver.scene import Scene
+
+    loaded = Scene.load(scene, settings)
+    made = OperatingMap(loaded, along, directory or Path("results", f"{loaded.name}-map"))
+    for _ in made if quiet else show_progress(made, lambda step: step.words):
+        pass
+    click.echo(made.message)
+    click.echo(f"Table, figure and summary in {made.directory}.")
+    if not made.done:
+        sys.exit(STOPPED)
 
 
 @main.command("case", short_help="Run a mass-spring case of the paper.")
@@ -309,6 +416,19 @@ def render_command(directory: Path, field: str | None, movie: bool) -> None:
 
     for picture in render(directory, field=field, movie=movie):
         click.echo(str(picture))
+
+
+@main.command("report")
+@click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+def report_command(directory: Path) -> None:
+    """Write report.html of a run, also of one that goes on or was interrupted.
+
+    One page that opens in a browser without a network: tables, warnings, errors, plots along
+    the strip and over time, the last state in space, and the scene.
+    """
+    from anmstrip.pictures.report import write_report
+
+    click.echo(str(write_report(directory)))
 
 
 @main.command("sweep", short_help="Run a scene with many values of a few keys.")

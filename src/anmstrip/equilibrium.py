@@ -14,10 +14,18 @@ from scipy.sparse import csc_matrix
 from anmstrip.arrays import Array, Index
 from anmstrip.continuation.path import Branch
 from anmstrip.fem.constraints import Scales, Supports
-from anmstrip.fem.operators import Pattern, Restriction
+from anmstrip.fem.operators import Chained, Eliminated, Pattern, Restriction
 from anmstrip.fem.strip import Strip
 from anmstrip.linalg.bordered import Bordered
-from anmstrip.mechanics.effects import Controls, Effect, Moment, RecordedLaws, series_of
+from anmstrip.linalg.condensed import Condensed, Joined
+from anmstrip.mechanics.effects import (
+    Controls,
+    Effect,
+    Moment,
+    RecordedLaws,
+    force_of,
+    series_of,
+)
 from anmstrip.mechanics.shell import Membrane
 from anmstrip.timestepping.formulas import AffineVelocity
 
@@ -35,16 +43,22 @@ class Model:
         Rollers that turn freely: the travels of their surfaces (m) follow the strip's unknowns, in
         steady stages their speeds (m/s).
     conveyed : bool, optional
-        Whether the last unknown is the speed (m/s) of strip in steady stages beside its control.
+        Whether the unknown after these is the speed (m/s) of strip in steady stages beside its
+        control.
     pull : ndarray, shape (unknowns of the strip,), optional
         Weights of the strip's residual whose sum has to vanish for that speed.
+    internal : ndarray, shape (internal unknowns,), optional
+        Of the unknowns of points' own, which are the last: the force (N) that a rate of 1 stands
+        for in their equations.
 
     Attributes
     ----------
     seconds : dict
         Time spent in every effect so far.
+    coupled : int
+        Unknowns of the strip, of the rollers that turn freely, and its speed.
     unknowns : int
-        Those of the strip, and of the rollers that turn freely.
+        All of them.
     """
 
     def __init__(
@@ -56,15 +70,19 @@ class Model:
         turning: Sequence[str] = (),
         conveyed: bool = False,
         pull: Array | None = None,
+        internal: Array | None = None,
     ) -> None:
         self.strip, self.pattern, self.scales = strip, pattern, scales
         self.turning, self.conveyed, self.pull = tuple(turning), conveyed, pull
         self.others = len(turning) + conveyed
-        self.unknowns = strip.unknowns + self.others
+        self.coupled = strip.unknowns + self.others
+        self.internal = np.zeros(0) if internal is None else internal
+        self.unknowns = self.coupled + len(self.internal)
         self.effects = tuple(effects)
         self.seconds = {effect.name: 0.0 for effect in effects}
         self.value_unknowns = strip.unknowns_of(strip.node_values)
         self.units = np.append(np.repeat(strip.dof_lengths, strip.count), np.ones(self.others))
+        self.units = np.append(self.units, self.internal)
         self.laws = RecordedLaws()
         self._restrictions: dict[bytes, Restriction] = {}
 
@@ -82,13 +100,13 @@ class Model:
 
     def with_effects(self, effects: Sequence[Effect]) -> Model:
         """Return the same with other effects."""
-        given = self.turning, self.conveyed, self.pull
+        given = self.turning, self.conveyed, self.pull, self.internal
         return Model(self.strip, self.pattern, effects, self.scales, *given)
 
     def closed(self, total: Array) -> Array:
         """Return a residual with that of the strip's speed, from the one of the strip."""
         if self.pull is not None:
-            total[-1] = self.pull @ total[: len(self.pull)]
+            total[self.coupled - 1] = self.pull @ total[: len(self.pull)]
         return total
 
     def restriction(self, free: Index) -> Restriction:
@@ -150,7 +168,10 @@ class Equilibrium:
         self.velocity = velocity
         self.moving = np.zeros(model.unknowns) if moving is None else moving
         size = model.scales
-        self.free_units = 1.0 / model.units[supports.free]
+        units = model.units.copy()
+        if velocity is not None:
+            units[model.coupled :] /= velocity.rate
+        self.free_units = 1.0 / units[supports.free]
         self.is_value = np.isin(supports.free, model.value_unknowns)
         self.metric: Array = self.is_value / (size.length**2 * len(model.strip.node_values))
 
@@ -168,9 +189,15 @@ class Equilibrium:
 
     def residual(self, u: Array, control: float) -> Array:
         """Imbalance of the free unknowns, shape (free,)."""
-        full = self.supports.full(u, control)
-        forces = self.model.force(full, self.full_velocity(u, control), self.controls.at(control))
-        return forces[self.supports.free]
+        full, model = self.supports.full(u, control), self.model
+        state, values = (full, self.full_velocity(u, control), control), self.controls.at(control)
+        total = np.zeros_like(full)
+        for effect in model.effects:
+            begin = time.perf_counter()
+            force = force_of(effect, state, values, self.controls, model.laws)
+            total[: len(force)] += force
+            model.seconds[effect.name] += time.perf_counter() - begin
+        return model.closed(total)[self.supports.free]
 
     def interior_check(self, branch: Branch) -> float | None:
         """Return where on a branch the strip crosses a roller that neither end shows."""
@@ -244,7 +271,7 @@ class EquilibriumSeries:
             self.model.seconds[part.effect.name] += time.perf_counter() - begin
         return self.model.closed(total)[self.free]
 
-    def tangent(self) -> csc_matrix | Bordered:
+    def tangent(self) -> csc_matrix | Bordered | Condensed | Joined:
         """∂R/∂u + rate ∂R/∂v over the free unknowns; those of rollers and speed are a border."""
         blocks = self.model.pattern.zeros(self.model.others)
         velocity = self.equations.velocity
@@ -255,7 +282,36 @@ class EquilibriumSeries:
         if self.model.pull is not None:
             blocks.rows[-1] = self.model.pattern.sum_of_rows(self.model.pull, blocks)
             blocks.corner[-1] = self.model.pull @ blocks.columns
-        return self.model.restriction(self.free).matrix(blocks)
+        coupled = self.free[self.free < self.model.coupled]
+        matrix = self.model.restriction(coupled).matrix(blocks)
+        if blocks.internal is None:
+            return matrix
+        if isinstance(blocks.internal, Chained):
+            return self._joined(matrix, blocks.internal, coupled)
+        return self._condensed(matrix, blocks.internal, coupled)
+
+    def _joined(self, matrix: Any, part: Chained, coupled: Index) -> Joined:
+        """Return the tangent whose points' own unknowns are carried along the strip."""
+        on_forces, by_strip, own = part.blocks()
+        free, pull = coupled[coupled < self.model.strip.unknowns], self.model.pull
+        row = np.zeros(own.shape[0]) if pull is None else pull @ on_forces
+        return Joined.of(matrix, on_forces[free], by_strip[:, free], own, row)
+
+    def _condensed(self, matrix: Any, part: Eliminated, coupled: Index) -> Condensed:
+        """Return the tangent whose points have unknowns of their own."""
+        model = self.model
+
+        def reduced(own: Array) -> Array:
+            total, forces = np.zeros(model.coupled), part.reduced(own)
+            total[: len(forces)] = forces
+            return model.closed(total)[coupled]
+
+        def recovered(u: Array, own: Array) -> Array:
+            full = np.zeros(model.coupled)
+            full[coupled] = u
+            return part.recovered(full, own)
+
+        return Condensed(matrix, reduced, recovered)
 
     def _changes(self, u: Array, control: float) -> tuple[Array, Array | None]:
         change = self.equations.supports.change(u, control)
@@ -273,7 +329,12 @@ class EquilibriumSeries:
 
     def advance(self, k: int) -> Array:
         """Order k of R for u_k = 0 and λ_k = 0."""
-        return self._summed(lambda part: part.advance(k))
+        total = np.zeros(self.model.unknowns)
+        for part in self.parts:
+            begin = time.perf_counter()
+            part.advance(k, total)
+            self.model.seconds[part.effect.name] += time.perf_counter() - begin
+        return self.model.closed(total)[self.free]
 
     def correct(self, k: int, u: Array, control: float) -> None:
         """Fix order k of the unknowns in all effects."""
@@ -386,7 +447,7 @@ class StageProblem:
 
     def strip_speed(self, full: Array, control: float) -> float:
         """Speed of the strip in a state of a steady stage (m of unstressed strip per second)."""
-        return float(self.controls.at(control)["strip.speed"] + full[-1])
+        return float(self.controls.at(control)["strip.speed"] + full[self.model.coupled - 1])
 
     def continues(self, past: StageProblem) -> bool:
         """Whether a stage in time goes on where another ended, with no jump of a velocity.

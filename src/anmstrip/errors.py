@@ -61,7 +61,7 @@ class InputError(ValueError):
 
 
 def printable(text: str) -> str:
-    """Return a text without what would steer a terminal; lines stay.
+    r"""Return a text without what would steer a terminal; lines stay.
 
     Examples
     --------

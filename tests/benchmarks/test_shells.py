@@ -98,7 +98,7 @@ def test_both_bendings_differ_by_less_than_the_membrane_strain():
 
 
 @pytest.mark.parametrize(("thickness", "limits"), [(12.7, (0.742, 0.170)), (6.35, (0.195, -0.129))])
-def test_limit_points_are_dated_to_1e_6(thickness, limits):
+def test_limit_points_are_dated_to_1e_6(claim, thickness, limits):
     """On a coarse path of quotients against a fine path of series."""
     roof = roof_of(thickness)
     found = followed(roof, settings(), watch=True)
@@ -106,6 +106,9 @@ def test_limit_points_are_dated_to_1e_6(thickness, limits):
     assert [p.kind for p in found.points] == [Kind.LIMIT, Kind.LIMIT]
     assert [(p.before, p.after) for p in found.points] == [(0, 1), (1, 0)]
     loads = [p.control for p in found.points]
+    for number, (load, fold) in enumerate(zip(loads, fine.folds, strict=True), 1):
+        quantity = f"limit point {number} of a roof of {thickness:g} mm, share of the load"
+        claim(quantity, load, fold, 1e-8, "fine path of series on the same mesh")
     assert loads == pytest.approx(fine.folds, abs=1e-9)
     assert loads == pytest.approx(limits, abs=1e-3)
     for point in found.points:

@@ -111,11 +111,14 @@ def test_the_tolerance_is_kept_at_other_orders(name, order):
     assert largest_distance(name, found, case) <= 1e-5
 
 
-def test_pressed_plane_ends_where_friction_balances_the_spring(reports):
+def test_pressed_plane_ends_where_friction_balances_the_spring(claim, reports):
     report = reports("pressed-plane")
     p = report.case.parameters
     balance = p.f * (p.V**2 + (p.omega * p.V_c) ** 2) ** ((p.q - 1) / 2) * p.V * p.R_N
     assert balance / (p.k * p.V_c**p.q) == pytest.approx(0.298585, abs=5e-7)
+    claim(
+        "end of `pressed-plane` (m)", report.end[0], 0.298585, 3e-5, "friction balances the spring"
+    )
     assert report.end == pytest.approx([0.298585, 0.0], abs=1e-5)
     assert report.rows[-1, 3] == pytest.approx(0.0, abs=1e-4)
 
@@ -158,7 +161,7 @@ def dates(events):
     return {event.kind: event.time for event in reversed(events)}
 
 
-def test_events_of_the_circle(reports):
+def test_events_of_the_circle(claim, reports):
     """Coulomb: contact at 1, stick from 1.107 on, no quasi-static solution after 1.8054.
 
     Stick is dated where sliding at the cone would have to turn round; the creep of the law comes
@@ -166,9 +169,22 @@ def test_events_of_the_circle(reports):
     """
     report = reports("rotating-circle")
     found = dates(report.events)
-    assert found["contact made"] == pytest.approx(1.0, abs=0.01)
+    claim(
+        "first contact of `rotating-circle` (s)",
+        found["contact made"],
+        1.0,
+        0.01,
+        "Coulomb on a rigid circle",
+    )
     assert found["stick"] == pytest.approx(1.107, abs=0.01)
-    assert found["existence lost"] == pytest.approx(coulomb(report.case).until, abs=0.01)
+    until = coulomb(report.case).until
+    claim(
+        "loss of equilibrium of `rotating-circle` (s)",
+        found["existence lost"],
+        until,
+        0.0055,
+        "Coulomb on a rigid circle",
+    )
     kinds = [event.kind for event in report.events]
     assert kinds == [
         *("contact made", "stick", "slip", "cone left", "existence lost", "cone regained"),

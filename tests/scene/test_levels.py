@@ -12,6 +12,7 @@ from threaded import BRIDLE, DENSITY, YOUNG, ended, scene_of, values
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.results.state import State
+from claims import Claim
 
 G, T = 9.81, 1e-3
 
@@ -35,14 +36,20 @@ def hung(kinematics: str, pull: float, **strip: Any) -> tuple[Run, State]:
 
 @pytest.mark.parametrize("kinematics", ["section", "shell"])
 @pytest.mark.parametrize("pull", [1500.0, 8000.0])
-def test_catenary(kinematics: str, pull: float) -> None:
+def test_catenary(claim: Claim, kinematics: str, pull: float) -> None:
     """Elastic catenary: z = w s²/2EA + (H/w)(√(1 + (ws/H)²) − 1), s from the lowest point."""
     run, state = hung(kinematics, pull, bending=False)
     w, stiffness, half = DENSITY * T * G, YOUNG * T, 10.0
     sag = w * half**2 / (2.0 * stiffness) + pull / w * (np.hypot(1.0, w * half / pull) - 1.0)
     span = 2.0 * (pull * half / stiffness + pull / w * np.arcsinh(w * half / pull))
     at = values(run, state)
-    assert -at[2].min() == pytest.approx(sag, rel=1e-6)
+    claim(
+        f"sag of a heavy {kinematics} under {pull:g} N/m (m)",
+        -at[2].min(),
+        sag,
+        1e-6,
+        "elastic catenary",
+    )
     assert np.ptp(at[0]) == pytest.approx(span, rel=1e-8)
     for name in ("entry", "exit"):
         assert state.tension(name) == pytest.approx(np.hypot(pull, w * half), rel=1e-6)

@@ -21,6 +21,7 @@ from anmstrip.linalg.bordered import Bordered
 from anmstrip.results.state import State
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
+from claims import Claim
 
 STIFFNESS, FRICTION, EXIT = 2e8, 0.3, 1e4
 
@@ -70,7 +71,9 @@ def tangents(run: Run) -> int:
 
 
 @pytest.mark.parametrize("share", [0.2, 0.6, 1.0, -0.5])
-def test_string_creeps_as_the_equation_of_the_regularised_law_says(share: float) -> None:
+def test_string_creeps_as_the_equation_of_the_regularised_law_says(
+    claim: Claim, share: float
+) -> None:
     """V_c about the elastic creep; also where the roller brakes: within 1e-4 of the tension."""
     before = EXIT * (1.0 + share * np.expm1(FRICTION * 0.9799))
     speed = 1.0 / stretch(before)
@@ -79,18 +82,26 @@ def test_string_creeps_as_the_equation_of_the_regularised_law_says(share: float)
     assert state.tension("exit") == pytest.approx(EXIT, rel=1e-6)
     expected = creeping(speed, 1.5e-5, turned(state))
     assert abs(expected - EXIT) > 100.0
-    assert state.tension("entry") == pytest.approx(expected, rel=1e-4)
+    found = state.tension("entry")
+    claim(
+        f"tension before a roller, steady, strip at {share:g} (N/m)",
+        found,
+        expected,
+        1e-4,
+        "creep of a string, dT/dφ integrated by scipy",
+    )
 
 
 @pytest.mark.parametrize(
     ("share", "before", "arc"), [(0.2, 10683.5, 0.2204), (0.6, 12050.5, 0.6217)]
 )
-def test_creep_theory(share: float, before: float, arc: float) -> None:
+def test_creep_theory(claim: Claim, share: float, before: float, arc: float) -> None:
     """Stick at the entry side, slip over ln(T1/T2)/f at the exit side, creep (T1 − T2)/E t."""
     scene = steady(1.0 / stretch(before), 5e-7, size=0.01, strip={"bending": False})
     run, state = ended(scene)
     assert tangents(run) <= 12
-    assert state.tension("entry") == pytest.approx(before, rel=2e-3)
+    found = state.tension("entry")
+    claim(f"the same with a small V_c, at {share:g} (N/m)", found, before, 2e-3, "creep theory")
     contact, element = state.contacts["a"], 0.01 / 0.5
     slip, traction = (np.linalg.norm(v, axis=0) for v in (contact.slip, contact.traction))
     angle = np.arctan2(contact.normal[0], contact.normal[2])
@@ -102,7 +113,7 @@ def test_creep_theory(share: float, before: float, arc: float) -> None:
     assert slip[last].mean() == pytest.approx(lost, rel=0.1)
 
 
-def test_tension_in_stick_with_isometric_bending() -> None:
+def test_tension_in_stick_with_isometric_bending(claim: Claim) -> None:
     """T1 = E t (V/c − 1) + 3 D/2R² less the friction of the edge where the strip lifts on.
 
     And less the energy of the regularised contact, ∫ R dh, for energy and pull balance along X.
@@ -122,7 +133,14 @@ def test_tension_in_stick_with_isometric_bending() -> None:
         0
     ]
     expected = stick + 1.5 * bending / 0.5**2 + edge - energy
-    assert state.tension("entry") == pytest.approx(expected, rel=1e-5)
+    found = state.tension("entry")
+    claim(
+        "tension where a bent strip sticks (N/m)",
+        found,
+        expected,
+        1e-5,
+        "E t (V/c − 1) + 3 D/2r², less what lifts on",
+    )
 
 
 @pytest.mark.parametrize("kinematics", ["section", "shell"])

@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("numba")
 
 from anmstrip.taylor import program
-from anmstrip.taylor.kernels import CompiledExecutor
+from anmstrip.taylor.compiled import CompiledExecutor
 from anmstrip.taylor.numpy_kernels import NumpyExecutor
 from anmstrip.taylor.series import record
 

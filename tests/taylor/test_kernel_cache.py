@@ -12,23 +12,25 @@ import pytest
 pytest.importorskip("numba")
 
 KERNEL = """
+import sys
 import numpy as np
-from anmstrip.taylor.kernels import cauchy
-c, a = np.zeros(2), np.arange(6.0).reshape(3, 2)
-cauchy(c, a, a, 2, 0, 3)
-print(c.tolist(), sum(cauchy.stats.cache_hits.values()))
+from anmstrip.taylor.compiled import call
+starts, columns = np.array([0, 2, 3], dtype=np.int32), np.array([0, 1, 1], dtype=np.int32)
+places, x, found = np.array([1, 0], dtype=np.int32), np.array([5.0, 7.0]), np.zeros(2)
+call("lift", starts, columns, np.array([1.0, 2.0, 3.0]), places, x, found, 2, 1, 1)
+print(found.tolist(), "numba" in sys.modules)
 """
 
-SQUARES = [float(0 * 4 + 2 * 2 + 4 * 0), float(1 * 5 + 3 * 3 + 5 * 1)]
-"""Σ a_j a_{2−j} for a = ((0, 1), (2, 3), (4, 5))."""
+PRODUCT = [3.0 * 7.0, 1.0 * 5.0 + 2.0 * 7.0]
+"""((1, 2), (0, 3)) times (5, 7), the rows in reverse."""
 
-NOWHERE = "from numba.core import caching; caching.CacheImpl._locator_classes = []\n"
+NOWHERE = "from anmstrip.taylor import compiled; compiled.directories = lambda: []\n"
 
 FULL = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))\n"
 
 
 def ran(directory: Path, before: str = "") -> tuple[list[str], list[str]]:
-    """Lines of output and of errors of a process that compiles a kernel."""
+    """Lines of output and of errors of a process that calls a kernel."""
     ended = subprocess.run(
         [sys.executable, "-c", before + KERNEL],
         env={**os.environ, "NUMBA_CACHE_DIR": str(directory)},
@@ -42,20 +44,20 @@ def ran(directory: Path, before: str = "") -> tuple[list[str], list[str]]:
 @pytest.mark.parametrize("before", [NOWHERE, FULL])
 def test_a_frozen_home_or_a_full_disk_takes_no_kernels(tmp_path: Path, before: str) -> None:
     lines, errors = ran(tmp_path, before)
-    assert lines == [f"{SQUARES} 0"]
+    assert lines == [f"{PRODUCT} True"]
     assert len(errors) == 1
     assert errors[0].startswith("Compiled kernels cannot be kept")
     assert "NUMBA_CACHE_DIR" in errors[0]
+    assert not list(tmp_path.rglob("*.o"))
 
 
 def test_damaged_and_lost_files_are_made_again(tmp_path: Path) -> None:
-    assert ran(tmp_path) == ([f"{SQUARES} 0"], [])
-    assert ran(tmp_path) == ([f"{SQUARES} 1"], [])
-    for suffix in ("nbi", "nbc"):
-        for path in tmp_path.rglob(f"*cauchy*.{suffix}"):
-            path.write_bytes(path.read_bytes()[:40])
-        assert ran(tmp_path) == ([f"{SQUARES} 0"], [])
-        assert ran(tmp_path) == ([f"{SQUARES} 1"], [])
-    for path in tmp_path.rglob("*cauchy*.nbc"):
-        path.unlink()
-    assert ran(tmp_path) == ([f"{SQUARES} 0"], [])
+    """Only then is numba imported."""
+    assert ran(tmp_path) == ([f"{PRODUCT} True"], [])
+    assert ran(tmp_path) == ([f"{PRODUCT} False"], [])
+    (kept,) = tmp_path.rglob("*.o")
+    kept.write_bytes(kept.read_bytes()[:40])
+    assert ran(tmp_path) == ([f"{PRODUCT} True"], [])
+    assert ran(tmp_path) == ([f"{PRODUCT} False"], [])
+    kept.unlink()
+    assert ran(tmp_path) == ([f"{PRODUCT} True"], [])

@@ -203,7 +203,8 @@ def forewarned(failure: Failure) -> str | None:
     from anmstrip.driver.warnings import serious
 
     preview = Preview.of(failure.assembly)
-    until = 1 + [plan.name for plan in preview.plans].index(failure.stage.name)
+    names = [plan.name for plan in preview.plans]  # a map goes on after the last of them
+    until = 1 + names.index(failure.stage.name) if failure.stage.name in names else None
     plans, strings = preview.plans[:until], preview.strings[:until]
     found = serious(replace(preview, plans=plans, strings=strings))
     return f"{found[0][0].upper()}{found[0][1:]}" if found else None
@@ -214,7 +215,7 @@ def slack(failure: Failure) -> str | None:
     membrane, strip = failure.assembly.membrane, failure.assembly.strip
     if membrane is None:
         return None
-    forces = membrane.at(failure.state.full)
+    forces = membrane.at(failure.state.full, failure.state.controls)
     mean = forces.reshape(*forces.shape[:2], strip.mesh.nelements, -1).mean(axis=3)
     least = np.linalg.eigvalsh(np.moveaxis(mean, 2, 0))[:, 0]
     euler = np.pi**2 * strip.bending_stiffness if failure.scene.strip.bending else 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from io import StringIO
 from pathlib import Path
 
@@ -16,8 +16,9 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import InputError, Mistake, printable
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
 from anmstrip.scene.schema import SceneSpec
+from anmstrip.scene.tables import FieldSpec
 from anmstrip.simulation.defaults import elastic_creep
-from anmstrip.simulation.problem import Assembly, flat_gap
+from anmstrip.simulation.problem import Assembly, flat_gap, naturals
 from anmstrip.taylor.series import record
 
 MEGABYTE = 2.0**20
@@ -55,6 +56,8 @@ def explain(scene: SceneSpec) -> str:
     if (bent := scene.strip.imperfection) is not None:
         words = f"by mode {bent.mode} of buckling at the end of stage {scene.course[0].name}"
         say(f"Bent without stress by {bent.amplitude:g} m, {words}.")
+    for line in natural_shapes(scene):
+        say(f"Unstressed: {line}.")
     for line in left_out(preview):
         say(f"Left out: {line}")
     if scene.rollers:
@@ -109,6 +112,8 @@ def effect_table(preview: Preview) -> Table:
             found.setdefault(effect.name, (effect, []))[1].append(plan)
     for i, (name, (effect, acting)) in enumerate(found.items()):
         own = str(preview.assembly.strip.unknowns) if i == 0 else "0"
+        if name == "plasticity":
+            own = str(preview.assembly.unknowns - preview.assembly.coupled)
         used = memory(effect, preview.assembly.order, acting[0]) / MEGABYTE
         stages = ", ".join(plan.name for plan in acting)
         table.add_row(name, str(effect.points), own, f"{used:.2f}", stages)
@@ -128,6 +133,21 @@ def memory(effect: Effect, order: int, plan: StageProblem) -> float:
     return program.nbytes(order)
 
 
+def natural_shapes(scene: SceneSpec) -> Iterator[str]:
+    """Yield what the strip would be like unstressed, from the beginning and by stages."""
+    units = {"temperature": "K", "flatness": "I-units"}
+    shapes = [("", scene.strip), *((f" in stage {s.name}", s.strip) for s in scene.stages)]
+    for when, shape in shapes:
+        for key, given in shape.natural.items():
+            if not isinstance(given, FieldSpec):
+                value = f"{given:g} 1/m"
+            else:
+                low, high = given.samples.min(), given.samples.max()
+                value = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+                value += f" {units[key]}"
+            yield f"{key.replace('_', ' ')} {value}{when}"
+
+
 def left_out(preview: Preview) -> list[str]:
     """Return the effects that do not act, with what in the scene says so."""
     scene, names = preview.assembly.scene, {e.name for p in preview.plans for e in p.model.effects}
@@ -145,7 +165,13 @@ def left_out(preview: Preview) -> list[str]:
         "pressure (no stage has it).": "pressure" in names,
         "tension that follows the strip (given to no end of a flat strip, or held in z).": follows,
         "moments on edges (no stage has entry.moment or exit.moment).": bent,
-        "inertia, plasticity, heat: not modelled.": False,
+        "plasticity (no table [material.plasticity]): the strip springs back whole.": (
+            "plasticity" in names
+        ),
+        "heat, flatness, camber, coil set (no strip.temperature, …): flat and cold.": naturals(
+            scene
+        ),
+        "inertia: not modelled.": False,
     }
     return [line for line, acts in acting.items() if not acts]
 
@@ -250,7 +276,8 @@ def path_of(plan: StageProblem) -> str:
     """Return what kind of path a stage is."""
     if plan.steady:
         return "stationary states, in the control"
-    return "implicit in time (friction)" if plan.in_time else "rate-free, in the control"
+    rates = " and ".join(e.name for e in plan.model.effects if e.rate_dependent)
+    return f"implicit in time ({rates})" if plan.in_time else "rate-free, in the control"
 
 
 def level_table(found: Sequence[Level], own: str) -> Table:

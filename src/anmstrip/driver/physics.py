@@ -213,7 +213,7 @@ def beyond_yield(preview: Preview) -> Iterator[str]:
     """Rollers over which the bent strip is stressed beyond its yield stress."""
     scene, m = preview.assembly.scene, preview.assembly.material
     limit, t = scene.material.yield_stress, scene.strip.thickness
-    if scene.contact is None or not bending_stiffness(scene):
+    if scene.contact is None or not bending_stiffness(scene) or scene.material.plasticity:
         return
     for roller in preview.assembly.rollers:
         strain = 0.5 * t * sharpest_curvature(preview, roller)
@@ -236,7 +236,7 @@ def stretched_beyond_yield(preview: Preview) -> Iterator[str]:
     scene, t = preview.assembly.scene, preview.assembly.scene.strip.thickness
     m, stress = scene.material, preview.tension / t
     limit = m.yield_stress or (PLASTIC * m.young if m.young > METAL else np.inf)
-    if stress > limit:
+    if stress > limit and not scene.material.plasticity:
         yield (
             f"the largest tension, {preview.tension:.3g} N/m, is a stress of {stress / 1e6:.0f} "
             f"MPa, beyond {limit / 1e6:.0f} MPa, at which the strip yields; plasticity is not "

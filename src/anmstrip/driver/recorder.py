@@ -14,7 +14,15 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.results.fields import FieldSampler
-from anmstrip.results.files import DirectoryLock, History, save_checkpoint, write_summary
+from anmstrip.results.files import (
+    DirectoryLock,
+    History,
+    save_checkpoint,
+    write_summary,
+    write_table,
+)
+from anmstrip.results.plastic import COLUMNS as YIELD_COLUMNS
+from anmstrip.results.plastic import LAYER_COLUMNS, YieldedStrip
 from anmstrip.results.profile import COLUMNS as PROFILE_COLUMNS
 from anmstrip.results.profile import Profile
 from anmstrip.results.state import State
@@ -29,7 +37,7 @@ WRITTEN = 100
 """States of a run that are written by default: the first one in each of so many equal parts of its
 time, and the ends of the stages."""
 
-STALE = ("checkpoint.npz", "summary.json")
+STALE = ("checkpoint.npz", "summary.json", "report.html")
 """Files of an earlier run in the same directory that no longer belong to anything."""
 
 STEP_COLUMNS = ("stage", "time", "step", "tangents", "order", "range", "residual")
@@ -37,6 +45,16 @@ STEP_COLUMNS = ("stage", "time", "step", "tangents", "order", "range", "residual
 EVENT_COLUMNS = ("time", "stage", "kind", "roller", "point", "x", "y", "gap", "slip")
 
 ROLLER_COLUMNS = ("normal_force", "drag", "wrap", "max_slip", "surface_speed", "torque")
+
+
+def history_row(step: Step) -> dict[str, Any]:
+    """Return the row of a step in ``history.csv``."""
+    state, values = step.state, {column: getattr(step, column) for column in STEP_COLUMNS}
+    for edge in ("entry", "exit"):
+        values[f"{edge}_tension"] = state.tension(edge)
+    for name, reading in state.rollers.items():
+        values |= {f"{name}_{column}": getattr(reading, column) for column in ROLLER_COLUMNS}
+    return values
 
 
 class Recorder:
@@ -77,11 +95,13 @@ class Recorder:
             self.events = History.reopen(events, EVENT_COLUMNS, self.event_rows)
         else:
             self.events = History(events, EVENT_COLUMNS)
+        yields = () if assembly.flow is None else YIELD_COLUMNS
+        profile_columns = (*PROFILE_COLUMNS, *yields)
         profile, self.profile_rows = directory / "profile.csv", kept.get("profile_rows", 0)
         if self.profile_rows:
-            self.profile_table = History.reopen(profile, PROFILE_COLUMNS, self.profile_rows)
+            self.profile_table = History.reopen(profile, profile_columns, self.profile_rows)
         else:
-            self.profile_table = History(profile, PROFILE_COLUMNS)
+            self.profile_table = History(profile, profile_columns)
         self.states = self.strip.count
         self.due = [t for t in assembly.scene.output.times or () if t > kept["time"]]
         touching = None if assembly.contact is None else assembly.contact_operator
@@ -97,12 +117,7 @@ class Recorder:
         self.lock.check()
         if output.times is None and not self.strip.count:
             self.write_state(state.at(state.plan.start, before))
-        values = {column: getattr(step, column) for column in STEP_COLUMNS}
-        for edge in ("entry", "exit"):
-            values[f"{edge}_tension"] = state.tension(edge)
-        for name, reading in state.rollers.items():
-            values |= {f"{name}_{column}": getattr(reading, column) for column in ROLLER_COLUMNS}
-        self.history.append(values)
+        self.history.append(history_row(step))
         self.rows += 1
         for event in step.events:
             assert self.events is not None
@@ -189,6 +204,10 @@ class Recorder:
                     "penetration": cost.penetration,
                     "regularisation_effect": {**effect, "total": cost.effect},
                 }
+            if (layers := YieldedStrip.of(state)) is not None:
+                write_table(self.directory / "layers.csv", LAYER_COLUMNS, layers.rows())
+                for name, bend in layers.rollers().items():
+                    rollers[name]["bend"] = asdict(bend)
         written = {"rollers": rollers, "edges": edges, "input": self.assembly.scene.to_dict()}
         if state is not None and state.strip_speed is not None:
             facts = {**facts, "strip_speed": state.strip_speed}

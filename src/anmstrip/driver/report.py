@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from io import StringIO
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ import numpy as np
 from rich.console import Console
 
 from anmstrip.driver.explain import plain_table
+from anmstrip.results.plastic import RollerBend, YieldedStrip
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -25,6 +27,8 @@ def report(run: Run) -> str:
     if state is not None:
         if state.rollers:
             console.print(roller_table(state))
+            if (layers := YieldedStrip.of(state)) is not None:
+                console.print(bend_table(layers.rollers()))
         for line in (tensions(state), errors(run)):
             console.print(line, markup=False)
     for warning in run.warnings:
@@ -42,6 +46,22 @@ def roller_table(state: State) -> Table:
         values = (np.degrees(r.wrap), r.tension_in, r.tension_out, r.normal_force, r.torque)
         loads = (f"{load:.3g}" for load in (r.line_load_in, r.line_load_out))
         table.add_row(name, *(f"{v:.4g}" for v in values), f"{r.max_slip:.3g}", used, *loads)
+    return table
+
+
+def bend_table(bends: Mapping[str, RollerBend]) -> Table:
+    """Return the sharpest bend at every roller of strip that can yield, and what it leaves."""
+    heads = ("curvature\n(1/m)", "moment\n(N)", "plastic\nshare", "left\n(1/m)")
+    more = ("elongation\n(1)", "power\n(W)")
+    table = plain_table(
+        "Bends, and what they leave of strip that is unloaded", "\nroller", *heads, *more
+    )
+    for name, b in bends.items():
+        share, values = f"{100.0 * b.plastic_share:.3g} %", (b.elongation, b.yield_power)
+        bent = (f"{v:.4g}" for v in (b.curvature, b.moment))
+        table.add_row(
+            name, *bent, share, f"{b.residual_curvature:.4g}", *(f"{v:.4g}" for v in values)
+        )
     return table
 
 

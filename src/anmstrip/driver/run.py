@@ -15,10 +15,11 @@ from anmstrip.continuation.equations import Cost, Outcome, PathStopped
 from anmstrip.continuation.follow import Pace
 from anmstrip.driver.checkpoint import identity, read_checkpoint
 from anmstrip.driver.preview import Preview
-from anmstrip.driver.recorder import Recorder
+from anmstrip.driver.recorder import Recorder, history_row
 from anmstrip.driver.warnings import warnings
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import SHELL
+from anmstrip.results.files import read_history
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.simulation.march import March, Step, unbroken
@@ -145,6 +146,7 @@ class Run:
         self.state: State | None = None
         self.outcome, self.message = Outcome.TOO_MANY_STEPS, "The run has not ended."
         self.warnings: list[str] = []
+        self.rows: list[dict[str, Any]] = []
         self.begun, self.spent = time.perf_counter(), 0.0
         resumed = None
         if resume:
@@ -170,6 +172,25 @@ class Run:
     def seconds(self) -> float:
         """Wall time, that of earlier parts of a resumed run included (s)."""
         return self.spent + time.perf_counter() - self.begun
+
+    @property
+    def history(self) -> dict[str, Array | list[str]]:
+        """Columns of ``history.csv`` by name, an entry for each accepted step, written or not.
+
+        ``pandas.DataFrame(run.history)`` is the same as a table of pandas.
+        """
+        if self.directory is not None:
+            return read_history(self.directory / "history.csv")
+        columns: dict[str, Array | list[str]] = {}
+        for name in self.rows[0] if self.rows else ():
+            cells = [row[name] for row in self.rows]
+            columns[name] = cells if name == "stage" else np.array(cells, dtype=float)
+        return columns
+
+    def __repr__(self) -> str:
+        return (
+            f"<Run of {self.scene.title or self.scene.name!r}: {self.steps} steps. {self.message}>"
+        )
 
     @property
     def end_time(self) -> float:
@@ -248,6 +269,8 @@ class Run:
         if self.recorder is not None:
             self.recorder.record(step, before)
             self._checkpoint()
+        else:
+            self.rows.append(history_row(step))
         return step
 
     def _count(self, plan: StageProblem) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from anmstrip.results.rollers import Regularisation
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.simulation.march import Step
 from anmstrip.simulation.problem import EffectMaker
+
+if TYPE_CHECKING:
+    from anmstrip.driver.operating_map import OperatingMap
 
 
 class Scene(SceneSpec):
@@ -23,6 +26,7 @@ class Scene(SceneSpec):
     >>> scene = Scene(
     ...     strip={"length": 4.0, "width": 1.0, "thickness": 1e-3, "cells": [16, 2]},
     ...     material={"young": 2e11, "poisson": 0.3},
+    ...     edges={"entry": {"fixed": ["x", "y", "z"]}, "exit": {"fixed": ["y", "z"]}},
     ...     stages=[{"duration": 1.0, "exit": {"force": [1e4, 0.0, 0.0]}}],
     ... )
     >>> [step.time for step in scene.run()]
@@ -57,6 +61,35 @@ class Scene(SceneSpec):
                 raise self.refused("friction.regularisation", "auto", expected, hint)
             return SharpenedRun(self, directory, effects=effects)
         return Run(self, directory, resume=resume, effects=effects)
+
+    def map(
+        self,
+        *along: str,
+        directory: str | Path | None = None,
+        effects: Iterable[EffectMaker] = (),
+    ) -> OperatingMap:
+        """Return the stationary states along one control, or along one for values of another.
+
+        Parameters
+        ----------
+        *along : str
+            ``KEY=first:last`` or ``KEY=first:last:number``, with a key of a steady stage.
+        directory : path, optional
+            Where ``map.csv``, ``map.json`` and ``map.png`` go; nothing is written without it.
+        effects : iterable of callables, optional
+            Effects of one's own, see :class:`~anmstrip.driver.run.Run`.
+
+        Returns
+        -------
+        OperatingMap
+            It has been followed to its end.
+        """
+        from anmstrip.driver.operating_map import OperatingMap
+
+        made = OperatingMap(self, along, directory, effects)
+        for _ in made:
+            pass
+        return made
 
 
 MOST_RUNS = 6

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
+from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, eye, kron, vstack
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.strip import Strip
@@ -22,6 +23,7 @@ class Blocks:
     columns: Array  # (unknowns of the strip, others): a full column for each other unknown
     rows: Array  # (others, unknowns of the strip)
     corner: Array  # (others, others)
+    internal: Eliminated | Chained | None = None  # unknowns of points' own
 
 
 class Pattern:
@@ -46,7 +48,8 @@ class Pattern:
         """Empty blocks; others is the number of unknowns besides those of the strip."""
         n, pairs = self.count * self.scalars, (self.count, self.count, self.couplings)
         shapes = pairs, (n, others), (others, n), (others, others)
-        return Blocks(*(np.zeros(shape) for shape in shapes))
+        blocks, columns, rows, corner = (np.zeros(shape) for shape in shapes)
+        return Blocks(blocks, columns, rows, corner)
 
     def sum_of_rows(self, weights: Array, blocks: Blocks) -> Array:
         """Weighted sum of the rows of the strip's unknowns, shape (unknowns of the strip,)."""
@@ -88,6 +91,22 @@ class Restriction:
         return Bordered(
             inner, columns, rows[:, self.free], blocks.corner[np.ix_(self.others, self.others)]
         )
+
+
+@dataclass(frozen=True)
+class Part:
+    """Rows of an operator that are the same matrix for several components.
+
+    Of the components c of one kind, row + k step + c stride is the k-th derivative.
+    """
+
+    matrix: csr_matrix  # (derivatives · points, scalars)
+    weights: Array  # (derivatives · points,)
+    first: int = 0  # unknown
+    count: int = 1  # components
+    row: int = 0
+    step: int = 1
+    stride: int = 1
 
 
 class CellOperator:
@@ -140,6 +159,19 @@ class CellOperator:
         values = values.reshape(self.elements, self.components, self.per_element, self.count)
         return values.transpose(3, 1, 0, 2).reshape(self.count, self.components, -1)
 
+    @cached_property
+    def matrices(self) -> tuple[list[Part], list[Part]]:
+        """L as sparse matrices, and that of which forces are the transposed."""
+        table = self.table.reshape(self.elements, self.components, self.per_element, self.local)
+        rows = table.swapaxes(0, 1).reshape(-1, self.local)
+        columns = np.repeat(self.dofs, self.per_element, axis=0).ravel()
+        starts = np.arange(0, rows.size + 1, self.local)
+        index = (np.tile(columns, self.components), starts)
+        matrix = csr_matrix((rows.ravel(), *index), shape=(len(rows), self.sum.shape[0]))
+        weights = np.tile(self.weights, self.components)
+        parts = [Part(matrix, weights, count=self.count, stride=self.components)]
+        return parts, parts
+
     def gather(self, forces: Array) -> Array:
         """Generalised forces of point forces, shape (count, components, points) → (unknowns,)."""
         each = forces.reshape(self.count, self.components, self.elements, -1)
@@ -173,3 +205,190 @@ class CellOperator:
         """Sum element matrices (elements, row, column) into a block."""
         places = pattern.places if self.cells is None else pattern.cells[self.cells].ravel()
         block += np.bincount(places, local.ravel(), pattern.couplings)
+
+
+def upwind(strip: Strip) -> csr_matrix:
+    """Return backward differences along a section, at its quadrature points, (points, points).
+
+    Before the entry stands zero.  Of a flow law they make the backward Euler method along the
+    strip, which for stress that hardly depends on the rate is a return to the yield surface at
+    every point.
+    """
+    x = np.asarray(strip.basis.global_coordinates())[0].ravel()
+    order = np.argsort(x)
+    steps = np.diff(x[order], prepend=strip.mesh.p[0].min())
+    index = np.concatenate([order, order[1:]]), np.concatenate([order, order[:-1]])
+    values = np.concatenate([1.0 / steps, -1.0 / steps[1:]])
+    return csr_matrix((values, index), shape=(len(x), len(x)))
+
+
+class InternalOperator:
+    """Derivatives at quadrature points, and unknowns that belong to each point alone.
+
+    Of a law with unknowns of its own: it has the equations for them, as many, below its forces.
+    They are the last unknowns of a model, component by component.
+
+    Parameters
+    ----------
+    cells : CellOperator
+    place : int
+        Number of the first of these unknowns in a model.
+    own : int
+        How many each point has.
+    slopes : csr_matrix, optional
+        From values at the points to derivatives along the strip, shape (points, points): those of
+        the own unknowns follow behind them, and their equations are solved for the whole strip.
+    flows : bool, optional
+        Whether there are equations for the own unknowns; else they are held.
+    """
+
+    def __init__(
+        self,
+        cells: CellOperator,
+        place: int,
+        own: int,
+        slopes: csr_matrix | None = None,
+        flows: bool = True,
+    ) -> None:
+        self.cells, self.place, self.own = cells, place, own
+        self.slopes, self.flows = slopes, flows
+        self.strains = cells.count * cells.components
+
+    @property
+    def points(self) -> int:
+        """Number of quadrature points."""
+        return self.cells.points
+
+    @cached_property
+    def matrix(self) -> csr_matrix:
+        """Derivatives from the unknowns of the strip, (strains · points, unknowns)."""
+        (part,), _ = self.cells.matrices
+        each = [kron(part.matrix, row[None]) for row in np.eye(part.count)]
+        return csr_matrix(vstack(each))
+
+    @cached_property
+    def matrices(self) -> tuple[list[Part], list[Part]]:
+        """L as sparse matrices, and that of which forces are the transposed."""
+        inputs, outputs = self.cells.matrices
+        ones = np.ones(self.own * self.points)
+        same = Part(csr_matrix(eye(len(ones))), ones, self.place, row=self.strains)
+        inputs = [*inputs, same]
+        if self.slopes is not None:
+            along = csr_matrix(kron(eye(self.own), self.slopes))
+            inputs.append(Part(along, ones, self.place, row=self.strains + self.own))
+        return inputs, [*outputs, same] if self.flows else outputs
+
+    def values(self, full: Array) -> Array:
+        """Return the own unknowns, shape (own, points)."""
+        return full[self.place : self.place + self.own * self.points].reshape(self.own, -1)
+
+    def apply(self, full: Array) -> Array:
+        """Return derivatives, own unknowns and their slopes, shape (components, points)."""
+        values = self.values(full)
+        rows = [self.cells.apply(full).reshape(self.strains, -1), values]
+        return np.vstack(rows if self.slopes is None else [*rows, (self.slopes @ values.T).T])
+
+    def rates(self, x: Any, v: Any) -> Any:
+        """Return the rates of the own unknowns, or their slopes, from values and their rates."""
+        return v[self.strains :] if self.slopes is None else x[self.strains + self.own :]
+
+    def gather(self, forces: Array) -> Array:
+        """Return generalised forces, and the own equations if there are any, (unknowns,)."""
+        shape = (self.cells.count, self.cells.components, -1)
+        on_strip = self.cells.gather(forces[: self.strains].reshape(shape))
+        if not self.flows or len(forces) == self.strains:
+            return on_strip
+        total = np.zeros(self.place + self.own * self.points)
+        total[: len(on_strip)] = on_strip
+        total[self.place :] = forces[self.strains :].ravel()
+        return total
+
+    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
+        """Add Lᵀ w J L, J[j, i] of change j and force i, without the own unknowns if they flow."""
+        q = self.strains
+        on_strains = derivative[:q, :q]
+        if self.flows and self.slopes is None:
+            part = Eliminated(self, *(derivative[a, b] for a, b in _quarters(q)))
+            on_strains = on_strains - part.relief
+            blocks.internal = part
+        elif self.flows:
+            blocks.internal = Chained(self, derivative)
+        shape = (self.cells.count, self.cells.components) * 2
+        self.cells.add_tangent(on_strains.reshape(*shape, -1), pattern, blocks)
+
+
+def _quarters(q: int) -> tuple[tuple[slice, slice], ...]:
+    """Return own equations by strains, forces by own unknowns, own equations by own unknowns."""
+    first, last = slice(0, q), slice(q, None)
+    return (first, last), (last, first), (last, last)
+
+
+class Eliminated:
+    """Unknowns z of points, g = A L u + C z, that act on the others as Lᵀ w B z.
+
+    Parameters
+    ----------
+    operator : InternalOperator
+    by_strains, on_forces, own : ndarray
+        A, B and C as J[j, i] of change j and result i, points last.
+    """
+
+    def __init__(self, operator: InternalOperator, by_strains: Array, on_forces: Array, own: Array):
+        self.operator = operator
+        self.by_strains = by_strains.transpose(2, 1, 0)
+        self.on_forces = on_forces.transpose(2, 1, 0)
+        self.inverse = np.linalg.inv(own.transpose(2, 1, 0))
+
+    @property
+    def relief(self) -> Array:
+        """B C⁻¹ A as J[j, i], shape (strains, strains, points)."""
+        return (self.on_forces @ self.inverse @ self.by_strains).transpose(2, 1, 0)
+
+    def reduced(self, own: Array) -> Array:
+        """Return Lᵀ w B C⁻¹ g, shape (unknowns of the strip,)."""
+        operator = self.operator
+        right = own.reshape(operator.own, -1).T[:, :, None]
+        return operator.gather((self.on_forces @ (self.inverse @ right))[:, :, 0].T)
+
+    def recovered(self, full: Array, own: Array) -> Array:
+        """Return z = C⁻¹ (g − A L u), shape (own unknowns,)."""
+        operator = self.operator
+        strains = operator.cells.apply(full).reshape(operator.strains, -1).T[:, :, None]
+        right = own.reshape(operator.own, -1).T[:, :, None] - self.by_strains @ strains
+        return (self.inverse @ right)[:, :, 0].T.ravel()
+
+
+class Chained:
+    """The same where the own unknowns of a point depend on those of the point before.
+
+    Nothing can be eliminated point by point: what flows at a point is carried along the strip.
+
+    Parameters
+    ----------
+    operator : InternalOperator
+        With slopes.
+    derivative : ndarray
+        J[j, i] of change j and result i, points last.
+    """
+
+    def __init__(self, operator: InternalOperator, derivative: Array) -> None:
+        self.operator, self.derivative = operator, derivative
+
+    def blocks(self) -> tuple[csr_matrix, csr_matrix, csr_matrix]:
+        """Return ∂(forces)/∂z, ∂g/∂u and ∂g/∂z, over the unknowns of the strip and z."""
+        operator, q, m = self.operator, self.operator.strains, self.operator.own
+        by_strain, by_own, by_slope = np.split(self.derivative, [q, q + m])
+        gradient, weights = operator.matrix, np.tile(operator.cells.weights, q)
+        on_forces = gradient.T @ (_diagonals(by_own[:, :q]).multiply(weights[:, None]))
+        along = kron(eye(m), operator.slopes)
+        own = _diagonals(by_own[:, q:]) + _diagonals(by_slope[:, q:]) @ along
+        return on_forces.tocsr(), (_diagonals(by_strain[:, q:]) @ gradient).tocsr(), own.tocsr()
+
+
+def _diagonals(derivative: Array) -> csr_matrix:
+    """Return the matrix of J[j, i] at points, (results · points, changes · points)."""
+    changes, results, points = derivative.shape
+    j, i, p = np.mgrid[:changes, :results, :points]
+    index = (i * points + p).ravel(), (j * points + p).ravel()
+    shape = results * points, changes * points
+    return csr_matrix((derivative.ravel(), index), shape=shape)

@@ -13,7 +13,7 @@ from scipy.sparse.linalg import splu
 from skfem.element import DiscreteField
 
 from anmstrip.arrays import Array, Index
-from anmstrip.fem.operators import Blocks, CellOperator, Pattern
+from anmstrip.fem.operators import Blocks, CellOperator, Part, Pattern
 from anmstrip.fem.strip import Strip
 
 
@@ -166,6 +166,12 @@ class ContactOperator:
         """Number of points."""
         return len(self.weights)
 
+    @property
+    def matrices(self) -> tuple[list[Part], list[Part]]:
+        """L as sparse matrices, and that of which forces are the transposed."""
+        parts = [Part(self.matrix, self.weights, count=self.count)]
+        return parts, parts
+
     def apply(self, full: Array) -> Array:
         """Values of the unknown components, shape (count, points)."""
         own = full[: self.matrix.shape[1] * self.count]
@@ -208,6 +214,13 @@ class SlopeOperator(ContactOperator):
         part = super()._part(points)
         part.slopes = self.slopes[points]
         return part
+
+    @property
+    def matrices(self) -> tuple[list[Part], list[Part]]:
+        """L as sparse matrices, and that of which forces are the transposed."""
+        values = super().matrices[1]
+        slopes = Part(self.slopes, self.weights, count=self.count, row=self.count)
+        return [*values, slopes], values
 
     def apply(self, full: Array) -> Array:
         """Values and derivatives of the unknown components, shape (2, count, points)."""

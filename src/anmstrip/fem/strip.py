@@ -30,6 +30,7 @@ class Material:
     young: float  # E (Pa)
     poisson: float  # ν
     density: float = 0.0  # ρ (kg/m³)
+    expansion: float = 0.0  # α (1/K)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from scipy.linalg import lapack
 from scipy.sparse import csc_matrix
 
 from anmstrip.linalg.bordered import Bordered
+from anmstrip.linalg.condensed import Condensed, Joined
 from anmstrip.linalg.direct import (
     Array,
     BandPlan,
@@ -74,9 +75,9 @@ class SparseSolver:
 
     plan: BandPlan | SuperLUPlan | None = None
 
-    def factorise(self, matrix: csc_matrix | Bordered) -> Factors:
-        """Factors by the plan for the pattern of the matrix; a border is eliminated."""
-        if isinstance(matrix, Bordered):
+    def factorise(self, matrix: csc_matrix | Bordered | Condensed | Joined) -> Factors:
+        """Factors by the plan for the pattern of the matrix; other unknowns are eliminated."""
+        if isinstance(matrix, Bordered | Condensed | Joined):
             return matrix.factorised(self.factorise)
         require_finite(matrix)
         if self.plan is None or not self.plan.fits(matrix):

@@ -30,6 +30,10 @@ STEEPEST = 1.5
 """Bound of the change of a gap over the way of its point: (1 + |R'|)/√(1 + R'²) ≤ √2."""
 
 
+Look = tuple[Array, Array]
+"""Displacements of points, (components, points), and centres of rollers, (rollers, 3)."""
+
+
 def deepest(contact: Contact, places: Callable[[Array], Array]) -> float | None:
     """Return where on its way a point lies deeper than at either end, by more than the onset.
 
@@ -172,40 +176,48 @@ class Contact(LawEffect):
 
         Of all pairs, if anything moves so far that neighbours say nothing.
         """
-        ((full, _, controls),) = states(np.zeros(1))
-        near, farthest = self.neighbours(full, controls), 0.0
+
+        def looked(shares: Array) -> list[tuple[Look, Mapping[str, Any]]]:
+            return [(self.look(full, controls), controls) for full, _, controls in states(shares)]
+
+        first = looked(np.linspace(0.0, 1.0, 3))
+        near = self.neighbours(*first[0])
+        farthest = max(near.moved(look) for look, _ in first)
 
         def places(shares: Array, part: Contact = near.part) -> Array:
             nonlocal farthest
-            moments = [(u, c) for u, _, c in states(shares)]
-            farthest = max(farthest, *(near.moved(self.points_and_centres(*m)) for m in moments))
-            return np.array([part.position(part.operator.apply(u), c) for u, c in moments])
+            looks = first if len(shares) == len(first) else looked(shares)
+            if looks is not first:
+                farthest = max(farthest, *(near.moved(look) for look, _ in looks))
+            return np.array([part.position(part.chosen(look), c) for look, c in looks])
 
-        places(np.linspace(0.0, 1.0, 3))
         found = deepest(near.part, places) if near.part.points else None
         if farthest <= near.skin:
             return found
         return deepest(self, lambda shares: places(shares, self))
 
-    def points_and_centres(self, full: Array, controls: Mapping[str, Any]) -> tuple[Array, Array]:
+    def look(self, full: Array, controls: Mapping[str, Any]) -> Look:
         """Displacements of all points, (components, points), and centres, (rollers, 3)."""
         names = [f"rollers.{roller.name}.centre" for roller in self.roller.members]
         return self.operator.whole.apply(full), np.array([controls[name] for name in names])
 
-    def neighbours(self, full: Array, controls: Mapping[str, Any]) -> Neighbours:
+    def chosen(self, look: Look) -> Array:
+        """Displacements of this contact's own points, (components, points)."""
+        return look[0][:, self.operator.chosen]
+
+    def neighbours(self, look: Look, controls: Mapping[str, Any]) -> Neighbours:
         """Pairs that are near, looked up anew when something has moved far.
 
         As lists of neighbours of particles are (Verlet, Phys. Rev. 159, 98, 1967): all pairs are
         looked at only then, so that the work of a state grows with the points and not with their
         number times that of the rollers.
         """
-        here = self.points_and_centres(full, controls)
         latest = self.latest.get("neighbours")
-        if latest is None or not latest.moved(here) <= latest.skin:
+        if latest is None or not latest.moved(look) <= latest.skin:
             skin = min(float(roller.radius) for roller in self.roller.members)
-            gap = self.seen(self.operator.apply(full), controls).gap
+            gap = self.seen(self.chosen(look), controls).gap
             pairs = np.flatnonzero(gap < self.reaches + STEEPEST * skin)
-            latest = self.latest["neighbours"] = Neighbours(self._part(pairs), pairs, skin, *here)
+            latest = self.latest["neighbours"] = Neighbours(self._part(pairs), pairs, skin, *look)
         return latest
 
     @cached_property
@@ -219,8 +231,9 @@ class Contact(LawEffect):
 
     def within_reach(self, full: Array, controls: Mapping[str, Any]) -> Index:
         """Numbers of the points within reach."""
-        near = self.neighbours(full, controls)
-        gap = near.part.seen(near.part.operator.apply(full), controls).gap
+        look = self.look(full, controls)
+        near = self.neighbours(look, controls)
+        gap = near.part.seen(near.part.chosen(look), controls).gap
         return np.asarray(near.pairs[gap < near.part.reaches])
 
     def pressure(self, place: Projection) -> Any:
@@ -249,7 +262,7 @@ class Neighbours:
     displacements: Array  # of all points when they were looked up (m), (components, points)
     centres: Array  # of the rollers (m), (rollers, 3)
 
-    def moved(self, here: tuple[Array, Array]) -> float:
+    def moved(self, here: Look) -> float:
         """Return the largest distance (m) by which a point and a roller may have come nearer."""
         points, rollers = here[0] - self.displacements, here[1] - self.centres
         squares = (

@@ -5,17 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from scipy.sparse import csr_matrix
 
 from anmstrip.arrays import Array
 from anmstrip.fem.geometry import Kinematics
-from anmstrip.fem.operators import Blocks, Pattern
+from anmstrip.fem.operators import Blocks, Part, Pattern
 from anmstrip.fem.sampling import REMEMBERED
+from anmstrip.taylor.program import AVAILABLE
 from anmstrip.taylor.series import Series, record
 from anmstrip.taylor.tape import Tape
+
+if TYPE_CHECKING:
+    from anmstrip.mechanics.compiled import CompiledLaw
 
 
 class Operator(Protocol):
@@ -24,6 +28,10 @@ class Operator(Protocol):
     @property
     def points(self) -> int:
         """Number of points."""
+
+    @property
+    def matrices(self) -> tuple[list[Part], list[Part]]:
+        """L as sparse matrices, and that of which forces are the transposed."""
 
     def apply(self, full: Array) -> Array:
         """L u."""
@@ -37,6 +45,9 @@ class Operator(Protocol):
 
 Values = Mapping[str, Any]
 """Values of the controls, by name."""
+
+State = tuple[Array, Array | None, float]
+"""Displacements and velocities of all unknowns, and λ."""
 
 Moment = tuple[Array, Array | None, Mapping[str, Any]]
 """Displacements and velocities of all unknowns, and the values of the controls."""
@@ -106,10 +117,13 @@ class LawEffect(Effect):
 
     def force(self, full: Array, velocity: Array | None, controls: Values) -> Array:
         """Return Lᵀ w law(L u, L v, controls), shape (unknowns,)."""
-        effect = self.near(full, controls)
-        operator = effect.operator
+        return self.near(full, controls).force_here(full, velocity, controls)
+
+    def force_here(self, full: Array, velocity: Array | None, controls: Values) -> Array:
+        """Return the same of all points."""
+        operator = self.operator
         v = operator.apply(velocity) if self.rate_dependent and velocity is not None else None
-        return operator.gather(effect.law(operator.apply(full), v, controls))
+        return operator.gather(self.law(operator.apply(full), v, controls))
 
 
 @dataclass(frozen=True)
@@ -263,18 +277,36 @@ class RecordedLaw:
             return effect.law(x, v, self.asked)
 
         self.program = record(law, *kinematic, points=effect.operator.points, compiled=True)
+        self.kinematic = len(kinematic)
 
-    def fits(self, effect: LawEffect, kinematic: list[Array], controls: Controls) -> bool:
+    @cached_property
+    def compiled(self) -> CompiledLaw | None:
+        """From unknowns to forces at once, if the program is compiled and keeps points apart."""
+        program = self.program
+        laned = program.output.laned and all(x.laned for x in program.inputs[: self.kinematic])
+        if not (laned and AVAILABLE):
+            return None
+        from anmstrip.mechanics.compiled import CompiledLaw
+
+        return CompiledLaw(program, self.effect.operator.matrices, self.kinematic)
+
+    def fits(self, effect: LawEffect, inputs: int, controls: Controls) -> bool:
         """Whether the program holds for an effect with other controls."""
         return (
             effect is self.effect
             and self.program.reusable
-            and len(self.program.inputs) == len(kinematic) + len(self.asked.moving)
+            and len(self.program.inputs) == inputs + len(self.asked.moving)
             and all(
                 name not in controls.slope and np.array_equal(controls.start[name], value)
                 for name, value in self.asked.constant.items()
             )
         )
+
+
+def motions_of(effect: LawEffect, state: State) -> list[Array]:
+    """Displacements, and velocities if the effect looks at them and there are any."""
+    full, velocity, _ = state
+    return [full] if velocity is None or not effect.rate_dependent else [full, velocity]
 
 
 class RecordedLaws:
@@ -283,15 +315,19 @@ class RecordedLaws:
     def __init__(self) -> None:
         self.latest: dict[str, list[RecordedLaw]] = {}
 
-    def of(
-        self, effect: LawEffect, kinematic: list[Array], control: float, controls: Controls
-    ) -> RecordedLaw:
-        """The program for an effect at some of its points."""
+    def known(self, effect: LawEffect, state: State, controls: Controls) -> RecordedLaw | None:
+        """The program for an effect at some of its points, if it was recorded."""
+        inputs = len(motions_of(effect, state))
         latest = self.latest.setdefault(effect.name, [])
-        for law in latest:
-            if law.fits(effect, kinematic, controls):
-                return law
-        latest.insert(0, RecordedLaw(effect, kinematic, control, controls))
+        return next((law for law in latest if law.fits(effect, inputs, controls)), None)
+
+    def of(self, effect: LawEffect, state: State, controls: Controls) -> RecordedLaw:
+        """The program for an effect at some of its points."""
+        if (law := self.known(effect, state, controls)) is not None:
+            return law
+        latest = self.latest[effect.name]
+        kinematic = [effect.operator.apply(x) for x in motions_of(effect, state)]
+        latest.insert(0, RecordedLaw(effect, kinematic, state[2], controls))
         del latest[REMEMBERED:]
         return latest[0]
 
@@ -309,9 +345,8 @@ class EffectSeries:
         """Return order 1 for changes of the unknowns, their velocities and λ."""
         raise NotImplementedError
 
-    def advance(self, k: int) -> Array | None:
-        """Return order k of what the lower orders make."""
-        return None
+    def advance(self, k: int, total: Array) -> None:
+        """Add order k of what the lower orders make, shape (unknowns,)."""
 
     def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
         """Fix order k of the unknowns."""
@@ -324,22 +359,13 @@ class LawSeries(EffectSeries):
     """A pointwise effect."""
 
     def __init__(
-        self,
-        effect: LawEffect,
-        order: int,
-        state: tuple[Array, Array | None, float],
-        controls: Controls,
-        laws: RecordedLaws,
+        self, effect: LawEffect, order: int, state: State, controls: Controls, law: RecordedLaw
     ) -> None:
-        self.effect, self.operator = effect, effect.operator
-        full, velocity, control = state
-        self.in_rate = effect.rate_dependent and velocity is not None
-        kinematic = [self.operator.apply(full)]
-        if effect.rate_dependent and velocity is not None:
-            kinematic.append(self.operator.apply(velocity))
-        law, values = laws.of(effect, kinematic, control, controls), controls.at(control)
-        moving = list(law.asked.moving)
+        self.effect, self.operator, moving = effect, effect.operator, law.asked.moving
+        kinematic = [self.operator.apply(x) for x in motions_of(effect, state)]
+        self.in_rate = len(kinematic) > 1
         self.slopes = [controls.slope.get(name) for name in moving]
+        values = controls.at(state[2])
         self.orders = law.program.start(*kinematic, *(values[name] for name in moving), order=order)
         self.shape = kinematic[0].shape
 
@@ -361,8 +387,9 @@ class LawSeries(EffectSeries):
             return None
         return self.operator.gather(self.orders.derivative(*changes))
 
-    def advance(self, k: int) -> Array:
-        return self.operator.gather(self.orders.advance(k))
+    def advance(self, k: int, total: Array) -> None:
+        force = self.operator.gather(self.orders.advance(k))
+        total[: len(force)] += force
 
     def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
         self.orders.correct(*self._changes(u, v, control))
@@ -375,6 +402,50 @@ class LawSeries(EffectSeries):
         self.operator.add_tangent(
             derivative.reshape(self.shape[:-1] + derivative.shape[1:]), pattern, blocks
         )
+
+
+class CompiledSeries(EffectSeries):
+    """A pointwise effect, by machine code."""
+
+    def __init__(
+        self, effect: LawEffect, order: int, state: State, controls: Controls, law: RecordedLaw
+    ) -> None:
+        assert law.compiled is not None
+        self.effect, self.operator = effect, effect.operator
+        self.law, program = law.compiled, law.program
+        full, _, control = state
+        self.slopes = [controls.rate(name) for name in law.asked.moving]
+        self.w = np.empty((program.blocks, program.kept, max(order, 1) + 1, program.lanes))
+        given = zip(law.asked.moving, self.slopes, strict=True)
+        values = [controls.start[name] + control * slope for name, slope in given]
+        self.advanced = self.law.start(self.w, motions_of(effect, state), values)
+        self.force = self.law.gather(np.zeros_like(full))
+
+    def residual(self) -> Array:
+        return self.force
+
+    def _lift(self, u: Array, v: Array | None, control: float) -> None:
+        """Set the changes of the inputs."""
+        motions = [u, v][: len(self.law.lifts)]
+        self.law.lift(motions, [control * slope for slope in self.slopes], self.law.changes)
+
+    def derivative(self, u: Array, v: Array | None, control: float) -> Array:
+        self._lift(u, v, control)
+        self.law.derivative(self.w)
+        return self.law.gather(np.zeros_like(u))
+
+    def advance(self, k: int, total: Array) -> None:
+        self.advanced(k)
+        self.law.gather(total)
+
+    def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
+        self._lift(u, v, control)
+
+    def add_tangent(self, pattern: Pattern, blocks: Blocks, rate: float) -> None:
+        x, *_ = self.law.program.inputs
+        found = self.law.tangent(self.w, rate)
+        entries = found.reshape(x.shape[:-1] + found.shape[1:])
+        self.operator.add_tangent(entries, pattern, blocks)
 
 
 class LinearSeries(EffectSeries):
@@ -416,7 +487,7 @@ class LoadSeries(EffectSeries):
 def series_of(
     effect: Effect,
     order: int,
-    state: tuple[Array, Array | None, float],
+    state: State,
     controls: Controls,
     laws: RecordedLaws,
 ) -> EffectSeries:
@@ -428,4 +499,20 @@ def series_of(
         return LoadSeries(effect, control, controls)
     assert isinstance(effect, LawEffect)
     near = effect.near(full, controls.at(control))
-    return LawSeries(near, order, state, controls, laws)
+    law = laws.of(near, state, controls)
+    kind = LawSeries if law.compiled is None else CompiledSeries
+    return kind(near, order, state, controls, law)
+
+
+def force_of(
+    effect: Effect, state: State, values: Values, controls: Controls, laws: RecordedLaws
+) -> Array:
+    """Return the residual of an effect at a state, by machine code where there is a program."""
+    full, velocity, _ = state
+    if not isinstance(effect, LawEffect):
+        return effect.force(full, velocity, values)
+    near = effect.near(full, values)
+    law = laws.known(near, state, controls)
+    if law is None or law.compiled is None:
+        return near.force_here(full, velocity, values)
+    return CompiledSeries(near, 0, state, controls, law).residual()

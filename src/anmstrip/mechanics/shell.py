@@ -29,12 +29,40 @@ def plane_stress(strip: Strip) -> Array:
     return strip.membrane_stiffness * (nu * spherical + (1.0 - nu) * symmetric)
 
 
+def eigenstrain(strip: Strip, controls: Mapping[str, Any]) -> Any:
+    """Return the strain E⁰ that makes no stress: E⁰ = α ΔT δ + (ε⁰ − κ⁰ y) e_x ⊗ e_x.
+
+    Parameters
+    ----------
+    strip : Strip
+    controls : mapping
+        ``strip.temperature``, ΔT (K) above that of the stress-free strip; ``strip.flatness``, ε⁰,
+        the rolled-in elongation; ``strip.camber``, −κ⁰ y, that of fibres of a strip curved in its
+        plane.  Each one is an array or series (points,), and may be missing.
+
+    Returns
+    -------
+    array or Series, shape (d, d, points), or None
+        ``None`` if all are missing.
+    """
+    every = np.eye(strip.kinematics.directions)
+    along = every * every[0]
+    parts = {
+        "strip.temperature": strip.material.expansion * every,
+        "strip.flatness": along,
+        "strip.camber": along,
+    }
+    found = [part[..., None] * controls[key] for key, part in parts.items() if key in controls]
+    return sum(found[1:], found[0]) if found else None
+
+
 class Membrane(LawEffect):
     """Membrane forces of a strip.
 
     With the tangent vectors r,a (columns of an array): E = ½ (r,a · r,b − δ_ab),
-    N = C : E, and the first Piola stress is r,a N_ab.  Derivatives are those of
-    :mod:`anmstrip.fem.geometry`, along orthonormal frames of the reference.
+    N = C : (E − E⁰) with E⁰ of :func:`eigenstrain`, and the first Piola stress is r,a N_ab.
+    Derivatives are those of :mod:`anmstrip.fem.geometry`, along orthonormal frames of the
+    reference.
 
     Parameters
     ----------
@@ -47,32 +75,31 @@ class Membrane(LawEffect):
     operator: CellOperator
 
     def __init__(self, strip: Strip, imperfection: Array | None = None) -> None:
-        self.operator = CellOperator(strip, [1])
+        self.strip, self.operator = strip, CellOperator(strip, [1])
         self.stiffness = plane_stress(strip)
         self.flat = strip.frames().tangents
         self.metric = np.eye(strip.kinematics.directions)[:, :, None]
+        self.imperfection = imperfection
         if imperfection is not None:
             natural = self.flat + self.operator.apply(imperfection)
             self.metric = np.einsum("iap,ibp->abp", natural, natural)
 
-    def forces(self, tangents: Any, natural: Array | None = None) -> Any:
-        """N (N/m), shape (d, d, points), from tangent vectors (components, d, points).
-
-        At other points than those of quadrature an imperfect strip needs its natural tangent
-        vectors there, of the same shape.
-        """
-        metric = self.metric if natural is None else np.einsum("iap,ibp->abp", natural, natural)
-        strain = (np.einsum("ia...,ib...->ab...", tangents, tangents) - metric) * 0.5
+    def forces(self, tangents: Any, eigen: Any = None) -> Any:
+        """N (N/m), shape (d, d, points), from tangent vectors (components, d, points) and E⁰."""
+        strain = (np.einsum("ia...,ib...->ab...", tangents, tangents) - self.metric) * 0.5
+        strain = strain if eigen is None else strain - eigen
         return np.einsum("abcd,cd...->ab...", self.stiffness, strain)
 
-    def at(self, full: Array) -> Array:
+    def at(self, full: Array, controls: Mapping[str, Any] | None = None) -> Array:
         """N (N/m) of a state at the quadrature points, shape (d, d, points)."""
-        return np.asarray(self.forces(self.operator.apply(full) + self.flat))
+        tangents = self.operator.apply(full) + self.flat
+        return np.asarray(self.forces(tangents, eigenstrain(self.strip, controls or {})))
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """First Piola stress (N/m) from the displacement gradient, (components, d, points)."""
         tangents = x + self.flat
-        return np.einsum("ia...,ab...->ib...", tangents, self.forces(tangents))
+        forces = self.forces(tangents, eigenstrain(self.strip, controls))
+        return np.einsum("ia...,ab...->ib...", tangents, forces)
 
     def change(self, full: Array, change: Array) -> Array:
         """Membrane forces that a small change of state makes, shape (d, d, points)."""
@@ -82,20 +109,26 @@ class Membrane(LawEffect):
 
 
 def uniaxial_stretches(
-    tension: float, tensile_stiffness: float, poisson: float
+    tension: float,
+    tensile_stiffness: float,
+    poisson: float,
+    eigen: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[float, float]:
     """Return the stretches along and across a strip under tension.
 
-    The strain E along solves T = √(1 + 2E) E_young t E; the strip contracts across by −ν E.
+    The strain E along solves T = √(1 + 2E) E_young t (E − E⁰) with the eigenstrains E⁰ along and
+    across; the strip contracts across by ν (E − E⁰).
     """
-    strain = tension / tensile_stiffness
+    along, across = eigen
+    strain = along + tension / tensile_stiffness
     for _ in range(30):
-        stretch = np.sqrt(1.0 + 2.0 * strain)
-        change = (tensile_stiffness * strain * stretch - tension) / (
-            tensile_stiffness * (stretch + strain / stretch)
+        stretch, elastic = np.sqrt(1.0 + 2.0 * strain), strain - along
+        change = (tensile_stiffness * elastic * stretch - tension) / (
+            tensile_stiffness * (stretch + elastic / stretch)
         )
         strain -= change
-    return float(np.sqrt(1.0 + 2.0 * strain)), float(np.sqrt(1.0 - 2.0 * poisson * strain))
+    narrow = across - poisson * (strain - along)
+    return float(np.sqrt(1.0 + 2.0 * strain)), float(np.sqrt(1.0 + 2.0 * narrow))
 
 
 def principal(forces: Array) -> tuple[Array, Array]:
@@ -160,8 +193,23 @@ def moduli(strip: Strip) -> Array:
     return d * np.array([[1.0, nu, 0.0], [nu, 1.0, 0.0], [0.0, 0.0, 1.0 - nu]])
 
 
+def eigencurvature(controls: Mapping[str, Any]) -> Any:
+    """Return the curvature (xx, yy, xy) (1/m) that makes no moment; ``None`` of a flat strip.
+
+    ``strip.coil_set`` along and ``strip.crossbow`` across, positive where the top is the longer
+    side, as in results: n · r,ab is minus that.
+
+    Returns
+    -------
+    array or Series, shape (3, 1), or None
+    """
+    units = {"strip.coil_set": [[1.0], [0.0], [0.0]], "strip.crossbow": [[0.0], [1.0], [0.0]]}
+    found = [np.array(unit) * controls[key] for key, unit in units.items() if key in controls]
+    return sum(found[1:], found[0]) if found else None
+
+
 class KirchhoffLove(LawEffect):
-    """Moments of a strip against its change of curvature.
+    """Moments of a strip against its change of curvature, less :func:`eigencurvature`.
 
     Parameters
     ----------
@@ -200,7 +248,9 @@ class KirchhoffLove(LawEffect):
         size = np.sqrt(dot(m, m))
         n = m / size
         bent = np.einsum("ik...,i...->k...", second, n)
-        moments = np.einsum("kl,l...->k...", self.stiffness, bent - self.curvature)
+        change, own = bent - self.curvature, eigencurvature(controls)
+        change = change if own is None else change + own[: len(self.stiffness)]
+        moments = np.einsum("kl,l...->k...", self.stiffness, change)
         s = np.einsum("ik...,k...->i...", second, moments)
         p = (s - n * dot(n, s)) / size
         against = [n * moments[k] for k in range(len(self.stiffness))]

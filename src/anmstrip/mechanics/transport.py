@@ -8,14 +8,15 @@ Computational Mechanics, chapter 14, 2004), in a stationary state r(X, Y) with v
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from anmstrip.arrays import Array
-from anmstrip.fem.operators import Blocks, CellOperator, Pattern
+from anmstrip.fem.operators import Blocks, CellOperator, Part, Pattern
 from anmstrip.fem.sampling import SlopeOperator, l2_projection
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.contact import control_of, transform
@@ -27,16 +28,29 @@ from anmstrip.mechanics.turning import SurfaceOperator, TurningFriction
 class TransportOperator(SurfaceOperator):
     """Displacements, their derivatives along X, speeds of free surfaces, and the strip's own.
 
-    The last of these is the last unknown; forces come out as of a
+    The last of these is the unknown after those of the rollers; forces come out as of a
     :class:`~anmstrip.mechanics.turning.SurfaceOperator`.
     """
 
     contact: SlopeOperator
 
+    @property
+    def matrices(self) -> tuple[list[Part], list[Part]]:
+        """L as sparse matrices, and that of which forces are the transposed."""
+        inputs, outputs = super().matrices
+        *_, surface = inputs
+        ones = csr_matrix(np.ones((self.points, 1)))
+        return [*inputs, Part(ones, self.weights, self.end, row=surface.row + 1)], outputs
+
+    @property
+    def end(self) -> int:
+        """Number of the unknown after the free surfaces: the strip's own speed."""
+        return self.contact.matrix.shape[1] * self.contact.count + self.surface.shape[1]
+
     def apply(self, full: Array) -> Array:
         """Values at the points, shape (2 count + 2, points)."""
         strip = self.contact.apply(full).reshape(2 * self.contact.count, self.points)
-        speed = np.full(self.points, full[-1])
+        speed = np.full(self.points, full[self.end])
         return np.vstack([strip, self.surface @ self._turned(full), speed])
 
     def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
@@ -145,7 +159,7 @@ class Passage(LawEffect):
     stiffness : float
         N s/m.
     unknowns : int
-        All of them.
+        Those of strip and rollers, and the length that has passed, which is the last.
     """
 
     name, points, rate_dependent = "passage", 1, True
@@ -167,9 +181,18 @@ class Passage(LawEffect):
         """The end is its own point."""
         return self
 
+    @cached_property
+    def matrices(self) -> tuple[list[Part], list[Part]]:
+        """L as sparse matrices, and that of which forces are the transposed."""
+        one = np.ones(1)
+        sums = [Part(csr_matrix(sum_[None]), one, row=k) for k, sum_ in enumerate(self.sums)]
+        last = Part(csr_matrix(one[None]), one, self.unknowns - 1)
+        return [*sums, replace(last, row=2)], [last]
+
     def apply(self, full: Array) -> Array:
-        """Mean displacement and slope of the end along d, and the last unknown, shape (3, 1)."""
-        return np.append(self.sums @ full[: self.sums.shape[1]], full[-1])[:, None]
+        """Mean displacement and slope of the end along d, and the length passed, shape (3, 1)."""
+        passed = full[self.unknowns - 1]
+        return np.append(self.sums @ full[: self.sums.shape[1]], passed)[:, None]
 
     def gather(self, forces: Array) -> Array:
         """Generalised forces, (1, 1) → (unknowns,)."""

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from anmstrip.arrays import Array, Index
-from anmstrip.fem.operators import Blocks, Pattern
+from anmstrip.fem.operators import Blocks, Part, Pattern
 from anmstrip.fem.sampling import ContactOperator
 from anmstrip.mechanics.contact import Friction
 from anmstrip.mechanics.effects import LawEffect
@@ -56,6 +56,17 @@ class SurfaceOperator:
     def chosen(self) -> Index:
         """Numbers of the points in the whole strip."""
         return self.contact.chosen
+
+    @property
+    def matrices(self) -> tuple[list[Part], list[Part]]:
+        """L as sparse matrices, and that of which forces are the transposed."""
+        found = self.contact.matrices
+        begin = self.contact.matrix.shape[1] * self.contact.count
+        inputs, outputs = (
+            [*own, Part(self.surface, self.weights, begin, row=sum(part.count for part in own))]
+            for own in found
+        )
+        return inputs, outputs
 
     def apply(self, full: Array) -> Array:
         """Values of the strip and of the surface, shape (count + 1, points)."""
@@ -178,6 +189,12 @@ class Drives(LawEffect):
     def points(self) -> int:  # type: ignore[override]
         """Number of rollers."""
         return len(self.names)
+
+    @cached_property
+    def matrices(self) -> tuple[list[Part], list[Part]]:
+        """L as sparse matrices, and that of which forces are the transposed."""
+        parts = [Part(csr_matrix(np.eye(self.points)), np.ones(self.points), self.unknowns)]
+        return parts, parts
 
     def apply(self, full: Array) -> Array:
         """Values of the rollers, shape (1, rollers)."""

@@ -2,16 +2,60 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.sampling import ContactOperator, contact_points, patches, shape_of, unit_grid
 from anmstrip.fem.strip import Strip
+from anmstrip.mechanics.plasticity import Plasticity
 from anmstrip.mechanics.shell import Membrane, moduli
-from anmstrip.results.state import State
+from anmstrip.results.rollers import ContactState, RollerReading
 from anmstrip.results.vtk import facing, triangle_lattice
+
+
+class Readable(Protocol):
+    """What fields and profiles read off a :class:`~anmstrip.results.state.State`."""
+
+    @property
+    def time(self) -> float:
+        """Time (s)."""
+
+    @property
+    def full(self) -> Array:
+        """Displacements, shape (unknowns,)."""
+
+    @property
+    def velocity(self) -> Array | None:
+        """Rates of the unknowns, shape (unknowns,)."""
+
+    @property
+    def material_velocity(self) -> Array:
+        """Velocity of the material, shape (unknowns of the strip,)."""
+
+    @property
+    def controls(self) -> Mapping[str, Array]:
+        """Values of the controls."""
+
+    @property
+    def contacts(self) -> Mapping[str, ContactState]:
+        """Roller → what it does to the strip."""
+
+    @property
+    def rollers(self) -> Mapping[str, RollerReading]:
+        """Roller → what is read off."""
+
+    @property
+    def plasticity(self) -> Plasticity | None:
+        """Plastic strains, of strip that can yield."""
+
+    @property
+    def strip_speed(self) -> float | None:
+        """Speed of the strip (m/s); None but in steady stages."""
+
 
 POINTS = {"line": unit_grid(4, 1), "quad": unit_grid(4), "triangle": triangle_lattice(6)}
 """Points of the output on each kind of element: cubic patches, quintic triangles."""
@@ -74,7 +118,7 @@ class FieldSampler:
         if local is None:
             self.cells = facing(self.reference, self.cells)
 
-    def sample(self, state: State) -> dict[str, Array]:
+    def sample(self, state: Readable) -> dict[str, Array]:
         """All fields of a state by name, points first; see :data:`~anmstrip.results.vtk.FIELDS`."""
         return {
             "displacement": self.interpolate(state.full),
@@ -125,7 +169,7 @@ class FieldSampler:
         apart = self.local[:, :, None] - contact_points(self.kind)[:, None]
         return np.asarray((apart**2).sum(axis=0).argmin(axis=1))
 
-    def _contact(self, state: State) -> dict[str, Array]:
+    def _contact(self, state: Readable) -> dict[str, Array]:
         """Sums over the rollers of what they do; gap and slip of the nearest one."""
         found = list(state.contacts.values())
         if not found:
@@ -155,28 +199,43 @@ class FieldSampler:
         np.maximum.at(status, self.own, found_status[cells[:, self.nearest]])
         return {**fields, "contact_status": np.tile(status, self.lines)}
 
-    def _stress(self, state: State) -> dict[str, Array]:
+    def _stress(self, state: Readable) -> dict[str, Array]:
         """Membrane forces, moments, von Mises stress of the top surface, curvature, normal."""
         tangents, normal, curvature = self._geometry(state.full)
         bending = curvature
         if self.imperfection is not None:
             bending = curvature - self._geometry(self.imperfection)[2]
-        membrane = self._membrane_forces(state)
+        layers = self._layers(state)
+        membrane = self._membrane_forces(state) + layers["force"]
         stretch = np.linalg.norm(tangents[:, 0], axis=0) if self.membrane is not None else 1.0
         stiffness = moduli(self.strip) if self.bends else np.zeros((3, 3))
-        moments = np.einsum("xy,yep->xep", stiffness, bending)
+        moments = np.einsum("xy,yep->xep", stiffness, bending) + layers["moment"]
         t = self.strip.thickness
         sx, sy, sxy = membrane / t + 6.0 * moments / t**2
+        mises = layers.get("equivalent", np.sqrt(sx**2 - sx * sy + sy**2 + 3.0 * sxy**2))
         return {
             "tension": self._average(membrane[0] * stretch),
             "membrane_force": self._average(membrane),
             "bending_moment": self._average(moments),
-            "von_mises": self._average(np.sqrt(sx**2 - sx * sy + sy**2 + 3.0 * sxy**2)),
+            "von_mises": self._average(mises),
             "mean_curvature": self._average(0.5 * (curvature[0] + curvature[1])),
             "normal": self._average(normal),
         }
 
-    def _membrane_forces(self, state: State) -> Array:
+    def _layers(self, state: Readable) -> dict[str, Array]:
+        """What plastic strains add to N and M (xx, yy, xy), and the equivalent stress on top."""
+        effect = state.plasticity
+        if effect is None:
+            return {"force": np.zeros((3, 1, 1)), "moment": np.zeros((3, 1, 1))}
+        x = effect.operator.apply(state.full)
+        force, moment = effect.resultants(x)
+        top = np.abs(effect.stresses(x, state.controls)[-1])
+        found = self._recovered(np.stack([force, -moment, top]))
+        along, bent = np.eye(3)[0], np.array([1.0, self.strip.material.poisson, 0.0])
+        force, moment = np.multiply.outer(along, found[0]), np.multiply.outer(bent, found[1])
+        return {"force": force, "moment": moment, "equivalent": found[2] * effect.flow.equivalent}
+
+    def _membrane_forces(self, state: Readable) -> Array:
         """Membrane forces (xx, yy, xy) (N/m), recovered, shape (3, elements, points).
 
         Within an element on a roller those of the strains swing about the force that is in
@@ -190,9 +249,12 @@ class FieldSampler:
         if self.membrane is None:
             pull = state.controls.get("exit.force", np.zeros(3))[0]
             return np.multiply.outer([pull, 0.0, 0.0], np.ones(shape[1:]))
+        return self._recovered(_components(self.membrane.at(state.full, state.controls)))
+
+    def _recovered(self, values: Array) -> Array:
+        """Values at quadrature points (m, points) as recovered, shape (m, elements, points)."""
         from_quadrature, to_points = self._recovery
-        forces = _components(self.membrane.at(state.full))
-        corners = forces.reshape(3, shape[1], -1) @ from_quadrature.T
+        corners = values.reshape(len(values), len(self.own), -1) @ from_quadrature.T
         nodes = self.strip.mesh.t.T
         sums = [np.bincount(nodes.ravel(), component.ravel()) for component in corners]
         return np.asarray((sums / np.bincount(nodes.ravel()))[:, nodes] @ to_points.T)

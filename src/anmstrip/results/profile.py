@@ -10,8 +10,9 @@ from anmstrip.arrays import Array, Index
 from anmstrip.fem.sampling import ContactOperator, contact_points, shape_of
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.shell import Membrane
-from anmstrip.results.fields import FieldSampler
-from anmstrip.results.state import State
+from anmstrip.results.fields import FieldSampler, Readable
+from anmstrip.results.plastic import COLUMNS as YIELD_COLUMNS
+from anmstrip.results.plastic import YieldedStrip
 
 COLUMNS = (
     *("time", "arc_length", "x", "y", "z", "tension", "tension_min", "tension_max", "pressure"),
@@ -51,12 +52,13 @@ class Profile:
         places = np.round((x - x.min()) / unit)
         self.station: Index = np.unique(places, return_inverse=True)[1]
 
-    def rows(self, state: State) -> list[dict[str, Any]]:
-        """Return a row for every station, from the entry on, by the columns of the table.
+    def columns(self, state: Readable) -> dict[str, Array]:
+        """Return the columns of the table, with a value for every station from the entry on.
 
-        What belongs to contact is empty where no point of the station touches a roller.
+        What belongs to contact is NaN where no point of the station touches a roller.
         """
         fields, flat = self.fields.sample(state), self.fields.reference
+        layers = YieldedStrip.of(state)
         position = flat.T + fields["displacement"] + self.fields.strip.origin
         columns = {name: self._mean(position[:, k]) for k, name in enumerate("xyz")}
         columns |= {
@@ -65,6 +67,7 @@ class Profile:
             "pressure": self._mean(fields["normal_pressure"]),
             "curvature": self._mean(self.fields.curvature(state.full)[:, 0]),
             "moment": self._mean(fields["bending_moment"][:, 0]),
+            **({} if layers is None else self._yielded(layers, fields["arc_length"])),
             **self._extremes(fields["tension"]),
             **self._friction(state, fields["normal"]),
         }
@@ -76,9 +79,15 @@ class Profile:
                 if contact.touching.any():
                     loads[place] = np.nan_to_num(loads[place]) + load
         table = {"time": np.full(len(loads), state.time), **columns, "line_load": loads}
-        values = np.array([table[name] for name in COLUMNS]).T
+        names = COLUMNS if layers is None else (*COLUMNS, *YIELD_COLUMNS)
+        return {name: table[name] for name in names}
+
+    def rows(self, state: Readable) -> list[dict[str, Any]]:
+        """Return a row for every station, from the entry on; empty where the column is NaN."""
+        columns = self.columns(state)
+        values = np.array(list(columns.values())).T
         kept = [[None if np.isnan(value) else value for value in row] for row in values.tolist()]
-        return [dict(zip(COLUMNS, row, strict=True)) for row in kept]
+        return [dict(zip(columns, row, strict=True)) for row in kept]
 
     def _mean(self, values: Array, weights: Array | None = None) -> Array:
         """Mean over each station; NaN where there is no weight."""
@@ -87,6 +96,10 @@ class Profile:
         with np.errstate(invalid="ignore"):
             return np.asarray(total / np.bincount(self.station, weights))
 
+    def _yielded(self, layers: YieldedStrip, x: Array) -> dict[str, Array]:
+        """Columns of strip that can yield, and its own moment."""
+        return {name: self._mean(values) for name, values in layers.columns(x).items()}
+
     def _extremes(self, tension: Array) -> dict[str, Array]:
         """Smallest and largest tension of each station."""
         low, high = (np.full(self.station.max() + 1, sign * np.inf) for sign in (1.0, -1.0))
@@ -94,7 +107,7 @@ class Profile:
         np.maximum.at(high, self.station, tension)
         return {"tension_min": low, "tension_max": high}
 
-    def _friction(self, state: State, normal: Array) -> dict[str, Array]:
+    def _friction(self, state: Readable, normal: Array) -> dict[str, Array]:
         """Slip along the strip, positive where it runs ahead of the roller, and share of the cone.
 
         Of the points in contact; the share is that of all forces of a station.

@@ -83,6 +83,49 @@ class ContactState:
         """Of each point: 0 free, 1 in contact, 2 in contact and slipping."""
         return np.where(self.touching, np.where(self.cone_share >= STICKS, 2.0, 1.0), 0.0)
 
+    @cached_property
+    def sliding(self) -> Array:
+        """Share |R_T| / (f R_N) of every row of elements in contact, and its angle (rad).
+
+        Shape (2, rows), by angle.  Friction and its limit are summed up over the row: where the
+        law is sharper than the mesh, friction alternates from point to point.
+        """
+        operator = self.contact.operator
+        on = self.touching[operator.cells].any(axis=1)
+        cells, areas = operator.cells[on], operator.shares[on]
+        x = np.round(operator.reference[0][cells].mean(axis=1), 9)
+        rows, row = np.unique(x, return_inverse=True)
+        limit = (self.coefficient or 0.0) * self.pressure
+        parts = np.ones_like(limit), self.angle, limit, np.linalg.norm(self.traction, axis=0)
+        area, angle, limit, used = (
+            np.bincount(row, (part[cells] * areas).sum(axis=1), len(rows)).astype(float)
+            for part in parts
+        )
+        share = np.divide(used, limit, out=np.zeros_like(used), where=limit > 0.0)
+        order = np.argsort(angle / area)
+        return np.stack([share, angle / area])[:, order]
+
+    @property
+    def slip_arc(self) -> float:
+        """Angle (rad) over which friction is above :data:`STICKS` of the cone.
+
+        The share is linear between rows of elements, and constant beyond the outermost ones.
+        """
+        share, angle = self.sliding
+        if not (share.size and self.ends.size):
+            return 0.0
+        ends = self.ends[0].min(), self.ends[0].max()
+        angle = np.clip(np.concatenate([ends[:1], angle, ends[1:]]), *ends)
+        above = np.concatenate([share[:1], share, share[-1:]]) - STICKS
+        low, high = np.sort([above[:-1], above[1:]], axis=0)
+        part = np.clip(high / np.maximum(high - low, 1e-300), 0.0, 1.0)
+        return float(np.diff(angle) @ part)
+
+    @property
+    def grip(self) -> float:
+        """Least share of the cone in contact less :data:`STICKS`: above 0 the whole wrap slips."""
+        return float(self.sliding[0].min(initial=1.0)) - STICKS
+
     @property
     def area(self) -> Array:
         """Area that belongs to each point (m²)."""
@@ -177,6 +220,7 @@ class RollerReading:
     torque: float  # moment of friction about the axis on the strip, in the sense of drag (N m)
     bearing_torque: float  # with which bearings brake a roller that turns freely (N m)
     capacity_used: float | None  # |ln(T1/T2)| / (f θ), at most 1; None where there is no friction
+    slip_arc: float  # angle over which friction is at 0.95 of f R_N or more (rad)
     line_load_in: float  # load where the strip runs on, beyond T/r (N/m)
     line_load_out: float  # where it runs off
     resultant: Array  # force of the roller on the strip (N), shape (3,)
@@ -227,6 +271,7 @@ def reading_of(
         creep_speed=-float((along * force).sum() / force.sum()) if force.any() else 0.0,
         cone_violation=max(0.0, float(state.cone_share.max()) - 1.0),
         capacity_used=capacity_used(state, before, after, wrap),
+        slip_arc=state.slip_arc,
         line_load_in=loads[0],
         line_load_out=loads[1],
         resultant=resultant,

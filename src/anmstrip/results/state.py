@@ -11,8 +11,11 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.continuation.path import Branch
 from anmstrip.equilibrium import StageProblem
+from anmstrip.errors import nearest
 from anmstrip.mechanics.loads import FollowerLoad
+from anmstrip.mechanics.plasticity import Plasticity
 from anmstrip.mechanics.shell import Membrane, principal
+from anmstrip.results.profile import Profile
 from anmstrip.results.rollers import (
     ContactState,
     Regularisation,
@@ -25,7 +28,7 @@ if TYPE_CHECKING:
     from anmstrip.mechanics.contact import Contact, Friction
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class State:
     """A state of the strip in a stage.
 
@@ -93,7 +96,7 @@ class State:
     def strip_speed(self) -> float | None:
         """Speed of the strip (m of unstressed strip per second), if material passes its labels."""
         if self.plan.fed and self.velocity is not None:
-            return float(self.velocity[-1])
+            return float(self.velocity[self.plan.model.coupled - 1])
         return self.plan.strip_speed(self.full, self.control) if self.plan.steady else None
 
     @cached_property
@@ -107,16 +110,56 @@ class State:
             return moving
         return moving + self.plan.carried(self.full, speed)
 
+    def along(self, name: str) -> Array:
+        """Values along the strip, from the entry to the exit.
+
+        Parameters
+        ----------
+        name : str
+            A column of ``profile.csv``, such as ``"tension"``; ``"arc_length"`` is the abscissa.
+
+        Returns
+        -------
+        ndarray, shape (stations,)
+            At the ends and middles of the elements, in SI; NaN where the quantity needs contact
+            and there is none.
+
+        Raises
+        ------
+        KeyError
+            There is no such column.
+        """
+        if name not in self.profile:
+            raise KeyError(f"no column {name!r} along the strip; {nearest(name, self.profile)}")
+        return self.profile[name]
+
+    @cached_property
+    def profile(self) -> dict[str, Array]:
+        """All columns along the strip, see :meth:`along`."""
+        effects, membrane = self.plan.model.effects, self.membrane
+        touching = next((c.contact.operator for c in self.contacts.values()), None)
+        bends = any(e.name == "bending" for e in effects)
+        bent = None if membrane is None else membrane.imperfection
+        return Profile(self.plan.model.strip, membrane, touching, bends, bent).columns(self)
+
+    def __repr__(self) -> str:
+        return f"<State of {self.plan.name!r} at t = {self.time:.6g} s>"
+
     @property
     def membrane(self) -> Membrane | None:
         """Membrane of the strip; a plate has none."""
         return next((e for e in self.plan.model.effects if isinstance(e, Membrane)), None)
 
+    @property
+    def plasticity(self) -> Plasticity | None:
+        """Plastic strains, of strip that can yield."""
+        return next((e for e in self.plan.model.effects if isinstance(e, Plasticity)), None)
+
     @cached_property
     def principal_forces(self) -> Array:
         """Membrane forces (N/m), ascending, at the quadrature points, shape (points, d)."""
         assert self.membrane is not None
-        return principal(self.membrane.at(self.full))[0]
+        return principal(self.membrane.at(self.full, self.controls))[0]
 
     @cached_property
     def imbalance(self) -> Array:
@@ -157,6 +200,22 @@ class State:
         along /= np.linalg.norm(along)
         outward = -along if name == "entry" else along
         return float(self.edge_force(name) @ outward) / edge.length
+
+    def offset(self, x: float) -> float:
+        """Displacement along y of the strip at a reference x, mean over its width (m).
+
+        Parameters
+        ----------
+        x : float
+            Between lines of nodes the means are interpolated linearly.
+        """
+        strip = self.plan.model.strip
+        place = strip.kinematics.place(1)
+        if place is None:
+            return 0.0
+        moved = strip.nodal(self.full)[strip.node_values, place]
+        lines, number = np.unique(np.round(strip.nodes[0], 9), return_inverse=True)
+        return float(np.interp(x, lines, np.bincount(number, moved) / np.bincount(number)))
 
     @cached_property
     def contacts(self) -> dict[str, ContactState]:

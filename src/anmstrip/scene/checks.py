@@ -15,11 +15,13 @@ from anmstrip.errors import Mistake, nearest
 from anmstrip.scene.tables import (
     EDGE_NAMES,
     ENDS,
+    I_UNIT,
     STAGE_KEYS,
     THREADING,
     ContactSpec,
     EdgeControl,
     EdgeSpec,
+    FieldSpec,
     FrictionSpec,
     MaterialSpec,
     RollerSpec,
@@ -237,6 +239,85 @@ def tensions(stages: Stages) -> Iterator[Mistake]:
             yield Mistake("", f"{key}.tension", control.tension, expected, "exit.tension = 1.0e4")
 
 
+def natural_shapes(strip: StripSpec, material: MaterialSpec, stages: Stages) -> Iterator[Mistake]:
+    """Yield eigenstrain and eigencurvature that a strip cannot have, or not as much."""
+    shapes = [("strip", strip), *((f"stages.{s.name}.strip", s.strip) for s in stages)]
+    value: object
+    for place, key, given in ((p, k, v) for p, s in shapes for k, v in s.natural.items()):
+        where, curved = f"{place}.{key}", key in ("coil_set", "crossbow")
+        value, varies = given, key in ("camber", "crossbow")
+        along: tuple[tuple[float, float], ...] = ()
+        if isinstance(given, FieldSpec):
+            value, along = given.model_dump(exclude_defaults=True), given.along
+            varies = bool(np.ptp(given.samples[:, 0]))
+        if strip.kinematics == "plate":
+            expected = 'nothing: a "plate" stays stressed as exit.force says'
+            yield Mistake("", where, value, expected, OTHER["plate"])
+        elif strip.kinematics == "section" and varies:
+            expected = 'nothing that varies across: a "section" has no width'
+            yield Mistake("", where, value, expected, OTHER["section"])
+        elif curved and not strip.bending:
+            expected = "nothing: a strip without bending has no moments"
+            yield Mistake("", where, value, expected, "bending = true")
+        elif key == "temperature" and material.expansion is None:
+            mistake = missing(MaterialSpec, "expansion")
+            expected = f"{mistake.expected}, since {where} is given"
+            yield replace(mistake, key="material.expansion", expected=expected)
+        elif along and strip.feed:
+            expected = "no table along: a fed strip is the same all along"
+            yield Mistake("", f"{where}.along", list(along), expected, "feed = false")
+        elif along and strip.length is not None and along[-1][0] > strip.length:
+            expected = f"distances from the entry up to the strip's length {strip.length:g} (m)"
+            hint = f"along = [[0.0, 1.0], [{strip.length:g}, 1.0]]"
+            yield Mistake("", f"{where}.along", list(along), expected, hint)
+        elif not curved:
+            yield from _moderate(where, key, given, strip, material)
+
+
+def _moderate(
+    where: str, key: str, given: Any, strip: StripSpec, material: MaterialSpec
+) -> Iterator[Mistake]:
+    """Yield an eigenstrain that no metal has, most often in another unit."""
+    units = {"temperature": material.expansion or 0.0, "flatness": I_UNIT}
+    unit = units.get(key, 0.5 * (strip.width or 0.0))
+    largest = float(np.abs(given.samples if isinstance(given, FieldSpec) else given).max())
+    if unit * largest > STRETCHED:
+        name = {"temperature": "K", "flatness": "I-units of 1e-5"}.get(key, "1/m")
+        expected = (
+            f"at most {STRETCHED / unit:.3g} ({name}); {largest:.3g} would be a strain of "
+            f"{100.0 * unit * largest:.3g} %"
+        )
+        yield Mistake("", where, largest, expected, f"{key} = {0.01 * STRETCHED / unit:.2g}")
+
+
+def moved_ends(
+    edges: Mapping[str, EdgeSpec], stages: Stages
+) -> Iterator[tuple[str, tuple[float, ...]]]:
+    """Yield motions, key and value, by which the strip between its ends moves or stretches.
+
+    That is where an end is moved to a place, and where both are held and one has a velocity.
+    """
+    held, moving = {name for name, edge in edges.items() if edge.fixed}, False
+    for stage in stages:
+        held -= {name for name, end in stage.edges.items() if end.release}
+        moving = moving or any(end.velocity is not None for end in stage.edges.values())
+        for name, end in stage.edges.items():
+            if end.move is not None:
+                yield f"stages.{stage.name}.{name}.move", end.move
+            elif end.velocity is not None and {"entry", "exit"} <= held:
+                yield f"stages.{stage.name}.{name}.velocity", end.velocity
+
+
+def ends_of_a_fed_strip(
+    strip: StripSpec, edges: Mapping[str, EdgeSpec], stages: Stages
+) -> Iterator[Mistake]:
+    """Yield motions of ends of a fed strip that material cannot pass."""
+    for key, value in moved_ends(edges, stages) if strip.feed else ():
+        expected = "nothing beside strip.feed: a fed strip passes ends that stay, one of them free"
+        hint = "feed = false, or release = true at the other end"
+        yield Mistake("", key, value, expected, hint)
+
+
 def gravity_has_density(material: MaterialSpec, stages: Stages) -> Iterator[Mistake]:
     """Yield a density that gravity lacks."""
     weighing = [stage.name for stage in stages if stage.gravity is not None]
@@ -321,6 +402,23 @@ def steady_stages(
                 if value := getattr(control, word):
                     expected = "nothing in a steady stage: strip.speed carries the strip through"
                     yield Mistake("", f"{key}.{name}.{word}", value, expected, "take it out")
+
+
+def yielding_sections(material: MaterialSpec, strip: StripSpec) -> Iterator[Mistake]:
+    """Yield plastic flow of what has no layers, or whose layers could not be followed."""
+    if material.plasticity is None:
+        return
+    expected = '"section": layers that yield are those of cylindrical bending'
+    if strip.kinematics != "section":
+        hint = 'kinematics = "section", or no [material.plasticity]'
+        yield Mistake("", "strip.kinematics", strip.kinematics, expected, hint)
+    if not strip.bending:
+        expected = "true beside [material.plasticity], whose layers bend"
+        yield Mistake("", "strip.bending", strip.bending, expected, "bending = true")
+    for key in ("feed", "imperfection"):
+        if value := getattr(strip, key):
+            expected = f"no {key} beside [material.plasticity]: strip that yields is not relabelled"
+            yield Mistake("", f"strip.{key}", value, expected, f"no {key}, or no plasticity")
 
 
 def threading_partners(
@@ -439,12 +537,15 @@ RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     moments,
     held_components,
     tensions,
+    natural_shapes,
+    ends_of_a_fed_strip,
     gravity_has_density,
     friction_has_contact,
     sharpened_laws_are_built_in,
     rollers_have_friction,
     stages_have_friction,
     steady_stages,
+    yielding_sections,
     threading_partners,
     one_length,
     held_entry,

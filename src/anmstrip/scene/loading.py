@@ -199,14 +199,23 @@ def validate_scene(
     if isinstance(strip, Mapping) and isinstance(mesh := strip.get("mesh"), str):
         data["strip"] = {**strip, "mesh": str((source.parent / mesh).absolute())}
     try:
-        scene = model.model_validate(data)
-    except ValidationError as error:
-        for mistake in (*mistakes_of(error, model, data), *_hidden_mistakes(error, model, data)):
+        scene = model(**data)
+    except InputError as error:
+        for mistake in error.mistakes:
             set_by = [override.text for override in applied if override.covers(mistake.key)]
             mistakes.append(replace(mistake, file=f"--set {set_by[-1]}" if set_by else str(source)))
     if mistakes:
         raise InputError(mistakes)
     return scene
+
+
+def all_mistakes(
+    error: ValidationError, model: type[BaseModel], tables: Mapping[str, Any]
+) -> InputError:
+    """Return as one error what pydantic found in the tables of a scene, and what it hid."""
+    data = with_default_names(tables)
+    found = (*mistakes_of(error, model, data), *_hidden_mistakes(error, model, data))
+    return InputError(replace(mistake, file=mistake.file or "Scene") for mistake in found)
 
 
 def _hidden_mistakes(

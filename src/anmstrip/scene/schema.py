@@ -6,11 +6,17 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from anmstrip.errors import InputError, Mistake
 from anmstrip.scene.checks import check_scene
-from anmstrip.scene.loading import parse_scene, read_text, validate_scene, with_default_names
+from anmstrip.scene.loading import (
+    all_mistakes,
+    parse_scene,
+    read_text,
+    validate_scene,
+    with_default_names,
+)
 from anmstrip.scene.tables import (
     THREADING,
     ContactSpec,
@@ -76,6 +82,16 @@ class SceneSpec(Table):
     """the output, a table (1)"""
 
     _source: Path | None = PrivateAttr(None)
+
+    def __init__(self, /, **tables: Any) -> None:
+        try:
+            super().__init__(**tables)
+        except ValidationError as error:
+            raise all_mistakes(error, type(self), tables) from None
+
+    def __repr__(self) -> str:
+        kind = f"{type(self).__name__} {self.title or self.name!r}"
+        return f"<{kind}: {len(self.rollers)} rollers, {len(self.course)} stages>"
 
     @model_validator(mode="before")
     @classmethod
@@ -156,3 +172,22 @@ class SceneSpec(Table):
             for key in {"exponent", "omega"}.difference(self.friction.constants):
                 del scene["friction"][key]
         return scene
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON schema of a scene file, by which editors complete and check it.
+
+    What pydantic makes of the models, with what files may leave out besides: names, the duration
+    of steady stages; and with the names of edges as keys of a stage.
+    """
+    schema = SceneSpec.model_json_schema()
+    tables = schema["$defs"]
+    tables["RollerSpec"]["required"].remove("name")
+    stage = tables["StageSpec"]
+    stage["required"] = []
+    steady = {"properties": {"steady": {"const": True}}, "required": ["steady"]}
+    stage["anyOf"] = [{"required": ["duration"]}, steady]
+    stage["additionalProperties"] = stage["properties"].pop("edges")["additionalProperties"]
+    for table in (schema, *tables.values()):
+        table["description"] = table["description"].partition("\n\n")[0]
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

@@ -6,10 +6,19 @@ The line below each key is its meaning and unit, and what a wrong value is answe
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, PlainValidator, StrictBool, model_validator
+import numpy as np
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    StrictBool,
+    model_validator,
+)
 from pydantic.fields import FieldInfo
 
 from anmstrip.errors import InputError, Mistake
@@ -22,6 +31,9 @@ EDGE_NAMES = (*ENDS, "left", "right")
 
 THREADING = "threading"
 """Name of the stage that lays the strip around the rollers."""
+
+I_UNIT = 1e-5
+"""Strain of one I-unit of flatness."""
 
 SMALLEST, LARGEST = 1e-30, 1e30
 """Bounds of numbers in a scene, so that no product of a handful of them over- or underflows."""
@@ -89,7 +101,85 @@ class ImperfectionSpec(Table):
     """largest height, a number above 0 (m)"""
 
 
-class StripSpec(Table):
+class FieldSpec(Table):
+    """A quantity all over the strip: a profile across, times factors along.
+
+    Examples
+    --------
+    >>> FieldSpec(across=(10.0, 0.0, 8.0), along=((0.0, 0.0), (2.0, 1.0))).at(0.5, 1.0).item()
+    6.0
+    """
+
+    across: tuple[Number, ...] = Field((), examples=["[20.0, 0.0, 80.0]"], max_length=12)
+    """c0, c1, …: c0 + c1 η + c2 η² + … at η = y / width from -1/2 to 1/2, numbers (1)"""
+    table: tuple[tuple[Number, Number], ...] = Field(
+        (), examples=["[[-0.5, 40.0], [0.0, 20.0], [0.5, 40.0]]"]
+    )
+    """instead of across, pairs of η = y / width and value, η increasing (1)"""
+    along: tuple[tuple[NotNegative, Number], ...] = Field((), examples=["[[0.0, 0.0], [2.0, 1.0]]"])
+    """pairs of distance from the entry, increasing (m), and factor of the profile there (1)"""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_number(cls, given: Any) -> Any:
+        number = isinstance(given, int | float) and not isinstance(given, bool)
+        return {"across": [given]} if number else given
+
+    def find_mistakes(self) -> Iterator[Mistake]:
+        """Yield neither or both kinds of profile, and tables in disorder."""
+        if bool(self.across) == bool(self.table):
+            expected = "either across, a polynomial, or table, of values across the strip"
+            given = self.across if self.table else None
+            yield Mistake("", "across", given, expected, "across = [20.0, 0.0, 80.0]")
+        for key, pairs in (("table", self.table), ("along", self.along)):
+            places = [place for place, _ in pairs]
+            ordered = all(a < b for a, b in pairwise(places))
+            if pairs and (len(pairs) < 2 or not ordered):
+                expected = "at least two pairs, their first numbers increasing"
+                hint = f"{key} = [[-0.5, 40.0], [0.0, 20.0], [0.5, 40.0]]"
+                hint = hint if key == "table" else "along = [[0.0, 0.0], [2.0, 1.0]]"
+                yield Mistake("", key, places, expected, hint)
+        if places := [eta for eta, _ in self.table if abs(eta) > 0.5]:
+            expected = "η = y / width from -0.5 at the right edge to 0.5 at the left one"
+            yield Mistake("", "table", places[0], expected, "table = [[-0.5, 40.0], [0.5, 20.0]]")
+
+    def at(self, eta: Any, distance: Any) -> Any:
+        """Return values at η = y / width and a distance from the entry (m), linear in tables."""
+        if self.table:
+            profile = np.interp(eta, *np.transpose(self.table))
+        else:
+            profile = np.polynomial.polynomial.polyval(eta, self.across)
+        return profile * np.interp(distance, *np.transpose(self.along)) if self.along else profile
+
+    @property
+    def samples(self) -> Any:
+        """Values at places spread evenly over the width and over the table along, (101, any)."""
+        places = [place for place, _ in self.along] or [0.0]
+        return self.at(np.linspace(-0.5, 0.5, 101)[:, None], np.linspace(places[0], places[-1], 21))
+
+
+class NaturalShape(Table):
+    """What the strip would be like if nothing held it, for a strip or at the end of a stage."""
+
+    temperature: FieldSpec | None = Field(None, examples=["80.0"])
+    """temperature above that of the stress-free strip, a number or a table (K)"""
+    flatness: FieldSpec | None = Field(None, examples=["{ across = [0.0, 0.0, 80.0] }"])
+    """rolled-in elongation in I-units of 1e-5, a number or a table (1e-5)"""
+    camber: Number | None = Field(None, examples=["1.0e-3"])
+    """curvature in the strip's own plane, positive if the left side is shorter, a number (1/m)"""
+    coil_set: Number | None = Field(None, examples=["0.2"])
+    """curvature along that makes no moment, positive if the top is longer, a number (1/m)"""
+    crossbow: Number | None = Field(None, examples=["0.1"])
+    """curvature across that makes no moment, positive if the top is longer, a number (1/m)"""
+
+    @property
+    def natural(self) -> dict[str, FieldSpec | float]:
+        """The keys of these that are given."""
+        given = {key: getattr(self, key) for key in NaturalShape.model_fields}
+        return {key: value for key, value in given.items() if value is not None}
+
+
+class StripSpec(NaturalShape):
     """The strip: a rectangle centred at the origin, or a mesh file."""
 
     length: Positive | None = Field(None, examples=["4.0"])
@@ -157,17 +247,56 @@ class StripSpec(Table):
             yield Mistake("", "mesh", str(mesh), "a file that exists", hint)
 
 
+class PlasticitySpec(Table):
+    """Plastic flow: the rate from the stress, ε_p' = ε₀ (σ/σ_y)ⁿ, in layers."""
+
+    exponent: Annotated[Integer, Field(ge=3, le=301)] = Field(51, examples=["51"])
+    """exponent n of the stress, an odd integer from 3 to 301 (1)"""
+    reference_rate: Positive = Field(0.1, examples=["0.1"])
+    """strain rate ε₀ at which the stress is the yield stress, a number above 0 (1/s)"""
+    isotropic_hardening: NotNegative = Field(0.0, examples=["1.0e9"])
+    """growth of the yield stress with plastic strain, a number of at least 0 (Pa)"""
+    kinematic_hardening: NotNegative = Field(0.0, examples=["1.0e9"])
+    """growth of the back stress with plastic strain, a number of at least 0 (Pa)"""
+    layers: Annotated[Integer, Field(ge=5, le=81)] = Field(21, examples=["21"])
+    """layers through the thickness, an integer from 5 to 81 (1)"""
+    uniaxial: StrictBool = Field(False, examples=["true"])
+    """whether fibres flow without stress across, as in a narrow strip (true or false)"""
+
+    def find_mistakes(self) -> Iterator[Mistake]:
+        """Yield an even exponent, with which tension and compression would flow the same way."""
+        if self.exponent % 2 == 0:
+            expected = "an odd integer, so that the flow has the sign of the stress (1)"
+            hint = f"exponent = {self.exponent + 1}"
+            yield Mistake("", "exponent", self.exponent, expected, hint)
+
+
 class MaterialSpec(Table):
-    """Isotropic elastic material."""
+    """Isotropic material, elastic or elastic and plastic."""
 
     young: Positive = Field(examples=["2.0e11"])
     """Young's modulus, a number above 0 (Pa)"""
     poisson: Annotated[Number, Field(gt=-1, lt=0.5)] = Field(examples=["0.3"])
     """Poisson's ratio, a number above -1 and below 0.5 (1)"""
+    expansion: Annotated[NotNegative, Field(le=1e-3)] | None = Field(None, examples=["1.2e-5"])
+    """coefficient of thermal expansion, a number from 0 to 1e-3 (1/K)"""
     density: Positive | None = Field(None, examples=["7850.0"])
     """density, a number above 0 (kg/m³)"""
     yield_stress: Positive | None = Field(None, examples=["3.0e8"])
-    """yield stress, only to warn, a number above 0 (Pa)"""
+    """yield stress, a number above 0; without plasticity only to warn (Pa)"""
+    plasticity: PlasticitySpec | None = Field(None, examples=["{ exponent = 51 }"])
+    """plastic flow beyond the yield stress; left out: none, a table (1, 1/s, Pa)"""
+
+    def find_mistakes(self) -> Iterator[Mistake]:
+        """Yield plastic flow without a yield stress, or of fibres that a modulus holds across."""
+        if self.plasticity is None:
+            return
+        if self.yield_stress is None:
+            expected = "the stress at which the strip flows, since there is [material.plasticity]"
+            yield Mistake("", "yield_stress", None, expected, "yield_stress = 3.0e8")
+        if self.plasticity.uniaxial and self.poisson != 0.0:
+            expected = "0 beside plasticity.uniaxial: a strip that bends without stress across"
+            yield Mistake("", "poisson", self.poisson, expected, "poisson = 0.0, or no uniaxial")
 
 
 class ContactSpec(Table):
@@ -401,7 +530,7 @@ class RollerControl(Table):
             yield Mistake("", "angular_speed", self.angular_speed, expected, hint)
 
 
-class StripControl(Table):
+class StripControl(NaturalShape):
     """Controls of the strip in a stage."""
 
     speed: Number | None = Field(None, examples=["1.0"])

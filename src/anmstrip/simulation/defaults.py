@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from anmstrip.scene.checks import moved_ends
 from anmstrip.scene.schema import SceneSpec
 
 HONEST = 0.1
@@ -27,19 +28,15 @@ def completed(scene: SceneSpec) -> SceneSpec:
 def goes_on(scene: SceneSpec) -> bool:
     """Return whether the strip is fed by default: threaded, it goes on beyond entry and exit.
 
-    Not where its ends are moved, or both held and moving, where its shape belongs to the material,
-    and where nothing rubs.
+    Not where its ends are moved so that it cannot, where its shape or its yield belongs to the
+    material, and where nothing rubs.
     """
-    shaped = scene.strip.mesh is not None or scene.strip.imperfection is not None
-    if scene.threading is None or scene.friction is None or shaped:
+    strip, shapes = scene.strip, [scene.strip, *(stage.strip for stage in scene.stages)]
+    along = [getattr(value, "along", ()) for shape in shapes for value in shape.natural.values()]
+    own = strip.mesh or strip.imperfection or scene.material.plasticity or any(along)
+    if scene.threading is None or scene.friction is None or own:
         return False
-    held, moving = {name for name, edge in scene.edges.items() if edge.fixed}, False
-    for stage in scene.stages:
-        held -= {name for name, end in stage.edges.items() if end.release}
-        moving = moving or any(end.velocity is not None for end in stage.edges.values())
-        if any(end.move for end in stage.edges.values()) or (moving and {"entry", "exit"} <= held):
-            return False
-    return True
+    return not any(moved_ends(scene.edges, scene.stages))
 
 
 def elastic_creep(scene: SceneSpec) -> float:

@@ -22,9 +22,9 @@ from anmstrip.simulation.march import March
 from anmstrip.simulation.problem import Assembly
 
 
-def compressive_stiffness(membrane: Membrane, full: Array, pattern: Pattern) -> Blocks:
-    """Blocks of G, see :class:`~anmstrip.fem.operators.Pattern`."""
-    values, vectors = principal(membrane.at(full))
+def compressive_stiffness(membrane: Membrane, forces: Array, pattern: Pattern) -> Blocks:
+    """Blocks of G, see :class:`~anmstrip.fem.operators.Pattern`, from N (d, d, points)."""
+    values, vectors = principal(forces)
     part = np.einsum("pak,pk,pbk->abp", vectors, -np.minimum(values, 0.0), vectors)
     m, blocks = pattern.count, pattern.zeros()
     derivative = np.einsum("ij,bap->jbiap", np.eye(m), part)
@@ -107,7 +107,8 @@ def buckling(state: State, count: int) -> tuple[Array, Array]:
     equations = Equilibrium(model, supports, plan.controls)
     tangent = equations.recurrence(state.full[free], state.control, 1).tangent()
     assert state.membrane is not None
-    blocks = compressive_stiffness(state.membrane, state.full, model.pattern)
+    forces = state.membrane.at(state.full, state.controls)
+    blocks = compressive_stiffness(state.membrane, forces, model.pattern)
     return buckling_modes(tangent, model.restriction(free).matrix(blocks), SparseSolver(), count)
 
 

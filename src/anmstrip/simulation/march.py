@@ -37,7 +37,7 @@ FIRST_STEP = 0.01
 stage on levelling takes 71 tangents instead of 50."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Step:
     """One accepted step.
 
@@ -55,6 +55,9 @@ class Step:
     tangents: int = 0  # factorised up to here
     end_time: float = 0.0  # at which the run ends (s)
     events: tuple[Event, ...] = ()  # if the scene asks for them
+
+    def __repr__(self) -> str:
+        return f"<Step {self.step} of {self.stage!r} to t = {self.time:.6g} s>"
 
     @property
     def stage(self) -> str:
@@ -128,8 +131,10 @@ class March:
         if stage.steady and state is not None and state.plan.in_time:
             self.course.take_over(state)
         if stage.steady and self.reached is None:
-            strip = self.assembly.strip.unknowns
-            self.full = np.concatenate([self.full[:strip], self.velocity[strip:-1], [0.0]])
+            turning = slice(self.assembly.strip.unknowns, self.assembly.coupled)
+            self.full = self.full.copy()
+            self.full[turning] = self.velocity[turning]
+            self.full[self.assembly.coupled - 1] = 0.0  # c counts from its control
             if state is not None and self.course.pulled(stage):
                 self.course.values["entry.tension"] = np.array(state.tension("entry"))
         return self.course.plan(stage, reactions, self.full)
@@ -145,7 +150,11 @@ class March:
         """Move to the end of a step."""
         state = step.state
         if state.plan.fed and state.velocity is not None:  # c is linear in a step
-            self.passed += 0.5 * step.range * float(self.velocity[-1] + state.velocity[-1])
+            self.passed += (
+                0.5
+                * step.range
+                * float((self.velocity + state.velocity)[self.assembly.coupled - 1])
+            )
         self.full, self.reached = state.full, state.control
         self.velocity = np.zeros_like(self.full) if state.velocity is None else state.velocity
         self.pace = step.past if isinstance(step.past, Pace) else None
@@ -156,14 +165,15 @@ class March:
         if not plan.steady:
             self.course.finish(stage)
         else:
-            speed = plan.strip_speed(self.full, 1.0)
+            speed, last = plan.strip_speed(self.full, 1.0), self.assembly.coupled - 1
             self.course.finish(stage, self.full, speed)
             self.course.values["strip.speed"] = np.array(speed)
-            self.full = np.append(self.full[:-1], 0.0)
+            self.full = self.full.copy()
+            self.full[last] = 0.0
             if self.scene.strip.feed:
-                turning = self.velocity[self.assembly.strip.unknowns : -1]
-                still = np.zeros(self.assembly.strip.unknowns)
-                self.velocity = np.concatenate([still, turning, [speed]])
+                self.velocity = self.velocity.copy()
+                self.velocity[: self.assembly.strip.unknowns] = 0.0
+                self.velocity[last] = speed
         self.reached, self.pace, self.slack, self.past = None, None, False, plan
 
     def through(self, plan: StageProblem, steps: int) -> Iterator[Step]:
@@ -204,7 +214,7 @@ class March:
             u = self.assembly.thread.guess(self.assembly.strip, self.assembly.pattern)[free]
             u = self._corrected(Equilibrium(plan.model, plan.supports, plan.controls), u)
         elif tension := self._slack(plan):
-            self.slack, u = True, stretched(self.assembly, tension)[free]
+            self.slack, u = True, stretched(self.assembly, tension, plan.controls.at(1.0))[free]
         if self.slack:
             return u, Equilibrium(plan.model, *plan.held_at_end)
         return u, Equilibrium(plan.model, plan.supports, plan.controls)

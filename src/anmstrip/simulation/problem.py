@@ -18,6 +18,7 @@ from anmstrip.errors import InputError
 from anmstrip.fem.constraints import Scales
 from anmstrip.fem.geometry import KINEMATICS, PLATE, SECTION, Kinematics
 from anmstrip.fem.operators import Pattern
+from anmstrip.fem.sampling import quadrature_points
 from anmstrip.fem.strip import Material, Strip, renumbered
 from anmstrip.mechanics.effects import Effect, LawEffect
 from anmstrip.mechanics.loads import (
@@ -31,12 +32,14 @@ from anmstrip.mechanics.loads import (
 from anmstrip.mechanics.roller import Roller, Sides
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
+from anmstrip.scene.tables import I_UNIT, THREADING, FieldSpec, NaturalShape
 from anmstrip.simulation.defaults import completed, line_speed
 from anmstrip.simulation.meshing import (
     carrying_sense,
     cells_across,
     largest_force,
     strip_mesh,
+    surface_speed,
 )
 
 if TYPE_CHECKING:
@@ -45,6 +48,7 @@ if TYPE_CHECKING:
     from anmstrip.fem.sampling import ContactOperator
     from anmstrip.mechanics.contact import Contact, Friction
     from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
+    from anmstrip.mechanics.plasticity import FlowLaw, Plasticity
     from anmstrip.mechanics.transport import CarriedFriction, SteadyFriction
     from anmstrip.mechanics.turning import Drives
     from anmstrip.simulation.threading import Thread
@@ -213,20 +217,25 @@ class Assembly:
         return tuple(spec.name for spec in self.scene.rollers if spec.drive != "speed")
 
     @property
-    def unknowns(self) -> int:
-        """Number of unknowns: those of the strip, of turning rollers, and of the strip's speed."""
+    def coupled(self) -> int:
+        """Number of unknowns of the strip, of turning rollers, and of the strip's speed."""
         return self.strip.unknowns + len(self.turning) + self.conveyed
+
+    @property
+    def unknowns(self) -> int:
+        """Number of all unknowns: these, and the plastic strains."""
+        return self.coupled + (0 if self.frozen is None else len(self.frozen.units))
 
     @property
     def conveyed(self) -> bool:
         """Whether the strip has a speed of its own: it is fed, or there are steady stages."""
-        return self.scene.strip.feed or any(stage.steady for stage in self.scene.stages)
+        return bool(self.scene.strip.feed) or any(stage.steady for stage in self.scene.stages)
 
     @cached_property
     def material(self) -> Material:
         """Material of the strip."""
         m = self.scene.material
-        return Material(m.young, m.poisson, m.density or 0.0)
+        return Material(m.young, m.poisson, m.density or 0.0, m.expansion or 0.0)
 
     @property
     def kinematics(self) -> Kinematics:
@@ -274,6 +283,27 @@ class Assembly:
         """Sparsity pattern of the tangent."""
         return Pattern(self.strip)
 
+    def natural(self, shape: NaturalShape) -> dict[str, Array]:
+        """Return controls of eigenstrain and eigencurvature, see :mod:`anmstrip.mechanics.shell`.
+
+        Fields are values at the quadrature points, shape (points,).
+        """
+        strip, found = self.strip, {}
+        for key, given in shape.natural.items():
+            if key in ("coil_set", "crossbow"):
+                found[f"strip.{key}"] = np.array(given)
+                continue
+            x, y, _ = quadrature_points(strip)
+            right, left = strip.nodes[1].min(), strip.nodes[1].max()
+            y = y - 0.5 * (right + left)
+            if isinstance(given, FieldSpec):
+                unit = 1.0 if key == "temperature" else I_UNIT
+                values = unit * given.at(y / strip.width, x - strip.nodes[0].min())
+            else:
+                values = -given * y
+            found[f"strip.{key}"] = np.broadcast_to(values, y.shape).copy()
+        return found
+
     @cached_property
     def membrane(self) -> Membrane | None:
         """Membrane of all but a plate, which has a given tension instead."""
@@ -289,9 +319,79 @@ class Assembly:
         if not spec.bending:
             return None
         turns = spec.bending == "kirchhoff-love" or spec.imperfection is not None
+        turns = turns or not naturals(self.scene).isdisjoint(("coil_set", "crossbow"))
         if turns and self.kinematics is not PLATE:
             return KirchhoffLove(self.strip, self.imperfection)
         return isometric_bending(self.strip, self.pattern)
+
+    @cached_property
+    def flow(self) -> FlowLaw | None:
+        """Flow law of the scene's material, if it yields.
+
+        In plane strain J2 flow begins at 2/√3 of the yield stress (Hill, The Mathematical Theory
+        of Plasticity, ch. IV), and the same in both directions hardens 4/3 times as much.
+        """
+        m = self.scene.material
+        if m.plasticity is None or m.yield_stress is None:
+            return None
+        from anmstrip.mechanics.plasticity import FlowLaw
+
+        p = m.plasticity
+        held = 1.0 if p.uniaxial else 2.0 / np.sqrt(3.0)
+        return FlowLaw(
+            held * m.yield_stress,
+            p.exponent,
+            p.reference_rate,
+            held**2 * p.isotropic_hardening,
+            held**2 * p.kinematic_hardening,
+            1.0 / held,
+        )
+
+    def _plasticity(self, flow: FlowLaw, frozen: bool, along: bool) -> Plasticity:
+        """Return plastic flow that is frozen, in time, or along the strip."""
+        from anmstrip.fem.operators import CellOperator, InternalOperator, upwind
+        from anmstrip.mechanics.plasticity import Layers, Plasticity
+
+        p = self.scene.material.plasticity
+        assert p is not None
+        layers = Layers.of(self.strip.thickness, p.layers)
+        own, slopes = p.layers * flow.variables, upwind(self.strip) if along else None
+        cells = CellOperator(self.strip, (1, 2))
+        operator = InternalOperator(cells, self.coupled, own, slopes, not frozen)
+        return Plasticity(self.strip, flow, layers, operator)
+
+    @cached_property
+    def frozen(self) -> Plasticity | None:
+        """Plastic strains that do not grow, if the material yields."""
+        return None if self.flow is None else self._plasticity(self.flow, True, False)
+
+    @cached_property
+    def flowing(self) -> Plasticity | None:
+        """Plastic flow in time, if the material yields."""
+        return None if self.flow is None else self._plasticity(self.flow, False, False)
+
+    @cached_property
+    def flowing_along(self) -> Plasticity | None:
+        """Plastic flow along the strip in stationary states, at the speed of the fastest roller."""
+        if self.flow is None:
+            return None
+        speeds = [stage.strip.speed for stage in self.scene.stages if stage.strip.speed]
+        for stage in self.scene.stages:
+            controls = ((stage.rollers.get(roller.name), roller) for roller in self.rollers)
+            speeds += [v for c, roller in controls if (v := surface_speed(c, roller))]
+        flow = replace(self.flow, rate=self.flow.rate / max(map(abs, speeds), default=1.0))
+        return self._plasticity(flow, False, True)
+
+    def plasticity(self, stage: StageSpec) -> Plasticity | None:
+        """Return plastic strains as they grow in a stage, if the material yields."""
+        if not self.yields(stage):
+            return self.frozen
+        return self.flowing_along if stage.steady else self.flowing
+
+    def units(self, stage: StageSpec) -> Array | None:
+        """Return the units of the plastic strains' equations in a stage, if there are any."""
+        effect = self.plasticity(stage)
+        return None if effect is None else effect.units
 
     @cached_property
     def contact_operator(self) -> ContactOperator:
@@ -404,7 +504,7 @@ class Assembly:
         from anmstrip.mechanics.transport import Passage
 
         stiffness = self.strip.tensile_stiffness * self.strip.width / line_speed(self.scene)
-        return Passage(self.strip, edge, direction, held, stiffness, self.unknowns)
+        return Passage(self.strip, edge, direction, held, stiffness, self.coupled)
 
     @cached_property
     def signorini(self) -> ContactLaw:
@@ -462,7 +562,7 @@ class Assembly:
             Names of the controls that are given, now or before.
         """
         given = sorted(controls)
-        own = [self.membrane, self.bending, self.contact]
+        own = [self.membrane, self.bending, self.plasticity(stage), self.contact]
         if self.membrane is None and "exit.force" in given:
             own.insert(0, self.pretension)
         if stage.friction:
@@ -497,16 +597,26 @@ class Assembly:
         """Tension of a plate."""
         return Pretension(self.strip)
 
+    def yields(self, stage: StageSpec) -> bool:
+        """Whether plastic strains grow in a stage; a strip is threaded as an elastic one."""
+        return self.scene.material.plasticity is not None and stage.name != THREADING
+
     def frictional(self, stage: StageSpec) -> bool:
-        """Whether friction, or an effect like it, acts in a stage, so that it runs in time."""
+        """Whether friction, flow, or an effect like them, acts in a stage: it runs in time."""
+        return self.rubs(stage) or (self.yields(stage) and not stage.steady)
+
+    def rubs(self, stage: StageSpec) -> bool:
+        """Whether friction, or an effect of the user's like it, acts in a stage in time."""
         rubs = self.friction is not None and bool(self.rollers)
         rates = stage.friction and not stage.steady
         return rates and (rubs or any(e.rate_dependent for e in self.added_effects))
 
     @cached_property
     def scales(self) -> Scales:
-        """Scales of length, force and tension: the largest edge force, else from bending."""
+        """Scales of length, force and tension: the largest edge force, else of heat, or bending."""
         tension = largest_force(self.scene)
+        if tension == 0.0:
+            tension = self.strip.tensile_stiffness * largest_eigenstrain(self.scene)
         if tension == 0.0:
             tension = self.strip.bending_stiffness / self.strip.length**2
         return Scales(self.strip.length, tension * self.strip.width, tension)
@@ -580,6 +690,25 @@ def roller_of(spec: RollerSpec, origin: Array, half: float) -> Roller:
     sides = None if given is None else Sides(given.taper, 0.5 * given.flat, given.rounding)
     x, y, z = (float(c) for c in np.asarray(spec.centre) - origin)
     return Roller(spec.name, spec.radius, (x, y, z), spec.axis, crown, sides, half)
+
+
+def naturals(scene: SceneSpec) -> set[str]:
+    """Return the kinds of eigenstrain and eigencurvature of a scene, from its strip or a stage."""
+    shapes = [scene.strip, *(stage.strip for stage in scene.stages)]
+    return {key for shape in shapes for key in shape.natural}
+
+
+def largest_eigenstrain(scene: SceneSpec) -> float:
+    """Return the largest eigenstrain of a scene, anywhere and in any stage, 0 without."""
+    units = {"temperature": scene.material.expansion or 0.0, "flatness": I_UNIT}
+    units["camber"] = 0.5 * (scene.strip.width or 0.0)
+    found = [0.0]
+    for shape in (scene.strip, *(stage.strip for stage in scene.stages)):
+        for key in units.keys() & shape.natural.keys():
+            given = shape.natural[key]
+            values = given.samples if isinstance(given, FieldSpec) else given
+            found.append(units[key] * float(np.abs(values).max()))
+    return max(found)
 
 
 def distributed_load(scene: SceneSpec) -> float:

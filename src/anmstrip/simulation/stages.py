@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,7 +12,7 @@ from anmstrip.equilibrium import Model, StageProblem
 from anmstrip.fem.constraints import Supports
 from anmstrip.fem.sampling import l2_projection, quadrature_points
 from anmstrip.mechanics.effects import Controls
-from anmstrip.mechanics.shell import uniaxial_stretches
+from anmstrip.mechanics.shell import eigenstrain, uniaxial_stretches
 from anmstrip.results.state import State
 from anmstrip.scene.schema import StageSpec
 from anmstrip.simulation.meshing import surface_speed
@@ -61,6 +62,10 @@ class Course:
             self.moved.update(self.begun)
             self.outward = dict(zip(("entry", "exit"), outward, strict=True))
             self.values["exit.force"] = thread.tension * self.outward["exit"]
+        if self.assembly.flow is not None:  # a threaded strip begins as an elastic one
+            self.values.setdefault("yielding", np.array(float(thread is None)))
+        for key, value in self.assembly.natural(self.assembly.scene.strip).items():
+            self.values.setdefault(key, value)
         if self.assembly.conveyed:
             self.values.setdefault("strip.speed", np.array(0.0))
         for roller in self.assembly.rollers:
@@ -109,7 +114,9 @@ class Course:
             name=stage.name,
             start=self.time,
             duration=stage.duration,
-            model=Model(a.strip, a.pattern, effects, a.scales, a.turning, a.conveyed, pull),
+            model=Model(
+                a.strip, a.pattern, effects, a.scales, a.turning, a.conveyed, pull, a.units(stage)
+            ),
             supports=self.supports(stage, full),
             controls=Controls(start, slope),
             in_time=a.frictional(stage),
@@ -119,7 +126,7 @@ class Course:
 
     def fed(self, stage: StageSpec) -> bool:
         """Whether material passes labels that stay, in time."""
-        return bool(self.assembly.scene.strip.feed) and self.assembly.frictional(stage)
+        return bool(self.assembly.scene.strip.feed) and self.assembly.rubs(stage)
 
     def passing(self, stage: StageSpec) -> tuple[str, Array, bool]:
         """End of a fed strip whose label stays, the direction there, (3,), and if it is held along.
@@ -145,8 +152,9 @@ class Course:
         if not stage.steady:
             return False
         given, course = None, self.assembly.scene.course
-        number = [each.name for each in course].index(stage.name)
-        for each in course[: number + 1]:
+        names = [each.name for each in course]
+        before = course[: names.index(stage.name)] if stage.name in names else course
+        for each in (*before, stage):
             if each.steady and each.strip.speed is not None:
                 given = "strip.speed"
             elif each.steady and "entry" in each.edges and each.edges["entry"].tension is not None:
@@ -221,6 +229,9 @@ class Course:
             "strip.speed": stage.strip.speed,
         }
         end.update({key: np.array(to, dtype=float) for key, to in plain.items() if to is not None})
+        if self.assembly.yields(stage):
+            end["yielding"] = np.array(1.0)
+        end |= self.assembly.natural(stage.strip)
         for roller in self.assembly.rollers:
             control, key = stage.rollers.get(roller.name), f"rollers.{roller.name}"
             if (speed := surface_speed(control, roller)) is not None:
@@ -275,12 +286,15 @@ class Course:
         strip, unknowns = self.assembly.strip, self.assembly.unknowns
         held = np.zeros(unknowns, dtype=bool)
         start, end, bows = (np.zeros(unknowns) for _ in range(3))
-        if not (stage.steady or self.assembly.frictional(stage)):  # what turns rests
-            held[strip.unknowns :] = True
-            if full is not None:
-                start[strip.unknowns :] = end[strip.unknowns :] = full[strip.unknowns :]
+        if not (stage.steady or self.assembly.rubs(stage)):  # what turns rests
+            held[strip.unknowns : self.assembly.coupled] = True
         elif self.assembly.conveyed:
-            held[-1] = not (self.pulled(stage) or self.fed(stage))
+            held[self.assembly.coupled - 1] = not (self.pulled(stage) or self.fed(stage))
+        if not self.assembly.yields(stage):  # plastic strains stay
+            held[self.assembly.coupled :] = True
+        if full is not None:
+            resting = strip.unknowns + np.flatnonzero(held[strip.unknowns :])
+            start[resting] = end[resting] = full[resting]
         for name, components in self._held().items():
             edge, now = strip.edges[name], self.moved.get(name, np.zeros(3))
             destination = self._destination(stage, name)
@@ -302,16 +316,26 @@ class Course:
         return Supports(np.flatnonzero(~held), start, end - start, bows if bent else None)
 
 
-def stretched(assembly: Assembly, tension: float) -> Array:
+def stretched(
+    assembly: Assembly, tension: float, controls: Mapping[str, Array] | None = None
+) -> Array:
     """Displacement of the uniformly stretched flat strip, all unknowns.
 
     Parameters
     ----------
     tension : float
         T (N/m) along x.
+    controls : mapping, optional
+        Of whose eigenstrain the mean counts.
     """
     strip = assembly.strip
-    along, across = uniaxial_stretches(tension, strip.tensile_stiffness, strip.material.poisson)
+    own, weights = eigenstrain(strip, controls or {}), strip.weights().ravel()
+    mean = (0.0, 0.0)
+    if own is not None:
+        xx, yy = (own[i, i] @ weights / weights.sum() for i in (0, -1))
+        mean = float(xx), float(yy)
+    given = strip.tensile_stiffness, strip.material.poisson, mean
+    along, across = uniaxial_stretches(tension, *given)
     p = quadrature_points(strip)
     middle = 0.5 * (strip.nodes[1].min() + strip.nodes[1].max())
     x, y = (along - 1.0) * (p[0] - strip.nodes[0].min()), (across - 1.0) * (p[1] - middle)

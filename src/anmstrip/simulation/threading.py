@@ -14,6 +14,7 @@ from anmstrip.arrays import Array
 from anmstrip.errors import InputError
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.shell import uniaxial_stretches
+from anmstrip.scene.tables import I_UNIT
 
 if TYPE_CHECKING:
     from anmstrip.fem.operators import Pattern
@@ -208,7 +209,9 @@ def thread_of(
         np.array([spec.crossing for spec in scene.rollers if spec.wrap is not None], dtype=bool),
         np.array([_depth(scene, roller) for roller in chosen]),
         tuple(None if place is None else FixedEnd(place) for place in ends),
-        *uniaxial_stretches(spec.tension, m.young * scene.strip.thickness, m.poisson),
+        *uniaxial_stretches(
+            spec.tension, m.young * scene.strip.thickness, m.poisson, mean_eigenstrain(scene)
+        ),
         spec.tension,
         length,
     )
@@ -216,6 +219,14 @@ def thread_of(
         return _with_ends(scene, thread)
     except (NotTouchedError, NoTangentError) as error:
         raise _refused(scene, chosen, error) from error
+
+
+def mean_eigenstrain(scene: SceneSpec) -> tuple[float, float]:
+    """Return the eigenstrains along and across of the threaded strip, as means over all of it."""
+    fields = (scene.strip.temperature, scene.strip.flatness)
+    heat, rolled = (0.0 if f is None else float(np.mean(f.samples)) for f in fields)
+    heat *= scene.material.expansion or 0.0
+    return heat + I_UNIT * rolled, heat
 
 
 def _with_ends(scene: SceneSpec, thread: Thread) -> Thread:

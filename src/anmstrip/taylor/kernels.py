@@ -1,11 +1,13 @@
-"""Compiled executor: one call computes an order of a whole program, at all points.
+"""Compiled loops: one call computes an order of a whole program, at all points.
 
 The kernels go through a program block of points by block, so that what one instruction writes is
 still in the cache when the next reads it.  Between two orders all unknowns are solved for, and by
 then the caches have forgotten: an order costs what is read again from memory.  Only the rows
 whose lower orders are needed are therefore kept; of all others there is only the order at hand.
-Recurrences as in Griewank & Walther, *Evaluating Derivatives* (2008), ch. 13.  Only this module
-imports numba.
+Recurrences as in Griewank & Walther, *Evaluating Derivatives* (2008), ch. 13.
+
+Only this module imports numba, and only :mod:`anmstrip.taylor.compiled` imports this module, where
+there is no machine code yet.  Loops are written out, for that of slices would call numba's library.
 
 Arrays: ``w`` (blocks, kept rows, order + 1, lanes); ``now`` (rows, lanes), one order of all
 rows of a block; the others as in :class:`anmstrip.taylor.tape.Tables`.
@@ -15,80 +17,29 @@ rows of a block; the others as in :class:`anmstrip.taylor.tape.Tables`.
 
 from __future__ import annotations
 
-import logging
-from contextlib import suppress
+import math
 
 import numpy as np
-from numba import njit
-from numba.core.caching import FunctionCache
+from numba import carray, cfunc, njit, types
 
 from anmstrip.taylor import tape
 
-LOST = []
-"""Why kernels cannot be kept, once that was told."""
+compiled = njit(error_model="numpy", _nrt=False)
+"""Arguments like np.int64(0) stand for numbers of which numba would make a version for itself."""
 
 
-class KernelCache(FunctionCache):
-    """Files of compiled kernels, without which a process does where they cannot be used."""
-
-    def load_overload(self, sig, target_context):
-        """Return a compiled kernel, None where there is none or only a damaged one."""
-        try:
-            return super().load_overload(sig, target_context)
-        except Exception:  # damage shows as exceptions of any kind
-            with suppress(OSError):
-                self.flush()
-
-    def save_overload(self, sig, data):
-        """Keep a compiled kernel, if it can be written."""
-        try:
-            super().save_overload(sig, data)
-        except Exception as error:
-            tell_of_lost_cache(error)
+@compiled
+def fill(c, value):
+    """Set all lanes to a value."""
+    for i in range(c.shape[0]):
+        c[i] = value
 
 
-def tell_of_lost_cache(reason):
-    """Say in one line of a process that kernels are compiled anew in every one."""
-    if not LOST:
-        LOST.append(reason)
-        logging.getLogger(__name__).warning(
-            "Compiled kernels cannot be kept (%s): each run compiles them again. "
-            "Set NUMBA_CACHE_DIR to a directory that can be written.",
-            reason,
-        )
-
-
-def compiled(function):
-    """Compile a kernel, or load it where an earlier process has left it.
-
-    Arguments like np.int64(0) stand for numbers of which numba would make a version for itself.
-    """
-    kernel = njit(error_model="numpy", nogil=True)(function)
-    try:
-        kernel._cache = KernelCache(function)
-    except RuntimeError:  # numba's word for no place
-        tell_of_lost_cache("neither the package nor the home directory can be written")
-    return kernel
-
-
-class CompiledExecutor:
-    """Runs the instructions of a program in compiled loops."""
-
-    block = 512
-    """Points that are treated at once: loops over them outlast what surrounds them, and what is
-    kept of them still fits in a core's cache (measured; 64 takes 1.4 times as long)."""
-
-    def __init__(self, tables):
-        self.tables = tables
-
-    def advance(self, w, k, given, changes):
-        """Order k of the outputs, see :class:`anmstrip.taylor.program.Executor`."""
-        pending = changes is not None
-        return advanced(*self.tables, w, k, given, changes if pending else given, pending)
-
-    def derivative(self, w, seeds):
-        """Changes of the outputs, see :class:`anmstrip.taylor.program.Executor`."""
-        return derivatives(*self.tables, w, seeds)
+@compiled
+def copy(c, a):
+    """Set all lanes to those of another row."""
+    for i in range(c.shape[0]):
+        c[i] = a[i]
 
 
 @compiled
@@ -157,7 +108,7 @@ def combined(kind, now, w, condition, out, first, second, s, constants, block, k
         for i in range(n):
             c[i] = a[i] if w[condition, 0, i] != 0.0 else b[i]
     else:
-        c[:] = 0.0
+        fill(c, 0.0)
         if k == 0 and kind >= tape.LESS:
             less, equal = kind != tape.EQUAL, kind != tape.LESS
             for i in range(n):
@@ -171,7 +122,7 @@ def combined(kind, now, w, condition, out, first, second, s, constants, block, k
 def multiplied(kind, c, a, b, k, same):
     """Order k of a product into c, or added to it; ``same`` says that b is a."""
     if kind == tape.MULTIPLY:
-        c[:] = 0.0
+        fill(c, 0.0)
     if same:
         square(c, a, k, np.int64(0))
     else:
@@ -185,26 +136,26 @@ def valued(kind, c, d, a, b, s):
         if kind == tape.DIVIDE:
             c[i] = a[i] / b[i]
         elif kind == tape.ROOT:
-            c[i] = np.sqrt(a[i])
+            c[i] = math.sqrt(a[i])
         elif kind == tape.POWER:
             c[i] = a[i] ** s
         elif kind == tape.EXP:
-            c[i] = np.exp(a[i])
+            c[i] = math.exp(a[i])
         elif kind == tape.LOG:
-            c[i] = np.log(a[i])
+            c[i] = math.log(a[i])
         elif kind == tape.TANH:
-            c[i] = np.tanh(a[i])
-            d[i] = 1.0 / np.cosh(min(max(a[i], -350.0), 350.0)) ** 2
+            c[i] = math.tanh(a[i])
+            d[i] = 1.0 / math.cosh(min(max(a[i], -350.0), 350.0)) ** 2
         else:
-            c[i] = np.sin(a[i])
-            d[i] = np.cos(a[i])
+            c[i] = math.sin(a[i])
+            d[i] = math.cos(a[i])
 
 
 @compiled
 def inverted(kind, c, ak, a, b, s, k):
     """Order k ≥ 1 of c that is a / b, √a, a^s, exp a or log a, by c's own lower orders."""
     ck, n = c[k], c.shape[1]
-    ck[:] = 0.0
+    fill(ck, 0.0)
     if kind == tape.DIVIDE:
         cauchy(ck, b, c, k, np.int64(1), k)
         for i in range(n):
@@ -229,9 +180,9 @@ def inverted(kind, c, ak, a, b, s, k):
 def paired(kind, c, a, slope, k):
     """Order k ≥ 1 of c = f(a) and of its companion f'(a), for tanh and sine."""
     ck, d = c[k], slope[k]
-    ck[:] = 0.0
+    fill(ck, 0.0)
     weighted(ck, a, slope, k, k + 1, 1.0 / k, 0.0)
-    d[:] = 0.0
+    fill(d, 0.0)
     if kind == tape.TANH:
         square(d, c, k, np.int64(0))
         for i in range(d.shape[0]):
@@ -259,11 +210,11 @@ def order_k(code, parameters, constants, block, w, kept, now, k):
         else:
             paired(kind, w[place], w[a], w[b], k)
         if kind >= tape.TANH:
-            now[second] = w[b, k]
+            copy(now[second], w[b, k])
         if kind > tape.PRODUCT:
-            now[out] = w[place, k]
+            copy(now[out], w[place, k])
         elif place >= 0:
-            w[place, k] = now[out]
+            copy(w[place, k], now[out])
 
 
 @compiled
@@ -322,46 +273,95 @@ def completed(code, parameters, constants, block, w, kept, d, k):
                 c[i] += d[r, i]
 
 
-@compiled
-def advanced(
-    code, parameters, constants, kept, inputs, outputs, w, k, given, changes, pending
+def advance(
+    code, parameters, constants, kept, inputs, outputs, sizes,
+    w, given, changes, found, now, d, k, pending,
 ):  # fmt: skip
     """Complete order k − 1 by the inputs' changes if they are pending, then find order k.
 
-    ``given``, order k of the inputs, and ``changes`` have the shape (inputs, blocks, lanes), the
-    result (outputs, blocks, lanes).
+    ``given``, order k of the inputs, and ``changes`` have the shape (inputs, blocks, lanes),
+    ``found`` (outputs, blocks, lanes); ``now`` and ``d`` are for use inside.
     """
-    blocks, lanes = w.shape[0], w.shape[3]
-    found = np.empty((len(outputs), blocks, lanes))
-    d = np.zeros((len(kept), lanes))
-    now = np.zeros((len(kept), lanes))
+    s = carray(sizes, 9)
+    n, rows, ins, outs, blocks, lanes = s[0], s[1], s[2], s[3], s[4], s[5]
+    places, orders, count = s[6], s[7], s[8]
+    code, parameters = carray(code, (n, 5)), carray(parameters, n)
+    constants, kept = carray(constants, (count, blocks, lanes)), carray(kept, rows)
+    inputs, outputs = carray(inputs, ins), carray(outputs, outs)
+    w, given = carray(w, (blocks, places, orders, lanes)), carray(given, (ins, blocks, lanes))
+    changes, found = carray(changes, (ins, blocks, lanes)), carray(found, (outs, blocks, lanes))
+    now, d = carray(now, (rows, lanes)), carray(d, (rows, lanes))
     for block in range(blocks):
         part = w[block]
         if pending:
-            for r in range(len(inputs)):
-                d[inputs[r]] = changes[r, block]
+            for r in range(ins):
+                copy(d[inputs[r]], changes[r, block])
             completed(code, parameters, constants, block, part, kept, d, k - 1)
-        for r in range(len(inputs)):
-            now[inputs[r]] = given[r, block]
+        for r in range(ins):
+            copy(now[inputs[r]], given[r, block])
             if kept[inputs[r]] >= 0:
-                part[kept[inputs[r]], k] = given[r, block]
+                copy(part[kept[inputs[r]], k], given[r, block])
         order_k(code, parameters, constants, block, part, kept, now, k)
-        for r in range(len(outputs)):
-            found[r, block] = now[outputs[r]]
-    return found
+        for r in range(outs):
+            copy(found[r, block], now[outputs[r]])
 
 
-@compiled
-def derivatives(code, parameters, constants, kept, inputs, outputs, w, seeds):
+def derivatives(
+    code, parameters, constants, kept, inputs, outputs, sizes, w, seeds, found, d, most
+):  # fmt: skip
     """Changes (seeds, outputs, blocks, lanes) that seeds (seeds, inputs, blocks, lanes) make."""
-    blocks, lanes = w.shape[0], w.shape[3]
-    found = np.empty((len(seeds), len(outputs), blocks, lanes))
-    d = np.zeros((len(kept), lanes))
+    s = carray(sizes, 9)
+    n, rows, ins, outs, blocks, lanes = s[0], s[1], s[2], s[3], s[4], s[5]
+    places, orders, count = s[6], s[7], s[8]
+    code, parameters = carray(code, (n, 5)), carray(parameters, n)
+    constants, kept = carray(constants, (count, blocks, lanes)), carray(kept, rows)
+    inputs, outputs = carray(inputs, ins), carray(outputs, outs)
+    w, seeds = carray(w, (blocks, places, orders, lanes)), carray(seeds, (most, ins, blocks, lanes))
+    found, d = carray(found, (most, outs, blocks, lanes)), carray(d, (rows, lanes))
     for block in range(blocks):
-        for q in range(len(seeds)):
-            for r in range(len(inputs)):
-                d[inputs[r]] = seeds[q, r, block]
+        for q in range(most):
+            for r in range(ins):
+                copy(d[inputs[r]], seeds[q, r, block])
             linear(code, parameters, constants, block, w[block], kept, d, np.int64(1))
-            for r in range(len(outputs)):
-                found[q, r, block] = d[outputs[r]]
-    return found
+            for r in range(outs):
+                copy(found[q, r, block], d[outputs[r]])
+
+
+def lift(starts, columns, entries, places, x, found, rows, count, stride):
+    """Set found[places[r] + c stride] to Σ M_rn x[n count + c], M in compressed rows."""
+    for r in range(rows):
+        for c in range(count):
+            total = 0.0
+            for e in range(starts[r], starts[r + 1]):
+                total += entries[e] * x[columns[e] * count + c]
+            found[places[r] + c * stride] = total
+
+
+def gather(starts, places, entries, forces, total, rows, count, stride):
+    """Add Σ M_nr forces[places of r + c stride] to total[n count + c], M in compressed rows."""
+    for n in range(rows):
+        for c in range(count):
+            added = 0.0
+            for e in range(starts[n], starts[n + 1]):
+                added += entries[e] * forces[places[e] + c * stride]
+            total[n * count + c] += added
+
+
+INTEGERS, INDICES = types.CPointer(types.int64), types.CPointer(types.int32)
+FLOATS, NUMBER = types.CPointer(types.float64), types.int64
+TABLES = (INTEGERS, FLOATS, FLOATS, INTEGERS, INTEGERS, INTEGERS, INTEGERS)
+
+ENTRIES = {
+    "advance": (advance, (*TABLES, *6 * (FLOATS,), NUMBER, NUMBER)),
+    "derivatives": (derivatives, (*TABLES, *4 * (FLOATS,), NUMBER)),
+    "lift": (lift, (*2 * (INDICES,), FLOATS, INDICES, *2 * (FLOATS,), *3 * (NUMBER,))),
+    "gather": (gather, (*2 * (INDICES,), *3 * (FLOATS,), *3 * (NUMBER,))),
+}
+"""What is called from outside, and the types of its arguments."""
+
+
+def instructions(name):
+    """Instructions of an entry for LLVM, and the name it has there."""
+    function, signature = ENTRIES[name]
+    made = cfunc(types.void(*signature), error_model="numpy")(function)
+    return made.inspect_llvm(), made.native_name.removeprefix("cfunc.")

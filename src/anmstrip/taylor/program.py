@@ -78,7 +78,7 @@ class Program:
         self.reusable = not tape.decided
         kind: type[Executor]
         if compiled and AVAILABLE:
-            from anmstrip.taylor.kernels import CompiledExecutor
+            from anmstrip.taylor.compiled import CompiledExecutor
 
             kind = CompiledExecutor
         else:

@@ -1,0 +1,19 @@
+"""
+A mass pressed on a moving plane
+================================
+
+Section 3.1 of the 2010 paper.
+"""
+
+import matplotlib.pyplot as plt
+
+from anmstrip.paper.cases import run_case
+
+report = run_case("pressed-plane", order=19, tolerance=1e-4)
+time, ux, uy = report.rows[:, :3].T
+
+figure, axes = plt.subplots()
+axes.plot(time, ux, label="u_x")
+axes.plot(time, uy, label="u_y")
+axes.set(xlabel="time (s)", ylabel="displacement (m)", title=f"{report.steps} steps of order 19")
+axes.legend()

@@ -1,0 +1,422 @@
+"""Maps of how a line works: stationary states along a control, from the series of their path."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from anmstrip.arrays import Array
+from anmstrip.continuation.equations import PathStopped
+from anmstrip.continuation.path import Branch
+from anmstrip.driver.diagnosis import Failure, diagnosis
+from anmstrip.driver.run import Run
+from anmstrip.equilibrium import StageProblem
+from anmstrip.errors import InputError, Mistake
+from anmstrip.results.files import atomic_write, write_summary, write_table
+from anmstrip.results.state import State
+from anmstrip.scene.schema import SceneSpec, StageSpec
+from anmstrip.simulation.march import Step
+from anmstrip.simulation.problem import EffectMaker
+from anmstrip.taylor.polynomials import value_at
+
+POINTS, CURVES = 101, 5
+"""Rows of a curve, and curves of a second control, if they are not typed."""
+
+READINGS = (
+    "tension_in", "tension_out", "torque", "surface_speed", "slip_arc", "capacity_used", "wrap",
+)  # fmt: skip
+"""Columns of every roller, besides its ``offset``."""
+
+
+@dataclass(frozen=True)
+class Along:
+    """A control of a steady stage, and the even values that it takes."""
+
+    text: str  # as it was typed
+    key: str  # as in a stage
+    values: Array
+
+    @classmethod
+    def parse(cls, text: str, number: int) -> Along:
+        """Read ``KEY=first:last``, or ``KEY=first:last:number``.
+
+        Raises
+        ------
+        InputError
+            If it is not of this form.
+
+        Examples
+        --------
+        >>> Along.parse("strip.speed=0.9:1.0", 3).values
+        array([0.9 , 0.95, 1.  ])
+        """
+        key, _, given = (part.strip() for part in text.partition("="))
+        try:
+            first, last, *count = given.split(":")
+            low, high = float(first), float(last)
+            (number,) = map(int, count or [str(number)])
+        except ValueError:
+            low = high = math.nan
+        if not (key and math.isfinite(high - low) and low != high and 2 <= number <= 100_000):
+            expected = "KEY=first:last, or KEY=first:last:number, with two different numbers"
+            raise InputError([_mistake(text, key, given or None, expected)])
+        return cls(text, key, np.linspace(low, high, number))
+
+    def stage(self, scene: SceneSpec, value: float) -> StageSpec:
+        """Return a steady stage after those of a scene, which moves the control to a value.
+
+        Raises
+        ------
+        InputError
+            The scene has no such control.
+        """
+        tables, name = scene.to_dict(), "map"
+        while name in {stage.name for stage in scene.course}:
+            name += "_"
+        tables["stages"].append({"name": name, "steady": True})
+        begin = f"stages.{name}."
+        try:
+            given = [f"{begin}{self.key}={float(value)!r}"]
+            made = SceneSpec.from_tables(tables, scene.source or "scene", given)
+        except InputError as error:
+            mistakes = (
+                replace(m, file=f"--along {self.text}", key=m.key.removeprefix(begin))
+                for m in error.mistakes
+            )
+            raise InputError(mistakes) from None
+        return made.stages[-1]
+
+
+def _mistake(text: str, key: str, value: object, expected: str) -> Mistake:
+    return Mistake(f"--along {text}", key, value, expected, "--along strip.speed=0.99:1.01")
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A branch of a curve."""
+
+    plan: StageProblem
+    branch: Branch
+    ends: tuple[float, float]  # values of the typed control at λ = 0 and λ = 1
+    backwards: bool  # whether the curve runs from the branch's end to its beginning
+
+    @property
+    def length(self) -> float:
+        """Range of the branch's parameter."""
+        return self.branch.length
+
+    def parameter(self, s: float) -> float:
+        """Parameter of the branch at a way along the piece."""
+        return self.length - s if self.backwards else s
+
+    def value(self, s: float) -> float:
+        """Value of the typed control."""
+        (before, after), a, branch = self.ends, self.parameter(s), self.branch
+        control = value_at(branch.control, a) / value_at(branch.denominator, a)
+        return before + (after - before) * float(control)
+
+    def state(self, s: float) -> State:
+        """Stationary state."""
+        plan, (u, control) = self.plan, self.branch(self.parameter(s))
+        full, instant = plan.supports.full(u, control), plan.start + control * plan.duration
+        return State(plan, instant, control, full, plan.transport(full, control))
+
+    @property
+    def folds(self) -> list[float]:
+        """Ways at which the control turns back, in their order."""
+        return sorted(self.parameter(a) for a in self.branch.folds)
+
+    def places(self, values: Array) -> list[float]:
+        """Ways at which the control has one of some values; the beginning is left out."""
+        found, slack = [], 1e-9 * float(np.ptp(values))
+        for begin, end in pairwise([0.0, *self.folds, self.length]):
+            before, after = self.value(begin), self.value(end)
+            sense = 1.0 if after > before else -1.0
+            ahead = sense * (values - before)
+            inside = (ahead > slack) & (ahead <= sense * (after - before) + slack)
+            for v in sense * np.sort(sense * values[inside]):
+                at_end = sense * (after - v) <= slack
+                found.append(end if at_end else brentq(self._missed, begin, end, args=(v,)))
+        return found
+
+    def _missed(self, s: float, value: float) -> float:
+        return self.value(s) - value
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Stationary states along the first control, from its first to its last value."""
+
+    pieces: tuple[Piece, ...]
+    second: float | None  # value of the second control, if there is one
+
+    @property
+    def knots(self) -> Array:
+        """Ways to the ends of the pieces, beginning with 0."""
+        return np.cumsum([0.0, *(piece.length for piece in self.pieces)])
+
+    def piece(self, s: float) -> tuple[Piece, float]:
+        """The piece at a way along the curve, and the way within it."""
+        number = int(np.clip(np.searchsorted(self.knots, s) - 1, 0, len(self.pieces) - 1))
+        return self.pieces[number], s - self.knots[number]
+
+    def state(self, s: float) -> State:
+        """Stationary state at a way along the curve."""
+        piece, way = self.piece(s)
+        return piece.state(way)
+
+    def value(self, s: float) -> float:
+        """Value of the first control at a way along the curve."""
+        piece, way = self.piece(s)
+        return piece.value(way)
+
+    def places(self, values: Array) -> list[float]:
+        """Ways at which the first control has one of some values, as often as it has."""
+        found = [
+            begin + way
+            for begin, piece in zip(self.knots, self.pieces, strict=False)
+            for way in piece.places(values)
+        ]
+        begins = self.pieces and np.abs(values - self.value(0.0)).min() <= 1e-9 * np.ptp(values)
+        return [0.0, *found] if begins else found
+
+    def events(
+        self, states: Mapping[float, State], tolerance: float
+    ) -> Iterator[tuple[float, str, str | None]]:
+        """Yield where the control turns back, and where the wrap of a roller slips as a whole.
+
+        Parameters
+        ----------
+        states : mapping
+            Ways to states, between which a roller loses or regains its grip at most once.
+        tolerance : float
+            To which that is dated, as a share of the curve.
+
+        Yields
+        ------
+        tuple
+            Way along the curve, kind of the event, and name of the roller.
+        """
+        for begin, piece in zip(self.knots, self.pieces, strict=False):
+            yield from ((begin + way, "fold", None) for way in piece.folds)
+        grips = ({n: c.grip for n, c in state.contacts.items()} for state in states.values())
+        for (a, b), (before, after) in zip(pairwise(states), pairwise(grips), strict=True):
+            for name in before:
+                if (before[name] > 0.0) != (after[name] > 0.0):
+                    grip = partial(self._grip, name)
+                    at = float(brentq(grip, a, b, xtol=tolerance * self.knots[-1]))
+                    yield at, "grip lost" if after[name] > 0.0 else "grip regained", name
+
+    def _grip(self, name: str, s: float) -> float:
+        return self.state(s).contacts[name].grip
+
+
+@dataclass(frozen=True)
+class MapStep:
+    """How far a map is."""
+
+    words: str
+    fraction: float
+
+
+class OperatingMap:
+    """Stationary states of a scene along one control, for one or several values of another.
+
+    The scene is run to its end, which is a stationary state, and from there the first control is
+    followed both ways, to both ends of its range; the series of that path are sampled evenly.
+    A second control goes from value to value, and the first is followed from each.
+
+    Parameters
+    ----------
+    scene : SceneSpec
+        Its last stage is steady.
+    along : sequence of str
+        One or two texts ``KEY=first:last`` or ``KEY=first:last:number``, with the keys of a stage:
+        ``strip.speed``, ``entry.tension``, ``exit.tension``, ``rollers.NAME.surface_speed``, ….
+    directory : path, optional
+        Where ``map.csv``, ``map.json`` and ``map.png`` go; nothing is written without it.
+    effects : iterable of callables, optional
+        Effects of one's own, see :class:`~anmstrip.driver.run.Run`.
+
+    Attributes
+    ----------
+    curves : list of Curve
+    rows : list of dict
+        Those of ``map.csv``.
+    events : list of dict
+        ``kind`` ("fold", "grip lost", "grip regained"), ``roller``, and the controls by their keys.
+    message : str
+    done : bool
+        Whether both ends of all curves were reached.
+
+    Raises
+    ------
+    InputError
+        The scene does not end in a steady stage, or has no such control.
+    """
+
+    def __init__(
+        self,
+        scene: SceneSpec,
+        along: Sequence[str],
+        directory: str | Path | None = None,
+        effects: Iterable[EffectMaker] = (),
+    ) -> None:
+        last = scene.stages[-1]
+        if not last.steady:
+            expected = "true in the last stage: a map is made of stationary states"
+            raise scene.refused(f"stages.{last.name}.steady", False, expected, "steady = true")
+        if not 1 <= len(along) <= 2:
+            raise InputError([_mistake(" ".join(along), "", len(along), "one control or two")])
+        self.along = [Along.parse(t, n) for t, n in zip(along, (POINTS, CURVES), strict=False)]
+        self.stages = [[a.stage(scene, v) for v in a.values[[0, -1]]] for a in self.along]
+        if len({a.key for a in self.along}) < len(along):
+            raise InputError([_mistake(along[1], self.along[1].key, None, "another control")])
+        self.directory = None if directory is None else Path(directory)
+        self.run = Run(scene, effects=effects)
+        self.curves: list[Curve] = []
+        self.rows: list[dict[str, Any]] = []
+        self.events: list[dict[str, Any]] = []
+        self.message, self.done = "The map has not ended.", False
+
+    def __iter__(self) -> Iterator[MapStep]:
+        """Yield how far the map is, after every step."""
+        run, seconds = self.run, [None] if len(self.along) == 1 else self.along[1].values
+        share = 1.0 / (1 + len(seconds))
+        for step in run:
+            yield MapStep(f"{step.stage}, {step.tangents} tangents", share * step.fraction)
+        self.message, self.done = run.message, run.outcome.done
+        for number, second in enumerate(seconds if self.done else []):
+            words = "" if second is None else f"{self.along[1].key} = {second:.6g}, "
+            for way, value in self._curve(second):
+                told = f"{words}{self.along[0].key} = {value:.6g}, {run.cost.expansions} tangents"
+                yield MapStep(told, share * (1 + number + way))
+        self._read()
+        if self.directory is not None:
+            self._write(self.directory)
+
+    def _curve(self, second: float | None) -> Iterator[tuple[float, float]]:
+        """Add a curve; yield the share of it that is done, and the value of the control."""
+        run, march, values = self.run, self.run.march, self.along[0].values[[0, -1]]
+        if second is not None and not self._moved(self.along[1].stage(run.scene, second)):
+            return
+        here = self._share_of_range()
+        inside = 0.0 < here < 1.0
+        if not 0.0 <= here <= 1.0:
+            here = float(here > 1.0)
+            if not self._moved(self.stages[0][int(here)]):
+                return
+        kept = march.full, march.velocity, run.state
+        start = values[0] + here * (values[1] - values[0])
+        legs: list[list[Piece]] = [[], []]
+        for leg in (0, 1) if inside else (1 - int(here),):
+            for step in self._followed(self.stages[0][leg]):
+                branch = step.state.branch
+                assert branch is not None
+                ends = float(start), float(values[leg])
+                legs[leg].append(Piece(step.state.plan, branch, ends, backwards=leg == 0))
+                done = 0.5 * (leg + step.state.control) if inside else step.state.control
+                yield done, ends[0] + step.state.control * (ends[1] - ends[0])
+            march.full, march.velocity, run.state = kept
+            march.reached = march.pace = None
+        self.curves.append(Curve((*legs[0][::-1], *legs[1]), second))
+
+    def _share_of_range(self) -> float:
+        """Where the present value of the first control lies between its first and last one."""
+        plans = [self.run.march.planned(stage, self.run.state) for stage in self.stages[0]]
+        first, last = (plan.controls.at(1.0) for plan in plans)
+        names = [name for name in first if np.any(first[name] != last[name])]
+        if not names:
+            text, key = self.along[0].text, self.along[0].key
+            raise InputError([_mistake(text, key, None, "a control of a steady stage")])
+        now, first_, last_ = (
+            np.concatenate([np.ravel(at[name]) for name in names])
+            for at in (plans[0].controls.start, first, last)
+        )
+        way = last_ - first_
+        share = float((now - first_) @ way / (way @ way))
+        aside = np.abs(now - first_ - share * way).max() > 1e-9 * np.abs(way).max()
+        return -1.0 if aside else share
+
+    def _moved(self, stage: StageSpec) -> bool:
+        """Go through a stage for good; whether its end was reached."""
+        for _ in self._followed(stage):
+            pass
+        march, state = self.run.march, self.run.state
+        assert state is not None
+        if arrived := march.reached == 1.0:
+            march.finish(stage, state.plan)
+        return arrived
+
+    def _followed(self, stage: StageSpec) -> Iterator[Step]:
+        """Accept the steps of a stage as far as it goes; a stop is told at the end."""
+        run, march = self.run, self.run.march
+        plan = march.planned(stage, run.state)
+        try:
+            for step in march.through(plan, run.scene.solver.max_steps):
+                march.accept(step)
+                run.state = step.state
+                yield step
+        except PathStopped as stopped:
+            failure = Failure(run.assembly, stage, march.here(plan), stopped)
+            self.message, self.done = diagnosis(failure), False
+
+    def _read(self) -> None:
+        """Sample the curves, and find what happens on them."""
+        first, *others = (along.key for along in self.along)
+        tolerance = self.run.scene.solver.tolerance
+        for curve in self.curves:
+            if not curve.pieces:
+                continue
+            second = dict.fromkeys(others, curve.second)
+            ways = curve.places(self.along[0].values)
+            states = {s: curve.state(s) for s in np.union1d(ways, curve.knots).tolist()}
+            self.rows += [{first: curve.value(s), **second, **readings(states[s])} for s in ways]
+            for at, kind, roller in curve.events(states, tolerance):
+                found = {"kind": kind, "roller": roller, first: curve.value(at), **second}
+                self.events.append(found)
+        if self.done:
+            told = []
+            for event in self.events:
+                where = ", ".join(f"{key} = {event[key]:.8g}" for key in (first, *others))
+                roller = f" on {event['roller']}" if event["roller"] else ""
+                told.append(f"{event['kind']}{roller} at {where}")
+            self.message = (
+                f"Done: {len(self.rows)} stationary states on {len(self.curves)} curve(s), "
+                f"{self.run.cost.expansions} tangents, {self.run.seconds:.1f} s. "
+                + "; ".join(told or ["No fold, and no roller loses or regains its grip"])
+                + "."
+            )
+
+    def _write(self, directory: Path) -> None:
+        """Write table, figure and summary."""
+        from anmstrip.pictures.curves import map_figure
+
+        directory.mkdir(parents=True, exist_ok=True)
+        keys = [along.key for along in self.along]
+        write_table(directory / "map.csv", list(self.rows[0]) if self.rows else keys, self.rows)
+        names = [roller.name for roller in self.run.assembly.rollers]
+        with atomic_write(directory / "map.png") as temporary:
+            temporary.write_bytes(map_figure(self.rows, keys, names, self.events))
+        facts = self.run.facts() | {"status": "done" if self.done else "stopped"}
+        summary = {**facts, "message": self.message, "along": [a.text for a in self.along]}
+        summary |= {"events": self.events, "input": self.run.scene.to_dict()}
+        write_summary(directory / "map.json", summary)
+
+
+def readings(state: State) -> dict[str, Any]:
+    """Return the columns of ``map.csv`` for a state, those of the controls left out."""
+    row: dict[str, Any] = {f"{edge}_tension": state.tension(edge) for edge in ("entry", "exit")}
+    row["strip_speed"] = state.strip_speed
+    for name, reading in state.rollers.items():
+        row |= {f"{name}_{column}": getattr(reading, column) for column in READINGS}
+        row[f"{name}_offset"] = state.offset(state.contacts[name].arc[0])
+    return row

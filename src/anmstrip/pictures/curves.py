@@ -1,0 +1,83 @@
+"""Curves over a control or over frequencies, with matplotlib."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+PANELS = {
+    "tension_out": ("tension behind the roller [kN/m]", 1e-3),
+    "torque": ("torque on the strip [N m]", 1.0),
+    "slip_arc": ("slip arc [°]", 180.0 / np.pi),
+    "capacity_used": ("share of Euler's limit [%]", 100.0),
+    "offset": ("offset to +y where the strip runs on [mm]", 1e3),
+}
+"""Columns of a map that are drawn for every roller, with their titles and units."""
+
+LEGEND = 12
+"""Most curves that a legend tells apart."""
+
+
+def map_figure(
+    rows: Sequence[Mapping[str, Any]],
+    keys: Sequence[str],
+    rollers: Sequence[str],
+    events: Sequence[Mapping[str, Any]],
+) -> bytes:
+    """Draw what every roller does over the first control; return a PNG.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Of ``map.csv``.
+    keys : sequence of str
+        One or two controls; values of the second are curves that grow darker.
+    rollers : sequence of str
+    events : sequence of mapping
+        Dashed lines where rollers lose or regain their grip, dotted ones at folds.
+    """
+    flat = all(row[f"{name}_offset"] == 0.0 for row in rows for name in rollers)
+    panels = [column for column in PANELS if not (flat and column == "offset")]
+    figure = Figure(figsize=(10.0, 3.2 * ((len(panels) + 1) // 2)), dpi=130, layout="constrained")
+    grid = figure.subplots((len(panels) + 1) // 2, 2, squeeze=False, sharex=True).ravel()
+    curves = list(dict.fromkeys(row[keys[1]] if len(keys) == 2 else 0.0 for row in rows))
+    colours = colormaps["turbo"](np.linspace(0.08, 0.92, max(len(rollers), 2)))
+    for axes, column in zip(grid, panels, strict=False):
+        title, unit = PANELS[column]
+        for strength, second in zip(
+            np.linspace(1.0, 0.3, max(len(curves), 1))[::-1], curves, strict=False
+        ):
+            chosen = [row for row in rows if len(keys) == 1 or row[keys[1]] == second]
+            x = [row[keys[0]] for row in chosen]
+            if column == "tension_out":
+                y = [unit * row["entry_tension"] for row in chosen]
+                axes.plot(x, y, color="black", alpha=strength, label="entry")
+            for name, colour in zip(rollers, colours, strict=False):
+                y = [
+                    np.nan if (v := row[f"{name}_{column}"]) is None else unit * v for row in chosen
+                ]
+                axes.plot(x, y, color=colour, alpha=strength, label=name)
+        for event in events:
+            style = ":" if event["kind"] == "fold" else "--"
+            axes.axvline(event[keys[0]], color="grey", linewidth=0.8, linestyle=style)
+        axes.set_title(title, fontsize=10)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.set_xlabel(keys[0])
+    labels = dict(zip(*grid[0].get_legend_handles_labels()[::-1], strict=True))
+    if len(labels) <= LEGEND:
+        grid[0].legend(labels.values(), labels, frameon=False, fontsize=8)
+    for axes in grid[len(panels) :]:
+        axes.remove()
+    if len(keys) == 2 and curves:
+        figure.suptitle(
+            f"{keys[1]} from {min(curves):.6g} (pale) to {max(curves):.6g}", fontsize=10
+        )
+    stream = BytesIO()
+    FigureCanvasAgg(figure).print_png(stream)
+    return stream.getvalue()

@@ -1,0 +1,216 @@
+"""The report of a run: one HTML file with tables, plots and a view that turns."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from html import escape
+from importlib.resources import files
+from itertools import chain
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from anmstrip.errors import InputError, Mistake
+from anmstrip.results.files import AnyPath, atomic_write, plain, read_history
+from anmstrip.results.vtk import FIELDS, TENSOR, read_collection, read_surface, subdivide
+
+MOST_TIMES, MOST_STATIONS, MOST_STEPS, MOST_POINTS = 40, 400, 2000, 12_000
+"""Instants and stations of profiles, steps of the history and points of the surface that a report
+keeps: with ten rollers these make about 3 MB, beside the 4.8 MB of plotly's own code."""
+
+DIGITS = 5
+"""Significant digits of numbers in plots; the files of the run have all of them."""
+
+UNITS = {
+    **dict.fromkeys(("arc_length", "x", "y", "z"), "m"),
+    **dict.fromkeys(("tension", "tension_min", "tension_max", "line_load"), "N/m"),
+    **{"pressure": "Pa", "slip": "m/s", "cone_share": "1", "curvature": "1/m", "moment": "N"},
+    **{"time": "s", "normal_force": "N", "drag": "N", "wrap": "rad", "max_slip": "m/s"},
+    **{"surface_speed": "m/s", "torque": "N m"},
+}
+"""Unit of a column of ``profile.csv`` or ``history.csv``, by the end of its name."""
+
+SHOWN = {
+    "wrap": ("wrap", "°", 180.0 / np.pi),
+    "tension_in": ("tension in", "N/m", 1.0),
+    "tension_out": ("tension out", "N/m", 1.0),
+    "tension_ratio": ("ratio", "", 1.0),
+    "normal_force": ("normal force", "N", 1.0),
+    "torque": ("torque", "N m", 1.0),
+    "surface_speed": ("surface speed", "m/s", 1.0),
+    "max_slip": ("largest slip", "m/s", 1.0),
+    "capacity_used": ("friction used", "%", 100.0),
+}
+"""Columns of the table of rollers: entry of ``summary.json``, head, unit and factor."""
+
+
+def write_report(directory: AnyPath) -> Path:
+    """Write ``report.html`` of a run, from the files that the run has written so far.
+
+    The page opens without a network and has, as far as the run has got: its outcome, warnings and
+    errors; tables of rollers, ends and stages; what is along the strip and over time; the last
+    state in space; and the scene with all defaults.
+
+    Parameters
+    ----------
+    directory : path
+        Where the run left its results.
+
+    Returns
+    -------
+    Path
+        The report, at most 8 MB large.
+
+    Raises
+    ------
+    InputError
+        There is no run in the directory.
+    OSError
+        The report cannot be written.
+    """
+    folder = Path(directory)
+    history, summary = folder / "history.csv", folder / "summary.json"
+    if not history.is_file():
+        hint = "anmstrip run SCENE.toml -o DIR, then anmstrip report DIR"
+        raise InputError([Mistake(str(history), "", "no such file", "a run's history", hint)])
+    known = json.loads(summary.read_text("utf-8")) if summary.is_file() else {}
+    data = {
+        "along": along(folder / "profile.csv"),
+        "over": over_time(history),
+        "space": in_space(folder),
+        "units": UNITS,
+    }
+    page = Template((files("anmstrip.pictures") / "report.html").read_text("utf-8"))
+    text = page.substitute(
+        title=escape(known.get("input", {}).get("title") or folder.name),
+        outcome=escape(known.get("message", "The run has not ended.")),
+        tables="\n".join(tables(known)),
+        scene=escape(json.dumps(known.get("input", {}), indent=1, ensure_ascii=False)),
+        data=json.dumps(plain(data), ensure_ascii=False).replace("</", "<\\/"),
+        plotly=(files("plotly") / "package_data" / "plotly.min.js").read_text("utf-8"),
+    )
+    target = folder / "report.html"
+    with atomic_write(target) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return target
+
+
+def rounded(values: ArrayLike) -> list[float | None]:
+    """Return numbers with few digits, None for those that are not finite."""
+    flat = np.asarray(values, dtype=float).ravel()
+    return [float(f"{v:.{DIGITS}g}") if np.isfinite(v) else None for v in flat]
+
+
+def spread(count: int, most: int) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """Return at most so many evenly spread places of a list, both ends among them."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
+
+
+def along(path: Path) -> list[dict[str, Any]]:
+    """Return profiles at some of the written times: the time, and columns by name."""
+    table = read_history(path) if path.is_file() else {}
+    times, found = np.asarray(table.pop("time", [])), []
+    instants = np.unique(times)
+    for time in instants[spread(len(instants), MOST_TIMES)]:
+        rows = np.flatnonzero(times == time)
+        rows = rows[spread(len(rows), MOST_STATIONS)]
+        columns = {name: rounded(np.asarray(column)[rows]) for name, column in table.items()}
+        found.append({"time": float(f"{time:.{DIGITS}g}"), "columns": columns})
+    return found
+
+
+def over_time(path: Path) -> dict[str, list[Any]]:
+    """Return the columns of the history that are numbers, of some of the steps."""
+    table = read_history(path)
+    kept = {name: np.asarray(c) for name, c in table.items() if not isinstance(c, list)}
+    count = len(next(iter(kept.values()), ()))
+    rows = spread(count, MOST_STEPS)
+    return {name: rounded(column[rows]) for name, column in kept.items()}
+
+
+def in_space(folder: Path) -> dict[str, Any] | None:
+    """Return the last state: points, triangles, fields, and the rollers; None without one."""
+    listed = folder / "strip.pvd"
+    entries = read_collection(listed) if listed.is_file() else ()
+    if not entries:
+        return None
+    surface = read_surface(folder / entries[-1].file)
+    fine = len(surface.points) <= MOST_POINTS
+    corners = {16: [0, 3, 15, 12], 21: [0, 5, 20]}.get(surface.cells.shape[1])
+    cells = subdivide(surface.cells) if fine or corners is None else surface.cells[:, corners]
+    used, cells = np.unique(cells, return_inverse=True)
+    fields = {
+        name: {"label": FIELDS[name].label, "unit": FIELDS[name].unit, "values": rounded(values)}
+        for name, values in ((n, scalar(n, v[used])) for n, v in surface.fields.items())
+        if name not in ("normal", "arc_length") and np.any(np.nan_to_num(values))
+    }
+    space = {"time": entries[-1].time, "fields": fields, **mesh(surface.points[used], cells)}
+    beside = folder / "rollers.pvd"
+    rollers = read_collection(beside) if beside.is_file() else ()
+    if rollers:
+        body = read_surface(folder / rollers[-1].file)
+        angle = body.fields["surface_angle"][body.cells].mean(axis=1)
+        tones = np.floor(angle * 6.0 / np.pi).astype(int) % 2
+        space["rollers"] = mesh(body.points, body.cells) | {"tones": np.repeat(tones, 2)}
+    return space
+
+
+def scalar(name: str, values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Return one number per point: a length of a vector, a component along the strip."""
+    if values.ndim == 1:
+        return values
+    return values[:, 0] if FIELDS[name].components == TENSOR else np.linalg.norm(values, axis=1)
+
+
+def mesh(points: np.ndarray[Any, Any], cells: np.ndarray[Any, Any]) -> dict[str, Any]:
+    """Return coordinates x, y, z and triangles i, j, k; every quadrilateral makes two in turn."""
+    cells = cells.reshape(-1, cells.shape[-1])
+    if cells.shape[1] == 4:
+        cells = cells[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+    corners = dict(zip("ijk", cells.T.tolist(), strict=True))
+    return {axis: rounded(points[:, n]) for n, axis in enumerate("xyz")} | corners
+
+
+def tables(summary: Mapping[str, Any]) -> Iterable[str]:
+    """Yield warnings and the tables of rollers, ends, errors and stages, as HTML."""
+    for warning in summary.get("warnings", ()):
+        yield f'<p class="warning">{escape(warning)}</p>'
+    rollers = summary.get("rollers") or {}
+    if rollers:
+        heads = [
+            "roller",
+            *(f"{head} ({unit})" if unit else head for head, unit, _ in SHOWN.values()),
+        ]
+        rows = (
+            [name, *(number(r.get(k), f) for k, (*_, f) in SHOWN.items())]
+            for name, r in rollers.items()
+        )
+        yield table("Rollers", heads, rows)
+    if edges := summary.get("edges"):
+        rows = ([name, number(e["tension"]), *map(number, e["force"])] for name, e in edges.items())
+        yield table("Ends", ["end", "tension (N/m)", "force x (N)", "y (N)", "z (N)"], rows)
+    if errors := summary.get("errors"):
+        heads = ["along paths", "in time", "of the mesh", "of the regularised laws"]
+        told = (errors.get(key) for key in ("path", "time", "mesh", "regularisation"))
+        row = ("not estimated" if value is None else f"{value:.2g}" for value in told)
+        yield table("Errors, as shares of tensions and lengths", heads, [row])
+    if stages := summary.get("stages"):
+        rows = ([n, s["steps"], s["tangents"], f"{s['seconds']:.3g}"] for n, s in stages.items())
+        yield table("Stages", ["stage", "steps", "tangents", "seconds"], rows)
+
+
+def number(value: float | None, factor: float = 1.0) -> str:
+    """Return a number of a table; a dash where there is none."""
+    return "–" if value is None else f"{factor * value:.6g}"
+
+
+def table(title: str, heads: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+    """Return a table as HTML, its first column as it is and the others to the right."""
+    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
+    lines = ("".join(f"<td>{escape(str(cell))}</td>" for cell in row) for row in rows)
+    body = chain((f"<tr>{head}</tr>",), (f"<tr>{line}</tr>" for line in lines))
+    return f"<h2>{escape(title)}</h2>\n<table>\n" + "\n".join(body) + "\n</table>"

@@ -1,0 +1,78 @@
+"""The interface of Python: columns, short representations, input errors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import anmstrip
+from anmstrip import InputError, Scene
+from anmstrip.results.files import read_history
+
+TABLES = {
+    "strip": {"length": 4.0, "width": 1.0, "thickness": 1e-3, "cells": [16, 2]},
+    "material": {"young": 2e11, "poisson": 0.3},
+    "edges": {
+        "entry": {"fixed": ["x", "z"], "centred": True},
+        "exit": {"fixed": ["z"], "centred": True},
+    },
+    "stages": [{"duration": 1.0, "exit": {"force": [1e4, 0.0, 0.0]}}],
+    "solver": {"tolerance": 1e-6},
+}
+
+
+def test_columns_along_a_stretched_strip_and_over_time() -> None:
+    run = Scene(**TABLES).run()
+    *_, step = run
+    s = step.state.along("arc_length")
+    assert np.allclose(s, np.linspace(0.0, 4.0, len(s)))
+    assert np.allclose(step.state.along("tension"), 1e4, rtol=1e-6)
+    assert np.isnan(step.state.along("slip")).all()  # nothing touches
+    with pytest.raises(KeyError, match="tension"):
+        step.state.along("tensoin")
+    assert run.history["exit_tension"][-1] == pytest.approx(1e4, rel=1e-6)
+    assert run.history["stage"] == ["stage1"] * step.step
+    for thing in (run, step, step.state, run.scene):
+        assert len(repr(thing)) < 100, repr(thing)
+
+
+def test_a_written_run_has_the_columns_of_its_files(tmp_path: Path) -> None:
+    run = Scene(**TABLES).run(tmp_path)
+    *_, step = run
+    profile = read_history(tmp_path / "profile.csv")
+    last = np.asarray(profile["time"]) == step.time
+    for name, values in step.state.profile.items():
+        assert np.array_equal(np.asarray(profile[name])[last], values, equal_nan=True), name
+    unwritten = Scene(**TABLES).run()
+    *_, _ = unwritten
+    assert run.history["stage"] == unwritten.history["stage"]
+    for name in ("time", "tangents", "entry_tension", "residual"):
+        assert np.array_equal(run.history[name], unwritten.history[name]), name
+
+
+def test_mistakes_from_python_are_those_of_a_file() -> None:
+    strip = {"lenght": 4.0, "width": 1.0, "thickness": -1.0}
+    with pytest.raises(InputError) as caught:
+        Scene(**{**TABLES, "strip": strip})
+    told = str(caught.value)
+    assert {m.key for m in caught.value.mistakes} >= {"strip.thickness", "strip.lenght"}
+    assert "length (the nearest known one)" in told
+    assert "pydantic" not in told
+
+
+def test_mistakes_between_tables_are_told_beside_those_within(tmp_path: Path) -> None:
+    """What pydantic hides: a roller that no stage knows, beside a wrong table."""
+    stages = [{"duration": 1.0, "rollers": {"r9": {"surface_speed": 1.0}}}]
+    tables = {**TABLES, "stages": stages, "material": {"young": -1.0, "poisson": 0.3}}
+    with pytest.raises(InputError) as caught:
+        Scene(**tables)
+    keys = " ".join(m.key for m in caught.value.mistakes)
+    assert "material.young" in keys
+    assert "r9" in keys
+
+
+def test_the_package_has_a_version_and_types() -> None:
+    assert anmstrip.__version__.count(".") == 2
+    assert (Path(anmstrip.__file__).parent / "py.typed").is_file()

@@ -1,0 +1,155 @@
+"""Sections that yield, against closed forms of elastic and perfectly plastic strip.
+
+With τ = T/(σ_y t), k = κ/κ_e, κ_e = 2σ_y/(E t), M_e = σ_y t²/6 and ε_y = σ_y/E (Prager and Hodge,
+Theory of Perfectly Plastic Solids, section 8): a first bend with both faces plastic has
+M/M_e = 3/2 (1 − τ²) − 1/(2k²), springs back by M/M_e, is τ (k − 1) ε_y longer, and plastic over
+1 − 1/k of its thickness.
+"""
+
+import numpy as np
+import pytest
+
+from anmstrip.continuation.equations import Cost, Tolerances
+from anmstrip.continuation.follow import Settings
+from anmstrip.equilibrium import Model, Motion
+from anmstrip.fem.constraints import Scales, Supports
+from anmstrip.fem.geometry import SECTION
+from anmstrip.fem.operators import CellOperator, InternalOperator, Pattern
+from anmstrip.fem.strip import Material, Strip, line
+from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.mechanics.effects import Controls
+from anmstrip.mechanics.loads import edge_force
+from anmstrip.mechanics.plasticity import FlowLaw, Layers, Plasticity, lobatto
+from anmstrip.mechanics.shell import KirchhoffLove, Membrane
+from anmstrip.timestepping.formulas import Stepping, start_memory
+from anmstrip.timestepping.implicit import integrate
+
+YOUNG, YIELD, THICKNESS, LENGTH = 2e11, 3e8, 1e-3, 1e-3
+KAPPA, STRAIN = 2.0 * YIELD / (YOUNG * THICKNESS), YIELD / YOUNG
+MOMENT = YIELD * THICKNESS**2 / 6.0
+
+
+class Piece:
+    """A short piece of strip under tension, one end held, the other turned by κ times its length.
+
+    Both curvature and force are the same all along it.
+    """
+
+    def __init__(self, exponent, tension=0.0, layers=11, tolerance=1e-4, **hardening):
+        strip = Strip(line(np.array([0.0, LENGTH])), THICKNESS, Material(YOUNG, 0.0), SECTION)
+        self.tension, self.tolerance, self.exponent = tension, tolerance, exponent
+        self.strip, self.layers, self.hardening = strip, Layers.of(THICKNESS, layers), hardening
+        count, (u, slope) = strip.count, (strip.dofs(name) for name in ("u", "u_x"))
+        self.end = count * u[1], count * slope[1] + 1
+        self.held = [count * u[0], count * u[0] + 1, count * slope[0] + 1, self.end[1]]
+        self.cost, self.tangents = Cost(), []
+
+    def model(self, rate):
+        """The piece whose faces flow at the yield stress when bent at their rate."""
+        strip, flow = self.strip, FlowLaw(YIELD, self.exponent, rate, **self.hardening)
+        own = len(self.layers.heights) * flow.variables
+        operator = InternalOperator(CellOperator(strip, (1, 2)), strip.unknowns, own)
+        self.flow = Plasticity(strip, flow, self.layers, operator)
+        effects = [Membrane(strip), KirchhoffLove(strip), edge_force(strip, "exit"), self.flow]
+        size = Scales(LENGTH, YIELD * THICKNESS, YIELD * THICKNESS)
+        return Model(strip, Pattern(strip), effects, size, internal=self.flow.units)
+
+    def bent(self, *curvatures):
+        """Yield k, M/M_e, the elongation over ε_y and k after springback, at given k in turn."""
+        model = self.model(max(abs(np.diff((0.0, *curvatures)))) * KAPPA * THICKNESS / 2.0)
+        free = np.setdiff1d(np.arange(model.unknowns), self.held)
+        force = {"exit.force": np.array([self.tension * YIELD * THICKNESS, 0.0, 0.0])}
+        controls = Controls({**force, "yielding": np.array(1.0)})
+        u = v = np.zeros(len(free))
+        for i, (begin, end) in enumerate(zip((0.0, *curvatures), curvatures, strict=False)):
+            start, slope = np.zeros(model.unknowns), np.zeros(model.unknowns)
+            start[self.end[1]] = -begin * KAPPA * LENGTH
+            slope[self.end[1]] = (begin - end) * KAPPA * LENGTH
+            motion = Motion(model, Supports(free, start, slope), controls, float(i), 1.0)
+            before = self.cost.expansions
+            *_, last = integrate(
+                motion, start_memory(float(i), u, v, 1e-2), i + 1.0,
+                solver=SparseSolver(),
+                settings=Settings(order=15, tolerance=Tolerances(self.tolerance).time_residual),
+                stepping=Stepping(float(len(curvatures)), self.tolerance),
+                cost=self.cost,
+            )  # fmt: skip
+            u = last.u
+            self.tangents.append(self.cost.expansions - before)
+            yield self.reading(motion.supports.full(u, 1.0), end)
+
+    def reading(self, full, k):
+        """M/M_e and the rest, from the stresses of the layers."""
+        values = self.flow.operator.apply(full)
+        self.stress = self.flow.stresses(values, {})
+        moment = (self.layers.weights * self.layers.heights) @ self.stress
+        stretch = 0.5 * ((values[0] + 1.0) ** 2 + values[2] ** 2 - 1.0)
+        m = moment.mean() / MOMENT
+        return k, m, stretch.mean() / STRAIN, k - m
+
+
+def first_bend(k, tension):
+    """M/M_e with both faces plastic."""
+    assert tension + 1.0 / k <= 1.0
+    return 1.5 * (1.0 - tension**2) - 0.5 / k**2
+
+
+def test_lobatto_integrates_polynomials_up_to_2n_minus_3():
+    x, w = lobatto(11)
+    for power in range(20):
+        exact = 0.0 if power % 2 else 2.0 / (power + 1)
+        assert w @ x**power == pytest.approx(exact, abs=1e-13)
+    assert abs(w @ x**20 - 2.0 / 21.0) > 1e-9
+
+
+@pytest.mark.parametrize(("k", "tension"), [(4.0, 0.2), (3.0, 0.0), (3.0, 0.5)])
+def test_first_bend(k, tension):
+    ((_, moment, elongation, left),) = Piece(51, tension, layers=41).bent(k)
+    exact = first_bend(k, tension)
+    assert moment == pytest.approx(exact, rel=0.01)  # layers at lower rates bear less
+    assert left == pytest.approx(k - exact, rel=0.01)
+    assert elongation - tension == pytest.approx(tension * (k - 1.0), rel=0.016, abs=5e-3)
+
+
+def test_the_closed_form_is_approached_with_the_exponent():
+    moments = [next(iter(Piece(n, 0.2, layers=21).bent(4.0)))[1] for n in (5, 21, 101)]
+    errors = np.abs(np.array(moments) / first_bend(4.0, 0.2) - 1.0)
+    assert (errors[1:] < 0.4 * errors[:-1]).all()
+    assert errors[-1] < 0.006
+
+
+def test_bent_and_straightened_it_is_longer():
+    """By τ (2k − 3) ε_y where the new core sweeps the old: 11 % more at n = 51, like 1/n."""
+    found = [list(Piece(n, 0.5, layers=41).bent(3.0, 0.0))[-1][2] - 0.5 for n in (51, 101)]
+    errors = np.array(found) - 1.5
+    assert errors[1] == pytest.approx(0.5 * errors[0], rel=0.15)
+    assert 2.0 * found[1] - found[0] == pytest.approx(1.5, rel=0.02)
+
+
+@pytest.mark.parametrize("exponent", [5, 51, 101])
+def test_reversals_do_not_stall_and_cost_like_the_logarithm_of_the_exponent(exponent):
+    piece = Piece(exponent, 0.2, tolerance=1e-3)
+    *_, (_, moment, _, _) = piece.bent(4.0, *([-4.0, 4.0] * 3))
+    assert moment > 1.3
+    assert np.mean(piece.tangents) < 18.0 * np.log(exponent)
+
+
+def test_linear_hardening_is_that_of_a_bilinear_law():
+    """Stretched: ε = σ/E + (σ − σ_y)/H at a rate of plastic strain equal to ε₀ nearly."""
+    for hardening in ({"isotropic": 2e10}, {"kinematic": 2e10}):
+        piece = Piece(101, layers=21, **hardening)
+        ((_, moment, _, _),) = piece.bent(4.0)
+        eta = np.linspace(0.0, 1.0, 2001)
+        strain = 4.0 * STRAIN * eta
+        share = 2e10 / (YOUNG + 2e10)
+        stress = np.where(strain < STRAIN, strain, STRAIN + share * (strain - STRAIN)) * YOUNG
+        exact = 3.0 * np.trapezoid(stress * eta, eta) / YIELD
+        assert moment == pytest.approx(exact, rel=0.012)
+
+
+def test_kinematic_hardening_yields_early_on_the_way_back_and_isotropic_late():
+    found = {}
+    for kind in ("isotropic", "kinematic"):
+        found[kind] = [m for _, m, *_ in Piece(101, **{kind: 4e10}).bent(4.0, -4.0)]
+    assert found["isotropic"][0] == pytest.approx(found["kinematic"][0], rel=0.01)
+    assert found["isotropic"][1] < 1.15 * found["kinematic"][1] < 0.0

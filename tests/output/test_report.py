@@ -1,0 +1,160 @@
+"""The report: its numbers are those of the files, and a browser draws all of it."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from anmstrip.cli import main
+from anmstrip.errors import InputError
+from anmstrip.pictures.report import DIGITS, MOST_TIMES, write_report
+from anmstrip.results.files import read_history
+from anmstrip.results.vtk import read_surface
+
+SCENE = Path(__file__).parents[2] / "examples" / "capstan.toml"
+COARSE = ("strip.refined=0.1", "solver.tolerance=1e-3", 'title="A strip & <a roller>"')
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+FLAGS = (
+    *("--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"),
+    *("--enable-unsafe-swiftshader", "--enable-logging=stderr", "--virtual-time-budget=20000"),
+    *("--host-resolver-rules=MAP * ~NOTFOUND", "--window-size=1200,2400"),
+)
+"""Without a display, drawing by the processor, without any network."""
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """Directory of a run that ended with its report, and what it printed."""
+    folder = tmp_path_factory.mktemp("report") / "run"
+    settings = [part for text in COARSE for part in ("--set", text)]
+    done = CliRunner().invoke(main, ["run", str(SCENE), "-o", str(folder), "--quiet", *settings])
+    assert done.exit_code == 0, done.output
+    return folder, done.output
+
+
+def data_of(folder: Path) -> dict[str, Any]:
+    text = (folder / "report.html").read_text("utf-8")
+    (found,) = re.findall(r'id="data">(.*?)</script>', text, re.DOTALL)
+    data: dict[str, Any] = json.loads(found)
+    return data
+
+
+def close(found: list[float | None], expected: Any) -> bool:
+    """Whether numbers are the same to the digits of a report, and are missing together."""
+    values = np.array([np.nan if v is None else v for v in found])
+    return bool(np.allclose(values, expected, rtol=10.0 ** (1 - DIGITS), atol=0.0, equal_nan=True))
+
+
+def test_plots_are_those_of_the_files(finished: tuple[Path, str]) -> None:
+    folder, printed = finished
+    assert f"Report in {folder / 'report.html'}." in printed
+    data, profile = data_of(folder), read_history(folder / "profile.csv")
+    times = np.asarray(profile["time"])
+    assert 2 < len(data["along"]) <= MOST_TIMES
+    for one in data["along"]:
+        rows = np.isclose(times, one["time"], rtol=1e-4, atol=0.0)
+        first = np.flatnonzero(rows)[0]
+        rows &= times == times[first]
+        for name, values in one["columns"].items():
+            assert close(values, np.asarray(profile[name])[rows]), name
+    history = read_history(folder / "history.csv")
+    assert set(data["over"]) == set(history) - {"stage"}
+    for name, values in data["over"].items():
+        assert close(values, history[name]), name
+
+
+def test_space_is_that_of_the_last_state(finished: tuple[Path, str]) -> None:
+    folder, _ = finished
+    space = data_of(folder)["space"]
+    surface = read_surface(sorted(folder.glob("strip_*.vtu"))[-1])
+    points = np.transpose([space[axis] for axis in "xyz"])
+    assert np.abs(points - surface.points).max() < 1e-4
+    triangles = np.transpose([space[axis] for axis in "ijk"])
+    sides = points[triangles[:, 1:]] - points[triangles[:, :1]]
+    area = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum()
+    assert area == pytest.approx(4.0, rel=1e-3)  # of a strip of 4 m by 1 m
+    assert close(space["fields"]["normal_pressure"]["values"], surface.fields["normal_pressure"])
+    slip = np.linalg.norm(surface.fields["slip_velocity"], axis=1)
+    assert close(space["fields"]["slip_velocity"]["values"], slip)
+    assert len(space["rollers"]["tones"]) == len(space["rollers"]["i"])
+
+
+def test_tables_are_those_of_the_summary(finished: tuple[Path, str]) -> None:
+    folder, _ = finished
+    summary = json.loads((folder / "summary.json").read_text("utf-8"))
+    page = (folder / "report.html").read_text("utf-8")
+    assert "<h1>A strip &amp; &lt;a roller&gt;</h1>" in page
+    roller = summary["rollers"]["r1"]
+    shown = (np.degrees(roller["wrap"]), *(roller[k] for k in ("tension_in", "tension_out")))
+    cells = "".join(f"<td>{value:.6g}</td>" for value in shown)
+    assert f"<td>r1</td>{cells}" in page
+    assert f"<td>{100.0 * roller['capacity_used']:.6g}</td>" in page
+    assert summary["message"] in page
+    for warning in summary["warnings"]:
+        assert warning.replace("<", "&lt;") in page
+    assert (folder / "report.html").stat().st_size <= 8e6
+    assert not re.findall(r'(?:src|href)="(?!data:)', page.partition("<script>")[0])
+
+
+def test_a_browser_draws_everything_without_a_word(
+    finished: tuple[Path, str], tmp_path: Path
+) -> None:
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if browser is None:
+        pytest.skip(f"no browser on this machine: none of {', '.join(BROWSERS)}")
+    page = (finished[0] / "report.html").absolute().as_uri()
+    done = subprocess.run(
+        [browser, *FLAGS, f"--user-data-dir={tmp_path}", "--dump-dom", page],
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=True,
+        env={**os.environ, "HOME": str(tmp_path)},
+    )
+    shown = done.stdout
+    assert 'data-drawn="yes"' in shown  # the script came to its end
+    for plot in ("along", "over"):
+        (lines,) = re.findall(rf'<div id="{plot}" class="plot.*?<h2>', shown, re.DOTALL)
+        assert 'class="js-line"' in lines
+        assert len(re.findall(r'class="point"', lines)) > 10
+    assert re.search(r'<div id="space".*?<canvas', shown, re.DOTALL)
+    assert shown.count("<option") > 20
+    words = [line for line in done.stderr.splitlines() if ":CONSOLE" in line]
+    assert not [line for line in words if "willReadFrequently" not in line], words
+
+
+def test_a_run_that_goes_on_has_a_report_and_one_without_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="history"):
+        write_report(tmp_path)
+    (tmp_path / "history.csv").write_text("stage,time,entry_tension\nturn,1.0,2.5\n")
+    assert write_report(tmp_path).is_file()
+    data = data_of(tmp_path)
+    assert data["over"] == {"time": [1.0], "entry_tension": [2.5]}
+    assert data["space"] is None
+    assert not data["along"]
+
+
+def test_the_report_can_be_left_out(tmp_path: Path) -> None:
+    scene = tmp_path / "flat.toml"
+    scene.write_text(
+        "[strip]\nlength = 1.0\nwidth = 1.0\nthickness = 1.0e-3\ncells = [4, 1]\n"
+        'kinematics = "section"\n[material]\nyoung = 2.0e11\npoisson = 0.3\n'
+        '[edges.entry]\nfixed = ["x", "z"]\n[edges.exit]\nfixed = ["z"]\n'
+        "[[stages]]\nduration = 1.0\nexit.force = [1.0e3, 0.0, 0.0]\n"
+    )
+    out = str(tmp_path / "out")
+    done = CliRunner().invoke(main, ["run", str(scene), "-o", out, "--quiet", "--no-report"])
+    assert done.exit_code == 0, done.output
+    assert not (tmp_path / "out" / "report.html").exists()
+    done = CliRunner().invoke(main, ["report", out])
+    assert done.output.strip() == str(tmp_path / "out" / "report.html")

@@ -1,0 +1,182 @@
+"""Strip that yields on a roller: what is reported, against closed forms and the files."""
+
+import json
+
+import numpy as np
+import pytest
+
+from anmstrip import InputError, Scene
+from anmstrip.driver.report import report
+from anmstrip.results.files import read_history
+
+YOUNG, YIELD, THICKNESS, TENSION = 2e11, 3e8, 1e-3, 3e4
+KAPPA, STRAIN = 2.0 * YIELD / (YOUNG * THICKNESS), YIELD / YOUNG
+RADIUS = 1.0 / (5.0 * KAPPA)
+
+FLOW = {"uniaxial": True, "reference_rate": 0.5, "layers": 21}
+
+TABLES = {
+    "strip": {"kinematics": "section", "width": 2.0, "thickness": THICKNESS, "refined": 2e-3},
+    "material": {"young": YOUNG, "poisson": 0.0, "yield_stress": YIELD, "plasticity": FLOW},
+    "contact": {},
+    "friction": {"coefficient": 0.0, "speed": 1e-3},
+    "rollers": [
+        {"name": "r", "radius": RADIUS, "centre": [0.0, 0.0, -RADIUS], "wrap": "over"},
+    ],
+    "threading": {"tension": TENSION, "entry": [-0.3, 0.0, -0.21], "exit": [0.3, 0.0, -0.21]},
+    "edges": {"entry": {"fixed": ["x", "z"]}},
+    "stages": [
+        {
+            "name": "run",
+            "steady": True,
+            "strip": {"speed": 1.0},
+            "rollers": {"r": {"surface_speed": 1.0}},
+            "exit": {"tension": TENSION},
+        }
+    ],
+    "solver": {"tolerance": 1e-4, "max_tangents": 200},
+}
+
+
+def with_keys(**changed):
+    """The tables with keys of some tables changed."""
+    return {**TABLES, **{name: {**TABLES[name], **keys} for name, keys in changed.items()}}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """The strip at k = 5, τ = 0.1, and its directory."""
+    directory = tmp_path_factory.mktemp("roller")
+    found = Scene.from_tables(TABLES, "roller.toml").run(directory)
+    *_, last = found
+    return last.state, directory, found
+
+
+def closed_integral(k, tension, steps=1000):
+    """∮ M/M_e dk of perfectly plastic strip that is bent to k and straightened under τ.
+
+    By returning fibres to the yield surface, with the middle strained so that N = T.
+    """
+    eta = (np.arange(400) + 0.5) / 200.0 - 1.0
+    plastic, middle, work, before = np.zeros_like(eta), tension, 0.0, (0.0, 0.0)
+    path = np.concatenate([np.linspace(0.0, k, steps), np.linspace(k, 0.0, steps)])
+    for now in path:
+        for _ in range(50):
+            trial = middle + now * eta - plastic
+            stress = np.clip(trial, -1.0, 1.0)
+            slope = (np.abs(trial) < 1.0).mean()
+            change = (tension - stress.mean()) / max(slope, 1e-3)
+            middle += change
+            if abs(change) < 1e-12:
+                break
+        plastic += trial - stress
+        moment = 3.0 * (stress * eta).mean()
+        work += 0.5 * (moment + before[1]) * (now - before[0])
+        before = now, moment
+    return work
+
+
+def test_the_closed_integral_is_that_of_the_table():
+    """k = 5, τ = 0.1: 6.04 to bend and 2.48 to straighten, where ε_y σ_y t/3 is the unit."""
+    unit = STRAIN * YIELD * THICKNESS / 3.0
+    exact = closed_integral(5.0, 0.1) * KAPPA * YIELD * THICKNESS**2 / 6.0
+    assert exact / unit == pytest.approx(6.04 + 2.48, rel=0.01)
+
+
+def test_tension_over_a_roller_without_friction(run):
+    """T_out − T_in = ∮ M dκ."""
+    state, *_ = run
+    unit = STRAIN * YIELD * THICKNESS / 3.0
+    gained = (state.tension("exit") - state.tension("entry")) / unit
+    assert gained == pytest.approx(6.04 + 2.48, rel=0.015)
+
+
+def test_power_is_what_the_tensions_do(run):
+    """T v at the exit less that at the entry, but for stresses that are locked in."""
+    state, *_ = run
+    speeds = [np.linalg.norm(state.velocity[place]) for place in ends(state)]
+    powers = [2.0 * state.tension(n) * v for n, v in zip(("entry", "exit"), speeds, strict=True)]
+    layers = state.along("yield_power")
+    total = np.trapezoid(layers, state.along("arc_length"))
+    assert total == pytest.approx(powers[1] - powers[0], rel=0.03)
+
+
+def ends(state):
+    """Unknowns of position of both ends."""
+    strip = state.plan.model.strip
+    return [strip.count * strip.edges[name].values[0] + np.arange(2) for name in ("entry", "exit")]
+
+
+def test_files_agree_with_the_definitions(run):
+    _, directory, _ = run
+    table = read_history(directory / "layers.csv")
+    x = np.unique(table["arc_length"])
+    stress, height, strain, left = (
+        np.reshape(table[n], (len(x), 21))
+        for n in ("stress", "height", "plastic_strain", "residual_stress")
+    )
+    profile = read_history(directory / "profile.csv")
+    last = profile["time"] == profile["time"].max()
+    bent = np.interp(x, profile["arc_length"][last], profile["curvature"][last])
+    sharp = np.abs(bent).argmax()
+    # between the quadrature points of the sharpest bend stress follows from strain
+    slope = np.gradient(stress[sharp] / YOUNG + strain[sharp], height[sharp])
+    assert slope == pytest.approx(slope.mean(), rel=1e-6)
+    assert slope.mean() == pytest.approx(bent[sharp], rel=0.03)
+    # nothing is left over: neither force nor moment
+    force, moment = (np.trapezoid(left * arm, height, axis=1) for arm in (1.0, height))
+    assert np.abs(force).max() < 0.01 * YIELD * THICKNESS
+    assert np.abs(moment).max() < 0.02 * YIELD * THICKNESS**2 / 6.0
+    moments = np.trapezoid(stress * height, height, axis=1)
+    written = np.interp(x, profile["arc_length"][last], profile["moment"][last])
+    assert moments[sharp] == pytest.approx(written[sharp], rel=0.03)
+    behind = profile["residual_curvature"][last][-1]
+    rigidity = YOUNG * THICKNESS**3 / 12.0
+    at = np.argmin(np.abs(x - x.max() * 0.9))
+    curl = np.interp(x[at], profile["arc_length"][last], profile["curvature"][last])
+    assert behind == pytest.approx(curl - moments[at] / rigidity, abs=0.05)
+
+
+def test_table_of_bends(run):
+    """k = 5 on the roller: M, what it leaves, and the share 1 − 1/k, elongated by T."""
+    _, directory, found = run
+    bend = json.loads((directory / "summary.json").read_text())["rollers"]["r"]["bend"]
+    k = bend["curvature"] / KAPPA
+    assert k == pytest.approx(5.0, rel=0.05)
+    moment = 1.5 * (1.0 - 0.1**2) - 0.5 / k**2
+    assert bend["moment"] == pytest.approx(moment * YIELD * THICKNESS**2 / 6.0, rel=0.03)
+    left = k - bend["moment"] / (YIELD * THICKNESS**2 / 6.0)
+    assert bend["residual_curvature"] == pytest.approx(left * KAPPA, rel=1e-6)
+    assert bend["plastic_share"] == pytest.approx(1.0 - 1.0 / k, abs=0.03)
+    assert bend["elongation"] == pytest.approx(0.1 * (2.0 * k - 3.0) * STRAIN, rel=0.5)
+    assert "Bends" in report(found)
+
+
+def test_a_scene_without_the_table_has_nothing_of_it(tmp_path):
+    """No unknown, no column, no file, no effect."""
+    tables = with_keys(material={"plasticity": None})
+    scene = Scene.from_tables(tables, "elastic.toml")
+    run = scene.run(tmp_path)
+    *_, last = run
+    assert len(last.state.full) == run.assembly.coupled
+    assert "plasticity" not in run.effects
+    assert not (tmp_path / "layers.csv").exists()
+    assert "plastic_share" not in read_history(tmp_path / "profile.csv")
+    assert last.state.tension("entry") == pytest.approx(last.state.tension("exit"), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"material": {"yield_stress": None}}, "material.yield_stress"),
+        ({"material": {"poisson": 0.3}}, "material.poisson"),
+        ({"material": {"plasticity": {"exponent": 50}}}, "exponent = 51"),
+        ({"strip": {"kinematics": "shell"}}, 'kinematics = "section"'),
+        ({"strip": {"bending": False}}, "bending = true"),
+        ({"strip": {"feed": True}}, "no feed, or no plasticity"),
+    ],
+)
+def test_mistakes_are_told_with_what_to_type(changed, told):
+    with pytest.raises(InputError) as caught:
+        Scene.from_tables(with_keys(**changed), "scene.toml")
+    assert told in str(caught.value)

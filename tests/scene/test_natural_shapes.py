@@ -1,0 +1,147 @@
+"""Scenes with heat, camber and coil set against closed forms."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from threaded import ONE, ended, scene_of, values
+
+from anmstrip.driver.explain import explain
+from anmstrip.driver.scene import Scene
+from claims import Claim
+
+YOUNG, ALPHA, LENGTH, WIDTH, T = 2e11, 1.2e-5, 2.0, 0.5, 2e-3
+
+
+def flat(kinematics: str, stage: dict[str, Any], ends: dict[str, Any], **strip: Any) -> Scene:
+    """A strip of steel that lies flat, and one stage without time."""
+    shape = {"length": LENGTH, "width": WIDTH, "thickness": T, "cells": (16, 4), **strip}
+    return Scene.model_validate(
+        {
+            "strip": {**shape, "kinematics": kinematics},
+            "material": {"young": YOUNG, "poisson": 0.3, "expansion": ALPHA},
+            "edges": {"entry": {"fixed": ["x", "z"], "centred": True}, **ends},
+            "stages": [{"duration": 1.0, **stage}],
+            "solver": {"tolerance": 1e-8},
+        }
+    )
+
+
+def test_heat_between_held_ends_compresses(claim: Claim) -> None:
+    """N = −E t α ΔT, in the stage that heats from 20 K to 50 K."""
+    held = {"exit": {"fixed": ["x", "z"]}}
+    scene = flat("section", {"strip": {"temperature": 50.0}}, held, temperature=20.0)
+    run, state = ended(scene)
+    claim(
+        "force of a heated section between held ends (N/m)",
+        state.tension("exit"),
+        -YOUNG * T * ALPHA * 50.0,
+        1e-6,
+        "N = −E t α ΔT",
+    )
+    assert run.cost.expansions <= 2
+    assert state.principal_forces == pytest.approx(state.tension("exit"), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("strip", "curvature"),
+    [
+        ({"temperature": {"across": (30.0, 40.0)}}, -ALPHA * 40.0 / WIDTH),
+        ({"temperature": {"table": ((-0.5, 10.0), (0.5, 50.0))}}, -ALPHA * 40.0 / WIDTH),
+        ({"camber": 1e-3}, 1e-3),
+        ({"flatness": {"across": (0.0, -50.0)}}, 50e-5 / WIDTH),
+    ],
+)
+@pytest.mark.parametrize("begins", [True, False])
+def test_free_strip_curves_in_its_plane(
+    claim: Claim, strip: dict[str, Any], curvature: float, begins: bool
+) -> None:
+    """Without stress, and without work if it is so from the beginning: κ = −dE⁰/dy."""
+    stage = {} if begins else {"strip": strip}
+    scene = flat("shell", stage, {"exit": {"fixed": ["z"]}}, **(strip if begins else {}))
+    run, state = ended(scene)
+    nodes = run.assembly.strip.edges["exit"].nodes
+    drift = values(run, state)[1][nodes] - run.assembly.strip.nodes[1, nodes]
+    found, expected = float(drift[len(nodes) // 2]), 0.5 * curvature * LENGTH**2
+    claim(f"offset of a free strip with {next(iter(strip))} (m)", found, expected, 3e-3, "κ L²/2")
+    force = np.abs(state.principal_forces).max()
+    assert force < 1e-3 * YOUNG * T * abs(curvature) * WIDTH
+
+
+def test_coil_set_curves_a_free_section(claim: Claim) -> None:
+    """Held in z at both ends it is an arc, convex upwards where the top is longer."""
+    curvature = 0.2
+    scene = flat(
+        "section", {"strip": {"coil_set": curvature}}, {"exit": {"fixed": ["z"]}}, cells=(40, 1)
+    )
+    run, state = ended(scene)
+    z = values(run, state)[2]
+    expected = (1.0 - np.cos(0.5 * curvature * LENGTH)) / curvature
+    claim("height of a free arc with coil set (m)", float(z.max()), expected, 1e-5, "sagitta")
+    assert np.abs(state.principal_forces).max() < 1e-6 * YOUNG * T
+
+
+def test_threaded_hot_strip_has_its_tension() -> None:
+    """Hot from the beginning, and again after cooling: the exit is pulled by what it says."""
+    hot = {"temperature": 600.0}
+    scene = scene_of(
+        {**ONE, "strip": {"cells": (40, 1), **hot}, "material": {"expansion": ALPHA}},
+        stages=[{"duration": 1.0, "strip": {"temperature": 0.0}}],
+        solver={"tolerance": 1e-7},
+    )
+    run, state = ended(scene)
+    assert state.tension("exit") == pytest.approx(1e4, rel=1e-6)
+    assert state.tension("entry") == pytest.approx(1e4, rel=1e-4)
+    length = run.assembly.strip.length
+    cold = scene_of({**ONE, "strip": {"cells": (40, 1)}}, solver={"tolerance": 1e-7})
+    plain = ended(cold)[0]
+    assert run.stages["threading"]["tangents"] <= 1.5 * plain.stages["threading"]["tangents"]
+    expected = np.sqrt(1.0 + 2.0 * ALPHA * 600.0)
+    assert plain.assembly.strip.length / length == pytest.approx(expected, rel=1e-5)
+
+
+def test_heated_strip_leaves_faster(claim: Claim) -> None:
+    """v₂/v₁ = (1 + ε₂ + α ΔT₂)/(1 + ε₁ + α ΔT₁) in a stationary state, heated behind a roller."""
+    scene = scene_of(
+        {**ONE, "strip": {"cells": (60, 1), "refined": 0.02, "width": 1.0}},
+        material={"expansion": ALPHA},
+        friction={"law": "tanh", "coefficient": 0.3, "speed": 1e-4},
+        stages=[
+            {
+                "name": "run", "steady": True, "rollers": {"a": {"surface_speed": 1.0}},
+                "strip": {
+                    "speed": 0.9999,
+                    "temperature": {"across": (300.0,), "along": ((3.0, 0.0), (3.5, 1.0))},
+                },
+            }
+        ],
+        solver={"tolerance": 1e-7},
+    )  # fmt: skip
+    run, state = ended(scene)
+    strip, velocity = run.assembly.strip, state.velocity
+    assert velocity is not None
+    ends = [strip.edges[name].values for name in ("entry", "exit")]
+    v1, v2 = (float(np.linalg.norm(strip.nodal(velocity)[end])) for end in ends)
+    strains = [state.tension(name) / strip.tensile_stiffness for name in ("entry", "exit")]
+    expected = (1.0 + strains[1] + ALPHA * 300.0) / (1.0 + strains[0])
+    claim("speed of a strip that is heated, over that before", v2 / v1, expected, 1e-5, "v ~ 1 + ε")
+    assert v2 / v1 > 1.003
+
+
+def test_explain_tells_what_the_strip_would_be_like() -> None:
+    scene = flat(
+        "shell",
+        {"name": "heat", "strip": {"temperature": {"across": (20.0, 0.0, 80.0)}}},
+        {},
+        flatness={"table": ((-0.5, 12.0), (0.0, 0.0), (0.5, 12.0))},
+        coil_set=0.2,
+    )
+    text = explain(scene)
+    assert "Unstressed: temperature 20 to 40 K in stage heat." in text
+    assert "Unstressed: flatness 0 to 12 I-units." in text
+    assert "Unstressed: coil set 0.2 1/m." in text
+    assert "heat, flatness" not in text
+    bare = flat("section", {"exit": {"force": (1e3, 0.0, 0.0)}}, {})
+    assert "Left out: heat, flatness, camber, coil set" in explain(bare)

@@ -1,0 +1,253 @@
+"""Maps: the series of a steady path against single runs, creep theory and the limit of grip."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.optimize import brentq
+from test_steady import EXIT, FRICTION, LINE, steady, stretch, turned
+from threaded import ended, scene_of
+
+from anmstrip import InputError, Scene
+from anmstrip.cli import main
+from anmstrip.continuation.path import Branch
+from anmstrip.driver.operating_map import Along, Curve, Piece
+from anmstrip.results.files import read_history
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+CREEP = 1.5e-6
+"""V_c of the algebraic law (m/s)."""
+
+
+def string(speed: float, **others: Any) -> Scene:
+    """One roller at 1 m/s under a strip that does not resist bending; the default law."""
+    law = {"law": "algebraic", "coefficient": FRICTION, "speed": CREEP}
+    made = {"strip": {"bending": False}, "solver": {"tolerance": 1e-5}} | others
+    tables = steady(speed, CREEP, 0.01, **made).to_dict()
+    return Scene.model_validate({**tables, "friction": law})
+
+
+def before(speed: float, turn: float) -> float:
+    """Tension before the roller by creep theory: dT/dφ = T f s/√(1 + s²), s = (V − c λ(T))/V_c."""
+    from scipy.integrate import solve_ivp
+
+    def rate(_: float, tension: Any) -> Any:
+        slip = (1.0 - speed * stretch(tension[0])) / CREEP
+        return tension * FRICTION * slip / np.hypot(slip, 1.0)
+
+    return float(solve_ivp(rate, (0.0, turn), [EXIT], rtol=1e-10, atol=1e-6).y[0, -1])
+
+
+def test_map_is_creep_theory_from_back_slip_to_full_slip() -> None:
+    """Every row to 1.5e-4 of the tension; grip is lost where the first fibre slips enough."""
+    slow, fast = 1.0 / stretch(6e3), 1.0 / stretch(1.6e4)
+    made = string(1.0 / stretch(1.1e4)).map(f"strip.speed={slow}:{fast}:21")
+    assert made.done, made.message
+    assert made.run.cost.expansions <= 45
+    rows = made.rows
+    assert [row["strip_speed"] for row in rows] == pytest.approx(
+        np.linspace(slow, fast, 21), rel=1e-12
+    )
+    turn = turned(made.run.state)
+    expected = [before(row["strip_speed"], turn) for row in rows]
+    assert [row["a_tension_in"] for row in rows] == pytest.approx(expected, rel=1.5e-4)
+    assert min(expected) < 0.8 * EXIT < 1.3 * EXIT < max(expected)
+    torque = [0.5 * (row["entry_tension"] - EXIT) for row in rows]
+    assert [row["a_torque"] for row in rows] == pytest.approx(torque, abs=2e-3 * EXIT)
+    used = [abs(np.log(t / EXIT)) / (FRICTION * turn) for t in expected]
+    assert [row["a_capacity_used"] for row in rows] == pytest.approx(used, abs=1e-3)
+    # 0.95 of the cone at s = 0.95/√(1 − 0.95²), all over the wrap from where its slip is least
+    least = CREEP * 0.95 / np.sqrt(1.0 - 0.95**2)
+
+    def at_entry(speed: float, sense: float) -> float:
+        return sense * (1.0 - speed * stretch(before(speed, turn))) - least
+
+    kinds = [(event["kind"], event["roller"]) for event in made.events]
+    assert kinds == [("grip regained", "a"), ("grip lost", "a")]
+    middle = 1.0 / stretch(EXIT)
+    for event, end, sense in zip(made.events, (slow, fast), (-1.0, 1.0), strict=True):
+        exact = brentq(at_entry, middle, end, args=(sense,), xtol=1e-14)
+        assert event["strip.speed"] == pytest.approx(exact, abs=0.005 * abs(fast - slow))
+    slips = [row["a_slip_arc"] >= row["a_wrap"] * (1.0 - 1e-9) for row in rows]
+    speeds = np.array([row["strip_speed"] for row in rows])
+    regained, lost = (event["strip.speed"] for event in made.events)
+    assert slips == ((speeds > regained) | (speeds < lost)).tolist()
+
+
+def test_slip_arc_is_where_friction_nears_its_limit() -> None:
+    """By the same law, where V − c λ(T(φ)) is above the slip of 0.95 of the cone."""
+    from scipy.integrate import solve_ivp
+
+    scene = string(1.0 / stretch(1.15e4))
+    _, state = ended(scene)
+    speed, least = state.strip_speed, CREEP * 0.95 / np.sqrt(1.0 - 0.95**2)
+
+    def rate(_: float, tension: Any) -> Any:
+        slip = (1.0 - speed * stretch(tension[0])) / CREEP
+        return tension * FRICTION * slip / np.hypot(slip, 1.0)
+
+    found = solve_ivp(rate, (0.0, turned(state)), [EXIT], rtol=1e-9, dense_output=True)
+    angle = np.linspace(0.0, turned(state), 20001)
+    arc = angle[1.0 - speed * stretch(found.sol(angle)[0]) > least].max()
+    assert 0.1 < arc < 0.8
+    assert state.rollers["a"].slip_arc == pytest.approx(arc, abs=0.02)
+
+
+@pytest.mark.parametrize("along", ["entry.tension=9.8e3:10.8e3:3", "rollers.c.torque=0:90:3"])
+def test_ends_of_a_map_are_single_runs(along: str) -> None:
+    """Speeds of strip and idlers, tensions and torques, from either side of the scene's value."""
+    scene = scene_of(LINE, solver={"tolerance": 1e-6})
+    made = scene.map(along)
+    assert made.done, made.message
+    key, _, values = along.partition("=")
+    for row, value in zip(made.rows[::2], values.split(":")[:2], strict=True):
+        assert row[key] == float(value)
+        tables = scene.to_dict()
+        stage = tables["stages"][-1]
+        if key == "entry.tension":
+            stage["entry"]["tension"] = float(value)
+        else:
+            stage["rollers"]["c"]["torque"] = float(value)
+        _, state = ended(Scene.model_validate(tables))
+        assert row["strip_speed"] == pytest.approx(state.strip_speed, rel=1e-8)
+        assert row["entry_tension"] == pytest.approx(state.tension("entry"), rel=1e-5)
+        for name, reading in state.rollers.items():
+            for column in ("tension_in", "tension_out", "surface_speed", "wrap"):
+                assert row[f"{name}_{column}"] == pytest.approx(getattr(reading, column), rel=1e-5)
+            assert row[f"{name}_torque"] == pytest.approx(reading.torque, abs=0.02)
+    assert made.rows[1][key] == pytest.approx(0.5 * (made.rows[0][key] + made.rows[2][key]))
+
+
+def test_second_control_goes_from_value_to_value() -> None:
+    """Wherever the scene's own value lies; the first may begin outside its range."""
+    low, high = 1.0 / stretch(1.2e4), 1.0 / stretch(1.1e4)
+    scene = string(1.0 / stretch(1.04e4))
+    made = scene.map(f"strip.speed={low}:{high}:3", "exit.tension=9e3:11e3:2")
+    assert made.done, made.message
+    assert len(made.rows) == 6
+    for row in made.rows:
+        assert row["exit_tension"] == pytest.approx(row["exit.tension"], rel=1e-6)
+        assert row["strip_speed"] == pytest.approx(row["strip.speed"], rel=1e-12)
+    tables = scene.to_dict()
+    tables["stages"][-1] |= {"strip": {"speed": low}, "exit": {"tension": 9e3}}
+    _, state = ended(Scene.model_validate(tables))
+    assert made.rows[0]["entry_tension"] == pytest.approx(state.tension("entry"), rel=1e-5)
+
+
+def test_scene_that_pulls_another_way_goes_to_the_range_first() -> None:
+    """Its exit is pulled 1° aside; along the tension the force has the direction of the line."""
+    tables = string(1.0 / stretch(1.04e4)).to_dict()
+    out = ended(Scene.model_validate(tables))[0].march.course.outward["exit"]
+    aside = 1.0e4 * np.array([out[0] - 0.02 * out[2], 0.0, out[2] + 0.02 * out[0]])
+    tables["stages"][-1]["exit"] = {"force": aside.tolist()}
+    made = Scene.model_validate(tables).map("exit.tension=9.9e3:10.2e3:3")
+    assert made.done, made.message
+    (curve,) = made.curves
+    for value in (9.9e3, 1.005e4, 1.02e4):
+        (s,) = (s for s in curve.places(np.array([value, 1.0])) if s >= 0.0)
+        force = curve.state(s).controls["exit.force"]
+        assert force == pytest.approx(value * out, rel=1e-9, abs=1e-6)
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_folds_are_passed_and_states_between_them_told_as_often_as_they_are(
+    backwards: bool,
+) -> None:
+    """λ = 4a³ − 5a² + 1.6a turns back at a = (5 ± √5.8)/12, and comes to 0.6 at the end a = 1."""
+    u, control = np.zeros((4, 1)), np.array([0.0, 1.6, -5.0, 4.0])
+    branch = Branch(u, control, 1.0, np.zeros(1))
+    plan: Any = None
+    piece = Piece(plan, branch, (2.0, 12.0), backwards)
+    turns = (5.0 + np.array([-1.0, 1.0]) * np.sqrt(5.8)) / 12.0
+    assert piece.folds == pytest.approx(np.sort(1.0 - turns) if backwards else turns)
+    curve = Curve((piece,), None)
+    values = np.linspace(2.0, 8.0, 25)
+    ways = curve.places(values)
+    assert ways == sorted(ways)
+    assert [curve.value(s) for s in ways] == pytest.approx(
+        [values[np.abs(values - curve.value(s)).argmin()] for s in ways], abs=1e-9
+    )
+    roots = [np.roots([4.0, -5.0, 1.6, -0.1 * (v - 2.0)]) for v in values]
+    real = [r.real for rs in roots for r in rs if abs(r.imag) < 1e-9 and -1e-9 <= r.real < 1 + 1e-9]
+    expected = np.sort(1.0 - np.array(real) if backwards else real)
+    assert ways == pytest.approx(expected, abs=1e-7)
+    assert len(ways) > len(values)
+    assert [e[:2] for e in curve.events({}, 1e-6)] == [(s, "fold") for s in piece.folds]
+
+
+def test_command_writes_table_figure_and_summary(tmp_path: Path) -> None:
+    """Of the bridle's example, on a coarse mesh; a wrong key ends with status 2."""
+    scene, out = str(EXAMPLES / "bridle_map.toml"), tmp_path / "out"
+    along = "rollers.lower.surface_speed=0.99999:1.00001:5"
+    coarse = ["--set", "strip.refined=0.1", "--set", "friction.speed=1e-5", "-o", str(out)]
+    result = CliRunner().invoke(main, ["map", scene, "--along", along, *coarse])
+    assert result.exit_code == 0, result.output
+    assert "Done: 5 stationary states on 1 curve(s)" in result.output
+    made = Scene.load(scene, ["strip.refined=0.1", "friction.speed=1e-5"]).map(along)
+    for column, cells in read_history(out / "map.csv").items():
+        np.testing.assert_array_equal(cells, [row[column] for row in made.rows])
+    assert (out / "map.png").read_bytes().startswith(b"\x89PNG")
+    summary = json.loads((out / "map.json").read_text(encoding="utf8"))
+    assert (summary["status"], summary["along"]) == ("done", [along])
+    assert summary["tangents"] == made.run.cost.expansions
+    assert summary["events"] == made.events
+    result = CliRunner().invoke(main, ["map", scene, "--along", "strip.sped=1:2", *coarse])
+    assert result.exit_code == 2
+    assert "--along strip.sped=1:2" in result.output
+
+
+def test_what_was_computed_before_a_stop_is_kept(tmp_path: Path) -> None:
+    """Tangents run out on the way to one end: the rows up to there, and why."""
+    speed, ends = 1.0 / stretch(1.1e4), (1.0 / stretch(1.11e4), 1.0 / stretch(6e3))
+    along = f"strip.speed={ends[0]}:{ends[1]}:31"
+    most = string(speed).map(along).run.cost.expansions - 3
+    scene = string(speed, solver={"tolerance": 1e-5, "max_tangents": most})
+    made = scene.map(along, directory=tmp_path)
+    assert not made.done
+    assert "max_tangents" in made.message
+    assert 1 < len(made.rows) < 31
+    assert made.rows[0]["strip_speed"] == pytest.approx(ends[0], rel=1e-12)
+    summary = json.loads((tmp_path / "map.json").read_text(encoding="utf8"))
+    assert (summary["status"], summary["message"]) == ("stopped", made.message)
+
+
+@pytest.mark.parametrize(
+    ("along", "words"),
+    [
+        (("rollers.b.surface_speed=1:2",), "the name of a roller"),
+        (("rollers.a.surfacespeed=1:2",), "surface_speed"),
+        (("rollers.a.move=1:2",), "three numbers"),
+        (("strip.speed=1:1",), "two different numbers"),
+        (("strip.speed=1:two",), "two different numbers"),
+        (("strip.speed=1:2:1",), "two different numbers"),
+        (("duration=1:2",), "a control"),
+        (("entry.release=1:2",), "true or false"),
+        ((), "one control or two"),
+        (("strip.speed=1:2", "strip.speed=1:2"), "another control"),
+    ],
+)
+def test_what_cannot_be_followed_is_refused(along: tuple[str, ...], words: str) -> None:
+    with pytest.raises(InputError) as refused:
+        string(0.9999).map(*along)
+    assert words in str(refused.value)
+    assert "--along" in str(refused.value)
+
+
+def test_last_stage_is_steady() -> None:
+    tables = string(0.9999).to_dict()
+    tables["stages"].append({"name": "on", "duration": 1.0})
+    with pytest.raises(InputError, match=r"stages\.on\.steady"):
+        Scene.model_validate(tables).map("strip.speed=0.9:1.0")
+
+
+def test_range_is_read() -> None:
+    along = Along.parse("rollers.a.torque = -1:2:4", 101)
+    assert along.key == "rollers.a.torque"
+    assert along.values == pytest.approx([-1.0, 0.0, 1.0, 2.0])
+    assert len(Along.parse("a=0:1", 101).values) == 101
