@@ -74,6 +74,7 @@ width = 0.6
 thickness = 1.0e-3
 cells = [12, 2]
 refined = 0.12
+feed = false
 
 [material]
 young = 2.0e11
@@ -285,7 +286,7 @@ duration = 0.03
 [solver]
 tolerance = 1.0e-3
 """
-"""A strip that a roller conveys by more than an element; a fresh one follows."""
+"""A strip that a roller conveys; a fresh one follows through labels that stay."""
 
 PRESSED = """
 [strip]
