@@ -83,6 +83,11 @@ DAMPING = 1e-7
 m are of other lengths, by 4e-3 after 50 of them, with 1e-7 by 5e-9; tangents are hardly fewer."""
 
 
+TALL = 256
+"""Rows of a matrix that are orthogonalised at once (Demmel, Grigori, Hoemmen & Langou, SIAM J. Sci.
+Comput. 34, 2012): BLAS shares larger ones among threads, for each column anew."""
+
+
 def longest_quotient(
     equations: Equations, series: Branch, tolerance: float, reach: float, cost: Cost
 ) -> tuple[Branch, float] | None:
@@ -159,4 +164,8 @@ def coordinates(equations: Equations, branch: Branch) -> Array:
     """Orders 1 … N (rows) in an orthonormal basis of what they span, with the control."""
     motion = branch.u[1:] * np.sqrt(equations.metric)
     both = np.column_stack([motion, branch.control[1:]]).T
+    while len(both) > TALL:  # R of tall matrices from those of their parts
+        whole, rest = np.split(both, [len(both) // TALL * TALL])
+        parts = np.linalg.qr(whole.reshape(-1, TALL, both.shape[1]), mode="r")
+        both = np.vstack([parts.reshape(-1, both.shape[1]), rest])
     return np.asarray(np.linalg.qr(both, mode="r")).T
