@@ -407,14 +407,17 @@ def parse_numbers(settings: Iterable[str]) -> dict[str, float]:
     help="What colours the strip, e.g. gap or membrane_force.xx (default: pressure).",
 )
 @click.option("--movie", is_flag=True, help="All states as movie.gif as well.")
-def render_command(directory: Path, field: str | None, movie: bool) -> None:
+@click.option(
+    "--vector", type=click.Choice(["svg", "pdf"]), help="The side view in this format too."
+)
+def render_command(directory: Path, field: str | None, movie: bool, vector: str | None) -> None:
     """Draw pictures of a run, without a display.
 
     picture.png from above and picture_side.png from the side, of the last state, into DIR.
     """
     from anmstrip.pictures.render import render
 
-    for picture in render(directory, field=field, movie=movie):
+    for picture in render(directory, field=field, movie=movie, vector=vector):
         click.echo(str(picture))
 
 
