@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.arrays import Array
+from anmstrip.arrays import Array, Index
 from anmstrip.mechanics.roller import Roller
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ FIBRES = 16
 
 @dataclass(frozen=True)
 class ContactState:
-    """State of the points of the strip under one roller."""
+    """State of the points of the strip near one roller, or of the nearest."""
 
     contact: Contact
     gap: Array  # m, shape (points,)
@@ -55,6 +55,7 @@ class ContactState:
     arm: Array  # distance of the surface from the axis (m), shape (points,)
     speed: float  # of the surface (m/s)
     bearing_torque: float  # against it (N m)
+    gaps: Array  # of all points of the strip (m)
 
     @cached_property
     def least(self) -> float:
@@ -70,6 +71,11 @@ class ContactState:
     def touching(self) -> NDArray[np.bool_]:
         """Points in contact."""
         return self.pressure > self.least
+
+    @property
+    def pressed(self) -> Index:
+        """Numbers of these points in the whole strip."""
+        return np.asarray(self.contact.operator.chosen[self.touching])
 
     @property
     def cone_share(self) -> Array:
@@ -140,9 +146,9 @@ class ContactState:
         pressure; so the ends move continuously with the state, not from point to point.  Empty
         without contact.
         """
-        operator = self.contact.operator
-        cells = operator.cells[(self.gap[operator.cells] < self.contact.reaches).any(axis=1)]
-        lines = cells[:, LINES[cells.shape[1]]].reshape(-1, 3)
+        operator, cells = self.contact.operator, self.contact.operator.cells
+        cells = cells[(self.gaps[cells] < self.contact.reaches).any(axis=1)]
+        lines = np.searchsorted(operator.chosen, cells[:, LINES[cells.shape[1]]].reshape(-1, 3))
         along, across, _ = np.abs(np.diff(operator.reference[:, lines[:, ::2]], axis=2))[..., 0]
         lines = lines[along > 1e-6 * across]
         gap = self.gap[lines] - float(self.contact.signorini.gap(self.least + self.contact.least))

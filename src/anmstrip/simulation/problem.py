@@ -524,13 +524,13 @@ class Assembly:
         """Contact of every point with every roller, up to the given gaps."""
         if self.scene.contact is None or not self.rollers:
             return None
+        from anmstrip.fem.sampling import RepeatedOperator
         from anmstrip.mechanics.contact import Contact
         from anmstrip.mechanics.roller import combine
 
-        operator = self.contact_operator
-        every = np.tile(np.arange(operator.points), len(self.rollers))
-        rollers = combine(self.rollers, np.repeat(np.arange(len(self.rollers)), operator.points))
-        pairs = operator.restricted(every)
+        operator, count = self.contact_operator, len(self.rollers)
+        rollers = combine(self.rollers, np.repeat(np.arange(count), operator.points))
+        pairs = operator if count == 1 else RepeatedOperator(operator, count)
         return Contact(rollers, self.signorini, pairs, tuple(reaches), self.kinematics)
 
     def effects(self, stage: StageSpec, controls: Iterable[str]) -> list[Effect]:
