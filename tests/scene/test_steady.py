@@ -179,7 +179,13 @@ def test_yawed_roller_steers_as_shelton_says(claim: Claim, kl: float, share: flo
     order = np.argsort(x)
     y = np.interp(x.min() + length, x[order], moved[order, 1])
     found = -y / (angle * length)
-    claim(f"offset over θ L before a roller out of line, K L = {kl:g}", found, share, 2e-3, "Shelton 1968")
+    claim(
+        f"offset over θ L before a roller out of line, K L = {kl:g}",
+        found,
+        share,
+        2e-3,
+        "Shelton 1968",
+    )
 
 
 def test_tension_in_stick_with_isometric_bending(claim: Claim) -> None:

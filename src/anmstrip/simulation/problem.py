@@ -526,12 +526,15 @@ class Assembly:
             return None
         from anmstrip.fem.sampling import RepeatedOperator
         from anmstrip.mechanics.contact import Contact
-        from anmstrip.mechanics.roller import combine
+        from anmstrip.mechanics.roller import RepeatedRollers
 
         operator, count = self.contact_operator, len(self.rollers)
-        rollers = combine(self.rollers, np.repeat(np.arange(count), operator.points))
-        pairs = operator if count == 1 else RepeatedOperator(operator, count)
-        return Contact(rollers, self.signorini, pairs, tuple(reaches), self.kinematics)
+        if count == 1:
+            seen: tuple[Roller, ContactOperator] = self.rollers[0], operator
+        else:
+            seen = RepeatedRollers(self.rollers, operator.points), RepeatedOperator(operator, count)
+        roller, pairs = seen
+        return Contact(roller, self.signorini, pairs, tuple(reaches), self.kinematics)
 
     def effects(self, stage: StageSpec, controls: Iterable[str]) -> list[Effect]:
         """Return the effects that act in a stage.
