@@ -77,6 +77,18 @@ class ContactState:
         """Numbers of these points in the whole strip."""
         return np.asarray(self.contact.operator.chosen[self.touching])
 
+    @cached_property
+    def elements(self) -> Index:
+        """Elements with a point within reach; all of their points are among these."""
+        near = self.gaps[self.contact.operator.cells] < self.contact.reaches
+        return np.flatnonzero(near.any(axis=1))
+
+    @cached_property
+    def cells(self) -> Index:
+        """Points of these elements, shape (elements, points of one)."""
+        operator = self.contact.operator
+        return np.searchsorted(operator.chosen, operator.cells[self.elements])
+
     @property
     def cone_share(self) -> Array:
         """|R_T| / (f R_N) of the points in contact, 0 elsewhere and without friction."""
@@ -96,9 +108,8 @@ class ContactState:
         Shape (2, rows), by angle.  Friction and its limit are summed up over the row: where the
         law is sharper than the mesh, friction alternates from point to point.
         """
-        operator = self.contact.operator
-        on = self.touching[operator.cells].any(axis=1)
-        cells, areas = operator.cells[on], operator.shares[on]
+        operator, on = self.contact.operator, self.touching[self.cells].any(axis=1)
+        cells, areas = self.cells[on], operator.shares[self.elements[on]]
         x = np.round(operator.reference[0][cells].mean(axis=1), 9)
         rows, row = np.unique(x, return_inverse=True)
         limit = (self.coefficient or 0.0) * self.pressure
@@ -146,9 +157,8 @@ class ContactState:
         pressure; so the ends move continuously with the state, not from point to point.  Empty
         without contact.
         """
-        operator, cells = self.contact.operator, self.contact.operator.cells
-        cells = cells[(self.gaps[cells] < self.contact.reaches).any(axis=1)]
-        lines = np.searchsorted(operator.chosen, cells[:, LINES[cells.shape[1]]].reshape(-1, 3))
+        operator = self.contact.operator
+        lines = self.cells[:, LINES[self.cells.shape[1]]].reshape(-1, 3)
         along, across, _ = np.abs(np.diff(operator.reference[:, lines[:, ::2]], axis=2))[..., 0]
         lines = lines[along > 1e-6 * across]
         gap = self.gap[lines] - float(self.contact.signorini.gap(self.least + self.contact.least))
