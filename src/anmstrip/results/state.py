@@ -124,7 +124,7 @@ class State:
     def profile(self) -> dict[str, Array]:
         """All columns along the strip, see :meth:`along`."""
         effects, membrane = self.plan.model.effects, self.membrane
-        touching = next((c.contact.operator for c in self.contacts.values()), None)
+        touching = next((c.contact.operator.whole for c in self.contacts.values()), None)
         bends = any(e.name == "bending" for e in effects)
         bent = None if membrane is None else membrane.imperfection
         return Profile(self.plan.model.strip, membrane, touching, bends, bent).columns(self)
