@@ -1,8 +1,8 @@
 """Random steady lines, and where they must settle by statics and the theory of creep.
 
-A line is drawn as spans and turns: its rollers follow from them, so that the solver's own search for
-a path has no part in what is expected.  All rollers run at one speed; the strip's speed is chosen so
-that the first or every roller drives or brakes with a drawn share of its grip::
+A line is drawn as spans and turns: its rollers follow from them, so that the solver's own search
+for a path has no part in what is expected.  All rollers run at one speed; the strip's own is chosen
+so that the last roller would take a drawn share of its grip if it were alone::
 
     python tests/hard/random_lines.py --count 500 --seed 0
 """
@@ -159,9 +159,7 @@ def _scene(
         ],
         "solver": {"tolerance": 1e-4, "max_tangents": MOST_TANGENTS},
     }  # fmt: skip
-    return Line(
-        tables, turns, tension, stiffness, speed, strip_speed, coefficient, slip * speed
-    )
+    return Line(tables, turns, tension, stiffness, speed, strip_speed, coefficient, slip * speed)
 
 
 @dataclass(frozen=True)
