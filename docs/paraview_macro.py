@@ -1,7 +1,7 @@
 """Open a run in ParaView: the strip by tension, its contact status, and the rollers.
 
 The run is the directory that the environment variable ``ANMSTRIP_RUN`` names, else the current one.
-With ``ANMSTRIP_SCREENSHOT=1``, as ``pvbatch docs/paraview_macro.py``, it writes ``paraview.png`` there.
+With ``ANMSTRIP_SCREENSHOT=1`` in ``pvbatch`` it writes ``paraview.png`` there.
 """
 
 import os
