@@ -166,6 +166,6 @@ def coordinates(equations: Equations, branch: Branch) -> Array:
     both = np.column_stack([motion, branch.control[1:]]).T
     while len(both) > TALL:  # R of tall matrices from those of their parts
         whole, rest = np.split(both, [len(both) // TALL * TALL])
-        parts = np.linalg.qr(whole.reshape(-1, TALL, both.shape[1]), mode="r")
+        parts = np.asarray(np.linalg.qr(whole.reshape(-1, TALL, both.shape[1]), mode="r"))
         both = np.vstack([parts.reshape(-1, both.shape[1]), rest])
     return np.asarray(np.linalg.qr(both, mode="r")).T

@@ -14,7 +14,6 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 from xml.sax.saxutils import quoteattr
 
-import meshio
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -173,6 +172,8 @@ def read_surface(path: AnyPath) -> SurfaceMesh:
     ValueError
         It holds no cells of these kinds, or it is damaged.
     """
+    import meshio
+
     try:
         mesh = meshio.vtu.read(path)
         block = mesh.cells[0]
