@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import Any
 
+import meshio
 import numpy as np
 import pytest
 from threaded import ONE, ended, scene_of, values
 
 from anmstrip.driver.explain import explain
+from anmstrip.driver.run import Run, Step
 from anmstrip.driver.scene import Scene
+from anmstrip.results.fields import FieldSampler
 from claims import Claim
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 YOUNG, ALPHA, LENGTH, WIDTH, T = 2e11, 1.2e-5, 2.0, 0.5, 2e-3
 
@@ -81,6 +88,66 @@ def test_coil_set_curves_a_free_section(claim: Claim) -> None:
     expected = (1.0 - np.cos(0.5 * curvature * LENGTH)) / curvature
     claim("height of a free arc with coil set (m)", float(z.max()), expected, 1e-5, "sagitta")
     assert np.abs(state.principal_forces).max() < 1e-6 * YOUNG * T
+
+
+def test_reported_moment_is_that_of_the_curvature_left() -> None:
+    """Held flat a strip with coil set bears D κ⁰ and its stress; free it bears nothing."""
+    curvature, bending = 0.2, YOUNG * T**3 / (12.0 * (1.0 - 0.09))
+    for moment in (0.0, bending * curvature):  # which compresses the top, and so flattens
+        load = {"entry": {"moment": moment}, "exit": {"moment": moment}}
+        stage = {"strip": {"coil_set": curvature}, **load}
+        run, state = ended(flat("section", stage, {"exit": {"fixed": ["z"]}}, cells=(40, 1)))
+        fields = FieldSampler(run.assembly.strip, run.assembly.membrane, None).sample(state)
+        assert fields["bending_moment"][:, 0] == pytest.approx(-moment, abs=1e-5 * bending)
+        stress = 6.0 * moment / T**2 * np.sqrt(1.0 - 0.3 + 0.09)
+        assert fields["von_mises"] == pytest.approx(stress, rel=1e-3, abs=1e4)
+
+
+@pytest.fixture(scope="module")
+def waved(tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Path, list[Step]]:
+    """The strip with long edges, run to its end, its files, and its steps."""
+    directory = tmp_path_factory.mktemp("waved")
+    run = Scene.load(EXAMPLES / "flatness.toml").run(directory)
+    return run, directory, list(run)
+
+
+def heights(run: Run, step: Step, name: str) -> np.ndarray:
+    """Heights of the nodes of an edge (m)."""
+    strip = run.assembly.strip
+    return strip.nodal(step.state.full)[strip.edges[name].values, 2]
+
+
+def test_edges_wave_from_their_onset_on(waved: tuple[Run, Path, list[Step]]) -> None:
+    """Flat below 10.8 I-units, two waves of 0.70 m beyond, as the table has it at T W²/D = 2184."""
+    run, _, steps = waved
+    assert run.cost.expansions <= 15
+    uneven = [np.ptp(step.state.controls["strip.flatness"]) / 0.92e-5 for step in steps]
+    high = [np.ptp(heights(run, step, "left")) for step in steps]
+    assert max(h for h, i in zip(high, uneven, strict=True) if i < 10.8) < 3e-4
+    assert high[-1] == pytest.approx(4.73e-3, rel=0.01)
+    for edge in ("left", "right"):
+        z = heights(run, steps[-1], edge)
+        assert np.count_nonzero(np.diff(np.sign(z[np.abs(z) > 1e-4]))) == 3
+
+
+def test_flatness_in_the_summary(waved: tuple[Run, Path, list[Step]]) -> None:
+    """Latent as typed, manifest from lengths of the reported surface, fibre by fibre."""
+    _, directory, _ = waved
+    summary = json.loads((directory / "summary.json").read_text("utf-8"))
+    assert summary["latent_flatness"] == pytest.approx(24.0, rel=1e-3)
+    last = sorted(directory.glob("strip_*.vtu"))[-1]
+    surface = meshio.read(last)
+    moved = surface.point_data["displacement"]
+    flat_y = np.round(surface.points[:, 1] - moved[:, 1], 6)
+    excess = []
+    for y in np.unique(flat_y):
+        line = surface.points[flat_y == y]
+        line = line[np.argsort(line[:, 0])]
+        arc = np.linalg.norm(np.diff(line, axis=0), axis=1).sum()
+        excess.append(arc / np.linalg.norm(line[-1] - line[0]) - 1.0)
+    assert summary["manifest_flatness"] == pytest.approx(1e5 * np.ptp(excess), rel=0.01)
+    wave = 1e5 * 0.25 * np.pi**2 * (4.73e-3 / 0.70) ** 2
+    assert summary["manifest_flatness"] == pytest.approx(wave, rel=0.05)
 
 
 def test_threaded_hot_strip_has_its_tension() -> None:

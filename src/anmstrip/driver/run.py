@@ -317,6 +317,7 @@ class Run:
                 self.warnings += wrinkling.warnings
                 facts["wrinkle_amplitude"] = wrinkling.amplitude(self.recorder.surface)
                 facts["compressive_membrane_force"] = wrinkling.compression
+                facts |= wrinkling.flatness
         self.recorder.summary(facts | {"errors": self.errors(), "warnings": self.warnings}, state)
 
     def errors(self) -> dict[str, float | None]:

@@ -12,7 +12,7 @@ from anmstrip.arrays import Array, Index
 from anmstrip.fem.sampling import ContactOperator, contact_points, patches, shape_of, unit_grid
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.plasticity import Plasticity
-from anmstrip.mechanics.shell import Membrane, moduli
+from anmstrip.mechanics.shell import Membrane, eigencurvature, moduli
 from anmstrip.results.rollers import ContactState, RollerReading
 from anmstrip.results.vtk import facing, triangle_lattice
 
@@ -208,6 +208,8 @@ class FieldSampler:
         bending = curvature
         if self.imperfection is not None:
             bending = curvature - self._geometry(self.imperfection)[2]
+        if (own := eigencurvature(state.controls)) is not None:
+            bending = bending - own[:, :, None]
         layers = self._layers(state)
         membrane = self._membrane_forces(state) + layers["force"]
         stretch = np.linalg.norm(tangents[:, 0], axis=0) if self.membrane is not None else 1.0
