@@ -281,7 +281,7 @@ class State:
         readings = {}
         for name in sorted(self.contacts, key=lambda n: self.contacts[n].middle):
             state = self.contacts[name]
-            readings[name] = reading_of(state, incoming, self._weight_before, bending)
+            readings[name] = reading_of(state, incoming, self.weight_before, bending)
             incoming = incoming + readings[name].resultant
         return {name: readings[name] for name in self.contacts}
 
@@ -299,7 +299,7 @@ class State:
             for name, reading in self.rollers.items()
         }
 
-    def _weight_before(self, x: float) -> Array:
+    def weight_before(self, x: float) -> Array:
         """Weight of the strip up to a reference position (N), shape (3,)."""
         gravity = self.controls.get("gravity")
         if gravity is None:
