@@ -15,7 +15,7 @@ from anmstrip.fem.sampling import quadrature_points
 from anmstrip.linalg.direct import Factors
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.contact import Contact
-from anmstrip.mechanics.effects import LawSeries, LoadEffect
+from anmstrip.mechanics.effects import EffectSeries, LawEffect, LawSeries, LoadEffect
 from anmstrip.mechanics.loads import FollowerLoad
 from anmstrip.mechanics.roller import Roller, combine
 from anmstrip.mechanics.shell import principal
@@ -50,7 +50,16 @@ class StationaryTangent:
         self.equations = Equilibrium(self.model, state.plan.supports, state.plan.controls)
         self.series = self.equations.recurrence(state.full[self.free], state.control, 1)
         self.matrix = self.series.tangent()
-        self.parts = {part.effect.name: part for part in self.series.parts}
+        self.parts = {part.effect.name: self._at_points(part) for part in self.series.parts}
+
+    def _at_points(self, part: EffectSeries) -> EffectSeries:
+        """Return the series of a law, whatever its executor, as one of values at points."""
+        effect = part.effect
+        if not isinstance(effect, LawEffect):
+            return part
+        controls = self.equations.controls
+        at = self.state.full, None, self.state.control
+        return LawSeries(effect, 1, at, controls, self.model.laws.of(effect, at, controls))
 
     @cached_property
     def factors(self) -> Factors:
