@@ -8,8 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from threaded import roller, scene_of
 
+from anmstrip.driver.preview import Preview
 from anmstrip.driver.scene import Scene
+from anmstrip.driver.warnings import coarse_mesh
 from anmstrip.simulation.defaults import elastic_creep
 from anmstrip.simulation.meshing import GROWTH, Zone, graded_nodes
 from anmstrip.simulation.problem import Assembly
@@ -176,3 +179,18 @@ def test_elements_are_as_short_as_the_nearest_zones_ask_for() -> None:
     ratio = sizes / np.minimum(asked, 5.0)
     assert ratio.max() < 1.2
     assert ratio.min() > 0.8
+
+
+def test_long_lines_have_more_unknowns_and_are_told_how_many() -> None:
+    """Three hundred for each of sixty rollers, where twelve thousand in all would be too few."""
+    rollers = [
+        roller(f"r{i}", 0.8 * i, 15.0 * (i % 2), 0.4, "over" if i % 2 else "under")
+        for i in range(60)
+    ]
+    threading = {"tension": 1e4, "entry": (-0.4, 0.0, 7.5), "exit": (47.6, 0.0, 7.5)}
+    scene = scene_of({"rollers": rollers, "threading": threading}, contact={}).to_dict()
+    del scene["strip"]["cells"]
+    scene["contact"] = {}
+    preview = Preview.of(Assembly(Scene.model_validate(scene)))
+    assert 17500 < preview.assembly.strip.unknowns < 18400
+    assert any("no more than 18000 unknowns" in words for words in coarse_mesh(preview))

@@ -20,10 +20,10 @@ from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.tables import ENDS, EdgeSpec
 from anmstrip.simulation.defaults import elastic_creep
 from anmstrip.simulation.meshing import (
-    MOST_UNKNOWNS,
     QUARTER,
     boundary_layer,
     cells_across,
+    most_unknowns,
     surface_speed,
     wanted_size,
 )
@@ -189,11 +189,11 @@ def coarse_mesh(preview: Preview) -> Iterator[str]:
     coarse: dict[str, list[str]] = {}
     if scene.strip.cells is None and scene.strip.mesh is None:
         wanted = min((wanted_size(scene, r.radius) for r in preview.assembly.rollers), default=0.0)
-        finest = float(strip.cell_sizes[0].min())
+        finest, most = float(strip.cell_sizes[0].min()), most_unknowns(len(scene.rollers))
         if finest > 1.2 * wanted > 0.0:
             yield (
                 f"elements where the strip lifts off its rollers are {finest:.2g} m long instead "
-                f"of {wanted:.2g} m, so that there are no more than {MOST_UNKNOWNS} unknowns. Less "
+                f"of {wanted:.2g} m, so that there are no more than {most} unknowns. Less "
                 f"travel makes them shorter, and so does strip.cells = "
                 f"[{int(np.ceil(strip.length / wanted))}, {cells_across(scene)}], at its cost."
             )

@@ -133,17 +133,22 @@ def default_lines(
     """Coordinates of nodes of a scene without ``strip.cells``, see :func:`default_zones`.
 
     A strip that is fed has equal elements.  All are longer by one factor where there would be more
-    than MOST_UNKNOWNS and PER_ROLLER allow.
+    than :func:`most_unknowns`.
     """
     zones, coarse = default_zones(scene, rollers, thread), 2.0 * half / COARSEST
     per_line = {"section": 4, "plate": 4, "shell": 12}[scene.strip.kinematics]
     if scene.strip.kinematics != "section":
         per_line *= cells_across(scene) + 1
-    most = max(MOST_UNKNOWNS, PER_ROLLER * len(rollers)) // per_line - 1
+    most = most_unknowns(len(rollers)) // per_line - 1
     if not scene.strip.feed:
         return graded_nodes(half, zones, coarse, marks, most)
     size = min([coarse, *(zone.size for zone in zones)])
     return np.linspace(-half, half, min(most, int(np.ceil(2.0 * half / size))) + 1)
+
+
+def most_unknowns(rollers: int) -> int:
+    """Return how many unknowns a mesh has at most by default, on so many rollers."""
+    return max(MOST_UNKNOWNS, PER_ROLLER * rollers)
 
 
 def wanted_size(scene: SceneSpec, radius: float) -> float:
