@@ -212,3 +212,19 @@ def test_explain_tells_what_the_strip_would_be_like() -> None:
     assert "heat, flatness" not in text
     bare = flat("section", {"exit": {"force": (1e3, 0.0, 0.0)}}, {})
     assert "Left out: heat, flatness, camber, coil set" in explain(bare)
+
+
+def test_a_run_goes_on_with_its_fields(tmp_path: Path) -> None:
+    """Interrupted within a stage that heats, and resumed: as if nothing had been."""
+    heat = {"across": (300.0,), "along": ((0.5, 0.0), (1.5, 1.0))}
+    stage = {"strip": {"temperature": heat, "coil_set": 2.5}}
+    scene = flat("section", stage, {"exit": {"fixed": ["z"]}}, cells=(20, 1))
+    whole, expected = ended(scene)
+    assert len(list(scene.run(tmp_path / "whole"))) > 1
+    broken = scene.run(tmp_path / "broken")
+    next(iter(broken))
+    broken.interrupted()
+    *_, last = scene.run(tmp_path / "broken", resume=True)
+    scale = np.abs(expected.full).max()
+    assert last.state.full == pytest.approx(expected.full, abs=1e-6 * scale)
+    assert whole.outcome.done
