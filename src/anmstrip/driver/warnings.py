@@ -27,7 +27,7 @@ from anmstrip.simulation.meshing import (
     surface_speed,
     wanted_size,
 )
-from anmstrip.simulation.problem import Assembly, Size, size_of
+from anmstrip.simulation.problem import Assembly, Size, naturals, size_of
 
 STEEPEST = np.radians(5.0)
 """Slope up to which a plate is offered: it errs by slope²/2, which is 0.4 % there."""
@@ -372,6 +372,9 @@ def against_section(preview: Preview) -> Iterator[str]:
             yield f"the axis of {roller.name} is not along y"
         if roller.profile:
             yield f"{roller.name} is crowned or tapered"
+    shapes = (scene.strip, *(stage.strip for stage in scene.stages))
+    for key in dict.fromkeys(key for shape in shapes for key in shape.varying_across):
+        yield f"{key.replace('_', ' ')} varies across the strip"
     for stage in scene.stages:
         if stage.gravity is not None and stage.gravity[1]:
             yield f"stage {stage.name} has gravity across the strip"
@@ -391,6 +394,8 @@ def against_plate(preview: Preview) -> Iterator[str]:
         yield "friction moves the strip along"
     if scene.strip.feed:
         yield "the strip is fed, so it moves along"
+    if naturals(scene):
+        yield "heat, flatness or coil set stress the strip in its plane, or bend it"
     if steep.slope > STEEPEST:
         wraps = [f"{n} by {np.degrees(t):.3g}°" for n, t in steep.turns.items() if t > 0.0]
         error = (
