@@ -212,3 +212,19 @@ def test_orders_of_the_flow_are_those_of_the_residual():
     slope = (equations.residual(u + 1e-5 * w, 0.0) - equations.residual(u - 1e-5 * w, 0.0)) / 2e-5
     summed = a * slope + sum(order * a**k for k, order in enumerate(orders[1:], 2))
     assert summed == pytest.approx(beyond, rel=1e-6, abs=1e-9 * np.abs(beyond).max())
+
+
+LEFT = {
+    0.0: [8.505, -5.509, 3.519, -2.036, 1.075, -0.442, 0.0746],
+    0.2: [8.565, -5.562, 3.564, -2.067, 1.074, -0.443, 0.0730],
+}
+"""k after each of the bends below and springback, by τ, of perfectly plastic fibres."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tension", [0.0, 0.2])
+def test_seven_bends_of_a_leveller(tension):
+    """What each bend leaves, to 1 % of the first."""
+    piece = Piece(51, tension, layers=21, tolerance=1e-3)
+    left = [k for *_, k in piece.bent(10.0, -7.0, 5.0, -3.5, 2.5, -1.8, 1.3)]
+    assert left == pytest.approx(LEFT[tension], abs=0.01 * LEFT[tension][0])

@@ -182,6 +182,24 @@ def test_what_is_left_of_a_bend_is_told_before_it_is_let_go(tmp_path):
     assert ends[0] == ends[1]
 
 
+def test_cooled_between_held_ends_it_flows():
+    """By α ΔT = 3 ε_y at the rate r: N = σ_y t (r/ε₀)^(1/n), and ε_p = 3 ε_y − N/(E t)."""
+    flow = {"uniaxial": True, "reference_rate": 3e-3, "layers": 5}
+    held = {"fixed": ["x", "z"]}
+    tables = {
+        "strip": BENT["strip"],
+        "material": {**TABLES["material"], "expansion": 1.2e-5, "plasticity": flow},
+        "edges": {"entry": held, "exit": held},
+        "stages": [{"duration": 1.0, "strip": {"temperature": -3.0 * STRAIN / 1.2e-5}}],
+        "solver": {"tolerance": 1e-4},
+    }
+    *_, last = Scene.from_tables(tables, "cooled.toml").run()
+    share = (3.0 * STRAIN / 3e-3) ** (1.0 / 51.0)
+    assert last.state.tension("exit") == pytest.approx(share * YIELD * THICKNESS, rel=2e-3)
+    elongation = last.state.along("elongation")
+    assert elongation == pytest.approx((3.0 - share) * STRAIN, rel=2e-3)
+
+
 def test_a_scene_without_the_table_has_nothing_of_it(tmp_path):
     """No unknown, no column, no file, no effect."""
     tables = with_keys(material={"plasticity": None})
