@@ -84,8 +84,8 @@ m are of other lengths, by 4e-3 after 50 of them, with 1e-7 by 5e-9; tangents ar
 
 
 TALL = 256
-"""Rows of a matrix that are orthogonalised at once (Demmel, Grigori, Hoemmen & Langou, SIAM J. Sci.
-Comput. 34, 2012): BLAS shares larger ones among threads, for each column anew."""
+"""Rows of a matrix that are orthogonalised (Demmel, Grigori, Hoemmen & Langou, SIAM J. Sci. Comput.
+34, 2012) or multiplied at once: BLAS shares larger ones among threads, which wait for others."""
 
 
 def longest_quotient(
@@ -156,7 +156,8 @@ def rational(equations: Equations, branch: Branch) -> Branch | None:
         denominator = np.concatenate([[1.0], found])
         first = np.concatenate([denominator, np.zeros(n - degree)])
         product = toeplitz(first, np.zeros(n + 1))
-        u, control = product @ branch.u, product @ branch.control
+        parts = np.array_split(branch.u, -(-branch.u.shape[1] // TALL), axis=1)
+        u, control = np.hstack([product @ part for part in parts]), product @ branch.control
     return replace(branch, u=u, control=control, denominator=denominator)
 
 
