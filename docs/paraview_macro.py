@@ -1,11 +1,10 @@
 """Open a run in ParaView: the strip by tension, its contact status, and the rollers.
 
 The run is the directory that the environment variable ``ANMSTRIP_RUN`` names, else the current one.
-``pvbatch docs/paraview_macro.py`` writes ``paraview.png`` there.
+With ``ANMSTRIP_SCREENSHOT=1`` in ``pvbatch`` it writes ``paraview.png`` there.
 """
 
 import os
-import sys
 from pathlib import Path
 
 from paraview.simple import (
@@ -13,7 +12,6 @@ from paraview.simple import (
     GetActiveViewOrCreate,
     GetAnimationScene,
     PVDReader,
-    Render,
     ResetCamera,
     SaveScreenshot,
     Show,
@@ -21,24 +19,26 @@ from paraview.simple import (
 
 run = Path(os.environ.get("ANMSTRIP_RUN", "."))
 view = GetActiveViewOrCreate("RenderView")
+shown = {}
 for name, field in (
     ("rollers", "surface_angle"),
     ("strip", "tension"),
     ("strip", "contact_status"),
 ):
-    if not (run / f"{name}.pvd").is_file():
-        continue
-    shown = Show(
-        PVDReader(registrationName=f"{name} {field}", FileName=str(run / f"{name}.pvd")), view
-    )
-    shown.NonlinearSubdivisionLevel = 3
-    ColorBy(shown, ("POINTS", field))
-    shown.RescaleTransferFunctionToDataRange(True)
-    shown.SetScalarBarVisibility(view, name == "strip")
-    shown.Visibility = field != "contact_status"
+    file = run / f"{name}.pvd"
+    if file.is_file():
+        reader = PVDReader(registrationName=f"{name} by {field}", FileName=str(file))
+        shown[field] = Show(reader, view)
 GetAnimationScene().UpdateAnimationUsingDataTimeSteps()
 GetAnimationScene().GoToLast()
+for field, display in shown.items():
+    display.NonlinearSubdivisionLevel = 3
+    ColorBy(display, ("POINTS", field))
+    display.RescaleTransferFunctionToDataRange(False)
+    display.SetScalarBarVisibility(view, field == "tension")
+    display.Visibility = field != "contact_status"  # its eye in the pipeline browser shows it
+view.CameraPosition, view.CameraFocalPoint = [-3.2, -8.0, 5.0], [0.0, 0.0, 0.0]
+view.CameraViewUp = [0.0, 0.0, 1.0]
 ResetCamera(view)
-Render(view)
-if "pvbatch" in sys.executable or os.environ.get("ANMSTRIP_SCREENSHOT"):
+if os.environ.get("ANMSTRIP_SCREENSHOT"):
     SaveScreenshot(str(run / "paraview.png"), view, ImageResolution=[1400, 800])

@@ -239,10 +239,10 @@ def test_unknown_case(fakes: Fakes) -> None:
 
 def test_render(fakes: Fakes) -> None:
     fakes.put("anmstrip.pictures.render", "render", [Path("a/one.png"), Path("a/two.png")])
-    result = typed("render", "a", "--field", "gap", "--movie")
+    result = typed("render", "a", "--field", "gap", "--movie", "--vector", "svg")
     assert (result.exit_code, result.stdout) == (0, "a/one.png\na/two.png\n")
     ((given, named, _),) = fakes.calls
-    assert (given, named) == ((Path("a"),), {"field": "gap", "movie": True})
+    assert (given, named) == ((Path("a"),), {"field": "gap", "movie": True, "vector": "svg"})
 
 
 def test_unknown_field(fakes: Fakes) -> None:

@@ -5,11 +5,14 @@ A mass pressed on a moving plane
 Section 3.1 of the 2010 paper.
 """
 
+from pathlib import Path
+from tempfile import mkdtemp
+
 import matplotlib.pyplot as plt
 
 from anmstrip.paper.cases import run_case
 
-report = run_case("pressed-plane", order=19, tolerance=1e-4)
+report = run_case("pressed-plane", order=19, tolerance=1e-4, directory=Path(mkdtemp()))
 time, ux, uy = report.rows[:, :3].T
 
 figure, axes = plt.subplots()

@@ -315,6 +315,37 @@ def map_command(
         sys.exit(STOPPED)
 
 
+@main.command("response", short_help="Frequency response of a stationary state.")
+@scene_argument
+@click.option("--of", metavar="READING", required=True, help="What answers, e.g. offset.")
+@click.option("--to", metavar="KEY", required=True, help="What oscillates, e.g. rollers.r1.yaw.")
+@settings_option
+@directory_option
+def response_command(
+    scene: Path, of: str, to: str, settings: tuple[str, ...], directory: Path | None
+) -> None:
+    """Frequency response of a stationary state to small oscillating changes.
+
+    \b
+      anmstrip response examples/steering.toml --of offset --to rollers.r1.yaw
+
+    The scene's last stage is steady. READING and KEY are those of the sensitivities in
+    summary.json. DIR gets response.csv (omega in rad/s, gain, phase in degrees) and response.png.
+
+    Exit status: 0 done, 1 stopped before the stationary state, 2 wrong input.
+    """
+    from anmstrip.driver.response import respond
+    from anmstrip.driver.scene import Scene
+
+    loaded = Scene.load(scene, settings)
+    target = directory or Path("results", f"{loaded.name}-response")
+    message = respond(loaded, of, to, target)
+    click.echo(message)
+    if not message.startswith("Done"):
+        sys.exit(STOPPED)
+    click.echo(f"Table and figure in {target}.")
+
+
 @main.command("case", short_help="Run a mass-spring case of the paper.")
 @click.argument("name")
 @click.option(
@@ -407,14 +438,17 @@ def parse_numbers(settings: Iterable[str]) -> dict[str, float]:
     help="What colours the strip, e.g. gap or membrane_force.xx (default: pressure).",
 )
 @click.option("--movie", is_flag=True, help="All states as movie.gif as well.")
-def render_command(directory: Path, field: str | None, movie: bool) -> None:
+@click.option(
+    "--vector", type=click.Choice(["svg", "pdf"]), help="The side view in this format too."
+)
+def render_command(directory: Path, field: str | None, movie: bool, vector: str | None) -> None:
     """Draw pictures of a run, without a display.
 
     picture.png from above and picture_side.png from the side, of the last state, into DIR.
     """
     from anmstrip.pictures.render import render
 
-    for picture in render(directory, field=field, movie=movie):
+    for picture in render(directory, field=field, movie=movie, vector=vector):
         click.echo(str(picture))
 
 

@@ -14,7 +14,7 @@ from scipy.sparse import csc_matrix
 from anmstrip.arrays import Array, Index
 from anmstrip.continuation.path import Branch
 from anmstrip.fem.constraints import Scales, Supports
-from anmstrip.fem.operators import Chained, Eliminated, Pattern, Restriction
+from anmstrip.fem.operators import Blocks, Chained, Eliminated, Pattern, Restriction
 from anmstrip.fem.strip import Strip
 from anmstrip.linalg.bordered import Bordered
 from anmstrip.linalg.condensed import Condensed, Joined
@@ -108,6 +108,13 @@ class Model:
         if self.pull is not None:
             total[self.coupled - 1] = self.pull @ total[: len(self.pull)]
         return total
+
+    def closed_rows(self, blocks: Blocks) -> Blocks:
+        """Return a tangent with the row of the strip's speed, from those of the strip."""
+        if self.pull is not None:
+            blocks.rows[-1] = self.pattern.sum_of_rows(self.pull, blocks)
+            blocks.corner[-1] = self.pull @ blocks.columns
+        return blocks
 
     def restriction(self, free: Index) -> Restriction:
         """Assembler over the free unknowns, remembered."""
@@ -279,9 +286,7 @@ class EquilibriumSeries:
             begin = time.perf_counter()
             part.add_tangent(self.model.pattern, blocks, 0.0 if velocity is None else velocity.rate)
             self.model.seconds[part.effect.name] += time.perf_counter() - begin
-        if self.model.pull is not None:
-            blocks.rows[-1] = self.model.pattern.sum_of_rows(self.model.pull, blocks)
-            blocks.corner[-1] = self.model.pull @ blocks.columns
+        blocks = self.model.closed_rows(blocks)
         coupled = self.free[self.free < self.model.coupled]
         matrix = self.model.restriction(coupled).matrix(blocks)
         if blocks.internal is None:

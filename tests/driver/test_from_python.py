@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import anmstrip
 from anmstrip import InputError, Scene
 from anmstrip.results.files import read_history
 
-TABLES = {
+TABLES: dict[str, Any] = {
     "strip": {"length": 4.0, "width": 1.0, "thickness": 1e-3, "cells": [16, 2]},
     "material": {"young": 2e11, "poisson": 0.3},
     "edges": {
@@ -39,13 +40,15 @@ def test_columns_along_a_stretched_strip_and_over_time() -> None:
 
 
 def test_a_written_run_has_the_columns_of_its_files(tmp_path: Path) -> None:
-    run = Scene(**TABLES).run(tmp_path)
+    released = {"duration": 1.0, "exit": {"force": [5e3, 0.0, 0.0]}}
+    tables = {**TABLES, "stages": [*TABLES["stages"], released]}
+    run = Scene(**tables).run(tmp_path)
     *_, step = run
     profile = read_history(tmp_path / "profile.csv")
     last = np.asarray(profile["time"]) == step.time
     for name, values in step.state.profile.items():
         assert np.array_equal(np.asarray(profile[name])[last], values, equal_nan=True), name
-    unwritten = Scene(**TABLES).run()
+    unwritten = Scene(**tables).run()
     *_, _ = unwritten
     assert run.history["stage"] == unwritten.history["stage"]
     for name in ("time", "tangents", "entry_tension", "residual"):

@@ -8,13 +8,13 @@ import pytest
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern
-from anmstrip.fem.sampling import ContactOperator
+from anmstrip.fem.sampling import ContactOperator, RepeatedOperator
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.laws import NortonHoff, RepulsiveSignorini, Tanh
 from anmstrip.mechanics.loads import weight
-from anmstrip.mechanics.roller import Roller, Sides, combine
+from anmstrip.mechanics.roller import RepeatedRollers, Roller, Sides, combine
 from anmstrip.taylor.series import taylor_series
 from anmstrip.timestepping.formulas import AffineVelocity
 from orders import orders
@@ -339,6 +339,22 @@ def test_one_of_several_rollers_can_be_looked_at(strip, operator):
         np.testing.assert_allclose(found.gap, gap, atol=1e-14)
         normal = single.normal(found)
         np.testing.assert_allclose(np.linalg.norm(normal, axis=0), 1.0)
+
+
+def test_pairs_are_made_where_they_are_near(strip, operator):
+    """Of every point with every roller; the numbers of all pairs only if somebody asks."""
+    rollers, pairs = RepeatedRollers(THREE, operator.points), RepeatedOperator(operator, 3)
+    many = Contact(rollers, LAW, pairs, (0.02, 0.01, 0.03))
+    every = operator.restricted(np.tile(np.arange(operator.points), 3))
+    made = Contact(combine(THREE, rollers.which), LAW, every, (0.02, 0.01, 0.03))
+    full = 1e-3 * rng_unknowns(strip, 26)
+    forces = [effect.force(full, None, SEVERAL) for effect in (many, made)]
+    assert np.abs(forces[0]).max() > 0.0
+    np.testing.assert_array_equal(*forces)
+    assert not {"matrix", "weights"} & set(vars(pairs)) and "radius" not in vars(rollers)
+    np.testing.assert_array_equal(pairs.weights, every.weights)
+    np.testing.assert_array_equal(rollers.centre, made.roller.centre)
+    np.testing.assert_array_equal(pairs.apply(full), every.apply(full))
 
 
 def test_every_roller_may_have_its_own_friction(strip, operator):

@@ -11,17 +11,17 @@ import pytest
 
 from anmstrip.continuation.equations import Cost, Tolerances
 from anmstrip.continuation.follow import Settings
-from anmstrip.equilibrium import Model, Motion
+from anmstrip.equilibrium import Equilibrium, Model, Motion
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.geometry import SECTION
-from anmstrip.fem.operators import CellOperator, InternalOperator, Pattern
+from anmstrip.fem.operators import CellOperator, InternalOperator, Pattern, upwind
 from anmstrip.fem.strip import Material, Strip, line
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.loads import edge_force
 from anmstrip.mechanics.plasticity import FlowLaw, Layers, Plasticity, lobatto
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane
-from anmstrip.timestepping.formulas import Stepping, start_memory
+from anmstrip.timestepping.formulas import AffineVelocity, Stepping, start_memory
 from anmstrip.timestepping.implicit import integrate
 
 YOUNG, YIELD, THICKNESS, LENGTH = 2e11, 3e8, 1e-3, 1e-3
@@ -153,3 +153,78 @@ def test_kinematic_hardening_yields_early_on_the_way_back_and_isotropic_late():
         found[kind] = [m for _, m, *_ in Piece(101, **{kind: 4e10}).bent(4.0, -4.0)]
     assert found["isotropic"][0] == pytest.approx(found["kinematic"][0], rel=0.01)
     assert found["isotropic"][1] < 1.15 * found["kinematic"][1] < 0.0
+
+
+@pytest.mark.parametrize("along", [False, True])
+def test_elimination_solves_with_the_whole_tangent(along):
+    """K x = r with unknowns of points' own, K from differences of the residual."""
+    xs = np.array([0.0, 0.4, 1.0, 1.7]) * LENGTH
+    strip = Strip(line(xs), THICKNESS, Material(YOUNG, 0.3), SECTION)
+    flow, layers = FlowLaw(YIELD, 5, 2.0, isotropic=3e9, kinematic=2e9), Layers.of(THICKNESS, 5)
+    slopes = upwind(strip) if along else None
+    operator = InternalOperator(CellOperator(strip, (1, 2)), strip.unknowns, 10, slopes)
+    flowing = Plasticity(strip, flow, layers, operator)
+    effects, size = [Membrane(strip), KirchhoffLove(strip), flowing], Scales(LENGTH, 1.0, 1.0)
+    model = Model(strip, Pattern(strip), effects, size, internal=flowing.units)
+    supports = Supports.at_rest(model.unknowns, strip.clamp("entry"))
+    rng, free = np.random.default_rng(3), supports.free
+    units = np.append(
+        np.repeat(strip.dof_lengths, 2) * 1e-3 * LENGTH, np.full(len(flowing.units), 1e-3)
+    )
+    u = (units * rng.standard_normal(model.unknowns))[free]
+    velocity = None if along else AffineVelocity(3.0, np.zeros_like(u), np.zeros_like(u))
+    controls = Controls({"yielding": np.array(0.7)})
+    equations = Equilibrium(model, supports, controls, velocity)
+    derivative = central_difference(equations, u, units[free] * rng.standard_normal(len(u)))
+    factors = SparseSolver().factorise(equations.recurrence(u, 0.0, 1).tangent())
+    solution = factors.solve(derivative)
+    again = central_difference(equations, u, solution)
+    assert again == pytest.approx(derivative, rel=1e-5, abs=1e-7 * np.abs(derivative).max())
+
+
+def central_difference(equations, u, direction, step=1e-4):
+    """∂R/∂u along a direction."""
+    ends = (equations.residual(u + sign * step * direction, 0.0) for sign in (1.0, -1.0))
+    return np.subtract(*ends) / (2.0 * step)
+
+
+def test_orders_of_the_flow_are_those_of_the_residual():
+    """The series of R along a line agrees with R itself, in plain numbers, a step away."""
+    piece = Piece(11)
+    model = piece.model(1.0)
+    supports = Supports.at_rest(model.unknowns, np.array(piece.held))
+    rng, n = np.random.default_rng(5), len(supports.free)
+    units = np.append(
+        np.repeat(piece.strip.dof_lengths, 2) * 1e-6, np.full(len(model.internal), 1e-3)
+    )
+    u, w = units[supports.free] * rng.standard_normal((2, n))
+    controls = Controls({"exit.force": np.zeros(3), "yielding": np.array(1.0)})
+    velocity = AffineVelocity(2.0, np.zeros(n), np.zeros(n))
+    equations = Equilibrium(model, supports, controls, velocity)
+    series = equations.recurrence(u, 0.0, 12)
+    orders = [series.residual]
+    series.correct(1, w, 0.0)
+    for k in range(2, 13):
+        orders.append(series.advance(k))
+        series.correct(k, np.zeros(n), 0.0)
+    a = 1e-2
+    beyond = equations.residual(u + a * w, 0.0) - equations.residual(u, 0.0)
+    slope = (equations.residual(u + 1e-5 * w, 0.0) - equations.residual(u - 1e-5 * w, 0.0)) / 2e-5
+    summed = a * slope + sum(order * a**k for k, order in enumerate(orders[1:], 2))
+    assert summed == pytest.approx(beyond, rel=1e-6, abs=1e-9 * np.abs(beyond).max())
+
+
+LEFT = {
+    0.0: [8.505, -5.509, 3.519, -2.036, 1.075, -0.442, 0.0746],
+    0.2: [8.565, -5.562, 3.564, -2.067, 1.074, -0.443, 0.0730],
+}
+"""k after each of the bends below and springback, by τ, of perfectly plastic fibres."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tension", [0.0, 0.2])
+def test_seven_bends_of_a_leveller(tension):
+    """What each bend leaves, to 1 % of the first."""
+    piece = Piece(51, tension, layers=21, tolerance=1e-3)
+    left = [k for *_, k in piece.bent(10.0, -7.0, 5.0, -3.5, 2.5, -1.8, 1.3)]
+    assert left == pytest.approx(LEFT[tension], abs=0.01 * LEFT[tension][0])

@@ -15,7 +15,7 @@ from PIL.ImageSequence import Iterator
 from anmstrip.errors import InputError
 from anmstrip.pictures import render as pictures
 from anmstrip.pictures.render import render
-from anmstrip.pictures.views import Eye
+from anmstrip.pictures.views import HEAD, Eye, labelled
 from anmstrip.results.vtk import Collection, read_surface, subdivide, write_surface
 from wrapped_strip import lattice, tensor_grids, wrapped, write_state
 
@@ -182,14 +182,38 @@ def test_the_scale_starts_at_zero_or_is_even_about_it(values, expected):
     assert pictures.scale_limits(np.array(values)) == pytest.approx(expected)
 
 
-def test_the_eye_sees_the_whole_box_and_fills_the_picture():
+def test_the_eye_sees_the_whole_box_below_the_scale_and_fills_the_picture():
     low, high = np.array([-2.0, -0.6, -1.0]), np.array([2.0, 0.6, 0.0])
     eye = Eye.seeing(low, high, (1400, 800))
     np.testing.assert_allclose(eye.axes @ eye.axes.T, np.eye(3), atol=1e-14)
     corners = np.array([[x, y, z] for x in (-2.0, 2.0) for y in (-0.6, 0.6) for z in (-1.0, 0.0)])
-    right, up, _ = np.abs(eye.projected(corners)).max(axis=0)
-    used = max(right / (eye.half_height * 1.75), up / eye.half_height)
-    assert used == pytest.approx(1.0 / 1.06)
+    right, up, _ = eye.projected(corners).T / eye.half_height
+    assert max(np.ptp(right) / 3.5, np.ptp(up) / (2.0 - 2.0 * HEAD)) == pytest.approx(1.0 / 1.06)
+    assert right.max() == pytest.approx(-right.min())
+    assert -1.0 < up.min() < up.max() < 1.0 - 2.0 * HEAD
+
+
+@pytest.mark.parametrize(
+    ("limits", "expected"),
+    [
+        ((0.0, 47.5), (0.0, 50.0, 6)),
+        ((0.0, 50.0), (0.0, 50.0, 6)),
+        ((-3.0, 3.0), (-3.0, 3.0, 7)),
+        ((9.9, 10.1), (9.9, 10.1, 5)),
+        ((0.0, 1.18e-3), (0.0, 1.2e-3, 7)),
+        ((-713.0, 0.0), (-800.0, 0.0, 5)),
+    ],
+)
+def test_scales_have_round_labels(limits, expected):
+    assert labelled(*limits) == pytest.approx(expected)
+
+
+def test_the_side_view_is_drawn_with_lines_too(run, without_opengl):
+    (*_, aside) = render(run, vector="svg")
+    text = aside.read_text(encoding="utf-8")
+    assert aside.name == "picture_side.svg"
+    assert text.count("<path") > 50
+    assert not list(run.glob("*.pdf"))
 
 
 @pytest.mark.parametrize("field", ["normal_presure", "gap", "displacement.w", "von_mises.x"])

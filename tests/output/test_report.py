@@ -83,6 +83,11 @@ def test_space_is_that_of_the_last_state(finished: tuple[Path, str]) -> None:
     sides = points[triangles[:, 1:]] - points[triangles[:, :1]]
     area = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum()
     assert area == pytest.approx(4.0, rel=1e-3)  # of a strip of 4 m by 1 m
+    pairs = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2))
+    pairs, shared = np.unique(pairs, axis=0, return_counts=True)
+    rim = pairs[shared == 1]  # sides that belong to one triangle alone
+    around = np.linalg.norm(np.diff(points[rim], axis=1), axis=2).sum()
+    assert around == pytest.approx(10.0, rel=1e-3)
     assert close(space["fields"]["normal_pressure"]["values"], surface.fields["normal_pressure"])
     slip = np.linalg.norm(surface.fields["slip_velocity"], axis=1)
     assert close(space["fields"]["slip_velocity"]["values"], slip)

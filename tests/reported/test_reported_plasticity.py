@@ -152,6 +152,54 @@ def test_table_of_bends(run):
     assert "Bends" in report(found)
 
 
+BENT = {
+    "strip": {"kinematics": "section", "length": 0.1, "width": 1.0, "thickness": THICKNESS},
+    "material": {**TABLES["material"], "poisson": 0.3, "plasticity": {"exponent": 301}},
+    "edges": {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"]}},
+    "stages": [
+        {"duration": 1.0, "entry": {"moment": 70.0}, "exit": {"moment": 70.0}},
+        {"name": "freed", "duration": 1.0, "entry": {"moment": 0.0}, "exit": {"moment": 0.0}},
+    ],
+    "solver": {"tolerance": 1e-4},
+}
+BENT["strip"]["cells"] = [4, 1]
+
+
+def test_what_is_left_of_a_bend_is_told_before_it_is_let_go(tmp_path):
+    """Bent and let go in time; and a run that was interrupted ends at the same numbers."""
+    scene = Scene.from_tables(BENT, "bent.toml")
+    *steps, last = scene.run(tmp_path / "whole")
+    bent = next(s.state for s in reversed(steps) if s.stage != "freed")
+    told = bent.along("residual_curvature")
+    left = last.state.along("curvature")
+    assert told == pytest.approx(left, rel=0.03)  # it creeps on as it is let go, like 1/n
+    assert (np.abs(left) > 0.09 * np.abs(bent.along("curvature"))).all()
+    assert np.abs(bent.along("moment")) == pytest.approx(70.0, rel=0.01)
+    broken = Scene.from_tables(BENT, "bent.toml", ["solver.max_tangents=40"])
+    assert list(broken.run(tmp_path / "broken"))[-1].stage != "freed"
+    list(scene.run(tmp_path / "broken", resume=True))
+    ends = [(tmp_path / name / "layers.csv").read_text() for name in ("whole", "broken")]
+    assert ends[0] == ends[1]
+
+
+def test_cooled_between_held_ends_it_flows():
+    """By α ΔT = 3 ε_y at the rate r: N = σ_y t (r/ε₀)^(1/n), and ε_p = 3 ε_y − N/(E t)."""
+    flow = {"uniaxial": True, "reference_rate": 3e-3, "layers": 5}
+    held = {"fixed": ["x", "z"]}
+    tables = {
+        "strip": BENT["strip"],
+        "material": {**TABLES["material"], "expansion": 1.2e-5, "plasticity": flow},
+        "edges": {"entry": held, "exit": held},
+        "stages": [{"duration": 1.0, "strip": {"temperature": -3.0 * STRAIN / 1.2e-5}}],
+        "solver": {"tolerance": 1e-4},
+    }
+    *_, last = Scene.from_tables(tables, "cooled.toml").run()
+    share = (3.0 * STRAIN / 3e-3) ** (1.0 / 51.0)
+    assert last.state.tension("exit") == pytest.approx(share * YIELD * THICKNESS, rel=2e-3)
+    elongation = last.state.along("elongation")
+    assert elongation == pytest.approx((3.0 - share) * STRAIN, rel=2e-3)
+
+
 def test_a_scene_without_the_table_has_nothing_of_it(tmp_path):
     """No unknown, no column, no file, no effect."""
     tables = with_keys(material={"plasticity": None})

@@ -265,7 +265,9 @@ def flat_contact(contact: Contact, depth: float) -> ContactState:
     pressure = np.maximum(contact.pressure(place), 0.0)
     still, normal = np.zeros((3, n)), contact.normal(place)
     arm = np.full(n, 0.5)
-    return ContactState(contact, place.gap, normal, pressure, still, still, None, arm, 0.0, 0.0)
+    return ContactState(
+        contact, place.gap, normal, pressure, still, still, None, arm, 0.0, 0.0, place.gap
+    )
 
 
 def test_wrap_and_arc_are_those_of_geometry_between_points_too(tmp_path: Path) -> None:

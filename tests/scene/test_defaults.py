@@ -8,9 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from threaded import roller, scene_of
 
+from anmstrip.driver.preview import Preview
 from anmstrip.driver.scene import Scene
+from anmstrip.driver.warnings import coarse_mesh
 from anmstrip.simulation.defaults import elastic_creep
+from anmstrip.simulation.meshing import GROWTH, Zone, graded_nodes
 from anmstrip.simulation.problem import Assembly
 
 FIELD = sorted((Path(__file__).parents[1] / "field").glob("*.toml"))
@@ -158,3 +162,35 @@ def test_a_plate_does_not_float_on_its_weight_by_a_share_of_its_thickness() -> N
         law = assembly(stage, strip={"cells": [40, 1], "refined": 0.1}).signorini
         assert law.pressure == pytest.approx(2e4)
         assert 0.04e-3 < float(law.gap(load)) <= 0.0501e-3
+
+
+def test_elements_are_as_short_as_the_nearest_zones_ask_for() -> None:
+    """Whatever is looked at of each: the lengths are the envelope over all of them."""
+    rng = np.random.default_rng(5)
+    begins = np.sort(rng.uniform(-0.95, 0.9, 30)) * 50.0
+    zones = [
+        Zone(begin, begin + rng.uniform(0.0, 2.0), 10.0 ** rng.uniform(-2.0, 0.0))
+        for begin in begins
+    ]
+    nodes = graded_nodes(50.0, zones, 5.0)
+    middles, sizes = 0.5 * (nodes[1:] + nodes[:-1]), np.diff(nodes)
+    away = [np.maximum(np.maximum(z.first - middles, middles - z.last), 0.0) for z in zones]
+    asked = np.min([z.size + GROWTH * a for z, a in zip(zones, away, strict=True)], axis=0)
+    ratio = sizes / np.minimum(asked, 5.0)
+    assert ratio.max() < 1.2
+    assert ratio.min() > 0.8
+
+
+def test_long_lines_have_more_unknowns_and_are_told_how_many() -> None:
+    """Three hundred for each of sixty rollers, where twelve thousand in all would be too few."""
+    rollers = [
+        roller(f"r{i}", 0.8 * i, 15.0 * (i % 2), 0.4, "over" if i % 2 else "under")
+        for i in range(60)
+    ]
+    threading = {"tension": 1e4, "entry": (-0.4, 0.0, 7.5), "exit": (47.6, 0.0, 7.5)}
+    scene = scene_of({"rollers": rollers, "threading": threading}, contact={}).to_dict()
+    del scene["strip"]["cells"]
+    scene["contact"] = {}
+    preview = Preview.of(Assembly(Scene.model_validate(scene)))
+    assert 17500 < preview.assembly.strip.unknowns < 18400
+    assert any("no more than 18000 unknowns" in words for words in coarse_mesh(preview))

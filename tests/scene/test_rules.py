@@ -173,6 +173,9 @@ WRONG_THREADED = [
 ]  # fmt: skip
 
 WRONG_SECTION = [
+    ("refined = 0.025", "camber = 1e-3", "strip.camber", "no width"),
+    ("refined = 0.025", "flatness = { across = [0.0, 1.0] }", "strip.flatness", "no width"),
+    ("= 0.6", "= 0.6\nstrip.crossbow = 0.1", "stages.turn.strip.crossbow", "no width"),
     ("radius = 0.5", "radius = 0.5\ncrown = [0.0, -1e-3]", "rollers.r1.crown", "no width"),
     ("radius = 0.5", "radius = 0.5\ntaper = 1e-3", "rollers.r1.taper", "no width"),
     (
@@ -200,6 +203,8 @@ PLATE = (
 )
 
 WRONG_PLATE = [
+    ("refined = 0.025", "coil_set = 0.1", "strip.coil_set", "stressed as exit.force says"),
+    ("= 0.6", "= 0.6\nstrip.flatness = 9.0", "stages.turn.strip.flatness", '"section"'),
     ("[contact]", "[friction]\ncoefficient = 0.3\nspeed = 1\n[contact]", "strip.kinematics",
      "nothing rubs"),
     ("[contact]", "[threading]\ntension = 1e4\n[contact]", "strip.kinematics", "nearly flat"),

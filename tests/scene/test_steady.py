@@ -93,11 +93,19 @@ def test_string_creeps_as_the_equation_of_the_regularised_law_says(
 
 
 @pytest.mark.parametrize(
-    ("share", "before", "arc"), [(0.2, 10683.5, 0.2204), (0.6, 12050.5, 0.6217)]
+    ("share", "before", "arc"),
+    [
+        (0.2, 10683.5, 0.2204),
+        (0.4, 11367.0, 0.4271),
+        (0.6, 12050.5, 0.6217),
+        (0.8, 12734.0, 0.8056),
+        (1.0, 13417.5, 0.9799),
+    ],
 )
 def test_creep_theory(claim: Claim, share: float, before: float, arc: float) -> None:
     """Stick at the entry side, slip over ln(T1/T2)/f at the exit side, creep (T1 − T2)/E t."""
-    scene = steady(1.0 / stretch(before), 5e-7, size=0.01, strip={"bending": False})
+    beyond = 2e-6 if share == 1.0 else 0.0  # in full slip
+    scene = steady(1.0 / stretch(before) - beyond, 5e-7, size=0.01, strip={"bending": False})
     run, state = ended(scene)
     assert tangents(run) <= 12
     found = state.tension("entry")
@@ -106,11 +114,78 @@ def test_creep_theory(claim: Claim, share: float, before: float, arc: float) -> 
     slip, traction = (np.linalg.norm(v, axis=0) for v in (contact.slip, contact.traction))
     angle = np.arctan2(contact.normal[0], contact.normal[2])
     end = angle[contact.touching].max()
-    sliding = contact.touching & (traction > 0.5 * FRICTION * contact.pressure) & (angle > -0.4)
+    sliding = contact.touching & (traction > 0.5 * FRICTION * contact.pressure)
+    sliding &= (angle > -0.4) | (beyond > 0.0)  # the edge where the strip lifts on slips as well
     assert end - angle[sliding].min() == pytest.approx(arc, abs=2.0 * element)
     last = contact.touching & (angle > end - element)
     lost = (before - EXIT * (1.0 + 0.5 * FRICTION * element)) / STIFFNESS
-    assert slip[last].mean() == pytest.approx(lost, rel=0.1)
+    assert slip[last].mean() == pytest.approx(lost + beyond, rel=0.1)
+
+
+def steered(kl: float) -> tuple[State, float, float]:
+    """A yawed roller, KL = L √(12 T/E t)/W; its last state, the angle and L.
+
+    L is at least 20 W, for shear is not in the theory, and T so small at small KL that only thin
+    strip bends with it onto the roller, and only a small angle leaves no slack edge.
+    """
+    width, length = 0.1, max(2.0, 1.947 * kl)
+    thickness, angle = (1e-5, 1e-5) if kl < 0.5 else (2e-4, 2e-4) if kl <= 1.0 else (1e-3, 1e-3)
+    tension = 2e11 * thickness * (kl * width / length) ** 2 / 12.0
+    ahead = np.sqrt(2e11 * thickness**3 / (12.0 * 0.91) / tension)  # of where it comes to bear
+    yawed = roller("a", 0.0, -0.5, 0.5, "over", axis=[angle, 1.0, 0.0])
+    scene = scene_of(
+        {
+            "threading": {
+                "tension": tension, "entry": (ahead - length, 0.0, 0.0), "exit": (0.5, 0.0, -1.0)
+            },
+            "rollers": [yawed],
+            "strip": {"cells": (24, 2), "refined": 0.02, "width": width, "thickness": thickness},
+            "friction": {"law": "tanh", "coefficient": FRICTION, "speed": 5e-4 * angle},
+            "stages": [
+                {
+                    "name": "run", "steady": True, "entry": {"tension": tension},
+                    "rollers": {"a": {"surface_speed": 1.0}},
+                }
+            ],
+            "solver": {"tolerance": 1e-4 if kl > 1.0 else 1e-6},
+        }, "shell",
+    )  # fmt: skip
+    run, state = ended(Scene.model_validate(scene.to_dict() | {"contact": {}}))
+    assert tangents(run) <= 26
+    return state, angle, length
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kl", "share"),
+    [
+        (0.1, 0.66678),
+        (0.5, 0.66942),
+        (1.0, 0.67739),
+        (2.0, 0.70551),
+        (4.0, 0.77868),
+        (8.0, 0.87559),
+    ],
+)
+def test_yawed_roller_steers_as_shelton_says(claim: Claim, kl: float, share: float) -> None:
+    """y_L/(θ L) = (KL cosh KL − sinh KL)/(KL (cosh KL − 1)) to 0.2 %, L up to the roller."""
+    state, angle, length = steered(kl)
+    assert share == pytest.approx(
+        (kl * np.cosh(kl) - np.sinh(kl)) / (kl * (np.cosh(kl) - 1.0)), abs=6e-6
+    )
+    strip, middle = state.plan.model.strip, np.abs(state.plan.model.strip.mesh.p[1]) < 1e-9
+    moved = strip.nodal(state.full)[strip.node_values][middle]
+    x = strip.mesh.p[0, middle] + moved[:, 0]
+    order = np.argsort(x)
+    y = np.interp(x.min() + length, x[order], moved[order, 1])
+    found = -y / (angle * length)
+    claim(
+        f"offset over θ L before a roller out of line, K L = {kl:g}",
+        found,
+        share,
+        2e-3,
+        "Shelton 1968",
+    )
 
 
 def test_tension_in_stick_with_isometric_bending(claim: Claim) -> None:
@@ -141,6 +216,75 @@ def test_tension_in_stick_with_isometric_bending(claim: Claim) -> None:
         1e-5,
         "E t (V/c − 1) + 3 D/2r², less what lifts on",
     )
+
+
+CONVEY: dict[str, Any] = {
+    "threading": {"tension": 1e4, "entry": (-1.0, 0.0, -0.6), "exit": (1.0, 0.0, -0.6)},
+    "rollers": [roller("a", 0.0, -0.5, 0.5, "over")],
+}
+S_WRAP: dict[str, Any] = {
+    "threading": {"tension": 1e4, "entry": (-0.8, 0.0, 0.0), "exit": (0.9, 0.0, -1.0)},
+    "rollers": [roller("a", 0.0, -0.2, 0.2, "over"), roller("b", 0.1, -0.8, 0.2, "under")],
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("line", "released", "travel", "near"),
+    [(CONVEY, 9.5e3, 1.2, 1e-6), (S_WRAP, 9e3, 2.0, 4e-6)],
+    ids=["convey", "bridle"],
+)
+def test_long_march_with_feed_ends_there(
+    line: dict[str, Any], released: float, travel: float, near: float
+) -> None:
+    """Speed to 1e-6 where elements are short beside the radius, tensions to its ripple.
+
+    In time slip is measured along the roller's tangent, and strip that meets it at an angle seems
+    to slip, the more the longer elements are beside the radius.  The strip's speed is that of the
+    labels that pass a place in the first span.
+    """
+    tables = scene_of(
+        {
+            **line,
+            "strip": {"thickness": 1e-4, "refined": 0.02, "cells": (30, 2), "feed": True},
+            "friction": {"law": "tanh", "coefficient": FRICTION, "speed": 1e-3},
+            "solver": {"tolerance": 1e-6},
+        }
+    ).to_dict()
+    tables["contact"] = {}
+    speeds = {each["name"]: {"surface_speed": 1.0} for each in line["rollers"]}
+    march = Scene.model_validate(
+        tables
+        | {
+            "stages": [
+                {"name": "hold", "duration": 0.1, "exit": {"tension": released}},
+                {"name": "start", "duration": 0.2, "entry": {"release": True}, "rollers": speeds},
+                {"name": "run", "duration": travel},
+            ]
+        }
+    ).run()
+    times, labels, entries, tensions = [], [], [], []
+    for step in march:
+        assert march.march.feed is not None
+        if step.stage == "run" and step.fraction > 0.6 and step.step % 5 == 0:
+            strip, fed = step.state.plan.model.strip, march.march.feed
+            x = strip.mesh.p[0] + strip.nodal(step.state.full)[strip.node_values, 0]
+            place = line["threading"]["entry"][0] + 0.15 - march.assembly.origin[0]
+            first = slice(len(x) // 4)
+            label = np.interp(place, x[first], strip.mesh.p[0, first])
+            labels.append(label - fed.elements * fed.length)
+            times.append(step.time)
+            entries.append(step.state.tension("entry"))
+            tensions.append([r.tension_out for r in step.state.rollers.values()])
+    tables["strip"]["feed"] = False
+    stage = {"name": "run", "steady": True, "entry": {"tension": float(np.mean(entries))}}
+    tables["stages"] = [stage | {"exit": {"tension": released}, "rollers": speeds}]
+    run, state = ended(Scene.model_validate(tables))
+    assert -np.polyfit(times, labels, 1)[0] == pytest.approx(state.strip_speed, abs=near)
+    low, high = np.min(tensions, axis=0) - 2.0, np.max(tensions, axis=0) + 2.0
+    settled = np.array([reading.tension_out for reading in state.rollers.values()])
+    assert np.all((low < settled) & (settled < high))
+    assert march.cost.expansions > 100 * run.cost.expansions
 
 
 @pytest.mark.parametrize("kinematics", ["section", "shell"])

@@ -222,7 +222,7 @@ def test_on_workers(pull: Path, tmp_path: Path) -> None:
     for number, length in enumerate(("3.0", "2.0", "1.0")):
         direct = tmp_path / length
         settings = ["--set", f"strip.length={length}", "--set", "strip.width=2.0"]
-        CliRunner().invoke(main, ["run", str(pull), "-o", str(direct), *settings])
+        CliRunner().invoke(main, ["run", str(pull), "-o", str(direct), "--no-report", *settings])
         wanted = row_of(json.loads((direct / "summary.json").read_text(encoding="utf-8")))
         for name in ("steps", "tangents", "entry_tension", "exit_tension"):
             assert rows[name][number] == wanted[name]

@@ -83,6 +83,11 @@ DAMPING = 1e-7
 m are of other lengths, by 4e-3 after 50 of them, with 1e-7 by 5e-9; tangents are hardly fewer."""
 
 
+TALL = 256
+"""Rows of a matrix that are orthogonalised (Demmel, Grigori, Hoemmen & Langou, SIAM J. Sci. Comput.
+34, 2012) or multiplied at once: BLAS shares larger ones among threads, which wait for others."""
+
+
 def longest_quotient(
     equations: Equations, series: Branch, tolerance: float, reach: float, cost: Cost
 ) -> tuple[Branch, float] | None:
@@ -151,7 +156,8 @@ def rational(equations: Equations, branch: Branch) -> Branch | None:
         denominator = np.concatenate([[1.0], found])
         first = np.concatenate([denominator, np.zeros(n - degree)])
         product = toeplitz(first, np.zeros(n + 1))
-        u, control = product @ branch.u, product @ branch.control
+        parts = np.array_split(branch.u, -(-branch.u.shape[1] // TALL), axis=1)
+        u, control = np.hstack([product @ part for part in parts]), product @ branch.control
     return replace(branch, u=u, control=control, denominator=denominator)
 
 
@@ -159,4 +165,8 @@ def coordinates(equations: Equations, branch: Branch) -> Array:
     """Orders 1 … N (rows) in an orthonormal basis of what they span, with the control."""
     motion = branch.u[1:] * np.sqrt(equations.metric)
     both = np.column_stack([motion, branch.control[1:]]).T
+    while len(both) > TALL:  # R of tall matrices from those of their parts
+        whole, rest = np.split(both, [len(both) // TALL * TALL])
+        parts = np.asarray(np.linalg.qr(whole.reshape(-1, TALL, both.shape[1]), mode="r"))
+        both = np.vstack([parts.reshape(-1, both.shape[1]), rest])
     return np.asarray(np.linalg.qr(both, mode="r")).T

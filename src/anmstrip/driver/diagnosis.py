@@ -73,8 +73,8 @@ def locate(evidence: Evidence, state: State) -> Location | None:
     element = float(strip.cell_sizes[0][(mesh.t == node).any(axis=0)].max())
     gaps = [(np.inf, "")]
     for name, contact in state.contacts.items():
-        x = contact.contact.operator.reference[: len(point)]
-        gaps.append((float(contact.gap[np.abs(x - point[:, None]).sum(axis=0).argmin()]), name))
+        x = contact.contact.operator.whole.reference[: len(point)]
+        gaps.append((float(contact.gaps[np.abs(x - point[:, None]).sum(axis=0).argmin()]), name))
     gap, roller = min(gaps)
     name = "xyz"[strip.kinematics.components[component]]
     point = point + strip.flat_origin[: len(point)]
@@ -163,7 +163,8 @@ def squeezed(failure: Failure) -> str | None:
         across -= (across @ a.unit_axis) * a.unit_axis
         distance = float(np.linalg.norm(across))
         overlap = a.radius + b.radius - distance
-        if overlap > 0.0 or (contacts[a.name].touching & contacts[b.name].touching).any():
+        first, second = (contacts[r.name].pressed for r in (a, b))
+        if overlap > 0.0 or np.isin(first, second).any():
             away = 1.1 * max(overlap, failure.assembly.strip.thickness) / distance * across
             key, value = f"rollers.{b.name}.centre", centre + away + failure.assembly.origin
             control = failure.stage.rollers.get(b.name)

@@ -306,6 +306,12 @@ class Run:
             if written is None or (not chosen and written < state.time):
                 self.recorder.write_state(state)
             self.warnings = warnings(Preview.of(self.assembly))
+            elastic = state.plan.model.coupled == state.plan.model.unknowns
+            if state.plan.steady and self.outcome.done and elastic:
+                from anmstrip.driver.sensitivities import sensitivities
+
+                own = (roller.friction is not None for roller in self.scene.rollers)
+                facts["sensitivities"] = sensitivities(state, own)
             if self.assembly.kinematics is SHELL:
                 from anmstrip.results.wrinkles import Wrinkling
 
@@ -313,6 +319,7 @@ class Run:
                 self.warnings += wrinkling.warnings
                 facts["wrinkle_amplitude"] = wrinkling.amplitude(self.recorder.surface)
                 facts["compressive_membrane_force"] = wrinkling.compression
+                facts |= wrinkling.flatness
         self.recorder.summary(facts | {"errors": self.errors(), "warnings": self.warnings}, state)
 
     def errors(self) -> dict[str, float | None]:

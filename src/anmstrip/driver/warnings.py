@@ -20,15 +20,18 @@ from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.tables import ENDS, EdgeSpec
 from anmstrip.simulation.defaults import elastic_creep
 from anmstrip.simulation.meshing import (
-    MOST_UNKNOWNS,
     QUARTER,
     boundary_layer,
     cells_across,
+<<<<<<< HEAD
     stands,
+=======
+    most_unknowns,
+>>>>>>> origin/main
     surface_speed,
     wanted_size,
 )
-from anmstrip.simulation.problem import Assembly, Size, size_of
+from anmstrip.simulation.problem import Assembly, Size, naturals, size_of
 
 STEEPEST = np.radians(5.0)
 """Slope up to which a plate is offered: it errs by slope²/2, which is 0.4 % there."""
@@ -190,11 +193,11 @@ def coarse_mesh(preview: Preview) -> Iterator[str]:
     coarse: dict[str, list[str]] = {}
     if scene.strip.cells is None and scene.strip.mesh is None:
         wanted = min((wanted_size(scene, r.radius) for r in preview.assembly.rollers), default=0.0)
-        finest = float(strip.cell_sizes[0].min())
+        finest, most = float(strip.cell_sizes[0].min()), most_unknowns(len(scene.rollers))
         if finest > 1.2 * wanted > 0.0:
             yield (
                 f"elements where the strip lifts off its rollers are {finest:.2g} m long instead "
-                f"of {wanted:.2g} m, so that there are no more than {MOST_UNKNOWNS} unknowns. Less "
+                f"of {wanted:.2g} m, so that there are no more than {most} unknowns. Less "
                 f"travel makes them shorter, and so does strip.cells = "
                 f"[{int(np.ceil(strip.length / wanted))}, {cells_across(scene)}], at its cost."
             )
@@ -378,6 +381,9 @@ def against_section(preview: Preview) -> Iterator[str]:
             yield f"the axis of {roller.name} is not along y"
         if roller.profile:
             yield f"{roller.name} is crowned or tapered"
+    shapes = (scene.strip, *(stage.strip for stage in scene.stages))
+    for key in dict.fromkeys(key for shape in shapes for key in shape.varying_across):
+        yield f"{key.replace('_', ' ')} varies across the strip"
     for stage in scene.stages:
         if stage.gravity is not None and stage.gravity[1]:
             yield f"stage {stage.name} has gravity across the strip"
@@ -395,6 +401,13 @@ def against_plate(preview: Preview) -> Iterator[str]:
     scene, steep = preview.assembly.scene, preview.steepest
     if any(preview.assembly.frictional(stage) for stage in scene.course):
         yield "friction moves the strip along"
+<<<<<<< HEAD
+=======
+    if scene.strip.feed:
+        yield "the strip is fed, so it moves along"
+    if naturals(scene):
+        yield "heat, flatness or coil set stress the strip in its plane, or bend it"
+>>>>>>> origin/main
     if steep.slope > STEEPEST:
         wraps = [f"{n} by {np.degrees(t):.3g}°" for n, t in steep.turns.items() if t > 0.0]
         error = (

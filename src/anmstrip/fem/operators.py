@@ -296,7 +296,7 @@ class InternalOperator:
         """Return generalised forces, and the own equations if there are any, (unknowns,)."""
         shape = (self.cells.count, self.cells.components, -1)
         on_strip = self.cells.gather(forces[: self.strains].reshape(shape))
-        if not self.flows or len(forces) == self.strains:
+        if not self.flows:
             return on_strip
         total = np.zeros(self.place + self.own * self.points)
         total[: len(on_strip)] = on_strip
@@ -334,28 +334,29 @@ class Eliminated:
     """
 
     def __init__(self, operator: InternalOperator, by_strains: Array, on_forces: Array, own: Array):
-        self.operator = operator
-        self.by_strains = by_strains.transpose(2, 1, 0)
+        self.operator, self.inverse = operator, np.linalg.inv(own.transpose(2, 1, 0))
+        self.by_strains = self.inverse @ by_strains.transpose(2, 1, 0)  # C⁻¹ A
         self.on_forces = on_forces.transpose(2, 1, 0)
-        self.inverse = np.linalg.inv(own.transpose(2, 1, 0))
+        self.by_own = self.on_forces @ self.inverse  # B C⁻¹
 
     @property
     def relief(self) -> Array:
         """B C⁻¹ A as J[j, i], shape (strains, strains, points)."""
-        return (self.on_forces @ self.inverse @ self.by_strains).transpose(2, 1, 0)
+        return (self.on_forces @ self.by_strains).transpose(2, 1, 0)
 
     def reduced(self, own: Array) -> Array:
         """Return Lᵀ w B C⁻¹ g, shape (unknowns of the strip,)."""
         operator = self.operator
-        right = own.reshape(operator.own, -1).T[:, :, None]
-        return operator.gather((self.on_forces @ (self.inverse @ right))[:, :, 0].T)
+        forces = self.by_own @ own.reshape(operator.own, -1).T[:, :, None]
+        shape = (operator.cells.count, operator.cells.components, -1)
+        return operator.cells.gather(forces[:, :, 0].T.reshape(shape))
 
     def recovered(self, full: Array, own: Array) -> Array:
         """Return z = C⁻¹ (g − A L u), shape (own unknowns,)."""
         operator = self.operator
         strains = operator.cells.apply(full).reshape(operator.strains, -1).T[:, :, None]
-        right = own.reshape(operator.own, -1).T[:, :, None] - self.by_strains @ strains
-        return (self.inverse @ right)[:, :, 0].T.ravel()
+        z = self.inverse @ own.reshape(operator.own, -1).T[:, :, None] - self.by_strains @ strains
+        return z[:, :, 0].T.ravel()
 
 
 class Chained:

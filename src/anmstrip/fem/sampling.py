@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
@@ -200,6 +200,40 @@ class ContactOperator:
             for j in range(self.count):
                 local = transposed @ (weighted[j, i][:, :, None] * table)
                 blocks.pairs[i, j] += np.bincount(places, local.ravel(), pattern.couplings)
+
+
+class RepeatedOperator(ContactOperator):
+    """The points of a contact operator several times, one after the other; made if asked for.
+
+    Parameters
+    ----------
+    once : ContactOperator
+        At all points.
+    times : int
+    """
+
+    def __init__(self, once: ContactOperator, times: int) -> None:
+        self.whole, self.times, self.parts = once, times, {}
+        self.count, self.width, self.cells = once.count, once.width, once.cells
+        self.table, self.shares = once.table, once.shares
+
+    def __getattr__(self, name: str) -> Any:
+        """Make what there is of every point: ``chosen``, ``weights``, ``reference``, matrices."""
+        if name not in ("chosen", "weights", "reference", "matrix", "transposed"):
+            raise AttributeError(name)
+        made = self.whole._part(np.tile(self.whole.chosen, self.times))
+        vars(self).update({key: getattr(made, key) for key in ("chosen", "weights", "reference")})
+        self.matrix, self.transposed = made.matrix, made.transposed
+        return vars(self)[name]
+
+    @property
+    def points(self) -> int:
+        """Number of points."""
+        return self.times * self.whole.points
+
+    def restricted(self, points: Index) -> ContactOperator:  # type: ignore[override]
+        """The same on some of the points, of the operator that is repeated."""
+        return self.whole.restricted(points % self.whole.points)
 
 
 class SlopeOperator(ContactOperator):

@@ -99,6 +99,9 @@ class CompiledLaw:
                 self.lift_part(SPARE, SPARE, *m.addresses, x + m.first, begin, *m.numbers)
         flat, points = into.reshape(len(into), -1), self.program.points
         for (rows, shape), value in zip(self.moving, moved, strict=True):
+            if value is None:
+                flat[rows] = 0.0
+                continue
             flat[rows, :points] = np.broadcast_to(value, shape).reshape(rows.stop - rows.start, -1)
 
     def gather(self, total: Array) -> Array:

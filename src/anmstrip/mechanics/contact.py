@@ -131,11 +131,18 @@ class Contact(LawEffect):
             return {self.roller.name: self}
         reaches = np.broadcast_to(np.asarray(self.reach, dtype=float), len(self.roller.members))
         found = {}
-        for k, roller in enumerate(self.roller.members):
-            operator = self.operator.restricted(np.flatnonzero(self.roller.which == k))
-            reach = float(reaches[k])
-            found[roller.name] = replace(self, roller=roller, operator=operator, reach=reach)
+        for roller, reach, numbers in zip(self.roller.members, reaches, self.numbers, strict=True):
+            operator = self.operator.restricted(numbers)
+            found[roller.name] = replace(self, roller=roller, operator=operator, reach=float(reach))
         return found
+
+    @cached_property
+    def numbers(self) -> list[Index]:
+        """Numbers of the pairs of each roller."""
+        if (which := self.roller.which) is None:
+            return [np.arange(self.operator.points)]
+        ends = np.bincount(which, minlength=len(self.roller.members)).cumsum()[:-1]
+        return np.split(np.argsort(which, kind="stable"), ends)
 
     def restricted(self, points: Index) -> Contact:
         """The same on some of the points."""
@@ -174,7 +181,7 @@ class Contact(LawEffect):
     def crossing(self, states: Callable[[Array], Iterable[Moment]]) -> float | None:
         """Return where a step crosses a roller, as a share of it; see :func:`deepest`.
 
-        Of all pairs, if anything moves so far that neighbours say nothing.
+        Of more pairs, if anything moves so far that these neighbours say nothing.
         """
 
         def looked(shares: Array) -> list[tuple[Look, Mapping[str, Any]]]:
@@ -184,17 +191,17 @@ class Contact(LawEffect):
         near = self.neighbours(*first[0])
         farthest = max(near.moved(look) for look, _ in first)
 
-        def places(shares: Array, part: Contact = near.part) -> Array:
+        def places(shares: Array) -> Array:
             nonlocal farthest
             looks = first if len(shares) == len(first) else looked(shares)
-            if looks is not first:
-                farthest = max(farthest, *(near.moved(look) for look, _ in looks))
-            return np.array([part.position(part.chosen(look), c) for look, c in looks])
+            farthest = max(farthest, *(near.moved(look) for look, _ in looks))
+            return np.array([near.part.position(near.part.chosen(look), c) for look, c in looks])
 
-        found = deepest(near.part, places) if near.part.points else None
-        if farthest <= near.skin:
-            return found
-        return deepest(self, lambda shares: places(shares, self))
+        while True:
+            found = deepest(near.part, places) if near.part.points else None
+            if farthest <= near.skin:
+                return found
+            near = self._looked_up(*first[0], 2.0 * farthest)
 
     def look(self, full: Array, controls: Mapping[str, Any]) -> Look:
         """Displacements of all points, (components, points), and centres, (rollers, 3)."""
@@ -215,10 +222,21 @@ class Contact(LawEffect):
         latest = self.latest.get("neighbours")
         if latest is None or not latest.moved(look) <= latest.skin:
             skin = min(float(roller.radius) for roller in self.roller.members)
-            gap = self.seen(self.chosen(look), controls).gap
-            pairs = np.flatnonzero(gap < self.reaches + STEEPEST * skin)
-            latest = self.latest["neighbours"] = Neighbours(self._part(pairs), pairs, skin, *look)
+            latest = self.latest["neighbours"] = self._looked_up(look, controls, skin)
         return latest
+
+    def _looked_up(self, look: Look, controls: Mapping[str, Any], skin: float) -> Neighbours:
+        """Pairs that may come within reach while nothing moves farther than the skin (m)."""
+        found = [
+            numbers[part.gap(look, controls) < part.reaches + STEEPEST * skin]
+            for numbers, part in zip(self.numbers, self.by_roller.values(), strict=True)
+        ]
+        pairs = np.sort(np.concatenate(found))
+        return Neighbours(self._part(pairs), pairs, skin, *look)
+
+    def gap(self, look: Look, controls: Mapping[str, Any]) -> Array:
+        """Gaps of the points (m), shape (points,)."""
+        return np.asarray(self.seen(self.chosen(look), controls).gap)
 
     @cached_property
     def latest(self) -> dict[str, Neighbours]:
@@ -233,8 +251,7 @@ class Contact(LawEffect):
         """Numbers of the points within reach."""
         look = self.look(full, controls)
         near = self.neighbours(look, controls)
-        gap = near.part.seen(near.part.chosen(look), controls).gap
-        return np.asarray(near.pairs[gap < near.part.reaches])
+        return np.asarray(near.pairs[near.part.gap(look, controls) < near.part.reaches])
 
     def pressure(self, place: Projection) -> Any:
         """R (Pa), shape (points,)."""
@@ -340,7 +357,10 @@ class Friction(LawEffect):
 
     def near(self, full: Array, controls: Mapping[str, Any]) -> Friction:
         """The same effect on the points within reach."""
-        points = self.contact.within_reach(full, controls)
+        return self.restricted(self.contact.within_reach(full, controls))
+
+    def restricted(self, points: Index) -> Friction:
+        """The same on some of the points."""
         return remembered(self.parts, points, self._part)
 
     @cached_property

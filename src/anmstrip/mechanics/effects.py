@@ -427,7 +427,8 @@ class CompiledSeries(EffectSeries):
     def _lift(self, u: Array, v: Array | None, control: float) -> None:
         """Set the changes of the inputs."""
         motions = [u, v][: len(self.law.lifts)]
-        self.law.lift(motions, [control * slope for slope in self.slopes], self.law.changes)
+        moved = [control * slope if control else None for slope in self.slopes]
+        self.law.lift(motions, moved, self.law.changes)
 
     def derivative(self, u: Array, v: Array | None, control: float) -> Array:
         self._lift(u, v, control)

@@ -201,6 +201,30 @@ def combine(rollers: Sequence[Roller], which: Index) -> Roller:
     )
 
 
+def _of_all(field: str) -> Any:
+    """Numbers of all points' rollers, made when they are first asked for."""
+    return cached_property(lambda self: getattr(combine(self.several, self.which), field))
+
+
+class RepeatedRollers(Roller):
+    """Several rollers, each of which sees all points, one after the other; made if asked for.
+
+    Parameters
+    ----------
+    rollers : sequence of Roller
+    points : int
+        How many each of them sees.
+    """
+
+    def __init__(self, rollers: Sequence[Roller], points: int) -> None:
+        which = np.repeat(np.arange(len(rollers)), points)
+        name = " and ".join(roller.name for roller in rollers)
+        vars(self).update(name=name, several=tuple(rollers), which=which)
+
+    radius, centre, axis, crown = map(_of_all, ("radius", "centre", "axis", "crown"))
+    sides, half, sense = map(_of_all, ("sides", "half", "sense"))
+
+
 def at_points(values: Sequence[Any], which: Index) -> Any:
     """Value of each point's roller, (..., points), from one for each roller."""
     return np.stack(list(values), axis=-1)[..., which]

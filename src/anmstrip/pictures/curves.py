@@ -11,6 +11,8 @@ from matplotlib import colormaps
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from anmstrip.arrays import Array
+
 PANELS = {
     "tension_out": ("tension behind the roller [kN/m]", 1e-3),
     "torque": ("torque on the strip [N m]", 1.0),
@@ -78,6 +80,22 @@ def map_figure(
         figure.suptitle(
             f"{keys[1]} from {min(curves):.6g} (pale) to {max(curves):.6g}", fontsize=10
         )
+    stream = BytesIO()
+    FigureCanvasAgg(figure).print_png(stream)
+    return stream.getvalue()
+
+
+def response_figure(omega: Array, gain: Array, phase: Array, title: str) -> bytes:
+    """Draw gain and phase (°) over the angular frequency (rad/s); return a PNG."""
+    figure = Figure(figsize=(7.0, 5.6), dpi=130, layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    upper.loglog(omega, gain)
+    lower.semilogx(omega, phase)
+    upper.set(title=title, ylabel="gain")
+    lower.set(xlabel="angular frequency [rad/s]", ylabel="phase [°]")
+    for axes in (upper, lower):
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(alpha=0.3)
     stream = BytesIO()
     FigureCanvasAgg(figure).print_png(stream)
     return stream.getvalue()

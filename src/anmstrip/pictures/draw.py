@@ -25,7 +25,6 @@ BAR = {
     "position_y": 0.84,
     "title_font_size": 22,
     "label_font_size": 18,
-    "n_labels": 5,
     "fmt": "%.3g",
 }
 
@@ -53,7 +52,7 @@ def draw(job: Job) -> None:
                     diffuse=1.0 - AMBIENT,
                 )
         place = 24, job.size[1] - 46
-        plotter.add_text(f"t = {frame.time:.4g}", position=place, color="black", font_size=11)
+        plotter.add_text(f"t = {frame.time:.4g} s", position=place, color="black", font_size=11)
         camera = plotter.camera
         camera.parallel_projection = True
         camera.focal_point = eye.focus
@@ -88,7 +87,7 @@ def add_strip(plotter: pyvista.Plotter, job: Job, frame: Frame) -> None:
         ambient=AMBIENT,
         diffuse=1.0 - AMBIENT,
         specular=0.1,
-        scalar_bar_args={"title": label + "\n", **BAR},
+        scalar_bar_args={"title": label + "\n", "n_labels": job.labels, **BAR},
     )
     outline = surface.extract_feature_edges(feature_edges=False, manifold_edges=False)
     outline.translate(0.2 * nearer, inplace=True)

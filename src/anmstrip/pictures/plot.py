@@ -21,8 +21,8 @@ FACET = 0.03
 """Longest side of a facet, over half the height seen."""
 MOST_PIECES = 64
 """Most pieces along a side of a facet."""
-ROOM = 0.25
-"""Room around the rollers in the view from the side, over their extent."""
+ROOM = 0.06
+"""Room around strip and rollers in the view from the side, over their extent."""
 PIECES = 6
 """Pieces of a segment of the middle line, each of one colour."""
 
@@ -65,48 +65,49 @@ def draw_plot(job: Job) -> None:
 
 
 def draw_side(job: Job) -> None:
-    """Draw every frame of a job seen along y: the middle line of the strip, near the rollers."""
+    """Draw every frame of a job seen along y: the middle line of the strip, and the rollers."""
     for frame in job.frames:
         figure = blank_figure(job, frame)
         axes = figure.add_axes((0.07, 0.09, 0.9, 0.72))
         segments, values = middle_line(*frame.read_strip(job.field))
-        near = segments.reshape(-1, 2)
+        seen = segments.reshape(-1, 2)
         if rollers := frame.read_rollers():
             points, cells, tones = rollers
-            near, greys = points[:, [0, 2]], np.array(GREYS)[tones]
+            faces, greys = points[:, [0, 2]], np.array(GREYS)[tones]
+            seen = np.concatenate([seen, faces])
             axes.add_collection(
                 PolyCollection(
-                    list(near[cells]), facecolors=greys, edgecolors=greys, linewidths=0.4
+                    list(faces[cells]), facecolors=greys, edgecolors=greys, linewidths=0.4
                 )
             )
         axes.add_collection(
             LineCollection(
-                list(segments), colors=colours_of(job, values), linewidths=5.0, capstyle="round"
+                list(segments), colors=colours_of(job, values), linewidths=3.0, capstyle="round"
             )
         )
-        # a box around what is near, and some room, with the same scale in both directions
+        # a box around everything, and some room, with the same scale in both directions
         share = axes.get_position()
         sheet = np.array([share.width * job.size[0], share.height * job.size[1]])
-        low, high = near.min(axis=0), near.max(axis=0)
+        low, high = seen.min(axis=0), seen.max(axis=0)
         middle, reach = 0.5 * (low + high), 0.5 * (1.0 + ROOM) * (high - low)
         left, right = (middle + side * sheet * max(reach / sheet) for side in (-1, 1))
         axes.set(xlim=(left[0], right[0]), ylim=(left[1], right[1]))
         axes.set(xlabel="x [m]", ylabel="z [m]")
         axes.spines[["top", "right"]].set_visible(False)
-        FigureCanvasAgg(figure).print_png(frame.picture)
+        figure.savefig(frame.picture)
 
 
 def blank_figure(job: Job, frame: Frame) -> Figure:
     """Return a white sheet with the time and the scale."""
     inches = job.size[0] / DOTS_PER_INCH, job.size[1] / DOTS_PER_INCH
     figure = Figure(figsize=inches, dpi=DOTS_PER_INCH, facecolor="white")
-    figure.text(0.017, 0.945, f"t = {frame.time:.4g}", fontsize=14)
+    figure.text(0.017, 0.945, f"t = {frame.time:.4g} s", fontsize=14)
     label, _, limits = job.scale
     bar = figure.colorbar(
         ScalarMappable(Normalize(*limits), job.colours),
         cax=figure.add_axes((0.62, 0.845, 0.34, 0.04)),
         orientation="horizontal",
-        ticks=np.linspace(*limits, 5),
+        ticks=np.linspace(*limits, job.labels),
         format="%.3g",
     )
     bar.outline.set_visible(False)

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,7 +21,7 @@ from PIL import Image
 from anmstrip.arrays import Array, Index
 from anmstrip.errors import InputError, Mistake
 from anmstrip.pictures.plot import draw_plot, draw_side
-from anmstrip.pictures.views import Eye, Frame, Job, choices
+from anmstrip.pictures.views import Eye, Frame, Job, choices, labelled
 from anmstrip.results.files import atomic_write
 from anmstrip.results.vtk import Points, SurfaceMesh, read_collection, read_surface
 
@@ -45,7 +46,10 @@ log = logging.getLogger(__name__)
 
 
 def render(
-    directory: str | os.PathLike[str], field: str | None = None, movie: bool = False
+    directory: str | os.PathLike[str],
+    field: str | None = None,
+    movie: bool = False,
+    vector: str | None = None,
 ) -> list[Path]:
     """Draw the last state of a run: `picture.png` in space, `picture_side.png` from the side.
 
@@ -61,6 +65,8 @@ def render(
         out: the normal pressure if there is any contact, else the stress.
     movie : bool
         Also draw all states, or 120 of them, into `movie.gif`.
+    vector : str, optional
+        "svg" or "pdf": the picture from the side in this format as well.
 
     Returns
     -------
@@ -83,6 +89,11 @@ def render(
         pictures = [save_picture(last, folder / "picture.png")]
         draw_side(last)
         pictures.append(save_picture(last, folder / "picture_side.png"))
+        if vector is not None:
+            aside = last.frames[0].picture.with_suffix(f".{vector}")
+            drawn = replace(last, frames=(replace(last.frames[0], picture=aside),))
+            draw_side(drawn)
+            pictures.append(save_picture(drawn, folder / f"picture_side.{vector}"))
         if movie:
             count = min(len(states), MOST_FRAMES)
             kept = np.unique(np.linspace(0, len(states) - 1, count).round().astype(int))
@@ -159,7 +170,8 @@ def plan_job(states: Sequence[State], field: str, size: tuple[int, int], scratch
     if field == "normal_pressure":
         values = np.minimum(values, max(CAPPED * bearing_pressure(*strip) for strip in strips))
     eye = Eye.seeing(points.min(axis=0), points.max(axis=0), size)
-    return Job(frames, field, scale_limits(values), eye, size)
+    low, high, labels = labelled(*scale_limits(values))
+    return Job(frames, field, (low, high), eye, size, labels)
 
 
 def bearing_pressure(points: Points, cells: Index, pressure: Array) -> float:

@@ -85,6 +85,8 @@ def title(name: str, largest: float) -> tuple[str, float]:
     --------
     >>> title("normal_pressure", 2.0e4)
     ('normal pressure [kPa]', 0.001)
+    >>> title("bending_moment", 0.02)[0]
+    'bending moment, xx [10⁻³ N]'
     """
     base, _, component = name.partition(".")
     field = FIELDS.get(base, Field(base.replace("_", " "), ""))
@@ -94,7 +96,10 @@ def title(name: str, largest: float) -> tuple[str, float]:
     if field.unit and not field.unit.startswith("1") and 0.0 < largest < np.inf:
         power = 3 * int(np.floor(np.log10(largest) / 3.0))
         power = min(max(power, min(PREFIXES)), max(PREFIXES))
-    unit = f" [{PREFIXES[power]}{field.unit}]" if field.unit not in ("", "1") else ""
+    prefixed = f"{PREFIXES[power]}{field.unit}"
+    if power == -3 and field.unit.startswith("N"):
+        prefixed = f"10⁻³ {field.unit}"  # mN might be a newton times a metre
+    unit = f" [{prefixed}]" if field.unit not in ("", "1") else ""
     return label + unit, 10.0**-power
 
 
@@ -112,6 +117,10 @@ STEEL = "#c4ced8", "#9fc3d4", "#f2c14e", "#e4652c", "#8c1c2b"
 SIGNED = "#2a5d9f", "#e8e8e6", "#b0303a"
 SECTORS = 12
 MARGIN = 1.06
+HEAD = 0.2
+"""Share of a picture, at its top, that the time and the scale have for themselves."""
+STEPS = 1.0, 2.0, 2.5, 5.0
+"""Distances of the labels of a scale, times powers of ten."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +167,7 @@ class Eye:
 
     @classmethod
     def seeing(cls, low: Points, high: Points, size: tuple[int, int]) -> Self:
-        """Look at a box so that it fits into a picture of a size in pixels."""
+        """Look at a box so that it fits into a picture of a size in pixels, below its head."""
         towards = DIRECTION / np.linalg.norm(DIRECTION)
         right = np.cross([0.0, 0.0, 1.0], towards)
         right /= np.linalg.norm(right)
@@ -167,12 +176,38 @@ class Eye:
         seen = corners @ axes.T
         middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
         width, height, _ = np.ptp(seen, axis=0)
-        half_height = 0.5 * MARGIN * max(height, width * size[1] / size[0])
-        return cls(axes, middle @ axes, max(half_height, np.finfo(float).tiny))
+        tallest = max(height / (1.0 - HEAD), width * size[1] / size[0])
+        half_height = max(0.5 * MARGIN * tallest, np.finfo(float).tiny)
+        middle[1] += HEAD * half_height
+        return cls(axes, middle @ axes, half_height)
 
     def projected(self, points: Points) -> Points:
         """Return coordinates to the right, upwards and towards the eye; (..., 3) in metres."""
         return (points - self.focus) @ self.axes.T
+
+
+def labelled(low: float, high: float) -> tuple[float, float, int]:
+    """Widen a scale to round ends with round labels between them.
+
+    Returns
+    -------
+    low, high : float
+    labels : int
+        Number of evenly spaced labels, both ends included: four to eight.
+
+    Examples
+    --------
+    >>> labelled(0.0, 47.5)
+    (0.0, 50.0, 6)
+    >>> labelled(-3.0, 3.0)
+    (-3.0, 3.0, 7)
+    """
+    power = np.floor(np.log10(high - low))
+    for step in [s * 10.0**p for p in (power - 1.0, power) for s in STEPS]:
+        first, last = np.floor(low / step + 1e-9), np.ceil(high / step - 1e-9)
+        if last - first <= 7.0:
+            break
+    return float(first * step), float(last * step) + 0.0, int(last - first) + 1
 
 
 @dataclass(frozen=True)
@@ -184,6 +219,7 @@ class Job:
     limits: tuple[float, float]  # ends of the colour scale, in SI
     eye: Eye
     size: tuple[int, int]  # width and height of a picture, in pixels
+    labels: int = 5  # of the colour scale, evenly spaced
 
     @property
     def colours(self) -> Colormap:

@@ -12,7 +12,7 @@ from anmstrip.arrays import Array, Index
 from anmstrip.fem.sampling import ContactOperator, contact_points, patches, shape_of, unit_grid
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.plasticity import Plasticity
-from anmstrip.mechanics.shell import Membrane, moduli
+from anmstrip.mechanics.shell import Membrane, eigencurvature, moduli
 from anmstrip.results.rollers import ContactState, RollerReading
 from anmstrip.results.vtk import facing, triangle_lattice
 
@@ -184,18 +184,24 @@ class FieldSampler:
                 "contact_status": nothing,
             }
         assert self.contact is not None
-        nearest = np.argmin([f.gap for f in found], axis=0)
+        gap, points = np.min([f.gaps for f in found], axis=0), self.contact.points
+        pressure, found_status = np.zeros((2, points))
+        traction, slip = np.zeros((2, 3, points))
+        for f in found:
+            chosen = f.contact.operator.chosen
+            pressure[chosen] += f.pressure
+            traction[:, chosen] += f.traction
+            found_status[chosen] = np.maximum(found_status[chosen], f.status)
+            nearest = f.gap <= gap[chosen]
+            slip[:, chosen[nearest]] = f.slip[:, nearest]
         values = {
-            "normal_pressure": np.sum([f.pressure for f in found], axis=0),
-            "friction_traction": np.sum([f.traction for f in found], axis=0),
-            "slip_velocity": np.stack([f.slip for f in found])[
-                nearest, :, np.arange(len(nearest))
-            ].T,
-            "gap": np.min([f.gap for f in found], axis=0),
+            "normal_pressure": pressure,
+            "friction_traction": traction,
+            "slip_velocity": slip,
+            "gap": gap,
         }
         cells, status = self.contact.cells, np.zeros(len(self.shared))
         fields = {n: self._average(v[..., cells] @ self.from_contact.T) for n, v in values.items()}
-        found_status = np.max([f.status for f in found], axis=0)
         np.maximum.at(status, self.own, found_status[cells[:, self.nearest]])
         return {**fields, "contact_status": np.tile(status, self.lines)}
 
@@ -205,6 +211,8 @@ class FieldSampler:
         bending = curvature
         if self.imperfection is not None:
             bending = curvature - self._geometry(self.imperfection)[2]
+        if (own := eigencurvature(state.controls)) is not None:
+            bending = bending - own[:, :, None]
         layers = self._layers(state)
         membrane = self._membrane_forces(state) + layers["force"]
         stretch = np.linalg.norm(tangents[:, 0], axis=0) if self.membrane is not None else 1.0

@@ -116,10 +116,11 @@ class Profile:
         along /= np.linalg.norm(along, axis=0)
         slip, rub, cone, touching = np.zeros((4, len(self.areas)))
         for contact in state.contacts.values():
-            slip += (contact.slip * along).sum(axis=0) * contact.touching
-            rub += np.linalg.norm(contact.traction, axis=0) * contact.touching
-            cone += (contact.coefficient or 0.0) * contact.pressure * contact.touching
-            touching += contact.touching
+            near = contact.contact.operator.chosen
+            slip[near] += (contact.slip * along[:, near]).sum(axis=0) * contact.touching
+            rub[near] += np.linalg.norm(contact.traction, axis=0) * contact.touching
+            cone[near] += (contact.coefficient or 0.0) * contact.pressure * contact.touching
+            touching[near] += contact.touching
         shares = np.divide(rub, cone, out=np.zeros_like(rub), where=cone > 0.0)
         return {
             "slip": self._mean(slip, touching * self.areas),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.arrays import Array
+from anmstrip.arrays import Array, Index
 from anmstrip.mechanics.roller import Roller
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ FIBRES = 16
 
 @dataclass(frozen=True)
 class ContactState:
-    """State of the points of the strip under one roller."""
+    """State of the points of the strip near one roller, or of the nearest."""
 
     contact: Contact
     gap: Array  # m, shape (points,)
@@ -55,6 +55,7 @@ class ContactState:
     arm: Array  # distance of the surface from the axis (m), shape (points,)
     speed: float  # of the surface (m/s)
     bearing_torque: float  # against it (N m)
+    gaps: Array  # of all points of the strip (m)
 
     @cached_property
     def least(self) -> float:
@@ -70,6 +71,23 @@ class ContactState:
     def touching(self) -> NDArray[np.bool_]:
         """Points in contact."""
         return self.pressure > self.least
+
+    @property
+    def pressed(self) -> Index:
+        """Numbers of these points in the whole strip."""
+        return np.asarray(self.contact.operator.chosen[self.touching])
+
+    @cached_property
+    def elements(self) -> Index:
+        """Elements with a point within reach; all of their points are among these."""
+        near = self.gaps[self.contact.operator.cells] < self.contact.reaches
+        return np.flatnonzero(near.any(axis=1))
+
+    @cached_property
+    def cells(self) -> Index:
+        """Points of these elements, shape (elements, points of one)."""
+        operator = self.contact.operator
+        return np.searchsorted(operator.chosen, operator.cells[self.elements])
 
     @property
     def cone_share(self) -> Array:
@@ -90,9 +108,8 @@ class ContactState:
         Shape (2, rows), by angle.  Friction and its limit are summed up over the row: where the
         law is sharper than the mesh, friction alternates from point to point.
         """
-        operator = self.contact.operator
-        on = self.touching[operator.cells].any(axis=1)
-        cells, areas = operator.cells[on], operator.shares[on]
+        operator, on = self.contact.operator, self.touching[self.cells].any(axis=1)
+        cells, areas = self.cells[on], operator.shares[self.elements[on]]
         x = np.round(operator.reference[0][cells].mean(axis=1), 9)
         rows, row = np.unique(x, return_inverse=True)
         limit = (self.coefficient or 0.0) * self.pressure
@@ -141,8 +158,7 @@ class ContactState:
         without contact.
         """
         operator = self.contact.operator
-        cells = operator.cells[(self.gap[operator.cells] < self.contact.reaches).any(axis=1)]
-        lines = cells[:, LINES[cells.shape[1]]].reshape(-1, 3)
+        lines = self.cells[:, LINES[self.cells.shape[1]]].reshape(-1, 3)
         along, across, _ = np.abs(np.diff(operator.reference[:, lines[:, ::2]], axis=2))[..., 0]
         lines = lines[along > 1e-6 * across]
         gap = self.gap[lines] - float(self.contact.signorini.gap(self.least + self.contact.least))

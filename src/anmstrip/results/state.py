@@ -137,7 +137,7 @@ class State:
     def profile(self) -> dict[str, Array]:
         """All columns along the strip, see :meth:`along`."""
         effects, membrane = self.plan.model.effects, self.membrane
-        touching = next((c.contact.operator for c in self.contacts.values()), None)
+        touching = next((c.contact.operator.whole for c in self.contacts.values()), None)
         bends = any(e.name == "bending" for e in effects)
         bent = None if membrane is None else membrane.imperfection
         return Profile(self.plan.model.strip, membrane, touching, bends, bent).columns(self)
@@ -228,14 +228,19 @@ class State:
         return {name: self._contact(c, frictions.get(name)) for name, c in contacts.items()}
 
     def _contact(self, contact: Contact, friction: Friction | None) -> ContactState:
+        gaps = contact.gap(contact.look(self.full, self.controls), self.controls)
+        cells = contact.operator.cells
+        points = np.unique(cells[(gaps[cells] < contact.reaches).any(axis=1)])
+        points = points if points.size else np.array([gaps.argmin()])
+        contact = contact.restricted(points)
         place = contact.seen(contact.operator.apply(self.full), self.controls)
         normal, pressure = contact.normal(place), np.maximum(contact.pressure(place), 0.0)
         slip, traction = np.zeros_like(normal), np.zeros_like(normal)
         if friction is not None and self.velocity is not None:
-            near = friction.near(self.full, self.controls)
+            rubbed = place.gap < friction.contact.reaches
+            near = friction.restricted(points[rubbed])
             x, v = near.operator.apply(self.full), near.operator.apply(self.velocity)
-            chosen = near.operator.chosen
-            slip[:, chosen], traction[:, chosen] = near.in_space(x, v, self.controls)
+            slip[:, rubbed], traction[:, rubbed] = near.in_space(x, v, self.controls)
         coefficient = None if friction is None else friction.law_of_slip.coefficient
         roller = contact.roller.members[0]
         ratio = 1.0 if place.ratio is None else place.ratio
@@ -251,6 +256,7 @@ class State:
             arm=roller.radius * np.broadcast_to(ratio, place.gap.shape),
             speed=speed,
             bearing_torque=bearing,
+            gaps=gaps,
         )
 
     def _turning(self, name: str) -> tuple[float, float]:
@@ -288,7 +294,7 @@ class State:
         readings = {}
         for name in sorted(self.contacts, key=lambda n: self.contacts[n].middle):
             state = self.contacts[name]
-            readings[name] = reading_of(state, incoming, self._weight_before, bending)
+            readings[name] = reading_of(state, incoming, self.weight_before, bending)
             incoming = incoming + readings[name].resultant
         return {name: readings[name] for name in self.contacts}
 
@@ -306,7 +312,7 @@ class State:
             for name, reading in self.rollers.items()
         }
 
-    def _weight_before(self, x: float) -> Array:
+    def weight_before(self, x: float) -> Array:
         """Weight of the strip up to a reference position (N), shape (3,)."""
         gravity = self.controls.get("gravity")
         if gravity is None:

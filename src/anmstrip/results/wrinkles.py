@@ -9,7 +9,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from anmstrip.arrays import Array
 from anmstrip.fem.sampling import quadrature_points, shape_of
+from anmstrip.mechanics.shell import eigenstrain
 from anmstrip.results.fields import FieldSampler
 from anmstrip.results.state import State
 
@@ -21,6 +23,9 @@ PART = 0.1
 
 LAYERS = 4.0
 """Distance of a free span from a roller, in √(D/T): where it lifts off a strip is stressed so."""
+
+I_UNIT, EDGES = 1e-5, (-0.5, 0.5)
+"""Strain of one I-unit of flatness, and where the edges are, over the width."""
 
 SMOOTH = 2
 """Degree in y of what is no wrinkle: a line across may be shifted, tilted and bowed."""
@@ -137,3 +142,38 @@ class Wrinkling:
         """Largest of :meth:`amplitudes` (m)."""
         found = self.amplitudes(sampler)
         return None if found is None else max(found, default=0.0)
+
+    @cached_property
+    def flatness(self) -> dict[str, float]:
+        """Latent and manifest flatness (I-units of 1e-5) of an uneven strip; empty of another.
+
+        Latent is by how much the eigenstrain along differs between fibres, as means along the
+        strip: what waves and stress share.  Manifest is by how much the waves of fibres differ, of
+        the free span where that is most: arc over chord of a fibre, less 1, which is (π²/4)(H/λ)²
+        of waves H high.  Both reach to the edges by cubics.  Empty on triangles, too.
+        """
+        strip, membrane = self.state.plan.model.strip, self.state.membrane
+        own = eigenstrain(strip, self.state.controls)
+        if own is None or membrane is None or shape_of(strip) != "quad":
+            return {}
+        x, y, _ = quadrature_points(strip)
+        tangents = membrane.operator.apply(self.state.full)[:, 0] + np.eye(3)[0][:, None]
+        lengths, weights = np.linalg.norm(tangents, axis=0), strip.weights().ravel()
+        places, fibre = np.unique(np.round(y / strip.width, 9), return_inverse=True)
+
+        def sums(values: Array, chosen: Array) -> Array:
+            return np.asarray(np.bincount(fibre[chosen], (values * weights)[chosen], len(places)))
+
+        def unevenness(profile: Array) -> float:
+            ends = [np.polyfit(places[k], profile[k], 3) for k in (slice(4), slice(-4, None))]
+            sides = [np.polyval(fit, eta) for fit, eta in zip(ends, EDGES, strict=True)]
+            return float(np.ptp([*profile, *sides])) / I_UNIT
+
+        everywhere, waves = np.ones(len(x), dtype=bool), [0.0]
+        for span in self.spans:
+            if (inside := (span.start <= x) & (x <= span.end)).any():
+                chords = np.linalg.norm([sums(t, inside) for t in tangents], axis=0)
+                waves.append(unevenness(sums(lengths, inside) / chords - 1.0))
+        area = sums(np.ones(len(x)), everywhere)
+        latent = unevenness(sums(own[0, 0], everywhere) / area)
+        return {"latent_flatness": latent, "manifest_flatness": max(waves)}

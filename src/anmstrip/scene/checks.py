@@ -243,17 +243,16 @@ def natural_shapes(strip: StripSpec, material: MaterialSpec, stages: Stages) -> 
     """Yield eigenstrain and eigencurvature that a strip cannot have, or not as much."""
     shapes = [("strip", strip), *((f"stages.{s.name}.strip", s.strip) for s in stages)]
     value: object
-    for place, key, given in ((p, k, v) for p, s in shapes for k, v in s.natural.items()):
-        where, curved = f"{place}.{key}", key in ("coil_set", "crossbow")
-        value, varies = given, key in ("camber", "crossbow")
+    each = ((place, shape, *item) for place, shape in shapes for item in shape.natural.items())
+    for place, shape, key, given in each:
+        where, curved, value = f"{place}.{key}", key in ("coil_set", "crossbow"), given
         along: tuple[tuple[float, float], ...] = ()
         if isinstance(given, FieldSpec):
             value, along = given.model_dump(exclude_defaults=True), given.along
-            varies = bool(np.ptp(given.samples[:, 0]))
         if strip.kinematics == "plate":
             expected = 'nothing: a "plate" stays stressed as exit.force says'
             yield Mistake("", where, value, expected, OTHER["plate"])
-        elif strip.kinematics == "section" and varies:
+        elif strip.kinematics == "section" and key in shape.varying_across:
             expected = 'nothing that varies across: a "section" has no width'
             yield Mistake("", where, value, expected, OTHER["section"])
         elif curved and not strip.bending:

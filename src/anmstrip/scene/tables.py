@@ -178,6 +178,16 @@ class NaturalShape(Table):
         given = {key: getattr(self, key) for key in NaturalShape.model_fields}
         return {key: value for key, value in given.items() if value is not None}
 
+    @property
+    def varying_across(self) -> list[str]:
+        """The keys of these that a strip without width could not have."""
+        return [
+            key
+            for key, given in self.natural.items()
+            if key in ("camber", "crossbow")
+            or (isinstance(given, FieldSpec) and np.ptp(given.samples[:, 0]))
+        ]
+
 
 class StripSpec(NaturalShape):
     """The strip: a rectangle centred at the origin, or a mesh file."""

@@ -48,8 +48,10 @@ off by 5e-5, 1e-5 and 2e-5 of itself with a 64th, a 32nd and a 16th."""
 COARSEST = 20
 """Least number of elements along a strip by default."""
 
-MOST_UNKNOWNS = 12_000
-"""Of a mesh by default."""
+MOST_UNKNOWNS, PER_ROLLER = 12_000, 300
+"""Of a mesh by default: at most so many, or so many for each roller.
+
+With 75 for each, 161 rollers are threaded in 108 tangents instead of 16."""
 
 SAMPLES = 1_000_000
 """Most places at which the length of elements is looked at."""
@@ -130,14 +132,19 @@ def default_lines(
 ) -> Array:
     """Coordinates of nodes of a scene without ``strip.cells``, see :func:`default_zones`.
 
-    All are longer by one factor where there would be more than MOST_UNKNOWNS.
+    All are longer by one factor where there would be more than :func:`most_unknowns`.
     """
     zones, coarse = default_zones(scene, rollers, thread), 2.0 * half / COARSEST
     per_line = {"section": 4, "plate": 4, "shell": 12}[scene.strip.kinematics]
     if scene.strip.kinematics != "section":
         per_line *= cells_across(scene) + 1
-    most = MOST_UNKNOWNS // per_line - 1
+    most = most_unknowns(len(rollers)) // per_line - 1
     return graded_nodes(half, zones, coarse, marks, most)
+
+
+def most_unknowns(rollers: int) -> int:
+    """Return how many unknowns a mesh has at most by default, on so many rollers."""
+    return max(MOST_UNKNOWNS, PER_ROLLER * rollers)
 
 
 def wanted_size(scene: SceneSpec, radius: float) -> float:
@@ -276,9 +283,15 @@ def graded_nodes(
     finest = min([coarse, *(zone.size for zone in zones)])
     x = np.linspace(-half, half, 1 + min(int(np.ceil(8.0 * half / finest)), SAMPLES))
     sizes = np.full_like(x, coarse)
-    for zone in zones:
-        away = np.maximum(np.maximum(zone.first - x, x - zone.last), 0.0)
-        sizes = np.minimum(sizes, zone.size + GROWTH * away)
+    edges = sorted((zone.first, zone.last) for zone in zones)
+    begins = np.array([*(first for first, _ in edges), half])
+    widest = float(np.max(begins - np.maximum.accumulate([-half, *(last for _, last in edges)])))
+    largest = max((zone.size for zone in zones), default=coarse) + GROWTH * widest
+    for zone in zones:  # farther away another one asks for less
+        within = (min(coarse, largest) - zone.size) / GROWTH
+        here = slice(*np.searchsorted(x, [zone.first - within, zone.last + within]))
+        away = np.maximum(np.maximum(zone.first - x[here], x[here] - zone.last), 0.0)
+        sizes[here] = np.minimum(sizes[here], zone.size + GROWTH * away)
     passed = np.cumsum(np.append(0.0, 0.5 * np.diff(x) * (1.0 / sizes[1:] + 1.0 / sizes[:-1])))
     passed *= min(1.0, most / passed[-1])
     xs = [np.array([-half])]

@@ -543,14 +543,17 @@ class Assembly:
         """Contact of every point with every roller, up to the given gaps."""
         if self.scene.contact is None or not self.rollers:
             return None
+        from anmstrip.fem.sampling import RepeatedOperator
         from anmstrip.mechanics.contact import Contact
-        from anmstrip.mechanics.roller import combine
+        from anmstrip.mechanics.roller import RepeatedRollers
 
-        operator = self.contact_operator
-        every = np.tile(np.arange(operator.points), len(self.rollers))
-        rollers = combine(self.rollers, np.repeat(np.arange(len(self.rollers)), operator.points))
-        pairs = operator.restricted(every)
-        return Contact(rollers, self.signorini, pairs, tuple(reaches), self.kinematics)
+        operator, count = self.contact_operator, len(self.rollers)
+        if count == 1:
+            seen: tuple[Roller, ContactOperator] = self.rollers[0], operator
+        else:
+            seen = RepeatedRollers(self.rollers, operator.points), RepeatedOperator(operator, count)
+        roller, pairs = seen
+        return Contact(roller, self.signorini, pairs, tuple(reaches), self.kinematics)
 
     def effects(self, stage: StageSpec, controls: Iterable[str]) -> list[Effect]:
         """Return the effects that act in a stage.

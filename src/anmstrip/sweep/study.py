@@ -188,7 +188,7 @@ def draw_curves(
     for label, points in curves.items():
         axes.plot(*np.array(sorted(points)).T, marker="o", markersize=3, label=label)
     axes.spines[["top", "right"]].set_visible(False)
-    if others and len(curves) <= 2 * CURVES:
+    if others and len(curves) <= CURVES:
         axes.legend(frameon=False, fontsize=7)
 
 

@@ -1,0 +1,385 @@
+"""First orders of stationary states in controls and in the data of a line, by one tangent."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from anmstrip.arrays import Array
+from anmstrip.equilibrium import Equilibrium
+from anmstrip.fem.sampling import quadrature_points
+from anmstrip.linalg.direct import Factors
+from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.mechanics.contact import Contact
+from anmstrip.mechanics.effects import EffectSeries, LawEffect, LawSeries, LoadEffect
+from anmstrip.mechanics.loads import FollowerLoad
+from anmstrip.mechanics.roller import Roller, combine
+from anmstrip.mechanics.shell import principal
+from anmstrip.mechanics.transport import SteadyFriction
+from anmstrip.mechanics.turning import Drives
+from anmstrip.results.state import State
+from anmstrip.results.wrinkles import free_spans
+
+Explicit = Mapping[str, Array]
+"""Effect → derivative of its law at its points, or of its residual if it has no law."""
+
+STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
+"""Places and weights of the difference of fourth order for a first derivative."""
+
+SMALL = 1e-2
+"""Change of gaps over the onset of contact, and of slip over V_c, in a difference: its error is of
+the order SMALL⁴/30 and, by round-off, 1e-16/SMALL of radii over onsets."""
+
+
+class StationaryTangent:
+    """A stationary state with its tangent, factorised once.
+
+    Parameters
+    ----------
+    state : State
+        Of a steady stage.
+    """
+
+    def __init__(self, state: State) -> None:
+        self.state, self.model = state, state.plan.model
+        self.free = state.plan.supports.free
+        self.equations = Equilibrium(self.model, state.plan.supports, state.plan.controls)
+        self.series = self.equations.recurrence(state.full[self.free], state.control, 1)
+        self.matrix = self.series.tangent()
+        self.parts = {part.effect.name: self._at_points(part) for part in self.series.parts}
+
+    def _at_points(self, part: EffectSeries) -> EffectSeries:
+        """Return the series of a law, whatever its executor, as one of values at points."""
+        effect = part.effect
+        if not isinstance(effect, LawEffect):
+            return part
+        controls = self.equations.controls
+        at = self.state.full, None, self.state.control
+        return LawSeries(effect, 1, at, controls, self.model.laws.of(effect, at, controls))
+
+    @cached_property
+    def factors(self) -> Factors:
+        """Factors of the tangent."""
+        return SparseSolver().factorise(self.matrix)
+
+    def law_part(self, name: str) -> LawSeries:
+        """Series of contact or friction."""
+        part = self.parts[name]
+        assert isinstance(part, LawSeries)
+        return part
+
+    @cached_property
+    def friction(self) -> SteadyFriction:
+        """Friction at the points near rollers."""
+        effect = self.law_part("friction").effect
+        assert isinstance(effect, SteadyFriction)
+        return effect
+
+    def gathered(self, explicit: Explicit) -> Array:
+        """Residual of derivatives at points, shape (unknowns,)."""
+        total = np.zeros(self.model.unknowns)
+        for name, values in explicit.items():
+            part = self.parts[name]
+            vector = part.operator.gather(values) if isinstance(part, LawSeries) else values
+            total[: len(vector)] += vector
+        return total
+
+    def change(self, explicit: Explicit) -> Array:
+        """Change −K⁻¹ ∂R/∂p of all unknowns, shape (unknowns,)."""
+        full = np.zeros(self.model.unknowns)
+        right = self.model.closed(self.gathered(explicit))[self.free]
+        full[self.free] = -self.factors.solve(right)
+        return full
+
+    def at_points(self, name: str, change: Array, explicit: Explicit) -> Array:
+        """Whole derivative of a law at its points for a change of the unknowns."""
+        part = self.law_part(name)
+        return part.orders.derivative(part.operator.apply(change)) + explicit.get(name, 0.0)
+
+    def on_roller(self, name: str, number: int) -> Array:
+        """Which of the points of contact or friction see a roller, shape (points,)."""
+        which = self.law_part(name).effect.roller.which  # type: ignore[attr-defined]
+        points = self.law_part(name).effect.points
+        return np.ones(points, dtype=bool) if which is None else which == number
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """What a stationary state depends on: controls of the stage, and data of the line.
+
+    Parameters
+    ----------
+    tangent : StationaryTangent
+    own : sequence of bool
+        Rollers with a coefficient of friction of their own.
+    """
+
+    tangent: StationaryTangent
+    own: tuple[bool, ...]
+
+    def __iter__(self) -> Iterator[tuple[str, Explicit]]:
+        """Yield parameters by their keys, with the explicit derivative of every effect."""
+        yield from self._speeds()
+        yield from self._loads()
+        yield from self._data()
+        if self.tangent.model.strip.kinematics.count == 3:
+            yield from self._shapes()
+
+    def _speeds(self) -> Iterator[tuple[str, Explicit]]:
+        """Speeds enter as those of the strip and of free surfaces do, which are unknowns."""
+        tangent, model = self.tangent, self.tangent.model
+        part = tangent.law_part("friction")
+
+        def moved(component: int, points: Array) -> Explicit:
+            seed = np.zeros(part.shape)
+            seed[component, points] = 1.0
+            return {"friction": part.orders.derivative(seed)}
+
+        if model.pull is None:
+            yield "strip.speed", moved(-1, np.ones(part.shape[-1], dtype=bool))
+        for number, roller in enumerate(tangent.friction.roller.members):
+            if roller.name not in model.turning:
+                points = tangent.on_roller("friction", number)
+                yield f"rollers.{roller.name}.surface_speed", moved(-2, points)
+
+    def _loads(self) -> Iterator[tuple[str, Explicit]]:
+        """A vector is changed by its length."""
+        controls = self.tangent.state.controls
+        for name, part in self.tangent.parts.items():
+            effect = part.effect
+            if isinstance(effect, FollowerLoad):
+                law = effect.law(
+                    effect.operator.apply(self.tangent.state.full), None, {effect.control: 1.0}
+                )
+                yield effect.control, {name: np.asarray(law)}
+            elif isinstance(effect, LoadEffect):
+                size = float(np.linalg.norm(controls[effect.control]))
+                if size > 0.0:
+                    yield (
+                        effect.control,
+                        {name: effect.load_vector(controls[effect.control] / size)},
+                    )
+            elif isinstance(effect, Drives):
+                for number, (roller, radius) in enumerate(
+                    zip(effect.names, effect.radii, strict=True)
+                ):
+                    seed = np.zeros((1, len(effect.names)))
+                    seed[0, number] = -1.0 / radius
+                    yield f"rollers.{roller}.torque", {name: seed}
+
+    def _data(self) -> Iterator[tuple[str, Explicit]]:
+        """Friction is proportional to f, the membrane to E t, bending to E t³, weight to t."""
+        tangent, state = self.tangent, self.tangent.state
+        strip, friction = tangent.model.strip, tangent.friction
+        unit = replace(friction, coefficients=[0.0 if own else 1.0 for own in self.own])
+        x = tangent.law_part("friction").operator.apply(state.full)
+        yield "friction.coefficient", {"friction": np.asarray(unit.law(x, None, state.controls))}
+        elastic: dict[str, Array] = {}
+        for name in ("membrane", "bending"):
+            if (part := tangent.parts.get(name)) is None:
+                continue
+            elastic[name] = part.orders.value if isinstance(part, LawSeries) else part.residual()
+        yield "material.young", {n: e / strip.material.young for n, e in elastic.items()}
+        t, powers = strip.thickness, {"membrane": 1.0, "bending": 3.0}
+        thicker = {n: powers[n] / t * e for n, e in elastic.items()}
+        if "weight" in tangent.parts:
+            thicker["weight"] = tangent.parts["weight"].residual() / t
+        if any(roller.half for roller in friction.roller.members):
+            thicker |= self._changed(lambda roller, h: replace(roller, half=roller.half + 0.5 * h))
+        yield "strip.thickness", thicker
+
+    def _shapes(self) -> Iterator[tuple[str, Explicit]]:
+        """Crowns c₂ s², and angles about the vertical through a roller's centre."""
+
+        def crowned(roller: Roller, h: float) -> Roller:
+            first, second, *others = (*roller.crown, 0.0, 0.0)[: max(2, len(roller.crown))]
+            return replace(roller, crown=(first, second + h, *others))
+
+        def yawed(roller: Roller, h: float) -> Roller:
+            x, y, z = roller.axis
+            return replace(
+                roller, axis=(x * np.cos(h) - y * np.sin(h), x * np.sin(h) + y * np.cos(h), z)
+            )
+
+        half = 0.5 * self.tangent.model.strip.width
+        for roller in self.tangent.friction.roller.members:
+            yield f"rollers.{roller.name}.crown", self._changed(crowned, roller.name, half**2)
+            yield f"rollers.{roller.name}.yaw", self._changed(yawed, roller.name, half)
+
+    def _changed(
+        self, change: Callable[[Roller, float], Roller], name: str | None = None, arm: float = 1.0
+    ) -> Explicit:
+        """Derivative of contact and friction for a change of one roller, or of all.
+
+        Parameters
+        ----------
+        change : callable
+            The roller after a change h.
+        name : str, optional
+        arm : float
+            Gap (m), and slip over the roller's speed (m), for a unit of h.
+        """
+        tangent, state = self.tangent, self.tangent.state
+        speed = max(abs(c.speed) for c in state.contacts.values()) or 1.0
+        slip = tangent.friction.law_of_slip.speed / speed
+        h = SMALL * min(tangent.friction.contact.signorini.width / arm, slip * 0.5 * arm)
+
+        def law(effect: Any, h: float) -> Array:
+            roller = effect.roller
+            members = [change(r, h) if name in (r.name, None) else r for r in roller.members]
+            made = members[0] if roller.which is None else combine(members, roller.which)
+            if isinstance(effect, Contact):
+                effect = replace(effect, roller=made)
+            else:
+                effect = replace(effect, contact=replace(effect.contact, roller=made))
+            x = effect.operator.apply(state.full)
+            return np.asarray(effect.law(x, None, state.controls))
+
+        effects = {kind: tangent.law_part(kind).effect for kind in ("contact", "friction")}
+        return {
+            kind: sum((w / h * law(effect, at * h) for at, w in STENCIL), np.array(0.0))
+            for kind, effect in effects.items()
+        }
+
+
+@dataclass(frozen=True)
+class Readings:
+    """First orders of what is read off a stationary state.
+
+    Parameters
+    ----------
+    tangent : StationaryTangent
+    key : str
+        The parameter that changes by one, or nothing if none does.
+    explicit : mapping
+        Derivatives of the effects for fixed unknowns.
+    change : ndarray, shape (unknowns,)
+        Of all unknowns.
+    """
+
+    tangent: StationaryTangent
+    key: str
+    explicit: Explicit
+    change: Array
+
+    @cached_property
+    def residual(self) -> Array:
+        """Change of all internal less external forces, shape (unknowns,)."""
+        total = self.tangent.gathered(self.explicit)
+        for part in self.tangent.parts.values():
+            if (force := part.derivative(self.change, None, 0.0)) is not None:
+                total[: len(force)] += force
+        return total
+
+    def edge_force(self, name: str) -> Array:
+        """Change of the force on an edge (N), shape (3,); see :meth:`State.edge_force`."""
+        tangent, state = self.tangent, self.tangent.state
+        strip = tangent.model.strip
+        edge = strip.edges[name]
+        force = strip.kinematics.embed(strip.nodal(self.residual)[edge.values].sum(axis=0))
+        if self.key == f"{name}.force":
+            given = state.controls[self.key]
+            force = force + given / np.linalg.norm(given) * edge.length
+        if f"tension on {name}" in tangent.parts:
+            stress = tangent.at_points(f"tension on {name}", self.change, self.explicit)
+            operator: Any = tangent.law_part(f"tension on {name}").operator
+            force = force - strip.kinematics.embed(stress[:, 0] @ operator.weights)
+        return force
+
+    def tension(self, name: str) -> float:
+        """Change of the tension of an edge, see :meth:`State.tension`."""
+        state, strip = self.tangent.state, self.tangent.model.strip
+        edge, sign = strip.edges[name], -1.0 if name == "entry" else 1.0
+        slope, turn = (
+            strip.kinematics.embed(strip.nodal(u)[strip.dofs("u_x")[edge.nodes]].mean(axis=0))
+            for u in (state.full, self.change)
+        )
+        slope = slope + np.array([1.0, 0.0, 0.0])
+        size = np.linalg.norm(slope)
+        along, turned = slope / size, turn / size - slope * (slope @ turn) / size**3
+        found = self.edge_force(name) @ along + state.edge_force(name) @ turned
+        return sign * float(found) / edge.length
+
+    def weight(self, x: float) -> Array:
+        """Change of the weight of the strip up to a reference x (N), shape (3,)."""
+        state, share = self.tangent.state, 0.0
+        if self.key == "gravity":
+            share = 1.0 / float(np.linalg.norm(state.controls["gravity"]))
+        elif self.key == "strip.thickness":
+            share = 1.0 / self.tangent.model.strip.thickness
+        return share * state.weight_before(x)
+
+    def read(self) -> dict[str, float]:
+        """Derivatives with respect to the parameter, by what is read off."""
+        tangent, state = self.tangent, self.tangent.state
+        model, change = tangent.model, self.change
+        found = {f"{name}_tension": self.tension(name) for name in ("entry", "exit")}
+        found["strip_speed"] = float(change[model.coupled - 1]) + (self.key == "strip.speed")
+        names = [roller.name for roller in tangent.friction.roller.members]
+        contact = tangent.at_points("contact", change, self.explicit)
+        friction = tangent.at_points("friction", change, self.explicit)
+        operators: list[Any] = [tangent.law_part(n).operator for n in ("contact", "friction")]
+        areas = [operator.weights for operator in operators]
+        force, gained = state.edge_force("entry"), self.edge_force("entry")
+        count, embed = model.strip.kinematics.count, model.strip.kinematics.embed
+        for name in sorted(names, key=lambda name: state.contacts[name].middle):
+            number, reading, on = names.index(name), state.rollers[name], state.contacts[name]
+            near, rubs = (tangent.on_roller(kind, number) for kind in ("contact", "friction"))
+            push = contact[:, near] @ areas[0][near] + friction[:count, rubs] @ areas[1][rubs]
+            ends = [(force, gained), (force + reading.resultant, gained - embed(push))]
+            for word, x, (before, more) in zip(("in", "out"), on.arc, ends, strict=True):
+                pull, rise = before + state.weight_before(x), more + self.weight(x)
+                size = np.linalg.norm(pull) * on.width
+                found[f"{name}_tension_{word}"] = float(pull @ rise / size)
+            force, gained = ends[1]
+            found[f"{name}_torque"] = on.roller.radius * float(friction[-1, rubs] @ areas[1][rubs])
+            speed = float(self.key == f"rollers.{name}.surface_speed")
+            if name in model.turning:
+                speed = float(change[model.strip.unknowns + model.turning.index(name)])
+            found[f"{name}_surface_speed"] = speed
+            if count == 3:
+                found[f"{name}_offset"] = replace(state, full=change).offset(on.arc[0])
+        if count == 3:
+            found["least_membrane_force"] = self.least_membrane_force()
+        return found
+
+    def least_membrane_force(self) -> float:
+        """Change of the least principal membrane force of the free spans (N/m): λ' = e · N' e."""
+        state, strip = self.tangent.state, self.tangent.model.strip
+        membrane, x = state.membrane, quadrature_points(strip)[0]
+        assert membrane is not None
+        free = np.zeros(len(x), dtype=bool)
+        for span in free_spans(state):
+            free |= (span.start <= x) & (x <= span.end)
+        forces = membrane.at(state.full, state.controls)
+        values, directions = principal(forces)
+        worst = int(np.where(free, values[:, 0], np.inf).argmin())
+        changed = membrane.change(state.full, self.change)[:, :, worst]
+        if self.key in ("material.young", "strip.thickness"):
+            data = strip.material.young, strip.thickness
+            changed = changed + forces[:, :, worst] / data[self.key == "strip.thickness"]
+        e = directions[worst, :, 0]
+        return float(e @ changed @ e)
+
+
+def sensitivities(state: State, own: Iterable[bool]) -> dict[str, dict[str, float]]:
+    """Derivatives of what is read off a stationary state, by parameter and reading.
+
+    One factorisation, and one back-substitution for each parameter.
+
+    Parameters
+    ----------
+    state : State
+        Of a steady stage.
+    own : iterable of bool
+        Rollers that have a coefficient of friction of their own.
+    """
+    tangent = StationaryTangent(state)
+    return {
+        key: Readings(tangent, key, explicit, tangent.change(explicit)).read()
+        for key, explicit in Parameters(tangent, tuple(own))
+    }

@@ -1,0 +1,204 @@
+"""Random steady lines, and where they must settle by statics and the theory of creep.
+
+A line is drawn as spans and turns: its rollers follow from them, so that the solver's own search
+for a path has no part in what is expected.  All rollers run at one speed; the strip's own is chosen
+so that the last roller would take a drawn share of its grip if it were alone::
+
+    python tests/hard/random_lines.py --count 500 --seed 0
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.errors import InputError
+
+MOST_TANGENTS = 300
+"""Of one line."""
+
+TURNS = 5.0, 300.0
+"""Least and largest wrap (degrees)."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of rollers of one speed, and what is drawn of it."""
+
+    tables: dict[str, Any]
+    turns: list[float]  # of the string, with the sense (rad)
+    exit: float  # N/m
+    stiffness: float  # E t (N/m)
+    speed: float  # of the rollers (m/s)
+    strip_speed: float  # m/s
+    coefficient: float
+    slip_speed: float  # V_c (m/s)
+
+    def tensions(self) -> list[float]:
+        """Tensions from the entry on: dT/dφ = T f g(V − c λ(T)) backwards on every roller."""
+        found = [self.exit]
+        for turn in reversed(self.turns):
+            found.append(self._before(found[-1], abs(turn)))
+        return found[::-1]
+
+    def _before(self, tension: float, turn: float) -> float:
+        """Tension before a roller from that behind it; stiff where the strip sticks."""
+
+        def rate(_: float, log: Any) -> Any:
+            return [self.coefficient * self._share(float(np.exp(log[0])))]
+
+        start = [np.log(tension)]
+        found = solve_ivp(rate, (0.0, turn), start, method="Radau", rtol=1e-8, atol=1e-10)
+        return float(np.exp(found.y[0, -1]))
+
+    def _share(self, tension: float) -> float:
+        """tanh(|s|)/|s| s with |s|² = (slip/V_c)² + 0.1², the share of f R_N."""
+        strain = tension / self.stiffness
+        slip = self.speed - self.strip_speed * (1.0 + strain * (1.0 - 1.5 * strain))
+        slip /= self.slip_speed
+        size = np.hypot(slip, 0.1)
+        return float(np.tanh(size) / size * slip)
+
+
+def drawn(seed: int) -> Line:
+    """Draw a line of one to five rollers whose spans do not run into its rollers."""
+    rng = np.random.default_rng(seed)
+    while (line := _tried(rng)) is None:
+        pass
+    return line
+
+
+def _tried(rng: np.random.Generator) -> Line | None:
+    """Go along the strip: spans straight on, rollers beside it around which it turns."""
+    place, heading, low, high = np.zeros(2), 0.0, *np.radians(TURNS)
+    path, rollers, turns = [place], [], []
+    count = int(rng.integers(1, 6))
+    sizes = rng.uniform(0.1, 0.6, count)
+    for number, radius in enumerate(sizes):
+        sense = rng.choice([-1.0, 1.0])  # +1 turns to the left
+        turn = sense * (low + (high - low) * rng.uniform() ** 2)
+        forward = np.array([np.cos(heading), np.sin(heading)])
+        path += list(place + np.linspace(0.0, rng.uniform(0.3, 2.0), 60)[1:, None] * forward)
+        place = path[-1]
+        centre = place + sense * radius * np.array([-forward[1], forward[0]])
+        angles = heading + np.linspace(0.0, turn, 40)
+        arc = centre + sense * radius * np.stack([np.sin(angles), -np.cos(angles)], axis=1)
+        path += list(arc[1:])
+        rollers.append((f"r{number}", centre, radius, "under" if sense > 0.0 else "over"))
+        place, heading = arc[-1], heading + turn
+        turns.append(float(turn))
+    forward = np.array([np.cos(heading), np.sin(heading)])
+    path += list(place + np.linspace(0.0, rng.uniform(0.3, 2.0), 60)[1:, None] * forward)
+    if _touches(np.array(path), rollers):
+        return None
+    return _scene(rng, path, rollers, turns)
+
+
+def _touches(path: np.ndarray, rollers: list[Any]) -> bool:
+    """Whether the strip comes near a roller elsewhere than on its arc, itself, or rollers meet."""
+    for _, centre, radius, _ in rollers:
+        if np.linalg.norm(path - centre, axis=1).min() < 0.999 * radius:
+            return True
+    for k, (_, a, r, _) in enumerate(rollers):
+        for _, b, s, _ in rollers[:k]:
+            if np.linalg.norm(a - b) < 1.1 * (r + s):
+                return True
+    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
+    apart = np.abs(length[:, None] - length) > 0.25
+    distance = np.linalg.norm(path[:, None] - path, axis=2)
+    return bool((distance[apart] < 0.05).any())
+
+
+def _scene(
+    rng: np.random.Generator, path: list[Any], rollers: list[Any], turns: list[float]
+) -> Line:
+    """Material, tensions, friction, and the speed of strip that takes a share of the grip."""
+    thickness, young = 10.0 ** rng.uniform(-4.3, -3.0), 10.0 ** rng.uniform(9.5, 11.3)
+    stiffness = young * thickness
+    tension = stiffness * 10.0 ** rng.uniform(-4.5, -3.0)
+    coefficient = float(np.exp(rng.uniform(np.log(0.05), 0.0)))
+    speed, slip = 10.0 ** rng.uniform(-1.0, 1.0), 10.0 ** rng.uniform(-7.0, 0.0)
+    share = rng.uniform(-1.2, 1.2)
+    before = tension * np.exp(share * coefficient * abs(turns[-1]))
+    strip_speed = speed / (1.0 + before / stiffness)
+    tables = {
+        "strip": {"width": 0.5, "thickness": thickness, "kinematics": "section", "bending": False},
+        "material": {"young": young, "poisson": 0.3},
+        "contact": {},
+        "friction": {
+            "law": "tanh", "coefficient": coefficient, "speed": slip * speed, "omega": 0.1,
+        },
+        "rollers": [
+            {"name": name, "radius": r, "centre": (c[0], 0.0, c[1]), "wrap": wrap}
+            for name, c, r, wrap in rollers
+        ],
+        "threading": {
+            "tension": tension, "entry": (*path[0][:1], 0.0, path[0][1]),
+            "exit": (*path[-1][:1], 0.0, path[-1][1]),
+        },
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [
+            {
+                "name": "run", "steady": True, "strip": {"speed": strip_speed},
+                "rollers": {name: {"surface_speed": speed} for name, *_ in rollers},
+            }
+        ],
+        "solver": {"tolerance": 1e-4, "max_tangents": MOST_TANGENTS},
+    }  # fmt: skip
+    return Line(tables, turns, tension, stiffness, speed, strip_speed, coefficient, slip * speed)
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a line ended."""
+
+    kind: str  # "right", "wrong", "refused", or the outcome of a run that stopped
+    error: float = np.nan  # largest of a tension, over the largest tension
+    tangents: int = 0
+    words: str = ""
+
+
+def ending_of(line: Line) -> Ending:
+    """Run a line, and compare its tensions with statics and the theory of creep."""
+    try:
+        run = Run(Scene.model_validate(line.tables))
+        state = [step.state for step in run][-1]
+    except (InputError, ValueError) as error:
+        return Ending("refused", words=str(error))
+    if not run.outcome.done:
+        return Ending("stopped", tangents=run.cost.expansions, words=run.message)
+    readings = list(state.rollers.values())
+    found = np.array([readings[0].tension_in, *(r.tension_out for r in readings)])
+    expected = np.array(line.tensions())
+    error = float(np.abs(found - expected).max() / expected.max())
+    return Ending("right" if error < 0.005 else "wrong", error, run.cost.expansions)
+
+
+def main() -> None:
+    """Run many lines and count how they end."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=500)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    kinds: Counter[str] = Counter()
+    errors, tangents = [], []
+    for seed in range(given.seed, given.seed + given.count):
+        ending = ending_of(drawn(seed))
+        kinds[ending.kind] += 1
+        errors.append(ending.error)
+        tangents.append(ending.tangents)
+        if ending.kind != "right":
+            print(seed, ending.kind, f"{ending.error:.2g}", ending.tangents, ending.words[:300])
+    told = [f"{np.nanquantile(v, [0.5, 0.99, 1.0])}" for v in (errors, tangents)]
+    print(dict(kinds), "median, 99 % and largest: error, tangents", *told)
+
+
+if __name__ == "__main__":
+    main()

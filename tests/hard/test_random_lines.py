@@ -1,0 +1,26 @@
+"""Random steady lines settle where statics and the theory of creep say."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+from random_lines import drawn, ending_of
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_line_settles_by_statics_and_creep(seed: int) -> None:
+    """Every tension to 0.5 % of the largest."""
+    ending = ending_of(drawn(seed))
+    assert ending.kind == "right", ending
+
+
+@pytest.mark.slow
+def test_five_hundred_random_lines_settle() -> None:
+    """At least 99.5 % end right; the rest with a sentence."""
+    endings = [ending_of(drawn(seed)) for seed in range(500)]
+    kinds = Counter(ending.kind for ending in endings)
+    assert kinds["right"] >= 498, [(s, e) for s, e in enumerate(endings) if e.kind != "right"]
+    assert kinds["wrong"] == 0
+    assert all(ending.words for ending in endings if ending.kind in ("refused", "stopped"))
