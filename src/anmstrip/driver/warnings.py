@@ -23,11 +23,8 @@ from anmstrip.simulation.meshing import (
     QUARTER,
     boundary_layer,
     cells_across,
-<<<<<<< HEAD
-    stands,
-=======
     most_unknowns,
->>>>>>> origin/main
+    stands,
     surface_speed,
     wanted_size,
 )
@@ -401,13 +398,8 @@ def against_plate(preview: Preview) -> Iterator[str]:
     scene, steep = preview.assembly.scene, preview.steepest
     if any(preview.assembly.frictional(stage) for stage in scene.course):
         yield "friction moves the strip along"
-<<<<<<< HEAD
-=======
-    if scene.strip.feed:
-        yield "the strip is fed, so it moves along"
     if naturals(scene):
         yield "heat, flatness or coil set stress the strip in its plane, or bend it"
->>>>>>> origin/main
     if steep.slope > STEEPEST:
         wraps = [f"{n} by {np.degrees(t):.3g}°" for n, t in steep.turns.items() if t > 0.0]
         error = (

@@ -594,7 +594,7 @@ class SolverSpec(Table):
 
     order: Annotated[Integer, Field(ge=2, le=60)] | None = Field(None, examples=["20"])
     """order of the series, an integer from 2 to 60, else the cheapest (1)"""
-    tolerance: Annotated[Number, Field(ge=1e-12, le=1e-1)] = Field(1e-6, examples=["1.0e-6"])
+    tolerance: Annotated[Number, Field(ge=1e-12, le=1e-1)] = Field(1e-3, examples=["1.0e-3"])
     """error, relative to the scene's scales, from 1e-12 to 0.1 (1)"""
     max_steps: Integer = Field(20_000, examples=["20000"])
     """most steps in all, an integer above 0 (1)"""
