@@ -1,5 +1,7 @@
 """Branches as quotients: the same path, further on, and never across a pole."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from dense import DenseEquations, followed
@@ -7,7 +9,7 @@ from dense import DenseEquations, followed
 from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.path import Branch
-from anmstrip.continuation.quotients import longest_quotient, rational
+from anmstrip.continuation.quotients import coordinates, longest_quotient, rational
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.taylor.polynomials import roots_within
 
@@ -130,3 +132,14 @@ def test_paths_need_fewer_tangents_and_meet_the_tolerance(order):
     for step in steps:
         for a in np.linspace(0.0, step.branch.length, 20):
             assert np.abs(snapping(*step.branch(a))).max() <= 1.01e-9
+
+
+@pytest.mark.parametrize("unknowns", [5, 255, 256, 1000])
+def test_coordinates_keep_inner_products(unknowns):
+    """Of any number of unknowns, also of more than are orthogonalised at once."""
+    rng = np.random.default_rng(2)
+    u, control = rng.standard_normal((9, unknowns)), rng.standard_normal(9)
+    branch = Branch(u, control, 1.0, np.zeros(unknowns))
+    found = coordinates(SimpleNamespace(metric=2.0), branch)
+    expected = 2.0 * u[1:] @ u[1:].T + np.outer(control[1:], control[1:])
+    np.testing.assert_allclose(found @ found.T, expected, rtol=1e-12, atol=1e-12 * unknowns)

@@ -261,10 +261,6 @@ class SlopeOperator(ContactOperator):
         unknowns = full[: self.matrix.shape[1] * self.count].reshape(-1, self.count)
         return np.stack([(m @ unknowns).T for m in (self.matrix, self.slopes)])
 
-    def gather_slopes(self, forces: Array) -> Array:
-        """Generalised forces of what works on the slopes, (count, points) → (unknowns,)."""
-        return (self.slopes.T @ (forces * self.weights).T).ravel()
-
     def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
         """Add Lᵀ w (J_0 L + J_1 L,x), J of shape (2, count, count, points)."""
         self._add_tangent(derivative[0], self.table, pattern, blocks)

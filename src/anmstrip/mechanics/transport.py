@@ -59,13 +59,13 @@ class TransportOperator(SurfaceOperator):
         by_strip = derivative[:-2].reshape(2, self.contact.count, *derivative.shape[1:])
         self.contact.add_tangent(by_strip[:, :, :-1], pattern, blocks)
         blocks.columns[:, -1] += self.contact.gather(by_speed[:-1])
-        for number, here in enumerate(self.surface.T.toarray()):
-            on_value, on_slope = by_strip[:, :, -1] * here
-            blocks.columns[:, number] += self.contact.gather(by_surface[:-1] * here)
-            blocks.rows[number] += self.contact.gather(on_value)
-            blocks.rows[number] += self.contact.gather_slopes(on_slope)
-            blocks.corner[number, number] += (by_surface[-1] * here) @ self.weights
-            blocks.corner[number, -1] += (by_speed[-1] * here) @ self.weights
+        rollers, (on_value, on_slope) = np.arange(self.surface.shape[1]), by_strip[:, :, -1]
+        values, slopes = self.contact.transposed, self.contact.slopes.T
+        blocks.columns[:, rollers] += self._by_surface(values, by_surface[:-1])
+        blocks.rows[rollers] += self._by_surface(values, on_value).T
+        blocks.rows[rollers] += self._by_surface(slopes, on_slope).T
+        blocks.corner[rollers, rollers] += self.surface.T @ (by_surface[-1] * self.weights)
+        blocks.corner[rollers, -1] += self.surface.T @ (by_speed[-1] * self.weights)
 
 
 @dataclass(frozen=True)

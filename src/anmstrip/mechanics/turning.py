@@ -85,10 +85,25 @@ class SurfaceOperator:
     def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
         """Add Lᵀ w J L, J[j, i] of shape (count + 1, count + 1, points)."""
         self.contact.add_tangent(derivative[:-1, :-1], pattern, blocks)
-        for number, here in enumerate(self.surface.T.toarray()):
-            blocks.columns[:, number] += self.contact.gather(derivative[-1, :-1] * here)
-            blocks.rows[number] += self.contact.gather(derivative[:-1, -1] * here)
-            blocks.corner[number, number] += (derivative[-1, -1] * here) @ self.weights
+        rollers = np.arange(self.surface.shape[1])
+        blocks.columns[:, rollers] += self._by_surface(self.contact.transposed, derivative[-1, :-1])
+        blocks.rows[rollers] += self._by_surface(self.contact.transposed, derivative[:-1, -1]).T
+        blocks.corner[rollers, rollers] += self.surface.T @ (derivative[-1, -1] * self.weights)
+
+    def _by_surface(self, gathered: csr_matrix, forces: Array) -> Array:
+        """Generalised forces of the points on each roller, shape (unknowns, rollers).
+
+        Parameters
+        ----------
+        gathered : csr_matrix, shape (scalars, points)
+        forces : ndarray, shape (count, points)
+            Per area.
+        """
+        parts = [
+            (gathered.multiply(f).tocsr() @ self.surface).toarray() for f in forces * self.weights
+        ]
+        size, rollers = gathered.shape[0] * len(forces), self.surface.shape[1]
+        return np.stack(parts, axis=1).reshape(size, rollers)
 
 
 @dataclass(frozen=True)
