@@ -133,8 +133,7 @@ def lying(cells: tuple[int, int]) -> tuple[Equilibrium, Array, float]:
     run = Run(scene)
     a, march = run.assembly, run.march
     assert a.thread is not None
-    guess = a.thread.guess(a.strip, a.pattern)
-    march.full = np.append(guess, np.zeros(a.unknowns - len(guess)))
+    march.full = a.thread.guess(a.strip, a.pattern)
     march.course.finish(scene.course[0])
     run.state = march.here(march.course.plan(scene.course[1], {}))
     return equations_at_end(run)

@@ -230,69 +230,43 @@ S_WRAP: dict[str, Any] = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("line", "released", "travel", "near"),
-    [(CONVEY, 9.5e3, 1.2, 1e-6), (S_WRAP, 9e3, 2.0, 4e-6)],
+    ("line", "released", "travel"),
+    [(CONVEY, 9.5e3, 4.0), (S_WRAP, 9e3, 6.0)],
     ids=["convey", "bridle"],
 )
-def test_long_march_with_feed_ends_there(
-    line: dict[str, Any], released: float, travel: float, near: float
-) -> None:
-    """Speed to 1e-6 where elements are short beside the radius, tensions to its ripple.
-
-    In time slip is measured along the roller's tangent, and strip that meets it at an angle seems
-    to slip, the more the longer elements are beside the radius.  The strip's speed is that of the
-    labels that pass a place in the first span.
-    """
+def test_long_march_ends_there(line: dict[str, Any], released: float, travel: float) -> None:
+    """Speed to 1e-7, tensions to 1e-5: in time the same strip passes the same labels."""
     tables = scene_of(
         {
             **line,
-            "strip": {"thickness": 1e-4, "refined": 0.02, "cells": (30, 2), "feed": True},
+            "strip": {"thickness": 1e-4, "refined": 0.02, "cells": (30, 2)},
             "friction": {"law": "tanh", "coefficient": FRICTION, "speed": 1e-3},
             "solver": {"tolerance": 1e-6},
         }
     ).to_dict()
     tables["contact"] = {}
     speeds = {each["name"]: {"surface_speed": 1.0} for each in line["rollers"]}
-    march = Scene.model_validate(
-        tables
-        | {
-            "stages": [
-                {"name": "hold", "duration": 0.1, "exit": {"tension": released}},
-                {"name": "start", "duration": 0.2, "entry": {"release": True}, "rollers": speeds},
-                {"name": "run", "duration": travel},
-            ]
-        }
-    ).run()
-    times, labels, entries, tensions = [], [], [], []
-    for step in march:
-        assert march.march.feed is not None
-        if step.stage == "run" and step.fraction > 0.6 and step.step % 5 == 0:
-            strip, fed = step.state.plan.model.strip, march.march.feed
-            x = strip.mesh.p[0] + strip.nodal(step.state.full)[strip.node_values, 0]
-            place = line["threading"]["entry"][0] + 0.15 - march.assembly.origin[0]
-            first = slice(len(x) // 4)
-            label = np.interp(place, x[first], strip.mesh.p[0, first])
-            labels.append(label - fed.elements * fed.length)
-            times.append(step.time)
-            entries.append(step.state.tension("entry"))
-            tensions.append([r.tension_out for r in step.state.rollers.values()])
-    tables["strip"]["feed"] = False
-    stage = {"name": "run", "steady": True, "entry": {"tension": float(np.mean(entries))}}
+    stages = [
+        {"name": "hold", "duration": 0.1, "exit": {"tension": released}},
+        {"name": "start", "duration": 0.2, "entry": {"release": True}, "rollers": speeds},
+        {"name": "run", "duration": travel},
+    ]
+    march, last = ended(Scene.model_validate(tables | {"stages": stages}))
+    stage = {"name": "run", "steady": True, "entry": {"tension": last.tension("entry")}}
     tables["stages"] = [stage | {"exit": {"tension": released}, "rollers": speeds}]
     run, state = ended(Scene.model_validate(tables))
-    assert -np.polyfit(times, labels, 1)[0] == pytest.approx(state.strip_speed, abs=near)
-    low, high = np.min(tensions, axis=0) - 2.0, np.max(tensions, axis=0) + 2.0
-    settled = np.array([reading.tension_out for reading in state.rollers.values()])
-    assert np.all((low < settled) & (settled < high))
-    assert march.cost.expansions > 100 * run.cost.expansions
+    assert last.strip_speed == pytest.approx(state.strip_speed, abs=1e-7)
+    for name, reading in state.rollers.items():
+        assert last.rollers[name].tension_out == pytest.approx(reading.tension_out, rel=1e-5)
+    assert march.cost.expansions > 5 * run.cost.expansions
 
 
 @pytest.mark.parametrize("kinematics", ["section", "shell"])
 def test_states_are_those_that_a_march_keeps(kinematics: str) -> None:
-    """A stage in time goes on with the velocities that it finds: nothing jumps, little changes."""
+    """Strip that moves along whole goes on with the velocities that it finds: nothing jumps."""
     scene = steady(1.0 / stretch(1.1e4), 1.5e-5, 0.02 if kinematics == "section" else 0.05)
     tables = scene.to_dict()
-    tables["strip"] |= {"kinematics": kinematics, "cells": [40, 2]}
+    tables["strip"] |= {"kinematics": kinematics, "cells": [40, 2], "feed": False}
     tables["edges"]["entry"] = {"fixed": ["x", "y", "z"]}
     tables["stages"].append({"name": "time", "duration": 2e-3})
     tables["solver"] = {"tolerance": 1e-4}
