@@ -192,7 +192,7 @@ class FieldSampler:
             pressure[chosen] += f.pressure
             traction[:, chosen] += f.traction
             found_status[chosen] = np.maximum(found_status[chosen], f.status)
-            nearest = f.gap <= gap[chosen]
+            nearest = f.gaps[chosen] <= gap[chosen]
             slip[:, chosen[nearest]] = f.slip[:, nearest]
         values = {
             "normal_pressure": pressure,
