@@ -230,14 +230,14 @@ FIELDS = (
     ),
     Mutant(
         "slip of the farthest roller",
-        "np.argmin([f.gap for f in found], axis=0)",
-        "np.argmax([f.gap for f in found], axis=0)",
+        "nearest = f.gaps[chosen] <= gap[chosen]",
+        "nearest = f.gaps[chosen] > gap[chosen]",
         "fields",
     ),
     Mutant(
         "gap of the farthest roller",
-        "np.min([f.gap for f in found], axis=0)",
-        "np.max([f.gap for f in found], axis=0)",
+        "np.min([f.gaps for f in found], axis=0)",
+        "np.max([f.gaps for f in found], axis=0)",
         "fields",
     ),
     Mutant(
@@ -248,7 +248,7 @@ FIELDS = (
     ),
     Mutant(
         "velocity is the displacement",
-        "self.interpolate(velocity)",
+        "self.interpolate(state.material_velocity)",
         "self.interpolate(state.full)",
         "fields",
     ),
@@ -365,7 +365,8 @@ PROFILE = (
            "fields"),
     Mutant("components without names", 'array.set(f"ComponentName{number}", component)', "pass",
            "fields"),
-    Mutant("slip runs the other way", "slip += (contact.slip", "slip -= (contact.slip", "profile"),
+    Mutant("slip runs the other way", "slip[near] += (contact.slip", "slip[near] -= (contact.slip",
+           "profile"),
     Mutant("curvature across for along", "self.fields.curvature(state.full)[:, 0]",
            "self.fields.curvature(state.full)[:, 1]", "profile"),
     Mutant("moment has the other sign", 'self._mean(fields["bending_moment"][:, 0])',
@@ -443,9 +444,9 @@ SUMMARY = (
         "summary",
     ),
     Mutant(
-        "travel without whole elements",
-        "self.elements * self.length + self._ahead(name, full)",
-        "self._ahead(name, full)",
+        "passed by the speeds at the ends of steps",
+        "0.5 * step.range * float((self.velocity + state.velocity)",
+        "step.range * float((state.velocity)",
         "summary",
     ),
     Mutant(

@@ -179,6 +179,9 @@ exit.force = [1.0e4, 0.0, 0.0]
 name = "press"
 duration = 1.0
 rollers.r1.move = [0.0, 0.0, 0.011]
+
+[solver]
+tolerance = 1.0e-6
 """
 """A plate lifted by a roller with a penalty."""
 
@@ -229,6 +232,9 @@ rollers.r.move = [0.0, 0.0, 0.0]
 [output]
 events = true
 times = [0.25, 1.1, 1.2, 1.5, 2.0, 2.75]
+
+[solver]
+tolerance = 1.0e-6
 """
 """A roller rises by 100 mm under a strip that lies 20 mm above it, and sinks back."""
 

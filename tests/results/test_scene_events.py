@@ -32,6 +32,7 @@ LIFTED = {
          "rollers": {"r": {"move": [0.0, 0.0, 0.0]}}},
     ],
     "output": {"events": True},
+    "solver": {"tolerance": 1e-6},
 }  # fmt: skip
 """A roller rises by 100 mm under a strip that lies 20 mm above it, and sinks back."""
 

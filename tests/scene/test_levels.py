@@ -29,6 +29,7 @@ def hung(kinematics: str, pull: float, **strip: Any) -> tuple[Run, State]:
                 {"duration": 1.0, "exit": {"force": [pull, 0.0, 0.0]}},
                 {"duration": 1.0, "gravity": [0.0, 0.0, -G]},
             ],
+            "solver": {"tolerance": 1e-6},
         }
     )
     return ended(scene)
@@ -127,6 +128,7 @@ def slightly_wrapped(kinematics: str) -> tuple[Run, State]:
                 {"duration": 1.0, "entry": {"move": [0.0, 0.0, -0.0098]},
                  "exit": {"move": [0.0, 0.0, -0.0098]}},
             ],
+            "solver": {"tolerance": 1e-6},
         }
     )  # fmt: skip
     return ended(scene)

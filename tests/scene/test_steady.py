@@ -493,6 +493,7 @@ def test_standing_mesh_is_fine_at_lift_on_and_lift_off_alone() -> None:
     tables = steady(speed, 1.5e-5, size=0.005).to_dict()
     graded, state = ended(Scene.model_validate(tables))
     tables["stages"].append({"name": "wait", "duration": 1e-4})
+    tables["strip"]["feed"] = False
     even = Run(Scene.model_validate(tables))
     expected = {step.stage: step.state for step in even}["run"]
     change = expected.tension("entry") - EXIT

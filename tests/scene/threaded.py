@@ -71,7 +71,7 @@ def ended(scene: Scene) -> tuple[Run, State]:
 def values(run: Run, state: State) -> Any:
     """Positions of the nodes, shape (3, nodes)."""
     strip = run.assembly.strip
-    own = state.full.reshape(-1, strip.count)[strip.node_values]
+    own = strip.nodal(state.full)[strip.node_values]
     return strip.nodes + strip.kinematics.embed(own.T) + strip.origin[:, None]
 
 

@@ -279,7 +279,9 @@ class State:
             place = model.strip.unknowns + model.turning.index(name)
             if self.plan.steady:
                 return h * float(self.full[place])
-            return float(self.full[place] - before.full[place])
+            assert self.velocity is not None
+            begin = self.velocity if before.velocity is None else before.velocity
+            return 0.5 * h * float(begin[place] + self.velocity[place])
         key = f"rollers.{name}.surface_speed"
         gained = float(self.plan.controls.rate(key)) * h / self.plan.duration
         return h * (float(self.controls[key]) - 0.5 * gained)

@@ -98,6 +98,13 @@ class SceneSpec(Table):
     def _name_rollers_and_stages(cls, given: Any) -> Any:
         return with_default_names(given) if isinstance(given, Mapping) else given
 
+    @model_validator(mode="after")
+    def _strict_for_small_shapes(self) -> Self:
+        """Ask for more of a strip that is bent a little, unless its tolerance was typed."""
+        if self.strip.imperfection is not None and "tolerance" not in self.solver.model_fields_set:
+            self.__dict__["solver"] = self.solver.model_copy(update={"tolerance": 1e-6})
+        return self
+
     def find_mistakes(self) -> Iterator[Mistake]:
         """Yield what is wrong between the tables."""
         return check_scene({name: getattr(self, name) for name in type(self).model_fields})
