@@ -1,8 +1,8 @@
 """The tower for ten lengths of its mesh: do the tensions settle, does as much leave as enters?
 
-Runs ``tower.toml`` on and on; prints, for every window of travel with a step in it, the mean tension before each
-roller and behind the last, the drift of their mean, and the mass that has passed.  The mesh stays
-while strip passes through it, so that tensions do not ripple and steps become as long as the
+Runs ``tower.toml`` on and on; prints, for every window of travel with a step in it, the mean
+tension before each roller and behind the last, the drift of their mean, and the mass that has
+passed.  The mesh stays while strip passes through it, so that steps become as long as the
 windows; ``--quick`` is no more than a start on a coarse mesh.
 """
 
