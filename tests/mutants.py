@@ -118,8 +118,8 @@ READINGS = (
     ),
     Mutant(
         "travel of a free surface is its speed",
-        "self.full[place] - before.full[place]",
-        "self.velocity[place]",
+        "0.5 * h * float(begin[place] + self.velocity[place])",
+        "float(self.velocity[place])",
         "rollers",
         "test_turning_rollers.py",
     ),
@@ -445,8 +445,8 @@ SUMMARY = (
     ),
     Mutant(
         "passed by the speeds at the ends of steps",
-        "0.5 * step.range * float((self.velocity + state.velocity)",
-        "step.range * float((state.velocity)",
+        "self.passed += 0.5 * step.range * ",
+        "self.passed += step.range * ",
         "summary",
     ),
     Mutant(

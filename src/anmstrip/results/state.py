@@ -279,7 +279,8 @@ class State:
             place = model.strip.unknowns + model.turning.index(name)
             if self.plan.steady:
                 return h * float(self.full[place])
-            assert self.velocity is not None
+            if self.velocity is None:
+                return 0.0
             begin = self.velocity if before.velocity is None else before.velocity
             return 0.5 * h * float(begin[place] + self.velocity[place])
         key = f"rollers.{name}.surface_speed"

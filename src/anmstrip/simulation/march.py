@@ -149,12 +149,9 @@ class March:
     def accept(self, step: Step) -> None:
         """Move to the end of a step."""
         state = step.state
-        if state.plan.fed and state.velocity is not None:  # c is linear in a step
-            self.passed += (
-                0.5
-                * step.range
-                * float((self.velocity + state.velocity)[self.assembly.coupled - 1])
-            )
+        if state.plan.fed and state.velocity is not None:
+            speeds = (self.velocity + state.velocity)[self.assembly.coupled - 1]
+            self.passed += 0.5 * step.range * float(speeds)  # c is linear in a step
         self.full, self.reached = state.full, state.control
         self.velocity = np.zeros_like(self.full) if state.velocity is None else state.velocity
         self.pace = step.past if isinstance(step.past, Pace) else None
