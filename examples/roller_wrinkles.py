@@ -38,7 +38,8 @@ def crowned_scene(cells: tuple[int, int], refined: float) -> Scene:
     z = radius * (np.cos(half) - 1.0) - free * np.sin(half)
     ease = {"exit": {"force": [1.5e4 * float(np.cos(half)), 0.0, 0.0]}}
     tables: dict[str, Any] = {
-        "strip": {"width": width, "thickness": 2e-4, "cells": cells, "refined": refined},
+        "strip": {"width": width, "thickness": 2e-4, "cells": cells, "refined": refined,
+                  "feed": False},
         "material": {"young": 2e11, "poisson": 0.3},
         "contact": CONTACT,
         "rollers": [{"name": "r1", "centre": [0.0, 0.0, -radius], "wrap": "over",
@@ -63,7 +64,8 @@ def skewed_scene(cells: tuple[int, int], refined: float, way: float, friction: f
     turn = {"rollers": {"r1": {"surface_speed": speed}}}
     away = {"entry": {"velocity": [speed, 0.0, 0.0]}}
     tables: dict[str, Any] = {
-        "strip": {"width": 0.5, "thickness": 1e-4, "cells": cells, "refined": refined},
+        "strip": {"width": 0.5, "thickness": 1e-4, "cells": cells, "refined": refined,
+                  "feed": False},
         "material": {"young": 2e11, "poisson": 0.0},
         "contact": CONTACT,
         "rollers": [{"name": "r1", "centre": [0.0, 0.0, -radius], "wrap": "over",

@@ -100,7 +100,7 @@ class Crowned:
         z = self.radius * (np.cos(half) - 1.0) - self.free * np.sin(half)
         roller = {"radius": self.radius, **self.profile}
         return _made(
-            {"width": self.width, "thickness": self.thickness, **strip},
+            {"width": self.width, "thickness": self.thickness, "feed": False, **strip},
             self.mesh,
             roller,
             threading={"tension": self.tension, "entry": [-x, 0.0, z], "exit": [x, 0.0, z]},
@@ -143,7 +143,7 @@ class Skewed:
         z = r * (np.cos(down) - 1.0) - self.behind * np.sin(down)
         ends = {"entry": [-self.before, 0.0, 0.0], "exit": [x, 0.0, z]}
         return _made(
-            {"width": self.width, "thickness": self.thickness},
+            {"width": self.width, "thickness": self.thickness, "feed": False},
             self.mesh,
             {"radius": r, "axis": [self.yaw, 1.0, 0.0]},
             material={"young": 2e11, "poisson": 0.0},
