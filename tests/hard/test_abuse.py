@@ -252,9 +252,6 @@ def test_doubts_are_told_with_the_end_of_the_tangents(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    strict=True, reason="stalls there since errors that last are measured by what they cause"
-)
 def test_point_of_a_strip_that_snaps() -> None:
     """Friction of 0.67 on one point, with no equilibrium beside its neighbours: passed.
 
