@@ -14,7 +14,7 @@ from anmstrip.continuation.equations import Cost, Equations, Evidence, Outcome, 
 from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.path import Branch
 from anmstrip.continuation.quotients import cleared, longest_quotient
-from anmstrip.continuation.validity import errors, excess, validated
+from anmstrip.continuation.validity import excess, residual_error, validated
 from anmstrip.linalg.direct import NonFiniteTangentError, SingularTangentError
 from anmstrip.linalg.solvers import LinearSolver
 
@@ -168,7 +168,7 @@ class _Follower:
             branch = branch.landed(self.target)
         elif arclength and (a := branch.reaches(self.target)) is not None:
             branch = branch.cut(a).landed(self.target)
-            imbalance = errors(self.equations, branch, a, self.cost)[1]
+            imbalance = residual_error(self.equations, branch, a, self.cost)[1]
         return PathStep(branch, imbalance, self._next_pace(branch, parameter, pace))
 
     def _accepted(self, series: Branch, reach: float) -> tuple[Branch, float]:
@@ -181,7 +181,7 @@ class _Follower:
             inside = self.equations.interior_check(branch)
             if inside is None:
                 return branch, imbalance
-            if errors(self.equations, branch, inside, self.cost, tolerance)[0] <= tolerance:
+            if residual_error(self.equations, branch, inside, self.cost, tolerance)[0] <= tolerance:
                 return branch, imbalance
             reach = inside
 

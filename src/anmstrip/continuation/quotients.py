@@ -10,7 +10,7 @@ from scipy.linalg import toeplitz
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import TINY, Cost, Equations, inner, size
 from anmstrip.continuation.path import Branch
-from anmstrip.continuation.validity import errors, guessed_range
+from anmstrip.continuation.validity import guessed_range, residual_error
 from anmstrip.taylor.polynomials import first_root
 
 LOOKED_AT = 4
@@ -119,7 +119,7 @@ def longest_quotient(
         length = min(guess * RUNG**rung, limit)
         if not best < rung < least or length <= (guess if found is None else found[0].length):
             break
-        error, imbalance = errors(equations, quotient, length, cost, tolerance)
+        error, imbalance = residual_error(equations, quotient, length, cost, tolerance)
         if error <= tolerance:
             found, best = (quotient.cut(length), imbalance), rung
         else:

@@ -40,11 +40,11 @@ def validated(
 
     power = 1.0 / (branch.order + 1)
     guess, reach = guessed_range(equations, branch, tolerance, reach)
-    error, imbalance = errors(equations, branch, guess, cost, tolerance)
+    error, imbalance = residual_error(equations, branch, guess, cost, tolerance)
     longer = predicted(guess, error)
     if error <= tolerance and longer > 1.05 * guess and guess < reach:
         trial = min(longer, 2.0 * guess, reach)
-        better = errors(equations, branch, trial, cost, tolerance)
+        better = residual_error(equations, branch, trial, cost, tolerance)
         if better[0] <= tolerance:
             return branch.cut(trial), better[1]
     while error > tolerance:
@@ -56,7 +56,7 @@ def validated(
                 f"the series does not meet the tolerance {tolerance:g} at any length",
                 Evidence(residual=excess(equations, branch, guess, cost)),
             )
-        error, imbalance = errors(equations, branch, guess, cost, tolerance)
+        error, imbalance = residual_error(equations, branch, guess, cost, tolerance)
     return branch.cut(guess), imbalance
 
 
@@ -79,7 +79,7 @@ def guessed_range(
     return (guess if np.isfinite(guess) else 1.0), reach
 
 
-def errors(
+def residual_error(
     equations: Equations, branch: Branch, a: float, cost: Cost, tolerance: float = 0.0
 ) -> tuple[float, float]:
     """Error that is to meet the tolerance at a, and the imbalance there."""

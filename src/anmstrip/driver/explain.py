@@ -56,12 +56,12 @@ def explain(scene: SceneSpec) -> str:
     if (bent := scene.strip.imperfection) is not None:
         words = f"by mode {bent.mode} of buckling at the end of stage {scene.course[0].name}"
         say(f"Bent without stress by {bent.amplitude:g} m, {words}.")
-    for line in natural_shapes(scene):
+    for line in shape_lines(scene):
         say(f"Unstressed: {line}.")
     for line in left_out(preview):
         say(f"Left out: {line}")
     if scene.rollers:
-        console.print(roller_table(preview))
+        console.print(geometry_table(preview))
     console.print(stage_table(preview.plans))
     console.print(level_table(found, own))
     for level in found:
@@ -133,7 +133,7 @@ def memory(effect: Effect, order: int, plan: StageProblem) -> float:
     return program.nbytes(order)
 
 
-def natural_shapes(scene: SceneSpec) -> Iterator[str]:
+def shape_lines(scene: SceneSpec) -> Iterator[str]:
     """Yield what the strip would be like unstressed, from the beginning and by stages."""
     units = {"temperature": "K", "flatness": "I-units"}
     shapes = [("", scene.strip), *((f" in stage {s.name}", s.strip) for s in scene.stages)]
@@ -176,7 +176,7 @@ def left_out(preview: Preview) -> list[str]:
     return [line for line, acts in acting.items() if not acts]
 
 
-def roller_table(preview: Preview) -> Table:
+def geometry_table(preview: Preview) -> Table:
     """Return the rollers: radii at the strip's sides, places, senses, distances, wraps and sides.
 
     Where the strip passes and how a positive speed turns the roller are seen with x to the right

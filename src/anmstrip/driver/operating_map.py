@@ -221,7 +221,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class MapStep:
-    """How far a map is."""
+    """Progress of a map, in words and as a share."""
 
     words: str
     fraction: float
@@ -330,7 +330,7 @@ class OperatingMap:
         self.curves.append(Curve((*legs[0][::-1], *legs[1]), second))
 
     def _share_of_range(self) -> float:
-        """Where the present value of the first control lies between its first and last one."""
+        """Return the place of the first control between its first and last value, 0 to 1."""
         plans = [self.run.march.planned(stage, self.run.state) for stage in self.stages[0]]
         first, last = (plan.controls.at(1.0) for plan in plans)
         names = [name for name in first if np.any(first[name] != last[name])]

@@ -61,7 +61,7 @@ class Preview:
         return max((string.turns.get(roller.name, 0.0) for string in self.strings), default=0.0)
 
     def passes(self, roller: Roller) -> str:
-        """Where from a roller the strip is in the middle of its wrap: x to the right, z upwards."""
+        """Say on which side of a roller the strip is, in the middle of its wrap, seen along y."""
         found = [s.places[roller.name] for s in self.strings if roller.name in s.places]
         if not found:
             return "–"

@@ -14,7 +14,7 @@ from scipy.sparse.linalg import splu
 
 from anmstrip.arrays import Array
 from anmstrip.driver.run import Run
-from anmstrip.driver.sensitivities import Explicit, Parameters, Readings, StationaryTangent
+from anmstrip.driver.sensitivities import Explicit, Partials, Readings, StationaryTangent
 from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.linalg.bordered import Bordered
 from anmstrip.linalg.direct import equilibrated
@@ -141,9 +141,9 @@ def response(state: State, own: Sequence[bool], key: str, omegas: Array) -> dict
         The state depends on no such parameter.
     """
     tangent = StationaryTangent(state)
-    found = dict(Parameters(tangent, tuple(own)))
+    found = dict(Partials(tangent, tuple(own)))
     if key not in found:
-        raise refused(f"--to {key}", key, "what the stationary state depends on", found)
+        raise unknown_name(f"--to {key}", key, "what the stationary state depends on", found)
     oscillation = Oscillation(tangent, key, found[key])
     rows = [oscillation.at(float(omega)) for omega in omegas]
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
@@ -192,7 +192,7 @@ def respond(scene: SceneSpec, of: str, to: str, directory: Path) -> str:
     found = response(state, [r.friction is not None for r in scene.rollers], to, omega)
     name = of if of in found else f"{to.removeprefix('rollers.').partition('.')[0]}_{of}"
     if name not in found:
-        raise refused(f"--of {of}", of, "what is read off a stationary state", found)
+        raise unknown_name(f"--of {of}", of, "what is read off a stationary state", found)
     gain, phase = np.abs(found[name]), np.degrees(np.unwrap(np.angle(found[name])))
     table = {"omega": omega, "gain": gain, "phase": phase}
     rows = [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
@@ -206,6 +206,6 @@ def respond(scene: SceneSpec, of: str, to: str, directory: Path) -> str:
     )
 
 
-def refused(place: str, key: str, expected: str, known: Any) -> InputError:
+def unknown_name(place: str, key: str, expected: str, known: Any) -> InputError:
     """Return the error of a name that is not among the known ones."""
     return InputError([Mistake(place, key, key, expected, nearest(key, list(known)))])

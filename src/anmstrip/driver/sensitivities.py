@@ -101,15 +101,15 @@ class StationaryTangent:
         return part.orders.derivative(part.operator.apply(change)) + explicit.get(name, 0.0)
 
     def on_roller(self, name: str, number: int) -> Array:
-        """Which of the points of contact or friction see a roller, shape (points,)."""
+        """Tell the points of contact or friction that see a roller, shape (points,)."""
         which = self.law_part(name).effect.roller.which  # type: ignore[attr-defined]
         points = self.law_part(name).effect.points
         return np.ones(points, dtype=bool) if which is None else which == number
 
 
 @dataclass(frozen=True)
-class Parameters:
-    """What a stationary state depends on: controls of the stage, and data of the line.
+class Partials:
+    """Derivatives of all laws by what a state depends on: controls, and data of the line.
 
     Parameters
     ----------
@@ -381,5 +381,5 @@ def sensitivities(state: State, own: Iterable[bool]) -> dict[str, dict[str, floa
     tangent = StationaryTangent(state)
     return {
         key: Readings(tangent, key, explicit, tangent.change(explicit)).read()
-        for key, explicit in Parameters(tangent, tuple(own))
+        for key, explicit in Partials(tangent, tuple(own))
     }

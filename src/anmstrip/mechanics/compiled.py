@@ -25,7 +25,7 @@ class Operand(NamedTuple):
 
 
 class CompiledLaw:
-    """From changes of unknowns to forces on them, Lᵀ w law(L u), by machine code alone.
+    """The forces Lᵀ w law(L u) on unknowns from changes of these, by machine code alone.
 
     Parameters
     ----------

@@ -281,7 +281,7 @@ class RecordedLaw:
 
     @cached_property
     def compiled(self) -> CompiledLaw | None:
-        """From unknowns to forces at once, if the program is compiled and keeps points apart."""
+        """Return the way from unknowns to forces, if it is compiled and keeps points apart."""
         program = self.program
         laned = program.output.laned and all(x.laned for x in program.inputs[: self.kinematic])
         if not (laned and AVAILABLE):

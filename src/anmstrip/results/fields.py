@@ -18,7 +18,7 @@ from anmstrip.results.vtk import facing, triangle_lattice
 
 
 class Readable(Protocol):
-    """What fields and profiles read off a :class:`~anmstrip.results.state.State`."""
+    """The part of a :class:`~anmstrip.results.state.State` that fields and profiles read."""
 
     @property
     def time(self) -> float:
@@ -231,7 +231,7 @@ class FieldSampler:
         }
 
     def _layers(self, state: Readable) -> dict[str, Array]:
-        """What plastic strains add to N and M (xx, yy, xy), and the equivalent stress on top."""
+        """Return N and M (xx, yy, xy) of plastic strains, and the equivalent stress on top."""
         effect = state.plasticity
         if effect is None:
             return {"force": np.zeros((3, 1, 1)), "moment": np.zeros((3, 1, 1))}

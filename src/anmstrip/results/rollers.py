@@ -98,7 +98,7 @@ class ContactState:
 
     @property
     def status(self) -> Array:
-        """Of each point: 0 free, 1 in contact, 2 in contact and slipping."""
+        """Status of each point: 0 free, 1 in contact, 2 in contact and slipping."""
         return np.where(self.touching, np.where(self.cone_share >= STICKS, 2.0, 1.0), 0.0)
 
     @cached_property
@@ -150,7 +150,7 @@ class ContactState:
 
     @cached_property
     def ends(self) -> Array:
-        """Where contact begins and ends: angle about the axis (rad) and reference x, shape (2, n).
+        """Ends of the contact: angle about the axis (rad) and reference x, shape (2, n).
 
         Along every line of three contact points of an element that does not run straight across
         the gap is taken as a parabola, and contact is where it is below the gap of the least
@@ -211,7 +211,7 @@ class ContactState:
 
 
 def _roots(values: Array) -> Array:
-    """Where parabolas through values (n, 3) at 0, 1/2 and 1 vanish in between, (n, 2); NaN else."""
+    """Return the roots in ]0, 1[ of parabolas with values (n, 3) at 0, 1/2, 1; NaN else, (n, 2)."""
     c, middle, end = values.T
     a, b = 2.0 * (c + end) - 4.0 * middle, 4.0 * middle - 3.0 * c - end
     with np.errstate(invalid="ignore", divide="ignore"):

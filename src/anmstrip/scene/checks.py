@@ -231,7 +231,7 @@ def held_components(edges: Mapping[str, EdgeSpec], stages: Stages) -> Iterator[M
             yield Mistake("", f"{place}.tension", control.tension, expected, release)
 
 
-def tensions(stages: Stages) -> Iterator[Mistake]:
+def tensions_at_ends(stages: Stages) -> Iterator[Mistake]:
     """Yield tensions that are not at an end of the strip."""
     for key, name, control in edge_controls(stages):
         if control.tension is not None and name not in ENDS:
@@ -535,7 +535,7 @@ RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     tension_of_a_plate,
     moments,
     held_components,
-    tensions,
+    tensions_at_ends,
     natural_shapes,
     ends_of_a_fed_strip,
     gravity_has_density,

@@ -159,7 +159,7 @@ class FieldSpec(Table):
 
 
 class NaturalShape(Table):
-    """What the strip would be like if nothing held it, for a strip or at the end of a stage."""
+    """Shape of the strip if nothing held it, for a strip or at the end of a stage."""
 
     temperature: FieldSpec | None = Field(None, examples=["80.0"])
     """temperature above that of the stress-free strip, a number or a table (K)"""

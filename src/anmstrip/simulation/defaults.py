@@ -14,7 +14,7 @@ What sticks creeps at up to about V_c, and the algebraic law in full slip, which
 at least is, then misses f by 0.5 %."""
 
 
-def completed(scene: SceneSpec) -> SceneSpec:
+def with_defaults(scene: SceneSpec) -> SceneSpec:
     """Return the scene with what it has left open."""
     if scene.strip.feed is None:
         strip = scene.strip.model_copy(update={"feed": goes_on(scene)})

@@ -33,7 +33,7 @@ from anmstrip.mechanics.roller import Roller, Sides
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
 from anmstrip.scene.tables import I_UNIT, THREADING, FieldSpec, NaturalShape
-from anmstrip.simulation.defaults import completed, line_speed
+from anmstrip.simulation.defaults import line_speed, with_defaults
 from anmstrip.simulation.meshing import (
     carrying_sense,
     cells_across,
@@ -168,7 +168,7 @@ class Assembly:
     added: tuple[EffectMaker, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "scene", completed(self.scene))
+        object.__setattr__(self, "scene", with_defaults(self.scene))
 
     @cached_property
     def origin(self) -> Array:

@@ -62,9 +62,9 @@ class Variation:
         except (ValueError, TypeError, RecursionError):
             values = ()
         if not key or not values or not isinstance(values, list):
-            raise refused(text, given or None, "KEY=first:last:number, or KEY=value,value")
+            raise variation_error(text, given or None, "KEY=first:last:number, or KEY=value,value")
         if len(texts) < len(values):
-            raise refused(text, given, "every value once")
+            raise variation_error(text, given, "every value once")
         return cls(key, tuple(values))
 
 
@@ -82,7 +82,7 @@ def spaced_values(first: str, last: str, number: str) -> list[float]:
     return [int(value) if whole else value for value in values]
 
 
-def refused(text: str, value: object, expected: str) -> InputError:
+def variation_error(text: str, value: object, expected: str) -> InputError:
     """Return the error of an option ``--vary`` that is not as expected."""
     hint = "--vary friction.coefficient=0.1:0.5:9, or --vary friction.exponent=0.05,0.1"
     return InputError([Mistake(f"--vary {text}", "", value, expected, hint)])
@@ -152,14 +152,14 @@ def parse_variations(texts: Iterable[str]) -> dict[str, tuple[Any, ...]]:
             variation = Variation.parse(text)
             Override.parse(f"{variation.key}=0")
             if variation.key in varied:
-                raise refused(text, variation.key, "every key once, with all its values")
+                raise variation_error(text, variation.key, "every key once, with all its values")
             varied[variation.key] = variation.values
         except InputError as error:
             mistakes += [replace(mistake, file=f"--vary {text}") for mistake in error.mistakes]
     if not texts:
-        mistakes += refused("", None, "at least one key that varies").mistakes
+        mistakes += variation_error("", None, "at least one key that varies").mistakes
     if (count := math.prod(len(values) for values in varied.values())) > MOST:
-        mistakes += refused("…", f"{count:g} scenes", f"at most {MOST} scenes").mistakes
+        mistakes += variation_error("…", f"{count:g} scenes", f"at most {MOST} scenes").mistakes
     if mistakes:
         raise InputError(mistakes)
     return varied
