@@ -13,7 +13,7 @@ from anmstrip.continuation.follow import follow
 from anmstrip.continuation.newton import Corrections, Newton
 from anmstrip.driver.run import Run
 from anmstrip.linalg.solvers import DenseSolver
-from anmstrip.timestepping.functions import FunctionEquations
+from function_equations import FunctionEquations
 from harness import run
 from newton import LONG, PLAIN, study
 from newton_methods import NewtonPath, NewtonSettings, load_steps

@@ -19,8 +19,8 @@ from anmstrip.mechanics.laws import FrictionLaw, NortonHoff, RepulsiveSignorini,
 from anmstrip.paper.mass_spring import RotatingCircle
 from anmstrip.paper.references import coulomb, slip_at
 from anmstrip.paper.schemes import solve_case
-from anmstrip.timestepping.functions import FunctionEquations
 from anmstrip.timestepping.index_one import instabilities
+from function_equations import FunctionEquations
 from motions import Motion, Trial, moved
 
 Array = NDArray[np.float64]

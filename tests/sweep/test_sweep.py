@@ -21,6 +21,7 @@ from anmstrip.cli import main
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
+from anmstrip.pictures.curves import save_figure
 from anmstrip.results import files as history
 from anmstrip.sweep import study as scenes
 from anmstrip.sweep.study import Sweep, figure, row_of
@@ -400,14 +401,15 @@ def test_an_unfinished_scene_goes_on_from_its_checkpoint(
     ],
 )
 @pytest.mark.parametrize("ended", [True, False])
-def test_figures(varied: dict[str, list[Any]], ended: bool) -> None:
+def test_figures(varied: dict[str, list[Any]], ended: bool, tmp_path: Path) -> None:
     """Also of a sweep of which nothing has ended."""
     from itertools import product
 
     rows = [dict(zip(varied, values, strict=True)) for values in product(*varied.values())]
     for number, row in enumerate(rows[: -1 if ended else 0]):
         row |= {"r1_tension_ratio": 1.0 + number, "r2_tension_ratio": None}
-    assert figure(rows, list(varied)).startswith(b"\x89PNG")
+    save_figure(figure(rows, list(varied)), tmp_path / "sweep.png")
+    assert (tmp_path / "sweep.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.slow

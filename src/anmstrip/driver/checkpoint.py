@@ -15,15 +15,13 @@ from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 
 from anmstrip.arrays import Array
 from anmstrip.errors import InputError, Mistake, toml_text
-from anmstrip.results.files import load_checkpoint
+from anmstrip.results.files import AFRESH, load_checkpoint, refused_checkpoint
 from anmstrip.simulation.march import March
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
 
 FREE = ("title", "solver.max_steps", "solver.max_tangents")
 """Keys that may differ: nothing that is computed depends on them."""
-
-AFRESH = "the same command without --resume, to start from the beginning"
 
 Count = Annotated[int, Field(ge=0)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -104,6 +102,11 @@ def identity(assembly: Assembly) -> dict[str, Any]:
     return {**scene, "effects": [effect.name for effect in assembly.added_effects]}
 
 
+def kept_values(course: Course) -> dict[str, dict[str, Array]]:
+    """Return what stages have left, by kind and name, as a checkpoint keeps it."""
+    return {"moved": course.moved, "speed": course.speeds, "value": course.values}
+
+
 def flat_keys(tables: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Yield dotted keys with their values; entries of lists of tables go by their names."""
     for name, value in tables.items():
@@ -150,18 +153,12 @@ def read_checkpoint(path: Path, march: March) -> tuple[dict[str, Array], dict[st
     except ValidationError as error:
         wrong = error.errors()[0]
         place = ".".join(map(str, wrong["loc"]))
-        raise damaged(path, f"{place}: {wrong['msg']}") from error
+        raise refused_checkpoint(path, f"damaged ({place}: {wrong['msg']})") from error
     except InputError:
         raise
     except ValueError as error:
-        raise damaged(path, str(error)) from error
+        raise refused_checkpoint(path, f"damaged ({error})") from error
     return arrays, facts
-
-
-def damaged(path: Path, words: str) -> InputError:
-    """Return the refusal of a checkpoint that no run has written."""
-    expected = "the checkpoint that an interrupted run left"
-    return InputError([Mistake(str(path), "", f"damaged ({words})", expected, AFRESH)])
 
 
 def check_arrays(arrays: Mapping[str, Array], facts: Facts, march: March) -> None:
@@ -172,26 +169,23 @@ def check_arrays(arrays: Mapping[str, Array], facts: Facts, march: March) -> Non
     ValueError
         Which one, and what it should be.
     """
-    strip, stages = march.assembly.strip, march.scene.course
+    stages = march.scene.course
     course, unknowns = Course(march.assembly), march.assembly.unknowns
     for stage in stages[: facts.stage]:
         course.released |= {name for name, edge in stage.edges.items() if edge.release}
         course.finish(stage)
     course.released |= set(facts.released)
     free = len(course.supports(stages[facts.stage]).free)
-    kept = {"moved": course.moved, "speed": course.speeds, "value": course.values}
-    needed = {
-        f"{kind}.{name}": np.shape(x) for kind, own in kept.items() for name, x in own.items()
-    }
-    needed |= {"full": (unknowns,), "velocity": (unknowns,)}
-    needed |= {f"value.{name}.force": (3,) for name in facts.released}
-    needed |= {} if facts.forward is None else {"forward": (free,)}
+    kept = kept_values(course).items()
+    known = {f"{kind}.{name}": np.shape(x) for kind, own in kept for name, x in own.items()}
+    known |= {"full": (unknowns,), "velocity": (unknowns,)}
+    known |= {f"value.{name}.force": (3,) for name in facts.released}
+    known |= {} if facts.forward is None else {"forward": (free,)}
     if facts.times is not None:
-        needed |= {"states": (len(facts.times), free), "v": (free,)}
+        known |= {"states": (len(facts.times), free), "v": (free,)}
         if any(new <= old for new, old in pairwise(facts.times)):
             raise ValueError("times that do not go back")
-    known = needed | {f"begun.{name}": (3,) for name in strip.edges}
-    if wrong := (needed.keys() - arrays) | (arrays.keys() - known):
+    if wrong := known.keys() ^ arrays.keys():
         raise ValueError(f"array {min(wrong)} that is missing or unknown")
     for name, values in arrays.items():
         if values.shape != known[name] or values.dtype != float:

@@ -20,7 +20,7 @@ from anmstrip.driver.diagnosis import Failure, diagnosis
 from anmstrip.driver.run import Run
 from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import InputError, Mistake
-from anmstrip.results.files import atomic_write, write_summary, write_table
+from anmstrip.results.files import write_summary, write_table
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.simulation.march import Step
@@ -398,14 +398,13 @@ class OperatingMap:
 
     def _write(self, directory: Path) -> None:
         """Write table, figure and summary."""
-        from anmstrip.pictures.curves import map_figure
+        from anmstrip.pictures.curves import map_figure, save_figure
 
         directory.mkdir(parents=True, exist_ok=True)
         keys = [along.key for along in self.along]
         write_table(directory / "map.csv", list(self.rows[0]) if self.rows else keys, self.rows)
         names = [roller.name for roller in self.run.assembly.rollers]
-        with atomic_write(directory / "map.png") as temporary:
-            temporary.write_bytes(map_figure(self.rows, keys, names, self.events))
+        save_figure(map_figure(self.rows, keys, names, self.events), directory / "map.png")
         facts = self.run.facts() | {"status": "done" if self.done else "stopped"}
         summary = {**facts, "message": self.message, "along": [a.text for a in self.along]}
         summary |= {"events": self.events, "input": self.run.scene.to_dict()}

@@ -13,14 +13,10 @@ import numpy as np
 
 from anmstrip.driver.preview import Preview
 from anmstrip.mechanics.roller import Roller
-from anmstrip.scene.tables import ENDS
-from anmstrip.simulation.meshing import (
-    bending_stiffness,
-    boundary_layer,
-    carried,
-    carrying_sense,
-    surface_speed,
-)
+from anmstrip.scene.schema import SceneSpec
+from anmstrip.scene.tables import ENDS, RollerSpec
+from anmstrip.simulation.defaults import bending_stiffness, boundary_layer
+from anmstrip.simulation.meshing import carried, carrying_sense, surface_speed
 from anmstrip.simulation.problem import distributed_load
 
 PLASTIC = 5e-3
@@ -137,6 +133,12 @@ def untouched_roller(preview: Preview) -> Iterator[str]:
                 break
 
 
+def coefficient_on(scene: SceneSpec, roller: RollerSpec) -> float:
+    """Return the friction coefficient on a roller, 0 without friction."""
+    given = 0.0 if scene.friction is None else scene.friction.coefficient
+    return given if roller.friction is None else roller.friction
+
+
 def driven_without_friction(preview: Preview) -> Iterator[str]:
     """Rollers that turn in a stage in which nothing rubs on them."""
     scene = preview.assembly.scene
@@ -146,8 +148,7 @@ def driven_without_friction(preview: Preview) -> Iterator[str]:
             for stage in scene.stages
             if (c := stage.rollers.get(spec.name)) and (c.surface_speed or c.angular_speed)
         ]
-        f = None if scene.friction is None else scene.friction.coefficient
-        f = f if spec.friction is None else spec.friction
+        f = coefficient_on(scene, spec)
         if turning and (
             not f or not any(s.steady or preview.assembly.frictional(s) for s in turning)
         ):
@@ -162,8 +163,7 @@ def holding(preview: Preview, roller: Roller) -> float:
     """Return e^(fθ) of a roller: the ratio of tensions that friction on it can hold."""
     scene = preview.assembly.scene
     (spec,) = (spec for spec in scene.rollers if spec.name == roller.name)
-    f = 0.0 if scene.friction is None else scene.friction.coefficient
-    f = f if spec.friction is None else spec.friction
+    f = coefficient_on(scene, spec)
     return float(np.exp(min(f * preview.turn(roller), 100.0))) if spec.drive == "speed" else 1.0
 
 

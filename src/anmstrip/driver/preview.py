@@ -20,7 +20,8 @@ from anmstrip.mechanics.string_path import (
     string_path,
 )
 from anmstrip.scene.tables import ENDS
-from anmstrip.simulation.meshing import bending_stiffness, crossing, largest_force
+from anmstrip.simulation.defaults import bending_stiffness, largest_force
+from anmstrip.simulation.meshing import crossing
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -76,32 +76,25 @@ class Recorder:
         self.lock = DirectoryLock(directory)
         names = [f"{r.name}_{column}" for r in assembly.rollers for column in ROLLER_COLUMNS]
         columns = (*STEP_COLUMNS, "entry_tension", "exit_tension", *names)
-        history, events = directory / "history.csv", directory / "events.csv"
         contents = directory / "strip.pvd", directory / "rollers.pvd"
         kept: Mapping[str, Any] = resumed or {"rows": 0, "time": -1.0, "turned": {}}
         self.rows, self.event_rows = kept["rows"], kept.get("event_rows", 0)
+        self.profile_rows = kept.get("profile_rows", 0)
         if resumed is None:
-            self.history = History(history, columns)
             for stale in (*directory.glob("*.pvd"), *map(directory.joinpath, STALE)):
                 stale.unlink(missing_ok=True)
             self.strip, self.rollers = map(Collection, contents)
         else:
-            self.history = History.reopen(history, columns, self.rows)
             self.strip, self.rollers = (Collection.reopen(c, kept["time"]) for c in contents)
+        self.history = self.table("history.csv", columns, self.rows)
         self.events: History | None = None
-        if not assembly.scene.output.events:
-            events.unlink(missing_ok=True)
-        elif self.event_rows:
-            self.events = History.reopen(events, EVENT_COLUMNS, self.event_rows)
+        if assembly.scene.output.events:
+            self.events = self.table("events.csv", EVENT_COLUMNS, self.event_rows)
         else:
-            self.events = History(events, EVENT_COLUMNS)
+            (directory / "events.csv").unlink(missing_ok=True)
         yields = () if assembly.flow is None else YIELD_COLUMNS
-        profile_columns = (*PROFILE_COLUMNS, *yields)
-        profile, self.profile_rows = directory / "profile.csv", kept.get("profile_rows", 0)
-        if self.profile_rows:
-            self.profile_table = History.reopen(profile, profile_columns, self.profile_rows)
-        else:
-            self.profile_table = History(profile, profile_columns)
+        columns = (*PROFILE_COLUMNS, *yields)
+        self.profile_table = self.table("profile.csv", columns, self.profile_rows)
         self.states = self.strip.count
         self.due = [t for t in assembly.scene.output.times or () if t > kept["time"]]
         touching = None if assembly.contact is None else assembly.contact_operator
@@ -110,6 +103,11 @@ class Recorder:
         self.surface, self.profile = FieldSampler(*parts), Profile(*parts)
         self.turned = dict.fromkeys((r.name for r in assembly.rollers), 0.0) | kept["turned"]
         self.last_checkpoint = 0.0
+
+    def table(self, name: str, columns: Sequence[str], rows: int) -> History:
+        """Return a table that begins, or goes on after so many rows."""
+        path = self.directory / name
+        return History.reopen(path, columns, rows) if rows else History(path, columns)
 
     def record(self, step: Step, before: State) -> None:
         """Write what is wanted of an accepted step: history, events, its end or instants inside."""

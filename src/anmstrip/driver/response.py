@@ -18,7 +18,7 @@ from anmstrip.driver.sensitivities import Explicit, Partials, Readings, Stationa
 from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.linalg.bordered import Bordered
 from anmstrip.linalg.direct import equilibrated
-from anmstrip.results.files import atomic_write, write_table
+from anmstrip.results.files import write_table
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec
 
@@ -172,7 +172,7 @@ def respond(scene: SceneSpec, of: str, to: str, directory: Path) -> str:
     InputError
         The scene does not end in a steady stage, or has no such reading or parameter.
     """
-    from anmstrip.pictures.curves import response_figure
+    from anmstrip.pictures.curves import response_figure, save_figure
 
     last = scene.stages[-1]
     if not last.steady:
@@ -198,8 +198,8 @@ def respond(scene: SceneSpec, of: str, to: str, directory: Path) -> str:
     rows = [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
     directory.mkdir(parents=True, exist_ok=True)
     write_table(directory / "response.csv", list(table), rows)
-    with atomic_write(directory / "response.png") as temporary:
-        temporary.write_bytes(response_figure(omega, gain, phase, f"{name} to {to}"))
+    figure = response_figure(omega, gain, phase, f"{name} to {to}")
+    save_figure(figure, directory / "response.png")
     return (
         f"Done: {name} answers to {to} with {gain[0]:.6g} at {omega[0]:.3g} rad/s and with "
         f"{gain[-1]:.6g} at {omega[-1]:.3g} rad/s."

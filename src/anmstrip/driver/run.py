@@ -13,7 +13,7 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Outcome, PathStopped
 from anmstrip.continuation.follow import Pace
-from anmstrip.driver.checkpoint import identity, read_checkpoint
+from anmstrip.driver.checkpoint import identity, kept_values, read_checkpoint
 from anmstrip.driver.preview import Preview
 from anmstrip.driver.recorder import Recorder, history_row
 from anmstrip.driver.warnings import warnings
@@ -30,17 +30,10 @@ if TYPE_CHECKING:
     from anmstrip.results.events import EventWatch
 
 
-def kept_values(march: March) -> dict[str, dict[str, Array]]:
-    """Return what stages have left, by kind and name, as a checkpoint keeps it."""
-    course = march.course
-    kept = {"moved": course.moved, "begun": course.begun, "speed": course.speeds}
-    return {**kept, "value": course.values}
-
-
 def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
     """Return arrays and plain facts from which :func:`unpack` restores a run."""
     march, memory, pace = run.march, run.march.memory, run.march.pace
-    kept = kept_values(march).items()
+    kept = kept_values(march.course).items()
     arrays = {f"{kind}.{name}": x for kind, values in kept for name, x in values.items()}
     arrays |= {"full": march.full, "velocity": march.velocity}
     facts: dict[str, Any] = {
@@ -79,7 +72,7 @@ def unpack(run: Run, arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> N
     run.spent, run.stages, run.effects = facts["seconds"], facts["stages"], facts["effects"]
     run.snaps, march.slack, march.passed = facts["snaps"], facts["slack"], facts["passed"]
     march.course.time, march.course.released = facts["course_time"], set(facts["released"])
-    kept = kept_values(march)
+    kept = kept_values(march.course)
     for name, value in arrays.items():
         kind, _, key = name.partition(".")
         if kind in kept:
@@ -341,7 +334,9 @@ class Run:
 
     def facts(self) -> dict[str, Any]:
         """Return the counters of the run, as in ``summary.json``."""
-        march = self.march
+        march, strip = self.march, self.assembly.strip
+        section = strip.material.density * strip.thickness * strip.width
+        fed = {"length": march.passed, "mass": section * march.passed}
         return {
             "status": "done" if self.outcome.done else self.outcome.name.lower(),
             "message": self.message,
@@ -355,14 +350,8 @@ class Run:
             "effects": self.effects,
             "stages": self.stages,
             "snaps": self.snaps,
-            **({"feed": self._fed()} if self.scene.strip.feed else {}),
+            **({"feed": fed} if self.scene.strip.feed else {}),
         }
-
-    def _fed(self) -> dict[str, float]:
-        """Return the unstressed length (m) and the mass (kg) of the strip that was fed in."""
-        strip, length = self.assembly.strip, self.march.passed
-        mass = strip.material.density * strip.thickness * strip.width * length
-        return {"length": length, "mass": mass}
 
     def _success(self) -> str:
         """Return what is said of a run that has come to its end."""

@@ -294,11 +294,8 @@ class Readings:
         """Change of the tension of an edge, see :meth:`State.tension`."""
         state, strip = self.tangent.state, self.tangent.model.strip
         edge, sign = strip.edges[name], -1.0 if name == "entry" else 1.0
-        slope, turn = (
-            strip.kinematics.embed(strip.nodal(u)[strip.dofs("u_x")[edge.nodes]].mean(axis=0))
-            for u in (state.full, self.change)
-        )
-        slope = slope + np.array([1.0, 0.0, 0.0])
+        slope = strip.edge_tangent(name, state.full)
+        turn = strip.edge_tangent(name, self.change) - [1.0, 0.0, 0.0]
         size = np.linalg.norm(slope)
         along, turned = slope / size, turn / size - slope * (slope @ turn) / size**3
         found = self.edge_force(name) @ along + state.edge_force(name) @ turned

@@ -18,10 +18,9 @@ from anmstrip.driver.preview import Preview
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.tables import ENDS, EdgeSpec
-from anmstrip.simulation.defaults import elastic_creep
+from anmstrip.simulation.defaults import boundary_layer, elastic_creep
 from anmstrip.simulation.meshing import (
     QUARTER,
-    boundary_layer,
     cells_across,
     most_unknowns,
     stands,

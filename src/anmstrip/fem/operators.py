@@ -308,19 +308,13 @@ class InternalOperator:
         q = self.strains
         on_strains = derivative[:q, :q]
         if self.flows and self.slopes is None:
-            part = Eliminated(self, *(derivative[a, b] for a, b in _quarters(q)))
+            part = Eliminated(self, derivative[:q, q:], derivative[q:, :q], derivative[q:, q:])
             on_strains = on_strains - part.relief
             blocks.internal = part
         elif self.flows:
             blocks.internal = Chained(self, derivative)
         shape = (self.cells.count, self.cells.components) * 2
         self.cells.add_tangent(on_strains.reshape(*shape, -1), pattern, blocks)
-
-
-def _quarters(q: int) -> tuple[tuple[slice, slice], ...]:
-    """Return own equations by strains, forces by own unknowns, own equations by own unknowns."""
-    first, last = slice(0, q), slice(q, None)
-    return (first, last), (last, first), (last, last)
 
 
 class Eliminated:

@@ -122,6 +122,11 @@ class Strip:
         """Values of the degrees of freedom, (scalars, components), of all unknowns of a model."""
         return full[: self.unknowns].reshape(-1, self.count)
 
+    def edge_tangent(self, name: str, full: Array) -> Array:
+        """Mean of ∂r/∂X over the nodes of an edge, shape (3,)."""
+        slopes = self.nodal(full)[self.dofs("u_x")[self.edges[name].nodes]].mean(axis=0)
+        return np.array([1.0, 0.0, 0.0]) + self.kinematics.embed(slopes)
+
     @property
     def nodes(self) -> Array:
         """Reference positions of the mesh nodes, shape (3, nodes)."""

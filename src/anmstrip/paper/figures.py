@@ -11,7 +11,6 @@ from anmstrip.arrays import Array
 from anmstrip.mechanics.laws import NortonHoff
 from anmstrip.paper.mass_spring import MassSpring, PressedPlane, RotatingCircle
 from anmstrip.paper.references import balanced_reactions, coulomb
-from anmstrip.results.files import atomic_write
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,6 +41,8 @@ def draw_figures(case: MassSpring, rows: Array, directory: Path) -> tuple[Path, 
     tuple of Path
         PNG files.
     """
+    from anmstrip.pictures.curves import save_figure
+
     figures = {"displacement": displacement(case, rows)}
     if isinstance(case, PressedPlane):
         p = case.parameters
@@ -56,8 +57,7 @@ def draw_figures(case: MassSpring, rows: Array, directory: Path) -> tuple[Path, 
         figures["reactions"] = reactions(case, rows)
     paths = tuple(directory / f"{name}.png" for name in figures)
     for path, figure in zip(paths, figures.values(), strict=True):
-        with atomic_write(path) as temporary:
-            figure.savefig(temporary, format="png")
+        save_figure(figure, path)
     return paths
 
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from anmstrip.arrays import Array
+from anmstrip.results.files import atomic_write
 
 PANELS = {
     "tension_out": ("tension behind the roller [kN/m]", 1e-3),
@@ -31,8 +31,8 @@ def map_figure(
     keys: Sequence[str],
     rollers: Sequence[str],
     events: Sequence[Mapping[str, Any]],
-) -> bytes:
-    """Draw what every roller does over the first control; return a PNG.
+) -> Figure:
+    """Draw what every roller does over the first control.
 
     Parameters
     ----------
@@ -80,13 +80,11 @@ def map_figure(
         figure.suptitle(
             f"{keys[1]} from {min(curves):.6g} (pale) to {max(curves):.6g}", fontsize=10
         )
-    stream = BytesIO()
-    FigureCanvasAgg(figure).print_png(stream)
-    return stream.getvalue()
+    return figure
 
 
-def response_figure(omega: Array, gain: Array, phase: Array, title: str) -> bytes:
-    """Draw gain and phase (°) over the angular frequency (rad/s); return a PNG."""
+def response_figure(omega: Array, gain: Array, phase: Array, title: str) -> Figure:
+    """Draw gain and phase (°) over the angular frequency (rad/s)."""
     figure = Figure(figsize=(7.0, 5.6), dpi=130, layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     upper.loglog(omega, gain)
@@ -96,6 +94,10 @@ def response_figure(omega: Array, gain: Array, phase: Array, title: str) -> byte
     for axes in (upper, lower):
         axes.spines[["top", "right"]].set_visible(False)
         axes.grid(alpha=0.3)
-    stream = BytesIO()
-    FigureCanvasAgg(figure).print_png(stream)
-    return stream.getvalue()
+    return figure
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure as a PNG, all at once."""
+    with atomic_write(path) as temporary:
+        figure.savefig(temporary, format="png")

@@ -122,8 +122,7 @@ def list_states(folder: Path) -> list[State]:
     entries = read_collection(contents)
     if not entries:
         raise refuse_results(contents, "no states in it")
-    beside = folder / "rollers.pvd"
-    rollers = read_collection(beside) if beside.is_file() else ()
+    rollers = read_collection(folder / "rollers.pvd")
     files = {entry.time: (folder / entry.file).resolve() for entry in rollers}
     return [(e.time, (folder / e.file).resolve(), files.get(e.time)) for e in entries]
 

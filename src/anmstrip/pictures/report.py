@@ -16,7 +16,14 @@ from numpy.typing import ArrayLike
 
 from anmstrip.errors import InputError, Mistake
 from anmstrip.results.files import AnyPath, atomic_write, plain, read_history
-from anmstrip.results.vtk import FIELDS, TENSOR, read_collection, read_surface, subdivide
+from anmstrip.results.vtk import (
+    FIELDS,
+    read_collection,
+    read_surface,
+    scalars,
+    sector_tones,
+    subdivide,
+)
 
 MOST_TIMES, MOST_STATIONS, MOST_STEPS, MOST_POINTS = 40, 400, 2000, 12_000
 """Instants and stations of profiles, steps of the history and points of the surface that a report
@@ -134,9 +141,7 @@ def over_time(path: Path) -> dict[str, list[Any]]:
 
 def in_space(folder: Path) -> dict[str, Any] | None:
     """Return the last state: points, triangles, fields, and the rollers; None without one."""
-    listed = folder / "strip.pvd"
-    entries = read_collection(listed) if listed.is_file() else ()
-    if not entries:
+    if not (entries := read_collection(folder / "strip.pvd")):
         return None
     surface = read_surface(folder / entries[-1].file)
     fine = len(surface.points) <= MOST_POINTS
@@ -145,25 +150,15 @@ def in_space(folder: Path) -> dict[str, Any] | None:
     used, cells = np.unique(cells, return_inverse=True)
     fields = {
         name: {"label": FIELDS[name].label, "unit": FIELDS[name].unit, "values": rounded(values)}
-        for name, values in ((n, scalar(n, v[used])) for n, v in surface.fields.items())
+        for name, values in ((n, scalars(n, v[used])) for n, v in surface.fields.items())
         if name not in ("normal", "arc_length") and np.any(np.nan_to_num(values))
     }
     space = {"time": entries[-1].time, "fields": fields, **mesh(surface.points[used], cells)}
-    beside = folder / "rollers.pvd"
-    rollers = read_collection(beside) if beside.is_file() else ()
-    if rollers:
+    if rollers := read_collection(folder / "rollers.pvd"):
         body = read_surface(folder / rollers[-1].file)
-        angle = body.fields["surface_angle"][body.cells].mean(axis=1)
-        tones = np.floor(angle * 6.0 / np.pi).astype(int) % 2
-        space["rollers"] = mesh(body.points, body.cells) | {"tones": np.repeat(tones, 2)}
+        tones = np.repeat(sector_tones(body), 2)
+        space["rollers"] = mesh(body.points, body.cells) | {"tones": tones}
     return space
-
-
-def scalar(name: str, values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Return one number per point: a length of a vector, a component along the strip."""
-    if values.ndim == 1:
-        return values
-    return values[:, 0] if FIELDS[name].components == TENSOR else np.linalg.norm(values, axis=1)
 
 
 def mesh(points: np.ndarray[Any, Any], cells: np.ndarray[Any, Any]) -> dict[str, Any]:

@@ -11,7 +11,16 @@ import numpy as np
 from matplotlib.colors import Colormap, LinearSegmentedColormap
 from numpy.typing import NDArray
 
-from anmstrip.results.vtk import FIELDS, TENSOR, Field, Points, read_surface, subdivide
+from anmstrip.results.vtk import (
+    FIELDS,
+    TENSOR,
+    Field,
+    Points,
+    read_surface,
+    scalars,
+    sector_tones,
+    subdivide,
+)
 
 PREFIXES = {-6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
@@ -29,39 +38,6 @@ def choices(names: Iterable[str]) -> list[str]:
         components = FIELDS[name].components if name in FIELDS else ()
         found += [name, *(f"{name}.{component}" for component in components)]
     return found
-
-
-def scalars(name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Reduce a field to one number per point, the one that colours a picture.
-
-    Parameters
-    ----------
-    name : str
-        A field, or a field and a component (`membrane_force.xy`).
-    values : (n,) or (n, k) array
-        The whole field.
-
-    Returns
-    -------
-    (n,) array
-        A scalar as it is; the component asked for; the length of a vector; the component
-        along the strip of a tensor.
-
-    Examples
-    --------
-    >>> scalars("velocity", np.array([[3.0, 0.0, 4.0]]))
-    array([5.])
-    >>> scalars("velocity.z", np.array([[3.0, 0.0, 4.0]]))
-    array([4.])
-    """
-    values = np.asarray(values, dtype=float)
-    if values.ndim == 1:
-        return values
-    base, _, component = name.partition(".")
-    components = FIELDS[base].components if base in FIELDS else ()
-    if component:
-        return values[:, components.index(component)]
-    return values[:, 0] if components == TENSOR else np.linalg.norm(values, axis=1)
 
 
 def title(name: str, largest: float) -> tuple[str, float]:
@@ -115,7 +91,6 @@ OUTLINE = "#3b4046"
 NO_VALUE = "#d9d9d9"
 STEEL = "#c4ced8", "#9fc3d4", "#f2c14e", "#e4652c", "#8c1c2b"
 SIGNED = "#2a5d9f", "#e8e8e6", "#b0303a"
-SECTORS = 12
 MARGIN = 1.06
 HEAD = 0.2
 """Share of a picture, at its top, that the time and the scale have for themselves."""
@@ -152,9 +127,7 @@ class Frame:
         if self.rollers is None:
             return None
         surface = read_surface(self.rollers)
-        angle = surface.fields["surface_angle"][surface.cells].mean(axis=1)
-        tones = np.floor(angle * SECTORS / (2.0 * np.pi)).astype(int) % 2
-        return surface.points, surface.cells, tones
+        return surface.points, surface.cells, sector_tones(surface)
 
 
 @dataclass(frozen=True)

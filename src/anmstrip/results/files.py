@@ -24,6 +24,9 @@ AnyPath = str | os.PathLike[str]
 
 _FACTS, _ARRAY = "facts", "array/"
 
+AFRESH = "the same command without --resume, to start from the beginning"
+"""Advice for a run that cannot be resumed."""
+
 
 @contextmanager
 def named_errors(path: Path) -> Iterator[None]:
@@ -227,20 +230,23 @@ def load_checkpoint(path: AnyPath) -> tuple[dict[str, NDArray[Any]], dict[str, A
     OSError
         The file cannot be read.
     """
-    expected = "the checkpoint that an interrupted run left"
-    hint = "the same command without --resume, to start from the beginning"
     try:
         content = Path(path).read_bytes()
     except FileNotFoundError as error:
-        raise InputError([Mistake(str(path), "", "no such file", expected, hint)]) from error
+        raise refused_checkpoint(path, "no such file") from error
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as archive:
             found = {name: archive[name] for name in archive.files}
         facts = json.loads(found.pop(_FACTS).tobytes())
     except Exception as error:  # damage shows as exceptions of any kind
-        given = f"damaged ({error})"
-        raise InputError([Mistake(str(path), "", given, expected, hint)]) from error
+        raise refused_checkpoint(path, f"damaged ({error})") from error
     return {name.removeprefix(_ARRAY): values for name, values in found.items()}, facts
+
+
+def refused_checkpoint(path: AnyPath, found: str) -> InputError:
+    """Return the error of a checkpoint that no run has written."""
+    expected = "the checkpoint that an interrupted run left"
+    return InputError([Mistake(str(path), "", found, expected, AFRESH)])
 
 
 class History:

@@ -59,6 +59,7 @@ class Profile:
         """
         fields, flat = self.fields.sample(state), self.fields.reference
         layers = YieldedStrip.of(state)
+        yielded = {} if layers is None else layers.columns(fields["arc_length"])
         position = flat.T + fields["displacement"] + self.fields.strip.origin
         columns = {name: self._mean(position[:, k]) for k, name in enumerate("xyz")}
         columns |= {
@@ -67,7 +68,7 @@ class Profile:
             "pressure": self._mean(fields["normal_pressure"]),
             "curvature": self._mean(self.fields.curvature(state.full)[:, 0]),
             "moment": self._mean(fields["bending_moment"][:, 0]),
-            **({} if layers is None else self._yielded(layers, fields["arc_length"])),
+            **{name: self._mean(values) for name, values in yielded.items()},
             **self._extremes(fields["tension"]),
             **self._friction(state, fields["normal"]),
         }
@@ -95,10 +96,6 @@ class Profile:
         total = np.bincount(self.station, weights * values)
         with np.errstate(invalid="ignore"):
             return np.asarray(total / np.bincount(self.station, weights))
-
-    def _yielded(self, layers: YieldedStrip, x: Array) -> dict[str, Array]:
-        """Columns of strip that can yield, and its own moment."""
-        return {name: self._mean(values) for name, values in layers.columns(x).items()}
 
     def _extremes(self, tension: Array) -> dict[str, Array]:
         """Smallest and largest tension of each station."""

@@ -194,9 +194,7 @@ class State:
     def tension(self, name: str) -> float:
         """Mean force per length of an edge along the strip's own direction there (N/m)."""
         edge = self.plan.model.strip.edges[name]
-        strip = self.plan.model.strip
-        slopes = strip.nodal(self.full)[strip.dofs("u_x")[edge.nodes]].mean(axis=0)
-        along = np.array([1.0, 0.0, 0.0]) + strip.kinematics.embed(slopes)
+        along = self.plan.model.strip.edge_tangent(name, self.full)
         along /= np.linalg.norm(along)
         outward = -along if name == "entry" else along
         return float(self.edge_force(name) @ outward) / edge.length

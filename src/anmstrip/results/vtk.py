@@ -35,6 +35,9 @@ TRIANGLE_ORDER = np.array(
 RINGS = 49
 """Circles by which a roller is drawn that is no cylinder."""
 
+SECTORS = 12
+"""Sectors of a roller, of two tones in turn."""
+
 _KINDS = {
     3: (5, "triangle", np.arange(3)),
     4: (9, "quad", np.arange(4)),
@@ -186,6 +189,45 @@ def read_surface(path: AnyPath) -> SurfaceMesh:
     if block.type != kind:
         raise ValueError(f"{path} holds cells of another kind: {block.type}")
     return SurfaceMesh(np.asarray(mesh.points), cells[:, np.argsort(order)], dict(mesh.point_data))
+
+
+def scalars(name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Reduce a field to one number per point, the one that colours a picture.
+
+    Parameters
+    ----------
+    name : str
+        A field, or a field and a component (`membrane_force.xy`).
+    values : (n,) or (n, k) array
+        The whole field.
+
+    Returns
+    -------
+    (n,) array
+        A scalar as it is; the component asked for; the length of a vector; the component
+        along the strip of a tensor.
+
+    Examples
+    --------
+    >>> scalars("velocity", np.array([[3.0, 0.0, 4.0]]))
+    array([5.])
+    >>> scalars("velocity.z", np.array([[3.0, 0.0, 4.0]]))
+    array([4.])
+    """
+    values = np.asarray(values, dtype=float)
+    if values.ndim == 1:
+        return values
+    base, _, component = name.partition(".")
+    components = FIELDS[base].components if base in FIELDS else ()
+    if component:
+        return values[:, components.index(component)]
+    return values[:, 0] if components == TENSOR else np.linalg.norm(values, axis=1)
+
+
+def sector_tones(rollers: SurfaceMesh) -> Cells:
+    """Return 0 or 1 for each cell of rollers, whose sectors of two tones show their turning."""
+    angle = rollers.fields["surface_angle"][rollers.cells].mean(axis=1)
+    return np.floor(angle * SECTORS / (2.0 * np.pi)).astype(int) % 2
 
 
 def triangle_lattice(n: int) -> Points:
@@ -366,8 +408,7 @@ class Collection:
         InputError
             The file is there but damaged.
         """
-        entries = read_collection(path) if Path(path).exists() else ()
-        kept = [entry for entry in entries if entry.time <= until_time]
+        kept = [entry for entry in read_collection(path) if entry.time <= until_time]
         collection = cls(path, kept)
         collection._write(kept)
         return collection
@@ -420,7 +461,7 @@ def _line(entry: Entry) -> bytes:
 
 
 def read_collection(path: AnyPath) -> tuple[Entry, ...]:
-    """List the states of a `.pvd`.
+    """List the states of a `.pvd`; one that is not there has none.
 
     Raises
     ------
@@ -432,6 +473,8 @@ def read_collection(path: AnyPath) -> tuple[Entry, ...]:
     try:
         sets = ElementTree.parse(path).iter("DataSet")
         return tuple(Entry(float(item.attrib["timestep"]), item.attrib["file"]) for item in sets)
+    except FileNotFoundError:
+        return ()
     except (ElementTree.ParseError, KeyError, ValueError) as error:
         expected, hint = "the list of states that a run wrote", "the same command without --resume"
         raise InputError([Mistake(str(path), "", str(error), expected, hint)]) from error

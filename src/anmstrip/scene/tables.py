@@ -81,6 +81,15 @@ def missing(model: type[BaseModel], key: str) -> Mistake:
     return Mistake("", key, None, str(field.description), example_of(key, field))
 
 
+def not_both(table: Table, **units: str) -> Iterator[Mistake]:
+    """Yield the second of two keys, given with their units, of which a table may have one."""
+    if all(getattr(table, key) is not None for key in units):
+        words = " or ".join(f"{key} ({unit})" for key, unit in units.items())
+        *_, key = units
+        hint = "one of them; take one out"
+        yield Mistake("", key, getattr(table, key), f"either {words}, not both", hint)
+
+
 def check_bending(value: object) -> bool | str:
     """Return true, false or the name of an energy; 1 is not true."""
     if isinstance(value, bool) or value == "kirchhoff-love":
@@ -515,9 +524,7 @@ class EdgeControl(Table):
 
     def find_mistakes(self) -> Iterator[Mistake]:
         """Yield a displacement beside a velocity."""
-        if self.move is not None and self.velocity is not None:
-            expected = "either move (m) or velocity (m/s), not both"
-            yield Mistake("", "velocity", self.velocity, expected, "one of them; take one out")
+        return not_both(self, move="m", velocity="m/s")
 
 
 class RollerControl(Table):
@@ -534,10 +541,7 @@ class RollerControl(Table):
 
     def find_mistakes(self) -> Iterator[Mistake]:
         """Yield a speed that is given twice."""
-        if self.surface_speed is not None and self.angular_speed is not None:
-            expected = "either surface_speed (m/s) or angular_speed (rad/s), not both"
-            hint = "one of them; take one out"
-            yield Mistake("", "angular_speed", self.angular_speed, expected, hint)
+        return not_both(self, surface_speed="m/s", angular_speed="rad/s")
 
 
 class StripControl(NaturalShape):
@@ -632,9 +636,7 @@ class OutputSpec(Table):
         """Yield two choices of states, or times in disorder."""
         if self.times is None:
             return
-        if self.every is not None:
-            expected = "either every or times, not both"
-            yield Mistake("", "every", self.every, expected, "one of them; take one out")
+        yield from not_both(self, times="s", every="1")
         ordered = sorted(set(self.times))
         if list(self.times) != ordered or not ordered:
             hint = f"times = {ordered or [0.5, 1.0]}"

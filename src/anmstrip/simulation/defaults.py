@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from anmstrip.scene.checks import moved_ends
@@ -52,14 +54,36 @@ def elastic_creep(scene: SceneSpec) -> float:
     return f * strain * line_speed(scene)
 
 
-def least_tension(scene: SceneSpec) -> float:
-    """Return the least tension above 0 (N/m) that is asked for, else a millionth of E t."""
-    forces = [0.0 if scene.threading is None else scene.threading.tension]
+def pulls(scene: SceneSpec) -> Iterator[float]:
+    """Yield the tensions and the sizes of edge forces that a scene asks for (N/m)."""
+    if scene.threading is not None:
+        yield scene.threading.tension
     for stage in scene.stages:
         for edge in stage.edges.values():
-            forces += [edge.tension or 0.0, float(np.linalg.norm(edge.force or 0.0))]
-    wanted = [force for force in forces if force > 0.0]
+            yield from (edge.tension or 0.0, float(np.linalg.norm(edge.force or 0.0)))
+
+
+def least_tension(scene: SceneSpec) -> float:
+    """Return the least tension above 0 (N/m) that is asked for, else a millionth of E t."""
+    wanted = [pull for pull in pulls(scene) if pull > 0.0]
     return min(wanted, default=1e-6 * scene.material.young * scene.strip.thickness)
+
+
+def largest_force(scene: SceneSpec) -> float:
+    """Largest tension or edge force of all stages (N/m), 0 if there is none."""
+    return max(map(abs, pulls(scene)), default=0.0)
+
+
+def bending_stiffness(scene: SceneSpec) -> float:
+    """D (N m), zero for a strip that does not resist bending."""
+    m, t = scene.material, scene.strip.thickness
+    return m.young * t**3 / (12.0 * (1.0 - m.poisson**2)) if scene.strip.bending else 0.0
+
+
+def boundary_layer(scene: SceneSpec) -> float:
+    """√(D/T) (m) of the largest tension; infinite without tension."""
+    tension = largest_force(scene)
+    return float(np.sqrt(bending_stiffness(scene) / tension)) if tension > 0.0 else np.inf
 
 
 def line_speed(scene: SceneSpec) -> float:

@@ -16,6 +16,7 @@ from anmstrip.fem.strip import grid, line
 from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import RollerControl
+from anmstrip.simulation.defaults import boundary_layer
 
 if TYPE_CHECKING:
     from anmstrip.simulation.threading import Thread
@@ -55,28 +56,6 @@ With 75 for each, 161 rollers are threaded in 108 tangents instead of 16."""
 
 SAMPLES = 1_000_000
 """Most places at which the length of elements is looked at."""
-
-
-def largest_force(scene: SceneSpec) -> float:
-    """Largest tension or edge force of all stages (N/m), 0 if there is none."""
-    forces = [0.0 if scene.threading is None else scene.threading.tension]
-    for stage in scene.stages:
-        for control in stage.edges.values():
-            forces.append(abs(control.tension or 0.0))
-            forces.append(float(np.linalg.norm(control.force or (0.0,))))
-    return max(forces)
-
-
-def bending_stiffness(scene: SceneSpec) -> float:
-    """D (N m), zero for a strip that does not resist bending."""
-    m, t = scene.material, scene.strip.thickness
-    return m.young * t**3 / (12.0 * (1.0 - m.poisson**2)) if scene.strip.bending else 0.0
-
-
-def boundary_layer(scene: SceneSpec) -> float:
-    """√(D/T) (m) of the largest tension; infinite without tension."""
-    tension = largest_force(scene)
-    return float(np.sqrt(bending_stiffness(scene) / tension)) if tension > 0.0 else np.inf
 
 
 def strip_mesh(

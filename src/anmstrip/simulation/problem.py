@@ -33,11 +33,10 @@ from anmstrip.mechanics.roller import Roller, Sides
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
 from anmstrip.scene.tables import I_UNIT, THREADING, FieldSpec, NaturalShape
-from anmstrip.simulation.defaults import line_speed, with_defaults
+from anmstrip.simulation.defaults import largest_force, line_speed, with_defaults
 from anmstrip.simulation.meshing import (
     carrying_sense,
     cells_across,
-    largest_force,
     strip_mesh,
     surface_speed,
 )

@@ -142,11 +142,6 @@ class Course:
         edge = "exit" if held.get("exit") and not held.get("entry") else "entry"
         return edge, directions[edge], held.get(edge, False)
 
-    def shift(self, name: str, change: Array) -> None:
-        """Labels have moved: an edge's displacement now counts from elsewhere."""
-        self.moved[name] = self.moved[name] + change
-        self.begun[name] = self.begun.get(name, np.zeros(3)) + change
-
     def pulled(self, stage: StageSpec) -> bool:
         """Whether a steady stage has the tension of its entry given, and the strip's speed not."""
         if not stage.steady:
@@ -166,15 +161,9 @@ class Course:
         strip = self.assembly.strip
         edge, pull = strip.edges["entry"], np.zeros((strip.scalars, strip.count))
         whole = np.zeros(strip.unknowns) if full is None else full
-        along = strip.kinematics.pick(self._tangent("entry", whole))
+        along = strip.kinematics.pick(strip.edge_tangent("entry", whole))
         pull[edge.values] = along / np.linalg.norm(along)
         return pull.ravel()
-
-    def _tangent(self, name: str, full: Array) -> Array:
-        """Mean ∂r/∂X on an edge, shape (3,)."""
-        strip = self.assembly.strip
-        slopes = strip.nodal(full)[strip.dofs("u_x")[strip.edges[name].nodes]]
-        return np.array([1.0, 0.0, 0.0]) + strip.kinematics.embed(slopes.mean(axis=0))
 
     def take_over(self, state: State) -> None:
         """Begin a steady stage from a state in time: its entry is held where it is."""
@@ -186,14 +175,10 @@ class Course:
             speed = strip_speed(self.assembly.strip, state.full, velocity)
         self.released.discard("entry")
         self.values.pop("entry.force", None)
-        self.moved["entry"] = self._at_edge("entry", state.full)
-        self.values["strip.speed"] = np.array(speed)
-
-    def _at_edge(self, name: str, full: Array) -> Array:
-        """Mean over an edge, shape (3,)."""
         strip = self.assembly.strip
-        values = strip.nodal(full)[strip.edges[name].values]
-        return strip.kinematics.embed(values.mean(axis=0))
+        places = strip.nodal(state.full)[strip.edges["entry"].values]
+        self.moved["entry"] = strip.kinematics.embed(places.mean(axis=0))
+        self.values["strip.speed"] = np.array(speed)
 
     def finish(self, stage: StageSpec, full: Array | None = None, speed: float = 0.0) -> None:
         """Remember where a stage has ended; if it was steady, in which state and at which speed."""
@@ -202,7 +187,7 @@ class Course:
             self.moved[name] = self._destination(stage, name)
             self.speeds[name] = self._speeds(stage, name)[1]
             if full is not None:
-                self.speeds[name] = speed * self._tangent(name, full)
+                self.speeds[name] = speed * self.assembly.strip.edge_tangent(name, full)
                 if self.assembly.scene.strip.feed and name in self._directions:
                     along = self._directions[name]
                     self.speeds[name] = (self.speeds[name] @ along) * along

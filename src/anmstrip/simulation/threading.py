@@ -15,6 +15,7 @@ from anmstrip.errors import InputError
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.shell import uniaxial_stretches
 from anmstrip.scene.tables import I_UNIT
+from anmstrip.simulation.defaults import bending_stiffness
 
 if TYPE_CHECKING:
     from anmstrip.fem.operators import Pattern
@@ -260,9 +261,7 @@ def _depth(scene: SceneSpec, roller: Roller) -> float:
     assert scene.threading is not None and scene.contact is not None
     if scene.contact.constants is None:
         return 0.0  # such a law carries the tension on the surface
-    m, t = scene.material, scene.strip.thickness
-    bending = m.young * t**3 / (12.0 * (1.0 - m.poisson**2)) if scene.strip.bending else 0.0
-    line_force = scene.threading.tension - bending / (2.0 * roller.radius**2)
+    line_force = scene.threading.tension - bending_stiffness(scene) / (2.0 * roller.radius**2)
     pressure = max(line_force, 0.1 * scene.threading.tension) / roller.radius
     gap = float(RepulsiveSignorini(*scene.contact.constants).gap(pressure))
     if gap < -DEEPEST * roller.radius:

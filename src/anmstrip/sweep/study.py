@@ -7,7 +7,6 @@ import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +23,8 @@ if TYPE_CHECKING:
     from distributed import Client
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
+
 PATIENCE = 10.0
 """Seconds to wait for a scheduler's answer."""
 
@@ -150,13 +151,12 @@ def flatten(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return flat
 
 
-def figure(rows: Sequence[Row], varied: Sequence[str]) -> bytes:
-    """Draw a panel for every roller: tension ratio against the first key; return a PNG.
+def figure(rows: Sequence[Row], varied: Sequence[str]) -> Figure:
+    """Draw a panel for every roller: tension ratio against the first key.
 
     A second key makes curves, or a map if it has many values; further keys more curves.
     Without rollers the tensions of the edges are drawn. What has not ended is left out.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     drawn = {name for row in rows for name in row if row[name] is not None}
@@ -171,9 +171,7 @@ def figure(rows: Sequence[Row], varied: Sequence[str]) -> bytes:
         values = [np.nan if row.get(name) is None else row[name] for row in rows]
         draw(axes, rows, varied, values)
         axes.set_title(name.replace("_", " "))
-    stream = BytesIO()
-    FigureCanvasAgg(figure).print_png(stream)
-    return stream.getvalue()
+    return figure
 
 
 def draw_curves(
@@ -353,8 +351,9 @@ class Sweep:
 
     def draw(self) -> Path:
         """Draw ``sweep.png`` of what there is so far."""
+        from anmstrip.pictures.curves import save_figure
+
         path = self.directory / "sweep.png"
         self.write_table()
-        with atomic_write(path) as temporary:
-            temporary.write_bytes(figure(self.rows, tuple(self.variants[0].values)))
+        save_figure(figure(self.rows, tuple(self.variants[0].values)), path)
         return path

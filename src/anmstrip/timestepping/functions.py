@@ -1,10 +1,8 @@
-"""Equations for the path follower and the time integrators from plain residual functions."""
+"""Equations for the time integrators from plain residual functions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -12,7 +10,6 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline
 
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import Equations
 from anmstrip.taylor.series import RecordedFunction, recorded
 from anmstrip.timestepping.formulas import AffineVelocity, RateEquations, StepEquations, TimeStep
 from anmstrip.timestepping.index_one import TimePath, stretch
@@ -70,56 +67,6 @@ class TracedRecurrence:
     def correct(self, k: int, u: Array, control: float) -> None:
         """Fix order k of the unknowns."""
         self.orders.correct(*self.inputs.changes(u, control))
-
-
-@dataclass(frozen=True)
-class FunctionEquations(Equations):
-    """R(u, λ) = 0 for :func:`anmstrip.continuation.follow.follow`.
-
-    Examples
-    --------
-    >>> from anmstrip.continuation.follow import Settings, follow
-    >>> from anmstrip.linalg.solvers import DenseSolver
-    >>> cubic = FunctionEquations(lambda u, load: u + u * u * u - load)
-    >>> *_, last = follow(
-    ...     cubic, np.zeros(1), solver=DenseSolver(), settings=Settings(tolerance=1e-10), target=2.0
-    ... )
-    >>> float(last.branch.end[0][0].round(9))
-    1.0
-    """
-
-    function: Callable[[Any, Any], Any]  # of arrays (n,), () → (n,), written in numpy
-    scale: float = 1.0  # change of u that counts as 1
-    force: float = 1.0  # residual that counts as 1
-
-    def recurrence(self, u: Array, control: float, order: int) -> TracedRecurrence:
-        """Start the series at a point."""
-        return TracedRecurrence(self._recorded, self, u, control, order)
-
-    @cached_property
-    def _recorded(self) -> RecordedFunction:
-        return RecordedFunction(self.function)
-
-    def arguments(self, u: Array, control: float) -> tuple[ArrayLike, ...]:
-        """Return the unknowns and the control."""
-        return u, control
-
-    def changes(self, u: Array | None, control: float) -> tuple[ArrayLike | None, ...]:
-        """Changes of the arguments."""
-        return u, control if control else None
-
-    def residual(self, u: Array, control: float) -> Array:
-        """R(u, λ)."""
-        return np.asarray(self.function(u, np.float64(control)))
-
-    @property
-    def metric(self) -> float:
-        """Metric of changes in units of ``scale``."""
-        return self.scale**-2
-
-    def imbalance(self, residual: Array) -> float:
-        """Largest entry of a residual, in units of ``force``."""
-        return float(np.abs(residual).max()) / self.force
 
 
 class FunctionRateEquations(RateEquations):
