@@ -578,8 +578,8 @@ ESTIMATES = (
     ),
     Mutant(
         "all of the wrap of a roller that idles holds",
-        'if spec.drive == "speed" else 1.0',
-        'if spec.drive != "torque" else 1.0',
+        "[roller for roller in assembly.rollers if roller.name not in assembly.turning]",
+        "list(assembly.rollers)",
         "explain",
         "test_forewarnings.py",
     ),

@@ -228,6 +228,10 @@ def test_friction_that_is_too_steep() -> None:
     message = told(wrapped(), stalled(), scene(friction={"coefficient": 0.3, "speed": 1e-12}))
     assert "Friction turns round within 1e-12 m/s" in message
     assert typed(message) == ["friction.speed=9e-09"]
+    law = {"law": "norton-hoff", "coefficient": 0.3, "omega": 0.1, "speed": 1e-12}
+    message = told(wrapped(), stalled(), scene(friction=law))  # whose corner is ω V_c wide
+    assert "Friction turns round within 1e-13 m/s" in message
+    assert typed(message) == ["friction.speed=9e-08"]
 
 
 def test_series_of_few_terms() -> None:

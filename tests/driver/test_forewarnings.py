@@ -222,6 +222,12 @@ def test_an_ordinary_bridle_gives_no_cause() -> None:
             "holds 2.17 times", "stages.run.entry.tension below 2.2e+04 N/m, or a friction "
             "coefficient above 0.36",
         ),
+        (  # b idles, and only the 111° of a hold
+            [("stages.1.entry.tension", 4e4), ("rollers.1.drive", "idle"),
+             ("stages.1.rollers", STOPPED)],
+            "on 111° of wrap friction holds 1.47 times", "stages.run.entry.tension below "
+            "1.5e+04 N/m, or a friction coefficient above 0.72",
+        ),
         ([("material.yield_stress", 3e8)], "bending over a gives 366 MPa", "rollers.a.radius=0.37"),
         (
             [("strip.thickness", 5e-3)],

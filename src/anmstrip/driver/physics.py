@@ -160,11 +160,11 @@ def driven_without_friction(preview: Preview) -> Iterator[str]:
 
 
 def holding(preview: Preview, roller: Roller) -> float:
-    """Return e^(fθ) of a roller: the ratio of tensions that friction on it can hold."""
+    """Return e^(fθ) of a driven roller: the ratio of tensions that friction on it can hold."""
     scene = preview.assembly.scene
     (spec,) = (spec for spec in scene.rollers if spec.name == roller.name)
     f = coefficient_on(scene, spec)
-    return float(np.exp(min(f * preview.turn(roller), 100.0))) if spec.drive == "speed" else 1.0
+    return float(np.exp(min(f * preview.turn(roller), 100.0)))
 
 
 def beyond_capacity(preview: Preview) -> Iterator[str]:
@@ -173,8 +173,10 @@ def beyond_capacity(preview: Preview) -> Iterator[str]:
     held = {name for name in ENDS if name in scene.edges and "x" in scene.edges[name].fixed}
     first = 0.0 if scene.threading is None else scene.threading.tension
     pulls = dict.fromkeys(ENDS, first)
-    turn = sum(preview.turn(roller) for roller in preview.assembly.rollers)
-    capacity = float(np.prod([holding(preview, roller) for roller in preview.assembly.rollers]))
+    assembly = preview.assembly
+    driven = [roller for roller in assembly.rollers if roller.name not in assembly.turning]
+    turn = sum(preview.turn(roller) for roller in driven)
+    capacity = float(np.prod([holding(preview, roller) for roller in driven]))
     for stage in scene.stages:
         before = max(pulls.values())
         for name in ENDS:
@@ -258,8 +260,8 @@ def gravity_upwards(preview: Preview) -> Iterator[str]:
 def unequal_speeds(preview: Preview) -> Iterator[str]:
     """Driven rollers of which some must slip or brake, since their surfaces go at other speeds."""
     assembly, last = preview.assembly, dict[str, float]()
-    driven = {spec.name for spec in assembly.scene.rollers if spec.drive == "speed"}
-    touched = [r for r in assembly.rollers if r.name in driven and preview.turn(r) > 0.0]
+    driven = (r for r in assembly.rollers if r.name not in assembly.turning)
+    touched = [roller for roller in driven if preview.turn(roller) > 0.0]
     if assembly.friction is None:
         return
     for stage in assembly.scene.stages:
