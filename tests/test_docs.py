@@ -25,6 +25,7 @@ from anmstrip.scene.schema import SceneSpec
 
 ROOT = Path(__file__).parent.parent
 TUTORIAL = sorted((ROOT / "docs" / "tutorial").glob("*.md"))
+STUDIES = sorted((ROOT / "docs" / "studies").glob("*.md"))
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
@@ -84,23 +85,54 @@ def test_every_claim_has_its_row() -> None:
     }
     lines = (ROOT / "docs" / "claims.jsonl").read_text(encoding="utf-8").splitlines()
     written = [json.loads(line) for line in lines]
+    assert len({(claim["test"], claim["quantity"]) for claim in written}) == len(written)
     assert {claim["test"].partition("[")[0] for claim in written} == claiming
     for claim in written:
         assert 0.0 <= claim["error"] <= claim["bound"], claim
+
+
+def figures(page: str) -> list[str]:
+    """Return the commands of all rows of figures of a page: the last cells of its tables."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    rows = re.findall(r"^\|.*\| `((?:pytest|python|anmstrip) [^`]*)` \|$", text, re.MULTILINE)
+    assert rows
+    return rows
+
+
+def test_every_row_of_figures_has_its_test() -> None:
+    """Rows name a test, or a script or case that a test runs; those of the README come again."""
+    tests = [path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("test_*.py")]
+    commands = figures("docs/verification.md")
+    assert set(figures("README.md")) <= set(commands)
+    for command in commands:
+        named = command.split()[-1]
+        if command.startswith("pytest"):
+            assert (ROOT / named).exists(), command
+            continue
+        assert command.startswith("anmstrip") or (ROOT / named).exists(), command
+        word = re.compile(rf"\b{Path(named).stem}\b")
+        assert any(word.search(text) for text in tests), command
+
+
+def slugs(page: Path) -> set[str]:
+    """Return the names under which the headings of a page can be linked to."""
+    heads = re.findall(r"^#+ (.*)$", without_blocks(page.read_text(encoding="utf-8")), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", head).strip().lower().replace(" ", "-") for head in heads}
 
 
 def test_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 120
 
 
-@pytest.mark.parametrize("page", [*PAGES, *TUTORIAL], ids=lambda page: page.name)
+@pytest.mark.parametrize("page", [*PAGES, *TUTORIAL, *STUDIES], ids=lambda page: page.name)
 def test_links_lead_somewhere(page: Path) -> None:
-    """Relative links and the files that are named in code spans with a directory."""
+    """Relative links, their headings, and files that are named in code spans with a directory."""
     text = without_blocks(page.read_text(encoding="utf-8"))
-    links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text)]
-    for link in links:
-        if link and "://" not in link:
-            assert (page.parent / link).exists(), link
+    for link in re.findall(r"\]\(([^)\s]+)\)", text):
+        file, _, head = link.partition("#")
+        if "://" not in link:
+            assert (target := page.parent / file if file else page).exists(), link
+            assert not head or head in slugs(target), link
     for name in re.findall(r"\b((?:examples|tests|src|meshes|docs)/[\w./-]*\.\w+)", text):
         assert "NAME" in name or (ROOT / name).exists(), name
 
@@ -259,3 +291,13 @@ def test_question_is_answered_a_click_from_the_first_page(question: str) -> None
     page, head = QUESTIONS[question]
     assert f"({page}.md)" in (ROOT / "docs" / "index.md").read_text("utf-8")
     assert head in (ROOT / "docs" / f"{page}.md").read_text("utf-8")
+
+
+@pytest.mark.parametrize("question", QUESTIONS)
+def test_question_is_answered_by_the_search(question: str) -> None:
+    """It returns pages with all words asked for, which stand in the text of the answer."""
+    page, head = QUESTIONS[question]
+    text = without_blocks((ROOT / "docs" / f"{page}.md").read_text("utf-8"))
+    answer = head + re.split(r"\n\n(?=## |\*\*)", text.partition(head)[2])[0]
+    for word in re.findall(r"\w+", question):
+        assert word == "the" or re.search(rf"\b{word}\b", answer, re.IGNORECASE), word

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -50,6 +51,15 @@ def test_capstan_ratio_on_its_own_mesh(claim: Claim) -> None:
         5e-4,
         "capstan formula with bending",
     )
+
+
+@pytest.mark.parametrize(("element", "bound"), [(0.1, 1e-3), (0.025, 1.5e-4)])
+def test_capstan_ratio_converges(element: float, bound: float, claim: Claim) -> None:
+    """The figure of the README; on elements four times as long a difference seven times as large."""
+    script = runpy.run_path(str(EXAMPLES / "capstan_convergence.py"))
+    ratio, formula, _ = script["tension_ratio"](element)
+    quantity = f"tension ratio in full slip, elements of {element:g} m over the roller"
+    claim(quantity, ratio, formula, bound, "capstan formula with bending")
 
 
 def test_press_pressure_and_lift_off(claim: Claim) -> None:
