@@ -55,7 +55,7 @@ def test_capstan_ratio_on_its_own_mesh(claim: Claim) -> None:
 
 @pytest.mark.parametrize(("element", "bound"), [(0.1, 1e-3), (0.025, 1.5e-4)])
 def test_capstan_ratio_converges(element: float, bound: float, claim: Claim) -> None:
-    """The figure of the README; on elements four times as long a difference seven times as large."""
+    """The figure of the README, and seven times as much on elements four times as long."""
     script = runpy.run_path(str(EXAMPLES / "capstan_convergence.py"))
     ratio, formula, _ = script["tension_ratio"](element)
     quantity = f"tension ratio in full slip, elements of {element:g} m over the roller"
