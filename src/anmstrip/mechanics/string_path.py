@@ -109,11 +109,6 @@ class StringPath:
         start, end = self.starts[1:-1:2], self.starts[2::2]
         return Arcs(start, end, np.abs(self.curvatures[1::2]) * (end - start))
 
-    @property
-    def directions(self) -> tuple[Array, Array]:
-        """u at the entry and at the exit, each of shape (2, fibres)."""
-        return frame(self.angles[0])[0], frame(self.angles[-1])[0]
-
     def at(self, s: ArrayLike, fibre: ArrayLike) -> tuple[Array, Array]:
         """Position and direction at arc lengths s; beyond the ends straight on.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -36,11 +36,6 @@ class Parameters:
     K: float = 1.0e3  # N/m, stiffness of the obstacle (chosen)
     eta: float = 1.0e-2  # N, regularisation of contact (chosen)
     t_end: float = 3.0  # s (chosen)
-
-    @classmethod
-    def names(cls) -> tuple[str, ...]:
-        """Symbols that can be set."""
-        return tuple(field.name for field in fields(cls))
 
     @property
     def friction(self) -> NortonHoff:
