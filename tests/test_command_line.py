@@ -51,6 +51,9 @@ class FakeRun:
     def outcome(self) -> SimpleNamespace:
         return SimpleNamespace(done=self.done)
 
+    def forewarnings(self) -> tuple[str, ...]:
+        return ()
+
     def interrupted(self) -> None:
         self.saved.append(True)
 

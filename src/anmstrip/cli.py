@@ -171,6 +171,8 @@ def run_command(
     loaded = Scene.load(scene, settings)
     directory = directory or Path("results", loaded.name)
     running = loaded.run(directory, resume=resume)
+    for line in () if quiet else running.forewarnings():
+        click.echo(f"Warning: {line}", err=True)
     usual = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         for _ in running if quiet else show_progress(running, describe_step):

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from anmstrip.driver.freedom import free_motions
 from anmstrip.driver.preview import Preview
 from anmstrip.driver.scene import Scene
-from anmstrip.driver.warnings import free_to_turn, serious, warnings
+from anmstrip.driver.warnings import serious, warnings
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.fem.sampling import l2_projection, quadrature_points
 from anmstrip.mechanics.shell import uniaxial_stretches
@@ -293,7 +294,7 @@ def free(changed: dict[str, Any] | None = None, last: dict[str, Any] | None = No
         tables[table][int(entry) if entry.isdigit() else entry] = value
     if last is not None:
         tables["stages"].append({"name": "last", "duration": 1.0, **last})
-    return list(free_to_turn(preview_of(tables)))
+    return list(free_motions(preview_of(tables)))
 
 
 def turned_imbalance(control: dict[str, Any], angle: float) -> float:

@@ -249,17 +249,14 @@ def more_tension(failure: Failure) -> str:
     return f"--set 'stages.{scene.stages[0].name}.exit.force=[{tension:.3g}, 0.0, 0.0]'"
 
 
-def free_end(failure: Failure) -> str | None:
-    """An end that is free to turn, where it fails away from all rollers."""
-    from anmstrip.driver.preview import Preview
-    from anmstrip.driver.warnings import free_to_turn
+def free_motion(failure: Failure) -> str | None:
+    """A null vector of the tangent where it has stopped, which at a limit point is another one."""
+    from anmstrip.driver.freedom import motions_at
 
-    location = failure.location
-    if location is None or location.roller:
+    if failure.stopped.outcome is Outcome.FOLD:
         return None
-    stage, preview = failure.stage.name, Preview.of(failure.assembly)
-    found = next(free_to_turn(preview), "")
-    return f"{found[0].upper()}{found[1:]}" if found.startswith(f"in stage {stage} ") else None
+    found = next(motions_at(failure.assembly, failure.plan, failure.state.full), "")
+    return f"{found[0].upper()}{found[1:]}" if found else None
 
 
 def coarse(failure: Failure) -> str | None:
@@ -350,7 +347,7 @@ CAUSES: tuple[Callable[[Failure], str | None], ...] = (
     round_off,
     forewarned,
     slack,
-    free_end,
+    free_motion,
     coarse,
     stiff_friction,
     low_order,

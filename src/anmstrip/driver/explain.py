@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from anmstrip.driver.preview import Preview
-from anmstrip.driver.warnings import Level, free_to_turn, justified_level, levels, warnings
+from anmstrip.driver.warnings import Level, justified_level, levels, warnings
 from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import InputError, Mistake, printable
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
@@ -88,8 +88,6 @@ def explain(scene: SceneSpec) -> str:
     for level in found:
         if level.kinematics.name == own and level.against:
             say(f"Warning: kinematics {own} does not see that {'; '.join(level.against)}.")
-    for line in free_to_turn(preview):
-        say(f"Free to turn: {line}")
     for line in warnings(preview):
         say(f"Warning: {line}")
     return stream.getvalue().rstrip()

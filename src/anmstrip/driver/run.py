@@ -139,6 +139,7 @@ class Run:
         self.state: State | None = None
         self.outcome, self.message = Outcome.TOO_MANY_STEPS, "The run has not ended."
         self.warnings: list[str] = []
+        self._forewarnings: list[str] | None = None
         self.rows: list[dict[str, Any]] = []
         self.begun, self.spent = time.perf_counter(), 0.0
         resumed = None
@@ -160,6 +161,12 @@ class Run:
     def cost(self) -> Cost:
         """Factorisations and back-substitutions so far."""
         return self.march.cost
+
+    def forewarnings(self) -> list[str]:
+        """Return what the scene alone gives cause for, before anything is solved."""
+        if self._forewarnings is None:
+            self._forewarnings = warnings(Preview.of(self.assembly))
+        return self._forewarnings
 
     @property
     def seconds(self) -> float:
@@ -298,7 +305,7 @@ class Run:
             chosen = self.scene.output.times is not None or self.outcome is Outcome.INTERRUPTED
             if written is None or (not chosen and written < state.time):
                 self.recorder.write_state(state)
-            self.warnings = warnings(Preview.of(self.assembly))
+            self.warnings = list(self.forewarnings())
             elastic = state.plan.model.coupled == state.plan.model.unknowns
             if state.plan.steady and self.outcome.done and elastic:
                 from anmstrip.driver.sensitivities import sensitivities

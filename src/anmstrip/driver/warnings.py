@@ -6,18 +6,17 @@ sentences; those of statics stand in :mod:`anmstrip.driver.physics`.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
 from anmstrip.driver import physics
+from anmstrip.driver.freedom import UNSEEN, free_motions
 from anmstrip.driver.preview import Preview
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.mechanics.roller import Roller
-from anmstrip.scene.tables import ENDS, EdgeSpec
+from anmstrip.scene.tables import ENDS
 from anmstrip.simulation.defaults import boundary_layer, elastic_creep
 from anmstrip.simulation.meshing import (
     QUARTER,
@@ -37,9 +36,6 @@ BENT = 0.5
 
 SUNK = 0.1
 """Share of a roller's radius that a strip may sink into it, pressed by its tension."""
-
-UNSEEN = 1e-3
-"""Torque of bearings that hardly counts, over that of the tension."""
 
 SLACK = 1e-2
 """Share of the largest force below which an end that was pulled is slack."""
@@ -259,33 +255,6 @@ def acts_as(coefficient: float, share: float, slip: float) -> str:
     )
 
 
-def free_to_turn(preview: Preview) -> Iterator[str]:
-    """Ends that are pulled along their own direction and may move sideways: any angle will do.
-
-    The tangent has a null vector there, which turns the run between the end and the last roller,
-    unless a load on the strip or its foundation holds it.  Such a line may run all the same, as
-    long as nothing disturbs it: this is no warning.
-    """
-    spec = preview.assembly.scene.strip
-    for plan, name in product(preview.plans, ENDS):
-        controls, edge = plan.controls.at(1.0), preview.assembly.strip.edges[name]
-        loads = [controls.get(key, 0.0) for key in (f"{name}.force", "gravity", "pressure")]
-        pulled = np.any(controls.get(f"{name}.tension", 0.0)) and not any(map(np.any, loads))
-        place = preview.assembly.kinematics.place(2)
-        if not pulled or plan.steady or place is None or spec.foundation is not None:
-            continue
-        count = preview.assembly.strip.count
-        if np.isin(count * edge.trace + place, plan.supports.free).all():
-            fixed = sorted({*preview.assembly.scene.edges.get(name, EdgeSpec()).fixed, "z"} - {"x"})
-            yield (
-                f"in stage {plan.name} the {name} is pulled along its own direction and free in z: "
-                f"it is in equilibrium at any angle, and its place is what came before. "
-                f"Try --set 'edges.{name}.fixed={json.dumps(fixed)}', or {name}.force, which has a "
-                f"direction of its own."
-            )
-            return
-
-
 SERIOUS_RULES = (
     sharp_roller,
     soft_contact,
@@ -295,7 +264,7 @@ SERIOUS_RULES = (
     slack_end,
     heavy_strip,
 )
-OTHER_RULES = (coarse_mesh, slipping_friction, *physics.RULES)
+OTHER_RULES = (free_motions, coarse_mesh, slipping_friction, *physics.RULES)
 
 
 def element_over(assembly: Assembly, roller: Roller) -> float:
