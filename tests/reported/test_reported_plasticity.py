@@ -8,6 +8,8 @@ import pytest
 from anmstrip import InputError, Scene
 from anmstrip.driver.report import report
 from anmstrip.results.files import read_history
+from anmstrip.results.plastic import YieldedStrip
+from anmstrip.results.vtk import read_surface
 
 YOUNG, YIELD, THICKNESS, TENSION = 2e11, 3e8, 1e-3, 3e4
 KAPPA, STRAIN = 2.0 * YIELD / (YOUNG * THICKNESS), YIELD / YOUNG
@@ -200,6 +202,60 @@ def test_cooled_between_held_ends_it_flows():
     assert elongation == pytest.approx((3.0 - share) * STRAIN, rel=2e-3)
 
 
+SHELL = {
+    "strip": {"length": 0.1, "width": 0.04, "thickness": THICKNESS, "cells": [2, 2]},
+    "material": {
+        **TABLES["material"], "poisson": 0.3, "plasticity": {"layers": 5, "reference_rate": 3e-3},
+    },
+    "edges": {"entry": {"fixed": ["x", "z"], "centred": True}, "exit": {"fixed": ["x", "z"]}},
+    "stages": [{"duration": 1.0, "exit": {"move": [0.1 * 3.0 * STRAIN, 0.0, 0.0]}}],
+    "solver": {"tolerance": 1e-3},
+}  # fmt: skip
+
+
+def test_a_shell_in_tension_flows_and_narrows(tmp_path):
+    """At the rate r: σ = σ_y (r/ε₀)^(1/n), ε_p across −½ of that along, all of the thickness."""
+    *_, last = Scene.from_tables(SHELL, "pulled.toml").run(tmp_path)
+    share, state = (3.0 * STRAIN / 3e-3) ** (1.0 / 51.0), last.state
+    stretch = 1.0 + 3.0 * STRAIN
+    assert state.tension("exit") == pytest.approx(share * YIELD * THICKNESS * stretch, rel=1e-3)
+    green = 0.5 * (stretch**2 - 1.0)
+    assert state.along("elongation") == pytest.approx(green - share * STRAIN, rel=1e-3)
+    assert state.along("plastic_share") == pytest.approx(1.0)
+    fields = read_surface(last_file(tmp_path)).fields
+    assert fields["plastic_strain"] == pytest.approx(green - share * STRAIN, rel=1e-3)
+    assert fields["von_mises"] == pytest.approx(share * YIELD, rel=1e-3)
+    assert fields["plastic_share"] == pytest.approx(1.0)
+    strain = YieldedStrip.of(state).strain
+    assert strain[1] == pytest.approx(-0.5 * strain[0], rel=1e-6)
+    assert not (tmp_path / "layers.csv").exists()
+
+
+def test_what_is_left_of_a_shell_that_is_bent_is_told_before_it_is_let_go(tmp_path):
+    """Bent by moments, its sides free; the curvatures both ways that are left, and the share."""
+    tables = {
+        **SHELL,
+        "edges": {"entry": {"fixed": ["x", "z"], "centred": True}, "exit": {"fixed": ["z"]}},
+        "stages": BENT["stages"],
+    }
+    tables["material"] = {**SHELL["material"], "plasticity": {"layers": 11, "exponent": 301}}
+    *steps, last = Scene.from_tables(tables, "bent.toml").run(tmp_path)
+    bent = YieldedStrip.of(next(s.state for s in reversed(steps) if s.stage != "freed"))
+    freed = YieldedStrip.of(last.state)
+    middle = np.abs(bent.x - 0.05) < 0.02
+    told, left = (k[:2, middle].mean(axis=1) for k in (bent.residual_curvature, freed.curvature))
+    assert told == pytest.approx(left, abs=0.04 * np.abs(left[0]))  # it creeps on as it is let go
+    assert left[0] * left[1] < -0.1 * left[0] ** 2  # it curls across
+    fields = read_surface(last_file(tmp_path)).fields
+    written = fields["residual_curvature"][np.abs(fields["arc_length"] - 0.05) < 0.01]
+    assert written[:, :2].mean(axis=0) == pytest.approx(left, abs=0.04 * np.abs(left[0]))
+
+
+def last_file(directory):
+    """The last state that was written."""
+    return sorted(directory.rglob("strip*.vtu"))[-1]
+
+
 def test_a_scene_without_the_table_has_nothing_of_it(tmp_path):
     """No unknown, no column, no file, no effect."""
     tables = with_keys(material={"plasticity": None})
@@ -220,6 +276,7 @@ def test_a_scene_without_the_table_has_nothing_of_it(tmp_path):
         ({"material": {"poisson": 0.3}}, "material.poisson"),
         ({"material": {"plasticity": {"exponent": 50}}}, "exponent = 51"),
         ({"strip": {"kinematics": "shell"}}, 'kinematics = "section"'),
+        ({"strip": {"kinematics": "shell"}}, "no uniaxial"),
         ({"strip": {"bending": False}}, "bending = true"),
         ({"strip": {"feed": True}}, "no feed, or no plasticity"),
     ],
@@ -228,3 +285,9 @@ def test_mistakes_are_told_with_what_to_type(changed, told):
     with pytest.raises(InputError) as caught:
         Scene.from_tables(with_keys(**changed), "scene.toml")
     assert told in str(caught.value)
+
+
+def test_a_plate_does_not_yield():
+    plate = {**SHELL, "strip": {**SHELL["strip"], "kinematics": "plate"}}
+    with pytest.raises(InputError, match="a plate has no stretch"):
+        Scene.from_tables({**plate, "stages": [{"duration": 1.0}]}, "scene.toml")

@@ -203,7 +203,8 @@ class Recorder:
                     "regularisation_effect": {**effect, "total": cost.effect},
                 }
             if (layers := YieldedStrip.of(state)) is not None:
-                write_table(self.directory / "layers.csv", LAYER_COLUMNS, layers.rows())
+                if len(layers.stress) == 1:
+                    write_table(self.directory / "layers.csv", LAYER_COLUMNS, layers.rows())
                 for name, bend in layers.rollers().items():
                     rollers[name]["bend"] = asdict(bend)
         written = {"rollers": rollers, "edges": edges, "input": self.assembly.scene.to_dict()}

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.legendre import Legendre
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, eye, kron, vstack
 
 from anmstrip.arrays import Array, Index
@@ -222,19 +223,53 @@ def upwind(strip: Strip) -> csr_matrix:
     return csr_matrix((values, index), shape=(len(x), len(x)))
 
 
+def lobatto(count: int) -> tuple[Array, Array]:
+    """Return points in [−1, 1] and weights of Lobatto's rule, which includes both ends.
+
+    Weights 2/(n (n − 1) P_{n−1}(x)²), n the count (Abramowitz and Stegun, 25.4.32).
+    """
+    last = Legendre.basis(count - 1)
+    points = np.concatenate([[-1.0], last.deriv().roots(), [1.0]])
+    return points, 2.0 / (count * (count - 1) * last(points) ** 2)
+
+
+@dataclass(frozen=True)
+class Layers:
+    """Points through the thickness at which fibres flow.
+
+    Attributes
+    ----------
+    heights : ndarray, shape (layers,)
+        ζ (m) above the middle.
+    weights : ndarray, shape (layers,)
+        m; their sum is the thickness.
+    """
+
+    heights: Array
+    weights: Array
+
+    @classmethod
+    def of(cls, thickness: float, count: int) -> Layers:
+        """Return so many layers by Lobatto's rule, the first and the last on the faces."""
+        points, weights = lobatto(count)
+        return cls(0.5 * thickness * points, 0.5 * thickness * weights)
+
+
 class InternalOperator:
     """Derivatives at quadrature points, and unknowns that belong to each point alone.
 
     Of a law with unknowns of its own: it has the equations for them, as many, below its forces.
-    They are the last unknowns of a model, component by component.
+    They are the last unknowns of a model, variable by variable, of each one layer by layer.
 
     Parameters
     ----------
     cells : CellOperator
     place : int
         Number of the first of these unknowns in a model.
-    own : int
-        How many each point has.
+    variables : int
+        How many each layer has.  Layers do not see each other; forces are integrals over the
+        thickness of functions that are linear in the unknowns and in the height.
+    layers : Layers
     slopes : csr_matrix, optional
         From values at the points to derivatives along the strip, shape (points, points): those of
         the own unknowns follow behind them, and their equations are solved for the whole strip.
@@ -246,11 +281,13 @@ class InternalOperator:
         self,
         cells: CellOperator,
         place: int,
-        own: int,
+        variables: int,
+        layers: Layers,
         slopes: csr_matrix | None = None,
         flows: bool = True,
     ) -> None:
-        self.cells, self.place, self.own = cells, place, own
+        self.cells, self.place, self.variables, self.layers = cells, place, variables, layers
+        self.own = variables * len(layers.heights)
         self.slopes, self.flows = slopes, flows
         self.strains = cells.count * cells.components
 
@@ -258,6 +295,22 @@ class InternalOperator:
     def points(self) -> int:
         """Number of quadrature points."""
         return self.cells.points
+
+    @cached_property
+    def seeds(self) -> Array | None:
+        """Changes of strains and own unknowns that the tangent needs; None: of each one alone.
+
+        Of each variable of all layers at once, the same and like the height: what forces are
+        linear in, and what is zero between layers, follows from those.
+        """
+        if self.slopes is not None:
+            return None
+        strains = np.eye(self.strains, self.strains + self.own)
+        if not self.flows:
+            return strains
+        shapes = np.kron(np.eye(self.variables), [np.ones_like(self.layers.heights)])
+        shapes = np.vstack([shapes, shapes * np.tile(self.layers.heights, self.variables)])
+        return np.vstack([strains, np.hstack([np.zeros((len(shapes), self.strains)), shapes])])
 
     @cached_property
     def matrix(self) -> csr_matrix:
@@ -308,7 +361,7 @@ class InternalOperator:
         q = self.strains
         on_strains = derivative[:q, :q]
         if self.flows and self.slopes is None:
-            part = Eliminated(self, derivative[:q, q:], derivative[q:, :q], derivative[q:, q:])
+            part = Eliminated(self, derivative)
             on_strains = on_strains - part.relief
             blocks.internal = part
         elif self.flows:
@@ -320,37 +373,53 @@ class InternalOperator:
 class Eliminated:
     """Unknowns z of points, g = A L u + C z, that act on the others as Lᵀ w B z.
 
+    C couples the variables of each layer alone, and B z = Σ_l w_l (S₀ + ζ_l S₁) z_l.
+
     Parameters
     ----------
     operator : InternalOperator
-    by_strains, on_forces, own : ndarray
-        A, B and C as J[j, i] of change j and result i, points last.
+    derivative : ndarray
+        J[j, i] of change j along the seeds and result i, points last.
     """
 
-    def __init__(self, operator: InternalOperator, by_strains: Array, on_forces: Array, own: Array):
-        self.operator, self.inverse = operator, np.linalg.inv(own.transpose(2, 1, 0))
-        self.by_strains = self.inverse @ by_strains.transpose(2, 1, 0)  # C⁻¹ A
-        self.on_forces = on_forces.transpose(2, 1, 0)
-        self.by_own = self.on_forces @ self.inverse  # B C⁻¹
+    def __init__(self, operator: InternalOperator, derivative: Array) -> None:
+        self.operator, q, v = operator, operator.strains, operator.variables
+        layers = operator.layers
+        moments = np.stack([np.ones_like(layers.heights), layers.heights])
+        sizes = (moments**2) @ layers.weights
+        self.shapes = moments * layers.weights / sizes[:, None]
+        own = derivative[q : q + v, q:].reshape(v, v, -1, operator.points)
+        by_strains = derivative[:q, q:].reshape(q, v, -1, operator.points)
+        self.inverse = np.linalg.inv(own.transpose(3, 2, 1, 0))  # (points, layers, v, v)
+        self.by_strains = self.inverse @ by_strains.transpose(3, 2, 1, 0)  # C⁻¹ A
+        self.on_forces = derivative[q:, :q].transpose(2, 1, 0)  # (points, q, 2 v)
+
+    def on_strip(self, own: Array) -> Array:
+        """Return B z of z, (points, layers, v, changes), shape (points, q, changes)."""
+        integrals = np.einsum("sl,plvj->psvj", self.shapes, own)
+        return np.asarray(self.on_forces @ integrals.reshape(len(own), -1, own.shape[-1]))
 
     @property
     def relief(self) -> Array:
         """B C⁻¹ A as J[j, i], shape (strains, strains, points)."""
-        return (self.on_forces @ self.by_strains).transpose(2, 1, 0)
+        return self.on_strip(self.by_strains).transpose(2, 1, 0)
+
+    def solved(self, own: Array) -> Array:
+        """Return C⁻¹ g, shape (points, layers, v, 1), of g, (own unknowns,)."""
+        each = own.reshape(self.operator.variables, -1, self.operator.points)
+        return np.asarray(self.inverse @ each.transpose(2, 1, 0)[..., None])
 
     def reduced(self, own: Array) -> Array:
         """Return Lᵀ w B C⁻¹ g, shape (unknowns of the strip,)."""
-        operator = self.operator
-        forces = self.by_own @ own.reshape(operator.own, -1).T[:, :, None]
-        shape = (operator.cells.count, operator.cells.components, -1)
-        return operator.cells.gather(forces[:, :, 0].T.reshape(shape))
+        cells = self.operator.cells
+        forces = self.on_strip(self.solved(own))[:, :, 0].T
+        return cells.gather(forces.reshape(cells.count, cells.components, -1))
 
     def recovered(self, full: Array, own: Array) -> Array:
         """Return z = C⁻¹ (g − A L u), shape (own unknowns,)."""
-        operator = self.operator
-        strains = operator.cells.apply(full).reshape(operator.strains, -1).T[:, :, None]
-        z = self.inverse @ own.reshape(operator.own, -1).T[:, :, None] - self.by_strains @ strains
-        return z[:, :, 0].T.ravel()
+        strains = self.operator.cells.apply(full).reshape(self.operator.strains, -1).T
+        z = self.solved(own) - self.by_strains @ strains[:, None, :, None]
+        return z[..., 0].transpose(2, 1, 0).ravel()
 
 
 class Chained:

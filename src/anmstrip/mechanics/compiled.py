@@ -35,6 +35,8 @@ class CompiledLaw:
         L of one input, and what forces are gathered by.
     inputs : int
         How many inputs L is for: 1, or 2 with the velocity; the others are controls.
+    seeds : ndarray, shape (seeds, entries of x), optional
+        Changes of x that the tangent is found for; of every entry alone by default.
 
     Attributes
     ----------
@@ -45,13 +47,18 @@ class CompiledLaw:
     """
 
     def __init__(
-        self, program: Program, matrices: tuple[list[Part], list[Part]], inputs: int
+        self,
+        program: Program,
+        matrices: tuple[list[Part], list[Part]],
+        inputs: int,
+        seeds: Array | None = None,
     ) -> None:
         assert isinstance(program.executor, CompiledExecutor)
         self.program, self.executor = program, program.executor
         self.lanes = program.blocks * program.lanes
         self.sizes = [variable.rows.size for variable in program.inputs]
         self.stops = np.cumsum(self.sizes)
+        self.seeds = np.eye(self.sizes[0]) if seeds is None else seeds
         self.lifts = [
             [self.lifted(part, stop - size) for part in matrices[0]]
             for size, stop in zip(self.sizes[:inputs], self.stops, strict=False)
@@ -132,17 +139,15 @@ class CompiledLaw:
         call("derivatives", *self.executor.tables_and(w), changes, found, inside, 1)
 
     def tangent(self, w: Array, rate: float) -> Array:
-        """Return ∂law/∂x + rate ∂law/∂v, shape (entries of x, *output)."""
-        rows = np.arange(self.sizes[0])
+        """Return ∂law/∂x + rate ∂law/∂v along the seeds, shape (seeds, *output)."""
         if len(self.lifts) > 1:
-            self.units[rows, self.sizes[0] + rows] = rate
+            self.units[:, self.sizes[0] : self.stops[1]] = rate * self.seeds[..., None, None]
         found = self.executor.derivative(w, self.units)
-        return self.program.unpacked(found, (len(rows),))
+        return self.program.unpacked(found, (len(self.seeds),))
 
     @cached_property
     def units(self) -> Array:
-        """Unit changes of x, shape (entries of x, inputs, blocks, lanes)."""
-        rows = np.arange(self.sizes[0])
-        units = np.zeros((len(rows), *self.changes.shape))
-        units[rows, rows] = 1.0
+        """Changes of x, shape (seeds, inputs, blocks, lanes)."""
+        units = np.zeros((len(self.seeds), *self.changes.shape))
+        units[:, : self.sizes[0]] = self.seeds[..., None, None]
         return units

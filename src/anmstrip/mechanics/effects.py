@@ -102,6 +102,10 @@ class LawEffect(Effect):
 
     operator: Operator
 
+    seeds: Array | None = None
+    """Changes of the entries of x, (seeds, entries), of which the operator makes the tangent;
+    those of every entry alone, in the shape of x, by default."""
+
     @property
     def points(self) -> int:  # type: ignore[override]
         """Number of points of the operator."""
@@ -288,7 +292,8 @@ class RecordedLaw:
             return None
         from anmstrip.mechanics.compiled import CompiledLaw
 
-        return CompiledLaw(program, self.effect.operator.matrices, self.kinematic)
+        given = self.effect.operator.matrices, self.kinematic, self.effect.seeds
+        return CompiledLaw(program, *given)
 
     def fits(self, effect: LawEffect, inputs: int, controls: Controls) -> bool:
         """Whether the program holds for an effect with other controls."""
@@ -361,7 +366,8 @@ class LawSeries(EffectSeries):
     def __init__(
         self, effect: LawEffect, order: int, state: State, controls: Controls, law: RecordedLaw
     ) -> None:
-        self.effect, self.operator, moving = effect, effect.operator, law.asked.moving
+        self.effect: LawEffect = effect
+        self.operator, moving = effect.operator, law.asked.moving
         kinematic = [self.operator.apply(x) for x in motions_of(effect, state)]
         self.in_rate = len(kinematic) > 1
         self.slopes = [controls.slope.get(name) for name in moving]
@@ -395,13 +401,13 @@ class LawSeries(EffectSeries):
         self.orders.correct(*self._changes(u, v, control))
 
     def add_tangent(self, pattern: Pattern, blocks: Blocks, rate: float) -> None:
-        count = int(np.prod(self.shape[:-1]))
-        unit = np.eye(count).reshape((count, *self.shape[:-1], 1))
-        unit = np.broadcast_to(unit, (count, *self.shape))
+        count, given = int(np.prod(self.shape[:-1])), self.effect.seeds
+        changes = (np.eye(count) if given is None else given).reshape(-1, *self.shape[:-1], 1)
+        unit = np.broadcast_to(changes, (len(changes), *self.shape))
         derivative = self.orders.derivative(*([unit, rate * unit] if self.in_rate else [unit]))
-        self.operator.add_tangent(
-            derivative.reshape(self.shape[:-1] + derivative.shape[1:]), pattern, blocks
-        )
+        if given is None:
+            derivative = derivative.reshape(self.shape[:-1] + derivative.shape[1:])
+        self.operator.add_tangent(derivative, pattern, blocks)
 
 
 class CompiledSeries(EffectSeries):
@@ -411,7 +417,8 @@ class CompiledSeries(EffectSeries):
         self, effect: LawEffect, order: int, state: State, controls: Controls, law: RecordedLaw
     ) -> None:
         assert law.compiled is not None
-        self.effect, self.operator = effect, effect.operator
+        self.effect: LawEffect = effect
+        self.operator = effect.operator
         self.law, program = law.compiled, law.program
         full, _, control = state
         self.slopes = [controls.rate(name) for name in law.asked.moving]
@@ -445,8 +452,9 @@ class CompiledSeries(EffectSeries):
     def add_tangent(self, pattern: Pattern, blocks: Blocks, rate: float) -> None:
         x, *_ = self.law.program.inputs
         found = self.law.tangent(self.w, rate)
-        entries = found.reshape(x.shape[:-1] + found.shape[1:])
-        self.operator.add_tangent(entries, pattern, blocks)
+        if self.effect.seeds is None:
+            found = found.reshape(x.shape[:-1] + found.shape[1:])
+        self.operator.add_tangent(found, pattern, blocks)
 
 
 class LinearSeries(EffectSeries):

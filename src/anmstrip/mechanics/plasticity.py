@@ -1,9 +1,10 @@
-"""Plastic flow of a section, in layers through its thickness.
+"""Plastic flow of a strip, in layers through its thickness.
 
 The flow law gives the rate from the stress, ε_p' = ε₀ (σ/σ_y)ⁿ with an odd integer n, which is
 the inverse of Norton's and Hoff's law, Perzyna's without a threshold (Lemaitre and Chaboche,
 Mechanics of Solid Materials, section 6.4), and a polynomial: nothing is singular at rest, and for
-large n the stress hardly depends on the rate.
+large n the stress hardly depends on the rate.  A section flows along itself; a shell in plane
+stress, as von Mises has it (Simo and Taylor, Int. J. Numer. Meth. Engng. 22, 1986).
 """
 
 from __future__ import annotations
@@ -13,31 +14,25 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.polynomial.legendre import Legendre
 
 from anmstrip.arrays import Array
-from anmstrip.fem.geometry import dot, normal_vector, normal_work
+from anmstrip.fem.geometry import PAIRS, dot
 from anmstrip.fem.operators import InternalOperator
-from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.effects import LawEffect
-from anmstrip.mechanics.shell import eigencurvature, eigenstrain
+from anmstrip.mechanics.shell import KirchhoffLove, Membrane, eigenstrain, moduli
 
-
-def lobatto(count: int) -> tuple[Array, Array]:
-    """Return points in [−1, 1] and weights of Lobatto's rule, which includes both ends.
-
-    Weights 2/(n (n − 1) P_{n−1}(x)²), n the count (Abramowitz and Stegun, 25.4.32).
-    """
-    last = Legendre.basis(count - 1)
-    points = np.concatenate([[-1.0], last.deriv().roots(), [1.0]])
-    return points, 2.0 / (count * (count - 1) * last(points) ** 2)
+MISES = {1: np.eye(1), 3: np.array([[1.0, -0.5, 0.0], [-0.5, 1.0, 0.0], [0.0, 0.0, 3.0]])}
+"""A in σ_eq² = σ · A σ of a fibre's stress, and of (xx, yy, xy) in plane stress."""
 
 
 @dataclass(frozen=True)
 class FlowLaw:
-    """ε_p' = ε₀ sⁿ, s = (σ − H_k ε_p)/(σ_y + H_i p), with the accumulated strain p' = ε₀ sⁿ⁺¹.
+    """ε_p' = ε₀ s_eqⁿ⁻¹ A s, with s = (σ − X)/R and s_eq² = s · A s.
 
-    Where a fibre flows |s| is about 1, and p the length of its plastic path.
+    X = H_k A⁻¹ ε_p is the back stress, R = σ_y + H_i p the yield stress as it grows with
+    p' = ε₀ s_eqⁿ⁺¹.  Where material flows s_eq is about 1, and p the length of its plastic path.
+    Strain has twice the shear of the tensor; A is :data:`MISES`.  Another hardening is another
+    ``resistance``, another yield surface another ``normal``.
     """
 
     yield_stress: float  # σ_y (Pa)
@@ -48,75 +43,77 @@ class FlowLaw:
     equivalent: float = 1.0  # von Mises stress over that of a flowing fibre
 
     @property
-    def variables(self) -> int:
-        """Internal variables of a fibre: ε_p, and p if it hardens isotropically."""
-        return 2 if self.isotropic else 1
+    def hardens(self) -> bool:
+        """Whether p matters."""
+        return bool(self.isotropic) or type(self).resistance is not FlowLaw.resistance
+
+    def variables(self, directions: int) -> int:
+        """Return how many internal variables a layer has: ε_p, and p if it matters."""
+        return len(MISES[3 if directions > 1 else 1]) + self.hardens
+
+    def resistance(self, path: Any) -> Any:
+        """Return R (Pa), positive, from p, both (layers, points)."""
+        return path * self.isotropic + self.yield_stress
+
+    def normal(self, s: Any) -> Any:
+        """Return A s of the shape of s, (1 or 3, layers, points); s · A s is s_eq²."""
+        return np.einsum("kl,l...->k...", MISES[s.shape[0]], s)
 
     def driving(self, stress: Any, internal: Any) -> Any:
-        """Return s, (layers, points), from σ (Pa) and the internal variables."""
-        overstress = stress - internal[0] * self.kinematic
-        if not self.isotropic:
-            return overstress * (1.0 / self.yield_stress)
-        return overstress / (internal[1] * self.isotropic + self.yield_stress)
+        """Return s, (1 or 3, layers, points), from σ (Pa) and the internal variables."""
+        d = stress.shape[0]
+        if self.kinematic:
+            back = self.kinematic * np.linalg.inv(MISES[d])
+            stress = stress - np.einsum("kl,l...->k...", back, internal[:d])
+        if not self.hardens:
+            return stress * (1.0 / self.yield_stress)
+        return stress / self.resistance(internal[d])
 
     def rates(self, stress: Any, internal: Any, share: Any) -> Any:
         """Rates of the internal variables, of their shape (variables, layers, points).
 
         Parameters
         ----------
-        stress : array or Series, shape (layers, points)
+        stress : array or Series, shape (1 or 3, layers, points)
             σ (Pa).
         internal : array or Series, shape (variables, layers, points)
         share : float or Series
             By which s is multiplied, 0 for a strip that does not yield yet.
         """
         s = self.driving(stress, internal) * share
-        flow = np.power(s, self.exponent) * self.rate
-        return np.stack([flow, flow * s]) if self.isotropic else np.stack([flow])
+        normal = self.normal(s)
+        square = dot(s, normal)
+        speed = np.power(square, self.exponent // 2) * self.rate
+        flow = [speed * normal[k] for k in range(normal.shape[0])]
+        return np.stack([*flow, speed * square] if self.hardens else flow)
 
-
-@dataclass(frozen=True)
-class Layers:
-    """Points through the thickness at which fibres flow.
-
-    Attributes
-    ----------
-    heights : ndarray, shape (layers,)
-        ζ (m) above the middle.
-    weights : ndarray, shape (layers,)
-        m; their sum is the thickness.
-    """
-
-    heights: Array
-    weights: Array
-
-    @classmethod
-    def of(cls, thickness: float, count: int) -> Layers:
-        """Return so many layers by Lobatto's rule, the first and the last on the faces."""
-        points, weights = lobatto(count)
-        return cls(0.5 * thickness * points, 0.5 * thickness * weights)
+    def mises(self, stress: Array) -> Array:
+        """Return the equivalent stress σ_eq (Pa) of stress, (1 or 3, ...)."""
+        form = MISES[len(stress)]
+        return self.equivalent * np.sqrt(np.einsum("k...,kl,l...->...", stress, form, stress))
 
 
 class Plasticity(LawEffect):
-    """What plastic strains take from the forces and moments of a section, and how they grow.
+    """What plastic strains take from the forces and moments of a strip, and how they grow.
 
-    A fibre at the height ζ bears σ = E' (e E − ζ χ − ε_p), with the membrane strain E and the
-    change of curvature χ of :mod:`anmstrip.mechanics.shell`.  A wide strip bends in plane strain,
-    E' = E/(1−ν²), and contracts across under tension, e = 1 − ν², as its membrane and its bending
-    do; it flows in plane strain too, which the yield stress of ``flow`` has to say.  The residual
-    has −∫E' ε_p dζ and ∫ζ E' ε_p dζ beside the elastic N and M, and the flow law of all layers.
+    A layer at the height ζ bears σ = C (E − ζ χ − ε_p), with the membrane strain E and the change
+    of curvature χ of :mod:`anmstrip.mechanics.shell`, and C of plane stress.  A section bends in
+    plane strain, C = E' = E/(1−ν²), and contracts across under tension, which takes the share
+    1 − ν² of E, as its membrane and its bending do; it flows in plane strain too, which the yield
+    stress of ``flow`` has to say.  The residual has −∫C ε_p dζ and ∫ζ C ε_p dζ beside the elastic
+    N and M, and the flow law of all layers.
 
     Controls: ``yielding``, the share by which stresses count in the flow law.
 
     Parameters
     ----------
-    strip : Strip
-        A flat section.
+    membrane : Membrane
+    bending : KirchhoffLove
+        Of a flat strip, whose strain and change of curvature these are.
     flow : FlowLaw
         In time or, where the operator has slopes, along the strip.
-    layers : Layers
     operator : InternalOperator
-        To the first and second derivatives, and to the internal variables.
+        To the first and second derivatives, and to the internal variables of all layers.
     """
 
     name = "plasticity"
@@ -124,15 +121,22 @@ class Plasticity(LawEffect):
 
     def __init__(
         self,
-        strip: Strip,
+        membrane: Membrane,
+        bending: KirchhoffLove,
         flow: FlowLaw,
-        layers: Layers,
         operator: InternalOperator,
     ) -> None:
-        self.strip, self.flow, self.layers, self.operator = strip, flow, layers, operator
+        self.membrane, self.bending = membrane, bending
+        self.flow, self.layers, self.operator = flow, operator.layers, operator
+        self.seeds = operator.seeds
+        strip = self.strip = membrane.strip
         self.rate_dependent = operator.flows and operator.slopes is None
         self.modulus = 12.0 * strip.bending_stiffness / strip.thickness**3
-        self.share = strip.tensile_stiffness / (self.modulus * strip.thickness)
+        section = strip.kinematics.directions == 1
+        self.twice = np.ones(1) if section else np.array([1.0, 1.0, 2.0])
+        self.moduli = 12.0 / strip.thickness**3 * moduli(strip)[: len(self.twice)]
+        self.moduli = self.moduli[:, : len(self.twice)] / self.twice
+        self.share = 1.0 - strip.material.poisson**2 if section else 1.0
 
     @property
     def units(self) -> Array:
@@ -142,50 +146,56 @@ class Plasticity(LawEffect):
         length = np.repeat(strip.cell_sizes[0], cells.per_element)
         along = spacing / length if self.operator.slopes is None else spacing
         each = np.multiply.outer(self.modulus * strip.depth * self.layers.weights, along)
-        return np.tile(each.ravel(), self.flow.variables)
+        return np.tile(each.ravel(), self.operator.variables)
+
+    def derivatives(self, x: Any) -> Any:
+        """Return r,a and r,ab, (components, directions + pairs, points)."""
+        k = self.operator.cells.components
+        parts = [x[c * k : (c + 1) * k] for c in range(self.operator.cells.count)]
+        return np.stack(parts) + self.bending.reference
 
     def internal(self, x: Any) -> Any:
         """Internal variables, (variables, layers, points), from the operator's values."""
         begin, m = self.operator.strains, len(self.layers.heights)
-        parts = [x[begin + k * m : begin + (k + 1) * m] for k in range(self.flow.variables)]
-        return np.stack(parts)
-
-    def bent(self, x: Any) -> Any:
-        """Return n · r,xx (1/m), (points,), from the operator's values."""
-        m = normal_vector((x[:4:2] + self.strip.kinematics.flat[:, 0])[:, None])
-        return dot(m, x[1:4:2]) / np.sqrt(dot(m, m))
+        count = self.operator.variables
+        return np.stack([x[begin + k * m : begin + (k + 1) * m] for k in range(count)])
 
     def stresses(self, x: Any, controls: Mapping[str, Any]) -> Any:
-        """Return σ (Pa), (layers, points), from the operator's values."""
-        tangent = x[:4:2] + self.strip.kinematics.flat[:, 0]
-        stretch, bent = (dot(tangent, tangent) - 1.0) * 0.5, self.bent(x)
-        if (own := eigenstrain(self.strip, controls)) is not None:
-            stretch = stretch - own[0, 0]
-        if (own := eigencurvature(controls)) is not None:
-            bent = bent + own[0]
-        strain = stretch * self.share - bent * self.layers.heights[:, None]
-        return (strain - self.internal(x)[0]) * self.modulus
+        """Return σ (Pa) as xx or (xx, yy, xy), (1 or 3, layers, points)."""
+        derivatives, internal = self.derivatives(x), self.internal(x)
+        tangents = derivatives[:, : self.bending.directions]
+        strain = self.membrane.strain(tangents, eigenstrain(self.strip, controls))
+        bent, heights = self.bending.change(derivatives, controls), self.layers.heights[:, None]
+        pairs = PAIRS[self.bending.directions]
+        each = [
+            strain[a, b] * (self.share * twice) - bent[k] * (heights * twice) - internal[k]
+            for k, ((a, b), twice) in enumerate(zip(pairs, self.twice, strict=True))
+        ]
+        return np.einsum("kl,l...->k...", self.moduli, np.stack(each))
 
     def resultants(self, x: Any) -> tuple[Any, Any]:
-        """Return what ε_p adds to N (N/m) and to the moment (N) against n · r,xx, (points,)."""
-        strains, layers = self.internal(x)[0], self.layers
-        force = np.einsum("l,l...->...", -self.modulus * layers.weights, strains)
-        first = self.modulus * layers.weights * layers.heights
-        return force, np.einsum("l,l...->...", first, strains)
+        """Return what ε_p adds to N (N/m) and to M (N) against n · r,ab, (pairs, points)."""
+        strains, layers = self.internal(x)[: len(self.twice)], self.layers
+        first = layers.weights * layers.heights
+        force, moment = (
+            np.einsum("kl,l...->k...", self.moduli, np.einsum("l,kl...->k...", weights, strains))
+            for weights in (-layers.weights, first)
+        )
+        return force, moment
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Forces against the derivatives, and rates of the internal variables less their law."""
-        tangent, second = x[:4:2] + self.strip.kinematics.flat[:, 0], x[1:4:2]
+        derivatives, d = self.derivatives(x), self.bending.directions
         force, moment = self.resultants(x)
-        m = normal_vector(tangent[:, None])
-        size = np.sqrt(dot(m, m))
-        n, s = m / size, second * moment
-        p = (s - n * dot(n, s)) / size
-        against_tangent, against_second = (
-            tangent * force + normal_work(tangent[:, None], p)[0],
-            n * moment,
-        )
-        forces = [f[c] for c in range(2) for f in (against_tangent, against_second)]
+        work = self.bending.work(derivatives, moment * self.twice[:, None])
+        index = np.array([[0, 2], [2, 1]])[:d, :d]
+        tensor = np.stack([np.stack([force[k] for k in row]) for row in index])
+        stretched = np.einsum("ia...,ab...->ib...", derivatives[:, :d], tensor)
+        count, pairs = work.shape[0], work.shape[1] - d
+        along = [[stretched[c, a] + work[c, a] for a in range(d)] for c in range(count)]
+        forces = [
+            f for c in range(count) for f in (*along[c], *(work[c, d + k] for k in range(pairs)))
+        ]
         if not self.operator.flows:
             return np.stack(forces)
         share = controls["yielding"]

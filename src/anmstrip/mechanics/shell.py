@@ -84,11 +84,14 @@ class Membrane(LawEffect):
             natural = self.flat + self.operator.apply(imperfection)
             self.metric = np.einsum("iap,ibp->abp", natural, natural)
 
+    def strain(self, tangents: Any, eigen: Any = None) -> Any:
+        """Return E − E⁰, (d, d, points), from tangent vectors (components, d, points) and E⁰."""
+        strain = (np.einsum("ia...,ib...->ab...", tangents, tangents) - self.metric) * 0.5
+        return strain if eigen is None else strain - eigen
+
     def forces(self, tangents: Any, eigen: Any = None) -> Any:
         """N (N/m), shape (d, d, points), from tangent vectors (components, d, points) and E⁰."""
-        strain = (np.einsum("ia...,ib...->ab...", tangents, tangents) - self.metric) * 0.5
-        strain = strain if eigen is None else strain - eigen
-        return np.einsum("abcd,cd...->ab...", self.stiffness, strain)
+        return np.einsum("abcd,cd...->ab...", self.stiffness, self.strain(tangents, eigen))
 
     def at(self, full: Array, controls: Mapping[str, Any] | None = None) -> Array:
         """N (N/m) of a state at the quadrature points, shape (d, d, points)."""
@@ -220,6 +223,7 @@ class KirchhoffLove(LawEffect):
     """
 
     name = "bending"
+    operator: CellOperator
 
     def __init__(self, strip: Strip, imperfection: Array | None = None) -> None:
         frames = strip.frames()
@@ -236,21 +240,27 @@ class KirchhoffLove(LawEffect):
         second = derivatives[:, self.directions :]
         return np.einsum("ik...,i...->k...", second, m) / np.sqrt(dot(m, m))
 
-    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
-        """Forces against the derivatives, (components, directions + pairs, points).
+    def change(self, derivatives: Any, controls: Mapping[str, Any]) -> Any:
+        """Return n · r,ab less that without moments (1/m), (pairs, points), from r,a and r,ab."""
+        change, own = self.bent(derivatives) - self.curvature, eigencurvature(controls)
+        return change if own is None else change + own[: len(self.stiffness)]
 
-        With the moments M and s = Σ M_ab r,ab: M_ab n against δr,ab, and what
-        p = (s − n n · s) / |m| makes with δm against δr,a.
-        """
+    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+        """Forces against the derivatives, (components, directions + pairs, points)."""
         derivatives = x + self.reference
+        change = self.change(derivatives, controls)
+        return self.work(derivatives, np.einsum("kl,l...->k...", self.stiffness, change))
+
+    def work(self, derivatives: Any, moments: Any) -> Any:
+        """Forces of moments against δ(n · r,ab), (components, directions + pairs, points).
+
+        With s = Σ M_ab r,ab: M_ab n against δr,ab, and what p = (s − n n · s) / |m| makes with
+        δm against δr,a.
+        """
         tangents, second = derivatives[:, : self.directions], derivatives[:, self.directions :]
         m = normal_vector(tangents)
         size = np.sqrt(dot(m, m))
         n = m / size
-        bent = np.einsum("ik...,i...->k...", second, n)
-        change, own = bent - self.curvature, eigencurvature(controls)
-        change = change if own is None else change + own[: len(self.stiffness)]
-        moments = np.einsum("kl,l...->k...", self.stiffness, change)
         s = np.einsum("ik...,k...->i...", second, moments)
         p = (s - n * dot(n, s)) / size
         against = [n * moments[k] for k in range(len(self.stiffness))]

@@ -2,60 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.sampling import ContactOperator, contact_points, patches, shape_of, unit_grid
 from anmstrip.fem.strip import Strip
-from anmstrip.mechanics.plasticity import Plasticity
 from anmstrip.mechanics.shell import Membrane, eigencurvature, moduli
-from anmstrip.results.rollers import ContactState, RollerReading
-from anmstrip.results.vtk import facing, triangle_lattice
-
-
-class Readable(Protocol):
-    """The part of a :class:`~anmstrip.results.state.State` that fields and profiles read."""
-
-    @property
-    def time(self) -> float:
-        """Time (s)."""
-
-    @property
-    def full(self) -> Array:
-        """Displacements, shape (unknowns,)."""
-
-    @property
-    def velocity(self) -> Array | None:
-        """Rates of the unknowns, shape (unknowns,)."""
-
-    @property
-    def material_velocity(self) -> Array:
-        """Velocity of the material, shape (unknowns of the strip,)."""
-
-    @property
-    def controls(self) -> Mapping[str, Array]:
-        """Values of the controls."""
-
-    @property
-    def contacts(self) -> Mapping[str, ContactState]:
-        """Roller → what it does to the strip."""
-
-    @property
-    def rollers(self) -> Mapping[str, RollerReading]:
-        """Roller → what is read off."""
-
-    @property
-    def plasticity(self) -> Plasticity | None:
-        """Plastic strains, of strip that can yield."""
-
-    @property
-    def strip_speed(self) -> float | None:
-        """Speed of the strip (m/s); None but in steady stages."""
-
+from anmstrip.results.plastic import YieldedStrip
+from anmstrip.results.rollers import Readable
+from anmstrip.results.vtk import FIELDS, facing, triangle_lattice
 
 POINTS = {"line": unit_grid(4, 1), "quad": unit_grid(4), "triangle": triangle_lattice(6)}
 """Points of the output on each kind of element: cubic patches, quintic triangles."""
@@ -221,7 +178,9 @@ class FieldSampler:
         t = self.strip.thickness
         sx, sy, sxy = membrane / t + 6.0 * moments / t**2
         mises = layers.get("equivalent", np.sqrt(sx**2 - sx * sy + sy**2 + 3.0 * sxy**2))
+        names = [name for name in layers if name in FIELDS]
         return {
+            **{name: self._average(layers[name]) for name in names},
             "tension": self._average(membrane[0] * stretch),
             "membrane_force": self._average(membrane),
             "bending_moment": self._average(moments),
@@ -231,17 +190,21 @@ class FieldSampler:
         }
 
     def _layers(self, state: Readable) -> dict[str, Array]:
-        """Return N and M (xx, yy, xy) of plastic strains, and the equivalent stress on top."""
-        effect = state.plasticity
-        if effect is None:
+        """Return N and M (xx, yy, xy) of plastic strains, and what is read off the layers."""
+        layers = YieldedStrip.of(state)
+        if layers is None:
             return {"force": np.zeros((3, 1, 1)), "moment": np.zeros((3, 1, 1))}
-        x = effect.operator.apply(state.full)
-        force, moment = effect.resultants(x)
-        top = np.abs(effect.stresses(x, state.controls)[-1])
-        found = self._recovered(np.stack([force, -moment, top]))
-        along, bent = np.eye(3)[0], np.array([1.0, self.strip.material.poisson, 0.0])
-        force, moment = np.multiply.outer(along, found[0]), np.multiply.outer(bent, found[1])
-        return {"force": force, "moment": moment, "equivalent": found[2] * effect.flow.equivalent}
+        d = len(layers.curvature)
+        parts = [layers.plastic_share, layers.face_strain, layers.flow.mises(layers.stress[:, -1])]
+        found = self._recovered(np.vstack([*layers.added, layers.residual_curvature, *parts]))
+        force, moment, left = (np.zeros((3, *found.shape[1:])) for _ in range(3))
+        force[:d], moment[:d], left[:d] = found[:d], found[d : 2 * d], found[2 * d : 3 * d]
+        if d == 1:
+            moment[1] = self.strip.material.poisson * moment[0]
+        scalars = dict(
+            zip(("plastic_share", "plastic_strain", "equivalent"), found[3 * d :], strict=True)
+        )
+        return {"force": force, "moment": moment, "residual_curvature": left, **scalars}
 
     def _membrane_forces(self, state: Readable) -> Array:
         """Membrane forces (xx, yy, xy) (N/m), recovered, shape (3, elements, points).

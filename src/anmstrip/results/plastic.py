@@ -1,4 +1,4 @@
-"""What is read off a section that has yielded: along it, through its thickness, by roller."""
+"""What is read off strip that has yielded: along it, through its thickness, by roller."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.arrays import Array
-from anmstrip.mechanics.plasticity import Plasticity
-from anmstrip.results.fields import Readable
+from anmstrip.arrays import Array, Index
+from anmstrip.fem.sampling import shape_of
+from anmstrip.mechanics.plasticity import MISES, Plasticity
+from anmstrip.mechanics.shell import moduli
+from anmstrip.results.rollers import Readable
 
 COLUMNS = ("residual_curvature", "elongation", "plastic_share", "plastic_strain", "yield_power")
 """Columns of ``profile.csv`` for strip that can yield."""
@@ -21,6 +23,9 @@ LAYER_COLUMNS = ("time", "arc_length", "height", "stress", "plastic_strain", "re
 FLOWS = 0.9
 """Share of the present yield stress from which on a layer counts as flowing.  With n = 51 its rate
 is 0.5 % of the reference rate there; in a bend the stress falls from it to 0 within the core."""
+
+
+TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
@@ -36,7 +41,9 @@ class RollerBend:
 
 
 class YieldedStrip:
-    """A state of a section that can yield, at its quadrature points from the entry on.
+    """A state of strip that can yield, at its quadrature points.
+
+    What has k components has xx alone of a section, (xx, yy, xy) of a shell.
 
     Parameters
     ----------
@@ -47,106 +54,147 @@ class YieldedStrip:
     ----------
     x : ndarray, shape (points,)
         Arc length (m) of the strip as it is cut.
+    stress : ndarray, shape (k, layers, points)
+        Pa.
+    curvature, force, moment : ndarray, shape (k, points)
+        1/m, positive with a stretched top; N/m; N.
     """
 
     def __init__(self, state: Readable, effect: Plasticity) -> None:
         self.state, self.effect, self.strip = state, effect, effect.strip
-        strip = self.strip
-        x = np.asarray(strip.basis.global_coordinates())[0].ravel()
-        order, layers = np.argsort(x), effect.layers
-        self.x = x[order] - strip.mesh.p[0].min()
-        values = effect.operator.apply(state.full)
-        self.stress = np.asarray(effect.stresses(values, state.controls))[:, order]
-        self.internal = np.asarray(effect.internal(values))[..., order]
-        self.strain, self.curvature = self.internal[0], -np.asarray(effect.bent(values))[order]
-        self.force = layers.weights @ self.stress
-        self.moment = (layers.weights * layers.heights) @ self.stress
+        self.flow, layers = effect.flow, effect.layers
+        x = np.asarray(self.strip.basis.global_coordinates())[0].ravel()
+        self.x = x - self.strip.mesh.p[0].min()
+        self.values = effect.operator.apply(state.full)
+        self.stress = np.asarray(effect.stresses(self.values, state.controls))
+        self.internal = np.asarray(effect.internal(self.values))
+        self.strain = self.internal[: len(self.stress)]
+        self.curvature = -np.asarray(effect.bending.bent(effect.derivatives(self.values)))
+        self.force = np.einsum("l,klp->kp", layers.weights, self.stress)
+        self.moment = np.einsum("l,klp->kp", layers.weights * layers.heights, self.stress)
 
     @classmethod
     def of(cls, state: Readable) -> YieldedStrip | None:
         """Return what is read off the layers of a state, None where nothing can yield."""
         return None if state.plasticity is None else cls(state, state.plasticity)
 
+    @property
+    def added(self) -> tuple[Array, Array]:
+        """Return what plastic strains add to N (N/m) and to M (N), (k, points) each."""
+        force, moment = self.effect.resultants(self.values)
+        return np.asarray(force), -np.asarray(moment)
+
     @cached_property
     def residual_curvature(self) -> Array:
-        """κ − M/D (1/m), what is left when the moment is taken away."""
-        return self.curvature - self.moment / self.strip.bending_stiffness
+        """κ less that of M (1/m), what is left when the moment is taken away, (k, points)."""
+        k = len(self.moment)
+        stiffness = np.full((1, 1), self.strip.bending_stiffness) if k == 1 else moduli(self.strip)
+        return np.asarray(self.curvature - np.linalg.solve(stiffness, self.moment))
 
     @cached_property
     def elongation(self) -> Array:
         """Plastic strain of the middle surface: ∫ε_p dζ/t, over the share of ε_x in E' ε."""
         layers = self.effect.layers
-        return (layers.weights @ self.strain) / (layers.weights.sum() * self.effect.share)
+        return (layers.weights @ self.strain[0]) / (layers.weights.sum() * self.effect.share)
 
     @cached_property
     def residual_stress(self) -> Array:
-        """σ − N/t − 12 M ζ/t³ (Pa), left when force and moment are taken away, (layers, points)."""
-        heights, t = self.effect.layers.heights, self.strip.thickness
-        return self.stress - self.force / t - np.outer(12.0 * heights / t**3, self.moment)
+        """σ − N/t − 12 M ζ/t³ (Pa), without force and moment, (k, layers, points)."""
+        heights, t = self.effect.layers.heights[:, None], self.strip.thickness
+        return self.stress - self.force[:, None] / t - 12.0 / t**3 * self.moment[:, None] * heights
+
+    @cached_property
+    def face_strain(self) -> Array:
+        """Equivalent plastic strain, √(ε_p · A⁻¹ ε_p), of the face where it is larger."""
+        faces, form = self.strain[:, [0, -1]], np.linalg.inv(MISES[len(self.strain)])
+        return np.asarray(np.sqrt(np.einsum("kfp,kl,lfp->fp", faces, form, faces).max(axis=0)))
 
     @cached_property
     def plastic_share(self) -> Array:
         """Share of the thickness that flows or is about to.
 
-        Between two layers of which one flows the stress changes by E' κ per height in the part
-        that does not, and not at all in the other.
+        Between two layers of which one flows the stress changes by C κ per height in the part
+        that does not, and not at all in the other; so it does between two that flow in different
+        directions.
         """
-        height = self.effect.layers.heights
-        slope = np.maximum(self.effect.modulus * np.abs(self.curvature), np.finfo(float).tiny)
-        flows = np.abs(self.effect.flow.driving(self.stress, self.internal)) > FLOWS
-        gaps = np.diff(height)[:, None]
-        elastic = np.minimum(np.abs(np.diff(self.stress, axis=0)) / slope, gaps)
+        s = self.flow.driving(self.stress, self.internal)
+        flows, gaps = self.level(s) > FLOWS, np.diff(self.effect.layers.heights)[:, None]
+        turns = self.level(np.diff(s, axis=1)) > FLOWS
+        engineering = self.curvature * self.effect.twice[:, None]
+        slope = np.maximum(self.flow.mises(self.effect.moduli @ engineering), TINY)
+        elastic = np.minimum(self.flow.mises(np.diff(self.stress, axis=1)) / slope, gaps)
+        elastic = np.where(flows[1:] & flows[:-1] & ~turns, 0.0, elastic)
         plastic = np.where(flows[1:] | flows[:-1], gaps - elastic, 0.0)
-        return np.asarray(plastic.sum(axis=0) / np.ptp(height))
+        return np.asarray(plastic.sum(axis=0) / gaps.sum())
+
+    def level(self, s: Array) -> Array:
+        """Return s_eq of the flow law, (layers, points)."""
+        return np.sqrt((s * self.flow.normal(s)).sum(axis=0))
 
     @cached_property
     def power(self) -> Array:
-        """Power of the flow per length of strip, W ∫σ ε_p' dζ (W/m)."""
-        strip, weights = self.strip, self.effect.layers.weights
-        rates = self.effect.flow.rates(self.stress, self.internal, self.state.controls["yielding"])
+        """Power of the flow per area, ∫σ ε_p' dζ (W/m²)."""
         if not self.effect.operator.flows:
             return np.zeros_like(self.x)
+        rates = self.flow.rates(self.stress, self.internal, self.state.controls["yielding"])
         speed = 1.0 if self.effect.rate_dependent else self.state.strip_speed
-        return np.asarray(strip.width * (weights @ (self.stress * rates[0])) * speed)
+        work = self.stress * rates[: len(self.stress)]
+        return np.asarray(np.einsum("l,klp->p", self.effect.layers.weights, work) * speed)
+
+    @cached_property
+    def stations(self) -> tuple[Array, Index]:
+        """Arc lengths (m), ascending, and the number of each point among them.
+
+        Of triangles, whose points do not stand in lines, pieces as long as an element.
+        """
+        sizes, triangles = self.strip.cell_sizes[0], shape_of(self.strip) == "triangle"
+        unit = float(sizes.mean() if triangles else 1e-6 * sizes.min())
+        places, number = np.unique(np.round(self.x / unit), return_inverse=True)
+        return places * unit, number
+
+    def mean(self, values: Array) -> Array:
+        """Return the mean over the width of values at the points, at every station."""
+        number, weights = self.stations[1], self.strip.weights().ravel()
+        return np.bincount(number, weights * values) / np.bincount(number, weights)
 
     def columns(self, x: Array) -> dict[str, Array]:
-        """Return the columns of a profile, and moment and curvature, at places along the strip."""
-        faces = np.abs(self.strain[[0, -1]]).max(axis=0)
+        """Return the columns of a profile, and its moment, at places along the strip."""
         found = {
-            "residual_curvature": self.residual_curvature,
+            "residual_curvature": self.residual_curvature[0],
             "elongation": self.elongation,
             "plastic_share": self.plastic_share,
-            "plastic_strain": faces,
-            "yield_power": self.power,
-            "moment": self.moment,
+            "plastic_strain": self.face_strain,
+            "yield_power": self.strip.width * self.power,
+            "moment": self.moment[0],
         }
-        return {name: np.interp(x, self.x, values) for name, values in found.items()}
+        places, _ = self.stations
+        return {name: np.interp(x, places, self.mean(values)) for name, values in found.items()}
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """Yield rows of ``layers.csv``, one for every layer at every quadrature point."""
+        """Yield rows of ``layers.csv``: every layer of every point of a section, from the entry."""
         heights = self.effect.layers.heights
-        for p, x in enumerate(self.x):
+        for p in np.argsort(self.x):
             for k, height in enumerate(heights):
-                stresses = float(self.stress[k, p]), float(self.strain[k, p])
-                values = self.state.time, float(x), float(height), *stresses
-                row = (*values, float(self.residual_stress[k, p]))
-                yield dict(zip(LAYER_COLUMNS, row, strict=True))
+                read = (self.x[p], height, self.stress[0, k, p], self.strain[0, k, p])
+                row = (self.state.time, *read, self.residual_stress[0, k, p])
+                yield dict(zip(LAYER_COLUMNS, map(float, row), strict=True))
 
     def rollers(self) -> dict[str, RollerBend]:
-        """Return the sharpest bend at every roller that the strip touches."""
+        """Return the sharpest bend at every roller that the strip touches, by means across."""
         begin = self.strip.mesh.p[0].min()
         middles = {n: c.middle - begin for n, c in self.state.contacts.items() if c.touching.any()}
         names = sorted(middles, key=lambda name: middles[name])
         places = np.array([middles[name] for name in names])
         if not names:
             return {}
+        (x, _), curvature = self.stations, self.mean(self.curvature[0])
+        found, columns = {}, self.columns(x)
         ends = np.concatenate([[-np.inf], 0.5 * (places[1:] + places[:-1]), [np.inf]])
-        found = {}
         for name, low, high in zip(names, ends[:-1], ends[1:], strict=True):
-            here = np.flatnonzero((self.x >= low) & (self.x < high))
-            p = here[np.abs(self.curvature[here]).argmax()]
-            readings = (self.curvature, self.moment, self.plastic_share, self.residual_curvature)
-            power = np.trapezoid(self.power[here], self.x[here])
-            values = (*(r[p] for r in readings), self.elongation[here[-1]], power)
+            here = np.flatnonzero((x >= low) & (x < high))
+            p = here[np.abs(curvature[here]).argmax()]
+            readings = (columns[n][p] for n in ("moment", "plastic_share", "residual_curvature"))
+            power = np.trapezoid(columns["yield_power"][here], x[here])
+            values = (curvature[p], *readings, columns["elongation"][here[-1]], power)
             found[name] = RollerBend(*map(float, values))
         return found

@@ -10,9 +10,10 @@ from anmstrip.arrays import Array, Index
 from anmstrip.fem.sampling import ContactOperator, contact_points, shape_of
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.shell import Membrane
-from anmstrip.results.fields import FieldSampler, Readable
+from anmstrip.results.fields import FieldSampler
 from anmstrip.results.plastic import COLUMNS as YIELD_COLUMNS
 from anmstrip.results.plastic import YieldedStrip
+from anmstrip.results.rollers import Readable
 
 COLUMNS = (
     *("time", "arc_length", "x", "y", "z", "tension", "tension_min", "tension_max", "pressure"),

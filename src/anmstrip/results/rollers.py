@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from anmstrip.mechanics.roller import Roller
 
 if TYPE_CHECKING:
     from anmstrip.mechanics.contact import Contact
+    from anmstrip.mechanics.plasticity import Plasticity
 
 
 TOUCHING = 0.1
@@ -410,3 +411,43 @@ def regularisation_of(
         uneven = float(np.abs(gaps - gaps.mean()).max()) / radius / (tension / stiffness)
     penetration = float(np.abs(state.gap[touching]).max())
     return Regularisation(creep, penetration, by_creep, by_cone, penetration / radius + uneven)
+
+
+class Readable(Protocol):
+    """The part of a :class:`~anmstrip.results.state.State` that fields and profiles read."""
+
+    @property
+    def time(self) -> float:
+        """Time (s)."""
+
+    @property
+    def full(self) -> Array:
+        """Displacements, shape (unknowns,)."""
+
+    @property
+    def velocity(self) -> Array | None:
+        """Rates of the unknowns, shape (unknowns,)."""
+
+    @property
+    def material_velocity(self) -> Array:
+        """Velocity of the material, shape (unknowns of the strip,)."""
+
+    @property
+    def controls(self) -> Mapping[str, Array]:
+        """Values of the controls."""
+
+    @property
+    def contacts(self) -> Mapping[str, ContactState]:
+        """Roller → what it does to the strip."""
+
+    @property
+    def rollers(self) -> Mapping[str, RollerReading]:
+        """Roller → what is read off."""
+
+    @property
+    def plasticity(self) -> Plasticity | None:
+        """Plastic strains, of strip that can yield."""
+
+    @property
+    def strip_speed(self) -> float | None:
+        """Speed of the strip (m/s); None but in steady stages."""

@@ -73,6 +73,9 @@ FIELDS = {
     "bending_moment": Field("bending moment", "N", TENSOR),
     "von_mises": Field("von Mises stress, top", "Pa"),
     "mean_curvature": Field("mean curvature", "1/m"),
+    "plastic_share": Field("share of the thickness that flows", "1"),
+    "plastic_strain": Field("plastic strain of the faces", "1"),
+    "residual_curvature": Field("curvature without moments", "1/m", TENSOR),
     "surface_angle": Field("angle of the surface", "rad"),
     "roller": Field("number of the roller", "1"),
 }

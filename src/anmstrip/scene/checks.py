@@ -403,21 +403,27 @@ def steady_stages(
                     yield Mistake("", f"{key}.{name}.{word}", value, expected, "take it out")
 
 
-def yielding_sections(material: MaterialSpec, strip: StripSpec) -> Iterator[Mistake]:
+def yielding_strip(material: MaterialSpec, strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
     """Yield plastic flow of what has no layers, or whose layers could not be followed."""
     if material.plasticity is None:
         return
-    expected = '"section": layers that yield are those of cylindrical bending'
-    if strip.kinematics != "section":
-        hint = 'kinematics = "section", or no [material.plasticity]'
-        yield Mistake("", "strip.kinematics", strip.kinematics, expected, hint)
+    if strip.kinematics == "plate":
+        expected = '"shell" or "section" beside [material.plasticity]: a plate has no stretch'
+        yield Mistake("", "strip.kinematics", "plate", expected, 'kinematics = "shell"')
     if not strip.bending:
         expected = "true beside [material.plasticity], whose layers bend"
         yield Mistake("", "strip.bending", strip.bending, expected, "bending = true")
-    for key in ("feed", "imperfection"):
-        if value := getattr(strip, key):
-            expected = f"no {key} beside [material.plasticity]: strip that yields is not relabelled"
-            yield Mistake("", f"strip.{key}", value, expected, f"no {key}, or no plasticity")
+    if strip.kinematics == "shell" and material.plasticity.uniaxial:
+        expected = "false on a shell, whose layers flow in plane stress"
+        yield Mistake("", "material.plasticity.uniaxial", True, expected, "no uniaxial")
+    for i, stage in enumerate(stages):
+        if stage.steady and strip.kinematics == "shell":
+            expected = "false beside [material.plasticity]: a shell yields in time alone"
+            hint = 'steady = false, or kinematics = "section"'
+            yield Mistake("", f"stages[{i}].steady", True, expected, hint)
+    if strip.feed:
+        expected = "no feed beside [material.plasticity]: strip that yields is not relabelled"
+        yield Mistake("", "strip.feed", strip.feed, expected, "no feed, or no plasticity")
 
 
 def threading_partners(
@@ -544,7 +550,7 @@ RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     rollers_have_friction,
     stages_have_friction,
     steady_stages,
-    yielding_sections,
+    yielding_strip,
     threading_partners,
     one_length,
     held_entry,

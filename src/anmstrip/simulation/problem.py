@@ -318,6 +318,7 @@ class Assembly:
         if not spec.bending:
             return None
         turns = spec.bending == "kirchhoff-love" or spec.imperfection is not None
+        turns = turns or self.scene.material.plasticity is not None
         turns = turns or not naturals(self.scene).isdisjoint(("coil_set", "crossbow"))
         if turns and self.kinematics is not PLATE:
             return KirchhoffLove(self.strip, self.imperfection)
@@ -327,8 +328,8 @@ class Assembly:
     def flow(self) -> FlowLaw | None:
         """Flow law of the scene's material, if it yields.
 
-        In plane strain J2 flow begins at 2/√3 of the yield stress (Hill, The Mathematical Theory
-        of Plasticity, ch. IV), and the same in both directions hardens 4/3 times as much.
+        A section flows in plane strain, beginning at 2/√3 of the yield stress (Hill, The
+        Mathematical Theory of Plasticity, ch. IV), and hardens 4/3 times as much.
         """
         m = self.scene.material
         if m.plasticity is None or m.yield_stress is None:
@@ -336,7 +337,8 @@ class Assembly:
         from anmstrip.mechanics.plasticity import FlowLaw
 
         p = m.plasticity
-        held = 1.0 if p.uniaxial else 2.0 / np.sqrt(3.0)
+        free = p.uniaxial or self.kinematics is not SECTION
+        held = 1.0 if free else 2.0 / np.sqrt(3.0)
         return FlowLaw(
             held * m.yield_stress,
             p.exponent,
@@ -348,16 +350,17 @@ class Assembly:
 
     def _plasticity(self, flow: FlowLaw, frozen: bool, along: bool) -> Plasticity:
         """Return plastic flow that is frozen, in time, or along the strip."""
-        from anmstrip.fem.operators import CellOperator, InternalOperator, upwind
-        from anmstrip.mechanics.plasticity import Layers, Plasticity
+        from anmstrip.fem.operators import InternalOperator, Layers, upwind
+        from anmstrip.mechanics.plasticity import Plasticity
 
         p = self.scene.material.plasticity
-        assert p is not None
+        assert p is not None and self.membrane is not None
         layers = Layers.of(self.strip.thickness, p.layers)
-        own, slopes = p.layers * flow.variables, upwind(self.strip) if along else None
-        cells = CellOperator(self.strip, (1, 2))
-        operator = InternalOperator(cells, self.coupled, own, slopes, not frozen)
-        return Plasticity(self.strip, flow, layers, operator)
+        variables = flow.variables(self.kinematics.directions)
+        slopes = upwind(self.strip) if along else None
+        assert isinstance(self.bending, KirchhoffLove)
+        given = self.bending.operator, self.coupled, variables, layers, slopes, not frozen
+        return Plasticity(self.membrane, self.bending, flow, InternalOperator(*given))
 
     @cached_property
     def frozen(self) -> Plasticity | None:
