@@ -51,6 +51,7 @@ _NAMES = {
     "mechanics.effects": "Effect LawEffect",
     "mechanics.laws": "Algebraic ContactLaw FrictionLaw NortonHoff Tanh "
     "Signorini RepulsiveSignorini GradedSignorini",
+    "mechanics.plasticity": "FlowLaw",
     "mechanics.roller": "Roller",
     "taylor.series": "Series record taylor_series",
 }

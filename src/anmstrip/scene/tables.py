@@ -279,6 +279,12 @@ class PlasticitySpec(Table):
     """growth of the back stress with plastic strain, a number of at least 0 (Pa)"""
     layers: Annotated[Integer, Field(ge=5, le=81)] = Field(21, examples=["21"])
     """layers through the thickness, an integer from 5 to 81 (1)"""
+    law: Annotated[str, Field(strict=True, pattern=f"^{OWN_LAW}$")] | None = Field(
+        None, examples=['"my_laws:Voce"']
+    )
+    """a law of one's own, "module:Class"; left out: von Mises's with linear hardening (text)"""
+    parameters: dict[str, Number] = Field({}, examples=["{ gain = 0.5, path = 1.0e-3 }"])
+    """further arguments of a law of one's own, a table of numbers (1)"""
     uniaxial: StrictBool = Field(False, examples=["true"])
     """whether fibres flow without stress across, as in a narrow strip (true or false)"""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from anmstrip.mechanics.plasticity import FlowLaw, Plasticity
     from anmstrip.mechanics.transport import CarriedFriction, SteadyFriction
     from anmstrip.mechanics.turning import Drives
+    from anmstrip.scene.tables import ContactSpec, FrictionSpec, PlasticitySpec
     from anmstrip.simulation.threading import Thread
 
 GENTLE = {
@@ -339,14 +340,17 @@ class Assembly:
         p = m.plasticity
         free = p.uniaxial or self.kinematics is not SECTION
         held = 1.0 if free else 2.0 / np.sqrt(3.0)
-        return FlowLaw(
-            held * m.yield_stress,
-            p.exponent,
-            p.reference_rate,
-            held**2 * p.isotropic_hardening,
-            held**2 * p.kinematic_hardening,
-            1.0 / held,
-        )
+        given: dict[str, Any] = {
+            "yield_stress": held * m.yield_stress,
+            "exponent": p.exponent,
+            "rate": p.reference_rate,
+            "isotropic": held**2 * p.isotropic_hardening,
+            "kinematic": held**2 * p.kinematic_hardening,
+            "equivalent": 1.0 / held,
+        }
+        if p.law is not None:
+            return own_law(self.scene, "material.plasticity", p, FlowLaw, given)
+        return FlowLaw(**given)
 
     def _plasticity(self, flow: FlowLaw, frozen: bool, along: bool) -> Plasticity:
         """Return plastic flow that is frozen, in time, or along the strip."""
@@ -408,11 +412,12 @@ class Assembly:
         f = self.scene.friction
         if f is None:
             return None
-        from anmstrip.mechanics.laws import Algebraic, NortonHoff, Tanh
+        from anmstrip.mechanics.laws import Algebraic, FrictionLaw, NortonHoff, Tanh
 
         assert f.speed is not None
         if ":" in f.law:
-            return own_law(self.scene, "friction")
+            given = f.model_dump(include={"coefficient", "exponent", "omega", "speed"})
+            return own_law(self.scene, "friction", f, FrictionLaw, given)
         if f.law == "norton-hoff":
             return NortonHoff(f.coefficient, f.exponent, f.omega, f.speed)
         if f.law == "tanh":
@@ -521,10 +526,10 @@ class Assembly:
         """
         c = self.scene.contact
         assert c is not None
-        from anmstrip.mechanics.laws import GradedSignorini, RepulsiveSignorini
+        from anmstrip.mechanics.laws import ContactLaw, GradedSignorini, RepulsiveSignorini
 
         if c.law is not None:
-            return own_law(self.scene, "contact")
+            return own_law(self.scene, "contact", c, ContactLaw, {})
         if c.constants is not None:
             return RepulsiveSignorini(*c.constants)
         tension, thickness = largest_force(self.scene), self.strip.thickness
@@ -627,24 +632,25 @@ class Assembly:
         return Scales(self.strip.length, tension * self.strip.width, tension)
 
 
-def own_law(scene: SceneSpec, table: str) -> Any:
+def own_law(
+    scene: SceneSpec,
+    table: str,
+    spec: ContactSpec | FrictionSpec | PlasticitySpec,
+    base: type,
+    given: Mapping[str, Any],
+) -> Any:
     """Return the user's law that a table of the scene names, ``module:Class``.
 
     The module is looked for beside the scene's file, then where Python looks.  The class takes
-    those of the table's own values that its signature names, and all of ``parameters``.
+    those of the values given that its signature names, and all of the table's ``parameters``.
 
     Raises
     ------
     InputError
         There is no such class, it is not a law, or it does not take these parameters.
     """
-    from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
-
-    base = {"contact": ContactLaw, "friction": FrictionLaw}[table]
-    spec = scene.contact if table == "contact" else scene.friction
-    assert spec is not None and spec.law is not None
+    assert spec.law is not None
     reference, parameters = spec.law, spec.parameters
-    given = spec.model_dump(include={"coefficient", "exponent", "omega", "speed"})
     module, _, name = reference.partition(":")
     beside = str((scene.source or Path("scene")).absolute().parent)
     key, hint = f"{table}.law", f"a subclass of {base.__name__}"
