@@ -11,7 +11,6 @@ for ParaView, with a picture of the moment across.
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +20,9 @@ from scipy.optimize import brentq
 from anmstrip import Scene
 from anmstrip.fem.operators import CellOperator
 from anmstrip.pictures.render import render
+from anmstrip.results.buckling import buckling, flattened
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import Wrinkling
-from anmstrip.simulation.imperfection import buckling, flattened
 
 CONTACT = {"stiffness": 1e9, "eta": 10.0, "delta": 1e-3}
 
@@ -100,15 +99,9 @@ def factor(state: State) -> float:
 def onset(scene: Scene) -> State:
     """Return the state in which the strip is about to buckle, inside a step of its path."""
     end = next(step.state for step in scene.run() if factor(step.state) < NEAR)
-    branch, plan = end.branch, end.plan
-    assert branch is not None
-
-    def state(a: float) -> State:
-        u, control = branch(a)
-        full, time = plan.supports.full(u, control), plan.start + control * plan.duration
-        return replace(end, full=full, control=float(control), time=time)
-
-    return state(brentq(lambda a: factor(state(a)) - NEAR, 0.0, branch.length, rtol=1e-4))
+    assert end.branch is not None
+    length = end.branch.length
+    return end.inside(brentq(lambda a: factor(end.inside(a)) - NEAR, 0.0, length, rtol=1e-4))
 
 
 def crowned(cells: tuple[int, int], refined: float) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -17,9 +17,9 @@ from anmstrip.continuation.equations import Outcome, PathStopped
 from anmstrip.driver.scene import Scene
 from anmstrip.fem.operators import CellOperator
 from anmstrip.fem.sampling import quadrature_points
+from anmstrip.results.buckling import buckling, flattened
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import Wrinkling
-from anmstrip.simulation.imperfection import buckling, flattened
 from anmstrip.simulation.march import March, Step
 from anmstrip.simulation.problem import Assembly
 
@@ -331,15 +331,13 @@ def _factor(state: State) -> float:
 def _dated(arrival: Step, before: State, level: float) -> Onset:
     """The onset inside a step."""
     end = arrival.state
-    branch, plan = end.branch, end.plan
+    branch = end.branch
     length = end.time - before.time if branch is None else branch.length
 
     def state(a: float) -> State:
         if branch is None:
             return end.at(before.time + a, before)
-        u, control = branch(a)
-        full, time = plan.supports.full(u, control), plan.start + control * plan.duration
-        return replace(end, full=full, control=float(control), time=time)
+        return end.inside(a)
 
     found = state(brentq(lambda a: _factor(state(a)) - level, 0.0, length, xtol=DATED * length))
     heights = flattened(found, buckling(found, 1)[1][:, 0])

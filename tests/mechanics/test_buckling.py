@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.sparse import csc_matrix
 
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.sampling import l2_projection, quadrature_points
 from anmstrip.fem.strip import Material, Strip, grid
+from anmstrip.linalg.bordered import Bordered
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.shell import Membrane, isometric_bending
-from anmstrip.simulation.imperfection import buckling_modes, compressive_stiffness
+from anmstrip.results.buckling import buckling_modes, compressive_stiffness
 
 LENGTH, WIDTH, THICKNESS = 1.0, 0.6, 1e-3
 
@@ -85,3 +87,24 @@ def test_factors_below_one_are_the_negative_eigenvalues():
     tangent, compressive = matrices(0.0, -0.5 * (limits[4] + limits[5]))[2:]
     factors, _ = buckling_modes(tangent, compressive, SparseSolver(), 8)
     assert (factors < 1.0).sum() == SparseSolver().factorise(tangent).negatives == 5
+
+
+def test_real_factors_below_one_tell_the_sign_of_the_determinant():
+    """det K / det (K + G) = Π (1 − 1/μ), of matrices with a border that are not symmetric."""
+    random = np.random.default_rng(3)
+    n, others, signs = 40, 2, []
+    border = [np.zeros(shape) for shape in ((n, others), (others, n), (others, others))]
+    for _ in range(12):
+        stiff = csc_matrix(np.diag(random.uniform(1.0, 2.0, n)) + 0.05 * random.normal(size=(n, n)))
+        narrow = random.normal(size=(n, 5))
+        pressing = Bordered(csc_matrix(narrow @ narrow.T / n), *border)
+        edge = [random.normal(size=part.shape) for part in border]
+        tangent = Bordered(csc_matrix(stiff - pressing.inner), *edge)
+        factors, modes = buckling_modes(tangent, pressing, SparseSolver(), 8)
+        whole, rest = tangent.assembled().toarray(), (tangent + pressing).assembled().toarray()
+        signs.append(np.linalg.slogdet(whole)[0] * np.linalg.slogdet(rest)[0])
+        assert signs[-1] == (-1.0) ** (factors < 1.0).sum()
+        for factor, mode in zip(factors, modes.T, strict=True):
+            left = whole @ mode + (1.0 - factor) * (pressing @ mode)
+            assert np.abs(left).max() < 1e-8 * abs(factor) * np.abs(mode).max()
+    assert set(signs) == {-1.0, 1.0}

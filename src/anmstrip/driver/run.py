@@ -27,7 +27,15 @@ from anmstrip.simulation.problem import Assembly, EffectMaker
 from anmstrip.timestepping.formulas import Memory
 
 if TYPE_CHECKING:
-    from anmstrip.results.events import EventWatch
+    from anmstrip.results.buckling import WrinkleWatch
+    from anmstrip.results.events import Event, EventWatch
+
+
+WRINKLE_WORDS = {
+    "wrinkles": "the strip is about to wrinkle",
+    "bifurcation": "the path bifurcates: beyond, the smooth strip is unstable, or again stable",
+}
+"""What is said of the kinds of :class:`~anmstrip.results.buckling.Onset`."""
 
 
 def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
@@ -50,6 +58,7 @@ def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
         "stages": run.stages,
         "effects": run.effects,
         "snaps": run.snaps,
+        "wrinkles": run.wrinkles,
         "slack": march.slack,
         "passed": march.passed,
     }
@@ -70,7 +79,8 @@ def unpack(run: Run, arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> N
     run.first_stage, run.steps, march.reached = facts["stage"], facts["steps"], facts["reached"]
     cost.expansions, cost.factorisations = facts["expansions"], facts["factorisations"]
     run.spent, run.stages, run.effects = facts["seconds"], facts["stages"], facts["effects"]
-    run.snaps, march.slack, march.passed = facts["snaps"], facts["slack"], facts["passed"]
+    run.snaps, run.wrinkles = facts["snaps"], facts["wrinkles"]
+    march.slack, march.passed = facts["slack"], facts["passed"]
     march.course.time, march.course.released = facts["course_time"], set(facts["released"])
     kept = kept_values(march.course)
     for name, value in arrays.items():
@@ -136,6 +146,7 @@ class Run:
         self.effects: dict[str, dict[str, Any]] = {}
         self.stages: dict[str, dict[str, Any]] = {}
         self.snaps: list[dict[str, Any]] = []
+        self.wrinkles: list[dict[str, Any]] = []
         self.state: State | None = None
         self.outcome, self.message = Outcome.TOO_MANY_STEPS, "The run has not ended."
         self.warnings: list[str] = []
@@ -153,6 +164,11 @@ class Run:
             from anmstrip.results.events import EventWatch
 
             self.watch = EventWatch(a.contact, a.rollers, a.friction, a.scales.tension)
+        self.onsets: WrinkleWatch | None = None
+        if a.kinematics is SHELL:
+            from anmstrip.results.buckling import WrinkleWatch
+
+            self.onsets = WrinkleWatch(self.cost)
         self.recorder: Recorder | None = None
         if self.directory is not None:
             self.recorder = Recorder(self.assembly, self.directory, resumed)
@@ -264,7 +280,7 @@ class Run:
             step=self.steps,
             tangents=self.cost.expansions,
             end_time=self.end_time,
-            events=() if self.watch is None else self.watch.during(before, state),
+            events=self._events(before, state),
         )
         if self.recorder is not None:
             self.recorder.record(step, before)
@@ -272,6 +288,16 @@ class Run:
         else:
             self.rows.append(history_row(step))
         return step
+
+    def _events(self, before: State, state: State) -> tuple[Event, ...]:
+        """Look for wrinkles, and for the events of a step if the scene asks for them."""
+        onsets = [] if self.onsets is None else self.onsets.during(state)
+        self.wrinkles += [onset.facts for onset in onsets]
+        if not self.scene.output.events:
+            return ()
+        touched = () if self.watch is None else self.watch.during(before, state)
+        found = (*touched, *(onset.event for onset in onsets))
+        return tuple(sorted(found, key=lambda event: event.time))
 
     def _count(self, plan: StageProblem) -> None:
         """Add what was spent since the last time to the counters."""
@@ -357,6 +383,7 @@ class Run:
             "effects": self.effects,
             "stages": self.stages,
             "snaps": self.snaps,
+            "wrinkles": self.wrinkles,
             **({"feed": fed} if self.scene.strip.feed else {}),
         }
 
@@ -367,7 +394,13 @@ class Run:
             "friction had no equilibrium to hold it in."
             for snap in self.snaps
         )
+        wrinkles = "".join(
+            f" At t = {told['time']:.6g} s (stage {told['stage']}, exit tension "
+            f"{told['exit_tension']:.5g} N/m) {WRINKLE_WORDS[told['kind']]}, "
+            f"{told['wavelength']:.3g} m apart about x = {told['x']:.3g} m, y = {told['y']:.3g} m."
+            for told in self.wrinkles
+        )
         return (
             f"Done: {self.end_time:g} s in {self.steps} steps, {self.cost.expansions} tangents, "
-            f"{self.seconds:.1f} s.{snaps}"
+            f"{self.seconds:.1f} s.{snaps}{wrinkles}"
         )

@@ -69,6 +69,11 @@ class Bordered:
         """Rows and columns of K."""
         return (sum(self.columns.shape),) * 2
 
+    def __add__(self, other: Bordered) -> Bordered:
+        """Return the sum with a matrix that has a border of the same width."""
+        parts = self.inner + other.inner, self.columns + other.columns
+        return Bordered(*parts, self.rows + other.rows, self.corner + other.corner)
+
     def __matmul__(self, x: Array) -> Array:
         """K x."""
         n = len(self.columns)

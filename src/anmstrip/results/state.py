@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -74,9 +74,8 @@ class State:
         if self.branch is not None:
             begins = control == self.branch.control[0]
             a = 0.0 if begins else self.branch.reaches(control)
-        if self.branch is not None and a is not None:
-            full = self.plan.supports.full(self.branch(a)[0], control)
-            return State(self.plan, time, control, full, self.plan.transport(full, control))
+        if a is not None:
+            return replace(self.inside(a), time=time, control=control)
         start, u = self.plan.start, np.zeros_like(self.full)
         if before is not None:
             start, u = before.time, before.full
@@ -86,6 +85,13 @@ class State:
         full = u + s * (change - (1.0 - s) * curved)
         velocity = None if self.velocity is None else (change + (2.0 * s - 1.0) * curved) / h
         return State(self.plan, time, control, full, velocity)
+
+    def inside(self, a: float) -> State:
+        """State at a parameter of the branch of a rate-free step that ends here."""
+        assert self.branch is not None
+        plan, (u, control) = self.plan, self.branch(a)
+        full, time = plan.supports.full(u, control), plan.start + control * plan.duration
+        return State(plan, time, control, full, plan.transport(full, control))
 
     @cached_property
     def controls(self) -> dict[str, Array]:

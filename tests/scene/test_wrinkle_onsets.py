@@ -1,0 +1,140 @@
+"""Onsets of wrinkles on rate-free paths, of strip that stands and of strip that is conveyed."""
+
+from __future__ import annotations
+
+import csv
+import json
+import runpy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
+from threaded import ended
+
+from anmstrip.continuation.bifurcations import Kind, watched
+from anmstrip.continuation.follow import Settings, follow
+from anmstrip.driver.scene import Scene
+from anmstrip.equilibrium import Equilibrium
+from anmstrip.linalg.bordered import Bordered
+from anmstrip.linalg.solvers import Remembering, SparseSolver
+from anmstrip.results.buckling import DATED, NEAR
+from anmstrip.results.state import State
+from claims import Claim
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+LENGTH, YOUNG, THICKNESS, OVER = 1.0, 2e11, 1e-3, 1.3
+EULER = np.pi**2 * YOUNG * THICKNESS**3 / 12.0 / LENGTH**2
+"""Of the strip as a beam, N/m; ν is 0."""
+
+
+def pressed(**tables: Any) -> Scene:
+    """A flat strip between two edges that are held in z, pressed along beyond Euler's force."""
+    return Scene.model_validate(
+        {
+            "strip": {"length": LENGTH, "width": 0.4, "thickness": THICKNESS, "cells": [8, 2]},
+            "material": {"young": YOUNG, "poisson": 0.0},
+            "edges": {"entry": {"fixed": ["x", "z"], "centred": True},
+                      "exit": {"fixed": ["z"], "centred": True}},
+            "stages": [{"name": "press", "duration": 1.0,
+                        "exit": {"force": [-OVER * EULER, 0.0, 0.0]}}],
+            "solver": {"tolerance": 1e-6},
+            **tables,
+        }
+    )  # fmt: skip
+
+
+def test_column_is_told_where_euler_says(tmp_path: Path) -> None:
+    """About to buckle at 1/1.01 of Euler's force, a bifurcation at the force itself."""
+    run = pressed(output={"events": True}).run(tmp_path)
+    list(run)
+    found = {told["kind"]: told for told in run.wrinkles}
+    assert list(found) == ["wrinkles", "bifurcation"]
+    for kind, share in (("wrinkles", 1.0 / NEAR), ("bifurcation", 1.0)):
+        assert found[kind]["exit_tension"] == pytest.approx(-share * EULER, rel=1e-3)
+        assert found[kind]["time"] == pytest.approx(share / OVER, rel=1e-3)
+        assert found[kind]["x"] == pytest.approx(0.5 * LENGTH, abs=1e-9)
+    assert "about to wrinkle" in run.message
+    assert "unstable" in run.message
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["wrinkles"] == run.wrinkles
+    with (tmp_path / "events.csv").open() as table:
+        rows = [(row["kind"], float(row["time"])) for row in csv.DictReader(table)]
+    assert rows == [(told["kind"], told["time"]) for told in run.wrinkles]
+
+
+def test_factors_find_the_bifurcation_that_inertia_finds() -> None:
+    run, state = ended(pressed())
+    plan, solver = state.plan, Remembering(SparseSolver())
+    equations = Equilibrium(plan.model, plan.supports, plan.controls)
+    settings = Settings(order=15)
+    start = np.zeros(len(plan.supports.free))
+    steps = follow(equations, start, solver=solver, settings=settings)
+    points = [point for _, here in watched(equations, steps, solver, settings) for point in here]
+    assert [point.kind for point in points] == [Kind.BIFURCATION]
+    assert run.wrinkles[1]["time"] == pytest.approx(points[0].control, abs=2.0 * DATED)
+
+
+def test_a_strip_that_is_pulled_is_not_looked_at() -> None:
+    pulled = pressed(stages=[{"name": "pull", "duration": 1.0, "exit": {"force": [1e3, 0.0, 0.0]}}])
+    run, _ = ended(pulled)
+    assert run.wrinkles == []
+    assert "wrinkles" not in run.cost.seconds
+
+
+def test_onsets_outlive_an_interruption(tmp_path: Path) -> None:
+    whole, _ = ended(pressed())
+    stages = [*pressed().to_dict()["stages"], {"name": "rest", "duration": 1.0}]
+    scene = pressed(stages=stages)
+    steps = iter(scene.run(tmp_path))
+    first = next(steps)
+    while first.stage != "rest":
+        first = next(steps)
+    steps.close()
+    resumed = scene.run(tmp_path, resume=True)
+    for _ in resumed:
+        pass
+    assert [told["time"] for told in resumed.wrinkles] == [t["time"] for t in whole.wrinkles]
+
+
+def crowned(conveyed: bool) -> Scene:
+    """The crowned roller of the example without friction, down to 16.5 kN/m."""
+    functions = runpy.run_path(str(EXAMPLES / "conveyed_wrinkles.py"))
+    tables = functions["crowned"](8e-4, 0.0, ((6, 12), 0.02)).to_dict()
+    tables["stages"][-1]["exit"]["tension"] = 1.65e4
+    if not conveyed:
+        tables["stages"] = [{"name": "ease", "duration": 1.0, "friction": False,
+                             "exit": {"tension": 1.65e4}}]  # fmt: skip
+    return Scene.model_validate(tables)
+
+
+def sign(state: State) -> float:
+    """Sign of the tangent's determinant, from factors of the whole matrix without a border."""
+    plan = state.plan
+    equations = Equilibrium(plan.model, plan.supports, plan.controls)
+    matrix = equations.recurrence(state.full[plan.supports.free], state.control, 1).tangent()
+    factors = splu(matrix.assembled() if isinstance(matrix, Bordered) else matrix)
+    orders = [csr_matrix((np.ones(len(p)), (np.arange(len(p)), p))) for p in
+              (factors.perm_r, factors.perm_c)]  # fmt: skip
+    cycles = sum(connected_components(order, connection="strong")[0] for order in orders)
+    return float((-1.0) ** cycles * np.prod(np.sign(factors.U.diagonal())))
+
+
+@pytest.mark.slow
+def test_strip_wrinkles_as_it_is_conveyed_where_it_does_as_it_stands(claim: Claim) -> None:
+    """Nothing rubs; and the determinant of the stationary path changes its sign there."""
+    tensions, ends = [], []
+    for run in (crowned(True).run(), crowned(False).run()):
+        *_, last = run
+        found = [told for told in run.wrinkles if told["kind"] == "bifurcation"]
+        tensions.append([told["exit_tension"] for told in found])
+        ends.append((last.state, found[0]["time"]))
+    moving, standing = tensions
+    assert len(moving) == len(standing)
+    claim("tension at the onset of conveyed strip without friction (N/m)",
+          moving[0], standing[0], 1e-4, "the same strip as it stands")  # fmt: skip
+    end, time = ends[0]
+    assert sign(end.at(time - 2e-3, None)) == -sign(end.at(time + 2e-3, None))
