@@ -120,11 +120,12 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
                 axis.plot(*zip(*points, strict=True), "o-", color=colour, label=f"f = {friction:g}")
         axis.set(xlabel=label, ylabel="wrinkles below (kN/m)", xlim=(0.0, None), ylim=(0.0, None))
         axis.grid(alpha=0.3)
-        axis.legend(frameon=False)
     if yawed := [row["value"] for row in rows if row["of"] == "yaw (rad)"]:
         ends = np.array([0.0, max(yawed)])
         axes[1].plot(1e3 * ends, 1e-3 * slack(ends), "k--", label="inner edge slack, beam")
-        axes[1].legend(frameon=False)
+    for axis in axes:
+        if axis.lines:
+            axis.legend(frameon=False)
     figure.savefig(path, dpi=150)
 
 
