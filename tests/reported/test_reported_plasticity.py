@@ -254,6 +254,42 @@ def test_what_is_left_of_a_shell_that_is_bent_is_told_before_it_is_let_go(tmp_pa
     assert written[:, :2].mean(axis=0) == pytest.approx(left, abs=0.04 * np.abs(left[0]))
 
 
+BUCKLED = {
+    "strip": {
+        "length": 0.1, "width": 0.02, "thickness": THICKNESS, "cells": [4, 2],
+        "imperfection": {"mode": 1, "amplitude": 1e-5},
+    },
+    "material": {**TABLES["material"], "plasticity": {"layers": 11, "reference_rate": 1e-2}},
+    "edges": {"entry": {"fixed": ["x", "z"], "centred": True}, "exit": {"fixed": ["x", "z"]}},
+    "stages": [
+        {"duration": 0.1, "exit": {"move": [-1e-5, 0.0, 0.0]}},
+        {"duration": 1.0, "exit": {"move": [-4e-4, 0.0, 0.0]}},
+    ],
+    "solver": {"tolerance": 1e-3},
+}  # fmt: skip
+
+
+def test_an_imperfect_strip_that_buckles_keeps_what_has_yielded():
+    """Bent to A (π/ℓ)² = 4/m it keeps κ − M/D of the curve at that k; the elastic one nothing."""
+    (told, bent), (nothing, same) = (
+        (layers.residual_curvature[0, layers.x.argsort()], layers.curvature[0, layers.x.argsort()])
+        for layers in (buckled(YIELD), buckled(100.0 * YIELD))
+    )
+    middle = np.abs(bent).argmax()
+    k = abs(bent[middle]) / KAPPA
+    assert 1.2 < k < 1.8
+    left = k - 1.5 + 0.5 / k**2  # N is hardly more than nothing
+    assert abs(told[middle]) / KAPPA == pytest.approx(left, abs=0.06)
+    assert np.abs(nothing).max() < 3e-3 * np.abs(same).max()  # the imperfection's own
+
+
+def buckled(stress):
+    """What is read off a strip of some yield stress that was pressed together."""
+    tables = {**BUCKLED, "material": {**BUCKLED["material"], "yield_stress": stress}}
+    *_, last = Scene.from_tables(tables, "buckled.toml").run()
+    return YieldedStrip.of(last.state)
+
+
 def test_a_law_of_the_documentation_from_a_module(tmp_path):
     """Voce's hardening of a shell in tension, against E ε' = σ' + E ε₀ (σ/R)ⁿ in one fibre."""
     page = Path(__file__).parents[2] / "docs" / "plasticity.md"

@@ -25,9 +25,6 @@ FLOWS = 0.9
 is 0.5 % of the reference rate there; in a bend the stress falls from it to 0 within the core."""
 
 
-TINY = float(np.finfo(float).tiny)
-
-
 @dataclass(frozen=True)
 class RollerBend:
     """The sharpest bend at a roller, between the middles of the spans on both sides."""
@@ -121,8 +118,9 @@ class YieldedStrip:
         flows, gaps = self.level(s) > FLOWS, np.diff(self.effect.layers.heights)[:, None]
         turns = self.level(np.diff(s, axis=1)) > FLOWS
         engineering = self.curvature * self.effect.twice[:, None]
-        slope = np.maximum(self.flow.mises(self.effect.moduli @ engineering), TINY)
-        elastic = np.minimum(self.flow.mises(np.diff(self.stress, axis=1)) / slope, gaps)
+        slope = np.tile(self.flow.mises(self.effect.moduli @ engineering), (len(gaps), 1))
+        change, elastic = self.flow.mises(np.diff(self.stress, axis=1)), gaps + 0.0 * slope
+        np.divide(change, slope, out=elastic, where=change < slope * gaps)
         elastic = np.where(flows[1:] & flows[:-1] & ~turns, 0.0, elastic)
         plastic = np.where(flows[1:] | flows[:-1], gaps - elastic, 0.0)
         return np.asarray(plastic.sum(axis=0) / gaps.sum())
