@@ -232,6 +232,41 @@ def test_back_stress_is_that_of_prager():
     assert flow == pytest.approx([exact[0, 0], exact[1, 1], 2.0 * exact[0, 1]], rel=1e-12)
 
 
+@pytest.mark.parametrize("kind", ["section", "shell"])
+def test_forces_of_plastic_strain_do_the_work_of_stress_on_it(kind):
+    """f · δx = −∫ε_p · δσ dζ, with δσ of strain alone, for any change of shape: C is symmetric."""
+    ends, layers = np.array([0.0, LENGTH]), Layers.of(THICKNESS, 5)
+    shell = grid(ends, ends), THICKNESS, Material(YOUNG, 0.3), SHELL
+    section = line(ends), THICKNESS, Material(YOUNG, 0.0), SECTION
+    strip = Strip(*(shell if kind == "shell" else section))
+    effect, rng = flowing(strip, FlowLaw(YIELD, 3, 1.0), layers), np.random.default_rng(7)
+    q = effect.operator.strains
+    x, change = 0.1 * rng.standard_normal((2, q + effect.operator.own, effect.points))
+    bare, change[q:] = np.concatenate([x[:q], 0.0 * x[q:]]), 0.0
+    forces = effect.law(x, 0.0 * x, {"yielding": 0.0})[:q]
+    up, down = (effect.stresses(bare + sign * 1e-6 * change, {}) for sign in (1.0, -1.0))
+    work = np.einsum("l,klp,klp->p", layers.weights, effect.internal(x), (up - down) / 2e-6)
+    stretch = (forces * change[:q]).sum(axis=0)
+    assert stretch == pytest.approx(-work, rel=1e-6)
+
+
+def test_layers_of_a_shell_bear_together_what_membrane_and_bending_do():
+    """Without plastic strain, for any shape."""
+    ends, layers = np.array([0.0, LENGTH]), Layers.of(THICKNESS, 5)
+    strip = Strip(grid(ends, ends), THICKNESS, Material(YOUNG, 0.3), SHELL)
+    effect, rng = flowing(strip, FlowLaw(YIELD, 3, 1.0), layers), np.random.default_rng(8)
+    x = 0.1 * rng.standard_normal((effect.operator.strains + effect.operator.own, effect.points))
+    x[effect.operator.strains :] = 0.0
+    stress, derivatives = effect.stresses(x, {}), effect.derivatives(x)
+    force, moment = (
+        np.einsum("l,klp->kp", w, stress) for w in (layers.weights, layers.weights * layers.heights)
+    )
+    n = effect.membrane.forces(derivatives[:, :2])
+    assert force == pytest.approx(np.stack([n[0, 0], n[1, 1], n[0, 1]]), rel=1e-12)
+    m = effect.bending.stiffness @ effect.bending.change(derivatives, {})
+    assert -moment * np.array([[1.0], [1.0], [2.0]]) == pytest.approx(m, rel=1e-10)
+
+
 @pytest.mark.parametrize("kind", ["section", "along", "shell"])
 def test_elimination_solves_with_the_whole_tangent(kind):
     """K x = r with unknowns of points' own, K from differences of the residual."""
