@@ -141,16 +141,22 @@ class Line:
             assert abs(found / expected - 1.0) < within, f"{edge} bears {found}, not {expected} N/m"
 
     def expect_travel(self, expected: float, within: float = 0.005) -> None:
-        """The exit has gone that far along its run (m).
+        """The strip has gone that far (m).
 
         Half a percent is for the creep, the half thickness between face and middle of the strip
         (t/2r), and steps in time; a millimetre for what tensions stretch.
         """
+        found = self.conveyed()
+        assert abs(found - expected) < within * abs(expected) + 1e-3, f"{found}, not {expected} m"
+
+    def conveyed(self, time: float = np.inf) -> float:
+        """How far the strip has gone up to a time (m), or in all."""
+        if "conveyed" in self.history[-1]:
+            return float([row for row in self.history if row["time"] <= time][-1]["conveyed"])
         _, exit = self.ends
         heading = np.exp(1j * self.string().headings[-1])
-        x, _, z = self.state().end("exit")
-        found = float(((complex(x, z) - exit) * np.conj(heading)).real)
-        assert abs(found - expected) < within * abs(expected) + 1e-3, f"{found}, not {expected} m"
+        x, _, z = self.state(None if time == np.inf else time).end("exit")
+        return float(((complex(x, z) - exit) * np.conj(heading)).real)
 
     def expect_speed(self, expected: float) -> None:
         """Both ends move at that speed (m/s); 0.5 % as for the travel."""

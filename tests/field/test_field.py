@@ -135,10 +135,8 @@ def cooling_tower(line: Line) -> None:
     line.expect_travel(0.75)
     before, after = line.roll("first")["tension_in"], line.roll("second")["tension_out"]
     # 0.5 %: contact begins and ends up to λ = √(D/T) below the axes
-    assert abs(before / (foot + weight * (height - 0.75)) - 1.0) < 0.005
-    assert abs(after / (foot + weight * (height + 0.75)) - 1.0) < 0.005
-    held = 1.5 * weight
-    assert abs(after - before - held) < 0.1 * held  # of two readings 140 times as large
+    assert abs(before / top - 1.0) < 0.005
+    assert abs(after / top - 1.0) < 0.005
 
 
 def looper(line: Line) -> None:
@@ -176,14 +174,12 @@ def billy_roll(line: Line) -> None:
 
 def film_drive(line: Line) -> None:
     line.expect_ends(0.005, entry=400.0, exit=100.0)
-    line.expect_travel(1.8)
-    # stationary once the arc has been passed, half a metre behind the end of the ramp
-    begun, ended = line.state(1.7), line.state()
-    gone = [float(np.linalg.norm(ended.end(e) - begun.end(e))) for e in ("entry", "exit")]
-    assert gone[0] > 0.3
+    # 1 %: what comes in is longer than unstressed strip by 400 N/m / Et, as is the span before
+    line.expect_travel(1.8, within=0.01)
+    speeds = [np.linalg.norm(line.state().end(e, "velocity")) for e in ("entry", "exit")]
     creep = (400.0 - 100.0) / line.stiffness
-    # 15 %: what sticks creeps as well, at about a tenth of this
-    assert abs((1.0 - gone[1] / gone[0]) / creep - 1.0) < 0.15, gone
+    # 1 %: the tensions are those of a march at 0.5 %
+    assert abs((1.0 - speeds[1] / speeds[0]) / creep - 1.0) < 0.01, speeds
 
 
 def coating_line(line: Line) -> None:
@@ -231,7 +227,7 @@ def plate_on_roller_table(line: Line) -> None:
     pulled = sum(line.summary["edges"][edge]["force"][2] for edge in ("entry", "exit"))
     # 1 %: normals lean by some hundredths, and friction pulls along the slope
     assert abs((pushed + pulled) / (line.weight * 4.0 * line.width) - 1.0) < 0.01
-    assert abs(line.state().end("exit")[0] - 2.375) < 0.005 * 0.375 + 1e-3
+    line.expect_travel(0.375)
     line.expect_speed(0.5)
 
 
@@ -268,18 +264,16 @@ def press_roll(line: Line) -> None:
 
 def reversing_strip(line: Line) -> None:
     line.expect_ends(0.005, entry=2.5e4, exit=2.5e4)
-    line.expect_travel(0.0)
-    line.expect_idle("left", "right", share=0.02)
-    begun, turned = line.state(1.0 - 1e-9).end("exit"), line.state(1.8).end("exit")
-    gone = float(np.linalg.norm(turned - begun))
+    gone = max(line.conveyed(row["time"]) for row in line.history if row["stage"] != "threading")
     assert abs(gone / 0.55 - 1.0) < 0.02  # read at an instant next to that of turning
+    assert abs(line.conveyed()) < 0.005 * gone
+    line.expect_idle("left", "right", share=0.02)
 
 
 def bridle_stop_rest(line: Line) -> None:
     line.expect_ends(0.005, entry=1.2e4, exit=1.0e4)
     line.expect_travel(0.9)
-    stopped, rested = line.state(1.5), line.state()
-    assert np.linalg.norm(rested.end("exit") - stopped.end("exit")) < 1e-3
+    assert abs(line.conveyed() - line.conveyed(1.5 + 1e-9)) < 1e-3
     assert line.tangents("rest") <= RESTING
 
 

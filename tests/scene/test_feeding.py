@@ -87,7 +87,7 @@ def test_a_metre_over_a_driven_roller_takes_few_tangents() -> None:
         solver={"tolerance": 1e-3},
     )  # fmt: skip
     run = done(scene)
-    assert run.march.passed == pytest.approx(1.0, rel=2e-3)  # metres that have passed
+    assert run.march.conveyed == pytest.approx(1.0, rel=2e-3)  # metres that have passed
     assert run.cost.expansions <= 60
 
 

@@ -146,7 +146,7 @@ def test_a_fed_line_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
     steps.close()  # type: ignore[attr-defined]
     again = fed().run(tmp_path, resume=True)
     *_, end = again
-    assert again.march.passed == pytest.approx(0.12, rel=2e-3)
+    assert again.march.conveyed == pytest.approx(0.12, rel=2e-3)
     np.testing.assert_array_equal(end.state.full, last.state.full)
     assert end.tangents == last.tangents
     assert end.state.rollers["a"].torque == pytest.approx(-10.0, rel=1e-3)

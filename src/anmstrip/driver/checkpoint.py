@@ -77,7 +77,7 @@ class Facts(BaseModel):
     course_time: Number  # at which this stage began (s)
     released: list[str]  # edges
     slack: bool
-    passed: Number  # length of strip that has been fed in (m)
+    conveyed: Number  # length of strip that has been fed in (m)
     stages: dict[str, StageFacts]
     effects: dict[str, EffectFacts]
     snaps: list[SnapFacts]

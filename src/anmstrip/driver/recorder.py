@@ -44,6 +44,8 @@ STEP_COLUMNS = ("stage", "time", "step", "tangents", "order", "range", "residual
 
 EVENT_COLUMNS = ("time", "stage", "kind", "roller", "point", "x", "y", "gap", "slip")
 
+FEED_COLUMNS = ("strip_speed", "conveyed")
+
 ROLLER_COLUMNS = ("normal_force", "drag", "wrap", "max_slip", "surface_speed", "torque")
 
 
@@ -52,6 +54,8 @@ def history_row(step: Step) -> dict[str, Any]:
     state, values = step.state, {column: getattr(step, column) for column in STEP_COLUMNS}
     for edge in ("entry", "exit"):
         values[f"{edge}_tension"] = state.tension(edge)
+    if state.strip_speed is not None:
+        values |= {column: getattr(state, column) for column in FEED_COLUMNS}
     for name, reading in state.rollers.items():
         values |= {f"{name}_{column}": getattr(reading, column) for column in ROLLER_COLUMNS}
     return values
@@ -75,7 +79,8 @@ class Recorder:
         directory.mkdir(parents=True, exist_ok=True)
         self.lock = DirectoryLock(directory)
         names = [f"{r.name}_{column}" for r in assembly.rollers for column in ROLLER_COLUMNS]
-        columns = (*STEP_COLUMNS, "entry_tension", "exit_tension", *names)
+        feed = FEED_COLUMNS if assembly.conveyed else ()
+        columns = (*STEP_COLUMNS, "entry_tension", "exit_tension", *feed, *names)
         contents = directory / "strip.pvd", directory / "rollers.pvd"
         kept: Mapping[str, Any] = resumed or {"rows": 0, "time": -1.0, "turned": {}}
         self.rows, self.event_rows = kept["rows"], kept.get("event_rows", 0)
@@ -149,6 +154,7 @@ class Recorder:
         origin, flat_origin = self.assembly.origin, np.append(self.assembly.flat_origin, 0.0)
         points = self.surface.reference.T + fields["displacement"] + origin
         fields["displacement"] += origin - flat_origin
+        fields["displacement"][:, 0] += state.conveyed
         smooth = self.assembly.scene.output.smooth
         cells = self.surface.cells if smooth else subdivide(self.surface.cells)
         write_surface(self.directory / strip, points, cells, fields)

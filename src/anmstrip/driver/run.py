@@ -60,7 +60,7 @@ def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
         "snaps": run.snaps,
         "wrinkles": run.wrinkles,
         "slack": march.slack,
-        "passed": march.passed,
+        "conveyed": march.conveyed,
     }
     if memory is not None:
         arrays |= {"states": np.array(memory.states), "v": memory.v}
@@ -80,7 +80,7 @@ def unpack(run: Run, arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> N
     cost.expansions, cost.factorisations = facts["expansions"], facts["factorisations"]
     run.spent, run.stages, run.effects = facts["seconds"], facts["stages"], facts["effects"]
     run.snaps, run.wrinkles = facts["snaps"], facts["wrinkles"]
-    march.slack, march.passed = facts["slack"], facts["passed"]
+    march.slack, march.conveyed = facts["slack"], facts["conveyed"]
     march.course.time, march.course.released = facts["course_time"], set(facts["released"])
     kept = kept_values(march.course)
     for name, value in arrays.items():
@@ -369,7 +369,7 @@ class Run:
         """Return the counters of the run, as in ``summary.json``."""
         march, strip = self.march, self.assembly.strip
         section = strip.material.density * strip.thickness * strip.width
-        fed = {"length": march.passed, "mass": section * march.passed}
+        fed = {"length": march.conveyed, "mass": section * march.conveyed}
         return {
             "status": "done" if self.outcome.done else self.outcome.name.lower(),
             "message": self.message,

@@ -45,6 +45,8 @@ class State:
         Where the stage runs in time.
     branch : Branch or None
         Path of a rate-free step to this state, in the free unknowns.
+    conveyed : float
+        Length of unstressed strip (m) that has been fed in so far, in time.
     """
 
     plan: StageProblem
@@ -53,6 +55,7 @@ class State:
     full: Array
     velocity: Array | None
     branch: Branch | None = None
+    conveyed: float = 0.0
 
     def at(self, time: float, before: State | None) -> State:
         """State at an instant of the step that ends here.
@@ -84,14 +87,17 @@ class State:
         s = (time - start) / h
         full = u + s * (change - (1.0 - s) * curved)
         velocity = None if self.velocity is None else (change + (2.0 * s - 1.0) * curved) / h
-        return State(self.plan, time, control, full, velocity)
+        begun = self.conveyed if before is None else before.conveyed
+        conveyed = begun + s * (self.conveyed - begun)
+        return State(self.plan, time, control, full, velocity, conveyed=conveyed)
 
     def inside(self, a: float) -> State:
         """State at a parameter of the branch of a rate-free step that ends here."""
         assert self.branch is not None
         plan, (u, control) = self.plan, self.branch(a)
         full, time = plan.supports.full(u, control), plan.start + control * plan.duration
-        return State(plan, time, control, full, plan.transport(full, control))
+        moving = plan.transport(full, control)
+        return State(plan, time, control, full, moving, conveyed=self.conveyed)
 
     @cached_property
     def controls(self) -> dict[str, Array]:

@@ -28,15 +28,18 @@ def with_defaults(scene: SceneSpec) -> SceneSpec:
 
 
 def goes_on(scene: SceneSpec) -> bool:
-    """Return whether the strip is fed by default: threaded, it goes on beyond entry and exit.
+    """Return whether the strip is fed by default: it goes on beyond entry and exit.
 
-    Not where its ends are moved so that it cannot, where its shape or its yield belongs to the
+    It does if it is threaded, or if an end that was held is let go, so that both ends are pulled.
+    Not where ends are moved so that it cannot, where its shape or its yield belongs to the
     material, and where nothing rubs.
     """
     strip, shapes = scene.strip, [scene.strip, *(stage.strip for stage in scene.stages)]
     along = [getattr(value, "along", ()) for shape in shapes for value in shape.natural.values()]
     own = strip.mesh or strip.imperfection or scene.material.plasticity or any(along)
-    if scene.threading is None or scene.friction is None or own:
+    let_go = any(end.release for stage in scene.stages for end in stage.edges.values())
+    endless = scene.threading is not None or let_go
+    if not endless or scene.friction is None or own:
         return False
     return not any(moved_ends(scene.edges, scene.stages))
 

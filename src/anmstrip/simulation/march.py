@@ -99,7 +99,7 @@ class March:
         Whether this stage began with a slack strip, see :meth:`_slack`.
     past : StageProblem or None
         The stage before.
-    passed : float
+    conveyed : float
         Unstressed length (m) of the strip that has been fed in, in time.
     follow : callable
         Follows paths; by series unless somebody compares.
@@ -118,7 +118,7 @@ class March:
         self.memory: Memory | None = None
         self.slack = False
         self.past: StageProblem | None = None
-        self.passed = 0.0
+        self.conveyed = 0.0
 
     def planned(self, stage: StageSpec, state: State | None) -> StageProblem:
         """A stage ready to be solved; what it releases goes on as a load."""
@@ -144,15 +144,12 @@ class March:
         velocity = self.velocity if plan.in_time or plan.steady else None
         control = self.reached or 0.0
         time = plan.start + control * plan.duration
-        return State(plan, time, control, self.full, velocity)
+        return State(plan, time, control, self.full, velocity, conveyed=self.conveyed)
 
     def accept(self, step: Step) -> None:
         """Move to the end of a step."""
         state = step.state
-        if state.plan.fed and state.velocity is not None:
-            speeds = (self.velocity + state.velocity)[self.assembly.coupled - 1]
-            self.passed += 0.5 * step.range * float(speeds)  # c is linear in a step
-        self.full, self.reached = state.full, state.control
+        self.full, self.reached, self.conveyed = state.full, state.control, state.conveyed
         self.velocity = np.zeros_like(self.full) if state.velocity is None else state.velocity
         self.pace = step.past if isinstance(step.past, Pace) else None
         self.memory = step.past if isinstance(step.past, Memory) else None
@@ -199,7 +196,7 @@ class March:
             time = plan.start + control * plan.duration
             full = plan.supports.full(u, control)
             velocity = plan.transport(full, control)
-            state = State(plan, time, control, full, velocity, branch)
+            state = State(plan, time, control, full, velocity, branch, self.conveyed)
             covered = abs(control - float(step.branch.control[0]))
             yield Step(state, step.branch.order, covered, step.imbalance, step.pace)
 
@@ -244,8 +241,11 @@ class March:
             velocity = plan.moving(control)
             velocity[plan.supports.free] = step.v
             full = plan.supports.full(step.u, control)
-            state = State(plan, step.end, control, full, velocity)
             covered = step.end - step.start
+            state = State(plan, step.end, control, full, velocity)
+            if plan.fed:
+                speeds = (self.velocity + velocity)[self.assembly.coupled - 1]  # linear in a step
+                state = replace(state, conveyed=self.conveyed + 0.5 * covered * float(speeds))
             yield Step(state, settings.order, covered, step.imbalance, step.memory, step.snap)
 
     def _memory(self, plan: StageProblem) -> Memory:
