@@ -14,6 +14,7 @@ import pytest
 import reported_scenes as scenes
 from reported_files import Results, Surface, ran, typed
 from reported_states import looks_at
+from scipy.integrate import cumulative_trapezoid
 
 from anmstrip import Scene
 
@@ -162,7 +163,7 @@ def test_progress_tells_how_far_a_run_is(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(time, "monotonic", lambda: begun + 1e3 * (clock() - begun))
     results = ran(scenes.LIFTED, tmp_path)
     taken = 1e3 * (clock() - begun)
-    lines = results.progress.splitlines()
+    lines = [line for line in results.progress.splitlines() if not line.startswith("Warning: ")]
     assert len(lines) > 20
     rows = {f"{t:.4g}": row for row, t in enumerate(results.history["time"])}
     gone = []
@@ -215,6 +216,25 @@ def test_fresh_strip_is_counted(fed: Results) -> None:
         passed = np.trapezoid(speeds, [surface.time for surface in surfaces])
         assert feed["length"] == pytest.approx(passed, rel=2e-3)
     assert feed["mass"] == pytest.approx(7850.0 * 1e-3 * 0.4 * feed["length"], rel=1e-12)
+
+
+def test_history_tells_how_far_fed_strip_has_gone(fed: Results) -> None:
+    """Its speed is that of the written velocities at the exit; its way is their integral.
+
+    The displacement tells it too: what is at the exit has come from so far upstream.
+    """
+    at = {time: row for row, time in enumerate(fed.history["time"])}
+    surfaces = [surface for surface in fed.surfaces if surface.time in at]
+    rows, times = [at[s.time] for s in surfaces], [surface.time for surface in surfaces]
+    assert len(surfaces) > 5
+    speeds = [along(surface, "exit") for surface in surfaces]
+    assert np.abs(fed.history["strip_speed"][rows] - speeds).max() < 2e-3 * max(speeds)
+    ways = fed.history["conveyed"][rows]
+    passed = cumulative_trapezoid(speeds, times, initial=0.0)
+    assert np.abs(ways - ways[0] - passed).max() < 2e-3 * ways[-1]
+    assert ways[-1] == pytest.approx(fed.summary["feed"]["length"], rel=1e-12)
+    first, last = (s.reference[..., 0].max() for s in (surfaces[0], surfaces[-1]))
+    assert first - last == pytest.approx(ways[-1] - ways[0], abs=1e-9)
 
 
 def along(surface: Surface, name: str) -> float:

@@ -49,13 +49,13 @@ FEED_COLUMNS = ("strip_speed", "conveyed")
 ROLLER_COLUMNS = ("normal_force", "drag", "wrap", "max_slip", "surface_speed", "torque")
 
 
-def history_row(step: Step) -> dict[str, Any]:
-    """Return the row of a step in ``history.csv``."""
+def history_row(step: Step, conveyed: bool) -> dict[str, Any]:
+    """Return the row of a step in ``history.csv``, of strip that has a speed of its own or not."""
     state, values = step.state, {column: getattr(step, column) for column in STEP_COLUMNS}
     for edge in ("entry", "exit"):
         values[f"{edge}_tension"] = state.tension(edge)
-    if state.strip_speed is not None:
-        values |= {column: getattr(state, column) for column in FEED_COLUMNS}
+    if conveyed:
+        values |= {"strip_speed": state.strip_speed or 0.0, "conveyed": state.conveyed}
     for name, reading in state.rollers.items():
         values |= {f"{name}_{column}": getattr(reading, column) for column in ROLLER_COLUMNS}
     return values
@@ -120,7 +120,7 @@ class Recorder:
         self.lock.check()
         if output.times is None and not self.strip.count:
             self.write_state(state.at(state.plan.start, before))
-        self.history.append(history_row(step))
+        self.history.append(history_row(step, self.assembly.conveyed))
         self.rows += 1
         for event in step.events:
             assert self.events is not None

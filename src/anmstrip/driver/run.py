@@ -286,7 +286,7 @@ class Run:
             self.recorder.record(step, before)
             self._checkpoint()
         else:
-            self.rows.append(history_row(step))
+            self.rows.append(history_row(step, self.assembly.conveyed))
         return step
 
     def _events(self, before: State, state: State) -> tuple[Event, ...]:
