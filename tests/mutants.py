@@ -445,8 +445,8 @@ SUMMARY = (
     ),
     Mutant(
         "passed by the speeds at the ends of steps",
-        "self.passed += 0.5 * step.range * ",
-        "self.passed += step.range * ",
+        "self.conveyed + 0.5 * covered * ",
+        "self.conveyed + covered * ",
         "summary",
     ),
     Mutant(
