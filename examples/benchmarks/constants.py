@@ -32,11 +32,16 @@ REMOVED: tuple[tuple[str, str, Any], ...] = (
     (f"{CONTINUATION}.equations", "RESIDUAL_SHARE", 0.1),
     (f"{CONTINUATION}.expansion", "SEEN", 0.5),
     (f"{CONTINUATION}.quotients", "RUNG", 1.0001),
+    (f"{CONTINUATION}.quotients", "FIRST", 0),
     (f"{CONTINUATION}.quotients", "LAST", 1),
     (f"{CONTINUATION}.quotients", "FURTHER", 2.0),
+    (f"{CONTINUATION}.quotients", "DAMPING", 1e-12),
     (TIME, "GROWTH", (np.inf,) * 5),
     (TIME, "SETTLING", 1.0),
     (TIME, "UNHURRIED", 0.0),
+    (TIME, "NARROW", 1e-6),
+    (TIME, "LEAST_SHARE", 0.0),
+    (TIME, "MOST_BRANCHES", 10**6),
 )
 """Module, name, and the value that takes the constant's place."""
 

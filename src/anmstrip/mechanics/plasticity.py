@@ -94,7 +94,7 @@ class FlowLaw:
 
 
 class Plasticity(LawEffect):
-    """What plastic strains take from the forces and moments of a strip, and how they grow.
+    """Share of plastic strains in the forces and moments of a strip, and how they grow.
 
     A layer at the height ζ bears σ = C (E − ζ χ − ε_p), with the membrane strain E and the change
     of curvature χ of :mod:`anmstrip.mechanics.shell`, and C of plane stress.  A section bends in

@@ -179,7 +179,7 @@ class Onset:
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What ``summary.json`` tells."""
+        """Entries of ``summary.json``."""
         state, strip = self.state, self.state.plan.model.strip
         highest = np.abs(strip.nodal(self.heights)[strip.node_values, 2]).argmax()
         x, y = strip.nodes[:2, highest] + strip.flat_origin
