@@ -220,7 +220,7 @@ class StripSpec(NaturalShape):
     )
     """whether the strip resists bending, true, false or "kirchhoff-love" (text)"""
     feed: StrictBool | None = Field(None, examples=["true"])
-    """whether fresh strip follows what has left, true or false; left out: if it is threaded, or let go (1)"""
+    """whether fresh strip follows, true or false; left out: if threaded or let go (1)"""
     foundation: Positive | None = Field(None, examples=["1.0e5"])
     """stiffness of an elastic foundation under the strip, a number above 0 (Pa/m)"""
     imperfection: ImperfectionSpec | None = Field(
