@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 
 from anmstrip.arrays import Array
+from anmstrip.driver.budget import Budget
 from anmstrip.errors import InputError, Mistake, toml_text
 from anmstrip.results.files import AFRESH, load_checkpoint, refused_checkpoint
 from anmstrip.simulation.march import March
@@ -78,12 +79,14 @@ class Facts(BaseModel):
     released: list[str]  # edges
     slack: bool
     conveyed: Number  # length of strip that has been fed in (m)
+    looked: Number  # time of the latest state whose errors were estimated (s)
     stages: dict[str, StageFacts]
     effects: dict[str, EffectFacts]
     snaps: list[SnapFacts]
     times: Annotated[list[Number], Field(min_length=1)] | None = None  # of past states (s)
     next_step: Positive = 1.0
     time_order: Annotated[int, Field(ge=1)] = 1
+    error_rate: Number = 0.0
     pace: PaceFacts | None = None
     forward: Number | None = None
     rows: Count
@@ -185,6 +188,11 @@ def check_arrays(arrays: Mapping[str, Array], facts: Facts, march: March) -> Non
         known |= {"states": (len(facts.times), free), "v": (free,)}
         if any(new <= old for new, old in pairwise(facts.times)):
             raise ValueError("times that do not go back")
+    optional: dict[str, tuple[int, ...]] = {f"load.{name}": (3,) for name in strip.edges}
+    optional |= {"errors": (2, 2, free)} if facts.times is not None else {}
+    if "mesh_error" in arrays and (halved := Budget(march.assembly).halved) is not None:
+        optional["mesh_error"] = (halved.unknowns,)
+    known |= {name: shape for name, shape in optional.items() if name in arrays}
     if wrong := known.keys() ^ arrays.keys():
         raise ValueError(f"array {min(wrong)} that is missing or unknown")
     for name, values in arrays.items():

@@ -10,6 +10,7 @@ import numpy as np
 from rich.console import Console
 
 from anmstrip.driver.explain import plain_table
+from anmstrip.results.files import error_rows
 from anmstrip.results.plastic import RollerBend, YieldedStrip
 
 if TYPE_CHECKING:
@@ -29,8 +30,8 @@ def report(run: Run) -> str:
             console.print(roller_table(state))
             if (layers := YieldedStrip.of(state)) is not None:
                 console.print(bend_table(layers.rollers()))
-        for line in (tensions(state), errors(run)):
-            console.print(line, markup=False)
+        console.print(tensions(state), markup=False)
+        console.print(error_table(run))
     for warning in run.warnings:
         console.print(f"Warning: {warning}", markup=False)
     return stream.getvalue().rstrip()
@@ -72,16 +73,10 @@ def tensions(state: State) -> str:
     return f"Tension {' and '.join(told)}."
 
 
-def errors(run: Run) -> str:
-    """Return what is known of the errors of a run in a sentence."""
-    words = {
-        "path": "along paths below",
-        "time": "in time below",
-        "mesh": "of the mesh about",
-        "regularisation": "of the laws of contact and friction about",
-    }
-    known, told = run.errors(), []
-    for name, value in known.items():
-        told += [] if value is None else [f"{words[name]} {value:.2g}"]
-    missing = "" if known["mesh"] is not None else "; that of the mesh is not estimated"
-    return f"Errors, as shares of tensions and lengths: {', '.join(told)}{missing}."
+def error_table(run: Run) -> Table:
+    """Return the estimated errors of the last state, by what makes them."""
+    heads = ("tension\n(N/m)", "roller's force\n(N)", "position\n(m)")
+    table = plain_table("Estimated errors, the largest of each kind", "\nof", *heads)
+    for row in error_rows(run.errors()):
+        table.add_row(*row)
+    return table

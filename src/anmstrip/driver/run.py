@@ -13,6 +13,7 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Outcome, PathStopped
 from anmstrip.continuation.follow import Pace
+from anmstrip.driver.budget import Budget, Part, regularisation_part
 from anmstrip.driver.checkpoint import identity, kept_values, read_checkpoint
 from anmstrip.driver.preview import Preview
 from anmstrip.driver.recorder import Recorder, history_row
@@ -24,7 +25,7 @@ from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.simulation.march import March, Step, unbroken
 from anmstrip.simulation.problem import Assembly, EffectMaker
-from anmstrip.timestepping.formulas import Memory
+from anmstrip.timestepping.formulas import Errors, Memory
 
 if TYPE_CHECKING:
     from anmstrip.results.buckling import WrinkleWatch
@@ -41,7 +42,7 @@ WRINKLE_WORDS = {
 def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
     """Return arrays and plain facts from which :func:`unpack` restores a run."""
     march, memory, pace = run.march, run.march.memory, run.march.pace
-    kept = kept_values(march.course).items()
+    kept = (kept_values(march.course) | {"load": run.budget.loads}).items()
     arrays = {f"{kind}.{name}": x for kind, values in kept for name, x in values.items()}
     arrays |= {"full": march.full, "velocity": march.velocity}
     facts: dict[str, Any] = {
@@ -61,10 +62,16 @@ def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
         "wrinkles": run.wrinkles,
         "slack": march.slack,
         "conveyed": march.conveyed,
+        "looked": run.budget.time,
     }
+    if run.budget.error is not None:
+        arrays["mesh_error"] = run.budget.error
     if memory is not None:
         arrays |= {"states": np.array(memory.states), "v": memory.v}
         facts |= {"times": memory.times, "next_step": memory.step, "time_order": memory.order}
+        if memory.errors is not None:
+            arrays["errors"] = np.array([memory.errors.before, memory.errors.after])
+            facts["error_rate"] = memory.errors.rate
     if pace is not None:
         facts["pace"] = asdict(replace(pace, forward=None))
         if pace.forward is not None:
@@ -82,7 +89,8 @@ def unpack(run: Run, arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> N
     run.snaps, run.wrinkles = facts["snaps"], facts["wrinkles"]
     march.slack, march.conveyed = facts["slack"], facts["conveyed"]
     march.course.time, march.course.released = facts["course_time"], set(facts["released"])
-    kept = kept_values(march.course)
+    run.budget.time, run.budget.error = facts["looked"], arrays.get("mesh_error")
+    kept = kept_values(march.course) | {"load": run.budget.loads}
     for name, value in arrays.items():
         kind, _, key = name.partition(".")
         if kind in kept:
@@ -93,7 +101,11 @@ def unpack(run: Run, arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> N
         march.pace = Pace(**{**facts["pace"], "shrinking": shrinking, "forward": forward})
     if "times" in facts:
         past = tuple(facts["times"]), tuple(arrays["states"]), arrays["v"]
-        march.memory = Memory(*past, facts["next_step"], facts["time_order"])
+        errors = None
+        if "errors" in arrays:
+            before, after = arrays["errors"]
+            errors = Errors(before, after, facts["error_rate"])
+        march.memory = Memory(*past, facts["next_step"], facts["time_order"], errors)
 
 
 class Run:
@@ -142,6 +154,7 @@ class Run:
         self.assembly = Assembly(scene, imperfection, tuple(effects))
         self.scene = self.assembly.scene
         self.march, self.identity = March(self.assembly), identity(self.assembly)
+        self.budget = Budget(self.assembly)
         self.steps, self.first_stage = 0, 0
         self.effects: dict[str, dict[str, Any]] = {}
         self.stages: dict[str, dict[str, Any]] = {}
@@ -228,6 +241,7 @@ class Run:
             self.message = diagnosis(Failure(self.assembly, stage, state, stopped))
             with unbroken():
                 self._checkpoint(force=True)
+            self._look_at_errors(stage)
         self._finish()
 
     def interrupted(self) -> None:
@@ -256,8 +270,17 @@ class Run:
                 self._count(plan)
         with unbroken():
             self._checkpoint(force=True)
+        self._look_at_errors(stage)
+        with unbroken():
             march.finish(stage, plan)
             self.first_stage += 1
+
+    def _look_at_errors(self, stage: StageSpec) -> None:
+        """Estimate the errors of the present state, of a run that is written."""
+        if self.recorder is not None and self.state is not None:
+            march, before = self.march, self.budget.time
+            if self.state.time > before and self.state.plan.name == stage.name:
+                self.budget.look(stage, self.state, march.memory, march.course.released)
 
     def _accept(self, step: Step) -> Step:
         """Count a step, look for events and snaps in it, and write it down."""
@@ -348,22 +371,21 @@ class Run:
                 facts |= wrinkling.flatness
         self.recorder.summary(facts | {"errors": self.errors(), "warnings": self.warnings}, state)
 
-    def errors(self) -> dict[str, float | None]:
-        """Return what is known of the errors, as shares of tensions and lengths, else None.
+    def errors(self) -> dict[str, Part | None]:
+        """Return the estimated errors of the last state of a run that is written.
 
-        Along paths and in time they are held below the tolerance; what the regularised laws of the
-        last state cost is estimated, see :class:`~anmstrip.results.rollers.Regularisation`; that of
-        the mesh is not.
+        Returns
+        -------
+        dict
+            ``path``, ``time``, ``mesh`` and ``regularisation``, each with the largest error of a
+            ``tension`` (N/m), of a roller's ``force`` (N) and of a ``position`` (m), or None: of
+            ``time`` where nothing rubs, of ``mesh`` if it is not known.
         """
-        tolerances, state = self.march.tolerances, self.state
-        rubs = any(self.assembly.frictional(stage) for stage in self.scene.course)
-        costs = [] if state is None else [c.effect for c in state.regularisation.values()]
-        return {
-            "path": tolerances.path,
-            "time": tolerances.time if rubs else None,
-            "mesh": None,
-            "regularisation": max(costs, default=None),
-        }
+        parts = dict[str, Part | None].fromkeys(("path", "time", "mesh", "regularisation"))
+        if self.state is None:
+            return parts
+        known = self.budget.parts if self.budget.time == self.state.time else {}
+        return {**parts, **known, "regularisation": regularisation_part(self.state)}
 
     def facts(self) -> dict[str, Any]:
         """Return the counters of the run, as in ``summary.json``."""

@@ -318,7 +318,7 @@ def renumbered(mesh: Mesh) -> Mesh:
         name: mesh.p[:, mesh.facets[:, np.asarray(facets)]].mean(axis=1)
         for name, facets in (mesh.boundaries or {}).items()
     }
-    sorted_mesh = type(mesh)(mesh.p[:, order], place[mesh.t])
+    sorted_mesh = type(mesh)(np.ascontiguousarray(mesh.p[:, order]), place[mesh.t])
     facets = sorted_mesh.boundary_facets()
     found = sorted_mesh.p[:, sorted_mesh.facets[:, facets]].mean(axis=1)
     nearest = {

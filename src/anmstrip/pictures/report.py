@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from anmstrip.errors import InputError, Mistake
-from anmstrip.results.files import AnyPath, atomic_write, plain, read_history
+from anmstrip.results.files import AnyPath, atomic_write, error_rows, plain, read_history
 from anmstrip.results.vtk import (
     FIELDS,
     read_collection,
@@ -189,10 +189,8 @@ def tables(summary: Mapping[str, Any]) -> Iterable[str]:
         rows = ([name, number(e["tension"]), *map(number, e["force"])] for name, e in edges.items())
         yield table("Ends", ["end", "tension (N/m)", "force x (N)", "y (N)", "z (N)"], rows)
     if errors := summary.get("errors"):
-        heads = ["along paths", "in time", "of the mesh", "of the regularised laws"]
-        told = (errors.get(key) for key in ("path", "time", "mesh", "regularisation"))
-        row = ("not estimated" if value is None else f"{value:.2g}" for value in told)
-        yield table("Errors, as shares of tensions and lengths", heads, [row])
+        heads = ["of", "tension (N/m)", "roller's force (N)", "position (m)"]
+        yield table("Estimated errors, the largest of each kind", heads, error_rows(errors))
     if stages := summary.get("stages"):
         rows = ([n, s["steps"], s["tangents"], f"{s['seconds']:.3g}"] for n, s in stages.items())
         yield table("Stages", ["stage", "steps", "tangents", "seconds"], rows)

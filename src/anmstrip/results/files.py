@@ -27,6 +27,21 @@ _FACTS, _ARRAY = "facts", "array/"
 AFRESH = "the same command without --resume, to start from the beginning"
 """Advice for a run that cannot be resumed."""
 
+ERROR_WORDS = {
+    "path": "the path",
+    "time": "the steps in time",
+    "mesh": "the mesh",
+    "regularisation": "the laws of contact and friction",
+}
+"""Parts of ``errors`` in ``summary.json``, as they are called in reports."""
+
+
+def error_rows(errors: Mapping[str, Mapping[str, float] | None]) -> Iterator[list[str]]:
+    """Yield the rows of a table of ``errors``: of what, tension, roller's force, position."""
+    for name, part in errors.items():
+        values = ["–"] * 3 if part is None else [f"{value:.2g}" for value in part.values()]
+        yield [ERROR_WORDS[name], *values]
+
 
 @contextmanager
 def named_errors(path: Path) -> Iterator[None]:

@@ -21,7 +21,7 @@ from anmstrip.scene.schema import StageSpec
 from anmstrip.scene.tables import THREADING
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course, stretched
-from anmstrip.timestepping.formulas import Memory, start_memory
+from anmstrip.timestepping.formulas import Errors, Memory, start_memory
 from anmstrip.timestepping.implicit import UNHURRIED, Stepping, TimeStep, integrate
 
 if TYPE_CHECKING:
@@ -255,8 +255,12 @@ class March:
             return self.memory
         stages = [s.duration for s in self.scene.course if self.assembly.frictional(s)]
         first = self.scene.solver.time_step or FIRST_STEP * min(stages)
-        free = plan.supports.free
-        return start_memory(plan.start, self.full[free], self.velocity[free], first)
+        free, errors = plan.supports.free, None
+        if self.memory is not None and self.memory.errors is not None and self.past is not None:
+            whole = np.zeros((2, len(self.full)))
+            whole[:, self.past.supports.free] = self.memory.errors.after
+            errors = Errors(whole[:, free], whole[:, free], 0.0)
+        return start_memory(plan.start, self.full[free], self.velocity[free], first, errors)
 
     def _time_steps(
         self, plan: StageProblem, memory: Memory, settings: Settings

@@ -27,6 +27,18 @@ class AffineVelocity:
 
 
 @dataclass(frozen=True)
+class Errors:
+    """Estimated errors of a state: by the formulas, and by what their branches have left.
+
+    An error e of u is one rate (e − e₀) of its velocity.
+    """
+
+    before: Array  # e₀ (2, n): at the start of the last step, with what its formula adds
+    after: Array  # e (2, n)
+    rate: float  # of the formula
+
+
+@dataclass(frozen=True)
 class Memory:
     """Past of an integration, the latest first."""
 
@@ -35,6 +47,7 @@ class Memory:
     v: Array  # velocity at the latest instant
     step: float  # length to try next
     order: int = 1  # of the formula to try next
+    errors: Errors | None = None  # of the latest state; None for zero
 
     @property
     def available(self) -> int:
@@ -42,9 +55,9 @@ class Memory:
         return len(self.times)
 
 
-def start_memory(t: float, u: Array, v: Array, step: float) -> Memory:
+def start_memory(t: float, u: Array, v: Array, step: float, errors: Errors | None = None) -> Memory:
     """Memory of an integration that begins."""
-    return Memory((t,), (u,), v, step)
+    return Memory((t,), (u,), v, step, errors=errors)
 
 
 def lagrange(times: tuple[float, ...], new: float) -> Array:

@@ -16,6 +16,7 @@ from anmstrip.continuation.newton import Corrections, Newton
 from anmstrip.linalg.solvers import LinearSolver, Remembering
 from anmstrip.timestepping.formulas import (
     AffineVelocity,
+    Errors,
     Memory,
     RateEquations,
     StepEquations,
@@ -208,7 +209,8 @@ class _Integrator:
                 growth = min(ratio, 1.0 if barred else GROWTH[following - 1])
                 times = (new, *memory.times[: self.stepping.order])
                 states = (trial.u, *memory.states[: self.stepping.order])
-                past = Memory(times, states, trial.v, (new - t) * growth, following)
+                errors = self.errors(memory, trial, local)
+                past = Memory(times, states, trial.v, (new - t) * growth, following, errors)
                 return TimeStep(
                     t, new, trial.u, trial.v, order, error, trial.imbalance, trial.branches, past
                 )
@@ -238,7 +240,7 @@ class _Integrator:
             still = replace(memory, states=(u + rest.branch.end[0],))
             after = t + max(SETTLING * memory.step, DIGITS_OF_TIME * np.spacing(t))
             first = self.trial(still, after, 1)
-            return start_memory(after, first.u, first.v, memory.step)
+            return start_memory(after, first.u, first.v, memory.step, memory.errors)
         except PathStopped:
             return memory
 
@@ -323,6 +325,27 @@ class _Integrator:
         )
         return max(self.equations.error(trial.u, answer) / share, fading) / tolerance
 
+    def errors(self, memory: Memory, trial: _Trial, local: Array) -> Errors:
+        """Errors of the state, carried on from those at the start of a step.
+
+        With the local error l of the formula and the residual r that the step leaves, both to
+        first order, the error e₀ of the state before becomes
+
+            (∂R/∂u + rate ∂R/∂v) e = rate ∂R/∂v (e₀ + l) + r.
+
+        What sticks keeps it and what slips forgets it.
+        """
+        before = np.zeros((2, len(local))) if memory.errors is None else memory.errors.after.copy()
+        before[0] += local
+        left = trial.path.residual(trial.increment, 1.0)
+        self.cost.residuals += 1
+        self.cost.solves += 2
+        with self.cost.timed("error in time"):
+            right = [trial.resistance(trial.rate * error) for error in before]
+            right[1] = right[1] + left
+            after = np.array([self.solver.factors.solve(each) for each in right])
+        return Errors(before, after, trial.rate)
+
     def next_order(
         self, memory: Memory, trial: _Trial, new: float, order: int, ratio: float
     ) -> tuple[int, float]:
@@ -388,7 +411,8 @@ class _Integrator:
             return None
         told_apart = [a > b for a, b in pairwise(memory.times)]
         known = [*told_apart, False].index(False) + 1  # instants that differ
-        past = replace(memory, times=memory.times[:known], states=memory.states[:known], order=1)
+        times, states = memory.times[:known], memory.states[:known]
+        past = replace(memory, times=times, states=states, order=1, errors=None)
         return replace(step, start=t, branches=branches, memory=past, snap=True)
 
 

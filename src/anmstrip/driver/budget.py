@@ -1,0 +1,206 @@
+"""The error budget of a run: what path, time, mesh and regularised laws make its results wrong by.
+
+The first three are changes of state, and count by what they change of all that is read off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from anmstrip.arrays import Array
+from anmstrip.equilibrium import Equilibrium, StageProblem
+from anmstrip.fem.constraints import Supports
+from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.mechanics.effects import Controls
+from anmstrip.results.state import State
+from anmstrip.scene.schema import StageSpec
+from anmstrip.simulation.problem import Assembly
+from anmstrip.simulation.refinement import Halved, balanced
+from anmstrip.timestepping.formulas import AffineVelocity, Errors, Memory
+
+Part = dict[str, float]
+"""Largest errors of a ``tension`` (N/m), of a roller's ``force`` (N) and of a ``position`` (m)."""
+
+MOST_UNKNOWNS = 100_000
+"""On elements of half the length, beyond which the mesh's part is not looked for: the factors of a
+shell of so many, twenty elements across, take 1.5 GB."""
+
+
+SMALL = 1e-2
+"""Change of gaps over the onset of contact, and of slip over V_c, over which laws are straight."""
+
+
+def tensions(state: State) -> dict[str, float]:
+    """Return the tensions (N/m) of the ends, and of the strip before and behind every roller."""
+    found: dict[str, float]
+    found = {n: state.tension(n) for n in ("entry", "exit") if n in state.plan.model.strip.edges}
+    for name, reading in state.rollers.items():
+        found |= {f"{name}.in": reading.tension_in, f"{name}.out": reading.tension_out}
+    return found
+
+
+def forces(state: State) -> dict[str, float]:
+    """Return the normal force and the drag (N) of every roller."""
+    found: dict[str, float] = {}
+    for name, reading in state.rollers.items():
+        found |= {f"{name}.normal": reading.normal_force, f"{name}.drag": reading.drag}
+    return found
+
+
+def part(state: State, other: State, moved: Array) -> Part:
+    """Return the largest differences of what is read off two states, also of different meshes.
+
+    Parameters
+    ----------
+    state, other : State
+    moved : ndarray, shape (unknowns,)
+        Difference of displacements, on the mesh of the other.
+    """
+    strip, largest = other.plan.model.strip, []
+    for read in (tensions, forces):
+        here, there = read(state), read(other)
+        largest.append(max((abs(there[key] - here[key]) for key in here), default=0.0))
+    position = np.abs(strip.nodal(moved)[strip.node_values]).max()
+    return {"tension": largest[0], "force": largest[1], "position": float(position)}
+
+
+def regularisation_part(state: State) -> Part | None:
+    """Return what the regularised laws change, see ``Regularisation``; None without rollers."""
+    strip, found = state.plan.model.strip, []
+    for name, cost in state.regularisation.items():
+        reading, radius = state.rollers[name], state.contacts[name].roller.radius
+        tension = max(reading.tension_in, reading.tension_out)
+        crept = cost.by_creep * tension / strip.tensile_stiffness * reading.wrap * radius
+        shares = cost.effect * tension, cost.effect * reading.normal_force
+        found.append((*shares, cost.penetration + crept))
+    if not found:
+        return None
+    return dict(zip(("tension", "force", "position"), np.max(found, axis=0).tolist(), strict=True))
+
+
+@dataclass
+class Budget:
+    """Errors of the latest state of a run.
+
+    Attributes
+    ----------
+    assembly : Assembly
+    parts : dict
+        ``path``, ``time`` and ``mesh``, each None where it does not exist or is not known.
+    lost : bool
+        Whether elements of half the length have no such state, as far as could be found.
+    error : ndarray, shape (unknowns of the finer mesh,), or None
+        By the mesh.
+    time : float
+        Of the state that this is the error of (s).
+    loads : dict
+        Edge → what the mesh makes of the force (N/m) that holds it, or that it was released with.
+    """
+
+    assembly: Assembly
+    parts: dict[str, Part | None] = field(default_factory=dict)
+    lost: bool = False
+    error: Array | None = None
+    time: float = 0.0
+    loads: dict[str, Array] = field(default_factory=dict)
+
+    @cached_property
+    def halved(self) -> Halved | None:
+        """The scene on elements of half the length; None if it is too large, or can yield."""
+        strip = self.assembly.strip
+        finer = 2 ** strip.mesh.dim() * strip.unknowns
+        known = finer <= MOST_UNKNOWNS and self.assembly.flow is None
+        return Halved.of(self.assembly) if known else None
+
+    def look(
+        self, stage: StageSpec, state: State, memory: Memory | None, released: Collection[str]
+    ) -> None:
+        """Estimate the errors of the last state of a stage, or of the one where a run stopped.
+
+        Parameters
+        ----------
+        stage : StageSpec
+        state : State
+        memory : Memory or None
+            Of a stage in time, with the errors that its steps have carried on.
+        released : collection of str
+            Edges that were let go.
+        """
+        exact, self.parts = state, dict.fromkeys(("path", "time", "mesh"))
+        if memory is None or memory.errors is None:
+            here = held_still(state)
+            exact = balanced(here, state) or state
+            self.parts["path"] = part(state, exact, exact.full - state.full)
+        else:
+            self.parts |= zip(("time", "path"), self.in_time(state, memory.errors), strict=True)
+        if self.halved is not None:
+            self.look_finer(self.halved, stage, exact, released)
+        self.time = state.time
+
+    def in_time(self, state: State, errors: Errors) -> Iterator[Part]:
+        """Yield what errors by the formulas and by their branches make of what is read off.
+
+        To first order, as they are known: by a change so small that the laws of contact and
+        friction are straight over it.
+        """
+        assert state.velocity is not None
+        free, scales = state.plan.supports.free, [self.assembly.scales.length, np.inf]
+        if self.assembly.contact is not None:
+            scales[0] = self.assembly.signorini.width
+        if self.assembly.friction is not None:
+            scales[1] = self.assembly.friction.speed
+        velocity = AffineVelocity(errors.rate, state.velocity[free], np.zeros(len(free)))
+        still = held_still(state)
+        equations = Equilibrium(
+            still.model, still.supports, still.controls, velocity, state.velocity
+        )
+        zero = np.zeros(len(free))
+        factors = SparseSolver().factorise(equations.recurrence(zero, 0.0, 1).tangent())
+        resistance, left = equations.resistance(zero, 0.0), equations.residual(zero, 0.0)
+        for before, rest in zip(errors.before, (zero, left), strict=True):
+            moved = np.zeros((2, len(state.full)))
+            moved[0, free] = factors.solve(resistance(errors.rate * before) + rest)
+            moved[1, free] = errors.rate * (moved[0, free] - before)
+            values = np.abs(moved[:, state.plan.model.value_unknowns]).max(axis=1)
+            share = min(1.0, SMALL / max(*(values / scales), 1e-300))
+            u, v = state.full - share * moved[0], state.velocity - share * moved[1]
+            found = part(state, replace(state, full=u, velocity=v), share * moved[0])
+            yield {key: float(value / share) for key, value in found.items()}
+
+    def look_finer(
+        self, halved: Halved, stage: StageSpec, state: State, released: Collection[str]
+    ) -> None:
+        """Balance a state on elements of half the length.
+
+        What sticks has kept the error from the end of the stage before, as in one step of the
+        backward Euler method over all of this stage.
+        """
+        loads = {f"{name}.force": self.loads[name] for name in released if name in self.loads}
+        plan = halved.problem(stage, state, released, loads)
+        start, elapsed = plan.supports.start, state.time - self.time
+        velocity = None
+        if plan.in_time and state.velocity is not None:
+            velocity = halved.prolonged(state.velocity)
+            if self.error is not None:
+                velocity = velocity - self.error / elapsed
+        finer = balanced(plan, state, velocity, elapsed)
+        self.lost, self.error = finer is None, None
+        if finer is None:
+            return
+        self.error = finer.full - start
+        self.parts["mesh"] = part(state, finer, self.error)
+        for name in self.assembly.scene.edges.keys() - set(released):
+            length = self.assembly.strip.edges[name].length
+            held, given = (s.edge_force(name) - s.following_force(name) for s in (finer, state))
+            self.loads[name] = (held - given) / length
+
+
+def held_still(state: State) -> StageProblem:
+    """Return the stage of a state with all that is given as it is there, and nothing that moves."""
+    still = np.zeros_like(state.full)
+    supports = Supports(state.plan.supports.free, state.full, still)
+    return replace(state.plan, supports=supports, controls=Controls(state.controls))
