@@ -615,6 +615,43 @@ ESTIMATES = (
     ),
 )
 
+BUDGET = (
+    Mutant("the path is off by nothing", "exact.full - state.full)", "0.0 * exact.full)", "errors"),
+    Mutant(
+        "errors in time fade at once",
+        "after = np.array([self.solver.factors.solve(each) for each in right])",
+        "after = 0.01 * np.array([self.solver.factors.solve(each) for each in right])",
+        "errors",
+    ),
+    Mutant(
+        "local errors are not carried", "        before[0] += local\n", "", "errors"
+    ),
+    Mutant(
+        "a finer mesh has a finer contact law",
+        "return self.coarse.signorini",
+        "return replace(self.coarse.signorini, width=0.25 * self.coarse.signorini.width)",
+        "errors",
+    ),
+    Mutant(
+        "a released edge forgets what the mesh made of its force",
+        "for name in released if name in self.loads}",
+        "for name in () if name in self.loads}",
+        "errors",
+    ),
+    Mutant(
+        "errors of tensions are differences with their sign",
+        "max((abs(there[key] - here[key]) for key in here), default=0.0)",
+        "max((here[key] - there[key] for key in here), default=0.0)",
+        "errors",
+    ),
+    Mutant(
+        "laws cost a tension by the looser side",
+        "share * tension, share * reading.normal_force",
+        "share * reading.tension_out, share * reading.normal_force",
+        "errors",
+    ),
+)
+
 WRINKLES = (
     Mutant("half of what a span bears", "bearable = 2.0 * q", "bearable = 1.0 * q", "summary"),
     Mutant("wrinkles that are told late", "CLOSE = 0.5", "CLOSE = 2.1", "summary"),
@@ -690,7 +727,8 @@ ADVICE = (
 
 MUTANTS = (
     *STATE, *READINGS, *ENDS, *REGULARISATION, *FIELDS, *PROFILE, *FILES, *HISTORY, *SUMMARY,
-    *EVENTS, *ESTIMATES, *WRINKLES, *ADVICE,
+    *EVENTS, *ESTIMATES, *BUDGET,
+    *WRINKLES, *ADVICE,
 )  # fmt: skip
 
 

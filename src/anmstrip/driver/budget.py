@@ -69,13 +69,17 @@ def part(state: State, other: State, moved: Array) -> Part:
 
 
 def regularisation_part(state: State) -> Part | None:
-    """Return what the regularised laws change, see ``Regularisation``; None without rollers."""
+    """Return what the regularised laws change, see ``Regularisation``; None without rollers.
+
+    Fibres of a plate, which is not stretched, pull no more where a gap makes their way longer.
+    """
     strip, found = state.plan.model.strip, []
     for name, cost in state.regularisation.items():
         reading, radius = state.rollers[name], state.contacts[name].roller.radius
         tension = max(reading.tension_in, reading.tension_out)
         crept = cost.by_creep * tension / strip.tensile_stiffness * reading.wrap * radius
-        shares = cost.effect * tension, cost.effect * reading.normal_force
+        share = cost.effect if state.membrane is not None else cost.penetration / radius
+        shares = share * tension, share * reading.normal_force
         found.append((*shares, cost.penetration + crept))
     if not found:
         return None

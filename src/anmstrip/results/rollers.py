@@ -388,7 +388,7 @@ def regularisation_of(
     elapsed : float
         Time for which the strip may have crept (s).
     stiffness : float
-        E t of the strip (N/m); 0 of a plate, which is not stretched.
+        E t of the strip (N/m).
     """
     touching, radius = state.touching, state.roller.radius
     if not touching.any():
@@ -408,7 +408,7 @@ def regularisation_of(
     _, fibre = np.unique(np.round(FIBRES * y / state.width), return_inverse=True)
     if tension > 0.0 and fibre.any():
         gaps = np.bincount(fibre, state.gap[touching]) / np.bincount(fibre)
-        uneven = float(np.abs(gaps - gaps.mean()).max()) / radius * stiffness / tension
+        uneven = float(np.abs(gaps - gaps.mean()).max()) / radius / (tension / stiffness)
     penetration = float(np.abs(state.gap[touching]).max())
     return Regularisation(creep, penetration, by_creep, by_cone, penetration / radius + uneven)
 

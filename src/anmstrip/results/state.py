@@ -314,14 +314,13 @@ class State:
     @cached_property
     def regularisation(self) -> dict[str, Regularisation]:
         """Roller → what its regularised laws cost in truth."""
-        strip = self.plan.model.strip
         return {
             name: regularisation_of(
                 self.contacts[name],
                 reading,
                 speed=reading.surface_speed,
                 elapsed=np.inf if self.plan.steady else self.time,
-                stiffness=0.0 if self.membrane is None else strip.tensile_stiffness,
+                stiffness=self.plan.model.strip.tensile_stiffness,
             )
             for name, reading in self.rollers.items()
         }

@@ -32,11 +32,12 @@ ROUND_OFF = 1e-10
 """Least imbalance that is asked for, over the force scale."""
 
 MOST_CORRECTIONS, HALVINGS = 12, 8
-"""Iterations, each with a line search: contact that moves by an element takes four to eight."""
+"""Iterations of Newton's method, each with a line search: contact that moves by an element takes
+four to eight."""
 
-
-MOST_BRANCHES = 60
-"""Of the path that is followed where Newton's method does not converge."""
+MOST_BRANCHES = 20
+"""Of the path on which the imbalance fades away, where friction holds the strip and Newton's method
+finds no way: one to ten are enough."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,9 @@ class Halved(Assembly):
 def balanced(
     plan: StageProblem, state: State, velocity: Array | None = None, elapsed: float = 0.0
 ) -> State | None:
-    """Return the state near the start of a problem whose forces are in balance, or None.
+    """Return the state in balance near the start of a problem, or None.
+
+    By Newton's method, else along the path on which the imbalance of the start fades away.
 
     Parameters
     ----------
@@ -145,30 +148,19 @@ def balanced(
     equations = Equilibrium(plan.model, plan.supports, plan.controls, rates, moving)
     zero = np.zeros(len(free))
     first = equations.imbalance(equations.residual(zero, 0.0))
-    wanted = max(REMAINS * first, ROUND_OFF)
-    settings = Corrections(wanted, most=MOST_CORRECTIONS, halvings=HALVINGS)
-    solver = SparseSolver()
-    found = Newton(equations, solver, settings, Cost()).corrected(zero, 0.0)
-    try:
-        u = taken_away(equations, solver, wanted) if found is None else found.u
-    except PathStopped:
-        return None
+    wanted, solver = max(REMAINS * first, ROUND_OFF), SparseSolver()
+    corrections = Corrections(wanted, most=MOST_CORRECTIONS, halvings=HALVINGS)
+    found = Newton(equations, solver, corrections, Cost()).corrected(zero, 0.0)
+    if found is None:
+        settings = Settings(
+            tolerance=wanted, max_steps=MOST_BRANCHES, give_way=False, rational=True
+        )
+        try:
+            *_, last = follow(equations, zero, solver=solver, settings=settings)
+        except PathStopped:
+            return None
+    u, control = (last.branch.end[0] if found is None else found.u), state.control
     full = plan.supports.full(u, 0.0)
     if moving is None:
-        return State(plan, state.time, 0.0, full, plan.transport(full, 0.0))
-    return State(plan, state.time, 0.0, full, equations.full_velocity(u, 0.0))
-
-
-def taken_away(equations: Equilibrium, solver: SparseSolver, tolerance: float) -> Array:
-    """Return the increment along the path on which the imbalance at 0 fades away.
-
-    Where friction holds the strip, Newton's method finds no way.
-
-    Raises
-    ------
-    PathStopped
-    """
-    settings = Settings(tolerance=tolerance, max_steps=MOST_BRANCHES, give_way=False, rational=True)
-    start = np.zeros(len(equations.supports.free))
-    *_, last = follow(equations, start, solver=solver, settings=settings)
-    return last.branch.end[0]
+        return State(plan, state.time, control, full, plan.transport(full, control))
+    return State(plan, state.time, control, full, equations.full_velocity(u, 0.0))
