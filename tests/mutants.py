@@ -349,10 +349,10 @@ ENDS = (
     Mutant("line loads exchanged", "line_load_in=loads[0]", "line_load_in=loads[1]", "profile"),
     Mutant("friction leaves the tension alone", "here = tension + 0.5 *", "here = tension + 0.0 *",
            "profile"),
-    Mutant("largest error is the least", "max(costs, default=None)", "min(costs, default=None)",
-           "profile"),
-    Mutant("error in time is that of paths", '"time": tolerances.time if rubs else None',
-           '"time": tolerances.path', "profile"),
+    Mutant("largest error is the least", "np.max(found, axis=0)", "np.min(found, axis=0)",
+           "errors"),
+    Mutant("error in time is that of paths", 'zip(("time", "path"), self.in_time',
+           'zip(("path", "time"), self.in_time', "errors"),
 )  # fmt: skip
 
 PROFILE = (
@@ -623,9 +623,7 @@ BUDGET = (
         "after = 0.01 * np.array([self.solver.factors.solve(each) for each in right])",
         "errors",
     ),
-    Mutant(
-        "local errors are not carried", "        before[0] += local\n", "", "errors"
-    ),
+    Mutant("local errors are not carried", "        before[0] += local\n", "", "errors"),
     Mutant(
         "a finer mesh has a finer contact law",
         "return self.coarse.signorini",

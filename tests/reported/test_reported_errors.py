@@ -165,3 +165,16 @@ def test_what_can_yield_has_no_part_of_the_mesh_yet(tmp_path: Path) -> None:
     found = run("[contact]\n" + yielding, tmp_path / "yields", "solver.tolerance=1e-3")
     assert found.summary["errors"]["mesh"] is None
     assert found.summary["errors"]["path"] is not None
+
+
+def test_a_mesh_that_is_too_coarse_is_named(tmp_path: Path) -> None:
+    """One long element over the roller: its tensions are far from those of half its length."""
+    found = run(scenes.TURNING, tmp_path / "long", "strip.refined=0.8", "strip.cells=[5, 2]",
+                "solver.tolerance=1e-3")  # fmt: skip
+    mesh = found.summary["errors"]["mesh"]
+    (warning,) = [text for text in found.summary["warnings"] if "half the length" in text]
+    if mesh is None:
+        assert "from the mesh alone" in warning
+    else:
+        assert mesh["tension"] > 0.1 * 11547.0
+        assert f"wrong by about {mesh['tension']:.2g} N/m" in warning

@@ -30,6 +30,9 @@ MOST_UNKNOWNS = 100_000
 shell of so many, twenty elements across, take 1.5 GB."""
 
 
+LARGE = 0.1
+"""Share of the scene's tension by which the mesh must not make one wrong without a warning."""
+
 SMALL = 1e-2
 """Change of gaps over the onset of contact, and of slip over V_c, over which laws are straight."""
 
@@ -119,6 +122,21 @@ class Budget:
         finer = 2 ** strip.mesh.dim() * strip.unknowns
         known = finer <= MOST_UNKNOWNS and self.assembly.flow is None
         return Halved.of(self.assembly) if known else None
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is to be said of a mesh that is too coarse."""
+        more = "Try shorter elements (strip.refined, strip.cells)."
+        if self.lost:
+            return [
+                "elements of half the length have no such state nearby, as far as was found: a "
+                f"limit point, a wave or a tension may come from the mesh alone. {more}"
+            ]
+        found, largest = self.parts.get("mesh"), LARGE * self.assembly.scales.tension
+        if found is None or found["tension"] <= largest:
+            return []
+        wrong = f"the mesh makes tensions wrong by about {found['tension']:.2g} N/m"
+        return [f"{wrong}: elements of half the length have others. {more}"]
 
     def look(
         self, stage: StageSpec, state: State, memory: Memory | None, released: Collection[str]

@@ -188,7 +188,9 @@ def check_arrays(arrays: Mapping[str, Array], facts: Facts, march: March) -> Non
         known |= {"states": (len(facts.times), free), "v": (free,)}
         if any(new <= old for new, old in pairwise(facts.times)):
             raise ValueError("times that do not go back")
-    optional: dict[str, tuple[int, ...]] = {f"load.{name}": (3,) for name in strip.edges}
+    optional: dict[str, tuple[int, ...]] = {
+        f"load.{name}": (3,) for name in march.assembly.strip.edges
+    }
     optional |= {"errors": (2, 2, free)} if facts.times is not None else {}
     if "mesh_error" in arrays and (halved := Budget(march.assembly).halved) is not None:
         optional["mesh_error"] = (halved.unknowns,)

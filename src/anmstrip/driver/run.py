@@ -354,7 +354,7 @@ class Run:
             chosen = self.scene.output.times is not None or self.outcome is Outcome.INTERRUPTED
             if written is None or (not chosen and written < state.time):
                 self.recorder.write_state(state)
-            self.warnings = list(self.forewarnings())
+            self.warnings = [*self.forewarnings(), *self.budget.warnings]
             elastic = state.plan.model.coupled == state.plan.model.unknowns
             if state.plan.steady and self.outcome.done and elastic:
                 from anmstrip.driver.sensitivities import sensitivities
