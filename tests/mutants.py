@@ -723,10 +723,21 @@ ADVICE = (
     ),
 )
 
+YIELD = (
+    Mutant("curl the other way", "np.asarray(self.curvature - np.linalg",
+           "np.asarray(self.curvature + np.linalg", "plasticity"),
+    Mutant("plastic strain as if it were stress", "np.linalg.inv(MISES[len(self.strain)])",
+           "MISES[len(self.strain)]", "plasticity"),
+    Mutant("what flows throughout is elastic", "flows[1:] & flows[:-1] & ~turns, 0.0",
+           "flows[1:] & flows[:-1] & turns, 0.0", "plasticity"),
+    Mutant("power of half of the stress", '"l,klp->p", self.effect.layers.weights, work)',
+           '"l,klp->p", 0.5 * self.effect.layers.weights, work)', "plasticity"),
+)  # fmt: skip
+
 MUTANTS = (
     *STATE, *READINGS, *ENDS, *REGULARISATION, *FIELDS, *PROFILE, *FILES, *HISTORY, *SUMMARY,
     *EVENTS, *ESTIMATES, *BUDGET,
-    *WRINKLES, *ADVICE,
+    *WRINKLES, *ADVICE, *YIELD,
 )  # fmt: skip
 
 

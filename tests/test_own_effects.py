@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.integrate import solve_ivp
 
 from anmstrip import ContactOperator, InputError, LawEffect, Run, Scene, Strip
 from anmstrip.cli import main
@@ -162,3 +164,43 @@ def test_law_that_cannot_be_used(
         Run(Scene.load(path)).assembly.friction  # noqa: B018
     told = {mistake.key: str(mistake) for mistake in caught.value.mistakes}
     assert words in told[key]
+
+
+FLOW = {"reference_rate": 3e-3, "layers": 5, "law": "my_laws:Voce"}
+STRETCH = 3.0 * 3e8 / YOUNG
+
+
+def pulled(parameters: dict[str, float]) -> dict[str, Any]:
+    """Return the tables of a shell, free across, that is stretched within a second."""
+    flow = {**FLOW, "parameters": parameters}
+    return {
+        "strip": {"length": 0.1, "width": 0.04, "thickness": 1e-3, "cells": [2, 2]},
+        "material": {"young": YOUNG, "poisson": POISSON, "yield_stress": 3e8, "plasticity": flow},
+        "edges": {"entry": {"fixed": ["x", "z"], "centred": True}, "exit": {"fixed": ["x", "z"]}},
+        "stages": [{"duration": 1.0, "exit": {"move": [0.1 * STRETCH, 0.0, 0.0]}}],
+        "solver": {"tolerance": 1e-3},
+    }
+
+
+def test_yield_law_of_the_documentation(tmp_path: Path) -> None:
+    """Voce's hardening in tension, against E ε' = σ' + E ε₀ (σ/R)ⁿ of one fibre."""
+    page = Path(__file__).parents[1] / "docs" / "plasticity.md"
+    blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    code = next(block for block in blocks if "Voce" in block)
+    assert len(code[code.index("@dataclass") : code.index("law =")].strip().splitlines()) <= 15
+    (tmp_path / "my_laws.py").write_text(code, encoding="utf-8")
+    tables = pulled({"gain": 0.5, "path": 1e-3})
+    *_, last = Scene.from_tables(tables, tmp_path / "scene.toml").run()
+
+    def rate(t: float, state: Any) -> list[float]:
+        stress, path = state
+        s = stress / (3e8 * (1.5 - 0.5 * np.exp(-path / 1e-3)))
+        stretch = 1.0 + STRETCH * t
+        return [YOUNG * (stretch * STRETCH - 3e-3 * s**51), 3e-3 * s**52]
+
+    exact = solve_ivp(rate, (0.0, 1.0), [0.0, 0.0], "LSODA", rtol=1e-8, atol=1e-9)
+    stress = exact.y[0, -1]
+    assert stress > 1.4 * 3e8
+    assert last.state.tension("exit") == pytest.approx(stress * 1e-3 * (1.0 + STRETCH), rel=1e-3)
+    with pytest.raises(InputError, match=r"material\.plasticity\.parameters"):
+        list(Scene.from_tables(pulled({"gains": 0.5}), tmp_path / "scene.toml").run())
