@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_matrix, csr_matrix, vstack
 
 from anmstrip.arrays import Array, Index
 from anmstrip.continuation.path import Branch
@@ -112,7 +112,8 @@ class Model:
     def closed_rows(self, blocks: Blocks) -> Blocks:
         """Return a tangent with the row of the strip's speed, from those of the strip."""
         if self.pull is not None:
-            blocks.rows[-1] = self.pattern.sum_of_rows(self.pull, blocks)
+            last = csr_matrix(self.pattern.sum_of_rows(self.pull, blocks))
+            blocks.rows = csr_matrix(vstack([blocks.rows[:-1], last]))
             blocks.corner[-1] = self.pull @ blocks.columns
         return blocks
 

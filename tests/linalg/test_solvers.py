@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.sparse import csc_matrix, diags
+from scipy.sparse import csc_matrix, csr_matrix, diags
 
 from anmstrip.linalg import solvers as linear_solvers
-from anmstrip.linalg.bordered import Bordered
+from anmstrip.linalg.bordered import WIDEST_BORDER, Bordered
 from anmstrip.linalg.direct import (
     BandPlan,
     NonFiniteTangentError,
@@ -283,12 +283,16 @@ def bordered(kind, rng, n=60, m=3):
     b, c = scale[:, None] * b * units, scale * c * units[:, None]
     c = b.T if kind.startswith("symmetric") else c
     d = units[:, None] * np.diag(rng.standard_normal(m)) * units
-    return Bordered(csc_matrix(a), b, c, d), np.block([[a, b], [c, d]])
+    matrix = Bordered(csc_matrix(a), csc_matrix(b), csr_matrix(c), d)
+    return matrix, np.block([[a, b], [c, d]])
 
 
+@pytest.mark.parametrize("width", [3, WIDEST_BORDER + 1])
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_border_is_eliminated(kind):
-    matrix, full = bordered(kind, np.random.default_rng(5))
+def test_a_border_is_eliminated(kind, width):
+    matrix, full = bordered(kind, np.random.default_rng(5), m=width)
+    np.testing.assert_array_equal(matrix.assembled().toarray(), full)
+    assert matrix.shape == full.shape
     factors = SparseSolver().factorise(matrix)
     for seed in range(3):
         right = full @ np.random.default_rng(seed).standard_normal(len(full))
@@ -306,7 +310,8 @@ def test_a_border_that_holds_what_the_inner_block_does_not(left):
     chain += left * np.eye(n)
     column, row = np.zeros((n, 1)), np.zeros((1, n))
     column[n // 2], row[0, n // 3] = -1.0, 1.0
-    matrix = Bordered(csc_matrix(chain), column, row, np.array([[0.5]]))
+    border = csc_matrix(column), csr_matrix(row), np.array([[0.5]])
+    matrix = Bordered(csc_matrix(chain), *border)
     full = matrix.assembled().toarray()
     expected = np.random.default_rng(1).standard_normal(n + 1)
     found = SparseSolver().factorise(matrix).solve(full @ expected)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_matrix, csr_matrix
 
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
@@ -93,12 +93,13 @@ def test_real_factors_below_one_tell_the_sign_of_the_determinant():
     """det K / det (K + G) = Π (1 − 1/μ), of matrices with a border that are not symmetric."""
     random = np.random.default_rng(3)
     n, others, signs = 40, 2, []
-    border = [np.zeros(shape) for shape in ((n, others), (others, n), (others, others))]
+    border = csc_matrix((n, others)), csr_matrix((others, n)), np.zeros((others, others))
     for _ in range(12):
         stiff = csc_matrix(np.diag(random.uniform(1.0, 2.0, n)) + 0.05 * random.normal(size=(n, n)))
         narrow = random.normal(size=(n, 5))
         pressing = Bordered(csc_matrix(narrow @ narrow.T / n), *border)
-        edge = [random.normal(size=part.shape) for part in border]
+        edge = [kind(random.normal(size=part.shape)) for kind, part in
+                zip((csc_matrix, csr_matrix, np.asarray), border, strict=True)]  # fmt: skip
         tangent = Bordered(csc_matrix(stiff - pressing.inner), *edge)
         factors, modes = buckling_modes(tangent, pressing, SparseSolver(), 8)
         whole, rest = tangent.assembled().toarray(), (tangent + pressing).assembled().toarray()

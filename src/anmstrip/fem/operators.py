@@ -21,8 +21,8 @@ class Blocks:
     """Entries of a tangent, to which every effect adds its own."""
 
     pairs: Array  # (components, components, couplings): row component, column component, coupling
-    columns: Array  # (unknowns of the strip, others): a full column for each other unknown
-    rows: Array  # (others, unknowns of the strip)
+    columns: csc_matrix  # (unknowns of the strip, others): a column for each other unknown
+    rows: csr_matrix  # (others, unknowns of the strip)
     corner: Array  # (others, others)
     internal: Eliminated | Chained | None = None  # unknowns of points' own
 
@@ -48,9 +48,8 @@ class Pattern:
     def zeros(self, others: int = 0) -> Blocks:
         """Empty blocks; others is the number of unknowns besides those of the strip."""
         n, pairs = self.count * self.scalars, (self.count, self.count, self.couplings)
-        shapes = pairs, (n, others), (others, n), (others, others)
-        blocks, columns, rows, corner = (np.zeros(shape) for shape in shapes)
-        return Blocks(blocks, columns, rows, corner)
+        border = csc_matrix((n, others)), csr_matrix((others, n))
+        return Blocks(np.zeros(pairs), *border, np.zeros((others, others)))
 
     def sum_of_rows(self, weights: Array, blocks: Blocks) -> Array:
         """Weighted sum of the rows of the strip's unknowns, shape (unknowns of the strip,)."""
@@ -88,10 +87,9 @@ class Restriction:
         inner = csc_matrix((data, self.indices, self.indptr), shape=self.shape)
         if not len(self.others):
             return inner
-        columns, rows = blocks.columns[np.ix_(self.free, self.others)], blocks.rows[self.others]
-        return Bordered(
-            inner, columns, rows[:, self.free], blocks.corner[np.ix_(self.others, self.others)]
-        )
+        columns = blocks.columns[:, self.others].tocsr()[self.free].tocsc()
+        rows = blocks.rows[self.others].tocsc()[:, self.free].tocsr()
+        return Bordered(inner, columns, rows, blocks.corner[np.ix_(self.others, self.others)])
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import bmat, csc_matrix
+from scipy.sparse import bmat, csc_matrix, csr_matrix, hstack, vstack
 
 from anmstrip.arrays import Array, Index
 from anmstrip.linalg.bordered import Bordered
@@ -62,9 +62,9 @@ class Joined:
         order = np.concatenate([np.arange(n), n + others + np.arange(m), n + np.arange(others)])
         if not bordered:
             return cls(whole, order)
-        columns = np.vstack([matrix.columns, np.zeros((m, others))])
-        rows = np.hstack([matrix.rows, np.zeros((others, m))])
-        rows[-1, n:] = pull
+        columns = csc_matrix(vstack([matrix.columns, csc_matrix((m, others))]))
+        last = csr_matrix((others - 1, m)), csr_matrix(pull[None])
+        rows = csr_matrix(hstack([matrix.rows, vstack(last)]))
         return cls(Bordered(whole, columns, rows, matrix.corner), order)
 
     def factorised(self, factorise: Callable[[Any], Factors]) -> Factors:

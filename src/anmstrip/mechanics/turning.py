@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import csc_matrix, csr_matrix
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.operators import Blocks, Part, Pattern
@@ -85,25 +85,29 @@ class SurfaceOperator:
     def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
         """Add Lᵀ w J L, J[j, i] of shape (count + 1, count + 1, points)."""
         self.contact.add_tangent(derivative[:-1, :-1], pattern, blocks)
-        rollers = np.arange(self.surface.shape[1])
-        blocks.columns[:, rollers] += self._by_surface(self.contact.transposed, derivative[-1, :-1])
-        blocks.rows[rollers] += self._by_surface(self.contact.transposed, derivative[:-1, -1]).T
+        rollers, others = np.arange(self.surface.shape[1]), len(blocks.corner)
+        values = self.contact.transposed
+        blocks.columns += self._by_surface(values, derivative[-1, :-1], others)
+        blocks.rows += self._by_surface(values, derivative[:-1, -1], others).T
         blocks.corner[rollers, rollers] += self.surface.T @ (derivative[-1, -1] * self.weights)
 
-    def _by_surface(self, gathered: csr_matrix, forces: Array) -> Array:
-        """Generalised forces of the points on each roller, shape (unknowns, rollers).
+    def _by_surface(self, gathered: csr_matrix, forces: Array, others: int) -> csc_matrix:
+        """Generalised forces of the points on each roller, shape (unknowns, others).
 
         Parameters
         ----------
         gathered : csr_matrix, shape (scalars, points)
         forces : ndarray, shape (count, points)
             Per area.
+        others : int
+            Unknowns besides those of the strip, of which the free rollers are the first.
         """
-        parts = [
-            (gathered.multiply(f).tocsr() @ self.surface).toarray() for f in forces * self.weights
-        ]
-        size, rollers = gathered.shape[0] * len(forces), self.surface.shape[1]
-        return np.stack(parts, axis=1).reshape(size, rollers)
+        count, found = len(forces), []
+        for component, force in enumerate(forces * self.weights):
+            part = (gathered.multiply(force).tocsr() @ self.surface).tocoo()
+            found.append((part.data, count * part.row + component, part.col))
+        data, row, column = (np.concatenate(each) for each in zip(*found, strict=True))
+        return csc_matrix((data, (row, column)), shape=(count * gathered.shape[0], others))
 
 
 @dataclass(frozen=True)
