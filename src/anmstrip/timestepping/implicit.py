@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -90,6 +91,9 @@ MOST_CORRECTIONS, HALVINGS = 20, 8
 """Iterations at the end of a step whose path stalls, each with a line search.  With 40 a snap, for
 which nothing is found, takes 900 tangents instead of 600."""
 
+RESCUED = 0.01
+"""Shortest step by Newton's method where paths have stalled, over the one that was tried first."""
+
 SETTLING = 0.01
 """First instant after a start, as a fraction of the first step.  With the whole of it the bridle
 takes 350 tangents instead of 311."""
@@ -165,12 +169,15 @@ class _Integrator:
     settings: Settings
     stepping: Stepping
     cost: Cost
+    corrected: bool = False  # whether Newton's method ends any step whose path stalls
 
     def step(self, memory: Memory, end: float) -> TimeStep:
         """The next step, in which the state may also snap to another place.
 
-        That is looked for early where the series fail in brief steps, and last of all where
-        only the error in time asks for steps as short as can be.
+        Where the paths of ever shorter steps stall, many points may cross the corner of sharp
+        friction, which they do at once for Newton's method.  A snap is looked for early where the
+        series fail in brief steps, and last of all where only the error in time asks for steps as
+        short as can be.
         """
         brief = BRIEF * self.stepping.whole
         try:
@@ -178,6 +185,10 @@ class _Integrator:
         except PathStopped as stopped:
             if stopped.outcome is not Outcome.STALLED or self.stepping.fixed is not None:
                 raise
+            if memory.available > 1 and not self.corrected and stopped.evidence.motion is None:
+                with suppress(PathStopped):
+                    least = RESCUED * memory.step / self.stepping.whole
+                    return replace(self, corrected=True).tried(memory, end, least)
             timed = memory.step > brief and stopped.evidence.motion is not None
             snap = None if timed else self.snap(memory, end)
             if snap is None and memory.step > brief:
@@ -265,7 +276,8 @@ class _Integrator:
         """Solve a step; the first after a jump also by Newton's method, where its path stalls.
 
         All points may cross the corners of friction in such a step.  Elsewhere a path that stalls
-        may mean that nothing balances, and Newton's method would find a state far away.
+        may mean that nothing balances, and Newton's method would find a state far away, which
+        is refused for its error in time: it is tried last.
         """
         t, u, before = memory.times[0], memory.states[0], self.cost.expansions
         past, rate = formula(memory.times, new, order)
@@ -278,10 +290,13 @@ class _Integrator:
             last = self.followed(path, len(u), rational=self.settings.rational, shortest=NARROW)
             increment, imbalance = last.branch.end[0], last.imbalance
         except PathStopped as stopped:
-            if memory.available > 1 or stopped.outcome is Outcome.TOO_MANY_TANGENTS:
+            late = memory.available > 1 and not self.corrected
+            if late or stopped.outcome is Outcome.TOO_MANY_TANGENTS:
                 raise
             net = Corrections(self.settings.tolerance, most=MOST_CORRECTIONS, halvings=HALVINGS)
-            found = Newton(path, self.solver, net, self.cost).corrected(np.zeros_like(u), 1.0)
+            known = slice(order + 1)
+            guess = predicted(memory.times[known], memory.states[known], new) - u
+            found = Newton(path, self.solver, net, self.cost).corrected(guess, 1.0)
             if found is None:
                 raise
             increment, imbalance = found.u, found.imbalance
