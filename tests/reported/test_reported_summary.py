@@ -39,7 +39,9 @@ def test_counters_are_those_of_the_history(results: Results) -> None:
     summary, history = results.summary, results.history
     assert summary["status"] == "done"
     assert summary["steps"] == len(history["time"]) == history["step"][-1]
-    assert summary["tangents"] == summary["factorisations"] == history["tangents"][-1]
+    assert summary["tangents"] == history["tangents"][-1]
+    looks = summary["factorisations"] - summary["tangents"]  # at strip that is about to wrinkle
+    assert looks >= 0 if results.name == "shell" else looks == 0
     assert (np.diff(history["tangents"]) >= 1).all()
     for key in ("steps", "tangents"):
         assert sum(stage[key] for stage in summary["stages"].values()) == summary[key]
