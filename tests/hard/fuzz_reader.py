@@ -257,7 +257,7 @@ def read_checkpoint_of(seed: int) -> object:
                 _spoil(facts, dice)
                 facts.setdefault("input", {})
             else:
-                name = dice.choice(list(arrays))
+                name = dice.choice([n for n, x in arrays.items() if x.dtype == float])
                 arrays[name] = dice.choice(ARRAYS)(arrays[name])
             if not isinstance(facts["input"], dict):
                 break

@@ -159,8 +159,10 @@ def test_summary_has_what_is_promised(capstan: Finished) -> None:
 
 def test_counters_are_honest(capstan: Finished) -> None:
     cost, summary = capstan.run.cost, capstan.summary
-    assert summary["tangents"] == summary["factorisations"] == cost.expansions > 0
-    assert cost.expansions == cost.factorisations == capstan.steps[-1].tangents
+    assert summary["tangents"] == cost.expansions == capstan.steps[-1].tangents > 0
+    looks = 2  # at strip that is pressed across: it does not wrinkle by far
+    assert 0 <= summary["factorisations"] - summary["tangents"] <= looks
+    assert cost.factorisations == summary["factorisations"]
     for counter in ("steps", "tangents"):
         assert sum(stage[counter] for stage in summary["stages"].values()) == summary[counter]
     seconds = sum(stage["seconds"] for stage in summary["stages"].values())

@@ -65,6 +65,20 @@ class SnapFacts:
     distance: Number
 
 
+@dataclass
+class OnsetFacts:
+    """Where the strip was about to wrinkle."""
+
+    kind: str
+    stage: str
+    time: Number
+    entry_tension: Number
+    exit_tension: Number
+    x: Number
+    y: Number
+    wavelength: Number
+
+
 class Facts(BaseModel):
     """Numbers and names of a checkpoint; the arrays stand beside them."""
 
@@ -83,6 +97,7 @@ class Facts(BaseModel):
     stages: dict[str, StageFacts]
     effects: dict[str, EffectFacts]
     snaps: list[SnapFacts]
+    wrinkles: list[OnsetFacts]
     times: Annotated[list[Number], Field(min_length=1)] | None = None  # of past states (s)
     next_step: Positive = 1.0
     time_order: Annotated[int, Field(ge=1)] = 1

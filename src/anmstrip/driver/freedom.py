@@ -14,7 +14,6 @@ from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.fem.constraints import Supports
 from anmstrip.linalg.direct import Factors, SingularTangentError
 from anmstrip.linalg.solvers import SparseSolver
-from anmstrip.mechanics.contact import Contact
 from anmstrip.mechanics.effects import Controls
 from anmstrip.scene.tables import ENDS, EdgeSpec
 from anmstrip.simulation.problem import Assembly
@@ -103,7 +102,7 @@ def flat_states(
     if first:
         yield plan, stretched(assembly, max(along + pulls) or assembly.scales.tension, end)
         return
-    effects = [effect for effect in plan.model.effects if not isinstance(effect, Contact)]
+    effects = [effect for effect in plan.model.effects if not effect.by_roller]
     for tension, other in zip(along, ENDS[::-1], strict=True):
         if not tension:
             continue

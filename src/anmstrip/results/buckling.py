@@ -45,6 +45,10 @@ ROUND_OFF = 1e-12
 SHARP = 1e-3
 """Distance of a dated factor from its level; else it was a complex pair that was born there."""
 
+FAR = 1.5
+"""Lowest factor, known or in proportion to what presses, above which a state is not looked at.
+Without it a shell on a roller looks at every step, which takes half of its time."""
+
 NEAR, BIFURCATION = 1.01, "bifurcation"
 LEVELS = {NEAR: "wrinkles", 1.0: BIFURCATION}
 """Factors that are dated: the first where it falls, the second both ways.  Where the strip is bent
@@ -212,28 +216,34 @@ class WrinkleWatch:
     Attributes
     ----------
     factors : ndarray
-        Of the last state that was looked at, ascending; those of nothing else are near 1.
+        Of the last state, ascending, if it was looked at; those of nothing else are near 1.
+    last : float
+        Lowest factor times share of what is borne, where it was looked at last.
     """
 
     def __init__(self, cost: Cost) -> None:
         self.cost, self.solver = cost, SparseSolver()
         self.plan: StageProblem | None = None
-        self.factors = np.zeros(0)
+        self.factors, self.last = np.zeros(0), 0.0
 
     def during(self, state: State) -> list[Onset]:
         """Return the onsets on the branch that ends in a state, in their order.
 
-        Nothing is looked at where no span is pressed and no mode was near its onset, or where the
-        path has no branch.
+        Nothing is looked at where no span is pressed and no mode was near its onset, where the
+        path has no branch, and while factors that fall as compression grows stay far from 1.
         """
-        pressed = (s.compression > PRESSED * s.bearable for s in free_spans(state))
-        near = bool((self.factors < NEAR).any()) or any(pressed)
-        if state.branch is None or not near:
-            self.plan, self.factors = None, np.zeros(0)
+        pressed = max((s.compression / s.bearable for s in free_spans(state)), default=0.0)
+        if self.plan is not state.plan:
+            self.plan, self.factors, self.last = state.plan, np.zeros(0), 0.0
+        near = bool((self.factors < FAR).any())
+        if state.branch is None or (not near and (pressed < PRESSED or self.last > FAR * pressed)):
+            self.factors = np.zeros(0)
             return []
         at, length = cache(lambda a: self._modes(state.inside(a))), state.branch.length
-        before = self.factors if self.plan is state.plan else at(0.0)[0]
-        self.plan, self.factors = state.plan, at(length)[0]
+        ahead = at(length)[0]
+        before = self.factors if len(self.factors) or not (ahead < FAR).any() else at(0.0)[0]
+        self.factors = ahead
+        self.last = pressed * float(ahead.min(initial=np.inf))
         found = []
         for level, kind in LEVELS.items():
             counts = [int((factors < level).sum()) for factors in (before, self.factors)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,12 +19,14 @@ from anmstrip.fem.sampling import l2_projection
 from anmstrip.fem.strip import Strip, line, renumbered
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls
-from anmstrip.mechanics.laws import ContactLaw
 from anmstrip.results.state import State
 from anmstrip.scene.schema import StageSpec
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
 from anmstrip.timestepping.formulas import AffineVelocity
+
+if TYPE_CHECKING:
+    from anmstrip.mechanics.laws import ContactLaw
 
 REMAINS = 1e-4
 """Imbalance that is left of the one that is taken away: the change is known to a few per cent."""

@@ -185,13 +185,13 @@ class _Integrator:
         except PathStopped as stopped:
             if stopped.outcome is not Outcome.STALLED or self.stepping.fixed is not None:
                 raise
-            if memory.available > 1 and not self.corrected and stopped.evidence.motion is None:
-                with suppress(PathStopped):
-                    least = RESCUED * memory.step / self.stepping.whole
-                    return replace(self, corrected=True).tried(memory, end, least)
             timed = memory.step > brief and stopped.evidence.motion is not None
             snap = None if timed else self.snap(memory, end)
             if snap is None and memory.step > brief:
+                if not timed and memory.available > 1:
+                    with suppress(PathStopped):
+                        least = RESCUED * memory.step / self.stepping.whole
+                        return replace(self, corrected=True).tried(memory, end, least)
                 return self.step(replace(memory, step=brief), end)
             if snap is None:
                 raise
