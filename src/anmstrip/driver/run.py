@@ -270,17 +270,25 @@ class Run:
                 self._count(plan)
         with unbroken():
             self._checkpoint(force=True)
-        self._look_at_errors(stage)
+        if not self._passed_over():
+            self._look_at_errors(stage)
         with unbroken():
             march.finish(stage, plan)
             self.first_stage += 1
+
+    def _passed_over(self) -> bool:
+        """Whether what comes next does not depend on the errors at the end of this stage."""
+        both = self.scene.course[self.first_stage : self.first_stage + 2]
+        loads = any(end.release for end in both[-1].edges.values())
+        return len(both) == 2 and not (loads or any(map(self.assembly.frictional, both)))
 
     def _look_at_errors(self, stage: StageSpec) -> None:
         """Estimate the errors of the present state, of a run that is written."""
         if self.recorder is not None and self.state is not None:
             march, before = self.march, self.budget.time
             if self.state.time > before and self.state.plan.name == stage.name:
-                self.budget.look(stage, self.state, march.memory, march.course.released)
+                with self.cost.timed("errors"):
+                    self.budget.look(stage, self.state, march.memory, march.course.released)
 
     def _accept(self, step: Step) -> Step:
         """Count a step, look for events and snaps in it, and write it down."""
