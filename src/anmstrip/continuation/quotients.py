@@ -64,6 +64,13 @@ FIRST = 10
 """Rung that is tried first: most quotients hold up to there.  From 0 the coarse capstan takes 47
 tangents instead of 38."""
 
+TRIALS = 4
+"""Lengths that are tried.  Without a bound conveying takes 339 tangents instead of 322."""
+
+AIM = 0.7
+"""Share of the tolerance that the next one aims at.  With half of it conveying takes 354 tangents
+instead of 322."""
+
 LAST = 4
 """Orders of the product that are to vanish.  With one, levelling takes 53 tangents, not 50."""
 
@@ -108,9 +115,9 @@ def longest_quotient(
     rung, best, least, power = FIRST, 0, np.inf, series.order + 1.0
     last, last_error = np.inf, np.inf
     found: tuple[Branch, float] | None = None
-    while best < rung < least:
+    for _ in range(TRIALS):
         length = min(guess * RUNG**rung, limit)
-        if length <= (guess if found is None else found[0].length):
+        if not best < rung < least or length <= (guess if found is None else found[0].length):
             break
         error, imbalance = residual_error(equations, quotient, length, cost, tolerance)
         if error <= tolerance:
@@ -120,7 +127,7 @@ def longest_quotient(
         if length != last and 0.0 < error < np.inf and 0.0 < last_error < np.inf:
             power = max(float(np.log(error / last_error) / np.log(length / last)), 1.0)
         last, last_error = length, error
-        growth = np.log(tolerance / max(error, TINY)) / power
+        growth = np.log(AIM * tolerance / max(error, TINY)) / power
         rung += int(np.floor(np.clip(growth, -np.log(2.0), np.log(2.0)) / np.log(RUNG)))
     return found
 
