@@ -125,7 +125,7 @@ class Budget:
 
     @property
     def warnings(self) -> list[str]:
-        """What is to be said of a mesh that is too coarse."""
+        """Sentences about a mesh that is too coarse."""
         more = "Try shorter elements (strip.refined, strip.cells)."
         if self.lost:
             return [

@@ -67,7 +67,7 @@ class SnapFacts:
 
 @dataclass
 class OnsetFacts:
-    """Where the strip was about to wrinkle."""
+    """Place and tensions at which the strip was about to wrinkle."""
 
     kind: str
     stage: str
