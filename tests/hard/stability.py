@@ -19,6 +19,7 @@ import numpy as np
 from anmstrip.continuation.equations import PathStopped
 from anmstrip.mechanics.laws import NortonHoff, Tanh
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 sys.path.append(str(Path(__file__).resolve().parents[2] / "examples" / "benchmarks"))
 
 import hard_nodes as nodes
