@@ -280,12 +280,17 @@ class EquilibriumSeries:
         return self.model.closed(total)[self.free]
 
     def tangent(self) -> csc_matrix | Bordered | Condensed | Joined:
-        """∂R/∂u + rate ∂R/∂v over the free unknowns; those of rollers and speed are a border."""
+        """∂R/∂u + rate ∂R/∂v over the free unknowns; those of rollers and speed are a border.
+
+        Where laws overflow it is not finite, which the factorisation tells.
+        """
         blocks = self.model.pattern.zeros(self.model.others)
         velocity = self.equations.velocity
         for part in self.parts:
             begin = time.perf_counter()
-            part.add_tangent(self.model.pattern, blocks, 0.0 if velocity is None else velocity.rate)
+            with np.errstate(over="ignore", invalid="ignore"):
+                rate = 0.0 if velocity is None else velocity.rate
+                part.add_tangent(self.model.pattern, blocks, rate)
             self.model.seconds[part.effect.name] += time.perf_counter() - begin
         blocks = self.model.closed_rows(blocks)
         coupled = self.free[self.free < self.model.coupled]

@@ -296,6 +296,7 @@ def unbroken() -> Iterator[None]:
     Examples
     --------
     >>> import os, signal
+    >>> before = signal.signal(signal.SIGINT, signal.default_int_handler)
     >>> done = []
     >>> try:
     ...     with unbroken():
@@ -305,6 +306,7 @@ def unbroken() -> Iterator[None]:
     ...     done.append("then the interruption")
     >>> done
     ['all of it', 'then the interruption']
+    >>> handler = signal.signal(signal.SIGINT, before)
     """
     if threading.current_thread() is not threading.main_thread():
         yield
