@@ -100,11 +100,13 @@ def equilibrated(matrix: csc_matrix) -> Array:
     require_stiffness(largest)
     diagonal = np.abs(matrix.diagonal())
     d = 1.0 / np.sqrt(np.where(diagonal > 1e-8 * largest, diagonal, largest))
-    for _ in range(MOST_SCALINGS):
-        size = d * column_maxima(magnitude * d[matrix.indices])
-        if size.max() < SCALED and size.min() > 1.0 / SCALED:
-            break
-        d /= np.sqrt(size)
+    with np.errstate(all="ignore"):  # stiffness may be as small as doubles are
+        for _ in range(MOST_SCALINGS):
+            size = d * column_maxima(magnitude * d[matrix.indices])
+            if size.max() < SCALED and size.min() > 1.0 / SCALED:
+                break
+            d /= np.sqrt(size)
+        require_stiffness(np.nan_to_num(1.0 / d))
     return d
 
 
