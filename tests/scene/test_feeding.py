@@ -64,6 +64,27 @@ def test_a_threaded_strip_is_fed_unless_its_shape_or_its_ends_speak_against_it()
     assert not fed(strip={**shell, "imperfection": {"mode": 1, "amplitude": 1e-4}})
 
 
+def test_strip_that_lies_on_rollers_is_fed_if_both_ends_are_pulled() -> None:
+    """A plate that nothing pulls ends where it ends; so does one whose end stays held."""
+
+    def fed(force: float, *, release: bool) -> bool:
+        given = tables()
+        del given["threading"], given["rollers"][0]["wrap"]
+        given["strip"] = {**given["strip"], "length": 4.0}
+        pull = {"name": "pull", "duration": 1.0, "friction": False}
+        start = {"name": "start", "duration": 0.1, "entry": {"release": release}}
+        turning = {"r1": {"surface_speed": 1.0}}
+        given["stages"] = [
+            pull | {"exit": {"force": [force, 0.0, 0.0]}},
+            start | {"rollers": turning},
+        ]
+        return bool(Run(Scene.model_validate(given)).scene.strip.feed)
+
+    assert fed(1e4, release=True)
+    assert not fed(1e4, release=False)
+    assert not fed(0.0, release=True)
+
+
 @pytest.mark.slow
 def test_a_fed_strip_does_what_one_does_that_moves_along_whole() -> None:
     """In time, from the start on; the spans behind and ahead of the roller differ by the travel.

@@ -29,7 +29,6 @@ MOST_UNKNOWNS = 100_000
 """On elements of half the length, beyond which the mesh's part is not looked for: the factors of a
 shell of so many, twenty elements across, take 1.5 GB."""
 
-
 LARGE = 0.1
 """Share of the scene's tension by which the mesh must not make one wrong without a warning."""
 
@@ -37,7 +36,7 @@ SMALL = 1e-2
 """Change of gaps over the onset of contact, and of slip over V_c, over which laws are straight."""
 
 
-def tensions(state: State) -> dict[str, float]:
+def tension_readings(state: State) -> dict[str, float]:
     """Return the tensions (N/m) of the ends, and of the strip before and behind every roller."""
     found: dict[str, float]
     found = {n: state.tension(n) for n in ("entry", "exit") if n in state.plan.model.strip.edges}
@@ -46,7 +45,7 @@ def tensions(state: State) -> dict[str, float]:
     return found
 
 
-def forces(state: State) -> dict[str, float]:
+def force_readings(state: State) -> dict[str, float]:
     """Return the normal force and the drag (N) of every roller."""
     found: dict[str, float] = {}
     for name, reading in state.rollers.items():
@@ -64,7 +63,7 @@ def part(state: State, other: State, moved: Array) -> Part:
         Difference of displacements, on the mesh of the other.
     """
     strip, largest = other.plan.model.strip, []
-    for read in (tensions, forces):
+    for read in (tension_readings, force_readings):
         here, there = read(state), read(other)
         largest.append(max((abs(there[key] - here[key]) for key in here), default=0.0))
     position = np.abs(strip.nodal(moved)[strip.node_values]).max()

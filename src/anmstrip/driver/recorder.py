@@ -55,7 +55,8 @@ def history_row(step: Step, conveyed: bool) -> dict[str, Any]:
     for edge in ("entry", "exit"):
         values[f"{edge}_tension"] = state.tension(edge)
     if conveyed:
-        values |= {"strip_speed": state.strip_speed or 0.0, "conveyed": state.conveyed}
+        fed = state.strip_speed or 0.0, state.conveyed
+        values |= dict(zip(FEED_COLUMNS, fed, strict=True))
     for name, reading in state.rollers.items():
         values |= {f"{name}_{column}": getattr(reading, column) for column in ROLLER_COLUMNS}
     return values

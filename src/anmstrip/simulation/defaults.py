@@ -30,15 +30,15 @@ def with_defaults(scene: SceneSpec) -> SceneSpec:
 def goes_on(scene: SceneSpec) -> bool:
     """Return whether the strip is fed by default: it goes on beyond entry and exit.
 
-    It does if it is threaded, or if an end that was held is let go, so that both ends are pulled.
-    Not where ends are moved so that it cannot, where its shape or its yield belongs to the
-    material, and where nothing rubs.
+    It does if it is threaded, or if it is pulled and an end that was held is let go.  Not where
+    ends are moved so that it cannot, where its shape or its yield belongs to the material, and
+    where nothing rubs.
     """
     strip, shapes = scene.strip, [scene.strip, *(stage.strip for stage in scene.stages)]
     along = [getattr(value, "along", ()) for shape in shapes for value in shape.natural.values()]
     own = strip.mesh or strip.imperfection or scene.material.plasticity or any(along)
     let_go = any(end.release for stage in scene.stages for end in stage.edges.values())
-    endless = scene.threading is not None or let_go
+    endless = scene.threading is not None or (let_go and largest_force(scene) > 0.0)
     if not endless or scene.friction is None or own:
         return False
     return not any(moved_ends(scene.edges, scene.stages))

@@ -174,10 +174,9 @@ class _Integrator:
     def step(self, memory: Memory, end: float) -> TimeStep:
         """The next step, in which the state may also snap to another place.
 
-        Where the paths of ever shorter steps stall, many points may cross the corner of sharp
-        friction, which they do at once for Newton's method.  A snap is looked for early where the
-        series fail in brief steps, and last of all where only the error in time asks for steps as
-        short as can be.
+        A snap is looked for early where the series fail in brief steps, and last of all where only
+        the error in time asks for steps as short as can be.  Where there is none, many points may
+        cross the corner of sharp friction, which they do at once for Newton's method.
         """
         brief = BRIEF * self.stepping.whole
         try:
