@@ -10,7 +10,7 @@ import numpy as np
 
 from anmstrip import Scene
 
-run = Scene.load("../heavy.toml", ["solver.tolerance=1e-3"]).run()
+run = Scene.load("../heavy.toml").run()
 *_, last = run
 x, z = (last.state.along(name) for name in "xz")
 between = (x > 0.5) & (x < 9.5)

@@ -10,7 +10,7 @@ import numpy as np
 
 from anmstrip import Scene
 
-coarse = ['strip.kinematics="section"', "strip.refined=0.05", "solver.tolerance=1e-3"]
+coarse = ['strip.kinematics="section"', "strip.refined=0.05"]
 found = []
 for f in (0.1, 0.2, 0.3):
     *_, last = Scene.load("../capstan.toml", [*coarse, f"friction.coefficient={f}"]).run()

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 
 from anmstrip import Scene
 
-coarse = ["strip.cells=[24, 4]", "solver.tolerance=1e-3"]
+coarse = ["strip.cells=[24, 4]"]
 *_, last = Scene.load("../crowned.toml", coarse).run()
 low, mean, high = (last.state.along(n) / 1e3 for n in ("tension_min", "tension", "tension_max"))
 

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 
 from anmstrip import Scene
 
-coarse = ['strip.kinematics="section"', "strip.refined=0.02", "solver.tolerance=1e-3"]
+coarse = ['strip.kinematics="section"', "strip.refined=0.02"]
 run = Scene.load("../capstan.toml", coarse).run()
 for _ in run:
     pass

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 
 from anmstrip import Scene
 
-run = Scene.load("../small_deflection.toml", ["solver.tolerance=1e-3"]).run()
+run = Scene.load("../small_deflection.toml").run()
 figure, axes = plt.subplots()
 for name, state in {step.stage: step.state for step in run}.items():
     axes.plot(state.along("x"), 1e3 * state.along("z"), label=name)

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 
 from anmstrip import Scene
 
-coarse = ['strip.kinematics="section"', "strip.refined=0.01", "solver.tolerance=1e-3"]
+coarse = ['strip.kinematics="section"', "strip.refined=0.01"]
 run = Scene.load("../press.toml", coarse).run()
 *_, last = run
 state, radius = last.state, run.scene.rollers[0].radius
