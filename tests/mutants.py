@@ -461,6 +461,30 @@ SUMMARY = (
         '= 2.0 * values["tension"]',
         "sweep",
     ),
+    Mutant(
+        "errors of a study without the largest",
+        "kind: max((abs(value - truth.values[kind][name])",
+        "kind: min((abs(value - truth.values[kind][name])",
+        "accuracy",
+    ),
+    Mutant(
+        "places of a study across alone",
+        "np.linalg.norm(self.places - truth.places, axis=0)",
+        "np.abs(self.places - truth.places)[0]",
+        "accuracy",
+    ),
+    Mutant(
+        "seconds of a study with the estimates",
+        '"wall_seconds"] - self.summary["seconds"].get("errors", 0.0)',
+        '"wall_seconds"]',
+        "accuracy",
+    ),
+    Mutant(
+        "tenth of an error at the first mesh's cost",
+        'm["seconds"] / usual["seconds"]',
+        'm["seconds"] / m["seconds"]',
+        "accuracy",
+    ),
 )
 
 EVENTS = (

@@ -17,15 +17,15 @@ import numpy as np
 
 from anmstrip.continuation.equations import Cost, Outcome
 from anmstrip.continuation.follow import PathSolver, Settings, follow
+from anmstrip.continuation.newton import LoadSteps, NewtonPath
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import SparseSolver
 from cantilever import cantilever, tip
 from harness import Cell, Report, Sheet, main
-from newton_methods import NewtonPath, NewtonSettings
 from strips import capstan, pressed, threaded
 
-PLAIN = NewtonSettings(tolerance=1e-6)
+PLAIN = LoadSteps(tolerance=1e-6)
 GUESSED = replace(PLAIN, degree=2)
 SEARCHED = replace(GUESSED, halvings=8)
 LONG = replace(SEARCHED, wanted=12, most=40)

@@ -1,7 +1,7 @@
 """Newton's method with adaptive steps, as good as we can make it: what the series are measured by.
 
-The same equations, tangents and linear solver as the series have: steps of load, steps along an
-arc, and backward Euler in fixed steps of time.
+The same equations, tangents and linear solver as the series have: steps along an arc, and backward
+Euler in fixed steps of time.  Steps of load are part of the package.
 """
 
 from __future__ import annotations
@@ -13,116 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.continuation.equations import Cost, Equations, Outcome, PathStopped, inner
-from anmstrip.continuation.follow import Pace, PathStep, Settings
-from anmstrip.continuation.newton import Corrected, Corrections, Newton
-from anmstrip.continuation.path import Branch
+from anmstrip.continuation.newton import Corrected
 from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.linalg.solvers import LinearSolver
-from anmstrip.timestepping.formulas import AffineVelocity, RateEquations, StepEquations, predicted
+from anmstrip.timestepping.formulas import AffineVelocity, RateEquations, StepEquations
 
 Array = NDArray[np.float64]
-
-# steps of load ---------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class NewtonSettings(Corrections):
-    """Choices of Newton's method in steps of load; every part can be switched off."""
-
-    first: float = 0.1  # load step, as a fraction of the whole way
-    wanted: int = 8  # iterations for which the next step stays as long
-    growth: float = 2.0  # largest ratio of successive steps
-    shortest: float = 1e-6  # load step, as a fraction of the whole way
-    degree: int = 0  # of the polynomial that guesses the next state; 0 starts from the last one
-
-
-def load_steps(
-    equations: Equations,
-    u: Array,
-    *,
-    solver: LinearSolver,
-    settings: NewtonSettings | None = None,
-    start: float = 0.0,
-    target: float = 1.0,
-    cost: Cost | None = None,
-) -> Iterator[Corrected]:
-    """Yield converged states on the way from (u, start) to the control ``target``.
-
-    The next state is guessed by the polynomial through the last ones; steps grow and shrink with
-    the iterations that they take, and one that does not converge is halved.  ``cost`` counts the
-    iterations of steps that are given up as well.
-
-    Raises
-    ------
-    PathStopped
-        If load steps have become too short.
-    """
-    settings = settings or NewtonSettings()
-    iteration = Newton(equations, solver, settings, Cost() if cost is None else cost)
-    past, whole = [(start, u)], target - start
-    size = settings.first * whole
-    while past[0][0] != target:
-        control = past[0][0]
-        last = abs(size) >= abs(target - control) * (1.0 - 1e-9)
-        aim = target if last else control + size
-        times, states = zip(*past, strict=True)
-        found = iteration.corrected(predicted(times, states, aim), aim)
-        if found is None:
-            size = 0.5 * (aim - control)
-            if abs(size) < settings.shortest * abs(whole):
-                raise PathStopped(Outcome.STALLED, control, "Newton's method does not converge")
-            continue
-        past = [(found.control, found.u), *past[: settings.degree]]
-        easy = np.sqrt(settings.wanted / max(found.iterations, 1))
-        size *= float(np.clip(easy, 0.5, settings.growth))
-        yield found
-
-
-@dataclass(frozen=True)
-class NewtonPath:
-    """Newton's method in the place of the function ``follow`` of the series.
-
-    The path of a time step starts where the velocity stays what it was, and is one load step.
-    """
-
-    settings: NewtonSettings
-
-    def __call__(
-        self,
-        equations: Equations,
-        u: Array,
-        *,
-        solver: LinearSolver,
-        settings: Settings,
-        start: float = 0.0,
-        target: float = 1.0,
-        pace: Pace | None = None,
-        cost: Cost | None = None,
-    ) -> Iterator[PathStep]:
-        """Yield converged states, as straight branches from one to the next."""
-        cost = Cost() if cost is None else cost
-        velocity = getattr(equations, "velocity", None)
-        if velocity is not None:
-            u = u - velocity.slope / velocity.rate
-            found = Newton(equations, solver, self.settings, cost).corrected(u, 1.0)
-            if found is None:
-                raise PathStopped(Outcome.STALLED, 0.0, "Newton's method does not converge")
-            yield _straight(u, 0.0, found)
-            return
-        control = start if pace is None else pace.control
-        ends = {"start": control, "target": target}
-        for found in load_steps(
-            equations, u, solver=solver, settings=self.settings, cost=cost, **ends
-        ):
-            yield _straight(u, control, found)
-            u, control = found.u, found.control
-
-
-def _straight(u: Array, control: float, found: Corrected) -> PathStep:
-    ways = np.array([u, found.u - u]), np.array([control, found.control - control])
-    branch = Branch(u=ways[0], control=ways[1], length=1.0, residual=np.zeros_like(u))
-    return PathStep(branch, found.imbalance, Pace(found.control, found.control - control))
-
 
 # steps along an arc ----------------------------------------------------------------
 

@@ -53,6 +53,7 @@ _NAMES = {
     "Signorini RepulsiveSignorini GradedSignorini",
     "mechanics.plasticity": "FlowLaw",
     "mechanics.roller": "Roller",
+    "sweep.accuracy": "Accuracy accuracy",
     "taylor.series": "Series record taylor_series",
 }
 _DOORS = {name: f"anmstrip.{module}" for module, names in _NAMES.items() for name in names.split()}

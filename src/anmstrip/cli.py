@@ -10,18 +10,21 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO, TypeVar
+from typing import TYPE_CHECKING, Any, TextIO, TypeVar, cast
 
 import click
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 if TYPE_CHECKING:
+    from distributed import Client
+
     from anmstrip.driver.operating_map import MapStep
     from anmstrip.simulation.march import Step
-    from anmstrip.sweep.study import Ended
+    from anmstrip.sweep.study import Ended, Sweep
 
 S = TypeVar("S", "Step", "Ended", "MapStep")
 
@@ -52,6 +55,12 @@ settings_option = click.option(
 scene_argument = click.argument("scene", metavar="SCENE.toml", type=click.Path(path_type=Path))
 quiet_option = click.option(
     "--quiet", is_flag=True, help="Show no progress; what is said at the end still comes."
+)
+workers_option = click.option(
+    "--workers", type=click.IntRange(1), metavar="N", help="Processes (default: cores)."
+)
+scheduler_option = click.option(
+    "--scheduler", metavar="ADDRESS", help="Use a dask cluster that runs already."
 )
 
 
@@ -478,8 +487,8 @@ def report_command(directory: Path) -> None:
 )
 @settings_option
 @directory_option
-@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes (default: cores).")
-@click.option("--scheduler", metavar="ADDRESS", help="Use a dask cluster that runs already.")
+@workers_option
+@scheduler_option
 @quiet_option
 def sweep_command(
     scene: Path,
@@ -508,29 +517,43 @@ def sweep_command(
         needed = 'pip install "dask[distributed]"'
         click.echo(f"anmstrip sweep shares its scenes out by dask. Type: {needed}", err=True)
         sys.exit(WRONG)
-    from dask.system import CPU_COUNT
-
-    from anmstrip.sweep.study import Sweep, local_workers, remote_workers
+    from anmstrip.sweep.study import Sweep
 
     study = Sweep(
         scene, variations, settings, directory=directory or Path("results", f"{scene.stem}-sweep")
     )
-    before, interrupted = len(study.variants) - len(study.waiting), ""
-    try:
-        if left := len(study.waiting):
-            count = min(workers or CPU_COUNT, left)
-            farm = local_workers(count) if scheduler is None else remote_workers(scheduler)
-            with farm as client:
-                ended = study.run(client)
-                for _ in ended if quiet else show_progress(ended, str, interval=0.0):
-                    pass
-    except KeyboardInterrupt:
-        interrupted = "Interrupted."
-    except ConnectionError as error:
-        interrupted = f"Interrupted: {error}."
+    before = len(study.variants) - len(study.waiting)
+    interrupted = run_study(study, workers, scheduler, quiet)
     done, total = len(study.rows) - len(study.stopped), len(study.rows)
     earlier = f", {before} of them ended before" if before else ""
     click.echo(f"{done} of {total} scenes done{earlier}.")
+    end_study(study, interrupted)
+
+
+def run_study(study: Sweep, workers: int | None, scheduler: str | None, quiet: bool) -> str:
+    """Run what is left of a study on workers, or here without dask; say what interrupted it."""
+    from anmstrip.sweep.study import local_workers, remote_workers
+
+    left, farm = len(study.waiting), cast("AbstractContextManager[Client | None]", nullcontext())
+    if left and find_spec("distributed") is not None:
+        from dask.system import CPU_COUNT
+
+        count = min(workers or CPU_COUNT, left)
+        farm = local_workers(count) if scheduler is None else remote_workers(scheduler)
+    try:
+        with farm as client:
+            ended = study.run(client) if left else ()
+            for _ in ended if quiet else show_progress(ended, str, interval=0.0):
+                pass
+    except KeyboardInterrupt:
+        return "Interrupted."
+    except ConnectionError as error:
+        return f"Interrupted: {error}."
+    return ""
+
+
+def end_study(study: Sweep, interrupted: str) -> None:
+    """Say what stopped and where the table is, with an exit status if not all is done."""
     for row in study.stopped:
         if row["status"] != "waiting":
             click.echo(f"  {row['directory']}: {row['status']}: {row['message']}")
@@ -539,6 +562,58 @@ def sweep_command(
         click.echo(f"{interrupted} Next: the same command, which goes on from here.")
     if study.stopped:
         sys.exit(STOPPED)
+
+
+@main.command("accuracy", short_help="Measure what accuracy costs on a scene.")
+@scene_argument
+@click.option(
+    "--along",
+    metavar="AXIS",
+    multiple=True,
+    help="tolerance, newton, order, mesh, speed or kinematics; several give several options "
+    "(default: all that apply).",
+)
+@settings_option
+@directory_option
+@workers_option
+@scheduler_option
+@quiet_option
+def accuracy_command(
+    scene: Path,
+    along: tuple[str, ...],
+    settings: tuple[str, ...],
+    directory: Path | None,
+    workers: int | None,
+    scheduler: str | None,
+    quiet: bool,
+) -> None:
+    """Measure what accuracy costs on a scene: true errors against seconds and tangents.
+
+    \b
+      anmstrip accuracy examples/press.toml
+      anmstrip accuracy examples/press.toml --along tolerance --along mesh
+
+    The scene is run to several tolerances (tolerance, and newton: by Newton's method on the same
+    equations), orders of the series (order), element lengths (mesh), slip speeds V_c of friction
+    (speed) and levels of kinematics, and each is compared with a refined run. DIR gets
+    accuracy.csv, accuracy.png, and for every scene a directory of results as of run. Errors stand
+    beside what the runs themselves estimate. The same command again goes on where it was
+    interrupted.
+
+    Runs share cores, so that seconds are good for ratios; --workers 1 runs one at a time.
+
+    Exit status: 0 all done, 1 interrupted or a scene stopped early, 2 wrong input.
+    """
+    from anmstrip.driver.scene import Scene
+    from anmstrip.sweep.accuracy import Accuracy
+
+    loaded = Scene.load(scene, settings)
+    target = directory or Path("results", f"{loaded.name}-accuracy")
+    study = Accuracy(loaded, along, directory=target)
+    click.echo(study.plan)
+    interrupted = run_study(study, workers, scheduler, quiet)
+    click.echo(study.report())
+    end_study(study, interrupted)
 
 
 if __name__ == "__main__":

@@ -191,6 +191,10 @@ class Equilibrium:
         whole[self.supports.free] = self.velocity(u, control)
         return whole
 
+    def unaccelerated(self) -> Array | None:
+        """Free unknowns at the end of a step in time whose velocities stay; None without any."""
+        return None if self.velocity is None else -self.velocity.slope / self.velocity.rate
+
     def recurrence(self, u: Array, control: float, order: int) -> EquilibriumSeries:
         """Start the series at a point."""
         return EquilibriumSeries(self, u, control, order)

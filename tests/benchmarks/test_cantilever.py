@@ -8,8 +8,8 @@ import pytest
 
 from anmstrip.continuation.equations import Cost, Outcome, PathStopped
 from anmstrip.continuation.follow import Settings, follow
+from anmstrip.continuation.newton import LoadSteps, load_steps
 from anmstrip.linalg.solvers import SparseSolver
-from newton_methods import NewtonSettings, load_steps
 
 EXAMPLE = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "cantilever.py"))
 cantilever, bent = EXAMPLE["cantilever"], EXAMPLE["bent"]
@@ -76,7 +76,7 @@ def test_what_newton_counts(equations):
     assert all(step.imbalance <= 1e-8 for step in steps)
     assert cost.factorisations == cost.solves == sum(step.iterations for step in steps)
     at_once = Cost()
-    settings = NewtonSettings(first=1.0, most=50)
+    settings = LoadSteps(first=1.0, most=50)
     (step,) = load_steps(equations, u, solver=SparseSolver(), settings=settings, cost=at_once)
     assert 10 < at_once.factorisations < cost.factorisations
     np.testing.assert_allclose(step.u, steps[-1].u, atol=1e-6)
@@ -84,7 +84,7 @@ def test_what_newton_counts(equations):
 
 def test_newton_halves_steps_that_fail(equations):
     cost = Cost()
-    settings = NewtonSettings(first=1.0, most=8, wanted=4)
+    settings = LoadSteps(first=1.0, most=8, wanted=4)
     u = np.zeros(len(equations.supports.free))
     steps = list(load_steps(equations, u, solver=SparseSolver(), settings=settings, cost=cost))
     assert steps[-1].control == 1.0
@@ -92,7 +92,7 @@ def test_newton_halves_steps_that_fail(equations):
 
 
 def test_newton_that_cannot_converge_says_so(equations):
-    settings = NewtonSettings(most=1)
+    settings = LoadSteps(most=1)
     u = np.zeros(len(equations.supports.free))
     with pytest.raises(PathStopped) as stopped:
         list(load_steps(equations, u, solver=SparseSolver(), settings=settings))

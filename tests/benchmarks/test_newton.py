@@ -10,13 +10,12 @@ import pytest
 
 from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import follow
-from anmstrip.continuation.newton import Corrections, Newton
+from anmstrip.continuation.newton import Corrections, LoadSteps, Newton, NewtonPath, load_steps
 from anmstrip.driver.run import Run
 from anmstrip.linalg.solvers import DenseSolver
 from function_equations import FunctionEquations
 from harness import run
 from newton import LONG, PLAIN, study
-from newton_methods import NewtonPath, NewtonSettings, load_steps
 from strips import capstan, pressed
 
 
@@ -35,12 +34,12 @@ def cubic(u, load):
 
 @pytest.mark.parametrize("part", [{"degree": 1}, {"degree": 3}, {"kept": 0.05}, {"halvings": 5}])
 def test_every_part_leads_to_the_same_state(part):
-    found, _ = solved(cubic, replace(NewtonSettings(tolerance=1e-10), **part))
+    found, _ = solved(cubic, replace(LoadSteps(tolerance=1e-10), **part))
     assert found == pytest.approx(1.0, abs=1e-9)
 
 
 def test_a_guess_and_kept_tangents_save_factorisations():
-    plain = NewtonSettings(tolerance=1e-10, first=0.02, growth=1.0)
+    plain = LoadSteps(tolerance=1e-10, first=0.02, growth=1.0)
     _, without = solved(cubic, plain)
     assert solved(cubic, replace(plain, degree=2))[1] < 0.7 * without
     assert solved(cubic, replace(plain, kept=0.2))[1] < 0.9 * without

@@ -8,10 +8,11 @@ import pytest
 
 from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings
+from anmstrip.continuation.path import predicted
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.timestepping import formulas as backward_differences
 from anmstrip.timestepping import implicit as implicit_dae
-from anmstrip.timestepping.formulas import Memory, TimeStep, formula, predicted
+from anmstrip.timestepping.formulas import Memory, TimeStep, formula
 from anmstrip.timestepping.functions import FunctionRateEquations, join_steps
 
 DENSE = DenseSolver()

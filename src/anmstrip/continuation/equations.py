@@ -50,7 +50,9 @@ class Equations(Protocol):
     2. ``imbalance`` is a norm; tolerances are in its unit, which is that of the problem's forces.
     3. ``metric`` holds the weights of the unknowns in the inner product of changes of state, such
        that the length of a change is dimensionless.
-    4. A class that inherits from this one has no interior check unless it writes one.
+    4. ``unaccelerated`` is asked for by Newton's method alone.
+    5. A class that inherits from this one has no interior check unless it writes one, and no
+       velocities.
     """
 
     @property
@@ -68,6 +70,10 @@ class Equations(Protocol):
 
     def interior_check(self, branch: Branch) -> float | None:
         """Parameter inside a branch at which something acts that neither end shows, or None."""
+        return None
+
+    def unaccelerated(self) -> Array | None:
+        """Unknowns (n,) at λ = 1 of a step in time whose velocities stay; None without any."""
         return None
 
 

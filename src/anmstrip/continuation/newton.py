@@ -1,13 +1,16 @@
-"""Newton's iteration at one control, from a guess that is not on the path."""
+"""Newton's iteration at one control, and paths in steps of load: what series are measured by."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import Cost, Equations
+from anmstrip.continuation.equations import Cost, Equations, Outcome, PathStopped
+from anmstrip.continuation.follow import Pace, PathStep, Settings
+from anmstrip.continuation.path import Branch, predicted
 from anmstrip.linalg.direct import Factors, SingularTangentError
 from anmstrip.linalg.solvers import LinearSolver
 
@@ -85,3 +88,109 @@ class Newton:
                 return self.solver.factorise(matrix)
         except SingularTangentError:
             return None
+
+
+@dataclass(frozen=True)
+class LoadSteps(Corrections):
+    """Choices of Newton's method in steps of load; every part can be switched off."""
+
+    first: float = 0.1  # load step, as a fraction of the whole way
+    wanted: int = 8  # iterations for which the next step stays as long
+    growth: float = 2.0  # largest ratio of successive steps
+    shortest: float = 1e-6  # load step, as a fraction of the whole way
+    degree: int = 0  # of the polynomial that guesses the next state; 0 starts from the last one
+
+
+QUICK_STEPS = LoadSteps(degree=2, halvings=8, wanted=12, most=40, kept=0.05)
+"""The choices that take the fewest factorisations on graded contact, section and shell
+(``examples/benchmarks/newton.py``)."""
+
+
+def load_steps(
+    equations: Equations,
+    u: Array,
+    *,
+    solver: LinearSolver,
+    settings: LoadSteps | None = None,
+    start: float = 0.0,
+    target: float = 1.0,
+    cost: Cost | None = None,
+) -> Iterator[Corrected]:
+    """Yield converged states on the way from (u, start) to the control ``target``.
+
+    The next state is guessed by the polynomial through the last ones; steps grow and shrink with
+    the iterations that they take, and one that does not converge is halved.  ``cost`` counts the
+    iterations of steps that are given up as well.
+
+    Raises
+    ------
+    PathStopped
+        If load steps have become too short, or no more tangents are allowed.
+    """
+    settings, cost = settings or LoadSteps(), Cost() if cost is None else cost
+    iteration = Newton(equations, solver, settings, cost)
+    past, whole = [(start, u)], target - start
+    size = settings.first * whole
+    while past[0][0] != target:
+        control = past[0][0]
+        last = abs(size) >= abs(target - control) * (1.0 - 1e-9)
+        aim = target if last else control + size
+        times, states = zip(*past, strict=True)
+        found = iteration.corrected(predicted(times, states, aim), aim)
+        if found is None:
+            size = 0.5 * (aim - control)
+            if cost.expansions >= cost.most:
+                raise PathStopped(Outcome.TOO_MANY_TANGENTS, control)
+            if abs(size) < settings.shortest * abs(whole):
+                raise PathStopped(Outcome.STALLED, control, "Newton's method does not converge")
+            continue
+        past = [(found.control, found.u), *past[: settings.degree]]
+        easy = np.sqrt(settings.wanted / max(found.iterations, 1))
+        size *= float(np.clip(easy, 0.5, settings.growth))
+        yield found
+
+
+@dataclass(frozen=True)
+class NewtonPath:
+    """Newton's method in the place of :func:`~anmstrip.continuation.follow.follow`.
+
+    The path of a step in time starts where the velocity stays what it was, and is one load step.
+    """
+
+    steps: LoadSteps = QUICK_STEPS
+    own: bool = True  # whether ``steps`` says what is accepted, instead of the path's settings
+
+    def __call__(
+        self,
+        equations: Equations,
+        u: Array,
+        *,
+        solver: LinearSolver,
+        settings: Settings,
+        start: float = 0.0,
+        target: float = 1.0,
+        pace: Pace | None = None,
+        cost: Cost | None = None,
+    ) -> Iterator[PathStep]:
+        """Yield converged states, as straight branches from one to the next."""
+        cost, steps = Cost() if cost is None else cost, self.steps
+        if not self.own:
+            steps = replace(steps, tolerance=settings.tolerance)
+        control = start if pace is None else pace.control
+        if (guess := equations.unaccelerated()) is not None:
+            found = Newton(equations, solver, steps, cost).corrected(guess, target)
+            if found is None:
+                raise PathStopped(Outcome.STALLED, control, "Newton's method does not converge")
+            yield straight_step(u, control, found)
+            return
+        ends = {"start": control, "target": target}
+        for found in load_steps(equations, u, solver=solver, settings=steps, cost=cost, **ends):
+            yield straight_step(u, control, found)
+            u, control = found.u, found.control
+
+
+def straight_step(u: Array, control: float, found: Corrected) -> PathStep:
+    """Return the straight branch from a state to one that was found."""
+    ways = np.array([u, found.u - u]), np.array([control, found.control - control])
+    branch = Branch(u=ways[0], control=ways[1], length=1.0, residual=np.zeros_like(u))
+    return PathStep(branch, found.imbalance, Pace(found.control, found.control - control))

@@ -1,4 +1,4 @@
-"""Branches and paths: solutions that can be called anywhere inside."""
+"""Branches and paths: solutions that can be called anywhere inside, and guesses of what follows."""
 
 from __future__ import annotations
 
@@ -130,3 +130,17 @@ class Path:
             if (a := branch.reaches(control)) is not None:
                 return branch(a)[0]
         raise ValueError(f"the path does not reach the control {control!r}")
+
+
+def lagrange(times: tuple[float, ...], new: float) -> Array:
+    """Values at ``new`` of the Lagrange polynomials of some instants, shape (instants,)."""
+    nodes, values = np.array(times), np.empty(len(times))
+    for j, node in enumerate(nodes):
+        others = np.delete(nodes, j)
+        values[j] = np.prod((new - others) / (node - others))
+    return values
+
+
+def predicted(times: tuple[float, ...], states: tuple[Array, ...], new: float) -> Array:
+    """Value at ``new`` of the polynomial through all given past states."""
+    return lagrange(times, new) @ np.array(states)

@@ -85,6 +85,8 @@ def explain(scene: SceneSpec) -> str:
         f"and {scales.tension:g} N/m (membrane forces); tolerance {scene.solver.tolerance:g}, "
         f"order {assembly.order}{', the cheapest' if scene.solver.order is None else ''}."
     )
+    if scene.solver.method == "newton":
+        say("Paths are followed by Newton's method in load steps, to compare with series.")
     for level in found:
         if level.kinematics.name == own and level.against:
             say(f"Warning: kinematics {own} does not see that {'; '.join(level.against)}.")

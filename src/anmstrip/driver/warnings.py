@@ -21,6 +21,7 @@ from anmstrip.simulation.defaults import boundary_layer, elastic_creep
 from anmstrip.simulation.meshing import (
     QUARTER,
     cells_across,
+    finer,
     most_unknowns,
     stands,
     surface_speed,
@@ -186,7 +187,7 @@ def coarse_mesh(preview: Preview) -> Iterator[str]:
     if scene.strip.cells is None and scene.strip.mesh is None:
         wanted = min((wanted_size(scene, r.radius) for r in preview.assembly.rollers), default=0.0)
         finest, most = float(strip.cell_sizes[0].min()), most_unknowns(len(scene.rollers))
-        if finest > 1.2 * wanted > 0.0:
+        if finest * finer(scene) > 1.2 * wanted > 0.0:
             yield (
                 f"elements where the strip lifts off its rollers are {finest:.2g} m long instead "
                 f"of {wanted:.2g} m, so that there are no more than {most} unknowns. Less "

@@ -308,3 +308,25 @@ def l2_projection(strip: Strip, pattern: Pattern, displacement: Array) -> Array:
     right = operator.gather(strip.kinematics.pick(displacement.T).T[:, None])
     scaled_unknowns = splu(mass).solve(right.reshape(-1, strip.count) * units[:, None])
     return np.ravel(scaled_unknowns * units[:, None])
+
+
+def displacement_at(strip: Strip, full: Array, places: Array) -> Array:
+    """Return the displacement at places of the flat strip, on any of its meshes.
+
+    Parameters
+    ----------
+    strip : Strip
+    full : ndarray, shape (unknowns,)
+    places : ndarray, shape (1, points) or (2, points)
+        x, and y (m), which is 0 if left out, and of which a section knows nothing.
+
+    Returns
+    -------
+    ndarray, shape (3, points)
+    """
+    known, dimensions = np.zeros((2, places.shape[1])), strip.mesh.dim()
+    known[: len(places)] = places
+    own = strip.mesh.p
+    inside = np.clip(known[:dimensions], own.min(axis=1)[:, None], own.max(axis=1)[:, None])
+    values = strip.basis.probes(inside) @ strip.nodal(full)
+    return np.asarray(strip.kinematics.embed(values.T))

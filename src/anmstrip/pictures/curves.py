@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from anmstrip.arrays import Array
 from anmstrip.results.files import atomic_write
@@ -94,6 +95,48 @@ def response_figure(omega: Array, gain: Array, phase: Array, title: str) -> Figu
     for axes in (upper, lower):
         axes.spines[["top", "right"]].set_visible(False)
         axes.grid(alpha=0.3)
+    return figure
+
+
+def accuracy_figure(rows: Sequence[Mapping[str, Any]], tension: float) -> Figure:
+    """Draw true errors of tensions against seconds and tangents, and the estimates as crosses.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Of ``accuracy.csv``; those without a true error are left out.
+    tension : float
+        That errors are shares of (N/m).
+    """
+    figure = Figure(figsize=(11.0, 4.6), dpi=130, layout="constrained")
+    panels = figure.subplots(1, 2, sharey=True)
+    axes_of = dict(zip(("seconds", "tangents"), panels, strict=True))
+    axes_named = dict.fromkeys(row["along"] for row in rows)
+    for number, along in enumerate(axes_named):
+        colour, dashed = f"C{number}", "--" if along == "newton" else "-"
+        chosen = [row for row in rows if row["along"] == along and row.get("true_tension")]
+        errors = [100.0 * row["true_tension"] / tension for row in chosen]
+        for cost, axes in axes_of.items():
+            spent = [row[cost] for row in chosen]
+            axes.plot(spent, errors, dashed, color=colour, marker="o", markersize=4, label=along)
+            for row, x, y in zip(chosen, spent, errors, strict=True):
+                told = row["value"] if along != "mesh" else f"{row['element']:.2g} m"
+                told = told if isinstance(told, str) else f"{told:.3g}"
+                place = {"xytext": (4, 3), "textcoords": "offset points"}
+                axes.annotate(told, (x, y), color=colour, fontsize=7, **place)
+                if estimate := row.get("estimated_tension"):
+                    share = 100.0 * estimate / tension
+                    axes.plot(x, share, "x", color=colour, markersize=4, alpha=0.6)
+    known = any(row.get("true_tension") for row in rows)
+    for cost, axes in axes_of.items() if known else ():
+        axes.set(xscale="log", yscale="log", xlabel=cost)
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(alpha=0.3)
+    panels[0].set_ylabel("error of tensions [%]; crosses: estimates")
+    panels[1].legend(frameon=False, fontsize=8)
     return figure
 
 

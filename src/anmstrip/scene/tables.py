@@ -211,6 +211,8 @@ class StripSpec(NaturalShape):
     """elements along and across, two integers from 1 to 100000; left out: by the rollers (1)"""
     refined: Positive | None = Field(None, examples=["0.025"])
     """element length over the rollers, a number above 0 (m)"""
+    finer: Annotated[Number, Field(ge=0.05, le=64.0)] | None = Field(None, examples=["2.0"])
+    """all elements so many times shorter, along and across, from 0.05 to 64 (1)"""
     mesh: Path | None = Field(None, examples=['"../meshes/strip_refined.msh"'])
     """mesh file, relative to the scene's own file (text)"""
     kinematics: Literal["shell", "section", "plate"] = Field("shell", examples=['"shell"'])
@@ -253,7 +255,7 @@ class StripSpec(NaturalShape):
             key = "feed" if self.feed else "kinematics"
             expected = "a strip by length, width and cells, not by a mesh file"
             yield Mistake("", key, getattr(self, key), expected, "cells = [16, 2]")
-        for key in ("length", "width", "cells", "refined"):
+        for key in ("length", "width", "cells", "refined", "finer"):
             if (value := getattr(self, key)) is not None:
                 expected = "nothing, since the mesh file says it"
                 yield Mistake("", key, value, expected, f"either {key} or mesh; take one out")
@@ -614,6 +616,8 @@ class SolverSpec(Table):
     """fixed step in time, without control of its error, a number above 0 (s)"""
     time_order: Annotated[Integer, Field(le=5)] | None = Field(None, examples=["2"])
     """highest order in time, from 1 to 5, else 2, or 5 for tolerances below 1e-4 (1)"""
+    method: Literal["series", "newton"] = Field("series", examples=['"series"'])
+    """how paths are followed, by "series" or in load steps by "newton", to compare (text)"""
 
     @property
     def highest_time_order(self) -> int:

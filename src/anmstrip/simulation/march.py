@@ -14,6 +14,7 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Tolerances
 from anmstrip.continuation.follow import Pace, PathSolver, Settings, follow
+from anmstrip.continuation.newton import Corrections, Newton, NewtonPath
 from anmstrip.equilibrium import Equilibrium, Motion, StageProblem
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.results.state import State
@@ -102,12 +103,13 @@ class March:
     conveyed : float
         Unstressed length (m) of the strip that has been fed in, in time.
     follow : callable
-        Follows paths; by series unless somebody compares.
+        Follows paths, by series or by Newton's method (``solver.method``).
     """
 
     def __init__(self, assembly: Assembly) -> None:
-        self.follow: PathSolver = follow
         self.assembly, self.scene = assembly, assembly.scene
+        series = assembly.scene.solver.method == "series"
+        self.follow: PathSolver = follow if series else NewtonPath(own=False)
         self.tolerances = Tolerances(assembly.scene.solver.tolerance)
         self.course, self.solver = Course(assembly), SparseSolver()
         self.cost = Cost(most=assembly.scene.solver.max_tangents)
@@ -215,8 +217,6 @@ class March:
 
     def _corrected(self, equations: Equilibrium, guess: Array) -> Array:
         """The state near a guess; the guess itself, with a path still to go, if there is none."""
-        from anmstrip.continuation.newton import Corrections, Newton
-
         settings = Corrections(self.tolerances.correction, most=MOST_CORRECTIONS, halvings=8)
         found = Newton(equations, self.solver, settings, self.cost).corrected(guess, 0.0)
         return guess if found is None else found.u

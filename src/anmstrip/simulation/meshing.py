@@ -67,7 +67,7 @@ def strip_mesh(
     each roller's circumference on both sides of its axis, or the arc on which a threaded strip
     touches it, and the stretch that is carried over it.  A mesh that stands still, as that of a
     strip that is fed, is fine where the strip lifts on and off alone, and there it has nodes: a
-    string has corners of its curvature there.
+    string has corners of its curvature there.  ``strip.finer`` multiplies the numbers of elements.
     """
     spec, section = scene.strip, scene.strip.kinematics == "section"
     length = spec.length if thread is None else thread.length
@@ -80,17 +80,27 @@ def strip_mesh(
         xs = default_lines(scene, rollers, thread, half, lifts)
     else:
         xs = chosen_lines(scene, rollers, thread, half, lifts)
+    count = (len(xs) - 1) * (1 if section else across)
+    if spec.finer is not None and count > MOST_ELEMENTS:
+        expected = f"at most {MOST_ELEMENTS} elements; there would be {count}"
+        raise scene.refused("strip.finer", spec.finer, expected, "finer = 1.0")
     return line(xs) if section else grid(xs, np.linspace(-0.5, 0.5, across + 1) * spec.width)
 
 
 def cells_across(scene: SceneSpec) -> int:
     """Return the number of elements across: typed, or enough for what the rollers make vary.
 
-    An even number, so that the middle of an edge is a node.
+    An even number stays even, so that the middle of an edge is a node.
     """
-    if scene.strip.cells is not None:
-        return scene.strip.cells[1]
-    return 8 if any(roller.profile for roller in scene.rollers) else 4
+    usual = 8 if any(roller.profile for roller in scene.rollers) else 4
+    count = usual if scene.strip.cells is None else scene.strip.cells[1]
+    step = 1 + (count % 2 == 0)
+    return step * max(1, round(count * finer(scene) / step))
+
+
+def finer(scene: SceneSpec) -> float:
+    """Return how many times shorter than usual elements are."""
+    return scene.strip.finer or 1.0
 
 
 @dataclass(frozen=True)
@@ -116,9 +126,9 @@ def default_lines(
     zones, coarse = default_zones(scene, rollers, thread), 2.0 * half / COARSEST
     per_line = {"section": 4, "plate": 4, "shell": 12}[scene.strip.kinematics]
     if scene.strip.kinematics != "section":
-        per_line *= cells_across(scene) + 1
+        per_line *= round(cells_across(scene) / finer(scene)) + 1
     most = most_unknowns(len(rollers)) // per_line - 1
-    return graded_nodes(half, zones, coarse, marks, most)
+    return graded_nodes(half, zones, coarse, marks, most, finer(scene))
 
 
 def most_unknowns(rollers: int) -> int:
@@ -204,8 +214,8 @@ def chosen_lines(
         graded += [Zone(*thread.arcs[r.name], ARC * r.radius) for r in thread.rollers]
     _bearable(scene, half, zones, fine, 1 if spec.kinematics == "section" else spec.cells[1])
     if graded:
-        return graded_nodes(half, graded, coarse, lifts)
-    return lines_of_nodes(half, zones, fine, coarse)
+        return graded_nodes(half, graded, coarse, lifts, finer=finer(scene))
+    return lines_of_nodes(half, zones, fine / finer(scene), coarse / finer(scene))
 
 
 def _bearable(
@@ -252,12 +262,13 @@ def graded_nodes(
     coarse: float,
     marks: Sequence[float] = (),
     most: float = np.inf,
+    finer: float = 1.0,
 ) -> Array:
     """Coordinates from −half to half, fine in the zones and growing away from them.
 
     The length of the elements is at most that of a zone inside it, grows by ``GROWTH`` per length
-    beyond, up to ``coarse``; all by one factor where there would be more than ``most``.  The marks
-    become nodes.
+    beyond, up to ``coarse``.  All are longer by one factor where there would be more than ``most``,
+    and then ``finer`` times shorter.  The marks become nodes.
     """
     finest = min([coarse, *(zone.size for zone in zones)])
     x = np.linspace(-half, half, 1 + min(int(np.ceil(8.0 * half / finest)), SAMPLES))
@@ -272,7 +283,7 @@ def graded_nodes(
         away = np.maximum(np.maximum(zone.first - x[here], x[here] - zone.last), 0.0)
         sizes[here] = np.minimum(sizes[here], zone.size + GROWTH * away)
     passed = np.cumsum(np.append(0.0, 0.5 * np.diff(x) * (1.0 / sizes[1:] + 1.0 / sizes[:-1])))
-    passed *= min(1.0, most / passed[-1])
+    passed *= finer * min(1.0, most / passed[-1])
     xs = [np.array([-half])]
     for a, b in pairwise(np.interp([-half, *marks, half], x, passed)):
         xs.append(

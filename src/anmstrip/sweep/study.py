@@ -266,6 +266,14 @@ class Sweep:
     InputError
         With the mistakes of all scenes; nothing was written.
 
+    Attributes
+    ----------
+    variants : tuple of Variant
+    rows : list of dict
+        What is known of each.
+    waiting : list of int
+        Numbers of those that have not ended.
+
     Examples
     --------
     A client of any dask cluster will do, as long as its workers see the same files::
@@ -285,10 +293,13 @@ class Sweep:
         *,
         directory: str | Path,
     ) -> None:
-        self.directory = Path(directory).absolute()
-        self.table = self.directory / "sweep.csv"
-        given = tuple(variations), tuple(settings), self.directory
-        self.variants: tuple[Variant, ...] = variants(Path(path), *given)
+        directory = Path(directory).absolute()
+        found = variants(Path(path), tuple(variations), tuple(settings), directory)
+        self._prepare(found, directory / "sweep.csv")
+
+    def _prepare(self, found: tuple[Variant, ...], table: Path) -> None:
+        """Look which scenes of a study have ended."""
+        self.variants, self.table, self.directory = found, table, table.parent
         self.rows: list[dict[str, Any]] = []
         self.waiting: list[int] = []
         for number, variant in enumerate(self.variants):
@@ -304,8 +315,8 @@ class Sweep:
         """Rows of scenes that did not reach their end."""
         return [row for row in self.rows if row["status"] != "done"]
 
-    def run(self, client: Client) -> Iterator[Ended]:
-        """Run what is left, as many scenes at once as there are workers.
+    def run(self, client: Client | None = None) -> Iterator[Ended]:
+        """Run what is left, as many scenes at once as there are workers, or here one by one.
 
         Whatever order they end in, the table has them in their own.  A scene that could not be
         run has the reason in its row, and is tried again next time.
@@ -315,29 +326,43 @@ class Sweep:
         ConnectionError
             The cluster has gone; the table is as it was at the last scene that ended.
         """
-        from distributed import as_completed
-
         self.directory.mkdir(parents=True, exist_ok=True)
         self.write_table()
+        total = len(self.variants)
+        for number, found in self._here() if client is None else self._shared(client):
+            row = self.rows[number]
+            if isinstance(found, dict):
+                row.update(row_of(found))
+            else:
+                words = f"{type(found).__name__}: {found}".split()
+                row.update(status="failed", message=" ".join(words))
+            self.waiting.remove(number)
+            self.write_table()
+            yield Ended(row, total - len(self.waiting), total)
+
+    def _here(self) -> Iterator[tuple[int, dict[str, Any] | BaseException]]:
+        """Yield summaries of scenes, or why there is none, run by this process."""
+        for number in tuple(self.waiting):
+            variant = self.variants[number]
+            try:
+                yield number, run_scene(variant.scene, variant.directory)
+            except (ArithmeticError, ValueError, RuntimeError) as error:
+                yield number, error
+
+    def _shared(self, client: Client) -> Iterator[tuple[int, dict[str, Any] | BaseException]]:
+        """Yield the same from the workers of a cluster, as they end."""
+        from distributed import as_completed
+
         jobs = {}
         for number in self.waiting:
             variant = self.variants[number]
             job = client.submit(run_scene, variant.scene, variant.directory, pure=False)
             jobs[job] = number
-        total = len(self.variants)
         try:
             for job in as_completed(list(jobs)):
                 if job.cancelled():
                     raise ConnectionError("the scheduler has gone")
-                row = self.rows[jobs[job]]
-                if (error := job.exception()) is None:
-                    row.update(row_of(job.result()))
-                else:
-                    words = f"{type(error).__name__}: {error}".split()
-                    row.update(status="failed", message=" ".join(words))
-                self.waiting.remove(jobs[job])
-                self.write_table()
-                yield Ended(row, total - len(self.waiting), total)
+                yield jobs[job], job.exception() or job.result()
         finally:
             with suppress(OSError):  # nobody there any more
                 client.cancel(list(jobs))
@@ -350,10 +375,14 @@ class Sweep:
         write_table(self.table, (*first, *more, "directory"), self.rows)
 
     def draw(self) -> Path:
-        """Draw ``sweep.png`` of what there is so far."""
+        """Draw what there is so far beside the table, as a PNG."""
         from anmstrip.pictures.curves import save_figure
 
-        path = self.directory / "sweep.png"
+        path = self.table.with_suffix(".png")
         self.write_table()
-        save_figure(figure(self.rows, tuple(self.variants[0].values)), path)
+        save_figure(self.figure(), path)
         return path
+
+    def figure(self) -> Figure:
+        """Return the figure of what there is so far."""
+        return figure(self.rows, tuple(self.variants[0].values))

@@ -11,6 +11,7 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Equations
 from anmstrip.continuation.follow import PathSolver, follow
+from anmstrip.continuation.path import lagrange
 
 
 @dataclass(frozen=True)
@@ -60,15 +61,6 @@ def start_memory(t: float, u: Array, v: Array, step: float, errors: Errors | Non
     return Memory((t,), (u,), v, step, errors=errors)
 
 
-def lagrange(times: tuple[float, ...], new: float) -> Array:
-    """Values at ``new`` of the Lagrange polynomials of some instants, shape (instants,)."""
-    nodes, values = np.array(times), np.empty(len(times))
-    for j, node in enumerate(nodes):
-        others = np.delete(nodes, j)
-        values[j] = np.prod((new - others) / (node - others))
-    return values
-
-
 def formula(times: tuple[float, ...], new: float, order: int) -> tuple[Array, float]:
     """Weights of a backward difference formula with variable steps.
 
@@ -88,11 +80,6 @@ def formula(times: tuple[float, ...], new: float, order: int) -> tuple[Array, fl
     """
     distance = new - np.array(times[:order])
     return -lagrange(times[:order], new) / distance, float((1.0 / distance).sum())
-
-
-def predicted(times: tuple[float, ...], states: tuple[Array, ...], new: float) -> Array:
-    """Value at ``new`` of the polynomial through all given past states."""
-    return lagrange(times, new) @ np.array(states)
 
 
 class StepEquations(Equations, Protocol):

@@ -14,6 +14,7 @@ from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Evidence, Outcome, PathStopped
 from anmstrip.continuation.follow import PathStep, Settings
 from anmstrip.continuation.newton import Corrections, Newton
+from anmstrip.continuation.path import predicted
 from anmstrip.linalg.solvers import LinearSolver, Remembering
 from anmstrip.timestepping.formulas import (
     AffineVelocity,
@@ -24,7 +25,6 @@ from anmstrip.timestepping.formulas import (
     Stepping,
     TimeStep,
     formula,
-    predicted,
     start_memory,
 )
 

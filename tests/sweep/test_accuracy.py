@@ -1,0 +1,122 @@
+"""Studies of what accuracy costs: what can be varied, interruptions, and Newton's method beside."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from anmstrip.cli import main
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.errors import InputError
+from anmstrip.sweep import accuracy as module
+from anmstrip.sweep import study as sweeps
+from anmstrip.sweep.accuracy import Accuracy, trials
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+SECTION = 'strip.kinematics="section"'
+TINY = [SECTION, "strip.finer=0.3", "solver.tolerance=1e-3"]
+
+
+def tiny(*settings: str) -> Scene:
+    """A strip pressed on a roller, about a quarter of a second."""
+    return Scene.load(EXAMPLES / "press.toml", [*TINY, *settings])
+
+
+def typed(*arguments: object) -> Result:
+    return CliRunner().invoke(main, ["accuracy", *map(str, arguments)])
+
+
+def axes(scene: Scene) -> dict[str, list[float | str]]:
+    """Values that a scene is compared for, by what is varied."""
+    found: dict[str, list[float | str]] = {}
+    for trial in trials(Run(scene).assembly, scene):
+        found.setdefault(trial.along, []).append(trial.value)
+    return found
+
+
+def test_what_applies_to_a_scene_is_varied() -> None:
+    found = axes(tiny())
+    assert found["tolerance"] == found["newton"] == [1e-2, 1e-3, 1e-4, 1e-5]
+    assert found["mesh"] == [0.25, 0.5, 1.0, 2.0]
+    assert found["kinematics"] == ["section"]  # beside the shell
+    assert "speed" not in found  # nothing rubs
+    shell = axes(Scene.load(EXAMPLES / "capstan_mesh.toml"))
+    assert not {"mesh", "speed", "kinematics"} & set(shell)  # a file; Norton and Hoff; a file
+    smooth = axes(Scene.load(EXAMPLES / "capstan.toml", ['friction.law="algebraic"']))
+    assert smooth["speed"] == pytest.approx([10.0, 1.0, 0.1])
+    assert smooth["mesh"] == [0.5, 1.0]
+
+
+def test_a_section_that_is_loose_as_a_shell_is_not_run_as_one() -> None:
+    assert "kinematics" not in axes(Scene.load(EXAMPLES / "heavy.toml"))
+
+
+@pytest.mark.parametrize(
+    ("along", "words"),
+    [("speed", 'law = "algebraic"'), ("width", "--along tolerance")],
+)
+def test_what_does_not_apply_is_refused(tmp_path: Path, along: str, words: str) -> None:
+    with pytest.raises(InputError) as told:
+        Accuracy(tiny(), [along], directory=tmp_path / "out")
+    assert words in str(told.value)
+    assert "what this scene can be varied along: tolerance, newton, order, mesh" in str(told.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_interrupted_study_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Finished rows are kept, and are not run again; the truth is known first."""
+    monkeypatch.setattr(module, "TOLERANCES", (1e-2, 1e-3))
+    study = Accuracy(tiny(), ["tolerance"], directory=tmp_path)
+    assert "3 runs along tolerance, 3 of them still to do" in study.plan
+    steps = study.run()
+    next(steps), next(steps)
+    steps.close()
+    known = [row for row in study.results() if "true_tension" in row]
+    assert [row["value"] for row in known] == [1e-2]
+    assert "No advice" in study.advice()
+    again = Accuracy(tiny(), ["tolerance"], directory=tmp_path)
+    assert "1 of them still to do" in again.plan
+    assert [ended.row["directory"] for ended in again.run()] == ["as_given"]
+    assert len([row for row in again.results() if "true_tension" in row]) == 2
+    assert ", errors of the mesh left out; " in again.advice()
+
+
+def test_scenes_that_stop_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "TOLERANCES", (1e-3,))
+    study = Accuracy(tiny("solver.max_tangents=3"), ["tolerance"], directory=tmp_path)
+    assert len(list(study.run())) == 2
+    assert {row["status"] for row in study.results()} == {"too_many_tangents"}
+    assert "No advice" in study.report()
+    assert study.draw().stat().st_size > 5000
+
+
+def test_the_command_without_dask(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without dask the scenes run in the process itself; Newton's method has the same equations."""
+    monkeypatch.setattr("anmstrip.cli.find_spec", lambda _: None)
+    monkeypatch.setattr(module, "TOLERANCES", (1e-3,))
+    options = ("--set", SECTION, "--set", "strip.finer=0.3", "--set", "solver.tolerance=1e-3")
+    done = typed(
+        EXAMPLES / "press.toml", "-o", tmp_path, *options,
+        "--along", "tolerance", "--along", "newton", "--quiet",
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    assert "3 runs along tolerance, newton, 3 of them still to do" in done.output
+    assert "Newton's method takes" in done.output
+    assert (tmp_path / "accuracy.png").stat().st_size > 5000
+    rows = {row["along"]: row for row in Accuracy(
+        Scene.load(EXAMPLES / "press.toml", [*TINY]), ["tolerance", "newton"], directory=tmp_path
+    ).results()}  # fmt: skip
+    assert rows["newton"]["true_tension"] < 1e-3 * 1.2e4
+    assert rows["newton"]["tangents"] > 2 * rows["tolerance"]["tangents"]
+
+
+def test_workers_of_dask_do_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed", reason="dask is not installed")
+    monkeypatch.setattr(module, "TOLERANCES", (1e-3,))
+    study = Accuracy(tiny(), ["tolerance"], directory=tmp_path)
+    with sweeps.local_workers(1) as client:
+        assert len(list(study.run(client))) == 2
+    assert all("true_tension" in row for row in study.results())
