@@ -230,14 +230,14 @@ FIELDS = (
     ),
     Mutant(
         "slip of the farthest roller",
-        "nearest = f.gaps[chosen] <= gap[chosen]",
-        "nearest = f.gaps[chosen] > gap[chosen]",
+        "nearest = f.gap <= gap[chosen]",
+        "nearest = f.gap > gap[chosen]",
         "fields",
     ),
     Mutant(
         "gap of the farthest roller",
-        "np.min([f.gaps for f in found], axis=0)",
-        "np.max([f.gaps for f in found], axis=0)",
+        "np.minimum.at(gaps, near.operator.chosen",
+        "np.maximum.at(gaps, near.operator.chosen",
         "fields",
     ),
     Mutant(

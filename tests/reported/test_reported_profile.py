@@ -258,14 +258,17 @@ def test_friction_in_a_stage_without_it_has_no_share(plate: Results) -> None:
 def flat_contact(contact: Contact, depth: float) -> ContactState:
     """Points of a flat strip beside a roller of 0.5 m whose top is so deep in it."""
     n = len(contact.operator.chosen)
-    x = contact.operator.apply(np.zeros(2 * contact.operator.matrix.shape[1]))
-    controls = {"rollers.r.centre": np.array([0.0, 0.0, depth - 0.5])}
+    full = np.zeros(2 * contact.operator.matrix.shape[1])
+    x, controls = (
+        contact.operator.apply(full),
+        {"rollers.r.centre": np.array([0.0, 0.0, depth - 0.5])},
+    )
     place = contact.seen(x, controls)
     pressure = np.maximum(contact.pressure(place), 0.0)
     still, normal = np.zeros((3, n)), contact.normal(place)
-    arm = np.full(n, 0.5)
+    arm, (near,) = np.full(n, 0.5), contact.elements_near(full, controls)
     return ContactState(
-        contact, place.gap, normal, pressure, still, still, None, arm, 0.0, 0.0, place.gap
+        contact, place.gap, normal, pressure, still, still, None, arm, 0.0, 0.0, near
     )
 
 

@@ -72,9 +72,11 @@ def locate(evidence: Evidence, state: State) -> Location | None:
     node = int(np.abs(mesh.p - point[:, None]).sum(axis=0).argmin())
     element = float(strip.cell_sizes[0][(mesh.t == node).any(axis=0)].max())
     gaps = [(np.inf, "")]
-    for name, contact in state.contacts.items():
-        x = contact.contact.operator.whole.reference[: len(point)]
-        gaps.append((float(contact.gaps[np.abs(x - point[:, None]).sum(axis=0).argmin()]), name))
+    if (contact := state.contact) is not None:
+        x, look = contact.operator.whole.reference, contact.look(state.full, state.controls)
+        place = np.array([np.abs(x[: len(point)] - point[:, None]).sum(axis=0).argmin()])
+        for name, part in contact.by_roller.items():
+            gaps.append((float(part.restricted(place).gap(look, state.controls)[0]), name))
     gap, roller = min(gaps)
     name = "xyz"[strip.kinematics.components[component]]
     point = point + strip.flat_origin[: len(point)]

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csc_matrix
 
 from anmstrip.arrays import Array
 from anmstrip.equilibrium import Equilibrium
@@ -100,11 +101,42 @@ class StationaryTangent:
         part = self.law_part(name)
         return part.orders.derivative(part.operator.apply(change)) + explicit.get(name, 0.0)
 
-    def on_roller(self, name: str, number: int) -> Array:
-        """Tell the points of contact or friction that see a roller, shape (points,)."""
-        which = self.law_part(name).effect.roller.which  # type: ignore[attr-defined]
-        points = self.law_part(name).effect.points
-        return np.ones(points, dtype=bool) if which is None else which == number
+    def on_rollers(self, name: str) -> csc_matrix:
+        """Areas of the points of contact or friction, (points, rollers), by what they see."""
+        part, rollers = self.law_part(name), self.friction.roller.members
+        which = part.effect.roller.which  # type: ignore[attr-defined]
+        which = np.zeros(part.effect.points, dtype=np.int64) if which is None else which
+        places, operator = (np.arange(len(which)), which), part.operator
+        return csc_matrix((operator.weights, places), shape=(len(which), len(rollers)))
+
+    @cached_property
+    def areas(self) -> dict[str, csc_matrix]:
+        """Those of contact and of friction."""
+        return {name: self.on_rollers(name) for name in ("contact", "friction")}
+
+    @cached_property
+    def order(self) -> list[int]:
+        """Numbers of the rollers from the entry on."""
+        contacts = [self.state.contacts[r.name] for r in self.friction.roller.members]
+        return sorted(range(len(contacts)), key=lambda number: contacts[number].middle)
+
+    @cached_property
+    def arcs(self) -> Array:
+        """Reference x where contact begins and ends, (rollers, 2), from the entry on."""
+        names = [self.friction.roller.members[number].name for number in self.order]
+        return np.array([self.state.contacts[name].arc for name in names])
+
+    @cached_property
+    def weights(self) -> Array:
+        """Weight (N) of the strip up to there, (rollers, 2, 3)."""
+        return np.array([[self.state.weight_before(x) for x in arc] for arc in self.arcs])
+
+    @cached_property
+    def pulls(self) -> Array:
+        """Forces (N) on the strip there, (rollers, 2, 3)."""
+        names = [self.friction.roller.members[number].name for number in self.order]
+        gained = np.array([self.state.rollers[name].resultant for name in names])
+        return cumulated(self.state.edge_force("entry"), gained) + self.weights
 
 
 @dataclass(frozen=True)
@@ -143,7 +175,7 @@ class Partials:
             yield "strip.speed", moved(-1, np.ones(part.shape[-1], dtype=bool))
         for number, roller in enumerate(tangent.friction.roller.members):
             if roller.name not in model.turning:
-                points = tangent.on_roller("friction", number)
+                points = tangent.areas["friction"][:, [number]].indices
                 yield f"rollers.{roller.name}.surface_speed", moved(-2, points)
 
     def _loads(self) -> Iterator[tuple[str, Explicit]]:
@@ -301,14 +333,12 @@ class Readings:
         found = self.edge_force(name) @ along + state.edge_force(name) @ turned
         return sign * float(found) / edge.length
 
-    def weight(self, x: float) -> Array:
-        """Change of the weight of the strip up to a reference x (N), shape (3,)."""
-        state, share = self.tangent.state, 0.0
+    @property
+    def heavier(self) -> float:
+        """Change of the weight of the strip, as a share of it."""
         if self.key == "gravity":
-            share = 1.0 / float(np.linalg.norm(state.controls["gravity"]))
-        elif self.key == "strip.thickness":
-            share = 1.0 / self.tangent.model.strip.thickness
-        return share * state.weight_before(x)
+            return 1.0 / float(np.linalg.norm(self.tangent.state.controls["gravity"]))
+        return (self.key == "strip.thickness") / self.tangent.model.strip.thickness
 
     def read(self) -> dict[str, float]:
         """Derivatives with respect to the parameter, by what is read off."""
@@ -316,30 +346,26 @@ class Readings:
         model, change = tangent.model, self.change
         found = {f"{name}_tension": self.tension(name) for name in ("entry", "exit")}
         found["strip_speed"] = float(change[model.coupled - 1]) + (self.key == "strip.speed")
-        names = [roller.name for roller in tangent.friction.roller.members]
-        contact = tangent.at_points("contact", change, self.explicit)
-        friction = tangent.at_points("friction", change, self.explicit)
-        operators: list[Any] = [tangent.law_part(n).operator for n in ("contact", "friction")]
-        areas = [operator.weights for operator in operators]
-        force, gained = state.edge_force("entry"), self.edge_force("entry")
-        count, embed = model.strip.kinematics.count, model.strip.kinematics.embed
-        for name in sorted(names, key=lambda name: state.contacts[name].middle):
-            number, reading, on = names.index(name), state.rollers[name], state.contacts[name]
-            near, rubs = (tangent.on_roller(kind, number) for kind in ("contact", "friction"))
-            push = contact[:, near] @ areas[0][near] + friction[:count, rubs] @ areas[1][rubs]
-            ends = [(force, gained), (force + reading.resultant, gained - embed(push))]
-            for word, x, (before, more) in zip(("in", "out"), on.arc, ends, strict=True):
-                pull, rise = before + state.weight_before(x), more + self.weight(x)
-                size = np.linalg.norm(pull) * on.width
-                found[f"{name}_tension_{word}"] = float(pull @ rise / size)
-            force, gained = ends[1]
-            found[f"{name}_torque"] = on.roller.radius * float(friction[-1, rubs] @ areas[1][rubs])
-            speed = float(self.key == f"rollers.{name}.surface_speed")
-            if name in model.turning:
-                speed = float(change[model.strip.unknowns + model.turning.index(name)])
-            found[f"{name}_surface_speed"] = speed
+        pushes, drags = (
+            tangent.at_points(name, change, self.explicit) @ tangent.areas[name]
+            for name in ("contact", "friction")
+        )
+        count, order = model.strip.kinematics.count, tangent.order
+        gained = -model.strip.kinematics.embed(pushes + drags[:count]).T[order]
+        rises = cumulated(self.edge_force("entry"), gained) + self.heavier * tangent.weights
+        sizes = np.linalg.norm(tangent.pulls, axis=2) * model.strip.width
+        tensions = (tangent.pulls * rises).sum(axis=2) / sizes
+        free = dict(zip(model.turning, change[model.strip.unknowns :], strict=False))
+        offsets = replace(state, full=change).offset(tangent.arcs[:, 0])
+        for place, number in enumerate(order):
+            roller = tangent.friction.roller.members[number]
+            name, given = roller.name, float(self.key == f"rollers.{roller.name}.surface_speed")
+            for word, tension in zip(("in", "out"), tensions[place], strict=True):
+                found[f"{name}_tension_{word}"] = float(tension)
+            found[f"{name}_torque"] = roller.radius * float(drags[-1, number])
+            found[f"{name}_surface_speed"] = float(free.get(name, given))
             if count == 3:
-                found[f"{name}_offset"] = replace(state, full=change).offset(on.arc[0])
+                found[f"{name}_offset"] = float(offsets[place])
         if count == 3:
             found["least_membrane_force"] = self.least_membrane_force()
         return found
@@ -361,6 +387,12 @@ class Readings:
             changed = changed + forces[:, :, worst] / data[self.key == "strip.thickness"]
         e = directions[worst, :, 0]
         return float(e @ changed @ e)
+
+
+def cumulated(first: Array, gained: Array) -> Array:
+    """Sums before and behind each of several rollers that add to them, (n, 3) → (n, 2, 3)."""
+    behind = first + np.cumsum(gained, axis=0)
+    return np.stack([behind - gained, behind], axis=1)
 
 
 def sensitivities(state: State, own: Iterable[bool]) -> dict[str, dict[str, float]]:

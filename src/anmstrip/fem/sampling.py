@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -145,6 +146,12 @@ class ContactOperator:
         matrix = csr_matrix((rows.ravel(), index), shape=(len(first), strip.scalars))
         matrix.eliminate_zeros()
         return matrix
+
+    @cached_property
+    def incidence(self) -> csr_matrix:
+        """1 where a point is one of an element, (elements, points)."""
+        elements = np.repeat(np.arange(len(self.cells)), self.cells.shape[1])
+        return csr_matrix((np.ones(elements.size), (elements, self.cells.ravel())))
 
     def restricted(self, points: Index) -> Self:
         """The same on some of the points, also several times; it keeps the cells of all."""

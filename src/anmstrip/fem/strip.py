@@ -170,6 +170,12 @@ class Strip:
         """Scalar degrees of freedom of the nodes by name: u, u_x, u_y, u_xy, ..."""
         return self.basis.nodal_dofs[self.basis.elem.dofnames.index(name)]
 
+    @cached_property
+    def span(self) -> tuple[float, float]:
+        """Reference x (m) of the nodes at the beginning and at the end."""
+        x = self.nodes[0]
+        return float(x.min()), float(x.max())
+
     @property
     def length(self) -> float:
         """Extent along x (m)."""

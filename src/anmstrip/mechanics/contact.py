@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.sparse import csc_matrix
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.geometry import SHELL, Kinematics
@@ -252,6 +253,34 @@ class Contact(LawEffect):
         look = self.look(full, controls)
         near = self.neighbours(look, controls)
         return np.asarray(near.pairs[near.part.gap(look, controls) < near.part.reaches])
+
+    def elements_near(self, full: Array, controls: Mapping[str, Any]) -> list[Index]:
+        """Elements with a point within reach of each roller, in ascending order."""
+        near, rollers = self.near(full, controls), len(self.roller.members)
+        which = near.roller.which
+        columns = np.zeros(near.points, dtype=np.int64) if which is None else which
+        whole = self.operator.whole
+        ones, places = np.ones(near.points), (near.operator.chosen, columns)
+        found = whole.incidence @ csc_matrix((ones, places), shape=(whole.points, rollers))
+        found = csc_matrix(found)
+        found.sort_indices()
+        return np.split(found.indices, found.indptr[1:-1])
+
+    def nearest_gaps(self, full: Array, controls: Mapping[str, Any]) -> Array:
+        """Gap (m) of every point of the strip from the roller that it is nearest to, (points,).
+
+        What is not among the neighbours is farther than the least reach.
+        """
+        look = self.look(full, controls)
+        near, gaps = (
+            self.neighbours(look, controls).part,
+            np.full(self.operator.whole.points, np.inf),
+        )
+        np.minimum.at(gaps, near.operator.chosen, near.gap(look, controls))
+        far = np.flatnonzero(gaps > np.min(self.reach))
+        for part in self.by_roller.values() if far.size else ():
+            gaps[far] = np.minimum(gaps[far], part.restricted(far).gap(look, controls))
+        return gaps
 
     def pressure(self, place: Projection) -> Any:
         """R (Pa), shape (points,)."""

@@ -141,7 +141,7 @@ class FieldSampler:
                 "contact_status": nothing,
             }
         assert self.contact is not None
-        gap, points = np.min([f.gaps for f in found], axis=0), self.contact.points
+        gap, points = state.gaps, self.contact.points
         pressure, found_status = np.zeros((2, points))
         traction, slip = np.zeros((2, 3, points))
         for f in found:
@@ -149,7 +149,7 @@ class FieldSampler:
             pressure[chosen] += f.pressure
             traction[:, chosen] += f.traction
             found_status[chosen] = np.maximum(found_status[chosen], f.status)
-            nearest = f.gaps[chosen] <= gap[chosen]
+            nearest = f.gap <= gap[chosen]
             slip[:, chosen[nearest]] = f.slip[:, nearest]
         values = {
             "normal_pressure": pressure,

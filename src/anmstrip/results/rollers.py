@@ -56,7 +56,7 @@ class ContactState:
     arm: Array  # distance of the surface from the axis (m), shape (points,)
     speed: float  # of the surface (m/s)
     bearing_torque: float  # against it (N m)
-    gaps: Array  # of all points of the strip (m)
+    elements: Index  # with a point within reach; all of their points are among these
 
     @cached_property
     def least(self) -> float:
@@ -77,12 +77,6 @@ class ContactState:
     def pressed(self) -> Index:
         """Numbers of these points in the whole strip."""
         return np.asarray(self.contact.operator.chosen[self.touching])
-
-    @cached_property
-    def elements(self) -> Index:
-        """Elements with a point within reach; all of their points are among these."""
-        near = self.gaps[self.contact.operator.cells] < self.contact.reaches
-        return np.flatnonzero(near.any(axis=1))
 
     @cached_property
     def cells(self) -> Index:
@@ -435,6 +429,10 @@ class Readable(Protocol):
     @property
     def controls(self) -> Mapping[str, Array]:
         """Values of the controls."""
+
+    @property
+    def gaps(self) -> Array:
+        """Gap (m) of every contact point from the roller that it is nearest to."""
 
     @property
     def contacts(self) -> Mapping[str, ContactState]:

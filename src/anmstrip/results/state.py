@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anmstrip.arrays import Array
+from anmstrip.arrays import Array, Index
 from anmstrip.continuation.path import Branch
 from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import nearest
@@ -211,12 +211,12 @@ class State:
         outward = -along if name == "entry" else along
         return float(self.edge_force(name) @ outward) / edge.length
 
-    def offset(self, x: float) -> float:
+    def offset(self, x: Any) -> Any:
         """Displacement along y of the strip at a reference x, mean over its width (m).
 
         Parameters
         ----------
-        x : float
+        x : float or ndarray
             Between lines of nodes the means are interpolated linearly.
         """
         strip = self.plan.model.strip
@@ -225,23 +225,41 @@ class State:
             return 0.0
         moved = strip.nodal(self.full)[strip.node_values, place]
         lines, number = np.unique(np.round(strip.nodes[0], 9), return_inverse=True)
-        return float(np.interp(x, lines, np.bincount(number, moved) / np.bincount(number)))
+        return np.interp(x, lines, np.bincount(number, moved) / np.bincount(number))
 
     @cached_property
     def contacts(self) -> dict[str, ContactState]:
         """Roller → what it does to the strip."""
-        found: list[Any] = [e for e in self.plan.model.effects if e.by_roller]
-        contacts: dict[str, Contact] = {}
-        frictions: dict[str, Friction] = {}
-        for effect in found:
-            (frictions if effect.name == "friction" else contacts).update(effect.by_roller)
-        return {name: self._contact(c, frictions.get(name)) for name, c in contacts.items()}
+        if (contact := self.contact) is None:
+            return {}
+        found: list[Any] = [e for e in self.plan.model.effects if e.name == "friction"]
+        frictions = {name: part for effect in found for name, part in effect.by_roller.items()}
+        near = contact.elements_near(self.full, self.controls)
+        parts = zip(contact.by_roller.items(), near, strict=True)
+        return {
+            name: self._contact(part, frictions.get(name), elements)
+            for (name, part), elements in parts
+        }
 
-    def _contact(self, contact: Contact, friction: Friction | None) -> ContactState:
-        gaps = contact.gap(contact.look(self.full, self.controls), self.controls)
-        cells = contact.operator.cells
-        points = np.unique(cells[(gaps[cells] < contact.reaches).any(axis=1)])
-        points = points if points.size else np.array([gaps.argmin()])
+    @property
+    def contact(self) -> Contact | None:
+        """Normal contact with all rollers."""
+        effects: Any = self.plan.model.effects
+        return next((e for e in effects if e.name == "contact" and e.by_roller), None)
+
+    @cached_property
+    def gaps(self) -> Array:
+        """Gap (m) of every contact point from the roller that it is nearest to, (points,)."""
+        contact = self.contact
+        return np.zeros(0) if contact is None else contact.nearest_gaps(self.full, self.controls)
+
+    def _contact(
+        self, contact: Contact, friction: Friction | None, elements: Index
+    ) -> ContactState:
+        points = np.unique(contact.operator.cells[elements])
+        if not points.size:
+            look = contact.look(self.full, self.controls)
+            points = np.array([contact.gap(look, self.controls).argmin()])
         contact = contact.restricted(points)
         place = contact.seen(contact.operator.apply(self.full), self.controls)
         normal, pressure = contact.normal(place), np.maximum(contact.pressure(place), 0.0)
@@ -266,7 +284,7 @@ class State:
             arm=roller.radius * np.broadcast_to(ratio, place.gap.shape),
             speed=speed,
             bearing_torque=bearing,
-            gaps=gaps,
+            elements=elements,
         )
 
     def _turning(self, name: str) -> tuple[float, float]:
@@ -331,6 +349,6 @@ class State:
         if gravity is None:
             return np.zeros(3)
         strip = self.plan.model.strip
-        begin, end = strip.nodes[0].min(), strip.nodes[0].max()
+        begin, end = strip.span
         area = (x - begin) / (end - begin) * strip.areas.sum()
         return strip.material.density * strip.thickness * area * np.asarray(gravity)
