@@ -1,8 +1,12 @@
 """The order of the series: what is typed, or what costs least."""
 
+from typing import Any
+
 import pytest
 from threaded import ONE, scene_of
 
+from anmstrip import Scene
+from anmstrip.mechanics.contact import Contact
 from anmstrip.simulation.problem import Assembly, Size, cheapest_order
 
 SMALL, LARGE = Size(200, 200, 500, 20), Size(40_000, 80_000, 400_000, 500)
@@ -23,3 +27,41 @@ def test_cost_grows_with_everything() -> None:
 def test_a_scene_may_fix_the_order() -> None:
     assert Assembly(scene_of({**ONE, "solver": {"tolerance": 1e-3}})).order < 20
     assert Assembly(scene_of({**ONE, "solver": {"order": 33}})).order == 33
+
+
+def tower(rollers: int) -> dict[str, Any]:
+    """Rollers of 0.4 m in two rows, 15 m apart, that a section passes up and down."""
+    rows = [
+        {"radius": 0.4, "centre": (0.8 * i, 0.0, 15.0 * (i % 2)), "wrap": ("under", "over")[i % 2]}
+        for i in range(rollers)
+    ]
+    ends = {"entry": (-0.4, 0.0, 7.5), "exit": (0.8 * rollers - 0.4, 0.0, 7.5)}
+    return {
+        "strip": {"width": 1.2, "thickness": 8e-4, "kinematics": "section"},
+        "material": {"young": 1.6e11, "poisson": 0.3},
+        "threading": {"tension": 1e4, **ends},
+        "edges": {"entry": {"fixed": ("x", "z")}},
+        "contact": {},
+        "rollers": rows,
+        "stages": [{"duration": 1.0}],
+    }
+
+
+def test_reading_a_state_takes_work_in_proportion_to_its_rollers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Contact points that are looked at, of ten and of forty rollers: no faster than n^1.1."""
+    seen, counts = Contact.seen, list[int]()
+
+    def counted(self: Contact, x: Any, controls: Any) -> Any:
+        counts[-1] += x.shape[-1]
+        return seen(self, x, controls)
+
+    for rollers in (10, 40):
+        step = next(iter(Scene(**tower(rollers)).run()))
+        counts.append(0)
+        monkeypatch.setattr(Contact, "seen", counted)
+        assert len(step.state.rollers) == rollers
+        assert step.state.gaps.min() < 0.0
+        monkeypatch.setattr(Contact, "seen", seen)
+    assert 0 < counts[1] < 4.0**1.1 * counts[0], counts

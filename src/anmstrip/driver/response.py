@@ -73,8 +73,9 @@ class Oscillation:
         operator = tangent.friction.contact.operator
         place = operator.reference + operator.apply(state.full)
         x, y, _ = place - state.controls[f"rollers.{names[which[0]]}.centre"][:, None]
-        seen = tangent.on_roller("friction", which[0])
-        surface = np.stack([-y, x, 0.0 * x]) * seen
+        surface = np.zeros((3, len(x)))
+        seen = tangent.areas["friction"][:, [which[0]]].indices
+        surface[:, seen] = np.stack([-y, x, 0.0 * x])[:, seen]
         return -np.einsum("ijp,ip->jp", self.by_velocity, surface)
 
     @cached_property

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from scipy.sparse import csc_matrix
@@ -106,7 +106,7 @@ class StationaryTangent:
         part, rollers = self.law_part(name), self.friction.roller.members
         which = part.effect.roller.which  # type: ignore[attr-defined]
         which = np.zeros(part.effect.points, dtype=np.int64) if which is None else which
-        places, operator = (np.arange(len(which)), which), part.operator
+        places, operator = (np.arange(len(which)), which), cast(Any, part.operator)
         return csc_matrix((operator.weights, places), shape=(len(which), len(rollers)))
 
     @cached_property
