@@ -71,6 +71,18 @@ def test_the_mesh_costs_what_a_mesh_four_times_as_fine_saves(
         assert 0.5 * true[kind] < error < 2.0 * true[kind], kind
 
 
+def test_the_estimate_takes_the_place_of_the_rule_of_thumb(coarse: Results, tmp_path: Path) -> None:
+    """Long elements are told of at the end only where they are seen beside the tolerance."""
+    loose = run(scenes.TURNING, tmp_path / "loose", COARSE, "solver.tolerance=5e-2")
+    assert loose.summary["errors"]["mesh"]["tension"] < 5e-2 * 1.0e4
+    assert coarse.summary["errors"]["mesh"]["tension"] > 1e-3 * 1.2e4
+    rule = "elements over r1 are "
+    assert not any(rule in words for words in loose.summary["warnings"])
+    assert rule not in loose.printed
+    assert sum(rule in words for words in coarse.summary["warnings"]) == 1
+    assert rule in coarse.printed
+
+
 def test_path_and_time_cost_what_a_strict_tolerance_saves(coarse: Results, strict: Results) -> None:
     """Local errors are bounds where the motion is not smooth: not less than a third of the truth
     and not more than ten times it.  Held at its entry, the strip is where it is but for 1e-10 m."""

@@ -123,6 +123,13 @@ class Budget:
         return Halved.of(self.assembly) if known else None
 
     @property
+    def fine_enough(self) -> bool:
+        """Whether the mesh is known to make no tension wrong by more than the tolerance."""
+        found, scene = self.parts.get("mesh"), self.assembly.scene
+        share = scene.solver.tolerance * self.assembly.scales.tension
+        return found is not None and found["tension"] <= share
+
+    @property
     def warnings(self) -> list[str]:
         """Sentences about a mesh that is too coarse."""
         more = "Try shorter elements (strip.refined, strip.cells)."

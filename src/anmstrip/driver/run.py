@@ -17,7 +17,7 @@ from anmstrip.driver.budget import Budget, Part, regularisation_part
 from anmstrip.driver.checkpoint import identity, kept_values, read_checkpoint
 from anmstrip.driver.preview import Preview
 from anmstrip.driver.recorder import Recorder, history_row
-from anmstrip.driver.warnings import warnings
+from anmstrip.driver.warnings import coarse_mesh, warnings
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import SHELL
 from anmstrip.results.files import read_history
@@ -362,7 +362,10 @@ class Run:
             chosen = self.scene.output.times is not None or self.outcome is Outcome.INTERRUPTED
             if written is None or (not chosen and written < state.time):
                 self.recorder.write_state(state)
-            self.warnings = [*self.forewarnings(), *self.budget.warnings]
+            known = self.budget.fine_enough and self.budget.time == state.time
+            by_rule = set(coarse_mesh(Preview(self.assembly, (), ()))) if known else set()
+            told = [words for words in self.forewarnings() if words not in by_rule]
+            self.warnings = [*told, *self.budget.warnings]
             elastic = state.plan.model.coupled == state.plan.model.unknowns
             if state.plan.steady and self.outcome.done and elastic:
                 from anmstrip.driver.sensitivities import sensitivities
