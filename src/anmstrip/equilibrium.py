@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -209,7 +209,7 @@ class Equilibrium:
             force = force_of(effect, state, values, self.controls, model.laws)
             total[: len(force)] += force
             model.seconds[effect.name] += time.perf_counter() - begin
-        return model.closed(total)[self.supports.free]
+        return self.supports.gathered(model.closed(total))
 
     def interior_check(self, branch: Branch) -> float | None:
         """Return where on a branch the strip crosses a roller that neither end shows."""
@@ -281,7 +281,7 @@ class EquilibriumSeries:
             if found is not None:
                 total[: len(found)] += found
             self.model.seconds[part.effect.name] += time.perf_counter() - begin
-        return self.model.closed(total)[self.free]
+        return self.equations.supports.gathered(self.model.closed(total))
 
     def tangent(self) -> csc_matrix | Bordered | Condensed | Joined:
         """∂R/∂u + rate ∂R/∂v over the free unknowns; those of rollers and speed are a border.
@@ -298,12 +298,20 @@ class EquilibriumSeries:
             self.model.seconds[part.effect.name] += time.perf_counter() - begin
         blocks = self.model.closed_rows(blocks)
         coupled = self.free[self.free < self.model.coupled]
-        matrix = self.model.restriction(coupled).matrix(blocks)
+        matrix = self.restricted(blocks, coupled)
         if blocks.internal is None:
             return matrix
         if isinstance(blocks.internal, Chained):
             return self._joined(matrix, blocks.internal, coupled)
         return self._condensed(matrix, blocks.internal, coupled)
+
+    def restricted(self, blocks: Blocks, coupled: Index) -> Any:
+        """Return a tangent over free unknowns, from its blocks."""
+        if (joint := self.equations.supports.joint) is None:
+            return self.model.restriction(coupled).matrix(blocks)
+        chosen, n = np.union1d(coupled, joint.exit), self.model.strip.unknowns
+        matrix = self.model.restriction(chosen).matrix(blocks)
+        return joint.folded(matrix, chosen[chosen < n], coupled[coupled < n])
 
     def _joined(self, matrix: Any, part: Chained, coupled: Index) -> Joined:
         """Return the tangent whose points' own unknowns are carried along the strip."""
@@ -349,7 +357,7 @@ class EquilibriumSeries:
             begin = time.perf_counter()
             part.advance(k, total)
             self.model.seconds[part.effect.name] += time.perf_counter() - begin
-        return self.model.closed(total)[self.free]
+        return self.equations.supports.gathered(self.model.closed(total))
 
     def correct(self, k: int, u: Array, control: float) -> None:
         """Fix order k of the unknowns in all effects."""
@@ -494,5 +502,5 @@ class StageProblem:
     def held_at_end(self) -> tuple[Supports, Controls]:
         """Supports and controls that stay at their final values."""
         supports, zero = self.supports, np.zeros_like(self.supports.slope)
-        end = Supports(supports.free, supports.start + supports.slope, zero)
+        end = replace(supports, start=supports.start + supports.slope, slope=zero)
         return end, Controls(self.controls.at(1.0))

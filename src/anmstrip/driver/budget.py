@@ -13,7 +13,6 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.equilibrium import Equilibrium, StageProblem
-from anmstrip.fem.constraints import Supports
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls
 from anmstrip.results.state import State
@@ -230,5 +229,5 @@ class Budget:
 def held_still(state: State) -> StageProblem:
     """Return the stage of a state with all that is given as it is there, and nothing that moves."""
     still = np.zeros_like(state.full)
-    supports = Supports(state.plan.supports.free, state.full, still)
+    supports = replace(state.plan.supports, start=state.full, slope=still, bow=None)
     return replace(state.plan, supports=supports, controls=Controls(state.controls))

@@ -11,7 +11,6 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.driver.preview import Preview
 from anmstrip.equilibrium import Equilibrium, StageProblem
-from anmstrip.fem.constraints import Supports
 from anmstrip.linalg.direct import Factors, SingularTangentError
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls
@@ -119,7 +118,8 @@ def motions_at(assembly: Assembly, plan: StageProblem, full: Array) -> Iterator[
     held, u, rate = full.copy(), full[free], 1.0 / plan.duration
     held[free] = 0.0
     velocity = AffineVelocity(rate, -rate * u, np.zeros_like(u)) if plan.in_time else None
-    rest = Supports(free, held, np.zeros_like(full)), Controls(plan.controls.at(1.0))
+    still = replace(plan.supports, start=held, slope=np.zeros_like(full), bow=None)
+    rest = still, Controls(plan.controls.at(1.0))
     equations = Equilibrium(model, *rest, velocity)
     series, force = equations.recurrence(u, 1.0, 1), model.scales.force
     try:

@@ -161,6 +161,9 @@ def gaps_to(course: Course, places: Array) -> dict[str, float]:
 def _end(course: Course, name: str) -> End:
     """Place of an end, or the direction in which it is pulled."""
     x, edges = course.assembly.strip.mesh.p[0], course.assembly.scene.edges
+    if course.assembly.closed and course.assembly.thread is not None:
+        end: End = course.assembly.thread.ends[0]
+        return end
     if name in edges and "z" in edges[name].fixed:  # released ones stay about where they were
         moved = course.moved.get(name, np.zeros(3))
         return FixedEnd([(x.max() if name == "exit" else x.min()) + moved[0], moved[2]])

@@ -87,7 +87,7 @@ class Oscillation:
         derivative[:count] = self.by_velocity
         blocks = model.pattern.zeros(model.others)
         part.operator.add_tangent(derivative, model.pattern, blocks)
-        resistance = model.restriction(tangent.free).matrix(model.closed_rows(blocks))
+        resistance = tangent.series.restricted(model.closed_rows(blocks), tangent.free)
         k, c = (
             m.assembled() if isinstance(m, Bordered) else m for m in (tangent.matrix, resistance)
         )
@@ -104,10 +104,11 @@ class Oscillation:
         tangent, (k, c, d) = self.tangent, self.matrices
         rate = {"friction": self.rate}
         forces = [tangent.gathered(e) for e in (self.explicit, rate)]
-        static, moving = (tangent.model.closed(f)[tangent.free] for f in forces)
+        supports = tangent.state.plan.supports
+        static, moving = (supports.gathered(tangent.model.closed(f)) for f in forces)
         matrix = csc_matrix((k + 1j * omega * c).multiply(d[:, None]).multiply(d))
-        full = np.zeros(tangent.model.unknowns, dtype=complex)
-        full[tangent.free] = -splu(matrix).solve((static + 1j * omega * moving) * d) * d
+        u = -splu(matrix).solve((static + 1j * omega * moving) * d) * d
+        full = supports.change(u.real, 0.0) + 1j * supports.change(u.imag, 0.0)
         moved = tangent.friction.contact.operator
         velocity = 1j * omega * (moved.apply(full.real) + 1j * moved.apply(full.imag))
         rubbing = np.einsum("ijp,ip->jp", self.by_velocity, velocity) + 1j * omega * self.rate

@@ -91,10 +91,9 @@ class StationaryTangent:
 
     def change(self, explicit: Explicit) -> Array:
         """Change −K⁻¹ ∂R/∂p of all unknowns, shape (unknowns,)."""
-        full = np.zeros(self.model.unknowns)
-        right = self.model.closed(self.gathered(explicit))[self.free]
-        full[self.free] = -self.factors.solve(right)
-        return full
+        supports = self.state.plan.supports
+        right = supports.gathered(self.model.closed(self.gathered(explicit)))
+        return supports.change(-self.factors.solve(right), 0.0)
 
     def at_points(self, name: str, change: Array, explicit: Explicit) -> Array:
         """Whole derivative of a law at its points for a change of the unknowns."""

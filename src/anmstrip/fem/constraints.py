@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from scipy.sparse import csc_matrix, csr_matrix
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.strip import Strip
+from anmstrip.linalg.bordered import Bordered
 
 
 @dataclass(frozen=True)
@@ -17,6 +20,39 @@ class Scales:
     length: float  # m, for positions
     force: float  # N, for imbalances
     tension: float  # N/m, for membrane forces
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Where the exit of an endless strip goes on as its entry: u_exit = u_entry + jump."""
+
+    entry: Index  # unknowns
+    exit: Index  # those that follow
+    jump: Array  # minus the way from entry to exit in the reference (m)
+
+    def closed(self, full: Array, jump: float = 1.0) -> Array:
+        """Return all unknowns, or changes of them without the jump, with those of the exit."""
+        full[self.exit] = full[self.entry] + jump * self.jump
+        return full
+
+    def gathered(self, total: Array) -> Array:
+        """Return a residual of all unknowns with that of the exit added to the entry's."""
+        total = total.copy()
+        total[self.entry] += total[self.exit]
+        return total
+
+    def folded(self, matrix: csc_matrix | Bordered, chosen: Index, free: Index) -> Any:
+        """Return a tangent over free unknowns, from that over these and the exit's, (chosen,)."""
+        places = np.arange(chosen.max() + 1)
+        places[self.exit] = self.entry
+        rows = np.flatnonzero(np.isin(places[chosen], free))
+        columns = np.searchsorted(free, places[chosen[rows]])
+        fold = csc_matrix((np.ones(len(rows)), (rows, columns)), shape=(len(chosen), len(free)))
+        if not isinstance(matrix, Bordered):
+            return csc_matrix(fold.T @ matrix @ fold)
+        inner = csc_matrix(fold.T @ matrix.inner @ fold)
+        border = csc_matrix(fold.T @ matrix.columns), csr_matrix(matrix.rows @ fold)
+        return Bordered(inner, *border, matrix.corner)
 
 
 @dataclass(frozen=True)
@@ -31,6 +67,7 @@ class Supports:
     start: Array  # (unknowns,); at the free ones what they are counted from
     slope: Array  # (unknowns,); zero at the free ones
     bow: Array | None = None  # (unknowns,), of a whole stage in time; a path in λ is straight
+    joint: Joint | None = None  # of an endless strip
 
     @classmethod
     def at_rest(cls, unknowns: int, held: Index) -> Supports:
@@ -44,7 +81,7 @@ class Supports:
         if self.bow is not None:
             whole += control * (control - 1.0) * self.bow
         whole[self.free] += u
-        return whole
+        return whole if self.joint is None else self.joint.closed(whole)
 
     def rate(self, control: float) -> Array:
         """du/dλ of what is held, zero elsewhere, shape (unknowns,)."""
@@ -55,7 +92,11 @@ class Supports:
         """Change of all unknowns with a change of the free ones and of λ."""
         whole = control * self.slope
         whole[self.free] = u
-        return whole
+        return whole if self.joint is None else self.joint.closed(whole, 0.0)
+
+    def gathered(self, total: Array) -> Array:
+        """Residual of the free unknowns, from that of all."""
+        return (total if self.joint is None else self.joint.gathered(total))[self.free]
 
 
 def simple_support(strip: Strip, name: str, component: int) -> Index:

@@ -224,6 +224,34 @@ def string_path(
     )
 
 
+def closing_point(centres: ArrayLike, radii: ArrayLike, senses: ArrayLike) -> Array:
+    """Middle of the straight run of a closed path from the last circle to the first, shape (2,).
+
+    Parameters
+    ----------
+    centres : array_like, shape (circles, 2)
+    radii, senses : array_like, shape (circles,)
+        As for :func:`string_path`.
+
+    Raises
+    ------
+    NoTangentError
+        If the two overlap.
+
+    Examples
+    --------
+    >>> closing_point([[0.0, 0.0], [3.0, 0.0]], [1.0, 1.0], [1, 1])
+    array([ 1.5, -1. ])
+    """
+    c, rho = np.asarray(centres, dtype=float), np.multiply(radii, senses)
+    d, across = c[0] - c[-1], rho[-1] - rho[0]
+    if not across**2 < d @ d:
+        raise NoTangentError(0)
+    t = np.arctan2(d[1], d[0]) - np.arctan2(across, np.sqrt(d @ d - across**2))
+    n = frame(t)[1]
+    return np.asarray(0.5 * (c[-1] + rho[-1] * n + c[0] + rho[0] * n))
+
+
 def wrap_angles(t: Array, runs: Array, rho: Array, crossing: Mask) -> Array:
     """Angles of wrap s (t_in − t_out) from headings, shape (circles, fibres), ≥ 0.
 

@@ -363,10 +363,15 @@ def stages_have_friction(friction: FrictionSpec | None, stages: Stages) -> Itera
 
 
 def steady_stages(
-    friction: FrictionSpec | None, rollers: Rollers, edges: Mapping[str, EdgeSpec], stages: Stages
+    friction: FrictionSpec | None,
+    rollers: Rollers,
+    edges: Mapping[str, EdgeSpec],
+    stages: Stages,
+    threading: ThreadingSpec | None,
 ) -> Iterator[Mistake]:
     """Yield what a stationary state cannot be without, and what cannot be in it."""
     speed, held = None, edges["entry"].fixed if "entry" in edges else ()
+    closed = threading is not None and threading.closed
     for stage in stages:
         key, given = f"stages.{stage.name}", stage.strip.speed
         tension = stage.edges["entry"].tension if "entry" in stage.edges else None
@@ -380,7 +385,7 @@ def steady_stages(
             expected = "false without friction on rollers: nothing carries the strip"
             hint = "a table [friction] and no friction = false in this stage, or steady = false"
             yield Mistake("", f"{key}.steady", True, expected, hint)
-        if not {"x", "z"} <= set(held):
+        if not closed and not {"x", "z"} <= set(held):
             expected = "x and z held: a stationary state counts its labels from the entry"
             yield Mistake(
                 "", "edges.entry.fixed", list(held) or None, expected, 'fixed = ["x", "z"]'
@@ -393,7 +398,7 @@ def steady_stages(
                 expected = "strip.speed instead: no roller has a speed, and torques do not fix it"
                 yield Mistake("", f"{key}.entry.tension", tension, expected, "strip.speed = 1.0")
             speed = np.nan
-        elif speed is None:
+        elif speed is None and not closed:
             expected = "the speed of the strip (m/s), or the tension at its entry, entry.tension"
             yield Mistake("", f"{key}.strip.speed", None, expected, "strip.speed = 1.0")
         for name, control in stage.edges.items():
@@ -446,6 +451,7 @@ def threading_partners(
 def one_length(threading: ThreadingSpec | None, strip: StripSpec) -> Iterator[Mistake]:
     """Yield a length that is missing, or given besides both ends from which it follows."""
     both = threading is not None and None not in (threading.entry, threading.exit)
+    both |= threading is not None and threading.closed
     given = strip.length is not None or strip.mesh is not None
     if both and given:
         key, value = ("length", strip.length) if strip.mesh is None else ("mesh", str(strip.mesh))
@@ -458,10 +464,53 @@ def one_length(threading: ThreadingSpec | None, strip: StripSpec) -> Iterator[Mi
 def held_entry(threading: ThreadingSpec | None, edges: Mapping[str, EdgeSpec]) -> Iterator[Mistake]:
     """Yield an entry that gives way when the exit is pulled."""
     fixed = edges["entry"].fixed if "entry" in edges else ()
-    if threading is not None and not {"x", "z"} <= set(fixed):
+    if threading is not None and not threading.closed and not {"x", "z"} <= set(fixed):
         hint = '[edges.entry]\nfixed = ["x", "z"]'
         expected = "x and z held, to thread against"
         yield Mistake("", "edges.entry.fixed", list(fixed) or None, expected, hint)
+
+
+def closed_strip(
+    threading: ThreadingSpec | None,
+    strip: StripSpec,
+    material: MaterialSpec,
+    rollers: Rollers,
+    edges: Mapping[str, EdgeSpec],
+    stages: Stages,
+) -> Iterator[Mistake]:
+    """Yield what an endless strip cannot have: ends, a width that bends, stages in time."""
+    if threading is None or not threading.closed:
+        return
+    for name in ENDS:
+        if (place := getattr(threading, name)) is not None:
+            expected = "nothing beside closed = true: the exit goes on as the entry"
+            yield Mistake("", f"threading.{name}", place, expected, "take it out")
+        if name in edges:
+            expected = "no such table beside threading.closed = true: an endless strip has no ends"
+            yield Mistake("", f"edges.{name}", "a table", expected, "take it out")
+    for place, name, _ in edge_controls(stages):
+        expected = "nothing beside threading.closed = true: an endless strip has no ends"
+        yield Mistake("", place, name, expected, "take it out")
+    if strip.kinematics != "section":
+        expected = '"section" beside threading.closed = true'
+        yield Mistake("", "strip.kinematics", strip.kinematics, expected, 'kinematics = "section"')
+    if material.plasticity is not None:
+        expected = "no such table beside threading.closed = true"
+        yield Mistake("", "material.plasticity", "a table", expected, "take it out")
+    if sum(roller.wrap is not None for roller in rollers) < 2:
+        expected = "at least two rollers with a wrap, round which an endless strip runs"
+        yield Mistake("", "rollers", len(rollers), expected, 'wrap = "left"')
+    for stage in stages:
+        key = f"stages.{stage.name}"
+        if not stage.steady and stage.friction:
+            expected = "true, or friction = false: an endless strip has no stages in time"
+            yield Mistake("", f"{key}.steady", False, expected, "steady = true")
+        if stage.strip.speed is not None:
+            expected = "nothing beside threading.closed = true: the strip's speed follows"
+            yield Mistake("", f"{key}.strip.speed", stage.strip.speed, expected, "take it out")
+        if stage.steady and all(roller.drive != "speed" for roller in rollers):
+            expected = 'a roller with drive = "speed": torques alone do not fix the speed'
+            yield Mistake("", f"{key}.rollers", None, expected, 'drive = "speed"')
 
 
 def own_name(threading: ThreadingSpec | None, stages: Stages) -> Iterator[Mistake]:
@@ -486,7 +535,9 @@ def bearable(
 ) -> Iterator[Mistake]:
     """Yield a tension that no metal strip bears, most often in another unit."""
     stiffness = material.young * strip.thickness
-    if threading is not None and threading.tension > STRETCHED * stiffness:
+    if threading is None or threading.closed:  # belts of rubber are stretched more
+        return
+    if threading.tension > STRETCHED * stiffness:
         percent = 100.0 * threading.tension / stiffness
         expected = (
             f"at most {STRETCHED * stiffness:.3g} (N per metre of width); this would stretch the "
@@ -549,6 +600,7 @@ RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     sharpened_laws_are_built_in,
     rollers_have_friction,
     stages_have_friction,
+    closed_strip,
     steady_stages,
     yielding_strip,
     threading_partners,

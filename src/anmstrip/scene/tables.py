@@ -495,6 +495,8 @@ class ThreadingSpec(Table):
     """where the entry is, three numbers; left out: level with the first roller (m)"""
     exit: Vector | None = Field(None, examples=["[2.0, 0.0, 0.5]"])
     """where the exit is, three numbers; left out: level with the last roller (m)"""
+    closed: StrictBool = Field(False, examples=["true"])
+    """whether the exit goes on as the entry: an endless strip round its rollers (true or false)"""
     duration: Positive = Field(1.0, examples=["1.0"])
     """time that threading takes, a number above 0 (s)"""
 

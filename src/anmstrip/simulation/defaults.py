@@ -39,7 +39,8 @@ def goes_on(scene: SceneSpec) -> bool:
     own = strip.mesh or strip.imperfection or scene.material.plasticity or any(along)
     let_go = any(end.release for stage in scene.stages for end in stage.edges.values())
     endless = scene.threading is not None or (let_go and largest_force(scene) > 0.0)
-    if not endless or scene.friction is None or own:
+    closed = scene.threading is not None and scene.threading.closed
+    if closed or not endless or scene.friction is None or own:
         return False
     return not any(moved_ends(scene.edges, scene.stages))
 

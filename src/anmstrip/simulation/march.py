@@ -137,7 +137,7 @@ class March:
             self.full = self.full.copy()
             self.full[turning] = self.velocity[turning]
             self.full[self.assembly.coupled - 1] = 0.0  # c counts from its control
-            if state is not None and self.course.pulled(stage):
+            if state is not None and self.course.pulled(stage) and not self.assembly.closed:
                 self.course.values["entry.tension"] = np.array(state.tension("entry"))
         return self.course.plan(stage, reactions, self.full)
 

@@ -227,6 +227,11 @@ class Assembly:
         return self.coupled + (0 if self.frozen is None else len(self.frozen.units))
 
     @property
+    def closed(self) -> bool:
+        """Whether the strip is endless."""
+        return self.scene.threading is not None and self.scene.threading.closed
+
+    @property
     def conveyed(self) -> bool:
         """Whether the strip has a speed of its own: it is fed, or there are steady stages."""
         return bool(self.scene.strip.feed) or any(stage.steady for stage in self.scene.stages)

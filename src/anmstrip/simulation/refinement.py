@@ -14,7 +14,6 @@ from anmstrip.continuation.equations import Cost, PathStopped
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.continuation.newton import Corrections, Newton
 from anmstrip.equilibrium import Equilibrium, StageProblem
-from anmstrip.fem.constraints import Supports
 from anmstrip.fem.sampling import l2_projection
 from anmstrip.fem.strip import Strip, line, renumbered
 from anmstrip.linalg.solvers import SparseSolver
@@ -123,7 +122,7 @@ class Halved(Assembly):
         course = Course(self, released=set(released))
         course.values = {**values, **course.values}
         plan = course.plan(stage, {}, start)
-        supports = Supports(plan.supports.free, start, np.zeros_like(start))
+        supports = replace(plan.supports, start=start, slope=np.zeros_like(start), bow=None)
         return replace(plan, supports=supports, controls=Controls(values))
 
 

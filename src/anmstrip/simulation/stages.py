@@ -9,7 +9,7 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.equilibrium import Model, StageProblem
-from anmstrip.fem.constraints import Supports
+from anmstrip.fem.constraints import Joint, Supports
 from anmstrip.fem.sampling import l2_projection, quadrature_points
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.shell import eigenstrain, uniaxial_stretches
@@ -61,7 +61,8 @@ class Course:
             self.begun = {"entry": entry, "exit": exit}
             self.moved.update(self.begun)
             self.outward = dict(zip(("entry", "exit"), outward, strict=True))
-            self.values["exit.force"] = thread.tension * self.outward["exit"]
+            if not self.assembly.closed:
+                self.values["exit.force"] = thread.tension * self.outward["exit"]
         if self.assembly.flow is not None:  # a threaded strip begins as an elastic one
             self.values.setdefault("yielding", np.array(float(thread is None)))
         for key, value in self.assembly.natural(self.assembly.scene.strip).items():
@@ -144,8 +145,8 @@ class Course:
 
     def pulled(self, stage: StageSpec) -> bool:
         """Whether a steady stage has the tension of its entry given, and the strip's speed not."""
-        if not stage.steady:
-            return False
+        if not stage.steady or self.assembly.closed:
+            return stage.steady
         given, course = None, self.assembly.scene.course
         names = [each.name for each in course]
         before = course[: names.index(stage.name)] if stage.name in names else course
@@ -157,13 +158,33 @@ class Course:
         return given == "entry.tension"
 
     def _pull(self, full: Array | None) -> Array:
-        """Weights that sum up what holds the entry along the strip, (unknowns of the strip,)."""
+        """Weights that sum up what holds the entry along the strip, (unknowns of the strip,).
+
+        Of an endless strip what holds it at the joint of exit and entry, which must be nothing.
+        """
         strip = self.assembly.strip
         edge, pull = strip.edges["entry"], np.zeros((strip.scalars, strip.count))
         whole = np.zeros(strip.unknowns) if full is None else full
         along = strip.kinematics.pick(strip.edge_tangent("entry", whole))
         pull[edge.values] = along / np.linalg.norm(along)
+        if self.assembly.closed:
+            pull[strip.edges["exit"].values] = pull[edge.values]
         return pull.ravel()
+
+    @property
+    def joint(self) -> Joint | None:
+        """Where the exit of an endless strip goes on as its entry."""
+        strip = self.assembly.strip
+        if not self.assembly.closed:
+            return None
+        entry, exit = (strip.unknowns_of(strip.edges[name].trace) for name in ("entry", "exit"))
+        slopes = (strip.dofs("u_x")[strip.edges[name].nodes] for name in ("entry", "exit"))
+        entry, exit = (
+            np.append(a, strip.unknowns_of(b)) for a, b in zip((entry, exit), slopes, strict=True)
+        )
+        jump = np.zeros(len(entry))
+        jump[: strip.count] = strip.kinematics.pick([-strip.length, 0.0, 0.0])
+        return Joint(entry, exit, jump)
 
     def take_over(self, state: State) -> None:
         """Begin a steady stage from a state in time: its entry is held where it is."""
@@ -228,6 +249,8 @@ class Course:
         return end
 
     def _held(self) -> dict[str, tuple[str, ...]]:
+        if self.assembly.closed:  # what labels the strip: the rollers hold the rest
+            return {"entry": ("xyz"[int(np.abs(self.outward["entry"]).argmax())],)}
         return {
             name: spec.fixed
             for name, spec in self.assembly.scene.edges.items()
@@ -297,8 +320,11 @@ class Course:
             middle = middle_node(strip, name) if spec.centred else None
             if middle is not None and across is not None:  # it keeps its y
                 held[strip.count * strip.node_values[middle] + across] = True
+        if (joint := self.joint) is not None:
+            held[joint.exit] = True
         bent = self.assembly.frictional(stage) and np.any(bows)
-        return Supports(np.flatnonzero(~held), start, end - start, bows if bent else None)
+        free, slope = np.flatnonzero(~held), end - start
+        return Supports(free, start, slope, bows if bent else None, joint)
 
 
 def stretched(

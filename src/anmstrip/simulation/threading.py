@@ -197,18 +197,30 @@ def thread_of(
         The strip cannot pass a roller on the side that is asked for, or is too short.
     """
     assert scene.threading is not None
-    from anmstrip.mechanics.string_path import FixedEnd, NoTangentError, NotTouchedError
+    from anmstrip.mechanics.string_path import (
+        FixedEnd,
+        NoTangentError,
+        NotTouchedError,
+        closing_point,
+    )
 
     spec, m = scene.threading, scene.material
     sides = {r.name: r.wrap for r in scene.rollers if r.wrap is not None}
     chosen = [roller for roller in rollers if roller.name in sides]
     given = spec.entry, spec.exit
+    ends: list[Array | None]
     ends = [None if place is None else (place - origin)[[0, 2]] for place in given]
+    senses = np.array([SENSES[sides[roller.name]] for roller in chosen])
+    depths = np.array([_depth(scene, roller) for roller in chosen])
+    if spec.closed:
+        centres = [(roller.centre[0], roller.centre[2]) for roller in chosen]
+        radii = [r.radius + r.half + depth for r, depth in zip(chosen, depths, strict=True)]
+        ends = 2 * [closing_point(centres, radii, senses)]
     thread = Thread(
         chosen,
-        np.array([SENSES[sides[roller.name]] for roller in chosen]),
+        senses,
         np.array([spec.crossing for spec in scene.rollers if spec.wrap is not None], dtype=bool),
-        np.array([_depth(scene, roller) for roller in chosen]),
+        depths,
         tuple(None if place is None else FixedEnd(place) for place in ends),
         *uniaxial_stretches(
             spec.tension, m.young * scene.strip.thickness, m.poisson, mean_eigenstrain(scene)
