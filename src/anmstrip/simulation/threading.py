@@ -208,14 +208,14 @@ def thread_of(
     sides = {r.name: r.wrap for r in scene.rollers if r.wrap is not None}
     chosen = [roller for roller in rollers if roller.name in sides]
     given = spec.entry, spec.exit
-    ends: list[Array | None]
     ends = [None if place is None else (place - origin)[[0, 2]] for place in given]
     senses = np.array([SENSES[sides[roller.name]] for roller in chosen])
     depths = np.array([_depth(scene, roller) for roller in chosen])
     if spec.closed:
         centres = [(roller.centre[0], roller.centre[2]) for roller in chosen]
         radii = [r.radius + r.half + depth for r, depth in zip(chosen, depths, strict=True)]
-        ends = 2 * [closing_point(centres, radii, senses)]
+        joint = closing_point(centres, radii, senses)
+        ends = [joint, joint]
     thread = Thread(
         chosen,
         senses,
