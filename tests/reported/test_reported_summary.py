@@ -15,6 +15,7 @@ import reported_scenes as scenes
 from reported_files import Results, Surface, ran, typed
 from reported_states import looks_at
 from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import make_interp_spline
 
 from anmstrip import Scene
 
@@ -329,6 +330,8 @@ def test_amplitude_is_the_distance_from_a_parabola(
 ) -> None:
     """Of the points on every line across the free spans, along the normal of the parabola there.
 
+    Their spacing is that of a sine whose mean square and whose slope's are those of that line.
+
     The direction along is taken from the patches here, and from neighbouring lines in the
     summary: on a straight span both are the same to the slope of what bulges, of 1e-3.
     """
@@ -336,7 +339,7 @@ def test_amplitude_is_the_distance_from_a_parabola(
     surface = results.last
     flat, points = surface.points - surface.fields["displacement"], surface.points
     along = surface.averaged(surface.tangents[0])
-    largest = 0.0
+    largest = spacing = 0.0
     for _, _, start, end in spans_of(results, thickness, 1.0e4):
         for x in np.unique(np.round(flat[:, 0], 7)):
             line = np.abs(flat[:, 0] - x) < 1e-6
@@ -346,8 +349,14 @@ def test_amplitude_is_the_distance_from_a_parabola(
             fit = np.polyfit(y, points[line], 2)
             off = points[line] - np.vander(y, 3) @ fit
             normal = np.cross(along[line].mean(axis=0), fit[1])
-            largest = max(largest, np.abs(off @ normal).max() / np.linalg.norm(normal))
+            w = (off @ normal)[np.argsort(y)] / np.linalg.norm(normal)
+            if np.abs(w).max() > largest:
+                largest, fine = np.abs(w).max(), np.linspace(y.min(), y.max(), 4001)
+                w = make_interp_spline(np.sort(y), w)(fine)
+                slope = np.gradient(w, fine)
+                spacing = 2.0 * np.pi * np.sqrt((w**2).sum() / (slope**2).sum())
     assert largest > 1e-6
+    assert results.summary["wrinkle_spacing"] == pytest.approx(spacing, rel=0.02)
     assert results.summary["wrinkle_amplitude"] == pytest.approx(largest, rel=5e-3)
 
 

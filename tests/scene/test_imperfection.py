@@ -139,8 +139,10 @@ def wavy(height: float, waves: int = 4):
 
 
 def test_amplitude_is_that_of_the_waves_alone():
-    assert Wrinkling(wavy(1e-4)).amplitude() == pytest.approx(1e-4, rel=0.1)
-    assert Wrinkling(wavy(0.0)).amplitude() < 1e-12
+    height, spacing = Wrinkling(wavy(1e-4)).wave()
+    assert height == pytest.approx(1e-4, rel=0.1)
+    assert spacing == pytest.approx(WIDTH / 4, rel=0.05)
+    assert Wrinkling(wavy(0.0)).wave()[0] < 1e-12
 
 
 def test_span_is_told_with_its_compression():

@@ -377,7 +377,8 @@ class Run:
 
                 wrinkling = Wrinkling(state)
                 self.warnings += wrinkling.warnings
-                facts["wrinkle_amplitude"] = wrinkling.amplitude(self.recorder.surface)
+                height, spacing = wrinkling.wave(self.recorder.surface) or (None, None)
+                facts |= {"wrinkle_amplitude": height, "wrinkle_spacing": spacing}
                 facts["compressive_membrane_force"] = wrinkling.compression
                 facts |= wrinkling.flatness
         self.recorder.summary(facts | {"errors": self.errors(), "warnings": self.warnings}, state)

@@ -8,6 +8,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from anmstrip.arrays import Array
 from anmstrip.fem.sampling import quadrature_points, shape_of
@@ -104,11 +105,11 @@ class Wrinkling:
         near = [span for span in self.spans if span.compression > CLOSE * span.bearable]
         return [f"The strip is {span}" for span in near]
 
-    def amplitudes(self, sampler: FieldSampler | None = None) -> list[float] | None:
-        """Largest distance, along the normal, from the parabola nearest to a line across (m).
+    def lines(self, sampler: FieldSampler | None = None) -> list[tuple[float, Array, Array]]:
+        """Return x, y and w (m) of the lines x = const of points that a parabola may not fit.
 
-        Every span has one, of its lines of points x = const that a parabola does not fit anyway;
-        ``None`` on triangles, which have no such lines.
+        w is the distance, along the normal, from the parabola in y nearest to the line.  Triangles
+        have no such lines.
 
         Parameters
         ----------
@@ -117,7 +118,7 @@ class Wrinkling:
         """
         strip = self.state.plan.model.strip
         if shape_of(strip) != "quad":
-            return None
+            return []
         sampler = FieldSampler(strip, None, None) if sampler is None else sampler
         reference = sampler.reference
         points = reference.T + sampler.interpolate(self.state.full)
@@ -133,15 +134,37 @@ class Wrinkling:
         )
         normals = np.cross(np.gradient(fits[:, -1], x, axis=0), fits[:, -2])
         normals /= np.linalg.norm(normals, axis=1)[:, None]
-        triples = zip(pairs, fits, normals, strict=True)
-        off = [np.abs((points[k] - basis @ fit) @ n).max() for (basis, k), fit, n in triples]
-        spans = [(span.start <= x) & (x <= span.end) for span in self.spans]
-        return [float(np.max(off, initial=0.0, where=inside)) for inside in spans]
+        parts = zip(x, pairs, fits, normals, strict=True)
+        return [(at, reference[1, k], (points[k] - b @ fit) @ n) for at, (b, k), fit, n in parts]
 
-    def amplitude(self, sampler: FieldSampler | None = None) -> float | None:
-        """Largest of :meth:`amplitudes` (m)."""
-        found = self.amplitudes(sampler)
-        return None if found is None else max(found, default=0.0)
+    def waves(self, sampler: FieldSampler | None = None) -> list[tuple[float, float]] | None:
+        """Height and spacing (m) of the waves across every span, ``None`` on triangles.
+
+        The height is the largest distance w of :meth:`lines`, the spacing 2π √(∫w² dy / ∫w,y² dy)
+        of the line where that is.  Both are 0 of a span without lines.
+        """
+        lines, found = self.lines(sampler), []
+        for span in self.spans:
+            inside = [(y, w) for x, y, w in lines if span.start <= x <= span.end]
+            spacing = height = 0.0
+            if inside:
+                y, w = max(inside, key=lambda line: np.abs(line[1]).max())
+                fine, height = np.linspace(y[0], y[-1], 10 * len(y)), np.abs(w).max()
+                squares = (CubicSpline(y, w)(fine, k) ** 2 for k in (0, 1))
+                heights, slopes = (np.trapezoid(values, fine) for values in squares)
+                spacing = 2.0 * np.pi * np.sqrt(heights / slopes) if height else 0.0
+            found.append((float(height), float(spacing)))
+        return found if lines else None
+
+    def amplitudes(self, sampler: FieldSampler | None = None) -> list[float] | None:
+        """Heights of :meth:`waves` (m)."""
+        found = self.waves(sampler)
+        return None if found is None else [height for height, _ in found]
+
+    def wave(self, sampler: FieldSampler | None = None) -> tuple[float, float] | None:
+        """Return the highest of :meth:`waves`."""
+        found = self.waves(sampler)
+        return None if found is None else max(found, default=(0.0, 0.0))
 
     @cached_property
     def flatness(self) -> dict[str, float]:
