@@ -189,7 +189,8 @@ def run_command(
     except KeyboardInterrupt:
         running.interrupted()
         click.echo(f"Interrupted. Everything up to here is in {directory}.")
-        click.echo(f"Next: {resuming_command(scene, directory, settings)}")
+        afresh = resuming_command(scene, directory, settings).removesuffix(" --resume")
+        click.echo(f"Next: {afresh}{'' if loaded.repeated else ' --resume'}")
         sys.exit(STOPPED)
     finally:
         signal.signal(signal.SIGTERM, usual)

@@ -113,20 +113,17 @@ class Budget:
     time: float = 0.0
     loads: dict[str, Array] = field(default_factory=dict)
 
+    @property
+    def can_halve(self) -> bool:
+        """Whether elements of half the length are few enough."""
+        strip = self.assembly.strip
+        return int(2 ** strip.mesh.dim()) * strip.unknowns <= MOST_UNKNOWNS
+
     @cached_property
     def halved(self) -> Halved | None:
         """The scene on elements of half the length; None if it is too large, or can yield."""
-        strip = self.assembly.strip
-        finer = 2 ** strip.mesh.dim() * strip.unknowns
-        known = finer <= MOST_UNKNOWNS and self.assembly.flow is None
+        known = self.can_halve and self.assembly.flow is None
         return Halved.of(self.assembly) if known else None
-
-    @property
-    def fine_enough(self) -> bool:
-        """Whether the mesh is known to make no tension wrong by more than the tolerance."""
-        found, scene = self.parts.get("mesh"), self.assembly.scene
-        share = scene.solver.tolerance * self.assembly.scales.tension
-        return found is not None and found["tension"] <= share
 
     @property
     def warnings(self) -> list[str]:

@@ -317,7 +317,7 @@ def still_coarse(failure: Failure) -> str | None:
     location = failure.location
     if location is None or not location.roller or failure.stopped.outcome is Outcome.FOLD:
         return None
-    element = min(location.element, failure.scene.strip.refined or np.inf)
+    element = min(location.element, failure.scene.strip.element_length or np.inf)
     finer = finer_mesh(failure, 0.5 * element)
     return f"Try a finer mesh over roller {location.roller}: {finer}."
 

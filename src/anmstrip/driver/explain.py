@@ -85,14 +85,26 @@ def explain(scene: SceneSpec) -> str:
         f"and {scales.tension:g} N/m (membrane forces); tolerance {scene.solver.tolerance:g}, "
         f"order {assembly.order}{', the cheapest' if scene.solver.order is None else ''}."
     )
-    if scene.solver.method == "newton":
-        say("Paths are followed by Newton's method in load steps, to compare with series.")
+    for line in unusual(scene):
+        say(line)
     for level in found:
         if level.kinematics.name == own and level.against:
             say(f"Warning: kinematics {own} does not see that {'; '.join(level.against)}.")
     for line in warnings(preview):
         say(f"Warning: {line}")
     return stream.getvalue().rstrip()
+
+
+def unusual(scene: SceneSpec) -> Iterator[str]:
+    """Yield what is done otherwise than in most runs."""
+    if scene.strip.refined == "auto":
+        share = scene.solver.mesh_share
+        yield (
+            "The run is repeated on elements of half the length until the mesh makes tensions "
+            f"wrong by less than {share:g} of the largest."
+        )
+    if scene.solver.method == "newton":
+        yield "Paths are followed by Newton's method in load steps, to compare with series."
 
 
 def plain_table(title: str, *columns: str) -> Table:

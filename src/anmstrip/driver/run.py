@@ -138,6 +138,8 @@ class Run:
         or there is no checkpoint of this scene to resume.
     """
 
+    estimates = False  # also errors of a run that is not written
+
     def __init__(
         self,
         scene: SceneSpec,
@@ -284,7 +286,7 @@ class Run:
 
     def _look_at_errors(self, stage: StageSpec) -> None:
         """Estimate the errors of the present state, of a run that is written."""
-        if self.recorder is not None and self.state is not None:
+        if (self.recorder is not None or self.estimates) and self.state is not None:
             march, before = self.march, self.budget.time
             if self.state.time > before and self.state.plan.name == stage.name:
                 with self.cost.timed("errors"):
@@ -362,8 +364,9 @@ class Run:
             chosen = self.scene.output.times is not None or self.outcome is Outcome.INTERRUPTED
             if written is None or (not chosen and written < state.time):
                 self.recorder.write_state(state)
-            known = self.budget.fine_enough and self.budget.time == state.time
-            by_rule = set(coarse_mesh(Preview(self.assembly, (), ()))) if known else set()
+            by_rule = set()
+            if self.fine_enough:
+                by_rule = set(coarse_mesh(Preview(self.assembly, (), ())))
             told = [words for words in self.forewarnings() if words not in by_rule]
             self.warnings = [*told, *self.budget.warnings]
             elastic = state.plan.model.coupled == state.plan.model.unknowns
@@ -398,6 +401,12 @@ class Run:
             return parts
         known = self.budget.parts if self.budget.time == self.state.time else {}
         return {**parts, **known, "regularisation": regularisation_part(self.state)}
+
+    @property
+    def fine_enough(self) -> bool:
+        """Whether the mesh is known to change tensions by no more than is asked for."""
+        found, share = self.errors()["mesh"], self.scene.solver.mesh_share
+        return found is not None and found["tension"] <= share * self.assembly.scales.tension
 
     def facts(self) -> dict[str, Any]:
         """Return the counters of the run, as in ``summary.json``."""

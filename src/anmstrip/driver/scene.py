@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from anmstrip.continuation.equations import Outcome
+from anmstrip.driver.budget import MOST_UNKNOWNS
 from anmstrip.driver.run import Run
 from anmstrip.results.rollers import Regularisation
 from anmstrip.scene.schema import SceneSpec
@@ -54,13 +56,23 @@ class Scene(SceneSpec):
         -------
         Run
         """
-        if self.friction is not None and self.friction.regularisation == "auto":
-            if resume:
-                expected = '"fixed": each run depends on the one before it'
-                hint = "the same without --resume"
-                raise self.refused("friction.regularisation", "auto", expected, hint)
+        if self.repeated and resume:
+            refined = self.strip.refined == "auto"
+            expected = "a length" if refined else '"fixed"'
+            key = "strip.refined" if refined else "friction.regularisation"
+            expected += ": each run depends on the one before it"
+            raise self.refused(key, "auto", expected, "the same without --resume")
+        if self.strip.refined == "auto":
+            return RefinedRun(self, directory, effects=effects)
+        if self.repeated:
             return SharpenedRun(self, directory, effects=effects)
         return Run(self, directory, resume=resume, effects=effects)
+
+    @property
+    def repeated(self) -> bool:
+        """Whether the scene is run several times, so that it cannot be resumed."""
+        sharpened = self.friction is not None and self.friction.regularisation == "auto"
+        return sharpened or self.strip.refined == "auto"
 
     def map(
         self,
@@ -144,12 +156,7 @@ class SharpenedRun(Run):
             if sharp or len(self.passes) == MOST_RUNS or laws == sharper:
                 self._finish()
                 return
-            tables = self.scene.to_dict()
-            for key, value in sharper.items():
-                tables[CONSTANTS[key][0]][key] = value
-            scene = SceneSpec.model_validate(tables)
-            scene._source = self.scene.source
-            super().__init__(scene, self.directory, effects=self.assembly.added)
+            again(self, {(CONSTANTS[key][0], key): value for key, value in sharper.items()})
 
     def facts(self) -> dict[str, Any]:
         """Return the counters of the run, and what was done to sharpen its laws."""
@@ -185,3 +192,70 @@ class SharpenedRun(Run):
             new = value / factor if key == "stiffness" else value * factor
             sharper[key] = float(np.clip(new, least, most))
         return sharper
+
+
+class RefinedRun(Run):
+    """A run of a scene that is repeated on elements of half the length; results are the last one's.
+
+    It ends where the mesh's part of the error of tensions is below ``solver.mesh_tolerance``, or
+    where half the length would take more than :data:`~anmstrip.driver.budget.MOST_UNKNOWNS`.  A
+    path that stops is followed again too, as long as the mesh may be what stopped it.
+
+    Attributes
+    ----------
+    passes : tuple of dict
+        How many times ``finer`` than usual the elements of every run were, the shortest
+        ``element`` (m), ``unknowns``, the mesh's part of the error of tensions (``error``, N/m,
+        None if it is not known) and ``tangents``.
+    """
+
+    passes: tuple[dict[str, Any], ...] = ()
+    estimates = True
+
+    def __iter__(self) -> Iterator[Step]:
+        while True:
+            yield from super().__iter__()
+            strip, found = self.assembly.strip, self.errors()["mesh"]
+            self.passes += (
+                {
+                    "finer": self.scene.strip.finer or 1.0,
+                    "element": float(strip.cell_sizes[0].min()),
+                    "unknowns": strip.unknowns,
+                    "error": None if found is None else found["tension"],
+                    "tangents": self.cost.expansions,
+                },
+            )
+            spent = self.outcome in (Outcome.TOO_MANY_STEPS, Outcome.TOO_MANY_TANGENTS)
+            if self.fine_enough or spent or not self.budget.can_halve:
+                self.message += self.words()
+                self._finish()
+                return
+            again(self, {("strip", "finer"): 2.0 * self.passes[-1]["finer"]})
+
+    def words(self) -> str:
+        """Return what refinement has come to, as a sentence."""
+        last, share = self.passes[-1], self.scene.solver.mesh_share
+        told = f" On elements of {last['element']:.2g} m ({len(self.passes)} run(s)) the mesh "
+        if last["error"] is None:
+            told += "makes tensions wrong by an unknown part"
+        else:
+            side = "below" if self.fine_enough else "above"
+            told += f"makes tensions wrong by about {last['error']:.2g} N/m, {side}"
+            told += f" the {share:g} of {self.assembly.scales.tension:.5g} N/m that is asked for"
+        if not self.fine_enough and not self.budget.can_halve:
+            told += f"; half the length would take more than {MOST_UNKNOWNS} unknowns"
+        return f"{told}."
+
+    def facts(self) -> dict[str, Any]:
+        """Return the counters of the run, and what every mesh has come to."""
+        return {**super().facts(), "refined": self.passes}
+
+
+def again(run: Run, changes: Mapping[tuple[str, str], object]) -> None:
+    """Begin a run again with other values of keys in tables of its scene."""
+    tables = run.scene.to_dict()
+    for (table, key), value in changes.items():
+        tables[table][key] = value
+    scene = SceneSpec.model_validate(tables)
+    scene._source = run.scene.source
+    Run.__init__(run, scene, run.directory, effects=run.assembly.added)

@@ -344,6 +344,21 @@ def sharpened_laws_are_built_in(
         yield Mistake("", "friction.regularisation", "auto", expected, 'regularisation = "fixed"')
 
 
+def refined_mesh_is_estimated(
+    strip: StripSpec, material: MaterialSpec, friction: FrictionSpec | None
+) -> Iterator[Mistake]:
+    """Yield what keeps ``refined = "auto"`` from its goal."""
+    if strip.refined != "auto":
+        return
+    hint = "refined = 0.025"
+    if material.plasticity is not None:
+        expected = "a length: what the mesh changes is not estimated of strip that can yield"
+        yield Mistake("", "strip.refined", "auto", expected, hint)
+    if friction is not None and friction.regularisation == "auto":
+        expected = 'a length, since friction.regularisation = "auto" repeats the run as well'
+        yield Mistake("", "strip.refined", "auto", expected, hint)
+
+
 def rollers_have_friction(friction: FrictionSpec | None, rollers: Rollers) -> Iterator[Mistake]:
     """Yield rollers with a coefficient of their own in a scene without friction."""
     for roller in rollers:
@@ -598,6 +613,7 @@ RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     gravity_has_density,
     friction_has_contact,
     sharpened_laws_are_built_in,
+    refined_mesh_is_estimated,
     rollers_have_friction,
     stages_have_friction,
     closed_strip,

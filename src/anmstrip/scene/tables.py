@@ -97,6 +97,14 @@ def check_bending(value: object) -> bool | str:
     raise ValueError
 
 
+def check_refined(value: object) -> float | str:
+    """Return an element length (m), or "auto"."""
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if value == "auto" or (number and SMALLEST <= value <= LARGEST):  # type: ignore[operator]
+        return value if isinstance(value, str) else float(value)  # type: ignore[arg-type]
+    raise ValueError
+
+
 class ImperfectionSpec(Table):
     """A shape of the strip, without stress, that is not flat.
 
@@ -209,8 +217,14 @@ class StripSpec(NaturalShape):
     """thickness, a number above 0 (m)"""
     cells: tuple[Count, Count] | None = Field(None, examples=["[16, 2]"])
     """elements along and across, two integers from 1 to 100000; left out: by the rollers (1)"""
-    refined: Positive | None = Field(None, examples=["0.025"])
-    """element length over the rollers, a number above 0 (m)"""
+    refined: (
+        Annotated[
+            float | str,
+            PlainValidator(check_refined, json_schema_input_type=Positive | Literal["auto"]),
+        ]
+        | None
+    ) = Field(None, examples=["0.025"])
+    """element length over the rollers, "auto", to mesh_tolerance, or a number above 0 (m)"""
     finer: Annotated[Number, Field(ge=0.05, le=64.0)] | None = Field(None, examples=["2.0"])
     """all elements so many times shorter, along and across, from 0.05 to 64 (1)"""
     mesh: Path | None = Field(None, examples=['"../meshes/strip_refined.msh"'])
@@ -229,6 +243,11 @@ class StripSpec(NaturalShape):
         None, examples=["{ mode = 1, amplitude = 1.0e-4 }"]
     )
     """how the strip is bent without stress, a table (m)"""
+
+    @property
+    def element_length(self) -> float | None:
+        """The element length over rollers (m) that was typed; None if it is to be found."""
+        return self.refined if isinstance(self.refined, float) else None
 
     def find_mistakes(self) -> Iterator[Mistake]:
         """Yield neither or both of rectangle and mesh file, and an imperfection that cannot be."""
@@ -618,8 +637,17 @@ class SolverSpec(Table):
     """fixed step in time, without control of its error, a number above 0 (s)"""
     time_order: Annotated[Integer, Field(le=5)] | None = Field(None, examples=["2"])
     """highest order in time, from 1 to 5, else 2, or 5 for tolerances below 1e-4 (1)"""
+    mesh_tolerance: Annotated[Number, Field(ge=1e-9, le=1e-1)] | None = Field(
+        None, examples=["1.0e-3"]
+    )
+    """error of tensions by the mesh, else tolerance, relative, from 1e-9 to 0.1 (1)"""
     method: Literal["series", "newton"] = Field("series", examples=['"series"'])
     """how paths are followed, by "series" or in load steps by "newton", to compare (text)"""
+
+    @property
+    def mesh_share(self) -> float:
+        """Error of tensions that the mesh may make, relative to the largest."""
+        return self.mesh_tolerance or self.tolerance
 
     @property
     def highest_time_order(self) -> int:

@@ -142,8 +142,8 @@ def wanted_size(scene: SceneSpec, radius: float) -> float:
     A quarter of the boundary layer, but no finer than a share of the radius from which on the
     strip is as good as a string, and no longer than it takes to follow the roller.
     """
-    if scene.strip.refined is not None:
-        return scene.strip.refined
+    if (typed := scene.strip.element_length) is not None:
+        return typed
     return radius * float(np.clip(QUARTER * boundary_layer(scene) / radius, STRING, FOLLOWS))
 
 
@@ -202,7 +202,7 @@ def chosen_lines(
     spec = scene.strip
     assert spec.cells is not None
     coarse = 2.0 * half / spec.cells[0]
-    fine = spec.refined or QUARTER * boundary_layer(scene) or np.inf
+    fine = spec.element_length or QUARTER * boundary_layer(scene) or np.inf
     zones = list[tuple[float, float]]()
     if scene.contact is not None and fine < coarse:
         zones = fine_zones(scene, rollers, thread, half)

@@ -135,6 +135,8 @@ def changed(scene: Scene, settings: Settings) -> Scene:
     """Return a scene with other values, checked as if typed, that writes its end alone."""
     tables, texts = scene.to_dict(), [f"{key}={json.dumps(v)}" for key, v in settings.items()]
     tables["output"] = {"events": scene.output.events, "every": ENDS_ALONE}
+    if scene.strip.refined == "auto":
+        del tables["strip"]["refined"]
     return Scene.from_tables(tables, scene.source or Path("scene"), texts)
 
 

@@ -111,8 +111,7 @@ def run_scene(scene: Scene, directory: Path) -> dict[str, Any]:
             (directory / name).unlink(missing_ok=True)
         with atomic_write(directory / INPUT) as temporary:
             temporary.write_text(json.dumps(scene.to_dict(), indent=2), encoding="utf-8")
-    sharpened = scene.friction is not None and scene.friction.regularisation == "auto"
-    begun = (directory / CHECKPOINT).exists() and not sharpened  # which is not resumed
+    begun = (directory / CHECKPOINT).exists() and not scene.repeated
     for _ in scene.run(directory, resume=begun):
         pass
     summary = read_json(directory / SUMMARY)
