@@ -190,3 +190,27 @@ def test_a_mesh_that_is_too_coarse_is_named(tmp_path: Path) -> None:
     else:
         assert mesh["tension"] > 0.1 * 11547.0
         assert f"wrong by about {mesh['tension']:.2g} N/m" in warning
+
+
+# compression that a coarse shell makes up ---------------------------------------------------------
+
+PRESS = Path(__file__).parents[2] / "examples" / "press.toml"
+FALSE = "wrinkles there may come from the mesh alone"
+
+
+def test_false_compression_of_a_coarse_shell_is_warned_of(tmp_path: Path) -> None:
+    """Against a run on a mesh that is fine enough, where hardly anything is compressed."""
+    text = PRESS.read_text(encoding="utf-8")
+    given = ("strip.refined=10.0", "contact.onset=1e-2", "solver.tolerance=1e-5")
+    coarse, half, finer = (
+        run(text, tmp_path / f"{n}", f"strip.cells=[{n}, {n // 4}]", *given) for n in (8, 16, 32)
+    )
+    told = [words for words in coarse.summary["warnings"] if FALSE in words]
+    assert len(told) == 2
+    largest, halved, smallest = (
+        results.summary["compressive_membrane_force"] for results in (coarse, half, finer)
+    )
+    assert f"compressed by {largest:.3g} N/m between r1 and the exit, but by " in told[1]
+    assert float(told[1].partition("but by ")[2].split()[0]) == pytest.approx(halved, rel=0.02)
+    assert smallest < halved < 0.3 * largest
+    assert not any(FALSE in words for words in finer.summary["warnings"])

@@ -13,9 +13,11 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.equilibrium import Equilibrium, StageProblem
+from anmstrip.fem.geometry import SHELL
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls
 from anmstrip.results.state import State
+from anmstrip.results.wrinkles import Span, free_spans
 from anmstrip.scene.schema import StageSpec
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.refinement import Halved, balanced
@@ -29,7 +31,8 @@ MOST_UNKNOWNS = 100_000
 shell of so many, twenty elements across, take 1.5 GB."""
 
 LARGE = 0.1
-"""Share of the scene's tension by which the mesh must not make one wrong without a warning."""
+"""Share of the scene's tension, or of a compression, by which the mesh must not make one wrong
+without a warning."""
 
 SMALL = 1e-2
 """Change of gaps over the onset of contact, and of slip over V_c, over which laws are straight."""
@@ -104,6 +107,8 @@ class Budget:
         Of the state that this is the error of (s).
     loads : dict
         Edge → what the mesh makes of the force (N/m) that holds it, or that it was released with.
+    spans : list of tuple of Span
+        Free spans of a shell, and the same on elements of half the length.
     """
 
     assembly: Assembly
@@ -112,6 +117,7 @@ class Budget:
     error: Array | None = None
     time: float = 0.0
     loads: dict[str, Array] = field(default_factory=dict)
+    spans: list[tuple[Span, Span]] = field(default_factory=list)
 
     @property
     def can_halve(self) -> bool:
@@ -134,11 +140,18 @@ class Budget:
                 "elements of half the length have no such state nearby, as far as was found: a "
                 f"limit point, a wave or a tension may come from the mesh alone. {more}"
             ]
+        told = [
+            f"the strip is compressed by {here.compression:.3g} N/m between {here.before} and "
+            f"{here.after}, but by {there.compression:.3g} N/m on elements of half the length: "
+            f"wrinkles there may come from the mesh alone. {more}"
+            for here, there in self.spans
+            if here.near and abs(there.compression - here.compression) > LARGE * here.compression
+        ]
         found, largest = self.parts.get("mesh"), LARGE * self.assembly.scales.tension
         if found is None or found["tension"] <= largest:
-            return []
+            return told
         wrong = f"the mesh makes tensions wrong by about {found['tension']:.2g} N/m"
-        return [f"{wrong}: elements of half the length have others. {more}"]
+        return [f"{wrong}: elements of half the length have others. {more}", *told]
 
     def look(
         self, stage: StageSpec, state: State, memory: Memory | None, released: Collection[str]
@@ -212,9 +225,13 @@ class Budget:
             if self.error is not None:
                 velocity = velocity - self.error / elapsed
         finer = balanced(plan, state, velocity, elapsed)
-        self.lost, self.error = finer is None, None
+        self.lost, self.error, self.spans = finer is None, None, []
         if finer is None:
             return
+        if self.assembly.kinematics is SHELL:
+            known = {(span.before, span.after): span for span in free_spans(finer)}
+            pairs = ((span, known.get((span.before, span.after))) for span in free_spans(state))
+            self.spans = [(here, there) for here, there in pairs if there is not None]
         self.error = finer.full - start
         self.parts["mesh"] = part(state, finer, self.error)
         for name in self.assembly.scene.edges.keys() - set(released):

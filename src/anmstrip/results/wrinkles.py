@@ -44,6 +44,11 @@ class Span:
     bearable: float  # what the span bears under the tension of that place (N/m)
     share: float  # of the width that is compressed there
 
+    @property
+    def near(self) -> bool:
+        """Whether it bears hardly more than what compresses it."""
+        return self.compression > CLOSE * self.bearable
+
     def __str__(self) -> str:
         return (
             f"compressed by {self.compression:.3g} N/m between {self.before} and {self.after}, "
@@ -102,8 +107,7 @@ class Wrinkling:
     @property
     def warnings(self) -> list[str]:
         """Spans that are near to wrinkling, in words."""
-        near = [span for span in self.spans if span.compression > CLOSE * span.bearable]
-        return [f"The strip is {span}" for span in near]
+        return [f"The strip is {span}" for span in self.spans if span.near]
 
     def lines(self, sampler: FieldSampler | None = None) -> list[tuple[float, Array, Array]]:
         """Return x, y and w (m) of the lines x = const of points that a parabola may not fit.
