@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from threaded import BRIDLE, LEVELLER, ONE, TOWER, ended, roller, scene_of, turned, values
 
+from anmstrip import Scene
 from anmstrip.continuation.newton import Newton
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.errors import InputError
@@ -19,6 +21,8 @@ from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
 from runs import finished
 from strips import threaded
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 SCENES = {"one": ONE, "bridle": BRIDLE, "tower": TOWER, "leveller": LEVELLER}
 
@@ -316,3 +320,11 @@ def test_a_strip_that_crosses_itself_is_wrapped_as_its_scene_says(degrees: float
     expected = 2.0 * 0.5 * 1e4 * np.sin(0.5 * turn)
     assert np.linalg.norm(reading.resultant) == pytest.approx(expected, rel=0.02)
     assert reading.wrap == pytest.approx(turn, abs=0.1)
+
+
+@pytest.mark.parametrize("name", ["bridle", "tower"])
+def test_a_guess_is_in_equilibrium_after_a_dozen_tangents(name: str) -> None:
+    """Contact overshoots where strip lifts off: a search that never let it takes above twenty."""
+    step = next(iter(Scene.load(EXAMPLES / f"{name}.toml").run()))
+    assert step.stage == "threading"
+    assert step.tangents <= 12

@@ -23,6 +23,7 @@ class Corrections:
     most: int = 20  # iterations after which a guess is given up
     kept: float = 0.0  # part of the imbalance: while an iteration leaves less, the tangent is kept
     halvings: int = 0  # of a correction that makes the imbalance grow (line search)
+    growth: float = 1.0  # of the imbalance that a correction may make
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ class Newton:
                 change = factors.solve(residual)
             residual, found = self._residual(u - change, control)
             for _ in range(self.settings.halvings):
-                if found < imbalance:
+                if found < self.settings.growth * imbalance:
                     break
                 change = 0.5 * change
                 residual, found = self._residual(u - change, control)
