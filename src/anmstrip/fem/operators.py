@@ -207,17 +207,21 @@ class CellOperator:
 
 
 def upwind(strip: Strip) -> csr_matrix:
-    """Return backward differences along a section, at its quadrature points, (points, points).
+    """Return backward differences along the strip, at its quadrature points, (points, points).
 
-    Before the entry stands zero.  Of a flow law they make the backward Euler method along the
+    Of a section, or of rectangles in rows: every line of points along the strip is a chain of its
+    own.  Before the entry stands zero.  Of a flow law they make the backward Euler method along the
     strip, which for stress that hardly depends on the rate is a return to the yield surface at
     every point.
     """
-    x = np.asarray(strip.basis.global_coordinates())[0].ravel()
-    order = np.argsort(x)
-    steps = np.diff(x[order], prepend=strip.mesh.p[0].min())
-    index = np.concatenate([order, order[1:]]), np.concatenate([order, order[:-1]])
-    values = np.concatenate([1.0 / steps, -1.0 / steps[1:]])
+    x, *across = np.asarray(strip.basis.global_coordinates()).reshape(strip.mesh.dim(), -1)
+    lines = np.unique(np.round(across[0] / strip.width, 9), return_inverse=True)[1] if across else 0
+    order = np.lexsort((x, np.broadcast_to(lines, x.shape)))
+    first = np.diff(np.broadcast_to(lines, x.shape)[order], prepend=-1) != 0
+    steps = np.where(first, x[order] - strip.mesh.p[0].min(), np.diff(x[order], prepend=0.0))
+    on = np.flatnonzero(~first)
+    index = np.concatenate([order, order[on]]), np.concatenate([order, order[on - 1]])
+    values = np.concatenate([1.0 / steps, -1.0 / steps[on]])
     return csr_matrix((values, index), shape=(len(x), len(x)))
 
 

@@ -230,8 +230,11 @@ class WrinkleWatch:
         """Return the onsets on the branch that ends in a state, in their order.
 
         Nothing is looked at where no span is pressed and no mode was near its onset, where the
-        path has no branch, and while factors that fall as compression grows stay far from 1.
+        path has no branch or strip flows along it, and while factors that fall as compression
+        grows stay far from 1.
         """
+        if state.plasticity is not None and state.plasticity.operator.flows:
+            return []
         pressed = max((s.compression / s.bearable for s in free_spans(state)), default=0.0)
         if self.plan is not state.plan:
             self.plan, self.factors, self.last = state.plan, np.zeros(0), 0.0

@@ -436,11 +436,6 @@ def yielding_strip(material: MaterialSpec, strip: StripSpec, stages: Stages) -> 
     if strip.kinematics == "shell" and material.plasticity.uniaxial:
         expected = "false on a shell, whose layers flow in plane stress"
         yield Mistake("", "material.plasticity.uniaxial", True, expected, "no uniaxial")
-    for i, stage in enumerate(stages):
-        if stage.steady and strip.kinematics == "shell":
-            expected = "false beside [material.plasticity]: a shell yields in time alone"
-            hint = 'steady = false, or kinematics = "section"'
-            yield Mistake("", f"stages[{i}].steady", True, expected, hint)
     if strip.feed:
         expected = "no feed beside [material.plasticity]: strip that yields is not relabelled"
         yield Mistake("", "strip.feed", strip.feed, expected, "no feed, or no plasticity")
