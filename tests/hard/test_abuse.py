@@ -104,6 +104,7 @@ def test_threaded_strip_that_would_sink_through_its_roller_is_refused() -> None:
         Assembly(soft).thread  # noqa: B018 - looks for the way
 
 
+@pytest.mark.slow
 @settings(max_examples=4, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.lists(st.floats(0.0, 1.0, exclude_max=True), min_size=70, max_size=70))
 def test_valid_scenes_end_in_an_outcome(numbers: list[float]) -> None:

@@ -7,7 +7,7 @@ import pytest
 from random_motions import ending_of, motion
 
 
-@pytest.mark.parametrize("seed", [0, 4])
+@pytest.mark.parametrize("seed", [0, pytest.param(4, marks=pytest.mark.slow)])
 def test_random_motion_ends_by_statics(seed: int) -> None:
     ending = ending_of(motion(seed), most=10**6)
     assert ending.kind == "right", ending

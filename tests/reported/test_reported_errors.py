@@ -105,6 +105,7 @@ def test_a_path_without_rates_is_off_by_what_the_last_step_left(tmp_path: Path) 
     assert found["path"]["position"] == pytest.approx(true["position"], rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_released_edge_keeps_the_force_that_a_coarse_mesh_gave_it(tmp_path: Path) -> None:
     """Held, the entry takes up what it is released with, which the mesh makes wrong."""
     held, _, turn = scenes.TURNING.rpartition('[[stages]]\nname = "turn"')

@@ -147,7 +147,7 @@ def read(state: State, start: State) -> dict[str, float]:
     return found
 
 
-@pytest.mark.parametrize("kind", ["line", "shell"])
+@pytest.mark.parametrize("kind", ["line", pytest.param("shell", marks=pytest.mark.slow)])
 def test_sensitivities_are_differences(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of runs on either side, on the same mesh and with the same laws: to 1e-5."""
     tables = LINE if kind == "line" else SHELL
@@ -181,6 +181,7 @@ def test_sensitivities_are_differences(kind: str, monkeypatch: pytest.MonkeyPatc
                 assert abs(found[key][name] - differences[name]) < bound, (key, name)
 
 
+@pytest.mark.slow
 def test_least_membrane_force_is_that_of_the_spans(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its change follows the least principal force at the same point of the strip."""
     start = stationary(SHELL, None, monkeypatch)
