@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -298,6 +298,7 @@ class Sweep:
 
     def _prepare(self, found: tuple[Variant, ...], table: Path) -> None:
         """Look which scenes of a study have ended."""
+        self.job: Callable[[Scene, Path], dict[str, Any]] = run_scene
         self.variants, self.table, self.directory = found, table, table.parent
         self.rows: list[dict[str, Any]] = []
         self.waiting: list[int] = []
@@ -344,7 +345,7 @@ class Sweep:
         for number in tuple(self.waiting):
             variant = self.variants[number]
             try:
-                yield number, run_scene(variant.scene, variant.directory)
+                yield number, self.job(variant.scene, variant.directory)
             except (ArithmeticError, ValueError, RuntimeError) as error:
                 yield number, error
 
@@ -355,7 +356,7 @@ class Sweep:
         jobs = {}
         for number in self.waiting:
             variant = self.variants[number]
-            job = client.submit(run_scene, variant.scene, variant.directory, pure=False)
+            job = client.submit(self.job, variant.scene, variant.directory, pure=False)
             jobs[job] = number
         try:
             for job in as_completed(list(jobs)):
