@@ -55,6 +55,34 @@ def test_sharp_friction_ends_where_statics_says(tmp_path: Path, law: str) -> Non
     assert run.cost.expansions < 150
 
 
+def test_all_points_begin_to_slip_within_one_step() -> None:
+    """A strip is pulled back over a roller at once: by way of smoother laws 60 tangents do.
+
+    Without them this takes several times as many.
+    """
+    run = Run(
+        Scene.model_validate(
+            {
+                "strip": {"kinematics": "section", "width": 1.0, "thickness": 1e-3},
+                "material": {"young": 2.1e11, "poisson": 0.3},
+                "contact": {},
+                "friction": {"coefficient": 0.12},
+                "threading": {"tension": 2e4, "entry": (-2, 0, 0.4), "exit": (0.4, 0, -2.0)},
+                "rollers": [{"radius": 0.4, "centre": (0, 0, 0), "wrap": "over"}],
+                "edges": {"entry": {"fixed": ["x", "z"]}},
+                "stages": [{"duration": 0.1, "exit": {"tension": 2e3}}],
+            }
+        )
+    )
+    for _ in run:
+        pass
+    assert run.outcome.done, run.message
+    assert run.state is not None
+    roller = run.state.rollers["r1"]
+    assert roller.tension_in == pytest.approx(2e3 * np.exp(0.12 * np.pi / 2.0), rel=0.01)
+    assert run.cost.expansions < 120
+
+
 @pytest.mark.slow
 def test_very_sharp_friction_does_not_stall(tmp_path: Path) -> None:
     """Where paths of steps stall, Newton's method ends one; without it this run stops.

@@ -177,6 +177,13 @@ def test_elements_are_as_short_as_the_nearest_zones_ask_for() -> None:
     assert ratio.min() > 0.8
 
 
+def test_a_roller_that_is_only_grazed_has_no_element_without_length() -> None:
+    """The strip lifts on and off at the same place, twice a mark of a node."""
+    nodes = graded_nodes(14.0, [Zone(-12.6, -12.4, 0.02)], 1.4, [-12.5, -12.5, -12.5 + 1e-9])
+    assert np.abs(nodes + 12.5).min() < 1e-9
+    assert np.diff(nodes).min() > 0.01
+
+
 def test_long_lines_have_more_unknowns_and_are_told_how_many() -> None:
     """Three hundred for each of sixty rollers, where twelve thousand in all would be too few."""
     rollers = [

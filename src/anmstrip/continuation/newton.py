@@ -21,6 +21,7 @@ class Corrections:
 
     tolerance: float = 1e-8  # largest imbalance of a state that is found
     most: int = 20  # iterations after which a guess is given up
+    least: int = 0  # iterations at least, after which the factors are those of a state nearby
     kept: float = 0.0  # part of the imbalance: while an iteration leaves less, the tangent is kept
     halvings: int = 0  # of a correction that makes the imbalance grow (line search)
     growth: float = 1.0  # of the imbalance that a correction may make
@@ -50,7 +51,7 @@ class Newton:
         cost, factors, before = self.cost, None, np.inf
         residual, imbalance = self._residual(u, control)
         for iteration in range(self.settings.most + 1):
-            if imbalance <= self.settings.tolerance:
+            if imbalance <= self.settings.tolerance and iteration >= self.settings.least:
                 return Corrected(u, control, iteration, imbalance)
             if not np.isfinite(imbalance):
                 return None

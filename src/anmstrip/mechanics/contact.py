@@ -384,6 +384,11 @@ class Friction(LawEffect):
             return self.law_of_slip
         return self.law_of_slip.with_coefficient(self.roller.of(list(self.coefficients)))
 
+    def smoothed(self, width: float) -> Friction:
+        """Return the same with V_c so many times as large."""
+        law: Any = self.law_of_slip
+        return replace(self, law_of_slip=replace(law, speed=width * law.speed))
+
     def near(self, full: Array, controls: Mapping[str, Any]) -> Friction:
         """The same effect on the points within reach."""
         return self.restricted(self.contact.within_reach(full, controls))

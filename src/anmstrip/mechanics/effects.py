@@ -91,6 +91,10 @@ class Effect:
         """Return the friction (N) of points whose slip has turned round between two states."""
         return 0.0
 
+    def smoothed(self, width: float) -> Effect:
+        """Return the effect with the corner of its law so many times as wide in velocity."""
+        return self
+
 
 class LawEffect(Effect):
     """Residual Lᵀ w law(L u, L v, controls): an operator, a pointwise law, and weights.

@@ -228,6 +228,10 @@ class Drives(LawEffect):
         places = np.arange(len(self.names))
         blocks.corner[places, places] += derivative[0, 0]
 
+    def smoothed(self, width: float) -> Drives:
+        """Return the same with V_b so many times as large."""
+        return replace(self, speed=width * self.speed)
+
     def drag(self, speeds: Any) -> Any:
         """Torque (N m) with which bearings brake, positive against positive speeds, (rollers,)."""
         return speeds / np.sqrt(speeds * speeds + self.speed**2) * self.bearings

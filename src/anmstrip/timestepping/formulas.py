@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -111,6 +111,7 @@ class RateEquations(Protocol):
        consequences that the motion forgets.  Both are in the scales of the tolerance, and are
        asked for after ``during``.
     3. ``dragged`` is asked for where no velocity balances the forces.
+    4. ``smoothed`` is asked for where the path of a step stalls at corners of the laws.
     """
 
     def during(self, t: float, h: float, velocity: AffineVelocity, about: Array) -> StepEquations:
@@ -122,6 +123,10 @@ class RateEquations(Protocol):
     def fading_error(self, u: Array, change: Array) -> float:
         """Size of the consequences of ``change`` that the motion forgets; none by default."""
         return 0.0
+
+    def smoothed(self) -> Iterable[RateEquations]:
+        """The same problem with laws from the smoothest one to those given, which are the last."""
+        return (self,)
 
     def dragged(self, t: float, u: Array, v: Array, time: float) -> RateEquations | None:
         """The same with a drag that lasts so long: as large as the problem's forces where a

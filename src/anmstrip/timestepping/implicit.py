@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -13,7 +12,7 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Evidence, Outcome, PathStopped
 from anmstrip.continuation.follow import PathStep, Settings
-from anmstrip.continuation.newton import Corrections, Newton
+from anmstrip.continuation.newton import Corrected, Corrections, Newton
 from anmstrip.continuation.path import predicted
 from anmstrip.linalg.solvers import LinearSolver, Remembering
 from anmstrip.timestepping.formulas import (
@@ -53,6 +52,10 @@ Grande & Grigorieff, *On the zero stability of the variable order variable steps
 BDF-formulas*, Numer. Math. 57, 1990).
 """
 
+SECOND = 100.0
+"""The same of the second step over the first, once: which is short for the sake of what jumps.
+With 2 every rest takes two to four tangents more."""
+
 UNHURRIED = 0.03
 """Share of what is left of a step over which a small imbalance is taken away at least.
 
@@ -73,11 +76,20 @@ LEAST_SHARE = 1e-6
 velocity changes at once and hardly anything moves, need not be resolved.  Without it the capstan at
 tolerances below 1e-4 stalls there."""
 
+START_SHARE = 0.1
+"""The same of the first step after a jump of the velocity.  Its error h |Δv|/2 over h does not
+depend on h, so that steps would shrink to what stick takes to turn into slip, which fades: with the
+share of time a dancer takes 2 500 tangents instead of 1 200, rest after a break-out 500 instead of
+60.  It also turns slip round everywhere."""
+
 ROUGH = 1e-4
 """Least error in time of a snap: its way depends on the drag, only where it rests does not."""
 
 MOST_BRANCHES = 60
-"""Of one step: a shorter one is cheaper."""
+"""Of one path: a shorter step is cheaper."""
+
+FEW_BRANCHES = 12
+"""Of the path of a step, after which smoother laws lead to its end: that takes 5 to 25 tangents."""
 
 NARROW = 1e-3
 """Shortest branch of a step in time, as a fraction of it.  Slip that comes to rest under sharp
@@ -88,11 +100,11 @@ NARROWEST = 1e-6
 """The same of the path to rest, for which there is no shorter step."""
 
 MOST_CORRECTIONS, HALVINGS = 20, 8
-"""Iterations at the end of a step whose path stalls, each with a line search.  With 40 a snap, for
-which nothing is found, takes 900 tangents instead of 600."""
+"""Iterations with each law at the end of a step whose path stalls, each with a line search."""
 
-RESCUED = 0.01
-"""Shortest step by Newton's method where paths have stalled, over the one that was tried first."""
+LOOSER = 10.0
+"""Imbalance of states with smoother laws over that with the given one.  With 1 a dancer takes a
+fifth more tangents in such a step, with 1e4 the last law is not reached."""
 
 SETTLING = 0.01
 """First instant after a start, as a fraction of the first step.  With the whole of it the bridle
@@ -169,14 +181,12 @@ class _Integrator:
     settings: Settings
     stepping: Stepping
     cost: Cost
-    corrected: bool = False  # whether Newton's method ends any step whose path stalls
 
     def step(self, memory: Memory, end: float) -> TimeStep:
         """The next step, in which the state may also snap to another place.
 
         A snap is looked for early where the series fail in brief steps, and last of all where only
-        the error in time asks for steps as short as can be.  Where there is none, many points may
-        cross the corner of sharp friction, which they do at once for Newton's method.
+        the error in time asks for steps as short as can be.
         """
         brief = BRIEF * self.stepping.whole
         try:
@@ -187,10 +197,6 @@ class _Integrator:
             timed = memory.step > brief and stopped.evidence.motion is not None
             snap = None if timed else self.snap(memory, end)
             if snap is None and memory.step > brief:
-                if not timed and memory.available > 1:
-                    with suppress(PathStopped):
-                        least = RESCUED * memory.step / self.stepping.whole
-                        return replace(self, corrected=True).tried(memory, end, least)
                 return self.step(replace(memory, step=brief), end)
             if snap is None:
                 raise
@@ -216,7 +222,8 @@ class _Integrator:
             ratio = _ratio(error, order)
             if error <= 1.0 or fixed is not None:
                 following, ratio = self.next_order(memory, trial, new, order, ratio)
-                growth = min(ratio, 1.0 if barred else GROWTH[following - 1])
+                most = SECOND if memory.available == 1 else GROWTH[following - 1]
+                growth = min(ratio, 1.0 if barred else most)
                 times = (new, *memory.times[: self.stepping.order])
                 states = (trial.u, *memory.states[: self.stepping.order])
                 errors = self.errors(memory, trial, local)
@@ -246,7 +253,9 @@ class _Integrator:
         velocity = AffineVelocity(1.0 / self.stepping.whole, memory.v, np.zeros_like(u))
         path = self.equations.during(t, 0.0, velocity, u)
         try:
-            rest = self.followed(path, len(u), rational=False, shortest=NARROWEST)
+            rest = self.followed(
+                path, len(u), rational=False, shortest=NARROWEST, most=MOST_BRANCHES
+            )
             still = replace(memory, states=(u + rest.branch.end[0],))
             after = t + max(SETTLING * memory.step, DIGITS_OF_TIME * np.spacing(t))
             first = self.trial(still, after, 1)
@@ -255,12 +264,12 @@ class _Integrator:
             return memory
 
     def followed(
-        self, path: StepEquations, size: int, *, rational: bool, shortest: float
+        self, path: StepEquations, size: int, *, rational: bool, shortest: float, most: int
     ) -> PathStep:
         """Last step of the path of the increment from λ = 0 to 1."""
         settings = replace(
             self.settings,
-            max_steps=MOST_BRANCHES,
+            max_steps=most,
             shortest=shortest,
             give_way=False,
             rational=rational,
@@ -272,12 +281,7 @@ class _Integrator:
         return last
 
     def trial(self, memory: Memory, new: float, order: int) -> _Trial:
-        """Solve a step; the first after a jump also by Newton's method, where its path stalls.
-
-        All points may cross the corners of friction in such a step.  Elsewhere a path that stalls
-        may mean that nothing balances, and Newton's method would find a state far away, which
-        is refused for its error in time: it is tried last.
-        """
+        """Solve a step, where its path stalls by way of smoother laws."""
         t, u, before = memory.times[0], memory.states[0], self.cost.expansions
         past, rate = formula(memory.times, new, order)
         w = np.zeros_like(u)
@@ -286,21 +290,42 @@ class _Integrator:
         velocity = AffineVelocity(rate, memory.v, w - memory.v)
         path = self.equations.during(t, new - t, velocity, u)
         try:
-            last = self.followed(path, len(u), rational=self.settings.rational, shortest=NARROW)
+            last = self.followed(
+                path, len(u), rational=self.settings.rational, shortest=NARROW, most=FEW_BRANCHES
+            )
             increment, imbalance = last.branch.end[0], last.imbalance
         except PathStopped as stopped:
-            late = memory.available > 1 and not self.corrected
-            if late or stopped.outcome is Outcome.TOO_MANY_TANGENTS:
+            if stopped.outcome is Outcome.TOO_MANY_TANGENTS:
                 raise
-            net = Corrections(self.settings.tolerance, most=MOST_CORRECTIONS, halvings=HALVINGS)
-            known = slice(order + 1)
-            guess = predicted(memory.times[known], memory.states[known], new) - u
-            found = Newton(path, self.solver, net, self.cost).corrected(guess, 1.0)
+            found = self.sharpened(t, new - t, velocity, u)
             if found is None:
                 raise
             increment, imbalance = found.u, found.imbalance
         v, spent = velocity(increment, 1.0), self.cost.expansions - before
         return _Trial(u + increment, v, imbalance, spent, path, increment, rate)
+
+    def sharpened(self, t: float, h: float, velocity: AffineVelocity, u: Array) -> Corrected | None:
+        """End of a step by way of smoother laws, None if they do not lead there.
+
+        Where slip begins at many points within a step, each turns the corner of sharp friction at
+        a λ of its own.  With the smoothest law the path has no corners; from its end Newton's
+        method goes to sharper and sharper laws, each from the state of the one before.
+        """
+        found: Corrected | None = None
+        for equations in self.equations.smoothed():
+            path = equations.during(t, h, velocity, u)
+            if found is None:
+                last = self.followed(
+                    path, len(u), rational=True, shortest=NARROW, most=MOST_BRANCHES
+                )
+                found = Corrected(last.branch.end[0], 1.0, 0, last.imbalance)
+            given = equations is self.equations
+            tolerance = self.settings.tolerance * (1.0 if given else LOOSER)
+            net = Corrections(tolerance, MOST_CORRECTIONS, int(given), halvings=HALVINGS)
+            found = Newton(path, self.solver, net, self.cost).corrected(found.u, 1.0)
+            if found is None:
+                return None
+        return found
 
     def local_error(self, memory: Memory, u: Array, new: float, order: int) -> Array:
         """Local error, from the predictor through order + 1 past states.
@@ -329,8 +354,10 @@ class _Integrator:
         counts then.
         """
         tolerance, answer = self.stepping.tolerance, local
-        share = max((new - memory.times[0]) / self.stepping.whole, LEAST_SHARE)
-        if trial.turned <= tolerance:
+        first = memory.available == 1
+        least = START_SHARE if first else LEAST_SHARE
+        share = max((new - memory.times[0]) / self.stepping.whole, least)
+        if first or trial.turned <= tolerance:
             self.cost.solves += 1
             with self.cost.timed("error in time"):
                 answer = self.solver.factors.solve(trial.resistance(trial.rate * local))
