@@ -56,31 +56,40 @@ def test_sharp_friction_ends_where_statics_says(tmp_path: Path, law: str) -> Non
 
 
 def test_all_points_begin_to_slip_within_one_step() -> None:
-    """A strip is pulled back over a roller at once: by way of smoother laws 60 tangents do.
+    """The tension is lost behind a bridle that stands: by way of smoother laws 130 tangents do.
 
-    Without them this takes several times as many.
+    Where every step followed a path it took 1 611.
     """
+    places = ((0.0, 0.0, "over"), (0.8, -1.2, "under"), (1.6, 0.0, "over"))
     run = Run(
         Scene.model_validate(
             {
-                "strip": {"kinematics": "section", "width": 1.0, "thickness": 1e-3},
+                "strip": {"kinematics": "section", "width": 1.4, "thickness": 1.5e-3},
                 "material": {"young": 2.1e11, "poisson": 0.3},
                 "contact": {},
                 "friction": {"coefficient": 0.12},
-                "threading": {"tension": 2e4, "entry": (-2, 0, 0.4), "exit": (0.4, 0, -2.0)},
-                "rollers": [{"radius": 0.4, "centre": (0, 0, 0), "wrap": "over"}],
+                "threading": {"tension": 3e4, "entry": (-3, 0, 0.5), "exit": (4.5, 0, 0.5)},
+                "rollers": [
+                    {"radius": 0.5, "centre": (x, 0.0, z), "wrap": wrap} for x, z, wrap in places
+                ],
                 "edges": {"entry": {"fixed": ["x", "z"]}},
-                "stages": [{"duration": 0.1, "exit": {"tension": 2e3}}],
+                "stages": [
+                    {"duration": 0.1, "exit": {"tension": 3e3}},
+                    {"duration": 1.0},
+                ],
             }
         )
     )
     for _ in run:
         pass
     assert run.outcome.done, run.message
-    assert run.state is not None
-    roller = run.state.rollers["r1"]
-    assert roller.tension_in == pytest.approx(2e3 * np.exp(0.12 * np.pi / 2.0), rel=0.01)
-    assert run.cost.expansions < 120
+    assert run.state is not None and run.assembly.thread is not None
+    before, strip = 3e3, run.assembly.strip
+    for name, turn in reversed(run.assembly.thread.turns.items()):
+        before *= arc_ratio(0.12, turn, strip.bending_stiffness / (before * 0.5**2))
+        found = run.state.rollers[name].tension_in
+        assert found == pytest.approx(before, rel=0.02)
+    assert run.cost.expansions < 400
 
 
 @pytest.mark.slow
