@@ -271,8 +271,8 @@ def graded_nodes(
 
     The length of the elements is at most that of a zone inside it, grows by ``GROWTH`` per length
     beyond, up to ``coarse``.  All are longer by one factor where there would be more than ``most``,
-    and then ``finer`` times shorter.  The marks become nodes, but for those that are next to another
-    one, as on a roller that a string only grazes.
+    and then ``finer`` times shorter.  The marks become nodes, but for those that are next to
+    another one, as on a roller that a string only grazes.
     """
     finest = min([coarse, *(zone.size for zone in zones)])
     x = np.linspace(-half, half, 1 + min(int(np.ceil(8.0 * half / finest)), SAMPLES))
