@@ -92,12 +92,12 @@ def test_all_points_begin_to_slip_within_one_step() -> None:
     assert run.cost.expansions < 400
 
 
-@pytest.mark.slow
 def test_very_sharp_friction_does_not_stall(tmp_path: Path) -> None:
-    """Where paths of steps stall, Newton's method ends one; without it this run stops.
+    """Where the paths of steps stall, smoother laws lead to their ends; without them this stops.
 
-    It takes 527 tangents; at 1e-4 m/s 43 do.
+    It takes 291 tangents; at 1e-4 m/s 43 do.
     """
-    run = capstan(tmp_path, "algebraic", 1e-7)
+    run = capstan(tmp_path, "algebraic", 1e-8)
     assert run.outcome.done, run.message
     assert misses(run) < 2e-3
+    assert run.cost.expansions < 600
