@@ -130,5 +130,5 @@ if __name__ == "__main__":
     parser.add_argument("--fine", action="store_true", help="more elements across and along")
     parser.add_argument("-o", type=Path, default=Path("results/crease"), help="where to write")
     given = parser.parse_args()
-    others = [{"yield_stress": 1e8}, {"yield_stress": ELASTIC}, {"friction": 0.0}]
+    others = [{"yield_stress": 1e8}, {"yield_stress": ELASTIC}, {"friction": 0.0}, {"tension": 2e3}]
     main([{}, *([] if given.quick else others)], FINE if given.fine else COARSE, given.o)
