@@ -41,6 +41,7 @@ REMOVED: tuple[tuple[str, str, Any], ...] = (
     (TIME, "UNHURRIED", 0.0),
     (TIME, "NARROW", 1e-6),
     (TIME, "LEAST_SHARE", 0.0),
+    (TIME, "FEW_BRANCHES", 60),
     (TIME, "MOST_BRANCHES", 10**6),
 )
 """Module, name, and the value that takes the constant's place."""

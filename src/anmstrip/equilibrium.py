@@ -494,10 +494,9 @@ class StageProblem:
         return float(self.controls.at(control)["strip.speed"] + full[self.model.coupled - 1])
 
     def continues(self, past: StageProblem) -> bool:
-        """Whether a stage in time goes on where another ended, with no jump of a rate.
+        """Whether a stage in time goes on where another ended, with no jump of a velocity.
 
-        A velocity jumps with the rate of a load or a place, an acceleration with that of a surface
-        speed: formulas that look back to before either take many short steps.
+        A velocity jumps with the rate of any control but a surface speed, which is one itself.
         """
         if not (self.in_time and past.in_time):
             return False
@@ -509,7 +508,7 @@ class StageProblem:
         return all(
             np.allclose(self.rate(name), past.rate(name), rtol=1e-9, atol=0.0)
             for name in names
-            if not name.endswith(".passing")
+            if not name.endswith((".surface_speed", ".passing"))
         )
 
     def rate(self, name: str) -> Any:

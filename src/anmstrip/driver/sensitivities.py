@@ -110,7 +110,7 @@ class StationaryTangent:
 
     @cached_property
     def areas(self) -> dict[str, csc_matrix]:
-        """Those of contact and of friction."""
+        """Matrices of the areas of points of contact, and of those of friction, on the rollers."""
         return {name: self.on_rollers(name) for name in ("contact", "friction")}
 
     @cached_property

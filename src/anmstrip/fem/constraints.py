@@ -24,7 +24,7 @@ class Scales:
 
 @dataclass(frozen=True)
 class Joint:
-    """Where the exit of an endless strip goes on as its entry: u_exit = u_entry + jump."""
+    """The exit of an endless strip goes on as its entry: u_exit = u_entry + jump."""
 
     entry: Index  # unknowns
     exit: Index  # those that follow

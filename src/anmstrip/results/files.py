@@ -12,6 +12,7 @@ import platform
 import weakref
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path, PurePath
 from typing import Any, Self
 
@@ -26,6 +27,9 @@ _FACTS, _ARRAY = "facts", "array/"
 
 AFRESH = "the same command without --resume, to start from the beginning"
 """Advice for a run that cannot be resumed."""
+
+AT_ONCE = 10_000
+"""Lines of a table whose text is in memory at a time: it is ten times as large as the numbers."""
 
 ERROR_WORDS = {
     "path": "the path",
@@ -349,15 +353,28 @@ def read_history(path: AnyPath) -> dict[str, NDArray[np.float64] | list[str]]:
     OSError
         The file cannot be read.
     """
-    header, *rows = _records(path)
+    with Path(path).open(encoding="utf-8", newline="") as file:
+        records = csv.reader(line for line in file if line.endswith("\n"))
+        header = next(records, [])
+        parts: list[list[Any]] = [[] for _ in header]
+        while rows := list(islice(records, AT_ONCE)):
+            for part, cells in zip(parts, zip(*rows, strict=True), strict=True):
+                part.append(_numbers(cells))
     table: dict[str, NDArray[np.float64] | list[str]] = {}
-    columns = zip(*rows, strict=True) if rows else [()] * len(header)
-    for name, cells in zip(header, columns, strict=True):
-        try:
-            table[name] = np.array([float(cell) if cell else np.nan for cell in cells])
-        except ValueError:
-            table[name] = list(cells)
+    for place, (name, part) in enumerate(zip(header, parts, strict=True)):
+        if all(isinstance(cells, np.ndarray) for cells in part):
+            table[name] = np.concatenate([np.zeros(0), *part])
+        else:
+            table[name] = [row[place] for row in _records(path)[1:]]
     return table
+
+
+def _numbers(cells: Sequence[str]) -> NDArray[np.float64] | None:
+    """Return a column of numbers, NaN where it is empty, or None if one is no number."""
+    try:
+        return np.array([float(cell) if cell else np.nan for cell in cells])
+    except ValueError:
+        return None
 
 
 def _records(path: AnyPath) -> list[list[str]]:

@@ -173,7 +173,7 @@ class Course:
 
     @property
     def joint(self) -> Joint | None:
-        """Where the exit of an endless strip goes on as its entry."""
+        """Joint at which the exit of an endless strip goes on as its entry."""
         strip = self.assembly.strip
         if not self.assembly.closed:
             return None

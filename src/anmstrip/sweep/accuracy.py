@@ -121,7 +121,7 @@ def trials(assembly: Assembly, scene: Scene) -> Iterator[Trial]:
             yield Trial("speed", settings["friction.speed"], settings, laws[-1])
     found = [level for level in levels(Preview.of(assembly)) if not level.against]
     names = [level.kinematics.name for level in found if (level.cost or np.inf) <= DEAREST]
-    names = [name for name in names if not loose(changed(scene, {"strip.kinematics": name}))]
+    names = [name for name in names if not loose(adjusted(scene, {"strip.kinematics": name}))]
     for name in names[:-1]:
         settings, truth = ({**strict, "strip.kinematics": each} for each in (name, names[-1]))
         yield Trial("kinematics", name, settings, truth)
@@ -132,7 +132,7 @@ def loose(scene: Scene) -> bool:
     return any(free_motions(Preview.of(Assembly(scene))))
 
 
-def changed(scene: Scene, settings: Settings) -> Scene:
+def adjusted(scene: Scene, settings: Settings) -> Scene:
     """Return a scene with other values, checked as if typed, that writes its end alone."""
     tables, texts = scene.to_dict(), [f"{key}={json.dumps(v)}" for key, v in settings.items()]
     tables["output"] = {"events": scene.output.events, "every": ENDS_ALONE}
@@ -266,14 +266,14 @@ class Accuracy(Sweep):
         directory, made = Path(directory).absolute(), dict[str, Variant]()
         for settings in (each for t in self.trials for each in (t.truth, t.settings)):
             if (name := self.name(settings)) not in made:
-                here = changed(scene, settings)
+                here = adjusted(scene, settings)
                 strip = Run(here).assembly.strip
                 sizes = {"element": float(strip.cell_sizes[0].min()), "unknowns": strip.unknowns}
                 tolerance = {"tolerance": here.solver.tolerance}
                 made[name] = Variant({**tolerance, **sizes}, here, directory / name)
         self.finals: dict[str, Final] = {}
         self._prepare(tuple(made.values()), directory / "accuracy.csv")
-        easiest = changed(scene, {"solver.tolerance": TOLERANCES[0]})
+        easiest = adjusted(scene, {"solver.tolerance": TOLERANCES[0]})
         self.job = partial(timed_run, json.dumps(easiest.to_dict()), str(scene.source or "scene"))
 
     def name(self, settings: Settings) -> str:
