@@ -89,6 +89,11 @@ class CarriedFriction(TurningFriction):
 
     slopes: SlopeOperator | None = None
 
+    @property
+    def points(self) -> int:  # type: ignore[override]
+        """Number of points of the contact, as the operator to all of them need not be there."""
+        return self.contact.points
+
     @cached_property
     def operator(self) -> TransportOperator:  # type: ignore[override]
         """Operator to the points of the contact, and to the surfaces that they see."""
