@@ -87,6 +87,7 @@ def draw(states: list[Wrinkling], path: Path) -> None:
         axes.plot_surface(*grid, facecolors=colours, rcount=160, ccount=160, shade=False)
         axes.set(title=f"{title}, {1e3 * np.ptp(w):.2f} mm from crest to trough", zticks=[])
         axes.set(xlabel="along (mm)", ylabel="across (mm)")
+        axes.locator_params(axis="x", nbins=4)
         axes.set_box_aspect((np.ptp(x), np.ptp(y), times * np.ptp(w)))
         axes.view_init(30.0, -60.0)
     figure.savefig(path, dpi=150)

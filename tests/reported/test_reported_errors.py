@@ -11,6 +11,8 @@ import pytest
 import reported_scenes as scenes
 from reported_files import Results, ran
 
+from anmstrip import Scene
+
 COARSE = "strip.refined=0.2"
 KINDS = ("tension", "force", "position")
 
@@ -118,8 +120,12 @@ def test_a_released_edge_keeps_the_force_that_a_coarse_mesh_gave_it(tmp_path: Pa
 
 
 def test_the_laws_cost_their_largest_shares(shell: Results) -> None:
-    rollers = shell.summary["rollers"].values()
-    shares = [r["regularisation_effect"]["total"] for r in rollers]
+    """In the mean over the width: what uneven gaps give to a fibre they take from another."""
+    rollers, effects = shell.summary["rollers"].values(), ("creep", "cone")
+    shares = [
+        sum(r["regularisation_effect"][name] for name in effects) + r["penetration"] / radius
+        for r, radius in zip(rollers, (0.5, 0.4), strict=True)
+    ]
     pulls = [max(r["tension_in"], r["tension_out"]) for r in rollers]
     found = shell.summary["errors"]["regularisation"]
     assert found["tension"] == pytest.approx(max(np.multiply(shares, pulls)))
@@ -130,6 +136,20 @@ def test_the_laws_cost_their_largest_shares(shell: Results) -> None:
         strain = r["regularisation_effect"]["creep"] * pull / stiffness
         crept.append(r["penetration"] + strain * r["wrap"] * radius)
     assert found["position"] == pytest.approx(max(crept))
+
+
+@pytest.mark.slow
+def test_the_laws_of_a_shell_cost_what_sharper_ones_save(tmp_path: Path) -> None:
+    """K a hundred times as large, η a hundredth: within the factor of 5 of the other parts."""
+    example, ends = Path(__file__).parents[2] / "examples" / "capstan.toml", []
+    for name, sharper in (("soft", ()), ("sharp", ("contact.stiffness=1e11", "contact.eta=1.0"))):
+        found = Scene.load(example, ["solver.tolerance=1e-5", *sharper]).run(tmp_path / name)
+        *_, last = found
+        roller = last.state.rollers["r1"]
+        ends.append((last.state.tension("entry"), roller.normal_force))
+    told = json.loads((tmp_path / "soft" / "summary.json").read_text())["errors"]["regularisation"]
+    saved = np.abs(np.subtract(*ends))
+    assert np.log([told["tension"], told["force"]] / saved) == pytest.approx(0.0, abs=np.log(5.0))
 
 
 WORDS = {

@@ -82,7 +82,7 @@ def regularisation_part(state: State) -> Part | None:
         reading, radius = state.rollers[name], state.contacts[name].roller.radius
         tension = max(reading.tension_in, reading.tension_out)
         crept = cost.by_creep * tension / strip.tensile_stiffness * reading.wrap * radius
-        share = cost.effect if state.membrane is not None else cost.penetration / radius
+        share = cost.mean_effect if state.membrane is not None else cost.penetration / radius
         shares = share * tension, share * reading.normal_force
         found.append((*shares, cost.penetration + crept))
     if not found:

@@ -215,9 +215,9 @@ def upwind(strip: Strip) -> csr_matrix:
     every point.
     """
     x, *across = np.asarray(strip.basis.global_coordinates()).reshape(strip.mesh.dim(), -1)
-    lines = np.unique(np.round(across[0] / strip.width, 9), return_inverse=True)[1] if across else 0
-    order = np.lexsort((x, np.broadcast_to(lines, x.shape)))
-    first = np.diff(np.broadcast_to(lines, x.shape)[order], prepend=-1) != 0
+    y = np.round(across[0] / strip.width, 9) if across else np.zeros_like(x)
+    order = np.lexsort((x, y))
+    first = np.diff(y[order], prepend=np.inf) != 0.0
     steps = np.where(first, x[order] - strip.mesh.p[0].min(), np.diff(x[order], prepend=0.0))
     on = np.flatnonzero(~first)
     index = np.concatenate([order, order[on]]), np.concatenate([order, order[on - 1]])
