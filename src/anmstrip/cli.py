@@ -467,10 +467,11 @@ def render_command(directory: Path, field: str | None, movie: bool, vector: str 
 @main.command("report")
 @click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
 def report_command(directory: Path) -> None:
-    """Write report.html of a run, also of one that goes on or was interrupted.
+    """Write report.html of a run or a study, also of one that goes on or was interrupted.
 
-    One page that opens in a browser without a network: tables, warnings, errors, plots along
-    the strip and over time, the last state in space, and the scene.
+    One page that opens in a browser without a network. Of a run: tables, warnings, errors, plots
+    along the strip and over time, the last state in space, and the scene. Of a sweep, an accuracy
+    study, a map or a response: its table, its figure and plots of any column over any other.
     """
     from anmstrip.pictures.report import write_report
 

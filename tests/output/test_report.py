@@ -1,4 +1,4 @@
-"""The report: its numbers are those of the files, and a browser draws all of it."""
+"""Reports: their numbers are those of the files, and a browser draws all of them."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from anmstrip.errors import InputError
 from anmstrip.pictures.report import DIGITS, MOST_TIMES, write_report
 from anmstrip.results.files import read_history
 from anmstrip.results.vtk import read_surface
+from anmstrip.sweep.study import Sweep
 
 SCENE = Path(__file__).parents[2] / "examples" / "capstan.toml"
 COARSE = ("strip.refined=0.1", "solver.tolerance=1e-3", 'title="A strip & <a roller>"')
@@ -111,31 +112,101 @@ def test_tables_are_those_of_the_summary(finished: tuple[Path, str]) -> None:
     assert not re.findall(r'(?:src|href)="(?!data:)', page.partition("<script>")[0])
 
 
-def test_a_browser_draws_everything_without_a_word(
-    finished: tuple[Path, str], tmp_path: Path
-) -> None:
+FLAT = """
+[strip]
+length = 1.0
+width = 1.0
+thickness = 1.0e-3
+cells = [4, 1]
+kinematics = "section"
+[material]
+young = 2.0e11
+poisson = 0.3
+[edges.entry]
+fixed = ["x", "z"]
+[edges.exit]
+fixed = ["z"]
+[[stages]]
+duration = 1.0
+exit.force = [1.0e3, 0.0, 0.0]
+"""
+"""A scene of some milliseconds."""
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Directory of a sweep along three lengths and two materials, with reports of two scenes."""
+    folder = tmp_path_factory.mktemp("sweep")
+    (folder / "flat.toml").write_text(FLAT)
+    varied = "strip.length=1:3:3", "material.young=1e11,2e11"
+    sweep = Sweep(folder / "flat.toml", varied, directory=folder / "out")
+    for _ in sweep.run():
+        pass
+    sweep.draw()
+    for row in sweep.rows[:2]:
+        write_report(folder / "out" / row["directory"])
+    done = CliRunner().invoke(main, ["report", str(folder / "out")])
+    assert done.output.strip() == str(folder / "out" / "report.html")
+    return folder / "out"
+
+
+def test_report_of_a_sweep_is_that_of_its_table(swept: Path) -> None:
+    study, rows = data_of(swept)["study"], read_history(swept / "sweep.csv")
+    assert study["over"][:2] == ["strip.length", "material.young"]
+    assert study["found"][0] == "entry_tension"
+    assert close(study["columns"]["strip.length"], [1.0, 1.0, 2.0, 2.0, 3.0, 3.0])
+    for name in ("entry_tension", "tangents", "wall_seconds"):
+        assert close(study["columns"][name], rows[name]), name
+    assert study["groups"] == 3 * ["100000000000.0", "200000000000.0"]
+    page = (swept / "report.html").read_text("utf-8").partition("<script>")[0]
+    assert "<p>6 of 6 scenes done.</p>" in page
+    assert page.count('src="data:image/png;base64,') == 1
+    links = re.findall(r'<a href="([^"]*)"', page)
+    assert len(links) == 2
+    assert all((swept / link).is_file() for link in links)
+
+
+def test_report_of_a_study_of_which_nothing_has_ended(tmp_path: Path) -> None:
+    (tmp_path / "accuracy.csv").write_text("along,value,tolerance,seconds\nmesh,0.5,,\n")
+    write_report(tmp_path)
+    study = data_of(tmp_path)["study"]
+    assert (study["over"], study["found"]) == (["along", "value"], [])
+
+
+def shown_by_a_browser(page: Path, scratch: Path) -> str:
+    """Return what a browser makes of a page; it must find nothing to complain of."""
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
         pytest.skip(f"no browser on this machine: none of {', '.join(BROWSERS)}")
-    page = (finished[0] / "report.html").absolute().as_uri()
     done = subprocess.run(
-        [browser, *FLAGS, f"--user-data-dir={tmp_path}", "--dump-dom", page],
+        [browser, *FLAGS, f"--user-data-dir={scratch}", "--dump-dom", page.as_uri()],
         capture_output=True,
         text=True,
         timeout=240,
         check=True,
-        env={**os.environ, "HOME": str(tmp_path)},
+        env={**os.environ, "HOME": str(scratch)},
     )
-    shown = done.stdout
-    assert 'data-drawn="yes"' in shown  # the script came to its end
+    words = [line for line in done.stderr.splitlines() if ":CONSOLE" in line]
+    assert not [line for line in words if "willReadFrequently" not in line], words
+    assert 'data-drawn="yes"' in done.stdout  # the script came to its end
+    return done.stdout
+
+
+def test_a_browser_draws_a_study(swept: Path, tmp_path: Path) -> None:
+    shown = shown_by_a_browser(swept / "report.html", tmp_path)
+    (lines,) = re.findall(r'<div id="curves" class="plot.*?</section>', shown, re.DOTALL)
+    assert lines.count('class="trace scatter') == 2
+    assert shown.count('hidden=""') == 4  # nothing of a run
+
+
+def test_a_browser_draws_everything_of_a_run(finished: tuple[Path, str], tmp_path: Path) -> None:
+    shown = shown_by_a_browser(finished[0] / "report.html", tmp_path)
     for plot in ("along", "over"):
         (lines,) = re.findall(rf'<div id="{plot}" class="plot.*?<h2>', shown, re.DOTALL)
         assert 'class="js-line"' in lines
         assert len(re.findall(r'class="point"', lines)) > 10
     assert re.search(r'<div id="space".*?<canvas', shown, re.DOTALL)
     assert shown.count("<option") > 20
-    words = [line for line in done.stderr.splitlines() if ":CONSOLE" in line]
-    assert not [line for line in words if "willReadFrequently" not in line], words
 
 
 def test_a_run_that_goes_on_has_a_report_and_one_without_is_refused(tmp_path: Path) -> None:
@@ -151,12 +222,7 @@ def test_a_run_that_goes_on_has_a_report_and_one_without_is_refused(tmp_path: Pa
 
 def test_the_report_can_be_left_out(tmp_path: Path) -> None:
     scene = tmp_path / "flat.toml"
-    scene.write_text(
-        "[strip]\nlength = 1.0\nwidth = 1.0\nthickness = 1.0e-3\ncells = [4, 1]\n"
-        'kinematics = "section"\n[material]\nyoung = 2.0e11\npoisson = 0.3\n'
-        '[edges.entry]\nfixed = ["x", "z"]\n[edges.exit]\nfixed = ["z"]\n'
-        "[[stages]]\nduration = 1.0\nexit.force = [1.0e3, 0.0, 0.0]\n"
-    )
+    scene.write_text(FLAT)
     out = str(tmp_path / "out")
     done = CliRunner().invoke(main, ["run", str(scene), "-o", out, "--quiet", "--no-report"])
     assert done.exit_code == 0, done.output

@@ -1,8 +1,9 @@
-"""The report of a run: one HTML file with tables, plots and a view that turns."""
+"""Reports of runs and studies: one HTML file with tables, plots and a view that turns."""
 
 from __future__ import annotations
 
 import json
+from base64 import b64encode
 from collections.abc import Iterable, Mapping
 from html import escape
 from importlib.resources import files
@@ -12,7 +13,7 @@ from string import Template
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from anmstrip.errors import InputError, Mistake
 from anmstrip.results.files import AnyPath, atomic_write, error_rows, plain, read_history
@@ -28,6 +29,9 @@ from anmstrip.results.vtk import (
 MOST_TIMES, MOST_STATIONS, MOST_STEPS, MOST_POINTS = 40, 400, 2000, 12_000
 """Instants and stations of profiles, steps of the history and points of the surface that a report
 keeps: with ten rollers these make about 3 MB, beside the 4.8 MB of plotly's own code."""
+
+Columns = Mapping[str, NDArray[np.float64] | list[str]]
+"""Of a table, by their names."""
 
 DIGITS = 5
 """Significant digits of numbers in plots; the files of the run have all of them."""
@@ -47,25 +51,32 @@ SHOWN = {
     "tension_out": ("tension out", "N/m", 1.0),
     "tension_ratio": ("ratio", "", 1.0),
     "normal_force": ("normal force", "N", 1.0),
-    "torque": ("torque", "N m", 1.0),
+    "torque": ("torque", "N\N{NO-BREAK SPACE}m", 1.0),
     "surface_speed": ("surface speed", "m/s", 1.0),
     "max_slip": ("largest slip", "m/s", 1.0),
     "capacity_used": ("friction used", "%", 100.0),
 }
 """Columns of the table of rollers: entry of ``summary.json``, head, unit and factor."""
 
+STUDIES = {"sweep": "status", "map": "entry_tension", "response": "gain", "accuracy": "tolerance"}
+"""Tables of studies, and their first columns that are not varied."""
+
+DRAWN = ("tension_ratio", "true_tension", "entry_tension", "gain")
+"""Ends of the names of results of which the first to be found is drawn."""
+
 
 def write_report(directory: AnyPath) -> Path:
-    """Write ``report.html`` of a run, from the files that the run has written so far.
+    """Write ``report.html`` of a run or a study, from the files that it has written so far.
 
-    The page opens without a network and has, as far as the run has got: its outcome, warnings and
-    errors; tables of rollers, ends and stages; what is along the strip and over time; the last
-    state in space; and the scene with all defaults.
+    The page opens without a network. Of a run it has, as far as the run has got: its outcome,
+    warnings and errors; tables of rollers, ends and stages; what is along the strip and over time;
+    the last state in space; and the scene with all defaults. Of a sweep, an accuracy study, a map
+    or a frequency response it has the table, the figure and plots of any column over any other.
 
     Parameters
     ----------
     directory : path
-        Where the run left its results.
+        Where the run or the study left its results.
 
     Returns
     -------
@@ -75,35 +86,90 @@ def write_report(directory: AnyPath) -> Path:
     Raises
     ------
     InputError
-        There is no run in the directory.
+        There are no results in the directory.
     OSError
         The report cannot be written.
     """
     folder = Path(directory)
-    history, summary = folder / "history.csv", folder / "summary.json"
-    if not history.is_file():
+    history = folder / "history.csv"
+    study = next((p for name in STUDIES if (p := folder / f"{name}.csv").is_file()), None)
+    found: dict[str, Any]
+    if history.is_file():
+        known = read_json(folder / "summary.json")
+        body = tables(known)
+        found = {"along": along(folder / "profile.csv"), "over": over_time(history)}
+        found["space"] = in_space(folder)
+    elif study is not None:
+        known = read_json(study.with_suffix(".json"))
+        rows = read_history(study)
+        body = study_tables(study, rows)
+        found = {"study": study_plots(study, rows)}
+    else:
+        expected = "the history of a run, or the table of a sweep or another study"
         hint = "anmstrip run SCENE.toml -o DIR, then anmstrip report DIR"
-        raise InputError([Mistake(str(history), "", "no such file", "a run's history", hint)])
-    known = json.loads(summary.read_text("utf-8")) if summary.is_file() else {}
-    data = {
-        "along": along(folder / "profile.csv"),
-        "over": over_time(history),
-        "space": in_space(folder),
-        "units": UNITS,
-    }
+        raise InputError([Mistake(str(history), "", "no such file", expected, hint)])
+    scene = json.dumps(known.get("input", {}), indent=1, ensure_ascii=False)
     page = Template((files("anmstrip.pictures") / "report.html").read_text("utf-8"))
     text = page.substitute(
-        title=escape(known.get("input", {}).get("title") or folder.name),
-        outcome=escape(known.get("message", "The run has not ended.")),
-        tables="\n".join(tables(known)),
-        scene=escape(json.dumps(known.get("input", {}), indent=1, ensure_ascii=False)),
-        data=json.dumps(plain(data), ensure_ascii=False).replace("</", "<\\/"),
+        title=escape(known.get("input", {}).get("title") or folder.absolute().name),
+        outcome=escape(known.get("message", "" if study else "The run has not ended.")),
+        tables="\n".join(body),
+        scene=escape(scene) if "input" in known else "",
+        data=json.dumps(plain({**found, "units": UNITS}), ensure_ascii=False).replace("</", "<\\/"),
         plotly=(files("plotly") / "package_data" / "plotly.min.js").read_text("utf-8"),
     )
     target = folder / "report.html"
     with atomic_write(target) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return target
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Return the table in a file, an empty one as long as there is no file."""
+    found: dict[str, Any] = json.loads(path.read_text("utf-8")) if path.is_file() else {}
+    return found
+
+
+def study_plots(path: Path, rows: Columns) -> dict[str, Any]:
+    """Return what the plots of a study draw.
+
+    Returns
+    -------
+    dict
+        Columns by name; the names of what is varied and of what was found; the pair that is drawn
+        first; and for every row a label, and the group whose points a line joins.
+    """
+    varied = list(rows)[: list(rows).index(STUDIES[path.stem])]
+    known = {name: rounded(c) for name, c in rows.items() if not isinstance(c, list)}
+    known = {name: column for name, column in known.items() if any(v is not None for v in column)}
+    found = [name for name in known if name not in varied]
+    first = [name for end in DRAWN for name in found if name.endswith(end)]
+    over, joined = varied[0], varied[1:]
+    if path.stem == "accuracy" and "seconds" in known:
+        over, joined = "seconds", varied[:1]
+    columns = {name: rows[name] for name in varied if isinstance(rows[name], list)} | known
+    count = range(len(rows[over]))
+    return {
+        "columns": columns,
+        "over": [over, *(name for name in columns if name != over)],
+        "found": [*first[:1], *(name for name in found if name not in first[:1])],
+        "labels": [", ".join(f"{name} = {rows[name][row]}" for name in varied) for row in count],
+        "groups": [", ".join(f"{rows[name][row]}" for name in joined) for row in count],
+    }
+
+
+def study_tables(path: Path, rows: Columns) -> Iterable[str]:
+    """Yield the figure and the table of a study, and links to the reports of its scenes."""
+    if statuses := list(rows.get("status", ())):
+        yield f"<p>{statuses.count('done')} of {len(statuses)} scenes done.</p>"
+    if (picture := path.with_suffix(".png")).is_file():
+        image = b64encode(picture.read_bytes()).decode()
+        yield f'<img alt="{path.stem}" src="data:image/png;base64,{image}">'
+    cells = [c if isinstance(c, list) else [number(v) for v in c] for c in rows.values()]
+    yield table(path.name, rows, zip(*cells, strict=True))
+    for name in dict.fromkeys(map(str, rows.get("directory", ()))):
+        if (path.parent / name / "report.html").is_file():
+            yield f'<p><a href="{escape(name)}/report.html">{escape(name)}</a></p>'
 
 
 def rounded(values: ArrayLike) -> list[float | None]:
@@ -198,7 +264,7 @@ def tables(summary: Mapping[str, Any]) -> Iterable[str]:
 
 def number(value: float | None, factor: float = 1.0) -> str:
     """Return a number of a table; a dash where there is none."""
-    return "–" if value is None else f"{factor * value:.6g}"
+    return "–" if value is None or not np.isfinite(value) else f"{factor * value:.6g}"
 
 
 def table(title: str, heads: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
@@ -206,4 +272,5 @@ def table(title: str, heads: Iterable[str], rows: Iterable[Iterable[object]]) ->
     head = "".join(f"<th>{escape(text)}</th>" for text in heads)
     lines = ("".join(f"<td>{escape(str(cell))}</td>" for cell in row) for row in rows)
     body = chain((f"<tr>{head}</tr>",), (f"<tr>{line}</tr>" for line in lines))
-    return f"<h2>{escape(title)}</h2>\n<table>\n" + "\n".join(body) + "\n</table>"
+    rows_of = "\n".join(body)
+    return f'<h2>{escape(title)}</h2>\n<div class="wide"><table>\n{rows_of}\n</table></div>'
