@@ -57,8 +57,8 @@ def history_row(step: Step, conveyed: bool) -> dict[str, Any]:
     if conveyed:
         fed = state.strip_speed or 0.0, state.conveyed
         values |= dict(zip(FEED_COLUMNS, fed, strict=True))
-    for name, reading in state.rollers.items():
-        values |= {f"{name}_{column}": getattr(reading, column) for column in ROLLER_COLUMNS}
+    for name, contact in state.contacts.items():
+        values |= {f"{name}_{column}": getattr(contact, column) for column in ROLLER_COLUMNS}
     return values
 
 
@@ -147,9 +147,9 @@ class Recorder:
 
     def write_state(self, state: State) -> None:
         """Write the profile, the surface and the rollers, and list them."""
-        rows = self.profile.rows(state)
-        self.profile_table.extend(rows)
-        self.profile_rows += len(rows)
+        columns = self.profile.columns(state)
+        self.profile_table.extend(columns)
+        self.profile_rows += len(columns["time"])
         strip, rollers = (f"{name}_{self.states:05d}.vtu" for name in ("strip", "rollers"))
         fields = self.surface.sample(state)
         origin, flat_origin = self.assembly.origin, np.append(self.assembly.flat_origin, 0.0)

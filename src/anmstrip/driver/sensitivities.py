@@ -255,7 +255,7 @@ class Partials:
             Gap (m), and slip over the roller's speed (m), for a unit of h.
         """
         tangent, state = self.tangent, self.tangent.state
-        speed = max(abs(c.speed) for c in state.contacts.values()) or 1.0
+        speed = max(abs(c.surface_speed) for c in state.contacts.values()) or 1.0
         slip = tangent.friction.law_of_slip.speed / speed
         h = SMALL * min(tangent.friction.contact.signorini.width / arm, slip * 0.5 * arm)
 

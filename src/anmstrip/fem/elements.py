@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from math import perm, prod
 from typing import Any
 
@@ -25,6 +25,7 @@ class CentredMixin(ElementGlobal):
     """
 
     V: Any = None
+    ready: tuple[tuple[Any, Any], dict[int, DiscreteField]] = (None, None), {}  # for gbasis
 
     @property
     def highest(self) -> int:
@@ -62,29 +63,40 @@ class CentredMixin(ElementGlobal):
         """Physical derivative of a monomial as a function of local coordinates."""
         scale = np.prod(self.extent[list(orders)], axis=0)
         return lambda *x: (
-            monomial_derivative(exponents, orders, powers(np.stack(x), self.highest)) / scale
+            derivatives([exponents], orders, powers(np.stack(x), self.highest))[0] / scale
         )
 
     def gbasis(self, mapping: Any, X: Array, i: int, tind: Any = None) -> Any:
-        """Value, gradient and Hessian of basis function ``i`` at reference points."""
+        """Value, gradient and Hessian of basis function ``i`` at reference points.
+
+        All are found at once, when the first is asked for, and then given away one by one.
+        """
+        (points, elements), found = self.ready
+        if points is not X or elements is not tind or i not in found:
+            found = dict(enumerate(self._fields(mapping, X, tind)))
+            self.ready = (X, tind), found
+        return (found.pop(i),)
+
+    def _fields(self, mapping: Any, X: Array, tind: Any) -> Iterator[DiscreteField]:
+        """Yield all basis functions at reference points."""
         if self.V is None:
             self.V = inverse(self._eval_dofs(mapping.mesh))
         chosen = np.arange(mapping.mesh.t.shape[1]) if tind is None else tind
         centre, extent = self.centre[:, chosen, None], self.extent[:, chosen, None]
         table = powers((mapping.F(X, tind=chosen) - centre) / extent, self.highest)
-        weights = self.V[chosen, :, i].T[:, :, None]
-        parts = [np.zeros((self.dim,) * k + table.shape[2:]) for k in range(3)]
+        weights, known = self.V[chosen].swapaxes(1, 2), dict[Orders, Array]()
         for orders in self.orders:
-            mirrored = tuple(sorted(orders))
-            if mirrored != orders:
-                parts[2][orders] = parts[2][mirrored]
-                continue
-            part = parts[len(orders)][orders]
-            for weight, exponents in zip(weights, self.exponents, strict=True):
-                if all(e >= orders.count(d) for d, e in enumerate(exponents)):
-                    part += weight * monomial_derivative(exponents, orders, table)
-            part /= np.prod(extent[list(orders)], axis=0)
-        return (DiscreteField(value=parts[0], grad=parts[1], hess=parts[2]),)
+            if (mirrored := tuple(sorted(orders))) not in known:
+                monomials = derivatives(self.exponents, orders, table).swapaxes(0, 1)
+                scale = np.prod(extent[list(orders)], axis=0)
+                known[orders] = (weights @ monomials).swapaxes(0, 1) / scale
+            known[orders] = known[mirrored]
+        for i in range(weights.shape[1]):
+            parts = [
+                np.reshape([known[o][i] for o in self.orders if len(o) == k], shape)
+                for k, shape in enumerate([(self.dim,) * k + table.shape[2:] for k in range(3)])
+            ]
+            yield DiscreteField(value=parts[0], grad=parts[1], hess=parts[2])
 
 
 def inverse(dofs: Array) -> Array:
@@ -101,11 +113,15 @@ def powers(x: Array, highest: int) -> Array:
     return table
 
 
-def monomial_derivative(exponents: tuple[int, ...], orders: Orders, table: Array) -> Array:
-    """Derivative of a monomial from the powers of its coordinates, zero ones included."""
-    counts = [orders.count(d) for d in range(len(exponents))]
-    lowered = [table[max(e - counts[d], 0), d] for d, e in enumerate(exponents)]
-    return prod(map(perm, exponents, counts)) * prod(lowered)
+def derivatives(exponents: Sequence[tuple[int, ...]], orders: Orders, table: Array) -> Array:
+    """Derivatives of monomials from the powers of their coordinates, shape (monomials, ...)."""
+    factors = []
+    for d, powers_of in enumerate(zip(*exponents, strict=True)):
+        count = orders.count(d)
+        falling = np.array([perm(e, count) for e in powers_of])
+        lowered = table[np.maximum(np.array(powers_of) - count, 0), d]
+        factors.append(lowered * falling.reshape(-1, *(1,) * (lowered.ndim - 1)))
+    return np.asarray(prod(factors))
 
 
 def facet_normals(mesh: Any) -> tuple[Array, Array]:

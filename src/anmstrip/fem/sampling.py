@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Self, TypeVar
 
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 from skfem.element import DiscreteField
 
 from anmstrip.arrays import Array, Index
@@ -306,15 +306,20 @@ def l2_projection(strip: Strip, pattern: Pattern, displacement: Array) -> Array:
     -------
     ndarray, shape (unknowns,)
     """
-    operator = CellOperator(strip, [0])
-    block = np.zeros(pattern.couplings)
+    (operator, factors), units = mass_factors(strip, pattern), strip.dof_lengths[:, None]
+    right = operator.gather(strip.kinematics.pick(displacement.T).T[:, None])
+    return np.ravel(factors.solve(right.reshape(-1, strip.count) * units) * units)
+
+
+@lru_cache(maxsize=2)
+def mass_factors(strip: Strip, pattern: Pattern) -> tuple[CellOperator, SuperLU]:
+    """Return values at the quadrature points, and the factors of their scaled mass matrix."""
+    operator, block = CellOperator(strip, [0]), np.zeros(pattern.couplings)
     operator.add_bilinear(np.eye(1), pattern, block)
     units = strip.dof_lengths  # that make the matrix well conditioned
     scaled = block * units[pattern.row] * units[pattern.column]
     mass = csc_matrix((scaled, (pattern.row, pattern.column)), 2 * (strip.scalars,))
-    right = operator.gather(strip.kinematics.pick(displacement.T).T[:, None])
-    scaled_unknowns = splu(mass).solve(right.reshape(-1, strip.count) * units[:, None])
-    return np.ravel(scaled_unknowns * units[:, None])
+    return operator, splu(mass)
 
 
 def displacement_at(strip: Strip, full: Array, places: Array) -> Array:

@@ -42,8 +42,31 @@ class Edge:
     nodes: Index  # of the mesh, in the order along the edge
     values: Index  # scalar degrees of freedom "value" of these nodes
     trace: Index  # those that fix values all along a straight edge: values, derivatives along it
-    load: Array  # ∫ φ ds, generalised force of a unit force per length, shape (scalars,)
-    length: float  # m
+    strip: Strip
+
+    @property
+    def load(self) -> Array:
+        """∫ φ ds, generalised force of a unit force per length, shape (scalars,)."""
+        return self._integrals[0]
+
+    @property
+    def length(self) -> float:
+        """Length (m)."""
+        return self._integrals[1]
+
+    @cached_property
+    def _integrals(self) -> tuple[Array, float]:
+        strip = self.strip
+        load = np.zeros(strip.scalars)
+        if strip.mesh.dim() == 1:
+            load[self.values] = strip.depth
+            return load, strip.depth
+        basis = FacetBasis(strip.mesh, strip.basis.elem, facets=self.facets, intorder=6)
+        weights = strip.weights(basis)
+        for dofs, (field,) in zip(basis.element_dofs, basis.basis, strict=True):
+            np.add.at(load, dofs, (np.asarray(field) * weights).sum(axis=1))
+        load[np.abs(load) * strip.dof_lengths < 1e-12 * np.abs(load).max()] = 0.0
+        return load, float(weights.sum())
 
 
 class Strip:
@@ -267,17 +290,7 @@ class Strip:
         names = ["u", *(f"u_{'xy'[along] * k}" for k in (1, 2))] if self.mesh.dim() > 1 else ["u"]
         known = [n for n in names if n in self.basis.elem.dofnames]
         trace = np.concatenate([self.dofs(n)[nodes] for n in known])
-        load, length = np.zeros(self.scalars), self.depth * len(facets)
-        if self.mesh.dim() == 1:
-            load[self.node_values[nodes]] = self.depth
-        else:
-            basis = FacetBasis(self.mesh, self.basis.elem, facets=facets, intorder=6)
-            weights = self.weights(basis)
-            for dofs, (field,) in zip(basis.element_dofs, basis.basis, strict=True):
-                np.add.at(load, dofs, (np.asarray(field) * weights).sum(axis=1))
-            load[np.abs(load) * self.dof_lengths < 1e-12 * np.abs(load).max()] = 0.0
-            length = float(weights.sum())
-        return Edge(name, facets, nodes, self.node_values[nodes], trace, load, length)
+        return Edge(name, facets, nodes, self.node_values[nodes], trace, self)
 
 
 def grid(xs: Array, ys: Array) -> MeshQuad:

@@ -145,6 +145,15 @@ def principal(forces: Array) -> tuple[Array, Array]:
     return found.eigenvalues, found.eigenvectors
 
 
+def principal_values(forces: Array) -> Array:
+    """Principal membrane forces alone (N/m), ascending, (points, d), of (d, d, points)."""
+    if len(forces) == 1:
+        return forces[0].T
+    mean, half = 0.5 * (forces[0, 0] + forces[1, 1]), 0.5 * (forces[0, 0] - forces[1, 1])
+    radius = np.hypot(half, forces[0, 1])
+    return np.stack([mean - radius, mean + radius], axis=-1)
+
+
 FLAT = 1e-10
 """Curvature times thickness that is round-off."""
 

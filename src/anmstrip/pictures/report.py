@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from html import escape
 from importlib.resources import files
 from itertools import chain
+from math import isfinite
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from anmstrip.errors import InputError, Mistake
-from anmstrip.results.files import AnyPath, atomic_write, error_rows, plain, read_history
+from anmstrip.results.files import AnyPath, atomic_write, error_rows, read_history
 from anmstrip.results.vtk import (
     FIELDS,
     read_collection,
@@ -115,7 +116,7 @@ def write_report(directory: AnyPath) -> Path:
         outcome=escape(known.get("message", "" if study else "The run has not ended.")),
         tables="\n".join(body),
         scene=escape(scene) if "input" in known else "",
-        data=json.dumps(plain({**found, "units": UNITS}), ensure_ascii=False).replace("</", "<\\/"),
+        data=json.dumps({**found, "units": UNITS}, ensure_ascii=False).replace("</", "<\\/"),
         plotly=(files("plotly") / "package_data" / "plotly.min.js").read_text("utf-8"),
     )
     target = folder / "report.html"
@@ -174,8 +175,9 @@ def study_tables(path: Path, rows: Columns) -> Iterable[str]:
 
 def rounded(values: ArrayLike) -> list[float | None]:
     """Return numbers with few digits, None for those that are not finite."""
-    flat = np.asarray(values, dtype=float).ravel()
-    return [float(f"{v:.{DIGITS}g}") if np.isfinite(v) else None for v in flat]
+    flat = np.asarray(values, dtype=float).ravel().tolist()
+    written = map(float, (f"%.{DIGITS}g " * len(flat) % tuple(flat)).split())
+    return [v if isfinite(v) else None for v in written]
 
 
 def spread(count: int, most: int) -> np.ndarray[Any, np.dtype[np.int64]]:
@@ -223,7 +225,7 @@ def in_space(folder: Path) -> dict[str, Any] | None:
     if rollers := read_collection(folder / "rollers.pvd"):
         body = read_surface(folder / rollers[-1].file)
         tones = np.repeat(sector_tones(body), 2)
-        space["rollers"] = mesh(body.points, body.cells) | {"tones": tones}
+        space["rollers"] = mesh(body.points, body.cells) | {"tones": tones.tolist()}
     return space
 
 

@@ -14,7 +14,6 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import LinearOperator, eigs, eigsh
 
@@ -248,6 +247,8 @@ class WrinkleWatch:
         self.factors = ahead
         self.last = pressed * float(ahead.min(initial=np.inf))
         found = []
+        from scipy.optimize import brentq
+
         for level, kind in LEVELS.items():
             counts = [int((factors < level).sum()) for factors in (before, self.factors)]
             for number in range(*(sorted(counts) if kind == BIFURCATION else counts)):

@@ -321,13 +321,20 @@ class History:
         OSError
             The file cannot be written.
         """
-        self.extend([row])
+        self.extend({column: [value] for column, value in row.items()})
 
-    def extend(self, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Add several rows in one piece, as :meth:`append` adds one."""
-        if unknown := {column for row in rows for column in row} - set(self.columns):
+    def extend(self, table: Mapping[str, Sequence[Any] | NDArray[np.float64]]) -> None:
+        """Add several rows in one piece, by columns; NaN in an array makes an empty cell."""
+        if unknown := table.keys() - set(self.columns):
             raise ValueError(f"no such columns: {', '.join(sorted(unknown))}")
-        lines = _encode([[row.get(column) for column in self.columns] for row in rows])
+        empty = [None] * max(map(len, table.values()), default=0)
+        cells = (
+            ["" if math.isnan(x) else x for x in column.tolist()]
+            if isinstance(column, np.ndarray)
+            else column
+            for column in (table.get(name, empty) for name in self.columns)
+        )
+        lines = _encode(zip(*cells, strict=True))
         with named_errors(self.path), self.path.open("rb+") as file:  # not made anew
             file.seek(0, os.SEEK_END)
             file.write(lines)

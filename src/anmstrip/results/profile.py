@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from anmstrip.arrays import Array, Index
@@ -83,13 +81,6 @@ class Profile:
         table = {"time": np.full(len(loads), state.time), **columns, "line_load": loads}
         names = COLUMNS if layers is None else (*COLUMNS, *YIELD_COLUMNS)
         return {name: table[name] for name in names}
-
-    def rows(self, state: Readable) -> list[dict[str, Any]]:
-        """Return a row for every station, from the entry on; empty where the column is NaN."""
-        columns = self.columns(state)
-        values = np.array(list(columns.values())).T
-        kept = [[None if np.isnan(value) else value for value in row] for row in values.tolist()]
-        return [dict(zip(columns, row, strict=True)) for row in kept]
 
     def _mean(self, values: Array, weights: Array | None = None) -> Array:
         """Mean over each station; NaN where there is no weight."""

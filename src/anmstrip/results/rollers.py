@@ -54,7 +54,7 @@ class ContactState:
     traction: Array  # Pa, shape (3, points); zero where there is no friction
     coefficient: float | None  # f, with friction
     arm: Array  # distance of the surface from the axis (m), shape (points,)
-    speed: float  # of the surface (m/s)
+    surface_speed: float  # where the profile has the nominal radius (m/s)
     bearing_torque: float  # against it (N m)
     elements: Index  # with a point within reach; all of their points are among these
 
@@ -77,6 +77,36 @@ class ContactState:
     def pressed(self) -> Index:
         """Numbers of these points in the whole strip."""
         return np.asarray(self.contact.operator.chosen[self.touching])
+
+    @property
+    def normal_force(self) -> float:
+        """Sum of the normal forces (N)."""
+        return float((self.pressure * self.area).sum())
+
+    @cached_property
+    def friction_forces(self) -> Array:
+        """Friction force (N) of every point in the sense of a positive speed, shape (points,)."""
+        return np.asarray((self.traction * self.turning).sum(axis=0) * self.area)
+
+    @property
+    def drag(self) -> float:
+        """Sum of the friction forces (N)."""
+        return float(self.friction_forces.sum())
+
+    @property
+    def torque(self) -> float:
+        """Moment of friction about the axis on the strip, in the sense of drag (N m)."""
+        return float(self.friction_forces @ self.arm)
+
+    @property
+    def wrap(self) -> float:
+        """Angle from the beginning to the end of contact (rad)."""
+        return float(np.ptp(self.ends[0])) if self.ends.size else 0.0
+
+    @property
+    def max_slip(self) -> float:
+        """Largest slip speed in contact (m/s)."""
+        return float(np.linalg.norm(self.slip, axis=0)[self.touching].max(initial=0.0))
 
     @cached_property
     def cells(self) -> Index:
@@ -265,23 +295,21 @@ def reading_of(
         total + weight_before(x)
         for total, x in zip((incoming, incoming + resultant), state.arc, strict=True)
     )
-    wrap = float(np.ptp(state.ends[0])) if state.ends.size else 0.0
     tensions = [float(np.linalg.norm(v) / state.width) for v in (before, after)]
-    friction = (state.traction * state.turning).sum(axis=0) * area
     loads = line_loads(state, tensions, bending)
     return RollerReading(
-        normal_force=float((state.pressure * area).sum()),
-        drag=float(friction.sum()),
-        surface_speed=state.speed,
-        torque=float(friction @ state.arm),
+        normal_force=state.normal_force,
+        drag=state.drag,
+        surface_speed=state.surface_speed,
+        torque=state.torque,
         bearing_torque=state.bearing_torque,
-        wrap=wrap,
+        wrap=state.wrap,
         tension_in=tensions[0],
         tension_out=tensions[1],
-        max_slip=float(np.linalg.norm(state.slip, axis=0)[touching].max(initial=0.0)),
+        max_slip=state.max_slip,
         creep_speed=-float((along * force).sum() / force.sum()) if force.any() else 0.0,
         cone_violation=max(0.0, float(state.cone_share.max()) - 1.0),
-        capacity_used=capacity_used(state, before, after, wrap),
+        capacity_used=capacity_used(state, before, after, state.wrap),
         slip_arc=state.slip_arc,
         line_load_in=loads[0],
         line_load_out=loads[1],

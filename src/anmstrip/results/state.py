@@ -14,7 +14,7 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import nearest
 from anmstrip.mechanics.loads import FollowerLoad
 from anmstrip.mechanics.plasticity import Plasticity
-from anmstrip.mechanics.shell import Membrane, principal
+from anmstrip.mechanics.shell import Membrane, principal_values
 from anmstrip.results.profile import Profile
 from anmstrip.results.rollers import (
     ContactState,
@@ -171,7 +171,7 @@ class State:
     def principal_forces(self) -> Array:
         """Membrane forces (N/m), ascending, at the quadrature points, shape (points, d)."""
         assert self.membrane is not None
-        return principal(self.membrane.at(self.full, self.controls))[0]
+        return principal_values(self.membrane.at(self.full, self.controls))
 
     @cached_property
     def imbalance(self) -> Array:
@@ -282,7 +282,7 @@ class State:
             traction,
             coefficient,
             arm=roller.radius * np.broadcast_to(ratio, place.gap.shape),
-            speed=speed,
+            surface_speed=speed,
             bearing_torque=bearing,
             elements=elements,
         )

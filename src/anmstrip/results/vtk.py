@@ -8,11 +8,11 @@ import os
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Self
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -459,8 +459,8 @@ TAIL = b"  </Collection>\n</VTKFile>\n"
 
 def _line(entry: Entry) -> bytes:
     """One state in a list of states."""
-    file = quoteattr(entry.file)
-    return f'    <DataSet timestep="{entry.time!r}" group="" part="0" file={file}/>\n'.encode()
+    file = escape(entry.file)
+    return f'    <DataSet timestep="{entry.time!r}" group="" part="0" file="{file}"/>\n'.encode()
 
 
 def read_collection(path: AnyPath) -> tuple[Entry, ...]:

@@ -8,7 +8,6 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from anmstrip.arrays import Array
 from anmstrip.fem.sampling import quadrature_points, shape_of
@@ -147,6 +146,8 @@ class Wrinkling:
         The height is the largest distance w of :meth:`lines`, the spacing 2π √(∫w² dy / ∫w,y² dy)
         of the line where that is.  Both are 0 of a span without lines.
         """
+        from scipy.interpolate import CubicSpline
+
         lines, found = self.lines(sampler), []
         for span in self.spans:
             inside = [(y, w) for x, y, w in lines if span.start <= x <= span.end]

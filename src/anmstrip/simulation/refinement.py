@@ -81,18 +81,28 @@ class Halved(Assembly):
 
     def prolonged(self, full: Array) -> Array:
         """Return the same displacements on this mesh, (unknowns,); other unknowns stay."""
+        old, (functions, dofs) = self.coarse.strip, self.inherited
+        values = np.einsum("nep,nec->cep", functions, old.nodal(full)[dofs])
+        displacement = old.kinematics.embed(values.reshape(old.count, -1))
+        own = l2_projection(self.strip, self.pattern, displacement)
+        return np.append(own, full[old.unknowns :])
+
+    @cached_property
+    def inherited(self) -> tuple[Array, Index]:
+        """The given mesh's functions at the points of this one, and their numbers.
+
+        Shapes (functions of one element, elements, points) and (functions of one, elements).
+        """
         old, basis = self.coarse.strip, self.coarse.strip.basis
         points = np.asarray(self.strip.basis.global_coordinates())
         children: Index = np.arange(points.shape[1])  # as scikit-fem numbers them
         parents = children // 2 if old.mesh.dim() == 1 else children % old.mesh.nelements
-        local, nodal = basis.mapping.invF(points, tind=parents), old.nodal(full)
-        values = np.zeros((old.count, *points.shape[1:]))
-        for number, dofs in enumerate(basis.element_dofs):
-            (field,) = basis.elem.gbasis(basis.mapping, local, number, tind=parents)
-            values += nodal[dofs[parents]].T[:, :, None] * np.asarray(field)
-        displacement = old.kinematics.embed(values.reshape(old.count, -1))
-        own = l2_projection(self.strip, self.pattern, displacement)
-        return np.append(own, full[old.unknowns :])
+        local = basis.mapping.invF(points, tind=parents)
+        fields = [
+            np.asarray(basis.elem.gbasis(basis.mapping, local, number, tind=parents)[0])
+            for number in range(basis.Nbfun)
+        ]
+        return np.array(fields), basis.element_dofs[:, parents]
 
     def problem(
         self, stage: StageSpec, state: State, released: Iterable[str], more: Mapping[str, Array]
