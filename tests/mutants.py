@@ -349,10 +349,14 @@ ENDS = (
     Mutant("line loads exchanged", "line_load_in=loads[0]", "line_load_in=loads[1]", "profile"),
     Mutant("friction leaves the tension alone", "here = tension + 0.5 *", "here = tension + 0.0 *",
            "profile"),
-    Mutant("largest error is the least", "np.max(found, axis=0)", "np.min(found, axis=0)",
+    Mutant("largest error is the least", "largest.append(max((abs(", "largest.append(min((abs(",
            "errors"),
-    Mutant("error in time is that of paths", 'zip(("time", "path"), self.in_time',
-           'zip(("path", "time"), self.in_time', "errors"),
+    Mutant("error in time is that of paths", 'zip(("time", "path", "reg',
+           'zip(("path", "time", "reg', "errors"),
+    Mutant("forces of laws that stay", "effect.sharper(by) for", "effect.sharper(0.0 * by) for",
+           "errors"),
+    Mutant("laws err in the last step only", "right[1:] += added", "right[1:2] += added[:1]",
+           "errors"),
 )  # fmt: skip
 
 PROFILE = (
@@ -667,9 +671,9 @@ BUDGET = (
         "errors",
     ),
     Mutant(
-        "laws cost a tension by the looser side",
-        "share * tension, share * reading.normal_force",
-        "share * reading.tension_out, share * reading.normal_force",
+        "laws of a stationary state by the other side",
+        "moved[0, free] = factors.solve(equations.sharpening(zero, 0.0))",
+        "moved[0, free] = -factors.solve(equations.sharpening(zero, 0.0))",
         "errors",
     ),
 )

@@ -72,24 +72,6 @@ def part(state: State, other: State, moved: Array) -> Part:
     return {"tension": largest[0], "force": largest[1], "position": float(position)}
 
 
-def regularisation_part(state: State) -> Part | None:
-    """Return what the regularised laws change, see ``Regularisation``; None without rollers.
-
-    Fibres of a plate, which is not stretched, pull no more where a gap makes their way longer.
-    """
-    strip, found = state.plan.model.strip, []
-    for name, cost in state.regularisation.items():
-        reading, radius = state.rollers[name], state.contacts[name].roller.radius
-        tension = max(reading.tension_in, reading.tension_out)
-        crept = cost.by_creep * tension / strip.tensile_stiffness * reading.wrap * radius
-        share = cost.mean_effect if state.membrane is not None else cost.penetration / radius
-        shares = share * tension, share * reading.normal_force
-        found.append((*shares, cost.penetration + crept))
-    if not found:
-        return None
-    return dict(zip(("tension", "force", "position"), np.max(found, axis=0).tolist(), strict=True))
-
-
 @dataclass
 class Budget:
     """Errors of the latest state of a run.
@@ -167,29 +149,69 @@ class Budget:
         released : collection of str
             Edges that were let go.
         """
-        exact, self.parts = state, dict.fromkeys(("path", "time", "mesh"))
+        exact, self.parts = state, dict.fromkeys(("path", "time", "mesh", "regularisation"))
         if memory is None or memory.errors is None:
-            here = held_still(state)
-            exact = balanced(here, state) or state
+            exact = balanced(held_still(state), state) or state
             self.parts["path"] = part(state, exact, exact.full - state.full)
+            self.parts["regularisation"] = self.by_laws(exact)
         else:
-            self.parts |= zip(("time", "path"), self.in_time(state, memory.errors), strict=True)
+            found = self.in_time(state, memory.errors)
+            self.parts |= zip(("time", "path", "regularisation"), found, strict=True)
         if self.halved is not None:
             self.look_finer(self.halved, stage, exact, released)
         self.time = state.time
 
-    def in_time(self, state: State, errors: Errors) -> Iterator[Part]:
-        """Yield what errors by the formulas and by their branches make of what is read off.
+    def by_laws(self, state: State) -> Part | None:
+        """Return what regularised laws make of a state that no past belongs to."""
+        if not state.rollers:
+            return None
+        free, still = state.plan.supports.free, held_still(state)
+        zero = np.zeros(len(free))
+        equations = Equilibrium(still.model, still.supports, still.controls)
+        factors = SparseSolver().factorise(equations.recurrence(zero, 0.0, 1).tangent())
+        moved = np.zeros((2, len(state.full)))
+        moved[0, free] = factors.solve(equations.sharpening(zero, 0.0))
+        return self.straight(state, moved, sharper=True)
 
-        To first order, as they are known: by a change so small that the laws of contact and
-        friction are straight over it.
+    def straight(self, state: State, moved: Array, sharper: bool = False) -> Part:
+        """Return what a change of displacements and velocities makes of what is read off.
+
+        To first order, as it is known: by a central difference over which the laws of contact and
+        friction are straight.
+
+        Parameters
+        ----------
+        state : State
+        moved : ndarray, shape (2, unknowns)
+        sharper : bool
+            Whether the laws become sharper with the change.
         """
-        assert state.velocity is not None
-        free, scales = state.plan.supports.free, [self.assembly.scales.length, np.inf]
+        scales = [self.assembly.scales.length, np.inf]
         if self.assembly.contact is not None:
             scales[0] = self.assembly.signorini.width
         if self.assembly.friction is not None:
             scales[1] = self.assembly.friction.speed
+        values = np.abs(moved[:, state.plan.model.value_unknowns]).max(axis=1)
+        share = min(0.5, SMALL / max(*(values / scales), 1e-300))
+
+        def changed(by: float) -> State:
+            plan, full, velocity = state.plan, state.full - by * moved[0], None
+            if plan.steady:
+                velocity = plan.transport(full, state.control)
+            elif state.velocity is not None:
+                velocity = state.velocity - by * moved[1]
+            if sharper:
+                effects = [effect.sharper(by) for effect in plan.model.effects]
+                plan = replace(plan, model=plan.model.with_effects(effects))
+            return replace(state, plan=plan, full=full, velocity=velocity)
+
+        found = part(changed(-share), changed(share), 2.0 * share * moved[0])
+        return {key: float(value / (2.0 * share)) for key, value in found.items()}
+
+    def in_time(self, state: State, errors: Errors) -> Iterator[Part]:
+        """Yield what errors by the formulas, by their branches and by the laws make of a state."""
+        assert state.velocity is not None
+        free = state.plan.supports.free
         velocity = AffineVelocity(errors.rate, state.velocity[free], np.zeros(len(free)))
         still = held_still(state)
         equations = Equilibrium(
@@ -198,15 +220,12 @@ class Budget:
         zero = np.zeros(len(free))
         factors = SparseSolver().factorise(equations.recurrence(zero, 0.0, 1).tangent())
         resistance, left = equations.resistance(zero, 0.0), equations.residual(zero, 0.0)
-        for before, rest in zip(errors.before, (zero, left), strict=True):
-            moved = np.zeros((2, len(state.full)))
+        sharpening = equations.sharpening(zero, 0.0)
+        for number, rest in enumerate((zero, left, sharpening)):
+            before, moved = errors.before[number], np.zeros((2, len(state.full)))
             moved[0, free] = factors.solve(resistance(errors.rate * before) + rest)
             moved[1, free] = errors.rate * (moved[0, free] - before)
-            values = np.abs(moved[:, state.plan.model.value_unknowns]).max(axis=1)
-            share = min(1.0, SMALL / max(*(values / scales), 1e-300))
-            u, v = state.full - share * moved[0], state.velocity - share * moved[1]
-            found = part(state, replace(state, full=u, velocity=v), share * moved[0])
-            yield {key: float(value / share) for key, value in found.items()}
+            yield self.straight(state, moved, sharper=rest is sharpening)
 
     def look_finer(
         self, halved: Halved, stage: StageSpec, state: State, released: Collection[str]

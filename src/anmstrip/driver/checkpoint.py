@@ -206,7 +206,7 @@ def check_arrays(arrays: Mapping[str, Array], facts: Facts, march: March) -> Non
     optional: dict[str, tuple[int, ...]] = {
         f"load.{name}": (3,) for name in march.assembly.strip.edges
     }
-    optional |= {"errors": (2, 2, free)} if facts.times is not None else {}
+    optional |= {"errors": (2, 3, free)} if facts.times is not None else {}
     if "mesh_error" in arrays and (halved := Budget(march.assembly).halved) is not None:
         optional["mesh_error"] = (halved.unknowns,)
     known |= {name: shape for name, shape in optional.items() if name in arrays}

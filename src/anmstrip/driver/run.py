@@ -13,7 +13,7 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Outcome, PathStopped
 from anmstrip.continuation.follow import Pace
-from anmstrip.driver.budget import Budget, Part, regularisation_part
+from anmstrip.driver.budget import Budget, Part
 from anmstrip.driver.checkpoint import identity, kept_values, read_checkpoint
 from anmstrip.driver.preview import Preview
 from anmstrip.driver.recorder import Recorder, history_row
@@ -399,8 +399,7 @@ class Run:
         parts = dict[str, Part | None].fromkeys(("path", "time", "mesh", "regularisation"))
         if self.state is None:
             return parts
-        known = self.budget.parts if self.budget.time == self.state.time else {}
-        return {**parts, **known, "regularisation": regularisation_part(self.state)}
+        return parts | (self.budget.parts if self.budget.time == self.state.time else {})
 
     @property
     def fine_enough(self) -> bool:

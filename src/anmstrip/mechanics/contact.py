@@ -118,6 +118,10 @@ class Contact(LawEffect):
         many = np.broadcast_to(np.asarray(self.reach, dtype=float), len(self.roller.members))
         return self.roller.of(list(many))
 
+    def sharper(self, share: float) -> Contact:
+        """Return the same with a sharper law."""
+        return replace(self, signorini=self.signorini.sharper(share))
+
     @cached_property
     def least(self) -> Array:
         """Pressure at the reach, taken off everywhere so that contact begins without a jump."""
@@ -388,6 +392,11 @@ class Friction(LawEffect):
         """Return the same with V_c so many times as large."""
         law: Any = self.law_of_slip
         return replace(self, law_of_slip=replace(law, speed=width * law.speed))
+
+    def sharper(self, share: float) -> Friction:
+        """Return the same with sharper laws of friction and contact."""
+        law_of_slip, contact = self.law_of_slip.sharper(share), self.contact.sharper(share)
+        return replace(self, law_of_slip=law_of_slip, contact=contact)
 
     def near(self, full: Array, controls: Mapping[str, Any]) -> Friction:
         """The same effect on the points within reach."""

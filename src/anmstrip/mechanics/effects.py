@@ -95,6 +95,10 @@ class Effect:
         """Return the effect with the corner of its law so many times as wide in velocity."""
         return self
 
+    def sharper(self, share: float) -> Effect:
+        """Return the effect with its law nearer to a sharp one by a share."""
+        return self
+
 
 class LawEffect(Effect):
     """Residual Lᵀ w law(L u, L v, controls): an operator, a pointwise law, and weights.

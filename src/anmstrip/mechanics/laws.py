@@ -56,10 +56,36 @@ class ContactLaw:
 
         return np.vectorize(inverse)(reaction)
 
+    def sharper(self, share: float) -> ContactLaw:
+        """Return the law whose gaps are all smaller by a share, at the same reactions."""
+        return ScaledGaps(self, 1.0 - share)
+
     @property
     def words(self) -> str:
         """Description for a report."""
         return type(self).__name__
+
+
+@dataclass(frozen=True)
+class ScaledGaps(ContactLaw):
+    """A law with all gaps multiplied by a number."""
+
+    law: ContactLaw
+    ratio: float
+
+    def __call__(self, gap: Any) -> Any:
+        """Reaction at a gap."""
+        return self.law(gap * (1.0 / self.ratio))
+
+    @property
+    def width(self) -> float:  # type: ignore[override]
+        """Gap (m) over which the reaction sets in."""
+        return self.ratio * self.law.width
+
+    @property
+    def faint(self) -> float:  # type: ignore[override]
+        """Reaction below which nothing counts as touching."""
+        return self.law.faint
 
 
 @dataclass(frozen=True)
@@ -179,6 +205,10 @@ class FrictionLaw:
         """Return the law with another coefficient, or one for each point."""
         return replace(self, coefficient=coefficient)  # type: ignore[type-var]
 
+    def sharper(self, share: float) -> Self:
+        """Return the law nearer to Coulomb's by a share: with V_c so much smaller."""
+        return replace(self, speed=(1.0 - share) * self.speed)  # type: ignore[type-var]
+
     def share(self, slip: Any) -> Any:
         """Return |R_T|/(f R_N) in steady slip at given speeds (m/s)."""
         unit = self.with_coefficient(1.0)
@@ -208,6 +238,11 @@ class NortonHoff(FrictionLaw):
         magnitude = regular_norm(slip * (1.0 / self.speed), self.omega)
         strength = normal * magnitude ** (self.exponent - 1.0)
         return slip * strength * (-self.coefficient / self.speed)
+
+    def sharper(self, share: float) -> NortonHoff:
+        """Return the law nearer to Coulomb's by a share: with q and ω so much smaller."""
+        left = 1.0 - share
+        return replace(self, exponent=left * self.exponent, omega=left * self.omega)
 
 
 @dataclass(frozen=True)

@@ -232,6 +232,10 @@ class Drives(LawEffect):
         """Return the same with V_b so many times as large."""
         return replace(self, speed=width * self.speed)
 
+    def sharper(self, share: float) -> Drives:
+        """Return the same with V_b smaller by a share."""
+        return self.smoothed(1.0 - share)
+
     def drag(self, speeds: Any) -> Any:
         """Torque (N m) with which bearings brake, positive against positive speeds, (rollers,)."""
         return speeds / np.sqrt(speeds * speeds + self.speed**2) * self.bearings

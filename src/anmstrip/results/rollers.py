@@ -389,17 +389,11 @@ class Regularisation:
     by_penetration: float = 0.0
     """Penetration over the radius: the moment and the way of the strip go with the radius; and
     the strain of the fibre whose gap is farthest from the others', in units of the tension's."""
-    by_uneven_gaps: float = 0.0  # the latter alone, which is nothing in the mean over the width
 
     @property
     def effect(self) -> float:
-        """Estimated change of the tension of the fibre that it changes most, as a share."""
+        """Estimated change of the tensions by all, as a share."""
         return self.by_creep + self.by_cone + self.by_penetration
-
-    @property
-    def mean_effect(self) -> float:
-        """Estimated change of the tensions, means over the width, as a share."""
-        return self.effect - self.by_uneven_gaps
 
 
 def regularisation_of(
@@ -438,8 +432,7 @@ def regularisation_of(
         gaps = np.bincount(fibre, state.gap[touching]) / np.bincount(fibre)
         uneven = float(np.abs(gaps - gaps.mean()).max()) / radius / (tension / stiffness)
     penetration = float(np.abs(state.gap[touching]).max())
-    by_penetration = penetration / radius + uneven
-    return Regularisation(creep, penetration, by_creep, by_cone, by_penetration, uneven)
+    return Regularisation(creep, penetration, by_creep, by_cone, penetration / radius + uneven)
 
 
 class Readable(Protocol):

@@ -265,7 +265,7 @@ class March:
         first = self.scene.solver.time_step or FIRST_STEP * min(stages)
         free, errors = plan.supports.free, None
         if self.memory is not None and self.memory.errors is not None and self.past is not None:
-            whole = np.zeros((2, len(self.full)))
+            whole = np.zeros((3, len(self.full)))
             whole[:, self.past.supports.free] = self.memory.errors.after
             errors = Errors(whole[:, free], whole[:, free], 0.0)
         return start_memory(plan.start, self.full[free], self.velocity[free], first, errors)

@@ -29,13 +29,13 @@ class AffineVelocity:
 
 @dataclass(frozen=True)
 class Errors:
-    """Estimated errors of a state: by the formulas, and by what their branches have left.
+    """Estimated errors of a state: by the formulas, by what their branches have left, by the laws.
 
     An error e of u is one rate (e − e₀) of its velocity.
     """
 
-    before: Array  # e₀ (2, n): at the start of the last step, with what its formula adds
-    after: Array  # e (2, n)
+    before: Array  # e₀ (3, n): at the start of the last step, with what its formula adds
+    after: Array  # e (3, n)
     rate: float  # of the formula
 
 
@@ -98,6 +98,10 @@ class StepEquations(Equations, Protocol):
         None by default: every error in time then counts as one that lasts or fades.
         """
         return 0.0
+
+    def sharpening(self, u: Array, control: float) -> Array:
+        """Derivative of R by a share by which regularised laws come nearer to the sharp ones."""
+        return np.zeros_like(u)
 
 
 class RateEquations(Protocol):

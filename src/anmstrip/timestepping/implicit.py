@@ -358,22 +358,26 @@ class _Integrator:
     def errors(self, memory: Memory, trial: _Trial, local: Array) -> Errors:
         """Errors of the state, carried on from those at the start of a step.
 
-        With the local error l of the formula and the residual r that the step leaves, both to
-        first order, the error e₀ of the state before becomes
+        With the local error l of the formula, the residual r that the step leaves and the change
+        s of the residual by sharper laws, all to first order, the error e₀ of the state before
+        becomes
 
-            (∂R/∂u + rate ∂R/∂v) e = rate ∂R/∂v (e₀ + l) + r.
+            (∂R/∂u + rate ∂R/∂v) e = rate ∂R/∂v (e₀ + l) + r + s.
 
         What sticks keeps it and what slips forgets it.
         """
-        before = np.zeros((2, len(local))) if memory.errors is None else memory.errors.after.copy()
+        before = np.zeros((3, len(local))) if memory.errors is None else memory.errors.after.copy()
         before[0] += local
-        left = trial.path.residual(trial.increment, 1.0)
-        self.cost.residuals += 1
-        self.cost.solves += 2
         with self.cost.timed("error in time"):
-            right = [trial.resistance(trial.rate * error) for error in before]
-            right[1] = right[1] + left
+            added = (
+                trial.path.residual(trial.increment, 1.0),
+                trial.path.sharpening(trial.increment, 1.0),
+            )
+            right = np.array([trial.resistance(trial.rate * error) for error in before])
+            right[1:] += added
             after = np.array([self.solver.factors.solve(each) for each in right])
+        self.cost.residuals += 2
+        self.cost.solves += 3
         return Errors(before, after, trial.rate)
 
     def next_order(
