@@ -14,6 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any, get_args
+from urllib.parse import quote
 
 import pytest
 from click.testing import CliRunner
@@ -22,6 +23,7 @@ from pydantic import BaseModel
 from anmstrip import Scene
 from anmstrip.cli import main
 from anmstrip.scene.schema import SceneSpec
+from browser import shown
 
 ROOT = Path(__file__).parent.parent
 TUTORIAL = sorted((ROOT / "docs" / "tutorial").glob("*.md"))
@@ -91,20 +93,38 @@ def test_every_claim_has_its_row() -> None:
 
 
 FIGURES = re.compile(
-    r"`((?:python |pytest |anmstrip case )[^`]*?(?:\.py|tests/[\w/]+|case [a-z-]+))`"
+    r"`((?:python|pytest) [^`]*?(?:\.py|tests/[\w/]+)|anmstrip case [a-z-]+)(?=[ `])"
 )
+"""Commands beside figures; of a pytest of several files the first."""
 
 
 def figures(page: Path) -> set[str]:
     """Return the commands that stand beside the figures of a page."""
     found = FIGURES.findall(without_blocks(page.read_text(encoding="utf-8")))
-    return {command for command in found if "NAME" not in command}
+    return {command for command in found if "NAME" not in command and "/all.py" not in command}
 
 
-def test_figures_of_the_readme_are_among_the_claims() -> None:
-    found = figures(ROOT / "README.md")
-    assert len(found) >= 4
-    assert found <= figures(ROOT / "docs" / "verification.md")
+@pytest.mark.parametrize("page", [*PAGES, *TUTORIAL], ids=lambda page: page.name)
+def test_figures_have_their_rows(page: Path) -> None:
+    """What stands beside a figure on any page is named on the page of verification."""
+    rows = {command.split()[-1] for command in figures(ROOT / "docs" / "verification.md")}
+    assert {command.split()[-1] for command in figures(page)} <= rows
+    assert page != ROOT / "README.md" or len(figures(page)) >= 4
+
+
+TABLE = re.compile(r"^\|(.*\| *command) *\|\n\|[-|]+\|\n((?:\|.*\|\n)+)", re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_rows_of_figures_have_their_commands(page: Path) -> None:
+    """In tables whose last column is the command: each row has one, and the test that it names."""
+    for _, rows in TABLE.findall(without_blocks(page.read_text(encoding="utf-8"))):
+        for row in rows.splitlines():
+            (command,) = FIGURES.findall(row.rpartition(" | ")[2])
+            path = ROOT / command.split()[-1]
+            if command.startswith("pytest") and path.is_file():
+                marked = "mark.slow" in path.read_text(encoding="utf-8")
+                assert marked or "-m slow" not in command, row
 
 
 @pytest.mark.parametrize("page", [*PAGES, *TUTORIAL], ids=lambda page: page.name)
@@ -298,10 +318,23 @@ def test_question_is_answered_a_click_from_the_first_page(question: str) -> None
 
 
 @pytest.mark.parametrize("question", QUESTIONS)
-def test_question_is_answered_by_the_search(question: str) -> None:
-    """It returns pages with all words asked for, which stand in the text of the answer."""
+def test_answer_has_the_words_of_the_question(question: str) -> None:
+    """The search of the site returns the pages on which all words stand; so does the reader's."""
     page, head = QUESTIONS[question]
     text = without_blocks((ROOT / "docs" / f"{page}.md").read_text("utf-8"))
     answer = head + re.split(r"\n\n(?=## |\*\*)", text.partition(head)[2])[0]
     for word in re.findall(r"\w+", question):
         assert word == "the" or re.search(rf"\b{word}\b", answer, re.IGNORECASE), word
+
+
+SEARCH = ROOT / "build" / "site" / "search.html"
+"""Of the site as it was last built; CI builds it before the slow tests."""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not SEARCH.is_file(), reason="sphinx-build -b html docs build/site comes first")
+@pytest.mark.parametrize("question", QUESTIONS)
+def test_question_is_answered_by_the_search_of_the_site(question: str, tmp_path: Path) -> None:
+    page = shown(f"{SEARCH.as_uri()}?q={quote(question)}", tmp_path)
+    results = page.partition(' class="search">')[2].partition("</ul>")[0]
+    assert f'href="{QUESTIONS[question][0]}.html' in results

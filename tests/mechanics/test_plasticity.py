@@ -143,11 +143,12 @@ def test_lobatto_integrates_polynomials_up_to_2n_minus_3():
 
 
 @pytest.mark.parametrize(("k", "tension"), [(4.0, 0.2), (3.0, 0.0), (3.0, 0.5)])
-def test_first_bend(k, tension):
+def test_first_bend(k, tension, claim):
     ((_, moment, elongation, left),) = Piece(51, tension, layers=41).bent(k)
-    exact = first_bend(k, tension)
-    assert moment == pytest.approx(exact, rel=0.01)  # layers at lower rates bear less
-    assert left == pytest.approx(k - exact, rel=0.01)
+    exact, bend = first_bend(k, tension), f"first bend k = {k:g} at τ = {tension:g}, n = 51"
+    source = "perfectly plastic fibres, closed form"
+    claim(f"{bend}: M/M_e", moment, exact, 0.01, source)  # layers at lower rates bear less
+    claim(f"{bend}: k left", left, k - exact, 0.01, source)
     assert elongation - tension == pytest.approx(tension * (k - 1.0), rel=0.016, abs=5e-3)
 
 
@@ -158,12 +159,13 @@ def test_the_closed_form_is_approached_with_the_exponent():
     assert errors[-1] < 0.006
 
 
-def test_bent_and_straightened_it_is_longer():
+def test_bent_and_straightened_it_is_longer(claim):
     """By τ (2k − 3) ε_y where the new core sweeps the old: 11 % more at n = 51, like 1/n."""
     found = [list(Piece(n, 0.5, layers=41).bent(3.0, 0.0))[-1][2] - 0.5 for n in (51, 101)]
     errors = np.array(found) - 1.5
     assert errors[1] == pytest.approx(0.5 * errors[0], rel=0.15)
-    assert 2.0 * found[1] - found[0] == pytest.approx(1.5, rel=0.02)
+    told = "plastic elongation over ε_y, k = 3 and back at τ = 0.5, n → ∞"
+    claim(told, 2.0 * found[1] - found[0], 1.5, 0.02, "perfectly plastic fibres, closed form")
 
 
 @pytest.mark.parametrize("exponent", [5, 51, 101])

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import shutil
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +17,10 @@ from anmstrip.pictures.report import DIGITS, MOST_TIMES, write_report
 from anmstrip.results.files import read_history
 from anmstrip.results.vtk import read_surface
 from anmstrip.sweep.study import Sweep
+from browser import shown
 
 SCENE = Path(__file__).parents[2] / "examples" / "capstan.toml"
 COARSE = ("strip.refined=0.1", "solver.tolerance=1e-3", 'title="A strip & <a roller>"')
-
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
-FLAGS = (
-    *("--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"),
-    *("--enable-unsafe-swiftshader", "--enable-logging=stderr", "--virtual-time-budget=20000"),
-    *("--host-resolver-rules=MAP * ~NOTFOUND", "--window-size=1200,2400"),
-)
-"""Without a display, drawing by the processor, without any network."""
 
 
 @pytest.fixture(scope="module")
@@ -173,40 +163,23 @@ def test_report_of_a_study_of_which_nothing_has_ended(tmp_path: Path) -> None:
     assert (study["over"], study["found"]) == (["along", "value"], [])
 
 
-def shown_by_a_browser(page: Path, scratch: Path) -> str:
-    """Return what a browser makes of a page; it must find nothing to complain of."""
-    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if browser is None:
-        pytest.skip(f"no browser on this machine: none of {', '.join(BROWSERS)}")
-    done = subprocess.run(
-        [browser, *FLAGS, f"--user-data-dir={scratch}", "--dump-dom", page.as_uri()],
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=True,
-        env={**os.environ, "HOME": str(scratch)},
-    )
-    words = [line for line in done.stderr.splitlines() if ":CONSOLE" in line]
-    assert not [line for line in words if "willReadFrequently" not in line], words
-    assert 'data-drawn="yes"' in done.stdout  # the script came to its end
-    return done.stdout
-
-
 def test_a_browser_draws_a_study(swept: Path, tmp_path: Path) -> None:
-    shown = shown_by_a_browser(swept / "report.html", tmp_path)
-    (lines,) = re.findall(r'<div id="curves" class="plot.*?</section>', shown, re.DOTALL)
+    page = shown((swept / "report.html").as_uri(), tmp_path)
+    assert 'data-drawn="yes"' in page  # the script came to its end
+    (lines,) = re.findall(r'<div id="curves" class="plot.*?</section>', page, re.DOTALL)
     assert lines.count('class="trace scatter') == 2
-    assert shown.count('hidden=""') == 4  # nothing of a run
+    assert page.count('hidden=""') == 4  # nothing of a run
 
 
 def test_a_browser_draws_everything_of_a_run(finished: tuple[Path, str], tmp_path: Path) -> None:
-    shown = shown_by_a_browser(finished[0] / "report.html", tmp_path)
+    page = shown((finished[0] / "report.html").as_uri(), tmp_path)
+    assert 'data-drawn="yes"' in page  # the script came to its end
     for plot in ("along", "over"):
-        (lines,) = re.findall(rf'<div id="{plot}" class="plot.*?<h2>', shown, re.DOTALL)
+        (lines,) = re.findall(rf'<div id="{plot}" class="plot.*?<h2>', page, re.DOTALL)
         assert 'class="js-line"' in lines
         assert len(re.findall(r'class="point"', lines)) > 10
-    assert re.search(r'<div id="space".*?<canvas', shown, re.DOTALL)
-    assert shown.count("<option") > 20
+    assert re.search(r'<div id="space".*?<canvas', page, re.DOTALL)
+    assert page.count("<option") > 20
 
 
 def test_a_run_that_goes_on_has_a_report_and_one_without_is_refused(tmp_path: Path) -> None:

@@ -85,12 +85,13 @@ def test_the_closed_integral_is_that_of_the_table():
     assert exact / unit == pytest.approx(6.04 + 2.48, rel=0.01)
 
 
-def test_tension_over_a_roller_without_friction(run):
+def test_tension_over_a_roller_without_friction(run, claim):
     """T_out − T_in = ∮ M dκ."""
     state, *_ = run
     unit = STRAIN * YIELD * THICKNESS / 3.0
     gained = (state.tension("exit") - state.tension("entry")) / unit
-    assert gained == pytest.approx(6.04 + 2.48, rel=0.015)
+    told = "tension gained over a frictionless roller, 3 ΔT/(σ_y t ε_y)"
+    claim(told, gained, 6.04 + 2.48, 0.015, "∮ M dκ of returned fibres")
 
 
 def test_power_is_what_the_tensions_do(run):
@@ -184,7 +185,7 @@ def test_what_is_left_of_a_bend_is_told_before_it_is_let_go(tmp_path):
     assert ends[0] == ends[1]
 
 
-def test_cooled_between_held_ends_it_flows():
+def test_cooled_between_held_ends_it_flows(claim):
     """By α ΔT = 3 ε_y at the rate r: N = σ_y t (r/ε₀)^(1/n), and ε_p = 3 ε_y − N/(E t)."""
     flow = {"uniaxial": True, "reference_rate": 3e-3, "layers": 5}
     held = {"fixed": ["x", "z"]}
@@ -197,7 +198,8 @@ def test_cooled_between_held_ends_it_flows():
     }
     *_, last = Scene.from_tables(tables, "cooled.toml").run()
     share = (3.0 * STRAIN / 3e-3) ** (1.0 / 51.0)
-    assert last.state.tension("exit") == pytest.approx(share * YIELD * THICKNESS, rel=2e-3)
+    told = "tension of a section cooled by 3 ε_y/α between held ends, N/(σ_y t)"
+    claim(told, last.state.tension("exit") / (YIELD * THICKNESS), share, 2e-3, "flow at the rate")
     elongation = last.state.along("elongation")
     assert elongation == pytest.approx((3.0 - share) * STRAIN, rel=2e-3)
 
@@ -213,12 +215,13 @@ SHELL = {
 }  # fmt: skip
 
 
-def test_a_shell_in_tension_flows_and_narrows(tmp_path):
+def test_a_shell_in_tension_flows_and_narrows(tmp_path, claim):
     """At the rate r: σ = σ_y (r/ε₀)^(1/n), ε_p across −½ of that along, all of the thickness."""
     *_, last = Scene.from_tables(SHELL, "pulled.toml").run(tmp_path)
     share, state = (3.0 * STRAIN / 3e-3) ** (1.0 / 51.0), last.state
     stretch = 1.0 + 3.0 * STRAIN
-    assert state.tension("exit") == pytest.approx(share * YIELD * THICKNESS * stretch, rel=1e-3)
+    found = state.tension("exit") / (YIELD * THICKNESS * stretch)
+    claim("tension of a yielding shell, N/(σ_y t)", found, share, 1e-3, "(r/ε₀)^(1/n)")
     green = 0.5 * (stretch**2 - 1.0)
     assert state.along("elongation") == pytest.approx(green - share * STRAIN, rel=1e-3)
     assert state.along("plastic_share") == pytest.approx(1.0)
