@@ -84,6 +84,16 @@ def test_override_reaches_unnamed_tables_by_default_name(tmp_path: Path) -> None
     assert Scene.load(path, ["stages.stage3.duration=9"]).stages[2].duration == 9.0
 
 
+def test_a_stage_without_friction_may_leave_out_its_duration(tmp_path: Path) -> None:
+    """It only sets a scale of time, unless a velocity says how far an edge goes."""
+    (before, own, after), path = GOOD.partition("duration = 0.6\n"), tmp_path / "scene.toml"
+    path.write_text(before + "friction = false\n" + after, encoding="utf-8")
+    assert own and Scene.load(path).stages[-1].duration == 1.0
+    path.write_text(before + "friction = false\nexit.velocity = [1.0, 0.0, 0.0]\n" + after)
+    with pytest.raises(InputError, match=r"turn\.duration"):
+        Scene.load(path)
+
+
 def test_last_override_wins() -> None:
     scene = Scene.load(CAPSTAN, ["strip.width=2", "strip.width=3"])
     assert scene.strip.width == 3.0

@@ -185,15 +185,18 @@ def json_schema() -> dict[str, Any]:
     """Return the JSON schema of a scene file, by which editors complete and check it.
 
     What pydantic makes of the models, with what files may leave out besides: names, the duration
-    of steady stages; and with the names of edges as keys of a stage.
+    of stages that are steady or without friction; and with the names of edges as keys of a stage.
     """
     schema = SceneSpec.model_json_schema()
     tables = schema["$defs"]
     tables["RollerSpec"]["required"].remove("name")
     stage = tables["StageSpec"]
     stage["required"] = []
-    steady = {"properties": {"steady": {"const": True}}, "required": ["steady"]}
-    stage["anyOf"] = [{"required": ["duration"]}, steady]
+    without = [
+        {"properties": {key: {"const": value}}, "required": [key]}
+        for key, value in (("steady", True), ("friction", False))
+    ]
+    stage["anyOf"] = [{"required": ["duration"]}, *without]
     stage["additionalProperties"] = stage["properties"].pop("edges")["additionalProperties"]
     for table in (schema, *tables.values()):
         table["description"] = table["description"].partition("\n\n")[0]

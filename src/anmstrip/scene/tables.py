@@ -589,7 +589,7 @@ class StageSpec(Table):
     name: Name = Field(examples=['"turn"'])
     """name, of letters, digits, - and _ (text)"""
     duration: Positive = Field(examples=["1.0"])
-    """duration, which a steady stage may leave out, a number above 0 (s)"""
+    """duration, which steady or frictionless stages may leave out, a number above 0 (s)"""
     steady: StrictBool = Field(False, examples=["true"])
     """whether every state of the stage is a stationary one (true or false)"""
     strip: StripControl = Field(StripControl(), examples=["{ speed = 1.0 }"])
@@ -613,7 +613,8 @@ class StageSpec(Table):
             return given
         own = {key: value for key, value in given.items() if key in cls.model_fields}
         others = {key: value for key, value in given.items() if key not in own}
-        if own.get("steady") is True:
+        moved = any("velocity" in edge for edge in others.values() if isinstance(edge, dict))
+        if own.get("steady") is True or (own.get("friction") is False and not moved):
             own.setdefault("duration", 1.0)
         return {**own, "edges": {**edges, **others}}
 
