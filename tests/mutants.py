@@ -95,20 +95,25 @@ STATE = (
 READINGS = (
     Mutant(
         "normal force 10 per cent off",
-        "normal_force=float((state.pressure * area).sum())",
-        "normal_force=1.1 * float((state.pressure * area).sum())",
+        "return float((self.pressure * self.area).sum())",
+        "return 1.1 * float((self.pressure * self.area).sum())",
         "rollers",
     ),
     Mutant(
         "a torque of the nominal radius",
-        "float(friction @ state.arm)",
-        "float(friction.sum()) * state.roller.radius",
+        "float(self.friction_forces @ self.arm)",
+        "float(self.friction_forces.sum()) * self.roller.radius",
         "rollers",
     ),
     Mutant(
-        "the torque is the drag", "float(friction @ state.arm)", "float(friction.sum())", "rollers"
+        "the torque is the drag",
+        "float(self.friction_forces @ self.arm)",
+        "float(self.friction_forces.sum())",
+        "rollers",
     ),
-    Mutant("the surface stands", "surface_speed=state.speed", "surface_speed=0.0", "rollers"),
+    Mutant(
+        "the surface stands", "surface_speed=state.surface_speed", "surface_speed=0.0", "rollers"
+    ),
     Mutant(
         "bearings drive",
         "bearing_torque=state.bearing_torque",
@@ -126,14 +131,19 @@ READINGS = (
     Mutant(
         "where the strip passes is turned", '"above" if z > 0.0', '"above" if z < 0.0', "explain"
     ),
-    Mutant("drag has the other sign", "drag=float(", "drag=-float(", "rollers"),
+    Mutant("drag has the other sign", "drag=state.drag", "drag=-state.drag", "rollers"),
     Mutant(
         "cone violation is always 0",
         "max(0.0, float(state.cone_share.max()) - 1.0)",
         "0.0",
         "rollers",
     ),
-    Mutant("wrap 1 per cent off", "wrap = float(np.ptp(", "wrap = 1.01 * float(np.ptp(", "rollers"),
+    Mutant(
+        "wrap 1 per cent off",
+        "return float(np.ptp(self.ends",
+        "return 1.01 * float(np.ptp(self.ends",
+        "rollers",
+    ),
     Mutant(
         "tension before a roller is a force",
         "tension_in=tensions[0]",
@@ -154,8 +164,8 @@ READINGS = (
     ),
     Mutant(
         "largest slip also out of contact",
-        "[touching].max(initial=0.0)),\n        creep_speed",
-        ".max(initial=0.0)),\n        creep_speed",
+        "float(np.linalg.norm(self.slip, axis=0)[self.touching].max",
+        "float(np.linalg.norm(self.slip, axis=0).max",
         "rollers",
     ),
     Mutant("creep has the other sign", "creep_speed=-float(", "creep_speed=float(", "rollers"),
