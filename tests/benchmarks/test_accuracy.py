@@ -119,6 +119,7 @@ def test_the_order_in_time_is_that_of_the_formula(formula: int) -> None:
     assert exponent(steps, errors) == pytest.approx(formula, abs=0.5)
 
 
+@pytest.mark.slow
 def test_a_finer_cantilever_is_nearer_to_the_elastica() -> None:
     errors = [mesh.bending_error(cells) for cells in (4, 8, 16)]
     assert errors == sorted(errors, reverse=True)
@@ -209,6 +210,7 @@ def test_mesh_study() -> None:
     assert all(row["order"] > 2.0 for row in sheet_of(report, "Cantilever")[1:])
 
 
+@pytest.mark.slow
 def test_solvers_study() -> None:
     """All solvers solve; one is chosen for each tangent; growth in seconds is told."""
     report, rows = quick("solvers")

@@ -55,12 +55,13 @@ exit.force = [1.0e4, 0.0, 0.0]
 """
 
 
-def test_reader_gives_a_scene_or_mistakes() -> None:
+@pytest.mark.parametrize("first", [0, pytest.param(1_000, marks=pytest.mark.slow)])
+def test_reader_gives_a_scene_or_mistakes(first: int) -> None:
     """Fuzzed as by ``python tests/hard/fuzz_reader.py --count 1000000``."""
-    tally = fuzzed(range(2_000))
+    tally = fuzzed(range(first, first + 1_000))
     assert tally.crashes == ()
-    assert tally.scenes > 100
-    assert tally.refused > 1000
+    assert tally.scenes > 50
+    assert tally.refused > 500
 
 
 @pytest.mark.parametrize(("of", "count"), [("override", 500), ("checkpoint", 500), ("mesh", 200)])

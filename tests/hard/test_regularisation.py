@@ -110,6 +110,7 @@ def test_summary(tmp_path: Path) -> None:
     assert (roller["sticking_creep"], roller["penetration"]) == (0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_laws_are_sharpened_until_it_is_not_seen(tmp_path: Path) -> None:
     """Ten times V_c: 3 % too much tension at first, the tolerance of 0.1 % at last."""
     exact, _ = ran(capstan(speed=1.0, omega=1e-3))

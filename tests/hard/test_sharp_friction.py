@@ -55,6 +55,7 @@ def test_sharp_friction_ends_where_statics_says(tmp_path: Path, law: str) -> Non
     assert run.cost.expansions < 150
 
 
+@pytest.mark.slow
 def test_all_points_begin_to_slip_within_one_step() -> None:
     """The tension is lost behind a bridle that stands: smoother laws end steps that stall.
 
@@ -92,6 +93,7 @@ def test_all_points_begin_to_slip_within_one_step() -> None:
     assert run.cost.expansions < 400
 
 
+@pytest.mark.slow
 def test_very_sharp_friction_does_not_stall(tmp_path: Path) -> None:
     """Where the paths of steps stall, smoother laws lead to their ends; without them this stops.
 

@@ -75,7 +75,10 @@ def largest_distance(name, found, case, knots_of=np.inf):
     return max(exact.distance(t, found.path(t)[0], 1.0) for t in times)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name",
+    [n if n != "rotating-circle" else pytest.param(n, marks=pytest.mark.slow) for n in CASES],
+)
 def test_eight_digits(name):
     case = CASES[name]()
     found = solve_case(case, "taylor", order=19, tolerance=1e-8)

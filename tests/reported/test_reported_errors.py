@@ -272,6 +272,7 @@ PRESS = Path(__file__).parents[2] / "examples" / "press.toml"
 FALSE = "wrinkles there may come from the mesh alone"
 
 
+@pytest.mark.slow
 def test_false_compression_of_a_coarse_shell_is_warned_of(tmp_path: Path) -> None:
     """Against a run on a mesh that is fine enough, where hardly anything is compressed."""
     text = PRESS.read_text(encoding="utf-8")

@@ -234,6 +234,7 @@ def test_a_shell_in_tension_flows_and_narrows(tmp_path, claim):
     assert not (tmp_path / "layers.csv").exists()
 
 
+@pytest.mark.slow
 def test_what_is_left_of_a_shell_that_is_bent_is_told_before_it_is_let_go(tmp_path):
     """Bent by moments, its sides free; the curvatures both ways that are left, and the share."""
     tables = {

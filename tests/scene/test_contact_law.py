@@ -65,6 +65,7 @@ def test_it_takes_fewer_tangents_and_presses_more_evenly() -> None:
     assert abs(graded.ratio_error) < 2e-4
 
 
+@pytest.mark.slow
 def test_it_tends_to_rigid_contact_with_the_mesh() -> None:
     """The roller bears what a stiff penalty makes it bear."""
     found = []

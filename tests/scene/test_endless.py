@@ -67,6 +67,7 @@ def test_the_exit_of_an_endless_strip_goes_on_as_its_entry() -> None:
     assert curvature[0] == pytest.approx(sagging, rel=0.02)
 
 
+@pytest.mark.slow
 def test_sensitivities_of_an_endless_strip_are_differences_of_runs() -> None:
     """To 1e-5, of both tensions by the torque, and with T₁ − T₂ = M/(r W) exactly."""
     key, h, tight = "rollers.driven.torque", 0.05, []

@@ -71,11 +71,19 @@ def check_same(found: dict[str, Any], near: dict[str, Any], place: np.ndarray) -
         assert there == pytest.approx(here, rel=1e-9)
 
 
+@pytest.fixture(scope="module")
+def near(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """The line at the origin."""
+    scene = Scene.from_tables(threaded(np.zeros(3)), "near.toml")
+    return ended(scene, tmp_path_factory.mktemp("near"))
+
+
 @pytest.mark.parametrize(
     "place", [(10.0, 0.0, 0.0), (1e3, 0.0, -2e3), (1e6, 0.0, 1e6)], ids=["10 m", "km", "1000 km"]
 )
-def test_a_threaded_line_is_the_same_far_away(tmp_path: Path, place: tuple[float, ...]) -> None:
-    near = ended(Scene.from_tables(threaded(np.zeros(3)), "near.toml"), tmp_path / "near")
+def test_a_threaded_line_is_the_same_far_away(
+    near: dict[str, Any], tmp_path: Path, place: tuple[float, ...]
+) -> None:
     there = np.array(place)
     far = ended(Scene.from_tables(threaded(there), "far.toml"), tmp_path / "far")
     check_same(far, near, there)

@@ -221,8 +221,16 @@ def instants(whole: Whole, count: int, seed: int) -> Iterator[list[Stop]]:
         yield [Stop(int(n), float(random.uniform(0.0, 0.03))) for n in rows]
 
 
+SIGNALS = (
+    *(signal.SIGKILL, signal.SIGINT),
+    pytest.param(
+        signal.SIGTERM, marks=pytest.mark.slow
+    ),  # the command handles it as it does SIGINT
+)
+
+
 @pytest.mark.parametrize("runs", [2, pytest.param(23, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("sign", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("sign", SIGNALS)
 def test_stopped_runs_end_where_the_other_did(
     whole: Whole, tmp_path: Path, runs: int, sign: signal.Signals
 ) -> None:

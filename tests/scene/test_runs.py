@@ -441,7 +441,7 @@ def test_finished_run_that_is_resumed_stays_what_it_was(small: Finished, tmp_pat
     assert found["rollers"]["r1"]["normal_force"] > 0.0
 
 
-@pytest.mark.parametrize("most", [3, 6])
+@pytest.mark.parametrize("most", [3, pytest.param(6, marks=pytest.mark.slow)])
 def test_run_that_stops_early_says_where(tmp_path: Path, most: int) -> None:
     ended = command("run", CAPSTAN, "-o", tmp_path, *options([*SMALL, f"solver.max_steps={most}"]))
     assert ended.returncode == 1
@@ -496,6 +496,7 @@ def entries_of(directory: Path) -> tuple[Any, ...]:
     return listed(path) if path.exists() else ()
 
 
+@pytest.mark.slow
 def test_killed_run_can_be_read_and_resumed(small: Finished, tmp_path: Path) -> None:
     process = stopped(tmp_path, signal.SIGKILL)
     assert process.returncode == -signal.SIGKILL

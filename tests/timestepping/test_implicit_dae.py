@@ -121,7 +121,7 @@ def test_a_stiff_friction_point_comes_to_rest():
 
 
 @pytest.mark.parametrize("time_order", [3, 4, 5])
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
+@pytest.mark.parametrize("tolerance", [1e-4, pytest.param(1e-6, marks=pytest.mark.slow)])
 def test_higher_orders_keep_the_tolerance_in_fewer_steps(time_order, tolerance):
     steps = run(smooth, [0.0], [1.0], 3.0, tolerance=tolerance, time_order=time_order)
     for step in steps:
