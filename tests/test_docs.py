@@ -16,6 +16,7 @@ from types import ModuleType
 from typing import Any, get_args
 from urllib.parse import quote
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from pydantic import BaseModel
@@ -73,6 +74,30 @@ def test_tutorial_runs_as_printed(
                 assert done.exit_code == 0, (line, done.output)
         elif found[1] == "python":
             exec(compile(found[2], page.name, "exec"), {"__name__": "tutorial"})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["README.md", "docs/quickstart.md", "docs/howto.md"])
+def test_first_pages_run_as_printed(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Their Python, and the commands of a scene of one's own; CI pastes the installation."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.setattr(
+        "matplotlib.pyplot.plot", lambda x, y: np.testing.assert_equal(len(x), len(y))
+    )
+    if name == "docs/howto.md":  # has run what the quickstart says
+        coarse = ["strip.refined=0.1", 'strip.kinematics="section"']
+        for _ in Scene.load("examples/capstan.toml", coarse).run("results/capstan"):
+            pass
+    for language, text in FENCE.findall((ROOT / name).read_text(encoding="utf-8")):
+        typed = text.partition("activate\n")[2] if language == "console" else ""
+        for line in typed.splitlines():
+            done = CliRunner().invoke(main, shlex.split(line)[1:])
+            assert done.exit_code == 0, (line, done.output)
+        if language == "python":
+            exec(compile(text, name, "exec"), {"__name__": "first"})
 
 
 CLAIM = re.compile(r"^def (test_\w+)\([^)]*\bclaim\b", re.MULTILINE)
