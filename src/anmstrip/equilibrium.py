@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix, csr_matrix, vstack
+from scipy.sparse import csc_matrix
 
 from anmstrip.arrays import Array, Index
 from anmstrip.continuation.path import Branch
@@ -124,9 +124,13 @@ class Model:
     def closed_rows(self, blocks: Blocks) -> Blocks:
         """Return a tangent with the row of the strip's speed, from those of the strip."""
         if self.pull is not None:
-            last = csr_matrix(self.pattern.sum_of_rows(self.pull, blocks))
-            blocks.rows = csr_matrix(vstack([blocks.rows[:-1], last]))
-            blocks.corner[-1] = self.pull @ blocks.columns
+            last, n = self.coupled - 1, blocks.strip
+            rows, columns, values = blocks.entries
+            on, kept = rows < n, rows != last
+            pulled = np.append(self.pattern.sum_of_rows(self.pull, blocks), np.zeros(self.others))
+            pulled += np.bincount(columns[on], self.pull[rows[on]] * values[on], self.coupled)
+            blocks.border = [(rows[kept], columns[kept], values[kept])]
+            blocks.add(last, np.arange(self.coupled), pulled)
         return blocks
 
     def smoothed(self, width: float) -> Model:

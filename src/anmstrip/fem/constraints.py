@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse import csc_matrix
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.strip import Strip
@@ -51,8 +51,7 @@ class Joint:
         if not isinstance(matrix, Bordered):
             return csc_matrix(fold.T @ matrix @ fold)
         inner = csc_matrix(fold.T @ matrix.inner @ fold)
-        border = csc_matrix(fold.T @ matrix.columns), csr_matrix(matrix.rows @ fold)
-        return Bordered(inner, *border, matrix.corner)
+        return Bordered(inner, fold.T @ matrix.columns, matrix.rows @ fold, matrix.corner)
 
 
 @dataclass(frozen=True)

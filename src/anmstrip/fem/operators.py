@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +14,7 @@ from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, eye, kron, vstack
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.strip import Strip
-from anmstrip.linalg.bordered import Bordered
+from anmstrip.linalg.bordered import WIDEST_BORDER, Bordered
 
 
 @dataclass
@@ -21,10 +22,22 @@ class Blocks:
     """Entries of a tangent, to which every effect adds its own."""
 
     pairs: Array  # (components, components, couplings): row component, column component, coupling
-    columns: csc_matrix  # (unknowns of the strip, others): a column for each other unknown
-    rows: csr_matrix  # (others, unknowns of the strip)
-    corner: Array  # (others, others)
+    strip: int  # unknowns of the strip
+    others: int  # unknowns that follow these
     internal: Eliminated | Chained | None = None  # unknowns of points' own
+    border: list[tuple[Index, Index, Array]] = dataclasses.field(default_factory=list)
+
+    def add(self, rows: Any, columns: Any, values: Array) -> None:
+        """Add entries of rows and columns of other unknowns, by the numbers of the unknowns."""
+        row, column, value = np.broadcast_arrays(rows, columns, values)
+        self.border.append((row.ravel(), column.ravel(), value.ravel()))
+
+    @property
+    def entries(self) -> tuple[Index, Index, Array]:
+        """Rows, columns and values of all that was added; what stands at one place adds up."""
+        none = np.zeros(0, dtype=np.int64)
+        rows, columns, values = zip((none, none, np.zeros(0)), *self.border, strict=True)
+        return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
 
 
 class Pattern:
@@ -47,9 +60,8 @@ class Pattern:
 
     def zeros(self, others: int = 0) -> Blocks:
         """Empty blocks; others is the number of unknowns besides those of the strip."""
-        n, pairs = self.count * self.scalars, (self.count, self.count, self.couplings)
-        border = csc_matrix((n, others)), csr_matrix((others, n))
-        return Blocks(np.zeros(pairs), *border, np.zeros((others, others)))
+        pairs = np.zeros((self.count, self.count, self.couplings))
+        return Blocks(pairs, self.count * self.scalars, others)
 
     def sum_of_rows(self, weights: Array, blocks: Blocks) -> Array:
         """Weighted sum of the rows of the strip's unknowns, shape (unknowns of the strip,)."""
@@ -69,8 +81,7 @@ class Restriction:
     def __init__(self, pattern: Pattern, free: Index) -> None:
         m = pattern.count
         n = m * pattern.scalars
-        self.others, free = free[free >= n] - n, free[free < n]
-        self.free = free
+        self.chosen, free = free, free[free < n]
         i, j = np.mgrid[:m, :m][:, :, :, None]
         rows, columns = m * pattern.row + i, m * pattern.column + j
         numbers = np.arange(1, m * m * pattern.couplings + 1, dtype=float)
@@ -85,11 +96,25 @@ class Restriction:
         """Tangent over the free unknowns, shape (free, free)."""
         data = blocks.pairs.reshape(-1)[self.source]
         inner = csc_matrix((data, self.indices, self.indptr), shape=self.shape)
-        if not len(self.others):
+        n, m = len(self.indptr) - 1, len(self.chosen) - len(self.indptr) + 1
+        if not m:
             return inner
-        columns = blocks.columns[:, self.others].tocsr()[self.free].tocsc()
-        rows = blocks.rows[self.others].tocsc()[:, self.free].tocsr()
-        return Bordered(inner, columns, rows, blocks.corner[np.ix_(self.others, self.others)])
+        place = np.full(blocks.strip + blocks.others, -1)
+        place[self.chosen] = np.arange(n + m)
+        rows, columns, values = blocks.entries
+        rows, columns = place[rows], place[columns]
+        right, below = (rows >= 0) & (columns >= n), (rows >= n) & (columns >= 0) & (columns < n)
+        last = summed(rows[right], columns[right] - n, values[right], (n + m, m))
+        first = summed(rows[below] - n, columns[below], values[below], (m, n))
+        corner = last[n:] if isinstance(last, np.ndarray) else last[n:].toarray()
+        return Bordered(inner, last[:n], first, corner)
+
+
+def summed(rows: Index, columns: Index, values: Array, shape: tuple[int, int]) -> Any:
+    """Return entries as a matrix, full unless it is wider than a border is eliminated with."""
+    if min(shape) > WIDEST_BORDER:
+        return csr_matrix((values, (rows, columns)), shape=shape)
+    return np.bincount(rows * shape[1] + columns, values, shape[0] * shape[1]).reshape(shape)
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.sparse import bmat, csc_matrix, csr_matrix, diags, hstack, vstack
+from scipy.linalg import lapack
+from scipy.sparse import bmat, csc_matrix, hstack, issparse, vstack
 
 from anmstrip.arrays import Array
 from anmstrip.linalg.direct import (
@@ -32,8 +34,8 @@ class Bordered:
     """K = [[A, B], [C, D]], of which D is full; it need not be symmetric."""
 
     inner: csc_matrix  # A, (n, n)
-    columns: csc_matrix  # B, (n, m)
-    rows: csr_matrix  # C, (m, n)
+    columns: Any  # B, (n, m), full or sparse
+    rows: Any  # C, (m, n), full or sparse
     corner: Array  # D, (m, m)
 
     def assembled(self) -> csc_matrix:
@@ -58,9 +60,12 @@ class Bordered:
         SingularTangentError
             K is singular.
         """
-        self._require_finite()
         if len(self.corner) > WIDEST_BORDER:
             return self._narrowed().factorised(lambda a: SuperLUPlan(a).factorise(a))
+        if issparse(self.columns):
+            full = self.columns.toarray(), self.rows.toarray(), self.corner
+            return Bordered(self.inner, *full).factorised(factorise)
+        self._require_finite()
         try:
             d = self._scales()
             scaled = self._scaled(d)
@@ -76,8 +81,8 @@ class Bordered:
         """The same with a border of the last row and column alone."""
         d = self.corner
         inner = bmat([[self.inner, self.columns[:, :-1]], [self.rows[:-1], d[:-1, :-1]]])
-        column = csc_matrix(vstack([self.columns[:, -1:], d[:-1, -1:]]))
-        row = csr_matrix(hstack([self.rows[-1:], d[-1:, :-1]]))
+        column = vstack([self.columns[:, -1:], d[:-1, -1:]]).toarray()
+        row = hstack([self.rows[-1:], d[-1:, :-1]]).toarray()
         return Bordered(csc_matrix(inner), column, row, d[-1:, -1:])
 
     @property
@@ -100,24 +105,23 @@ class Bordered:
         """Largest sum of the sizes of a row's entries."""
         n = self.inner.shape[0]
         inner = np.bincount(self.inner.indices, np.abs(self.inner.data), n)
-        first = inner + np.bincount(self.columns.indices, np.abs(self.columns.data), n)
-        last = abs(self.rows) @ np.ones(n) + np.abs(self.corner).sum(axis=1)
+        first = inner + np.abs(self.columns).sum(axis=1)
+        last = np.abs(self.rows).sum(axis=1) + np.abs(self.corner).sum(axis=1)
         return float(max(first.max(initial=0.0), last.max(initial=0.0)))
 
     def _require_finite(self) -> None:
         """Raise an error that names the first column with an entry that is not finite."""
         require_finite(self.inner)
-        one = np.ones(self.inner.shape[0])  # sums are finite where all entries are
-        sums = one @ abs(self.columns) + abs(self.rows) @ one
-        finite = np.isfinite(sums + np.abs(self.corner).sum(axis=0) + self.corner.sum(axis=1))
+        finite = np.isfinite(self.columns).all(axis=0) & np.isfinite(self.rows).all(axis=1)
+        finite &= np.isfinite(self.corner).all(axis=0) & np.isfinite(self.corner).all(axis=1)
         if not finite.all():
-            raise NonFiniteTangentError(len(one) + int(np.argmin(finite)))
+            raise NonFiniteTangentError(self.inner.shape[0] + int(np.argmin(finite)))
 
     def _scales(self) -> Array:
         """Factors d that make the largest entries d_i |K_ij| d_j of rows and columns about one."""
         d = equilibrated(self.inner)
-        across = abs(diags(d) @ self.columns).max(axis=0).toarray().ravel()
-        along = abs(self.rows @ diags(d)).max(axis=1).toarray().ravel()
+        across = np.abs(self.columns * d[:, None]).max(axis=0)
+        along = np.abs(self.rows * d).max(axis=1)
         largest = np.maximum(np.maximum(across, along), np.sqrt(np.abs(self.corner.diagonal())))
         return np.append(d, 1.0 / np.where(largest > 0.0, largest, 1.0))
 
@@ -127,8 +131,8 @@ class Bordered:
         data = a.data * d[a.indices] * np.repeat(d[:n], np.diff(a.indptr))
         return Bordered(
             csc_matrix((data, a.indices, a.indptr), a.shape),
-            csc_matrix(diags(d[:n]) @ self.columns @ diags(d[n:])),
-            csr_matrix(diags(d[n:]) @ self.rows @ diags(d[:n])),
+            d[:n, None] * self.columns * d[n:],
+            d[n:, None] * self.rows * d[:n],
             d[n:, None] * self.corner * d[n:],
         )
 
@@ -138,14 +142,15 @@ class Bordered:
         By Haynsworth's formula those of A and S together are as many as those of K.
         """
         n = self.inner.shape[0]
-        influence = np.column_stack([inner.solve(column) for column in self.columns.toarray().T])
+        influence = np.column_stack([inner.solve(column) for column in self.columns.T])
         schur = self.corner - self.rows @ influence
         if not np.isfinite(schur).all() or not np.linalg.cond(schur) < 1.0 / np.finfo(float).eps:
             raise SingularTangentError("the Schur complement of the border is singular", n)
+        lu, pivots, _ = lapack.dgetrf(schur)
 
         def solve(right: Array) -> Array:
             x = inner.solve(right[:n])
-            z = np.linalg.solve(schur, right[n:] - self.rows @ x)
+            z = lapack.dgetrs(lu, pivots, right[n:] - self.rows @ x)[0]
             return np.concatenate([x - influence @ z, z])
 
         return solve, int((np.linalg.eigvals(schur).real < 0.0).sum())

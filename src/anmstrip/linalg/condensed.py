@@ -62,9 +62,9 @@ class Joined:
         order = np.concatenate([np.arange(n), n + others + np.arange(m), n + np.arange(others)])
         if not bordered:
             return cls(whole, order)
-        columns = csc_matrix(vstack([matrix.columns, csc_matrix((m, others))]))
+        columns = csc_matrix(vstack([csc_matrix(matrix.columns), csc_matrix((m, others))]))
         last = csr_matrix((others - 1, m)), csr_matrix(pull[None])
-        rows = csr_matrix(hstack([matrix.rows, vstack(last)]))
+        rows = csr_matrix(hstack([csr_matrix(matrix.rows), vstack(last)]))
         return cls(Bordered(whole, columns, rows, matrix.corner), order)
 
     def factorised(self, factorise: Callable[[Any], Factors]) -> Factors:

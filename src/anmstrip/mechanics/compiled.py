@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_matrix, vstack
 
 from anmstrip.arrays import Array
 from anmstrip.fem.operators import Part
@@ -60,10 +61,10 @@ class CompiledLaw:
         self.stops = np.cumsum(self.sizes)
         self.seeds = np.eye(self.sizes[0]) if seeds is None else seeds
         self.lifts = [
-            [self.lifted(part, stop - size) for part in matrices[0]]
+            self.lifted(matrices[0], stop - size)
             for size, stop in zip(self.sizes[:inputs], self.stops, strict=False)
         ]
-        self.gathers = [self.gathered(part) for part in matrices[1]]
+        self.gathered_by = self.gathered(matrices[1])
         ends, shapes = (
             pairwise(self.stops[inputs - 1 :]),
             [x.shape for x in program.inputs[inputs:]],
@@ -80,15 +81,33 @@ class CompiledLaw:
         derivatives, points = np.divmod(np.arange(part.matrix.shape[0]), self.program.points)
         return np.asarray((first + part.row + derivatives * part.step) * self.lanes + points)
 
-    def lifted(self, part: Part, first: int) -> Operand:
-        """A part of L, whose places are in the inputs."""
+    def lifted(self, parts: list[Part], first: int) -> Operand:
+        """L, whose places are in the inputs."""
+        part, places = self.whole(parts, first)
         m = part.matrix
-        return self.operand(part, m.indptr, m.indices, m.data, self.places(part, first))
+        return self.operand(part, m.indptr, m.indices, m.data, places)
 
-    def gathered(self, part: Part) -> Operand:
-        """A part of Lᵀ w, whose places are in the outputs."""
+    def gathered(self, parts: list[Part]) -> Operand:
+        """Lᵀ w, whose places are in the outputs."""
+        part, places = self.whole(parts, 0)
         m = part.matrix.multiply(part.weights[:, None]).T.tocsr()
-        return self.operand(part, m.indptr, self.places(part, 0)[m.indices], m.data)
+        return self.operand(part, m.indptr, places[m.indices], m.data)
+
+    def whole(self, parts: list[Part], first: int) -> tuple[Part, Array]:
+        """Return parts as one, component by component, and the places of its rows."""
+        if len(parts) == 1:
+            return parts[0], self.places(parts[0], first)
+        matrices, weights, places = [], [], []
+        size = max(part.first + part.count * part.matrix.shape[1] for part in parts)
+        for part in parts:
+            m = part.matrix
+            for c in range(part.count):
+                columns = part.first + part.count * m.indices.astype(np.int64) + c
+                matrices.append(csr_matrix((m.data, columns, m.indptr), (m.shape[0], size)))
+                places.append(self.places(part, first) + c * part.stride * self.lanes)
+                weights.append(part.weights)
+        joined = Part(csr_matrix(vstack(matrices)), np.concatenate(weights))
+        return joined, np.concatenate(places)
 
     def operand(self, part: Part, starts: Array, *arrays: Array) -> Operand:
         """Arrays and numbers for the machine."""
@@ -99,11 +118,10 @@ class CompiledLaw:
     def lift(self, motions: Sequence[Array | None], moved: Sequence[Any], into: Array) -> None:
         """Set inputs, from values or changes of unknowns and of controls."""
         begin = into.ctypes.data
-        for operands, motion in zip(self.lifts, motions, strict=True):
+        for m, motion in zip(self.lifts, motions, strict=True):
             assert motion is not None
-            x = motion.ctypes.data
-            for m in operands:
-                self.lift_part(SPARE, SPARE, *m.addresses, x + m.first, begin, *m.numbers)
+            x = motion.ctypes.data + m.first
+            self.lift_part(SPARE, SPARE, *m.addresses, x, begin, *m.numbers)
         flat, points = into.reshape(len(into), -1), self.program.points
         for (rows, shape), value in zip(self.moving, moved, strict=True):
             if value is None:
@@ -113,9 +131,9 @@ class CompiledLaw:
 
     def gather(self, total: Array) -> Array:
         """Add the forces that were found last to a residual, shape (unknowns,)."""
-        begin, found = total.ctypes.data, self.buffers[2]
-        for m in self.gathers:
-            self.gather_part(SPARE, SPARE, *m.addresses, found, begin + m.first, *m.numbers)
+        m, found = self.gathered_by, self.buffers[2]
+        into = total.ctypes.data + m.first
+        self.gather_part(SPARE, SPARE, *m.addresses, found, into, *m.numbers)
         return total
 
     def start(

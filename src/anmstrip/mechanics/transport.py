@@ -13,7 +13,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix, csr_matrix, hstack, vstack
+from scipy.sparse import csr_matrix
 
 from anmstrip.arrays import Array
 from anmstrip.fem.operators import Blocks, CellOperator, Part, Pattern
@@ -58,17 +58,18 @@ class TransportOperator(SurfaceOperator):
         *_, by_surface, by_speed = derivative
         by_strip = derivative[:-2].reshape(2, self.contact.count, *derivative.shape[1:])
         self.contact.add_tangent(by_strip[:, :, :-1], pattern, blocks)
-        rollers, others = np.arange(self.surface.shape[1]), len(blocks.corner)
-        values, slopes, (on_value, on_slope) = (
-            self.contact.transposed, self.contact.slopes.T, by_strip[:, :, -1],
-        )  # fmt: skip
-        last = csc_matrix(self.contact.gather(by_speed[:-1])[:, None])
-        blocks.columns += csc_matrix(hstack([csc_matrix((last.shape[0], others - 1)), last]))
-        blocks.columns += self._by_surface(values, by_surface[:-1], others)
-        blocks.rows += self._by_surface(values, on_value, others).T
-        blocks.rows += self._by_surface(slopes, on_slope, others).T
-        blocks.corner[rollers, rollers] += self.surface.T @ (by_surface[-1] * self.weights)
-        blocks.corner[rollers, -1] += self.surface.T @ (by_speed[-1] * self.weights)
+        last = blocks.strip + blocks.others - 1
+        blocks.add(np.arange(blocks.strip), last, self.contact.gather(by_speed[:-1]))
+        if not self.surface.shape[1]:
+            return
+        values, rollers = self.contact.matrix, blocks.strip + np.arange(self.surface.shape[1])
+        rows, columns, entries = self._by_surface(values, by_surface[:-1], blocks)
+        blocks.add(rows, columns, entries)
+        for matrix, forces in zip((values, self.contact.slopes), by_strip[:, :, -1], strict=True):
+            rows, columns, entries = self._by_surface(matrix, forces, blocks)
+            blocks.add(columns, rows, entries)
+        blocks.add(rollers, rollers, self.surface.T @ (by_surface[-1] * self.weights))
+        blocks.add(rollers, last, self.surface.T @ (by_speed[-1] * self.weights))
 
 
 @dataclass(frozen=True)
@@ -208,11 +209,9 @@ class Passage(LawEffect):
 
     def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
         """Add J of shape (3, 1, 1) to the last row."""
-        last = csr_matrix(derivative[:2, 0, 0] @ self.sums)
-        blocks.rows += csr_matrix(
-            vstack([csr_matrix((len(blocks.corner) - 1, last.shape[1])), last])
-        )
-        blocks.corner[-1, -1] += derivative[2, 0, 0]
+        last = blocks.strip + blocks.others - 1
+        blocks.add(last, np.arange(blocks.strip), derivative[:2, 0, 0] @ self.sums)
+        blocks.add(last, last, derivative[2, 0])
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Residual (N), shape (1, 1)."""

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse import csr_matrix
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.operators import Blocks, Part, Pattern
@@ -38,7 +38,7 @@ class SurfaceOperator:
 
     def __init__(self, contact: ContactOperator, which: Index, rollers: int) -> None:
         self.contact = contact
-        points = np.flatnonzero(which != DRIVEN)
+        self.which, points = which, np.flatnonzero(which != DRIVEN)
         index, shape = (points, which[points]), (contact.points, rollers)
         self.surface = csr_matrix((np.ones(len(points)), index), shape=shape)
 
@@ -85,29 +85,33 @@ class SurfaceOperator:
     def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
         """Add Lᵀ w J L, J[j, i] of shape (count + 1, count + 1, points)."""
         self.contact.add_tangent(derivative[:-1, :-1], pattern, blocks)
-        rollers, others = np.arange(self.surface.shape[1]), len(blocks.corner)
-        values = self.contact.transposed
-        blocks.columns += self._by_surface(values, derivative[-1, :-1], others)
-        blocks.rows += self._by_surface(values, derivative[:-1, -1], others).T
-        blocks.corner[rollers, rollers] += self.surface.T @ (derivative[-1, -1] * self.weights)
+        values, rollers = self.contact.matrix, blocks.strip + np.arange(self.surface.shape[1])
+        rows, columns, entries = self._by_surface(values, derivative[-1, :-1], blocks)
+        blocks.add(rows, columns, entries)
+        rows, columns, entries = self._by_surface(values, derivative[:-1, -1], blocks)
+        blocks.add(columns, rows, entries)
+        blocks.add(rollers, rollers, self.surface.T @ (derivative[-1, -1] * self.weights))
 
-    def _by_surface(self, gathered: csr_matrix, forces: Array, others: int) -> csc_matrix:
-        """Generalised forces of the points on each roller, shape (unknowns, others).
+    def _by_surface(
+        self, matrix: csr_matrix, forces: Array, blocks: Blocks
+    ) -> tuple[Index, Index, Array]:
+        """Return unknowns of the strip, those of rollers, and forces of points between them.
 
         Parameters
         ----------
-        gathered : csr_matrix, shape (scalars, points)
+        matrix : csr_matrix, shape (points, scalars)
+            By which forces are gathered.
         forces : ndarray, shape (count, points)
             Per area.
-        others : int
-            Unknowns besides those of the strip, of which the free rollers are the first.
+        blocks : Blocks
         """
-        count, found = len(forces), []
-        for component, force in enumerate(forces * self.weights):
-            part = (gathered.multiply(force).tocsr() @ self.surface).tocoo()
-            found.append((part.data, count * part.row + component, part.col))
-        data, row, column = (np.concatenate(each) for each in zip(*found, strict=True))
-        return csc_matrix((data, (row, column)), shape=(count * gathered.shape[0], others))
+        point = np.repeat(np.arange(self.points), np.diff(matrix.indptr))
+        on = self.which[point] != DRIVEN
+        point, scalar, share = point[on], matrix.indices[on], matrix.data[on]
+        count = len(forces)
+        unknowns = count * scalar.astype(np.int64) + np.arange(count)[:, None]
+        rollers = np.broadcast_to(blocks.strip + self.which[point], unknowns.shape)
+        return unknowns, rollers, share * (forces * self.weights)[:, point]
 
 
 @dataclass(frozen=True)
@@ -226,7 +230,7 @@ class Drives(LawEffect):
     def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
         """Add J of shape (1, 1, rollers) to the corner."""
         places = np.arange(len(self.names))
-        blocks.corner[places, places] += derivative[0, 0]
+        blocks.add(blocks.strip + places, blocks.strip + places, derivative[0, 0])
 
     def smoothed(self, width: float) -> Drives:
         """Return the same with V_b so many times as large."""
