@@ -296,7 +296,7 @@ class RecordedLaw:
         """Return the way from unknowns to forces, if it is compiled and keeps points apart."""
         program = self.program
         laned = program.output.laned and all(x.laned for x in program.inputs[: self.kinematic])
-        if not (AVAILABLE and (laned or program.points == 1)):
+        if not (AVAILABLE and (laned or self.effect.operator.points == 1)):
             return None
         from anmstrip.mechanics.compiled import CompiledLaw
 
