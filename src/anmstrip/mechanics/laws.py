@@ -77,6 +77,10 @@ class ScaledGaps(ContactLaw):
         """Reaction at a gap."""
         return self.law(gap * (1.0 / self.ratio))
 
+    def gap(self, reaction: Any) -> Any:
+        """Gap at a reaction."""
+        return self.ratio * self.law.gap(reaction)
+
     @property
     def width(self) -> float:  # type: ignore[override]
         """Gap (m) over which the reaction sets in."""
