@@ -104,7 +104,7 @@ class Restriction:
         rows, columns, values = blocks.entries
         rows, columns = place[rows], place[columns]
         right, below = (rows >= 0) & (columns >= n), (rows >= n) & (columns >= 0) & (columns < n)
-        last = summed(rows[right], columns[right] - n, values[right], (n + m, m))
+        last = summed(columns[right] - n, rows[right], values[right], (m, n + m)).T
         first = summed(rows[below] - n, columns[below], values[below], (m, n))
         corner = last[n:] if isinstance(last, np.ndarray) else last[n:].toarray()
         return Bordered(inner, last[:n], first, corner)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -61,10 +62,10 @@ class CompiledLaw:
         self.stops = np.cumsum(self.sizes)
         self.seeds = np.eye(self.sizes[0]) if seeds is None else seeds
         self.lifts = [
-            self.lifted(matrices[0], stop - size)
+            list(self.lifted(matrices[0], stop - size))
             for size, stop in zip(self.sizes[:inputs], self.stops, strict=False)
         ]
-        self.gathered_by = self.gathered(matrices[1])
+        self.gathers = list(self.gathered(matrices[1]))
         ends, shapes = (
             pairwise(self.stops[inputs - 1 :]),
             [x.shape for x in program.inputs[inputs:]],
@@ -81,33 +82,37 @@ class CompiledLaw:
         derivatives, points = np.divmod(np.arange(part.matrix.shape[0]), self.program.points)
         return np.asarray((first + part.row + derivatives * part.step) * self.lanes + points)
 
-    def lifted(self, parts: list[Part], first: int) -> Operand:
-        """L, whose places are in the inputs."""
-        part, places = self.whole(parts, first)
-        m = part.matrix
-        return self.operand(part, m.indptr, m.indices, m.data, places)
-
-    def gathered(self, parts: list[Part]) -> Operand:
-        """Lᵀ w, whose places are in the outputs."""
-        part, places = self.whole(parts, 0)
-        m = part.matrix.multiply(part.weights[:, None]).T.tocsr()
-        return self.operand(part, m.indptr, places[m.indices], m.data)
-
-    def whole(self, parts: list[Part], first: int) -> tuple[Part, Array]:
-        """Return parts as one, component by component, and the places of its rows."""
-        if len(parts) == 1:
-            return parts[0], self.places(parts[0], first)
-        matrices, weights, places = [], [], []
-        size = max(part.first + part.count * part.matrix.shape[1] for part in parts)
-        for part in parts:
+    def lifted(self, parts: list[Part], first: int) -> Iterator[Operand]:
+        """Yield the parts of L, whose places are in the inputs."""
+        for part, places in self.merged(parts, first):
             m = part.matrix
-            for c in range(part.count):
-                columns = part.first + part.count * m.indices.astype(np.int64) + c
-                matrices.append(csr_matrix((m.data, columns, m.indptr), (m.shape[0], size)))
-                places.append(self.places(part, first) + c * part.stride * self.lanes)
-                weights.append(part.weights)
-        joined = Part(csr_matrix(vstack(matrices)), np.concatenate(weights))
-        return joined, np.concatenate(places)
+            yield self.operand(part, m.indptr, m.indices, m.data, places)
+
+    def gathered(self, parts: list[Part]) -> Iterator[Operand]:
+        """Yield the parts of Lᵀ w, whose places are in the outputs."""
+        for part, places in self.merged(parts, 0):
+            m = part.matrix.multiply(part.weights[:, None]).T.tocsr()
+            yield self.operand(part, m.indptr, places[m.indices], m.data)
+
+    def merged(self, parts: list[Part], first: int) -> Iterator[tuple[Part, Array]]:
+        """Yield parts that are alike as one, which is one call instead of several, and its places.
+
+        Alike are those for the same components, and all for a single one.
+        """
+        kinds: dict[tuple[int, ...], list[Part]] = {}
+        for part in parts:
+            alike = (part.count, part.stride, part.first) if part.count > 1 else (1,)
+            kinds.setdefault(alike, []).append(part)
+        for own in kinds.values():
+            begin = min(part.first for part in own)
+            size = max(part.first + part.matrix.shape[1] for part in own) - begin
+            moved = [
+                csr_matrix((m.data, m.indices + (part.first - begin), m.indptr), (m.shape[0], size))
+                for part, m in ((part, part.matrix) for part in own)
+            ]
+            weights = np.concatenate([part.weights for part in own])
+            whole = replace(own[0], matrix=vstack(moved, "csr"), weights=weights, first=begin)
+            yield whole, np.concatenate([self.places(part, first) for part in own])
 
     def operand(self, part: Part, starts: Array, *arrays: Array) -> Operand:
         """Arrays and numbers for the machine."""
@@ -118,10 +123,11 @@ class CompiledLaw:
     def lift(self, motions: Sequence[Array | None], moved: Sequence[Any], into: Array) -> None:
         """Set inputs, from values or changes of unknowns and of controls."""
         begin = into.ctypes.data
-        for m, motion in zip(self.lifts, motions, strict=True):
+        for operands, motion in zip(self.lifts, motions, strict=True):
             assert motion is not None
-            x = motion.ctypes.data + m.first
-            self.lift_part(SPARE, SPARE, *m.addresses, x, begin, *m.numbers)
+            x = motion.ctypes.data
+            for m in operands:
+                self.lift_part(SPARE, SPARE, *m.addresses, x + m.first, begin, *m.numbers)
         flat, points = into.reshape(len(into), -1), self.program.points
         for (rows, shape), value in zip(self.moving, moved, strict=True):
             if value is None:
@@ -131,9 +137,9 @@ class CompiledLaw:
 
     def gather(self, total: Array) -> Array:
         """Add the forces that were found last to a residual, shape (unknowns,)."""
-        m, found = self.gathered_by, self.buffers[2]
-        into = total.ctypes.data + m.first
-        self.gather_part(SPARE, SPARE, *m.addresses, found, into, *m.numbers)
+        begin, found = total.ctypes.data, self.buffers[2]
+        for m in self.gathers:
+            self.gather_part(SPARE, SPARE, *m.addresses, found, begin + m.first, *m.numbers)
         return total
 
     def start(
