@@ -34,6 +34,7 @@ def rows_of(directory: Path) -> list[dict[str, str]]:
     return rows
 
 
+@pytest.mark.slow
 def test_files(quick: tuple[Path, str]) -> None:
     directory, printed = quick
     names = ("effects.csv", "effects.md", "effects.png")
@@ -46,6 +47,7 @@ def test_files(quick: tuple[Path, str]) -> None:
 
 
 @pytest.mark.parametrize("level", effects.LEVELS)
+@pytest.mark.slow
 def test_what_is_off_has_no_row(quick: tuple[Path, str], level: str) -> None:
     """Every step brings its own effect, and no row for those still to come."""
     rows = [row for row in rows_of(quick[0]) if row["level"] == level]
@@ -62,6 +64,7 @@ def test_what_is_off_has_no_row(quick: tuple[Path, str], level: str) -> None:
     assert {row["added"] for row in rows} == {*steps_of(level)}
 
 
+@pytest.mark.slow
 def test_points(quick: tuple[Path, str]) -> None:
     """Laws have points; constant matrices and dead loads have none."""
     for row in rows_of(quick[0]):
@@ -76,6 +79,7 @@ def cells_of(directory: Path, label: str, occurrence: int = 0) -> list[str]:
     return [cell.strip() for cell in lines[occurrence].strip("|").split("|")]
 
 
+@pytest.mark.slow
 def test_a_section_stands_for_a_shell(quick: tuple[Path, str]) -> None:
     """Tensions to 0.2 % on the coarsest mesh; e^(f θ) less bending is 1.25."""
     *_, per_expansion, ratio = cells_of(quick[0], "shell / section")
@@ -84,6 +88,7 @@ def test_a_section_stands_for_a_shell(quick: tuple[Path, str]) -> None:
     assert float(cells_of(quick[0], "section", -1)[-1]) == pytest.approx(1.25, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_plate_stands_for_a_shell_at_small_wraps(quick: tuple[Path, str]) -> None:
     """Normal force T θ at θ = 1°, and lift, to 1 %."""
     *_, force, lift = cells_of(quick[0], "shell / plate")
@@ -92,6 +97,7 @@ def test_a_plate_stands_for_a_shell_at_small_wraps(quick: tuple[Path, str]) -> N
     assert float(cells_of(quick[0], "plate", -1)[-2]) == pytest.approx(1e4 * 0.01745, rel=0.05)
 
 
+@pytest.mark.slow
 def test_effects_that_are_off_are_not_imported(quick: tuple[Path, str]) -> None:
     """In a process of its own: a module comes with the step that needs it, not before."""
     steps = steps_of("section")
@@ -103,6 +109,7 @@ def test_effects_that_are_off_are_not_imported(quick: tuple[Path, str]) -> None:
     assert len(modules) == len({*modules})
 
 
+@pytest.mark.slow
 def test_a_written_run_imports_no_effect_that_is_off(quick: tuple[Path, str]) -> None:
     """With the membrane alone, pictures included: no bending, no contact, no friction."""
     run = cells_of(quick[0], "a run of the first, written")[1].split(", ")

@@ -90,7 +90,7 @@ def test_eight_digits(name):
     assert len(found.path.errors) <= 160
 
 
-IMPLICIT = [("pressed-plane", 950), ("moving-plane", 1600)]
+IMPLICIT = [("pressed-plane", 950), pytest.param("moving-plane", 1600, marks=pytest.mark.slow)]
 IMPLICIT_SNAP = pytest.param("rotating-circle", 20_000, marks=pytest.mark.slow)
 
 

@@ -45,6 +45,7 @@ def test_belt_has_the_tensions_and_speeds_of_a_string(claim: Claim) -> None:
     assert flow == pytest.approx(2 * [state.strip_speed], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_the_exit_of_an_endless_strip_goes_on_as_its_entry() -> None:
     """One position, direction, tension and moment, in the middle of a strand that sags.
 

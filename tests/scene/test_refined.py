@@ -25,6 +25,7 @@ def ran(*settings: str, directory: Path | None = None) -> Any:
     return run
 
 
+@pytest.mark.slow
 def test_elements_are_halved_until_the_error_is_small(tmp_path: Path) -> None:
     """Every pass is the run of the same scene with its factor typed; the last is below the goal."""
     run = ran(*AUTO, "solver.mesh_tolerance=1e-5")

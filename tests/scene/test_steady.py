@@ -301,7 +301,11 @@ def test_steady_stage_takes_over_from_one_in_time() -> None:
     assert not np.array_equal(states["again"].full, states["run"].full)
 
 
-@pytest.mark.parametrize("profile", [{"crown": [0.0, -1e-3]}, {"axis": [1e-3, 1.0, 0.0]}])
+@pytest.mark.parametrize(
+    "profile",
+    [{"crown": [0.0, -1e-3]}, pytest.param({"axis": [1e-3, 1.0, 0.0]}, marks=pytest.mark.slow)],
+    ids=["crowned", "yawed"],
+)
 def test_crowned_and_yawed_rollers_carry_a_shell(profile: dict[str, Any]) -> None:
     """A crown leaves the strip in the middle; yawed by 1 mrad it steers it to one side."""
     rollers = [roller("a", 0.0, -0.5, 0.5, "over", **profile)]
