@@ -96,6 +96,44 @@ def edge_moment(strip: Strip, name: str) -> FollowerLoad:
     return FollowerLoad(f"moment on {name}", f"{name}.moment", operator, frames.tangents, stress)
 
 
+class Onward(LawEffect):
+    """Moment by which strip that goes on beyond an edge keeps to the direction of its pull.
+
+    Residual k (r,x · m) m against r,x, where m = Q F/T is across the force F of the edge, in the
+    plane of x and z.  Strip that leaves a roller curled is straight under tension, and its moment
+    stays; a free end would curl, and take M²/2D of the tension.  k = E t² is so large beside
+    √(T D), the stiffness of the taut strip, that the end turns by less than σ_y/(4 E).
+
+    Control: ``NAME.force`` (N/m).
+
+    Parameters
+    ----------
+    strip : Strip
+    edge : str
+        Its name.
+    tension : float
+        T (N/m) for which k is what it is; it grows like the square of the force.
+    """
+
+    def __init__(self, strip: Strip, edge: str, tension: float) -> None:
+        basis = strip.edge_basis(edge)
+        self.name, self.control = f"strip beyond {edge}", f"{edge}.force"
+        self.operator, self.tangents = (
+            CellOperator(strip, (1,), basis),
+            strip.frames(basis).tangents,
+        )
+        turn = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]) / tension
+        self.turn = strip.kinematics.chosen @ turn
+        self.stiffness = strip.tensile_stiffness * strip.thickness
+
+    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+        """Return k (r,x · m) m on the derivative along x, (components, directions, points)."""
+        across = np.einsum("ij,j->i", self.turn, controls[self.control])
+        turned = np.einsum("i,ia...->a...", across, x + self.tangents)
+        along = np.eye(x.shape[1])[0] * self.stiffness
+        return np.einsum("i,a...->ia...", across, np.einsum("a,a...->a...", along, turned))
+
+
 def pressure(strip: Strip) -> FollowerLoad:
     """Pressure (Pa) from below, normal to the deformed strip, control ``pressure``.
 

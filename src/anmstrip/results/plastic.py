@@ -185,14 +185,14 @@ class YieldedStrip:
         places = np.array([middles[name] for name in names])
         if not names:
             return {}
-        (x, _), curvature = self.stations, self.mean(self.curvature[0])
+        (x, number), curvature = self.stations, self.mean(self.curvature[0])
         found, columns = {}, self.columns(x)
+        powers = np.bincount(number, self.strip.weights().ravel() * self.power)
         ends = np.concatenate([[-np.inf], 0.5 * (places[1:] + places[:-1]), [np.inf]])
         for name, low, high in zip(names, ends[:-1], ends[1:], strict=True):
             here = np.flatnonzero((x >= low) & (x < high))
             p = here[np.abs(curvature[here]).argmax()]
             readings = (columns[n][p] for n in ("moment", "plastic_share", "residual_curvature"))
-            power = np.trapezoid(columns["yield_power"][here], x[here])
-            values = (curvature[p], *readings, columns["elongation"][here[-1]], power)
+            values = (curvature[p], *readings, columns["elongation"][here[-1]], powers[here].sum())
             found[name] = RollerBend(*map(float, values))
         return found

@@ -12,6 +12,7 @@ from anmstrip.equilibrium import Model, StageProblem
 from anmstrip.fem.constraints import Joint, Supports
 from anmstrip.fem.sampling import l2_projection, quadrature_points
 from anmstrip.mechanics.effects import Controls
+from anmstrip.mechanics.loads import Onward
 from anmstrip.mechanics.shell import eigenstrain, uniaxial_stretches
 from anmstrip.results.state import State
 from anmstrip.scene.schema import StageSpec
@@ -104,6 +105,9 @@ class Course:
             start[f"{key}.velocity"] = rate
         effects = self.assembly.effects(stage, start)
         a, pull = self.assembly, self._pull(full) if self.pulled(stage) else None
+        goes_on = "exit" in self.outward and not (a.closed or self._held().get("exit"))
+        if goes_on and stage.steady and a.yields(stage):
+            effects.append(Onward(a.strip, "exit", a.scales.tension))
         if self.fed(stage):
             edge, direction, tied = self.passing(stage)
             effects.append(a.passage(edge, direction, tied))
