@@ -152,7 +152,8 @@ def test_tension_over_a_roller_tends_to_the_closed_form(claim):
     *_, last = Scene.from_tables(with_keys(material={"plasticity": flow}), "roller.toml").run()
     k = bent_to(last.state).max()
     assert 5.0 < k < 5.2
-    told, exact = "the same at n = 201, perfectly plastic", integral_in_newtons(k) / UNIT
+    told = "tension gained over a frictionless roller at n = 201, 3 ΔT/(σ_y t ε_y)"
+    exact = integral_in_newtons(k) / UNIT
     claim(told, gained(last.state) / UNIT, exact, 0.01, "∮ M dκ at the curvature reached")
 
 
@@ -193,7 +194,7 @@ def gained(state):
 def test_power_is_what_the_tensions_do(run):
     """T v at the exit less that at the entry, and the energy of stress that goes and comes."""
     state, *_ = run
-    speeds = [np.linalg.norm(state.velocity[place]) for place in ends(state)]
+    speeds = [np.linalg.norm(state.velocity[place]) for place in ends_of(state)]
     powers = [2.0 * state.tension(n) * v for n, v in zip(("entry", "exit"), speeds, strict=True)]
     layers = YieldedStrip.of(state)
     stored = layers.effect.layers.weights @ layers.stress[0] ** 2 / (2.0 * YOUNG)
@@ -204,7 +205,7 @@ def test_power_is_what_the_tensions_do(run):
     assert column == pytest.approx(told, rel=0.03)  # at nodes, between which its peak lies
 
 
-def ends(state):
+def ends_of(state):
     """Unknowns of position of both ends."""
     strip = state.plan.model.strip
     return [strip.count * strip.edges[name].values[0] + np.arange(2) for name in ("entry", "exit")]
@@ -302,6 +303,63 @@ def test_cooled_between_held_ends_it_flows(claim):
     claim(told, last.state.tension("exit") / (YIELD * THICKNESS), share, 2e-3, "flow at the rate")
     elongation = last.state.along("elongation")
     assert elongation == pytest.approx((3.0 - share) * STRAIN, rel=2e-3)
+
+
+def test_hot_strip_yields_earlier():
+    """Pulled at the rate r: N = σ_y(T) t (r/ε₀)^(1/n), and ε_p = 3 ε_y − N/(E(T) t)."""
+    flow = {"uniaxial": True, "reference_rate": 3e-3, "layers": 5}
+    shares = {"young_at": [[0.0, 1.0], [500.0, 0.8]], "yield_stress_at": [[0.0, 1.0], [500.0, 0.5]]}
+    strip = {**BENT["strip"], "temperature": 500.0}
+    tables = {
+        "strip": strip,
+        "material": {**TABLES["material"], "expansion": 0.0, "plasticity": flow, **shares},
+        "edges": {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["x", "z"]}},
+        "stages": [{"duration": 1.0, "exit": {"move": [0.1 * 3.0 * STRAIN, 0.0, 0.0]}}],
+        "solver": {"tolerance": 1e-4},
+    }
+    *_, last = Scene.from_tables(tables, "hot.toml").run()
+    state, stretch = last.state, 1.0 + 3.0 * STRAIN
+    share, green = (3.0 * STRAIN / 3e-3) ** (1.0 / 51.0), 0.5 * (stretch**2 - 1.0)
+    force = 0.5 * share * YIELD * THICKNESS
+    assert state.tension("exit") == pytest.approx(force * stretch, rel=2e-3)
+    elastic = force / (0.8 * YOUNG * THICKNESS)
+    assert state.along("elongation") == pytest.approx(green - elastic, rel=2e-3)
+    assert state.along("plastic_share") == pytest.approx(1.0)
+
+
+def test_strip_that_is_heated_along_a_line_creeps():
+    """c dε_p/dX = ε₀ (σ/σ_y(T))ⁿ, n = 5, and v = c √(1 + 2 E) with E = σ/E(T) + α ΔT + ε_p."""
+    radius, place = 50.0, 2e-4  # it hardly bends
+    ends = {"entry": [-0.3, 0.0, -place], "exit": [0.3, 0.0, -place]}
+    shares = {"young_at": [[0.0, 1.0], [500.0, 0.8]], "yield_stress_at": [[0.0, 1.0], [500.0, 0.5]]}
+    flow = {**FLOW, "exponent": 5, "reference_rate": 0.05, "layers": 5}
+    tables = with_keys(
+        strip={"cells": [200, 1]},
+        material={"expansion": 1e-5, "plasticity": flow, **shares},
+        threading={"tension": 1.2e5, **ends},
+    )
+    tables["rollers"] = [
+        {"name": "r", "radius": radius, "centre": [0.0, 0.0, -radius], "wrap": "over"}
+    ]
+    warm = {"across": [500.0], "along": [[0.0, 0.0], [0.6, 1.0]]}
+    stage = {**TABLES["stages"][0], "exit": {"tension": 1.2e5}}
+    tables["stages"] = [{**stage, "strip": {"speed": 1.0, "temperature": warm}}]
+    *_, last = Scene.from_tables(tables, "furnace.toml").run()
+    state, stress = last.state, 1.2e5 / THICKNESS
+
+    def stretch(x, crept):
+        elastic = stress / (YOUNG * (1.0 - 0.2 * x / 0.6))
+        return np.sqrt(1.0 + 2.0 * (elastic + 1e-5 * 500.0 * x / 0.6 + crept))
+
+    def rate(x, crept):  # the force is that along the strip over its stretch
+        return 0.05 * (stress / stretch(x, crept) / (YIELD * (1.0 - 0.5 * x / 0.6))) ** 5
+
+    length = state.plan.model.strip.length
+    crept = solve_ivp(rate, (0.0, length), [0.0], rtol=1e-8, atol=1e-12).y[0, -1]
+    layers = YieldedStrip.of(state)
+    assert layers.elongation[layers.x.argmax()] == pytest.approx(crept, rel=0.01)
+    speed = np.linalg.norm(state.velocity[ends_of(state)[1]])
+    assert speed == pytest.approx(stretch(length, crept), rel=2e-5)
 
 
 SHELL = {
@@ -453,6 +511,12 @@ def test_a_shell_that_is_conveyed_yields_as_its_section_does(tmp_path):
         ({"strip": {"kinematics": "shell"}}, "no uniaxial"),
         ({"strip": {"bending": False}}, "bending = true"),
         ({"strip": {"feed": True}}, "no feed, or no plasticity"),
+        ({"material": {"young_at": [[0.0, 1.0], [9.0, 0.9]]}}, "strip.temperature"),
+        ({"material": {"young_at": [[0.0, 0.9], [9.0, 0.8]]}}, "one of them [0.0, 1.0]"),
+        (
+            {"material": {"plasticity": None, "yield_stress_at": [[0.0, 1.0], [9.0, 0.9]]}},
+            "no yield_stress_at",
+        ),
     ],
 )
 def test_mistakes_are_told_with_what_to_type(changed, told):

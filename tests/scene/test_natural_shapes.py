@@ -52,6 +52,21 @@ def test_heat_between_held_ends_compresses(claim: Claim) -> None:
     assert state.principal_forces == pytest.approx(state.tension("exit"), rel=1e-6)
 
 
+def softer(scene: Scene, **changed: float) -> Scene:
+    """The same of a material that has lost a tenth of E at 50 K, and is otherwise changed."""
+    own = {"young_at": ((0.0, 1.0), (100.0, 0.8)), **changed}
+    material = {**scene.model_dump(exclude_unset=True)["material"], **own}
+    return Scene.model_validate({**scene.model_dump(exclude_unset=True), "material": material})
+
+
+def test_warm_strip_between_held_ends_is_softer() -> None:
+    """N = −E(T) t α ΔT; in the middle of the stage too, where E has changed by half as much."""
+    held = {"exit": {"fixed": ["x", "z"]}}
+    _, state = ended(softer(flat("section", {"strip": {"temperature": 50.0}}, held)))
+    assert state.tension("exit") == pytest.approx(-0.9 * YOUNG * T * ALPHA * 50.0, rel=1e-6)
+    assert state.principal_forces == pytest.approx(state.tension("exit"), rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("strip", "curvature"),
     [
@@ -93,10 +108,12 @@ def test_coil_set_curves_a_free_section(claim: Claim) -> None:
 def test_reported_moment_is_that_of_the_curvature_left() -> None:
     """Held flat a strip with coil set bears D κ⁰ and its stress; free it bears nothing."""
     curvature, bending = 0.2, YOUNG * T**3 / (12.0 * (1.0 - 0.09))
-    for moment in (0.0, bending * curvature):  # which compresses the top, and so flattens
+    # which compresses the top, and so flattens; of warm strip a smaller one does
+    for moment, warm in ((0.0, 0.0), (bending * curvature, 0.0), (0.9 * bending * curvature, 50.0)):
         load = {"entry": {"moment": moment}, "exit": {"moment": moment}}
-        stage = {"strip": {"coil_set": curvature}, **load}
-        run, state = ended(flat("section", stage, {"exit": {"fixed": ["z"]}}, cells=(40, 1)))
+        stage = {"strip": {"coil_set": curvature, "temperature": warm}, **load}
+        scene = flat("section", stage, {"exit": {"fixed": ["z"]}}, cells=(40, 1))
+        run, state = ended(softer(scene, expansion=0.0))
         fields = FieldSampler(run.assembly.strip, run.assembly.membrane, None).sample(state)
         assert fields["bending_moment"][:, 0] == pytest.approx(-moment, abs=1e-5 * bending)
         stress = 6.0 * moment / T**2 * np.sqrt(1.0 - 0.3 + 0.09)
@@ -239,10 +256,11 @@ def test_explain_tells_what_the_strip_would_be_like() -> None:
         flatness={"table": ((-0.5, 12.0), (0.0, 0.0), (0.5, 12.0))},
         coil_set=0.2,
     )
-    text = explain(scene)
+    text = explain(softer(scene))
     assert "Unstressed: temperature 20 to 40 K in stage heat." in text
     assert "Unstressed: flatness 0 to 12 I-units." in text
     assert "Unstressed: coil set 0.2 1/m." in text
+    assert "material.young depends on the temperature: 0.8 of it is left at 100 K." in text
     words = " ".join(text.split())
     assert "flatness varies across the strip; temperature varies across the strip" in words
     assert "heat, flatness or coil set stress the strip in its plane" in words

@@ -103,6 +103,10 @@ def unusual(scene: SceneSpec) -> Iterator[str]:
             "The run is repeated on elements of half the length until the mesh makes tensions "
             f"wrong by less than {share:g} of the largest."
         )
+    for key in ("young", "yield_stress"):
+        if pairs := getattr(scene.material, f"{key}_at"):
+            at, share = pairs[-1]
+            yield f"material.{key} depends on the temperature: {share:g} of it is left at {at:g} K."
     if scene.solver.method == "newton":
         yield "Paths are followed by Newton's method in load steps, to compare with series."
 

@@ -380,7 +380,7 @@ class Readings:
         forces = membrane.at(state.full, state.controls)
         values, directions = principal(forces)
         worst = int(np.where(free, values[:, 0], np.inf).argmin())
-        changed = membrane.change(state.full, self.change)[:, :, worst]
+        changed = membrane.change(state.full, self.change, state.controls)[:, :, worst]
         if self.key in ("material.young", "strip.thickness"):
             data = strip.material.young, strip.thickness
             changed = changed + forces[:, :, worst] / data[self.key == "strip.thickness"]

@@ -19,7 +19,7 @@ from anmstrip.arrays import Array
 from anmstrip.fem.geometry import PAIRS, dot
 from anmstrip.fem.operators import InternalOperator
 from anmstrip.mechanics.effects import LawEffect
-from anmstrip.mechanics.shell import KirchhoffLove, Membrane, eigenstrain, moduli
+from anmstrip.mechanics.shell import KirchhoffLove, Membrane, eigenstrain, kept, moduli
 
 MISES = {1: np.eye(1), 3: np.array([[1.0, -0.5, 0.0], [-0.5, 1.0, 0.0], [0.0, 0.0, 3.0]])}
 """A in σ_eq² = σ · A σ of a fibre's stress, and of (xx, yy, xy) in plane stress."""
@@ -103,7 +103,8 @@ class Plasticity(LawEffect):
     stress of ``flow`` has to say.  The residual has −∫C ε_p dζ and ∫ζ C ε_p dζ beside the elastic
     N and M, and the flow law of all layers.
 
-    Controls: ``yielding``, the share by which stresses count in the flow law.
+    Controls: ``yielding``, the share by which stresses count in the flow law; of warm strip
+    ``strip.softening`` and ``strip.weakening``, what E and the yield stress have lost.
 
     Parameters
     ----------
@@ -136,7 +137,7 @@ class Plasticity(LawEffect):
         self.twice = np.ones(1) if section else np.array([1.0, 1.0, 2.0])
         self.moduli = 12.0 / strip.thickness**3 * moduli(strip)[: len(self.twice)]
         self.moduli = self.moduli[:, : len(self.twice)] / self.twice
-        self.share = 1.0 - strip.material.poisson**2 if section else 1.0
+        self.contracting = 1.0 - strip.material.poisson**2 if section else 1.0
 
     @property
     def units(self) -> Array:
@@ -168,12 +169,12 @@ class Plasticity(LawEffect):
         bent, heights = self.bending.change(derivatives, controls), self.layers.heights[:, None]
         pairs = PAIRS[self.bending.directions]
         each = [
-            strain[a, b] * (self.share * twice) - bent[k] * (heights * twice) - internal[k]
+            strain[a, b] * (self.contracting * twice) - bent[k] * (heights * twice) - internal[k]
             for k, ((a, b), twice) in enumerate(zip(pairs, self.twice, strict=True))
         ]
-        return np.einsum("kl,l...->k...", self.moduli, np.stack(each))
+        return kept(np.einsum("kl,l...->k...", self.moduli, np.stack(each)), controls)
 
-    def resultants(self, x: Any) -> tuple[Any, Any]:
+    def resultants(self, x: Any, controls: Mapping[str, Any]) -> tuple[Any, Any]:
         """Return what ε_p adds to N (N/m) and to M (N) against n · r,ab, (pairs, points)."""
         strains, layers = self.internal(x)[: len(self.twice)], self.layers
         first = layers.weights * layers.heights
@@ -181,12 +182,18 @@ class Plasticity(LawEffect):
             np.einsum("kl,l...->k...", self.moduli, np.einsum("l,kl...->k...", weights, strains))
             for weights in (-layers.weights, first)
         )
-        return force, moment
+        return kept(force, controls), kept(moment, controls)
+
+    def share(self, controls: Mapping[str, Any]) -> Any:
+        """Return the factor of s: the share by which stresses count, over that left of σ_y."""
+        counted = controls["yielding"]
+        loss = controls.get("strip.weakening")
+        return counted if loss is None else counted / (1.0 - loss)
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Forces against the derivatives, and rates of the internal variables less their law."""
         derivatives, d = self.derivatives(x), self.bending.directions
-        force, moment = self.resultants(x)
+        force, moment = self.resultants(x, controls)
         work = self.bending.work(derivatives, moment * self.twice[:, None])
         index = np.array([[0, 2], [2, 1]])[:d, :d]
         tensor = np.stack([np.stack([force[k] for k in row]) for row in index])
@@ -198,8 +205,7 @@ class Plasticity(LawEffect):
         ]
         if not self.operator.flows:
             return np.stack(forces)
-        share = controls["yielding"]
-        law = self.flow.rates(self.stresses(x, controls), self.internal(x), share)
+        law = self.flow.rates(self.stresses(x, controls), self.internal(x), self.share(controls))
         rates = self.operator.rates(x, v)
         grown = [law[k, i] for k in range(law.shape[0]) for i in range(law.shape[1])]
         return np.stack([*forces, *(rates[i] - flow for i, flow in enumerate(grown))])

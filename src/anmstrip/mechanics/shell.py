@@ -56,6 +56,20 @@ def eigenstrain(strip: Strip, controls: Mapping[str, Any]) -> Any:
     return sum(found[1:], found[0]) if found else None
 
 
+def kept(values: Any, controls: Mapping[str, Any], loss: str = "strip.softening") -> Any:
+    """Return stresses or moments of a strip that is warm, E(T)/E of what they are with E.
+
+    Parameters
+    ----------
+    values : array or Series, shape (..., points)
+    controls : mapping
+        ``strip.softening``, 1 − E(T)/E, (points,); without it nothing changes.
+    loss : str, optional
+        Another one, ``strip.weakening``, 1 − σ_y(T)/σ_y.
+    """
+    return values * (1.0 - controls[loss]) if loss in controls else values
+
+
 class Membrane(LawEffect):
     """Membrane forces of a strip.
 
@@ -89,26 +103,30 @@ class Membrane(LawEffect):
         strain = (np.einsum("ia...,ib...->ab...", tangents, tangents) - self.metric) * 0.5
         return strain if eigen is None else strain - eigen
 
-    def forces(self, tangents: Any, eigen: Any = None) -> Any:
-        """N (N/m), shape (d, d, points), from tangent vectors (components, d, points) and E⁰."""
-        return np.einsum("abcd,cd...->ab...", self.stiffness, self.strain(tangents, eigen))
+    def forces(self, tangents: Any, controls: Mapping[str, Any] | None = None) -> Any:
+        """N (N/m), shape (d, d, points), from tangent vectors (components, d, points)."""
+        controls = controls or {}
+        strain = self.strain(tangents, eigenstrain(self.strip, controls))
+        return kept(np.einsum("abcd,cd...->ab...", self.stiffness, strain), controls)
 
     def at(self, full: Array, controls: Mapping[str, Any] | None = None) -> Array:
         """N (N/m) of a state at the quadrature points, shape (d, d, points)."""
         tangents = self.operator.apply(full) + self.flat
-        return np.asarray(self.forces(tangents, eigenstrain(self.strip, controls or {})))
+        return np.asarray(self.forces(tangents, controls))
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """First Piola stress (N/m) from the displacement gradient, (components, d, points)."""
         tangents = x + self.flat
-        forces = self.forces(tangents, eigenstrain(self.strip, controls))
-        return np.einsum("ia...,ab...->ib...", tangents, forces)
+        return np.einsum("ia...,ab...->ib...", tangents, self.forces(tangents, controls))
 
-    def change(self, full: Array, change: Array) -> Array:
+    def change(
+        self, full: Array, change: Array, controls: Mapping[str, Any] | None = None
+    ) -> Array:
         """Membrane forces that a small change of state makes, shape (d, d, points)."""
         tangents = self.operator.apply(full) + self.flat
         product = np.einsum("ia...,ib...->ab...", tangents, self.operator.apply(change))
-        return np.einsum("abcd,cd...->ab...", self.stiffness, product)
+        forces = np.einsum("abcd,cd...->ab...", self.stiffness, product)
+        return np.asarray(kept(forces, controls or {}))
 
 
 def uniaxial_stretches(
@@ -258,7 +276,8 @@ class KirchhoffLove(LawEffect):
         """Forces against the derivatives, (components, directions + pairs, points)."""
         derivatives = x + self.reference
         change = self.change(derivatives, controls)
-        return self.work(derivatives, np.einsum("kl,l...->k...", self.stiffness, change))
+        moments = np.einsum("kl,l...->k...", self.stiffness, change)
+        return self.work(derivatives, kept(moments, controls))
 
     def work(self, derivatives: Any, moments: Any) -> Any:
         """Forces of moments against δ(n · r,ab), (components, directions + pairs, points).

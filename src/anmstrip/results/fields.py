@@ -174,7 +174,10 @@ class FieldSampler:
         membrane = self._membrane_forces(state) + layers["force"]
         stretch = np.linalg.norm(tangents[:, 0], axis=0) if self.membrane is not None else 1.0
         stiffness = moduli(self.strip) if self.bends else np.zeros((3, 3))
-        moments = np.einsum("xy,yep->xep", stiffness, bending) + layers["moment"]
+        moments = np.einsum("xy,yep->xep", stiffness, bending)
+        if (loss := state.controls.get("strip.softening")) is not None:
+            moments = moments * (1.0 - self._recovered(loss[None]))
+        moments = moments + layers["moment"]
         t = self.strip.thickness
         sx, sy, sxy = membrane / t + 6.0 * moments / t**2
         mises = layers.get("equivalent", np.sqrt(sx**2 - sx * sy + sy**2 + 3.0 * sxy**2))

@@ -12,7 +12,7 @@ import numpy as np
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.sampling import shape_of
 from anmstrip.mechanics.plasticity import MISES, Plasticity
-from anmstrip.mechanics.shell import moduli
+from anmstrip.mechanics.shell import kept, moduli
 from anmstrip.results.rollers import Readable
 
 COLUMNS = ("residual_curvature", "elongation", "plastic_share", "plastic_strain", "yield_power")
@@ -78,7 +78,7 @@ class YieldedStrip:
     @property
     def added(self) -> tuple[Array, Array]:
         """Return what plastic strains add to N (N/m) and to M (N), (k, points) each."""
-        force, moment = self.effect.resultants(self.values)
+        force, moment = self.effect.resultants(self.values, self.state.controls)
         return np.asarray(force), -np.asarray(moment)
 
     @cached_property
@@ -86,13 +86,14 @@ class YieldedStrip:
         """κ less that of M (1/m), what is left when the moment is taken away, (k, points)."""
         k = len(self.moment)
         stiffness = np.full((1, 1), self.strip.bending_stiffness) if k == 1 else moduli(self.strip)
-        return np.asarray(self.curvature - np.linalg.solve(stiffness, self.moment))
+        elastic = np.linalg.solve(stiffness, self.moment) / kept(1.0, self.state.controls)
+        return np.asarray(self.curvature - elastic)
 
     @cached_property
     def elongation(self) -> Array:
         """Plastic strain of the middle surface: ∫ε_p dζ/t, over the share of ε_x in E' ε."""
         layers = self.effect.layers
-        return (layers.weights @ self.strain[0]) / (layers.weights.sum() * self.effect.share)
+        return (layers.weights @ self.strain[0]) / (layers.weights.sum() * self.effect.contracting)
 
     @cached_property
     def residual_stress(self) -> Array:
@@ -114,11 +115,13 @@ class YieldedStrip:
         that does not, and not at all in the other; so it does between two that flow in different
         directions.
         """
-        s = self.flow.driving(self.stress, self.internal)
+        controls = self.state.controls
+        s = self.flow.driving(self.stress, self.internal) / kept(1.0, controls, "strip.weakening")
         flows, gaps = self.level(s) > FLOWS, np.diff(self.effect.layers.heights)[:, None]
         turns = self.level(np.diff(s, axis=1)) > FLOWS
         engineering = self.curvature * self.effect.twice[:, None]
-        slope = np.tile(self.flow.mises(self.effect.moduli @ engineering), (len(gaps), 1))
+        slope = kept(self.flow.mises(self.effect.moduli @ engineering), controls)
+        slope = np.tile(slope, (len(gaps), 1))
         change, elastic = self.flow.mises(np.diff(self.stress, axis=1)), gaps + 0.0 * slope
         np.divide(change, slope, out=elastic, where=change < slope * gaps)
         elastic = np.where(flows[1:] & flows[:-1] & ~turns, 0.0, elastic)
@@ -134,7 +137,7 @@ class YieldedStrip:
         """Power of the flow per area, ∫σ ε_p' dζ (W/m²)."""
         if not self.effect.operator.flows:
             return np.zeros_like(self.x)
-        rates = self.flow.rates(self.stress, self.internal, self.state.controls["yielding"])
+        rates = self.flow.rates(self.stress, self.internal, self.effect.share(self.state.controls))
         speed = 1.0 if self.effect.rate_dependent else self.state.strip_speed
         work = self.stress * rates[: len(self.stress)]
         return np.asarray(np.einsum("l,klp->p", self.effect.layers.weights, work) * speed)

@@ -243,6 +243,11 @@ def natural_shapes(strip: StripSpec, material: MaterialSpec, stages: Stages) -> 
     """Yield eigenstrain and eigencurvature that a strip cannot have, or not as much."""
     shapes = [("strip", strip), *((f"stages.{s.name}.strip", s.strip) for s in stages)]
     value: object
+    if not any(shape.temperature for _, shape in shapes):
+        for key in ("young_at", "yield_stress_at"):
+            if value := getattr(material, key):
+                expected = "no table without a temperature: strip.temperature, or that of a stage"
+                yield Mistake("", f"material.{key}", value, expected, "strip.temperature = 80.0")
     each = ((place, shape, *item) for place, shape in shapes for item in shape.natural.items())
     for place, shape, key, given in each:
         where, curved, value = f"{place}.{key}", key in ("coil_set", "crossbow"), given

@@ -317,6 +317,10 @@ class PlasticitySpec(Table):
             yield Mistake("", "exponent", self.exponent, expected, hint)
 
 
+Shares = tuple[tuple[Number, Positive], ...]
+"""Pairs of a temperature (K) and a share of what holds at 0."""
+
+
 class MaterialSpec(Table):
     """Isotropic material, elastic or elastic and plastic."""
 
@@ -328,14 +332,30 @@ class MaterialSpec(Table):
     """coefficient of thermal expansion, a number from 0 to 1e-3 (1/K)"""
     density: Positive | None = Field(None, examples=["7850.0"])
     """density, a number above 0 (kg/m³)"""
+    young_at: Shares = Field((), examples=["[[0.0, 1.0], [600.0, 0.7]]"])
+    """pairs of temperature above that of the stress-free strip (K), increasing, and share of young
+    there, 1 at 0 (1)"""
+    yield_stress_at: Shares = Field((), examples=["[[0.0, 1.0], [600.0, 0.2]]"])
+    """the same of yield_stress, of strip that yields (1)"""
     yield_stress: Positive | None = Field(None, examples=["3.0e8"])
     """yield stress, a number above 0; without plasticity only to warn (Pa)"""
     plasticity: PlasticitySpec | None = Field(None, examples=["{ exponent = 51 }"])
     """plastic flow beyond the yield stress; left out: none, a table (1, 1/s, Pa)"""
 
     def find_mistakes(self) -> Iterator[Mistake]:
-        """Yield plastic flow without a yield stress, or of fibres that a modulus holds across."""
+        """Yield tables in disorder, and plastic flow without a yield stress or held across."""
+        for key, pairs in (("young_at", self.young_at), ("yield_stress_at", self.yield_stress_at)):
+            given, ordered = dict(pairs), [t for t, _ in pairs] == sorted({t for t, _ in pairs})
+            if pairs and (len(pairs) < 2 or not ordered or given.get(0.0) != 1.0):
+                expected = (
+                    "at least two pairs, their temperatures increasing, one of them [0.0, 1.0]"
+                )
+                yield Mistake("", key, pairs, expected, f"{key} = [[0.0, 1.0], [600.0, 0.7]]")
         if self.plasticity is None:
+            if self.yield_stress_at:
+                expected = "no table beside a strip that does not yield"
+                hint = "plasticity = {}, or no yield_stress_at"
+                yield Mistake("", "yield_stress_at", self.yield_stress_at, expected, hint)
             return
         if self.yield_stress is None:
             expected = "the stress at which the strip flows, since there is [material.plasticity]"

@@ -307,6 +307,12 @@ class Assembly:
             else:
                 values = -given * y
             found[f"strip.{key}"] = np.broadcast_to(values, y.shape).copy()
+        material = self.scene.material
+        tables = {"softening": material.young_at, "weakening": material.yield_stress_at}
+        for name, table in tables.items() if "strip.temperature" in found else ():
+            if table:
+                share = np.interp(found["strip.temperature"], *np.transpose(table))
+                found[f"strip.{name}"] = 1.0 - share
         return found
 
     @cached_property
@@ -324,7 +330,7 @@ class Assembly:
         if not spec.bending:
             return None
         turns = spec.bending == "kirchhoff-love" or spec.imperfection is not None
-        turns = turns or self.scene.material.plasticity is not None
+        turns = turns or bool(self.scene.material.plasticity or self.scene.material.young_at)
         turns = turns or not naturals(self.scene).isdisjoint(("coil_set", "crossbow"))
         if turns and self.kinematics is not PLATE:
             return KirchhoffLove(self.strip, self.imperfection)
