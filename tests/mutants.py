@@ -762,8 +762,8 @@ ADVICE = (
 )
 
 YIELD = (
-    Mutant("curl the other way", "np.asarray(self.curvature - np.linalg",
-           "np.asarray(self.curvature + np.linalg", "plasticity"),
+    Mutant("curl the other way", "np.asarray(self.curvature - elastic",
+           "np.asarray(self.curvature + elastic", "plasticity"),
     Mutant("plastic strain as if it were stress", "np.linalg.inv(MISES[len(self.strain)])",
            "MISES[len(self.strain)]", "plasticity"),
     Mutant("what flows throughout is elastic", "flows[1:] & flows[:-1] & ~turns, 0.0",
