@@ -30,12 +30,6 @@ from anmstrip.mechanics.effects import (
 from anmstrip.mechanics.shell import Membrane
 from anmstrip.timestepping.formulas import AffineVelocity
 
-SMOOTHEST = 5
-"""Decades of V_c from the default one, 1e-6 of the speed of a line or so, to friction whose corner
-is as wide as the speeds of slip.  With 7 a dancer takes a third more tangents in such a step; with
-3 the first path stalls as well."""
-
-
 SHARPER = 1e-4
 """Share in the difference that tells what sharper laws would do: its error is of the order of its
 square and, by round-off, of 1e-16 over it."""
@@ -442,12 +436,10 @@ class Motion:
         moving = self.supports.rate(begin + share) / self.duration
         return Equilibrium(self.model, supports, controls, velocity, moving)
 
-    def smoothed(self) -> Iterator[Motion]:
-        """The same with V_c larger by ``SMOOTHEST`` decades, and by each number below."""
-        given = self.supports, self.controls, self.start, self.duration
-        for decade in range(SMOOTHEST, 0, -1):
-            yield Motion(self.model.smoothed(10.0**decade), *given)
-        yield self
+    def smoothed(self, width: float) -> Motion:
+        """The same with V_c so many times as large."""
+        model = self.model if width == 1.0 else self.model.smoothed(width)
+        return Motion(model, self.supports, self.controls, self.start, self.duration)
 
     def dragged(self, t: float, u: Array, v: Array, time: float) -> Motion | None:
         """The same with a drag as large as tension/length at a speed of length/time."""

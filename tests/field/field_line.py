@@ -13,8 +13,9 @@ from xml.etree import ElementTree
 
 import meshio
 import numpy as np
-from field_statics import Belt, Circle, belt, bent_belt, capstan, lift_off, normal_force
 from numpy.typing import NDArray
+
+from field_statics import Belt, Circle, belt, bent_belt, capstan, lift_off, normal_force
 
 Array = NDArray[np.float64]
 

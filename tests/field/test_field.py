@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from field_line import Line
 from field_statics import (
     Circle,

@@ -76,11 +76,22 @@ def drawn(seed: int) -> Line:
 
 
 def _tried(rng: np.random.Generator) -> Line | None:
-    """Go along the strip: spans straight on, rollers beside it around which it turns."""
+    """Lay a line and say what it carries; None where it runs into itself."""
+    count = int(rng.integers(1, 6))
+    laid = layout(rng, rng.uniform(0.1, 0.6, count))
+    return None if laid is None else _scene(rng, *laid)
+
+
+def layout(
+    rng: np.random.Generator, sizes: np.ndarray
+) -> tuple[list[np.ndarray], list[tuple[str, np.ndarray, float, str]], list[float]] | None:
+    """Go along the strip: spans straight on, rollers beside it around which it turns.
+
+    Return points on the way, name, centre, radius and wrap of every roller, and its turn (rad, to
+    the left); None where the strip runs into a roller or itself.
+    """
     place, heading, low, high = np.zeros(2), 0.0, *np.radians(TURNS)
     path, rollers, turns = [place], [], []
-    count = int(rng.integers(1, 6))
-    sizes = rng.uniform(0.1, 0.6, count)
     for number, radius in enumerate(sizes):
         sense = rng.choice([-1.0, 1.0])  # +1 turns to the left
         turn = sense * (low + (high - low) * rng.uniform() ** 2)
@@ -96,9 +107,7 @@ def _tried(rng: np.random.Generator) -> Line | None:
         turns.append(float(turn))
     forward = np.array([np.cos(heading), np.sin(heading)])
     path += list(place + np.linspace(0.0, rng.uniform(0.3, 2.0), 60)[1:, None] * forward)
-    if _touches(np.array(path), rollers):
-        return None
-    return _scene(rng, path, rollers, turns)
+    return None if _touches(np.array(path), rollers) else (path, rollers, turns)
 
 
 def _touches(path: np.ndarray, rollers: list[Any]) -> bool:

@@ -6,12 +6,14 @@ sentences, each with what to type.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import combinations
 
 import numpy as np
 
+from anmstrip.arrays import Array
 from anmstrip.driver.preview import Preview
+from anmstrip.equilibrium import StageProblem
 from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS, RollerSpec
@@ -27,6 +29,9 @@ METAL = 1e10
 
 PARALLEL = 0.99
 """Least cosine of the angle between axes of rollers that face each other."""
+
+CLEAR = 1.01
+"""Distance of axes over the sum of radii that is proposed of rollers that move into one another."""
 
 GRAZES = 1e-3
 """Share of a roller's radius by which a string may be nearer to it than its surface."""
@@ -83,14 +88,36 @@ def meeting_rollers(preview: Preview) -> Iterator[str]:
             moving = [key for key in keys if np.any(plan.controls.slope.get(key, 0.0))]
             if abs(axis @ b.unit_axis) < PARALLEL or not moving:
                 continue
-            overlap = a.radius + b.radius - float(np.linalg.norm(way - (way @ axis) * axis))
+            way -= (way @ axis) * axis
+            overlap = a.radius + b.radius - float(np.linalg.norm(way))
             if overlap > 0.0:
-                moved = a if keys[0] in moving else b
+                moved, towards = (a, way) if keys[0] in moving else (b, -way)
+                back = moved_back(plan, moved, towards, CLEAR * (a.radius + b.radius))
+                told = f"stages.{plan.name}.rollers.{moved.name}.move"
+                how = f"a shorter {told}"
+                if back is not None:
+                    how = f"--set '{told}=[{', '.join(f'{x:.4g}' for x in back)}]'"
                 yield (
                     f"stage {plan.name} moves {a.name} and {b.name} {overlap:.2g} m into one "
-                    f"another. Try a move of {moved.name} that is shorter by that "
-                    f"(stages.{plan.name}.rollers.{moved.name}.move)."
+                    f"another. Try {how}."
                 )
+
+
+def moved_back(plan: StageProblem, moved: Roller, way: Array, apart: float) -> Array | None:
+    """Return the move (m) of a roller that stops on its way at a distance from another.
+
+    ``way`` (m) leads from the other one to its end, which is q of its move m too far:
+    |way − q m| = ``apart``.  None if it is no further away at the start.
+    """
+    key, axis = f"rollers.{moved.name}.centre", moved.unit_axis
+    move = np.asarray(plan.controls.slope[key], dtype=float)
+    across = move - (move @ axis) * axis
+    half, square = float(way @ across), float(across @ across)
+    q = (half + np.sqrt(half**2 + square * (apart**2 - float(way @ way)))) / square
+    if q > 1.0:
+        return None
+    end = np.asarray(plan.controls.at(1.0)[key]) - q * move
+    return np.asarray(end - moved.centre)
 
 
 def roller_in_the_way(preview: Preview) -> Iterator[str]:
@@ -167,6 +194,19 @@ def holding(preview: Preview, roller: Roller) -> float:
     return float(np.exp(min(f * preview.turn(roller), 100.0)))
 
 
+def two_digits(value: float, towards: Callable[[float], float]) -> float:
+    """Return a positive bound with two digits, rounded to the side where it still is one.
+
+    Examples
+    --------
+    >>> two_digits(0.341, np.ceil), two_digits(2.166e4, np.floor)
+    (0.35, 21000.0)
+    """
+    decimals = 1 - int(np.floor(np.log10(value)))
+    scaled = round(value * 10.0**decimals, 9)  # a bound of two digits is its own
+    return round(float(towards(scaled)) * 10.0**-decimals, 9)
+
+
 def beyond_capacity(preview: Preview) -> Iterator[str]:
     """Stages that pull at both free ends by more than friction on the rollers can hold."""
     scene = preview.assembly.scene
@@ -196,12 +236,14 @@ def beyond_capacity(preview: Preview) -> Iterator[str]:
         changed = stage.edges.get(end)
         key = "force" if changed is not None and changed.force is not None else "tension"
         f = np.log(high / low) / turn if low and turn else np.inf
-        more = f", or a friction coefficient above {f:.2g}" if f < 2.0 else ""
+        more = f", or a friction coefficient above {two_digits(f, np.ceil):g}" if f < 2.0 else ""
+        bound = two_digits(capacity * low, np.floor) if low else 0.0
         yield (
             f"only friction holds the strip in x in stage {stage.name}, which pulls at its {end} "
             f"by {high:.3g} N/m against {low:.3g} N/m, and on {np.degrees(turn):.0f}° of wrap "
             f"friction holds {capacity:.3g} times as much at most: the strip runs away. "
-            f"Try stages.{stage.name}.{end}.{key} below {capacity * low:.2g} N/m{more}."
+            f"Try stages.{stage.name}.{end}.{key} below "
+            f"{bound:.2g} N/m{more}."
         )
 
 
@@ -229,7 +271,8 @@ def beyond_yield(preview: Preview) -> Iterator[str]:
             continue
         yield (
             f"bending over {roller.name} gives {stress / 1e6:.0f} MPa at the surface, {bound}; "
-            f"plasticity is not modelled. Try --set rollers.{roller.name}.radius={least:.2g}."
+            f"plasticity is not modelled. Try --set rollers.{roller.name}.radius="
+            f"{two_digits(least, np.ceil):g}."
         )
 
 
@@ -242,7 +285,8 @@ def stretched_beyond_yield(preview: Preview) -> Iterator[str]:
         yield (
             f"the largest tension, {preview.tension:.3g} N/m, is a stress of {stress / 1e6:.0f} "
             f"MPa, beyond {limit / 1e6:.0f} MPa, at which the strip yields; plasticity is not "
-            f"modelled. Try tensions below {limit * t:.2g} N/m, in N per metre of width."
+            f"modelled. Try tensions below {two_digits(limit * t, np.floor):.2g} N/m, in N per "
+            "metre of width."
         )
 
 

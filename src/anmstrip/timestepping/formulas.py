@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -115,7 +115,8 @@ class RateEquations(Protocol):
        consequences that the motion forgets.  Both are in the scales of the tolerance, and are
        asked for after ``during``.
     3. ``dragged`` is asked for where no velocity balances the forces.
-    4. ``smoothed`` is asked for where the path of a step stalls at corners of the laws.
+    4. ``smoothed`` is asked for where the path of a step stalls at corners of the laws, with
+       widths down to 1, which is the problem itself.
     """
 
     def during(self, t: float, h: float, velocity: AffineVelocity, about: Array) -> StepEquations:
@@ -128,9 +129,9 @@ class RateEquations(Protocol):
         """Size of the consequences of ``change`` that the motion forgets; none by default."""
         return 0.0
 
-    def smoothed(self) -> Iterable[RateEquations]:
-        """The same problem with laws from the smoothest one to those given, which are the last."""
-        return (self,)
+    def smoothed(self, width: float) -> RateEquations:
+        """The same problem with the corners of its laws so many times as wide."""
+        return self
 
     def dragged(self, t: float, u: Array, v: Array, time: float) -> RateEquations | None:
         """The same with a drag that lasts so long: as large as the problem's forces where a

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -90,6 +91,16 @@ time then ask for a shorter step.  Without it sharp friction takes a strip twice
 
 NARROWEST = 1e-6
 """The same of the path to rest, for which there is no shorter step."""
+
+SMOOTHEST = 1e5
+"""Width of the corners of friction that lead to such an end: from the default V_c, 1e-6 of the
+speed of a line or so, they are then as wide as the speeds of slip.  With 1e7 a dancer takes a third
+more tangents in such a step; with 1e3 the first path stalls as well."""
+
+WIDTH_RATIO, LEAST_RATIO = 10.0, 1.5
+"""Ratio of successive widths, and the one at which it is given up: where Newton's method finds no
+state the ratio becomes its square root, for all that follow.  With steps of a decade alone three of
+76 random lines stopped where a roller that begins to move slips as a whole."""
 
 MOST_CORRECTIONS, HALVINGS = 20, 8
 """Iterations with each law at the end of a step whose path stalls, each with a line search."""
@@ -238,16 +249,16 @@ class _Integrator:
         (friction slope)/(stiffness), about a microsecond for steel: the velocity
         jumps there, the state does not.
         The path to rest is one of polynomials: a quotient may end in the core of sharp
-        friction, which is too stiff to leave at rest.
+        friction, which is too stiff to leave at rest.  Where a roller begins to move, all of its
+        points begin to slip, and this path stalls like one of a step.
         """
         t, u = memory.times[0], memory.states[0]
         velocity = AffineVelocity(1.0 / self.stepping.whole, memory.v, np.zeros_like(u))
-        path = self.equations.during(t, 0.0, velocity, u)
         try:
-            rest = self.followed(
-                path, len(u), rational=False, shortest=NARROWEST, most=MOST_BRANCHES
+            _, rest, _ = self.ended(
+                t, 0.0, velocity, u, rational=False, shortest=NARROWEST, most=MOST_BRANCHES
             )
-            still = replace(memory, states=(u + rest.branch.end[0],))
+            still = replace(memory, states=(u + rest,))
             after = t + max(SETTLING * memory.step, DIGITS_OF_TIME * np.spacing(t))
             first = self.trial(still, after, 1)
             return start_memory(after, first.u, first.v, memory.step, memory.errors)
@@ -272,28 +283,39 @@ class _Integrator:
         return last
 
     def trial(self, memory: Memory, new: float, order: int) -> _Trial:
-        """Solve a step, where its path stalls by way of smoother laws."""
+        """Solve a step."""
         t, u, before = memory.times[0], memory.states[0], self.cost.expansions
         past, rate = formula(memory.times, new, order)
         w = np.zeros_like(u)
         for weight, state in zip(past[1:], memory.states[1:], strict=False):
             w += weight * (state - u)
         velocity = AffineVelocity(rate, memory.v, w - memory.v)
-        path = self.equations.during(t, new - t, velocity, u)
+        path, increment, imbalance = self.ended(
+            t, new - t, velocity, u,
+            rational=self.settings.rational, shortest=NARROW, most=FEW_BRANCHES,
+        )  # fmt: skip
+        v, spent = velocity(increment, 1.0), self.cost.expansions - before
+        return _Trial(u + increment, v, imbalance, spent, path, increment, rate)
+
+    def ended(
+        self, t: float, h: float, velocity: AffineVelocity, u: Array, **path: Any
+    ) -> tuple[StepEquations, Array, float]:
+        """Equations of a step, and increment and imbalance at its end.
+
+        Where its path stalls the way to the end is one of smoother laws.  The further arguments are
+        those of :meth:`followed`.
+        """
+        equations = self.equations.during(t, h, velocity, u)
         try:
-            last = self.followed(
-                path, len(u), rational=self.settings.rational, shortest=NARROW, most=FEW_BRANCHES
-            )
-            increment, imbalance = last.branch.end[0], last.imbalance
+            last = self.followed(equations, len(u), **path)
+            return equations, last.branch.end[0], last.imbalance
         except PathStopped as stopped:
             if stopped.outcome is Outcome.TOO_MANY_TANGENTS:
                 raise
-            found = self.sharpened(t, new - t, velocity, u)
+            found = self.sharpened(t, h, velocity, u)
             if found is None:
                 raise
-            increment, imbalance = found.u, found.imbalance
-        v, spent = velocity(increment, 1.0), self.cost.expansions - before
-        return _Trial(u + increment, v, imbalance, spent, path, increment, rate)
+            return equations, found.u, found.imbalance
 
     def sharpened(self, t: float, h: float, velocity: AffineVelocity, u: Array) -> Corrected | None:
         """End of a step by way of smoother laws, None if they do not lead there.
@@ -302,21 +324,27 @@ class _Integrator:
         a λ of its own.  With the smoothest law the path has no corners; from its end Newton's
         method goes to sharper and sharper laws, each from the state of the one before.
         """
-        found: Corrected | None = None
-        for equations in self.equations.smoothed():
-            path = equations.during(t, h, velocity, u)
-            if found is None:
-                last = self.followed(
-                    path, len(u), rational=True, shortest=NARROW, most=MOST_BRANCHES
-                )
-                found = Corrected(last.branch.end[0], 1.0, 0, last.imbalance)
-            given = equations is self.equations
-            tolerance = self.settings.tolerance * (1.0 if given else LOOSER)
-            net = Corrections(tolerance, MOST_CORRECTIONS, int(given), halvings=HALVINGS)
-            found = Newton(path, self.solver, net, self.cost).corrected(found.u, 1.0)
-            if found is None:
+        width, ratio = SMOOTHEST, WIDTH_RATIO
+        path = self.equations.smoothed(width).during(t, h, velocity, u)
+        last = self.followed(path, len(u), rational=True, shortest=NARROW, most=MOST_BRANCHES)
+        found = self.corrected(path, last.branch.end[0], LOOSER)
+        while found is not None and width > 1.0:
+            narrower = max(width / ratio, 1.0)
+            path = self.equations.smoothed(narrower).during(t, h, velocity, u)
+            sharper = self.corrected(path, found.u, LOOSER if narrower > 1.0 else 1.0)
+            if sharper is not None:
+                found, width = sharper, narrower
+            elif ratio < LEAST_RATIO:
                 return None
+            else:
+                ratio = ratio**0.5
         return found
+
+    def corrected(self, path: StepEquations, u: Array, looser: float) -> Corrected | None:
+        """The state near u at the end of a step, with an imbalance so many times as allowed."""
+        tolerance, least = looser * self.settings.tolerance, int(looser == 1.0)
+        net = Corrections(tolerance, MOST_CORRECTIONS, least, halvings=HALVINGS)
+        return Newton(path, self.solver, net, self.cost).corrected(u, 1.0)
 
     def local_error(self, memory: Memory, u: Array, new: float, order: int) -> Array:
         """Local error, from the predictor through order + 1 past states.

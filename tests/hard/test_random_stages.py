@@ -1,0 +1,64 @@
+"""Random lines that start, run, stop, are trimmed and moved end every stage as statics says."""
+
+from __future__ import annotations
+
+import pytest
+
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from random_stages import drawn, ending_of
+
+
+@pytest.mark.parametrize("seed", [0, 5])
+def test_random_stages_end_by_statics(seed: int) -> None:
+    ending = ending_of(drawn(seed), most=10**6)
+    assert ending.kind == "right", ending
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [2, 6, 7, 8, 14, 22, 30, 34])
+def test_more_random_stages_end_by_statics(seed: int) -> None:
+    """Lines driven, fed, slipping, and with a roller moved at a standstill and in motion."""
+    ending = ending_of(drawn(seed), most=10**6)
+    assert ending.kind == "right", ending
+
+
+def test_line_that_asks_more_than_friction_holds_is_told_so() -> None:
+    assert ending_of(drawn(23)).kind == "warned"
+
+
+@pytest.mark.slow
+def test_roller_is_moved_beside_a_driven_one_while_strip_runs() -> None:
+    """All of its points begin to slip at once; without a net under the start it stopped there."""
+    running = {"release": True, "tension": 4679.0}
+    scene = Scene.model_validate(
+        {
+            "strip": {"width": 1.0, "thickness": 5.45e-5, "kinematics": "section"},
+            "material": {"young": 2.1e11, "poisson": 0.3},
+            "contact": {},
+            "friction": {"coefficient": 0.46},
+            "rollers": [
+                {"radius": 0.849, "centre": [0.937, 0.0, 0.849], "wrap": "under", "drive": "idle"},
+                {"radius": 0.0636, "centre": [0.202, 0.0, 1.694], "wrap": "over"},
+                {"radius": 0.774, "centre": [-1.192, 0.0, 1.057], "wrap": "under",
+                 "drive": "idle", "bearing": 6.97},
+            ],
+            "threading": {
+                "tension": 4500.0, "entry": [0.0, 0.0, 0.0], "exit": [-2.416, 0.0, 0.707],
+            },
+            "edges": {"entry": {"fixed": ["x", "z"]}},
+            "stages": [
+                {"name": "start", "duration": 0.9, "entry": running,
+                 "rollers": {"r2": {"surface_speed": 0.248}}},
+                {"name": "move", "duration": 0.9,
+                 "rollers": {"r3": {"move": [-0.0525, 0.0, 0.0615]}}},
+                {"name": "run", "duration": 0.9},
+            ],
+        }
+    )  # fmt: skip
+    run = Run(scene)
+    state = [step.state for step in run][-1]
+    assert run.outcome.done, run.message
+    assert state.tension("entry") == pytest.approx(4679.0, rel=1e-3)
+    assert state.strip_speed == pytest.approx(0.248, rel=5e-3)
+    assert run.cost.expansions < 500
