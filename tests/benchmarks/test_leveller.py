@@ -78,7 +78,9 @@ def test_work_and_power(levelled):
     rubbed = 0.0
     for name, contact in state.contacts.items():
         force = state.rollers[name].torque / contact.roller.radius  # on strip that moves at c
-        rubbed += force * contact.speed + ((contact.traction * contact.slip).sum(0) @ contact.area)
+        rubbed += force * contact.surface_speed + (
+            (contact.traction * contact.slip).sum(0) @ contact.area
+        )
     assert flow == pytest.approx(pulled + rubbed, rel=0.08)
 
 
