@@ -96,6 +96,67 @@ def test_path_and_time_cost_what_a_strict_tolerance_saves(coarse: Results, stric
     assert max(true["position"], found["time"]["position"]) < 1e-10
 
 
+STOPPED = """
+[strip]
+kinematics = "section"
+width = 1.0
+thickness = 5.0e-4
+
+[material]
+young = 2.0e11
+poisson = 0.3
+
+[contact]
+
+[friction]
+coefficient = 0.2
+
+[threading]
+tension = 7.5e3
+entry = [-1.5, 0.0, 0.4]
+exit = [1.2, 0.0, -0.9]
+
+[[rollers]]
+name = "r1"
+radius = 0.4
+centre = [0.0, 0.0, 0.0]
+wrap = "over"
+
+[edges.entry]
+fixed = ["x", "z"]
+
+[[stages]]
+name = "start"
+duration = 0.5
+entry.release = true
+entry.tension = 7.5e3
+rollers.r1.surface_speed = 1.5
+
+[[stages]]
+name = "stop"
+duration = 0.3
+rollers.r1.surface_speed = 0.0
+exit.tension = 8.2e3
+
+[[stages]]
+name = "rest"
+duration = 1.0
+"""
+"""A roller that carries the strip, stops with a rise of tension, and stands."""
+
+
+def test_errors_in_time_are_carried_across_corners_of_friction(tmp_path: Path) -> None:
+    """What begins to slip or to stick within a step does not make errors larger that went before:
+    with resistance and tangent of different states they were told a thousand times too large."""
+    loose = run(STOPPED, tmp_path / "loose")
+    strict = run(STOPPED, tmp_path / "strict", "solver.tolerance=1e-5")
+    force, better = (read_off(results)[1]["r1 normal"] for results in (loose, strict))
+    moved = np.abs(loose.last.points - strict.last.points).max()
+    found = loose.summary["errors"]["time"]
+    assert abs(force - better) / 5.0 < found["force"] < 5.0 * abs(force - better)
+    assert moved / 5.0 < found["position"] < 5.0 * moved
+
+
 def test_a_path_without_rates_is_off_by_what_the_last_step_left(tmp_path: Path) -> None:
     """Newton's method finds it to all digits."""
     scene = scenes.PLATE

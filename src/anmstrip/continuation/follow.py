@@ -64,6 +64,7 @@ class PathStep:
     branch: Branch
     imbalance: float  # residual at its end, in units of the problem's forces
     pace: Pace  # what a later call needs to go on from its end as if never interrupted
+    tangent: float = 0.0  # place on the branch to which the last factors belong
 
 
 class PathSolver(Protocol):

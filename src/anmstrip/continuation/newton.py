@@ -195,4 +195,4 @@ def straight_step(u: Array, control: float, found: Corrected) -> PathStep:
     """Return the straight branch from a state to one that was found."""
     ways = np.array([u, found.u - u]), np.array([control, found.control - control])
     branch = Branch(u=ways[0], control=ways[1], length=1.0, residual=np.zeros_like(u))
-    return PathStep(branch, found.imbalance, Pace(found.control, found.control - control))
+    return PathStep(branch, found.imbalance, Pace(found.control, found.control - control), 1.0)

@@ -165,11 +165,15 @@ class _Trial:
     path: StepEquations
     increment: Array
     rate: float
+    tangent: tuple[Array, float]  # increment and λ to which the last factors belong
 
     @cached_property
     def resistance(self) -> Callable[[Array], Array]:
-        """∂R/∂v at its end."""
-        return self.path.resistance(self.increment, 1.0)
+        """∂R/∂v where the last factors belong, whose part it is.
+
+        At corners of friction it is another at the end of the step, by orders of magnitude.
+        """
+        return self.path.resistance(*self.tangent)
 
     @cached_property
     def turned(self) -> float:
@@ -255,7 +259,7 @@ class _Integrator:
         t, u = memory.times[0], memory.states[0]
         velocity = AffineVelocity(1.0 / self.stepping.whole, memory.v, np.zeros_like(u))
         try:
-            _, rest, _ = self.ended(
+            _, rest, *_ = self.ended(
                 t, 0.0, velocity, u, rational=False, shortest=NARROWEST, most=MOST_BRANCHES
             )
             still = replace(memory, states=(u + rest,))
@@ -290,17 +294,17 @@ class _Integrator:
         for weight, state in zip(past[1:], memory.states[1:], strict=False):
             w += weight * (state - u)
         velocity = AffineVelocity(rate, memory.v, w - memory.v)
-        path, increment, imbalance = self.ended(
+        path, increment, imbalance, tangent = self.ended(
             t, new - t, velocity, u,
             rational=self.settings.rational, shortest=NARROW, most=FEW_BRANCHES,
         )  # fmt: skip
         v, spent = velocity(increment, 1.0), self.cost.expansions - before
-        return _Trial(u + increment, v, imbalance, spent, path, increment, rate)
+        return _Trial(u + increment, v, imbalance, spent, path, increment, rate, tangent)
 
     def ended(
         self, t: float, h: float, velocity: AffineVelocity, u: Array, **path: Any
-    ) -> tuple[StepEquations, Array, float]:
-        """Equations of a step, and increment and imbalance at its end.
+    ) -> tuple[StepEquations, Array, float, tuple[Array, float]]:
+        """Equations of a step, increment and imbalance at its end, and where its last factors are.
 
         Where its path stalls the way to the end is one of smoother laws.  The further arguments are
         those of :meth:`followed`.
@@ -308,14 +312,14 @@ class _Integrator:
         equations = self.equations.during(t, h, velocity, u)
         try:
             last = self.followed(equations, len(u), **path)
-            return equations, last.branch.end[0], last.imbalance
+            return equations, last.branch.end[0], last.imbalance, last.branch(last.tangent)
         except PathStopped as stopped:
             if stopped.outcome is Outcome.TOO_MANY_TANGENTS:
                 raise
             found = self.sharpened(t, h, velocity, u)
             if found is None:
                 raise
-            return equations, found.u, found.imbalance
+            return equations, found.u, found.imbalance, (found.u, 1.0)
 
     def sharpened(self, t: float, h: float, velocity: AffineVelocity, u: Array) -> Corrected | None:
         """End of a step by way of smoother laws, None if they do not lead there.
