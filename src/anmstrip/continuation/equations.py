@@ -167,7 +167,7 @@ class Outcome(Enum):
 
     DONE = "reached the end"
     FOLD = "the control cannot be increased further: the path turned back at a limit point"
-    STALLED = "steps became too short: the path has a singular point here"
+    STALLED = "steps became too short to go on"
     SINGULAR = "the tangent is singular: something is not held, or a bifurcation"
     TOO_MANY_STEPS = "the allowed number of steps was used up; allow more"
     TOO_MANY_TANGENTS = "the allowed number of tangents was used up; allow more"
