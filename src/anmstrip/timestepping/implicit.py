@@ -53,6 +53,10 @@ Grande & Grigorieff, *On the zero stability of the variable order variable steps
 BDF-formulas*, Numer. Math. 57, 1990).
 """
 
+FIRST_GROWTH = 10.0
+"""The same for the first step of a stage, which is short in case that much happens in it.  With 2 a
+strip over a roller that stops takes a sixth more tangents, a film that starts and stops a fifth."""
+
 UNHURRIED = 0.03
 """Share of what is left of a step over which a small imbalance is taken away at least.
 
@@ -229,7 +233,8 @@ class _Integrator:
             ratio = _ratio(error, order)
             if error <= 1.0 or fixed is not None:
                 following, ratio = self.next_order(memory, trial, new, order, ratio)
-                growth = min(ratio, 1.0 if barred else GROWTH[following - 1])
+                bound = FIRST_GROWTH if memory.available == 1 else GROWTH[following - 1]
+                growth = min(ratio, 1.0 if barred else bound)
                 times = (new, *memory.times[: self.stepping.order])
                 states = (trial.u, *memory.states[: self.stepping.order])
                 errors = self.errors(memory, trial, local)
@@ -484,4 +489,4 @@ class _Integrator:
 
 def _ratio(error: float, order: int) -> float:
     """Ratio of the next step to this one with which three tenths of what is allowed are used."""
-    return GROWTH[0] if error == 0.0 else float((0.3 / error) ** (1.0 / order))
+    return np.inf if error == 0.0 else float((0.3 / error) ** (1.0 / order))
