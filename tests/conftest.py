@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
 
 from claims import Claim
+
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # workers have a core each; children inherit it
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -37,7 +37,6 @@ REMOVED: tuple[tuple[str, str, Any], ...] = (
     (f"{CONTINUATION}.quotients", "FURTHER", 2.0),
     (f"{CONTINUATION}.quotients", "DAMPING", 1e-12),
     (TIME, "GROWTH", (np.inf,) * 5),
-    (TIME, "FIRST_GROWTH", 2.0),
     (TIME, "SETTLING", 1.0),
     (TIME, "UNHURRIED", 0.0),
     (TIME, "NARROW", 1e-6),

@@ -53,10 +53,6 @@ Grande & Grigorieff, *On the zero stability of the variable order variable steps
 BDF-formulas*, Numer. Math. 57, 1990).
 """
 
-FIRST_GROWTH = 10.0
-"""The same for the first step of a stage, which is short in case that much happens in it.  With 2 a
-strip over a roller that stops takes a sixth more tangents, a film that starts and stops a fifth."""
-
 UNHURRIED = 0.03
 """Share of what is left of a step over which a small imbalance is taken away at least.
 
@@ -173,10 +169,12 @@ class _Trial:
 
     @cached_property
     def resistance(self) -> Callable[[Array], Array]:
-        """∂R/∂v where the last factors belong, whose part it is.
+        """∂R/∂v at its end: large beside the last tangent where slip has come to rest within it."""
+        return self.path.resistance(self.increment, 1.0)
 
-        At corners of friction it is another at the end of the step, by orders of magnitude.
-        """
+    @cached_property
+    def resistance_in_tangent(self) -> Callable[[Array], Array]:
+        """∂R/∂v where the last factors belong, of which it is a part."""
         return self.path.resistance(*self.tangent)
 
     @cached_property
@@ -233,8 +231,7 @@ class _Integrator:
             ratio = _ratio(error, order)
             if error <= 1.0 or fixed is not None:
                 following, ratio = self.next_order(memory, trial, new, order, ratio)
-                bound = FIRST_GROWTH if memory.available == 1 else GROWTH[following - 1]
-                growth = min(ratio, 1.0 if barred else bound)
+                growth = min(ratio, 1.0 if barred else GROWTH[following - 1])
                 times = (new, *memory.times[: self.stepping.order])
                 states = (trial.u, *memory.states[: self.stepping.order])
                 errors = self.errors(memory, trial, local)
@@ -401,7 +398,8 @@ class _Integrator:
 
             (∂R/∂u + rate ∂R/∂v) e = rate ∂R/∂v (e₀ + l) + r + s.
 
-        What sticks keeps it and what slips forgets it.
+        What sticks keeps it and what slips forgets it.  Both derivatives are those of one state: at
+        corners of friction another one has others, by orders of magnitude.
         """
         before = np.zeros((3, len(local))) if memory.errors is None else memory.errors.after.copy()
         before[0] += local
@@ -410,7 +408,8 @@ class _Integrator:
                 trial.path.residual(trial.increment, 1.0),
                 trial.path.sharpening(trial.increment, 1.0),
             )
-            right = np.array([trial.resistance(trial.rate * error) for error in before])
+            carried = trial.resistance_in_tangent
+            right = np.array([carried(trial.rate * error) for error in before])
             right[1:] += added
             after = np.array([self.solver.factors.solve(each) for each in right])
         self.cost.residuals += 2
@@ -489,4 +488,4 @@ class _Integrator:
 
 def _ratio(error: float, order: int) -> float:
     """Ratio of the next step to this one with which three tenths of what is allowed are used."""
-    return np.inf if error == 0.0 else float((0.3 / error) ** (1.0 / order))
+    return GROWTH[0] if error == 0.0 else float((0.3 / error) ** (1.0 / order))
