@@ -10,7 +10,6 @@ import pytest
 
 from claims import Claim
 
-
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # workers have a core each; children inherit it
 
 
