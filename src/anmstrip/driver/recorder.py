@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from anmstrip.arrays import Array
+from anmstrip.driver.checkpoint import signature
 from anmstrip.results.fields import FieldSampler
 from anmstrip.results.files import (
     DirectoryLock,
@@ -187,8 +188,9 @@ class Recorder:
         self.last_checkpoint = now
         self.lock.check()
         names = ("rows", "states", "turned", "event_rows", "profile_rows")
-        counters = {name: getattr(self, name) for name in names}
-        save_checkpoint(self.directory / "checkpoint.npz", arrays, {**facts, **counters})
+        kept = {**facts, **{name: getattr(self, name) for name in names}}
+        kept["signature"] = signature(arrays, kept)
+        save_checkpoint(self.directory / "checkpoint.npz", arrays, kept)
 
     def summary(self, facts: Mapping[str, Any], state: State | None) -> None:
         """Write ``summary.json``; then the directory is free for others."""
