@@ -174,7 +174,7 @@ def run_command(
     Exit status: 0 done, 1 stopped before its end (what was computed is there, and the message
     says what to try), 2 wrong input (every mistake is told, nothing was written).
     """
-    from anmstrip.driver.report import report
+    from anmstrip.driver.explain import report
     from anmstrip.driver.scene import Scene
 
     loaded = Scene.load(scene, settings)

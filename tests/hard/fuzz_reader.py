@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.driver.checkpoint import read_checkpoint
+from anmstrip.driver.recorder import read_checkpoint
 from anmstrip.driver.run import Run, unpack
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError

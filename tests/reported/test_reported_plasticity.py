@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from anmstrip import InputError, Scene
-from anmstrip.driver.report import report
+from anmstrip.driver.explain import report
 from anmstrip.results.files import read_history
 from anmstrip.results.plastic import YieldedStrip
 from anmstrip.results.vtk import read_surface

@@ -122,11 +122,10 @@ def test_the_line_is_drawn_as_it_is_threaded(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Strip from entry to exit, wraps on the rollers, and arrows in the senses of their speeds."""
-    from anmstrip.pictures import layout
 
     drawn: list[Any] = []
-    draw_layout = layout.draw_layout
-    monkeypatch.setattr(layout, "draw_layout", lambda *given: drawn.append(given))
+    draw_layout = curves.draw_layout
+    monkeypatch.setattr(curves, "draw_layout", lambda *given: drawn.append(given))
     scene = scene_of(seen((-1, -1), False))
     draw_line(scene, tmp_path / "line.svg")
     (given,) = drawn

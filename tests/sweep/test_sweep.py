@@ -24,8 +24,7 @@ from anmstrip.errors import InputError
 from anmstrip.pictures.curves import save_figure
 from anmstrip.results import files as history
 from anmstrip.sweep import study as scenes
-from anmstrip.sweep.study import Sweep, figure, row_of
-from anmstrip.sweep.variations import Variation, folder
+from anmstrip.sweep.study import Sweep, Variation, figure, folder, row_of
 
 CAPSTAN = Path(__file__).parents[2] / "examples" / "capstan.toml"
 

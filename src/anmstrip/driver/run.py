@@ -14,9 +14,8 @@ from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Outcome, PathStopped
 from anmstrip.continuation.follow import Pace
 from anmstrip.driver.budget import Budget, Part
-from anmstrip.driver.checkpoint import identity, kept_values, read_checkpoint
 from anmstrip.driver.preview import Preview
-from anmstrip.driver.recorder import Recorder, history_row
+from anmstrip.driver.recorder import Recorder, history_row, identity, kept_values, read_checkpoint
 from anmstrip.driver.warnings import coarse_mesh, warnings
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import SHELL

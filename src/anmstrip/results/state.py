@@ -15,7 +15,7 @@ from anmstrip.errors import nearest
 from anmstrip.mechanics.loads import FollowerLoad
 from anmstrip.mechanics.plasticity import Plasticity
 from anmstrip.mechanics.shell import Membrane, principal_values
-from anmstrip.results.profile import Profile
+from anmstrip.results.fields import Profile
 from anmstrip.results.rollers import (
     ContactState,
     Regularisation,

@@ -24,8 +24,7 @@ from anmstrip.errors import InputError, Mistake
 from anmstrip.fem.sampling import displacement_at
 from anmstrip.results.files import load_checkpoint, write_table
 from anmstrip.simulation.problem import Assembly
-from anmstrip.sweep.study import CHECKPOINT, SUMMARY, Sweep, read_json, run_scene
-from anmstrip.sweep.variations import Variant, folder
+from anmstrip.sweep.study import CHECKPOINT, SUMMARY, Sweep, Variant, folder, read_json, run_scene
 
 if TYPE_CHECKING:
     from distributed import Client
