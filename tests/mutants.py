@@ -313,12 +313,7 @@ FILES = (
         "self.turned[roller.name]",
         "rollers",
     ),
-    Mutant(
-        "travel by the last speed",
-        "- 0.5 * gained)",
-        "- 0.0 * gained)",
-        "rollers",
-    ),
+    Mutant("travel by the last speed", "- 0.5 * gained)", "- 0.0 * gained)", "rollers"),
     Mutant(
         "profiles are not drawn",
         "roller.radius_at(rings), roller.slope_at(rings)",
@@ -337,12 +332,7 @@ FILES = (
         'edge")[:, None] * 1.1\n    distance',
         "rollers",
     ),
-    Mutant(
-        "times of states in other units",
-        "{entry.time!r}",
-        "{1.1 * entry.time!r}",
-        "rollers",
-    ),
+    Mutant("times of states in other units", "{entry.time!r}", "{1.1 * entry.time!r}", "rollers"),
 )
 
 ENDS = (
@@ -470,10 +460,7 @@ SUMMARY = (
         "summary",
     ),
     Mutant(
-        "tensions of a sweep twice",
-        '= values["tension"]',
-        '= 2.0 * values["tension"]',
-        "sweep",
+        "tensions of a sweep twice", '= values["tension"]', '= 2.0 * values["tension"]', "sweep"
     ),
     Mutant(
         "errors of a study without the largest",

@@ -298,11 +298,7 @@ def test_arclength_does_not_depend_on_units():
             1e-3 * unit, Material(2e11 / unit**2, 0.3),
         )  # fmt: skip
         pattern = Pattern(strip)
-        effects = [
-            Membrane(strip),
-            isometric_bending(strip, pattern),
-            edge_force(strip, "exit"),
-        ]
+        effects = [Membrane(strip), isometric_bending(strip, pattern), edge_force(strip, "exit")]
         model = Model(strip, pattern, effects, Scales(unit, 12.0, 60.0 / unit))
         load = {"exit.force": np.array([0.0, 0.0, 60.0 / unit])}
         equations = Equilibrium(

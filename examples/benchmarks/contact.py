@@ -62,9 +62,7 @@ def study(quick: bool = False) -> Report:
         Sheet("Stiffness K", names, tuple(stiff), note),
         Sheet("Regularisation η", names, tuple(soft)),
         Sheet(
-            "Graded contact: as the mesh resolves it, and other widths",
-            names,
-            (chosen, *graded),
+            "Graded contact: as the mesh resolves it, and other widths", names, (chosen, *graded)
         ),
     )
     return Report(

@@ -53,10 +53,7 @@ SWEEPS = {
 FIXED = (1e-1, 1e-2, 1e-3)
 """ω for which fixed steps are tried as well."""
 
-SLIPS = {
-    "stages.wrap.rollers.r1.surface_speed": 1.0,
-    "stages.turn.rollers.r1.surface_speed": -0.01,
-}
+SLIPS = {"stages.wrap.rollers.r1.surface_speed": 1.0, "stages.turn.rollers.r1.surface_speed": -0.01}
 """The roller slips when friction begins, comes to rest, and has just begun to turn back."""
 
 TOLERANCE = {"mass": 1e-3, "strip": 1e-5}

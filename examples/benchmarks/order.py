@@ -15,16 +15,7 @@ from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.scene.tables import SolverSpec
 from cantilever import LENGTH, cantilever, tip
-from figures import (
-    Measured,
-    by_line,
-    crossed,
-    curves,
-    measured,
-    plotted,
-    sheet,
-    work_precision,
-)
+from figures import Measured, by_line, crossed, curves, measured, plotted, sheet, work_precision
 from harness import Cell, Report, Sheet, main
 from runs import altered, finished
 from strips import capstan

@@ -20,16 +20,7 @@ from anmstrip.results.state import State
 from anmstrip.timestepping.formulas import Memory
 from anmstrip.timestepping.functions import FunctionRateEquations
 from anmstrip.timestepping.implicit import Stepping, integrate
-from figures import (
-    Measured,
-    by_line,
-    curves,
-    exponent,
-    measured,
-    plotted,
-    sheet,
-    work_precision,
-)
+from figures import Measured, by_line, curves, exponent, measured, plotted, sheet, work_precision
 from harness import Cell, Report, Sheet, main
 from runs import altered, finished
 from strips import CONTACT, DOWN, FRICTION, MATERIAL, PULL, ROLLER, SHEET

@@ -18,11 +18,7 @@ scene = Scene(
     rollers=[{"radius": 0.5, "centre": [0.0, 0.0, -0.5], "wrap": "over"}],
     edges={"entry": {"fixed": ["x", "z"]}},
     stages=[
-        {
-            "steady": True,
-            "entry": {"tension": 1.2e4},
-            "rollers": {"r1": {"surface_speed": 1.0}},
-        }
+        {"steady": True, "entry": {"tension": 1.2e4}, "rollers": {"r1": {"surface_speed": 1.0}}}
     ],
     solver={"tolerance": 1e-4},
 )

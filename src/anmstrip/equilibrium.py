@@ -19,14 +19,7 @@ from anmstrip.fem.operators import Blocks, Chained, Eliminated, Pattern, Restric
 from anmstrip.fem.strip import Strip
 from anmstrip.linalg.bordered import Bordered
 from anmstrip.linalg.condensed import Condensed, Joined
-from anmstrip.mechanics.effects import (
-    Controls,
-    Effect,
-    Moment,
-    RecordedLaws,
-    force_of,
-    series_of,
-)
+from anmstrip.mechanics.effects import Controls, Effect, Moment, RecordedLaws, force_of, series_of
 from anmstrip.mechanics.shell import Membrane
 from anmstrip.timestepping.formulas import AffineVelocity
 

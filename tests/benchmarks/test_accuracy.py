@@ -17,15 +17,7 @@ import solvers
 import time_steps
 from anmstrip.paper.references import reference_solution
 from cantilever import elastica
-from figures import (
-    Measured,
-    crossed,
-    exponent,
-    fitted,
-    measured,
-    patiently,
-    work_precision,
-)
+from figures import Measured, crossed, exponent, fitted, measured, patiently, work_precision
 from harness import Report, Sheet
 
 

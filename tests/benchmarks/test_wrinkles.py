@@ -13,17 +13,7 @@ from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import follow
 from anmstrip.linalg.solvers import SparseSolver
 from harness import run
-from wrinkles import (
-    CHOICES,
-    LENGTH,
-    THIN,
-    Stretched,
-    imperfect,
-    onset,
-    sheet_of,
-    study,
-    wrinkled,
-)
+from wrinkles import CHOICES, LENGTH, THIN, Stretched, imperfect, onset, sheet_of, study, wrinkled
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -23,10 +23,7 @@ def branch_of(equations, u, control=0.0, order=10, parameter=None, **options):
     )
 
 
-PARAMETERS = {
-    "control": Parameter(0.7),
-    "arclength": Parameter(0.7, arclength=True),
-}
+PARAMETERS = {"control": Parameter(0.7), "arclength": Parameter(0.7, arclength=True)}
 
 
 @pytest.mark.parametrize("order", [4, 9, 14])

@@ -22,15 +22,7 @@ import numpy as np
 import pytest
 
 from field_line import Line
-from field_statics import (
-    Circle,
-    beam_on_supports,
-    belt,
-    bent_belt,
-    capstan,
-    catenary,
-    normal_force,
-)
+from field_statics import Circle, beam_on_supports, belt, bent_belt, capstan, catenary, normal_force
 
 SCENES = {path.stem: path for path in sorted(Path(__file__).parent.glob("[0-9][0-9]_*.toml"))}
 

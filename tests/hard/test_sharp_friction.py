@@ -74,10 +74,7 @@ def test_all_points_begin_to_slip_within_one_step() -> None:
                     {"radius": 0.5, "centre": (x, 0.0, z), "wrap": wrap} for x, z, wrap in places
                 ],
                 "edges": {"entry": {"fixed": ["x", "z"]}},
-                "stages": [
-                    {"duration": 0.1, "exit": {"tension": 3e3}},
-                    {"duration": 1.0},
-                ],
+                "stages": [{"duration": 0.1, "exit": {"tension": 3e3}}, {"duration": 1.0}],
             }
         )
     )

@@ -283,8 +283,7 @@ def test_elimination_solves_with_the_whole_tangent(kind):
     supports = Supports.at_rest(model.unknowns, strip.clamp("entry"))
     rng, free = np.random.default_rng(3), supports.free
     units = np.append(
-        np.repeat(strip.dof_lengths, strip.count) * 1e-3 * LENGTH,
-        np.full(len(effect.units), 1e-3),
+        np.repeat(strip.dof_lengths, strip.count) * 1e-3 * LENGTH, np.full(len(effect.units), 1e-3)
     )
     u = (units * rng.standard_normal(model.unknowns))[free]
     velocity = None if along else AffineVelocity(3.0, np.zeros_like(u), np.zeros_like(u))

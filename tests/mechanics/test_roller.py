@@ -243,10 +243,7 @@ def test_section_feels_what_a_shell_feels_per_width():
     alone = here.restricted(own)
     contact = Contact(roller, LAW, part)
     thin = Contact(roller, LAW, alone, np.inf, section.kinematics)
-    for effect, plane in (
-        (contact, thin),
-        (Friction(contact, HOFF), Friction(thin, HOFF)),
-    ):
+    for effect, plane in ((contact, thin), (Friction(contact, HOFF), Friction(thin, HOFF))):
         found = plane.law(x[[0, 2]], v[[0, 2]], controls)
         expected = effect.law(x, v, controls)
         assert np.abs(expected).max() > 0.0

@@ -24,9 +24,7 @@ TABLES = {
     "material": {"young": YOUNG, "poisson": 0.0, "yield_stress": YIELD, "plasticity": FLOW},
     "contact": {},
     "friction": {"coefficient": 0.0, "speed": 1e-3},
-    "rollers": [
-        {"name": "r", "radius": RADIUS, "centre": [0.0, 0.0, -RADIUS], "wrap": "over"},
-    ],
+    "rollers": [{"name": "r", "radius": RADIUS, "centre": [0.0, 0.0, -RADIUS], "wrap": "over"}],
     "threading": {"tension": TENSION, "entry": [-0.3, 0.0, -0.21], "exit": [0.3, 0.0, -0.21]},
     "edges": {"entry": {"fixed": ["x", "z"]}},
     "stages": [

@@ -27,11 +27,7 @@ LINE: dict[str, Any] = {  # over one roller by 90°: 4 m level, then 1.5 m down
     "rollers": [{"name": "r1", "radius": 0.5, "centre": [0.0, 0.0, -0.5], "wrap": "over"}],
     "edges": {"entry": {"fixed": ["x", "z"]}},
     "stages": [
-        {
-            "duration": 0.5,
-            "entry": {"release": True},
-            "rollers": {"r1": {"surface_speed": 2.0}},
-        }
+        {"duration": 0.5, "entry": {"release": True}, "rollers": {"r1": {"surface_speed": 2.0}}}
     ],
 }
 LAYER = (2e11 * 1e-9 / 12.0 / 0.91 / 1e4) ** 0.5

@@ -13,6 +13,7 @@ from threaded import ended, roller, scene_of, values
 from anmstrip.driver.explain import draw_line, explain
 from anmstrip.errors import InputError
 from anmstrip.mechanics.roller import Roller
+from anmstrip.pictures import curves
 from anmstrip.simulation.problem import Assembly
 
 LINE: dict[str, Any] = {

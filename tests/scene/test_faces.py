@@ -76,10 +76,7 @@ def bridle(faces: bool, apart: float) -> dict[str, Any]:
         "strip": {"thickness": THICKNESS, "refined": 0.02},
         "contact": {"stiffness": None, "eta": None, "delta": None, "faces": faces},
         "threading": {"tension": 1e5, "entry": (-1.0, 0.0, 0.2), "exit": (1.0, 0.0, -0.2)},
-        "rollers": [
-            roller("a", 0.0, 0.0, 0.2, "over"),
-            roller("b", 0.0, -distance, 0.2, "under"),
-        ],
+        "rollers": [roller("a", 0.0, 0.0, 0.2, "over"), roller("b", 0.0, -distance, 0.2, "under")],
     }
 
 

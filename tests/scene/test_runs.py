@@ -218,12 +218,7 @@ def test_strip_without_friction_has_no_velocity(finished: Callable[..., Finished
     assert all(step.state.velocity is None for step in press.steps)
     assert not press.run.march.velocity.any()
     assert not any("friction" in name for name in press.summary["effects"])
-    assert set(press.summary["effects"]) == {
-        "membrane",
-        "bending",
-        "contact",
-        "force on exit",
-    }
+    assert set(press.summary["effects"]) == {"membrane", "bending", "contact", "force on exit"}
     surface = read_surface(press.directory / listed(press.directory / "strip.pvd")[-1].file)
     for name in ("velocity", "slip_velocity", "friction_traction"):
         assert not surface.fields[name].any()

@@ -55,8 +55,7 @@ def test_a_section_that_is_loose_as_a_shell_is_not_run_as_one() -> None:
 
 
 @pytest.mark.parametrize(
-    ("along", "words"),
-    [("speed", 'law = "algebraic"'), ("width", "--along tolerance")],
+    ("along", "words"), [("speed", 'law = "algebraic"'), ("width", "--along tolerance")]
 )
 def test_what_does_not_apply_is_refused(tmp_path: Path, along: str, words: str) -> None:
     with pytest.raises(InputError) as told:

@@ -75,10 +75,7 @@ class Scene(SceneSpec):
         return sharpened or self.strip.refined == "auto"
 
     def map(
-        self,
-        *along: str,
-        directory: str | Path | None = None,
-        effects: Iterable[EffectMaker] = (),
+        self, *along: str, directory: str | Path | None = None, effects: Iterable[EffectMaker] = ()
     ) -> OperatingMap:
         """Return the stationary states along one control, or along one for values of another.
 

@@ -502,11 +502,7 @@ class LoadSeries(EffectSeries):
 
 
 def series_of(
-    effect: Effect,
-    order: int,
-    state: State,
-    controls: Controls,
-    laws: RecordedLaws,
+    effect: Effect, order: int, state: State, controls: Controls, laws: RecordedLaws
 ) -> EffectSeries:
     """Return the orders of an effect about a state: all unknowns, their velocities, and λ."""
     full, _, control = state

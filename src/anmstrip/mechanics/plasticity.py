@@ -121,11 +121,7 @@ class Plasticity(LawEffect):
     operator: InternalOperator
 
     def __init__(
-        self,
-        membrane: Membrane,
-        bending: KirchhoffLove,
-        flow: FlowLaw,
-        operator: InternalOperator,
+        self, membrane: Membrane, bending: KirchhoffLove, flow: FlowLaw, operator: InternalOperator
     ) -> None:
         self.membrane, self.bending = membrane, bending
         self.flow, self.layers, self.operator = flow, operator.layers, operator

@@ -45,11 +45,7 @@ def draw(job: Job) -> None:
                     algorithm="dataset_surface"
                 )
                 plotter.add_mesh(
-                    sectors,
-                    color=grey,
-                    smooth_shading=True,
-                    ambient=AMBIENT,
-                    diffuse=1.0 - AMBIENT,
+                    sectors, color=grey, smooth_shading=True, ambient=AMBIENT, diffuse=1.0 - AMBIENT
                 )
         place = 24, job.size[1] - 46
         plotter.add_text(f"t = {frame.time:.4g} s", position=place, color="black", font_size=11)

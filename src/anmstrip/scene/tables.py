@@ -11,14 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    PlainValidator,
-    StrictBool,
-    model_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, StrictBool, model_validator
 from pydantic.fields import FieldInfo
 
 from anmstrip.errors import InputError, Mistake

@@ -34,12 +34,7 @@ from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
 from anmstrip.scene.tables import I_UNIT, THREADING, FieldSpec, NaturalShape
 from anmstrip.simulation.defaults import largest_force, line_speed, with_defaults
-from anmstrip.simulation.meshing import (
-    carrying_sense,
-    cells_across,
-    strip_mesh,
-    surface_speed,
-)
+from anmstrip.simulation.meshing import carrying_sense, cells_across, strip_mesh, surface_speed
 
 if TYPE_CHECKING:
     from skfem import Mesh

@@ -383,11 +383,7 @@ class Accuracy(Sweep):
 
 
 def accuracy(
-    scene: Scene,
-    along: Iterable[str] = (),
-    *,
-    directory: str | Path,
-    client: Client | None = None,
+    scene: Scene, along: Iterable[str] = (), *, directory: str | Path, client: Client | None = None
 ) -> Accuracy:
     """Measure what accuracy costs on a scene; see :class:`Accuracy`.
 
