@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -125,9 +124,7 @@ class Piece:
 
     def state(self, s: float) -> State:
         """Stationary state."""
-        plan, (u, control) = self.plan, self.branch(self.parameter(s))
-        full, instant = plan.supports.full(u, control), plan.start + control * plan.duration
-        return State(plan, instant, control, full, plan.transport(full, control))
+        return State.on(self.plan, self.branch, self.parameter(s))
 
     @property
     def folds(self) -> list[float]:
@@ -137,6 +134,10 @@ class Piece:
     def places(self, values: Array) -> list[float]:
         """Ways at which the control has one of some values; the beginning is left out."""
         found, slack = [], 1e-9 * float(np.ptp(values))
+
+        def missed(s: float, value: float) -> float:
+            return self.value(s) - value
+
         for begin, end in pairwise([0.0, *self.folds, self.length]):
             before, after = self.value(begin), self.value(end)
             sense = 1.0 if after > before else -1.0
@@ -144,11 +145,8 @@ class Piece:
             inside = (ahead > slack) & (ahead <= sense * (after - before) + slack)
             for v in sense * np.sort(sense * values[inside]):
                 at_end = sense * (after - v) <= slack
-                found.append(end if at_end else brentq(self._missed, begin, end, args=(v,)))
+                found.append(end if at_end else brentq(missed, begin, end, args=(v,)))
         return found
-
-    def _missed(self, s: float, value: float) -> float:
-        return self.value(s) - value
 
 
 @dataclass(frozen=True)
@@ -205,18 +203,18 @@ class Curve:
         tuple
             Way along the curve, kind of the event, and name of the roller.
         """
+
+        def grip(s: float, name: str) -> float:
+            return self.state(s).contacts[name].grip
+
         for begin, piece in zip(self.knots, self.pieces, strict=False):
             yield from ((begin + way, "fold", None) for way in piece.folds)
         grips = ({n: c.grip for n, c in state.contacts.items()} for state in states.values())
         for (a, b), (before, after) in zip(pairwise(states), pairwise(grips), strict=True):
             for name in before:
                 if (before[name] > 0.0) != (after[name] > 0.0):
-                    grip = partial(self._grip, name)
-                    at = float(brentq(grip, a, b, xtol=tolerance * self.knots[-1]))
+                    at = float(brentq(grip, a, b, (name,), xtol=tolerance * self.knots[-1]))
                     yield at, "grip lost" if after[name] > 0.0 else "grip regained", name
-
-    def _grip(self, name: str, s: float) -> float:
-        return self.state(s).contacts[name].grip
 
 
 @dataclass(frozen=True)

@@ -169,12 +169,10 @@ class Recorder:
         write_surface(self.directory / strip, points, cells, fields)
         self.strip.add(state.time, strip)
         if self.assembly.rollers:
-            moved = [
-                replace(
-                    roller, centre=tuple(state.controls[f"rollers.{roller.name}.centre"] + origin)
-                )
-                for roller in self.assembly.rollers
-            ]
+            moved = []
+            for roller in self.assembly.rollers:
+                centre = state.controls[f"rollers.{roller.name}.centre"] + origin
+                moved.append(replace(roller, centre=tuple(centre)))
             angles = [roller.sense * self.turned[roller.name] / roller.radius for roller in moved]
             write_rollers(self.directory / rollers, moved, angles, self.assembly.strip.width)
             self.rollers.add(state.time, rollers)

@@ -103,8 +103,7 @@ class StationaryTangent:
     def on_rollers(self, name: str) -> csc_matrix:
         """Areas of the points of contact or friction, (points, rollers), by what they see."""
         part, rollers = self.law_part(name), self.friction.roller.members
-        which = part.effect.roller.which  # type: ignore[attr-defined]
-        which = np.zeros(part.effect.points, dtype=np.int64) if which is None else which
+        which = part.effect.roller.seen_by(part.effect.points)  # type: ignore[attr-defined]
         places, operator = (np.arange(len(which)), which), cast(Any, part.operator)
         return csc_matrix((operator.weights, places), shape=(len(which), len(rollers)))
 
@@ -183,24 +182,16 @@ class Partials:
         for name, part in self.tangent.parts.items():
             effect = part.effect
             if isinstance(effect, FollowerLoad):
-                law = effect.law(
-                    effect.operator.apply(self.tangent.state.full), None, {effect.control: 1.0}
-                )
+                x = effect.operator.apply(self.tangent.state.full)
+                law = effect.law(x, None, {effect.control: 1.0})
                 yield effect.control, {name: np.asarray(law)}
             elif isinstance(effect, LoadEffect):
-                size = float(np.linalg.norm(controls[effect.control]))
-                if size > 0.0:
-                    yield (
-                        effect.control,
-                        {name: effect.load_vector(controls[effect.control] / size)},
-                    )
+                given = controls[effect.control]
+                if (size := float(np.linalg.norm(given))) > 0.0:
+                    yield effect.control, {name: effect.load_vector(given / size)}
             elif isinstance(effect, Drives):
-                for number, (roller, radius) in enumerate(
-                    zip(effect.names, effect.radii, strict=True)
-                ):
-                    seed = np.zeros((1, len(effect.names)))
-                    seed[0, number] = -1.0 / radius
-                    yield f"rollers.{roller}.torque", {name: seed}
+                for roller, row in zip(effect.names, np.diag(-1.0 / effect.radii), strict=True):
+                    yield f"rollers.{roller}.torque", {name: row[None]}
 
     def _data(self) -> Iterator[tuple[str, Explicit]]:
         """Friction is proportional to f, the membrane to E t, bending to E t³, weight to t."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_matrix
@@ -14,12 +14,8 @@ from anmstrip.arrays import Array, Index
 from anmstrip.fem.geometry import SHELL, Kinematics
 from anmstrip.fem.sampling import ContactOperator, remembered
 from anmstrip.mechanics.effects import LawEffect, Moment
-from anmstrip.mechanics.laws import ContactLaw
+from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
 from anmstrip.mechanics.roller import Projection, Roller
-
-if TYPE_CHECKING:
-    from anmstrip.mechanics.laws import FrictionLaw
-
 
 CHORD = 0.25
 """Longest way of a point between two looks, in radii; it is taken as straight in between."""
@@ -51,37 +47,24 @@ def deepest(contact: Contact, places: Callable[[Array], Array]) -> float | None:
     """
     shares = np.linspace(0.0, 1.0, 3)
     y = places(shares)
-    while (more := _chords(contact, y)) > 1.0 and len(shares) < MOST:
+    while len(shares) < MOST:
+        moved = np.sqrt((np.diff(y, axis=0) ** 2).sum(axis=1))
+        more = float((moved / contact.roller.radius).max(initial=0.0)) / CHORD
+        if more <= 1.0:
+            break
         shares = np.linspace(0.0, 1.0, min(int(np.ceil(more * (len(shares) - 1))), MOST) + 1)
         y = places(shares)
-    nearest = _nearest(y)
-    first, last, *between = _gaps(contact, y, nearest)
+    step = np.diff(y[:, :2], axis=0)  # every piece is nearest to the axis at a share of it
+    square = np.maximum((step**2).sum(axis=1), np.finfo(float).tiny)
+    nearest = np.clip(-(y[:-1, :2] * step).sum(axis=1) / square, 0.0, 1.0)
+    looks = np.concatenate([y[[0, -1]], y[:-1] + nearest[:, None] * np.diff(y, axis=0)])
+    with np.errstate(invalid="ignore"):  # on the axis there is no direction
+        first, last, *between = np.asarray(contact.roller.project(looks.swapaxes(0, 1)).gap)
     dip = np.minimum(first, last) - between
     if not dip.max() > contact.signorini.width:
         return None
     j, point = np.unravel_index(dip.argmax(), dip.shape)
     return float(shares[j] + nearest[j, point] * (shares[j + 1] - shares[j]))
-
-
-def _gaps(contact: Contact, y: Array, nearest: Array) -> Array:
-    """Gaps at both ends, and where each piece is nearest to the axis, (2 + pieces, points)."""
-    between = y[:-1] + nearest[:, None] * np.diff(y, axis=0)
-    looks = np.concatenate([y[[0, -1]], between]).swapaxes(0, 1)
-    with np.errstate(invalid="ignore"):  # on the axis there is no direction
-        return np.asarray(contact.roller.project(looks).gap)
-
-
-def _chords(contact: Contact, y: Array) -> float:
-    """Longest way between two looks, over what it may be."""
-    moved = np.sqrt((np.diff(y, axis=0) ** 2).sum(axis=1))
-    return float((moved / contact.roller.radius).max(initial=0.0)) / CHORD
-
-
-def _nearest(y: Array) -> Array:
-    """Share of every piece of the way at which each point is nearest to the axis."""
-    step = np.diff(y[:, :2], axis=0)
-    square = np.maximum((step**2).sum(axis=1), np.finfo(float).tiny)
-    return np.asarray(np.clip(-(y[:-1, :2] * step).sum(axis=1) / square, 0.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -261,10 +244,8 @@ class Contact(LawEffect):
     def elements_near(self, full: Array, controls: Mapping[str, Any]) -> list[Index]:
         """Elements with a point within reach of each roller, in ascending order."""
         near, rollers = self.near(full, controls), len(self.roller.members)
-        which = near.roller.which
-        columns = np.zeros(near.points, dtype=np.int64) if which is None else which
-        whole = self.operator.whole
-        ones, places = np.ones(near.points), (near.operator.chosen, columns)
+        whole, which = self.operator.whole, near.roller.seen_by(near.points)
+        ones, places = np.ones(near.points), (near.operator.chosen, which)
         found = whole.incidence @ csc_matrix((ones, places), shape=(whole.points, rollers))
         found = csc_matrix(found)
         found.sort_indices()
@@ -276,10 +257,8 @@ class Contact(LawEffect):
         What is not among the neighbours is farther than the least reach.
         """
         look = self.look(full, controls)
-        near, gaps = (
-            self.neighbours(look, controls).part,
-            np.full(self.operator.whole.points, np.inf),
-        )
+        near = self.neighbours(look, controls).part
+        gaps = np.full(self.operator.whole.points, np.inf)
         np.minimum.at(gaps, near.operator.chosen, near.gap(look, controls))
         far = np.flatnonzero(gaps > np.min(self.reach))
         for part in self.by_roller.values() if far.size else ():
@@ -315,11 +294,8 @@ class Neighbours:
     def moved(self, here: Look) -> float:
         """Return the largest distance (m) by which a point and a roller may have come nearer."""
         points, rollers = here[0] - self.displacements, here[1] - self.centres
-        squares = (
-            (points**2).sum(axis=0).max(initial=0.0),
-            (rollers**2).sum(axis=1).max(initial=0.0),
-        )
-        return float(sum(np.sqrt(squares)))
+        moved = np.linalg.norm(points, axis=0).max(initial=0.0)
+        return float(moved + np.linalg.norm(rollers, axis=1).max(initial=0.0))
 
 
 @dataclass(frozen=True)
@@ -371,15 +347,11 @@ class Friction(LawEffect):
     def by_roller(self) -> dict[str, Friction]:
         """Roller → its own friction, at all points of the strip."""
         own = self.coefficients or [self.law_of_slip.coefficient] * len(self.roller.members)
-        return {
-            name: replace(
-                self,
-                contact=contact,
-                law_of_slip=self.law_of_slip.with_coefficient(f),
-                coefficients=None,
-            )
-            for f, (name, contact) in zip(own, self.contact.by_roller.items(), strict=True)
-        }
+        found = {}
+        for f, (name, contact) in zip(own, self.contact.by_roller.items(), strict=True):
+            law = self.law_of_slip.with_coefficient(f)
+            found[name] = replace(self, contact=contact, law_of_slip=law, coefficients=None)
+        return found
 
     @cached_property
     def acting(self) -> FrictionLaw:

@@ -77,6 +77,10 @@ class Roller:
         """Values at the points, (..., points), from one for each roller; one alone as it is."""
         return values[0] if self.which is None else at_points(values, self.which)
 
+    def seen_by(self, points: int) -> Index:
+        """Return the number of the roller that each of so many points sees, (points,)."""
+        return np.zeros(points, dtype=np.int64) if self.which is None else self.which
+
     def restricted(self, points: Index) -> Roller:
         """The same for some of the points."""
         return self if self.which is None else combine(self.several, self.which[points])

@@ -99,9 +99,9 @@ class CarriedFriction(TurningFriction):
     def operator(self) -> TransportOperator:  # type: ignore[override]
         """Operator to the points of the contact, and to the surfaces that they see."""
         assert self.slopes is not None
-        slopes, which = self.slopes.restricted(self.contact.operator.chosen), self.roller.which
-        which = np.zeros(slopes.points, dtype=np.int64) if which is None else which
-        return TransportOperator(slopes, np.array(self.numbers)[which], self.rollers)
+        slopes = self.slopes.restricted(self.contact.operator.chosen)
+        which = np.array(self.numbers)[self.roller.seen_by(slopes.points)]
+        return TransportOperator(slopes, which, self.rollers)
 
     def sliding(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Projection, Any, Any]:
         """Return where the points are on the roller, its tangents there, and their slip.

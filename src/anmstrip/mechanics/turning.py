@@ -136,24 +136,16 @@ class TurningFriction(Friction):
     @cached_property
     def operator(self) -> SurfaceOperator:  # type: ignore[override]
         """Operator to the strip and the surfaces."""
-        contact, which = self.contact.operator, self.roller.which
-        which = np.zeros(contact.points, dtype=np.int64) if which is None else which
-        return SurfaceOperator(contact, np.array(self.numbers)[which], self.rollers)
+        contact = self.contact.operator
+        which = np.array(self.numbers)[self.roller.seen_by(contact.points)]
+        return SurfaceOperator(contact, which, self.rollers)
 
     @cached_property
     def by_roller(self) -> dict[str, Friction]:
         """Roller → its own friction, at all points of the strip."""
-        parts = super().by_roller.items()
-        return {
-            name: replace(
-                self,
-                contact=part.contact,
-                law_of_slip=part.law_of_slip,
-                coefficients=None,
-                numbers=(number,),
-            )
-            for (name, part), number in zip(parts, self.numbers, strict=True)
-        }
+        parts: Any = super().by_roller.items()
+        pairs = zip(parts, self.numbers, strict=True)
+        return {name: replace(part, numbers=(number,)) for (name, part), number in pairs}
 
     def slip(self, place: Any, tangents: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Tangential velocity relative to the surface (m/s), (components of slip, points)."""

@@ -189,20 +189,8 @@ def run_case(
     with suppress(ArithmeticError, ValueError):  # where scipy finds no way through either
         u = rows[:, 1 : 1 + case.size]
         error, equal = distances(reference_solution(case), rows[:, 0], u, p.V_c, 0.1 * tolerance)
-    report = CaseReport(
-        name,
-        scheme,
-        order,
-        tolerance,
-        case,
-        solution,
-        rows,
-        error,
-        equal,
-        seconds,
-        events,
-        unstable,
-    )
+    asked = name, scheme, order, tolerance, case
+    report = CaseReport(*asked, solution, rows, error, equal, seconds, events, unstable)
     return replace(report, files=write_case(report, Path(directory or f"results/case-{name}")))
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from anmstrip.errors import InputError, Mistake
-from anmstrip.results.files import AnyPath, atomic_write, error_rows, read_history
+from anmstrip.results.files import AnyPath, atomic_write, error_rows, read_history, read_json
 from anmstrip.results.vtk import (
     FIELDS,
     read_collection,
@@ -96,12 +96,12 @@ def write_report(directory: AnyPath) -> Path:
     study = next((p for name in STUDIES if (p := folder / f"{name}.csv").is_file()), None)
     found: dict[str, Any]
     if history.is_file():
-        known = read_json(folder / "summary.json")
+        known = read_json(folder / "summary.json") or {}
         body = tables(known)
         found = {"along": along(folder / "profile.csv"), "over": over_time(history)}
         found["space"] = in_space(folder)
     elif study is not None:
-        known = read_json(study.with_suffix(".json"))
+        known = read_json(study.with_suffix(".json")) or {}
         rows = read_history(study)
         body = study_tables(study, rows)
         found = {"study": study_plots(study, rows)}
@@ -123,12 +123,6 @@ def write_report(directory: AnyPath) -> Path:
     with atomic_write(target) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return target
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """Return the table in a file, an empty one as long as there is no file."""
-    found: dict[str, Any] = json.loads(path.read_text("utf-8")) if path.is_file() else {}
-    return found
 
 
 def study_plots(path: Path, rows: Columns) -> dict[str, Any]:

@@ -132,15 +132,9 @@ class FieldSampler:
         found = list(state.contacts.values())
         if not found:
             nothing = np.zeros(self.reference.shape[1])
-            vectors = dict.fromkeys(
-                ("friction_traction", "slip_velocity"), np.zeros((len(nothing), 3))
-            )
-            return {
-                "normal_pressure": nothing,
-                **vectors,
-                "gap": nothing,
-                "contact_status": nothing,
-            }
+            scalars = dict.fromkeys(("normal_pressure", "gap", "contact_status"), nothing)
+            vectors = "friction_traction", "slip_velocity"
+            return scalars | dict.fromkeys(vectors, np.zeros((len(nothing), 3)))
         assert self.contact is not None
         gap, points = state.gaps, self.contact.points
         pressure, found_status = np.zeros((2, points))
@@ -152,12 +146,8 @@ class FieldSampler:
             found_status[chosen] = np.maximum(found_status[chosen], f.status)
             nearest = f.gap <= gap[chosen]
             slip[:, chosen[nearest]] = f.slip[:, nearest]
-        values = {
-            "normal_pressure": pressure,
-            "friction_traction": traction,
-            "slip_velocity": slip,
-            "gap": gap,
-        }
+        values = {"normal_pressure": pressure, "friction_traction": traction}
+        values |= {"slip_velocity": slip, "gap": gap}
         cells, status = self.contact.cells, np.zeros(len(self.shared))
         fields = {n: self._average(v[..., cells] @ self.from_contact.T) for n, v in values.items()}
         np.maximum.at(status, self.own, found_status[cells[:, self.nearest]])
@@ -205,9 +195,8 @@ class FieldSampler:
         force[:d], moment[:d], left[:d] = found[:d], found[d : 2 * d], found[2 * d : 3 * d]
         if d == 1:
             moment[1] = self.strip.material.poisson * moment[0]
-        scalars = dict(
-            zip(("plastic_share", "plastic_strain", "equivalent"), found[3 * d :], strict=True)
-        )
+        names = "plastic_share", "plastic_strain", "equivalent"
+        scalars = dict(zip(names, found[3 * d :], strict=True))
         return {"force": force, "moment": moment, "residual_curvature": left, **scalars}
 
     def _membrane_forces(self, state: Readable) -> Array:

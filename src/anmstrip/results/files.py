@@ -210,6 +210,15 @@ def write_summary(path: AnyPath, summary: Mapping[str, Any]) -> None:
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
+def read_json(path: Path) -> dict[str, Any] | None:
+    """Return the table in a file, or None if there is none."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) else None
+
+
 def save_checkpoint(
     path: AnyPath, arrays: Mapping[str, ArrayLike], facts: Mapping[str, Any]
 ) -> None:

@@ -94,10 +94,14 @@ class State:
     def inside(self, a: float) -> State:
         """State at a parameter of the branch of a rate-free step that ends here."""
         assert self.branch is not None
-        plan, (u, control) = self.plan, self.branch(a)
+        return State.on(self.plan, self.branch, a, self.conveyed)
+
+    @classmethod
+    def on(cls, plan: StageProblem, branch: Branch, a: float, conveyed: float = 0.0) -> State:
+        """State at a parameter of a branch of a rate-free stage."""
+        u, control = branch(a)
         full, time = plan.supports.full(u, control), plan.start + control * plan.duration
-        moving = plan.transport(full, control)
-        return State(plan, time, control, full, moving, conveyed=self.conveyed)
+        return cls(plan, time, control, full, plan.transport(full, control), conveyed=conveyed)
 
     @cached_property
     def controls(self) -> dict[str, Array]:
@@ -272,20 +276,9 @@ class State:
         coefficient = None if friction is None else friction.law_of_slip.coefficient
         roller = contact.roller.members[0]
         ratio = 1.0 if place.ratio is None else place.ratio
-        speed, bearing = self._turning(roller.name)
-        return ContactState(
-            contact,
-            place.gap,
-            normal,
-            pressure,
-            slip,
-            traction,
-            coefficient,
-            arm=roller.radius * np.broadcast_to(ratio, place.gap.shape),
-            surface_speed=speed,
-            bearing_torque=bearing,
-            elements=elements,
-        )
+        arm = roller.radius * np.broadcast_to(ratio, place.gap.shape)
+        rubbing = slip, traction, coefficient, arm, *self._turning(roller.name)
+        return ContactState(contact, place.gap, normal, pressure, *rubbing, elements)
 
     def _turning(self, name: str) -> tuple[float, float]:
         """Speed of a roller's surface (m/s), and torque of its bearings against it (N m)."""

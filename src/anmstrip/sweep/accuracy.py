@@ -22,9 +22,9 @@ from anmstrip.driver.scene import Scene
 from anmstrip.driver.warnings import levels
 from anmstrip.errors import InputError, Mistake
 from anmstrip.fem.sampling import displacement_at
-from anmstrip.results.files import load_checkpoint, write_table
+from anmstrip.results.files import load_checkpoint, read_json, write_table
 from anmstrip.simulation.problem import Assembly
-from anmstrip.sweep.study import CHECKPOINT, SUMMARY, Sweep, Variant, folder, read_json, run_scene
+from anmstrip.sweep.study import CHECKPOINT, SUMMARY, Sweep, Variant, folder, run_scene
 
 if TYPE_CHECKING:
     from distributed import Client

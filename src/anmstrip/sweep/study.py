@@ -21,7 +21,7 @@ from anmstrip.continuation.equations import Outcome
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError, Mistake
-from anmstrip.results.files import atomic_write, write_table
+from anmstrip.results.files import atomic_write, read_json, write_table
 from anmstrip.scene.loading import Override
 from anmstrip.scene.schema import SceneSpec
 
@@ -307,15 +307,6 @@ def run_scene(scene: Scene, directory: Path) -> dict[str, Any]:
 def has_begun(scene: SceneSpec, directory: Path) -> bool:
     """Return whether what lies in a directory belongs to this scene."""
     return read_json(directory / INPUT) == json.loads(json.dumps(scene.to_dict()))
-
-
-def read_json(path: Path) -> dict[str, Any] | None:
-    """Return the table in a file, or None if there is none."""
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return found if isinstance(found, dict) else None
 
 
 def row_of(summary: Mapping[str, Any]) -> dict[str, Any]:
