@@ -14,6 +14,7 @@ from skfem import MeshLine, MeshQuad
 from anmstrip.arrays import Array
 from anmstrip.fem.strip import grid, line
 from anmstrip.mechanics.roller import Roller
+from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import RollerControl
 from anmstrip.simulation.defaults import boundary_layer
@@ -181,8 +182,6 @@ def default_zones(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | 
 
 def _arcs_in_stages(scene: SceneSpec, thread: Thread) -> list[dict[str, tuple[float, float]]]:
     """Arcs of a threaded strip at the beginning and, where rollers move, after each stage."""
-    from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError
-
     arcs, rollers, given = [thread.arcs], list(thread.rollers), {r.name: r for r in thread.rollers}
     for stage in scene.stages:
         ways = {name: control.move for name, control in stage.rollers.items() if control.move}

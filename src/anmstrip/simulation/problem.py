@@ -17,8 +17,13 @@ from anmstrip.arrays import Array
 from anmstrip.errors import InputError
 from anmstrip.fem.constraints import Scales
 from anmstrip.fem.geometry import KINEMATICS, PLATE, SECTION, Kinematics
-from anmstrip.fem.operators import Pattern
-from anmstrip.fem.sampling import quadrature_points
+from anmstrip.fem.operators import InternalOperator, Layers, Pattern, upwind
+from anmstrip.fem.sampling import (
+    ContactOperator,
+    RepeatedOperator,
+    SlopeOperator,
+    quadrature_points,
+)
 from anmstrip.fem.strip import Material, Strip, renumbered
 from anmstrip.mechanics.effects import Effect, LawEffect
 from anmstrip.mechanics.loads import (
@@ -29,7 +34,8 @@ from anmstrip.mechanics.loads import (
     pressure,
     weight,
 )
-from anmstrip.mechanics.roller import Roller, Sides
+from anmstrip.mechanics.plasticity import FlowLaw, Plasticity
+from anmstrip.mechanics.roller import RepeatedRollers, Roller, Sides
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
 from anmstrip.scene.tables import I_UNIT, THREADING, FieldSpec, NaturalShape
@@ -39,10 +45,8 @@ from anmstrip.simulation.meshing import carrying_sense, cells_across, strip_mesh
 if TYPE_CHECKING:
     from skfem import Mesh
 
-    from anmstrip.fem.sampling import ContactOperator
     from anmstrip.mechanics.contact import Contact, Friction
     from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
-    from anmstrip.mechanics.plasticity import FlowLaw, Plasticity
     from anmstrip.mechanics.transport import CarriedFriction, SteadyFriction
     from anmstrip.mechanics.turning import Drives
     from anmstrip.scene.tables import ContactSpec, FrictionSpec, PlasticitySpec
@@ -341,8 +345,6 @@ class Assembly:
         m = self.scene.material
         if m.plasticity is None or m.yield_stress is None:
             return None
-        from anmstrip.mechanics.plasticity import FlowLaw
-
         p = m.plasticity
         free = p.uniaxial or self.kinematics is not SECTION
         held = 1.0 if free else 2.0 / np.sqrt(3.0)
@@ -360,9 +362,6 @@ class Assembly:
 
     def _plasticity(self, flow: FlowLaw, frozen: bool, along: bool) -> Plasticity:
         """Return plastic flow that is frozen, in time, or along the strip."""
-        from anmstrip.fem.operators import InternalOperator, Layers, upwind
-        from anmstrip.mechanics.plasticity import Plasticity
-
         p = self.scene.material.plasticity
         assert p is not None and self.membrane is not None
         layers = Layers.of(self.strip.thickness, p.layers)
@@ -408,8 +407,6 @@ class Assembly:
     @cached_property
     def contact_operator(self) -> ContactOperator:
         """Operator to the contact points."""
-        from anmstrip.fem.sampling import ContactOperator
-
         return ContactOperator(self.strip)
 
     @cached_property
@@ -506,8 +503,6 @@ class Assembly:
     def _carrying(self, kind: type[CarriedT]) -> CarriedT | None:
         if (rubbing := self.rubbing) is None:
             return None
-        from anmstrip.fem.sampling import SlopeOperator
-
         given = rubbing.contact, rubbing.law_of_slip, rubbing.coefficients
         free = self._numbers, len(self.turning)
         return kind(*given, *free, SlopeOperator(self.strip))
@@ -556,9 +551,7 @@ class Assembly:
         """Contact of every point with every roller, up to the given gaps."""
         if self.scene.contact is None or not self.rollers:
             return None
-        from anmstrip.fem.sampling import RepeatedOperator
         from anmstrip.mechanics.contact import Contact
-        from anmstrip.mechanics.roller import RepeatedRollers
 
         operator, count = self.contact_operator, len(self.rollers)
         if count == 1:

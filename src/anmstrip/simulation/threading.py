@@ -5,25 +5,36 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.arrays import Array
+from anmstrip.continuation.follow import Settings, follow
+from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.errors import InputError
+from anmstrip.fem.constraints import Scales, Supports
+from anmstrip.fem.operators import Pattern
+from anmstrip.fem.sampling import l2_projection, quadrature_points
+from anmstrip.fem.strip import Strip
+from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.mechanics.effects import Controls, Effect
+from anmstrip.mechanics.loads import Guide, edge_force
 from anmstrip.mechanics.roller import Roller
-from anmstrip.mechanics.shell import uniaxial_stretches
+from anmstrip.mechanics.shell import Membrane, uniaxial_stretches
+from anmstrip.mechanics.string_path import (
+    FixedEnd,
+    NoTangentError,
+    NotTouchedError,
+    StraightEnd,
+    StringPath,
+    closing_point,
+    string_path,
+)
+from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import I_UNIT
 from anmstrip.simulation.defaults import bending_stiffness
-
-if TYPE_CHECKING:
-    from anmstrip.fem.operators import Pattern
-    from anmstrip.fem.strip import Strip
-    from anmstrip.mechanics.effects import Effect
-    from anmstrip.mechanics.string_path import StringPath
-    from anmstrip.scene.schema import SceneSpec
-
 
 SENSES = {"over": 1.0, "left": 1.0, "under": -1.0, "right": -1.0}
 """Sides on which a strip passes: +1 on the left of its travel, with x to the right and z upwards,
@@ -109,8 +120,6 @@ class Thread:
 
     def string_path(self, y: Array) -> StringPath:
         """Paths of the fibres at y, shape (fibres,)."""
-        from anmstrip.mechanics.string_path import string_path
-
         centres, radii = [], []
         for roller, depth in zip(self.rollers, self.depths, strict=True):
             s = (y - roller.centre[1]) / roller.unit_axis[1]
@@ -141,8 +150,6 @@ class Thread:
 
         Projected in the mean square on the strip's own functions.
         """
-        from anmstrip.fem.sampling import l2_projection, quadrature_points
-
         reference, begin = quadrature_points(strip), float(strip.mesh.p[0].min())
         full = l2_projection(strip, pattern, self.positions(reference, begin) - reference)
         # Fibres that go ways of different lengths slide along their own surface first.
@@ -151,14 +158,6 @@ class Thread:
 
     def _relaxed(self, strip: Strip, pattern: Pattern, full: Array) -> Array:
         """Let a shell slide along its own surface, between entry and exit, to equilibrium."""
-        from anmstrip.continuation.follow import Settings, follow
-        from anmstrip.equilibrium import Equilibrium, Model
-        from anmstrip.fem.constraints import Scales, Supports
-        from anmstrip.linalg.solvers import SparseSolver
-        from anmstrip.mechanics.effects import Controls
-        from anmstrip.mechanics.loads import Guide, edge_force
-        from anmstrip.mechanics.shell import Membrane
-
         x, entry = strip.mesh.p[0], strip.edges["entry"]
         *_, leaving = self.ends_in_space(np.array([x.min(), x.max()]))
         one = entry.values[[len(entry.values) // 2]]
@@ -169,11 +168,8 @@ class Thread:
         supports = replace(at_rest, start=start)
         effects: list[Effect] = [Membrane(strip), edge_force(strip, "exit"), Guide(strip, full)]
         scales = Scales(strip.length, self.tension * strip.width, self.tension)
-        equations = Equilibrium(
-            Model(strip, pattern, effects, scales),
-            supports,
-            Controls({"exit.force": self.tension * leaving}),
-        )
+        pull = Controls({"exit.force": self.tension * leaving})
+        equations = Equilibrium(Model(strip, pattern, effects, scales), supports, pull)
         settings = Settings(order=RELAXATION_ORDER, tolerance=RELAXATION_TOLERANCE)
         *_, last = follow(equations, full[at_rest.free], solver=SparseSolver(), settings=settings)
         return supports.full(*last.branch.end)
@@ -197,13 +193,6 @@ def thread_of(
         The strip cannot pass a roller on the side that is asked for, or is too short.
     """
     assert scene.threading is not None
-    from anmstrip.mechanics.string_path import (
-        FixedEnd,
-        NoTangentError,
-        NotTouchedError,
-        closing_point,
-    )
-
     spec, m = scene.threading, scene.material
     sides = {r.name: r.wrap for r in scene.rollers if r.wrap is not None}
     chosen = [roller for roller in rollers if roller.name in sides]
@@ -216,18 +205,11 @@ def thread_of(
         radii = [r.radius + r.half + depth for r, depth in zip(chosen, depths, strict=True)]
         joint = closing_point(centres, radii, senses)
         ends = [joint, joint]
-    thread = Thread(
-        chosen,
-        senses,
-        np.array([spec.crossing for spec in scene.rollers if spec.wrap is not None], dtype=bool),
-        depths,
-        tuple(None if place is None else FixedEnd(place) for place in ends),
-        *uniaxial_stretches(
-            spec.tension, m.young * scene.strip.thickness, m.poisson, mean_eigenstrain(scene)
-        ),
-        spec.tension,
-        length,
-    )
+    crossing = np.array([roller.crossing for roller in scene.rollers if roller.wrap is not None])
+    fixed = tuple(None if place is None else FixedEnd(place) for place in ends)
+    stretching = m.young * scene.strip.thickness, m.poisson, mean_eigenstrain(scene)
+    stretches = uniaxial_stretches(spec.tension, *stretching)
+    thread = Thread(chosen, senses, crossing, depths, fixed, *stretches, spec.tension, length)
     try:
         return _with_ends(scene, thread)
     except (NotTouchedError, NoTangentError) as error:
@@ -247,8 +229,6 @@ def _with_ends(scene: SceneSpec, thread: Thread) -> Thread:
 
     They then are points, the same for all fibres: the edges of the strip stay straight.
     """
-    from anmstrip.mechanics.string_path import FixedEnd, StraightEnd
-
     missing = sum(end is None for end in thread.ends)
     if not missing:
         thread.middle  # noqa: B018
