@@ -23,7 +23,7 @@ from anmstrip.scene.tables import THREADING
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course, stretched
 from anmstrip.timestepping.formulas import Errors, Memory, start_memory
-from anmstrip.timestepping.implicit import UNHURRIED, Stepping, TimeStep, integrate
+from anmstrip.timestepping.implicit import UNHURRIED, Stepping, integrate
 
 if TYPE_CHECKING:
     from anmstrip.results.events import Event
@@ -244,7 +244,20 @@ class March:
         return 0.0 if before > 0.0 else max(after, 0.0)
 
     def _in_time(self, plan: StageProblem, settings: Settings) -> Iterator[Step]:
-        for step in self._time_steps(plan, self._memory(plan), settings):
+        solver, end = self.scene.solver, plan.start + plan.duration
+        aim, most = self.tolerances.time, solver.highest_time_order
+        stepping = Stepping(sum(self.times), aim, most, solver.time_step, self.follow)
+        motion = Motion(plan.model, plan.supports, plan.controls, plan.start, plan.duration)
+        steps = integrate(
+            motion,
+            self._memory(plan),
+            end,
+            solver=self.solver,
+            settings=settings,
+            stepping=stepping,
+            cost=self.cost,
+        )
+        for step in steps:
             control = (step.end - plan.start) / plan.duration
             velocity = plan.moving(control)
             velocity[plan.supports.free] = step.v
@@ -261,8 +274,7 @@ class March:
         fresh = self.past is not None and not plan.continues(self.past)
         if self.memory is not None and not fresh:
             return self.memory
-        stages = [s.duration for s in self.scene.course if self.assembly.frictional(s)]
-        first = self.scene.solver.time_step or FIRST_STEP * min(stages)
+        first = self.scene.solver.time_step or FIRST_STEP * min(self.times)
         free, errors = plan.supports.free, None
         if self.memory is not None and self.memory.errors is not None and self.past is not None:
             whole = np.zeros((3, len(self.full)))
@@ -270,27 +282,10 @@ class March:
             errors = Errors(whole[:, free], whole[:, free], 0.0)
         return start_memory(plan.start, self.full[free], self.velocity[free], first, errors)
 
-    def _time_steps(
-        self, plan: StageProblem, memory: Memory, settings: Settings
-    ) -> Iterator[TimeStep]:
-        """Steps of a stage from where its past ends."""
-        stages = [s.duration for s in self.scene.course if self.assembly.frictional(s)]
-        solver = self.scene.solver
-        return integrate(
-            Motion(plan.model, plan.supports, plan.controls, plan.start, plan.duration),
-            memory,
-            plan.start + plan.duration,
-            solver=self.solver,
-            settings=settings,
-            stepping=Stepping(
-                sum(stages),
-                self.tolerances.time,
-                solver.highest_time_order,
-                solver.time_step,
-                self.follow,
-            ),
-            cost=self.cost,
-        )
+    @property
+    def times(self) -> list[float]:
+        """Durations of the stages in time (s)."""
+        return [s.duration for s in self.scene.course if self.assembly.frictional(s)]
 
 
 @contextmanager
