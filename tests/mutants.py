@@ -23,11 +23,13 @@ from dataclasses import dataclass
 from multiprocessing.pool import ThreadPool
 from pathlib import Path
 from queue import Queue
+from time import monotonic
 
 TOP = Path(__file__).parents[1]
 COPIED = ("src", "tests", "examples", "meshes", "pyproject.toml", "README.md")
 NEEDED = 0.95
-PATIENCE = 600.0
+PATIENCE = 3.0
+"""Time for the tests of a mutant, over that of all tests without one."""
 
 
 @dataclass(frozen=True)
@@ -788,7 +790,7 @@ def misplaced(top: Path = TOP) -> list[str]:
     return told
 
 
-def noticed(mutant: Mutant, top: Path) -> str:
+def noticed(mutant: Mutant, top: Path, patience: float) -> str:
     """Make an error in a copy, run the tests and mend it; return the test that notices it.
 
     Empty if none does.
@@ -800,14 +802,14 @@ def noticed(mutant: Mutant, top: Path) -> str:
         part = top / "tests" / "reported" / f"test_reported_{mutant.part}.py"
         more = sorted((top / "tests").rglob(mutant.more)) if mutant.more else []
         for files in ([part], more, [part.parent]):
-            if files and (test := failing(files, top)):
+            if files and (test := failing(files, top, patience)):
                 return test
         return ""
     finally:
         path.write_text(sound, encoding="utf-8")
 
 
-def failing(files: list[Path], top: Path) -> str:
+def failing(files: list[Path], top: Path, patience: float | None = None) -> str:
     """Run test files of a copy; return the first test that fails, empty if all pass."""
     given = {"PYTHONPATH": str(top / "src"), "OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "--tb=no"]
@@ -815,7 +817,7 @@ def failing(files: list[Path], top: Path) -> str:
         ended = subprocess.run(
             [*command, *map(str, files)],
             cwd=top, env={**os.environ, **given}, capture_output=True, text=True,
-            timeout=PATIENCE, check=False,
+            timeout=patience, check=False,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         return "time is up"
@@ -857,16 +859,18 @@ def main() -> int:
             free.put(copied(Path(scratch) / f"copy{number}"))
 
         with ThreadPool(options.n) as pool:
-            copies = list(free.queue)  # also compiles what is compiled
+            copies, begun = list(free.queue), monotonic()  # also compiles what is compiled
             told = pool.map(lambda top: failing([top / "tests" / "reported"], top), copies)
         if any(told):
             print("The tests fail without any error:", *filter(None, told))
             return 2
 
+        patience = PATIENCE * (monotonic() - begun)
+
         def tried(mutant: Mutant) -> str:
             top = free.get()
             try:
-                return noticed(mutant, top)
+                return noticed(mutant, top, patience)
             finally:
                 free.put(top)
 

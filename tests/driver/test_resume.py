@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from anmstrip.cli import resuming_command
+from anmstrip.driver import recorder
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
 from anmstrip.results.files import load_checkpoint, save_checkpoint
@@ -154,6 +155,25 @@ def test_a_checkpoint_made_by_hand_is_refused(
     SPOILS[name](arrays, facts)
     save_checkpoint(copy / "checkpoint.npz", arrays, facts)
     with pytest.raises(InputError, match=r"damaged|rows"):
+        Scene.load(scene).run(copy, resume=True)
+
+
+def test_a_checkpoint_of_another_program_is_refused(
+    begun: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By its version, and by the number of unknowns that the program makes of the scene."""
+    scene, results = begun
+    copy = shutil.copytree(results, tmp_path / "copy")
+    with monkeypatch.context() as patched:
+        patched.setattr(recorder, "version", lambda name: "0.0.1")
+        with pytest.raises(InputError, match="another version"):
+            Scene.load(scene).run(copy, resume=True)
+    arrays, facts = load_checkpoint(copy / "checkpoint.npz")
+    del facts["signature"], arrays["velocity"]
+    arrays["full"] = arrays["full"][:-2]
+    facts["signature"] = recorder.signature(arrays, facts)
+    save_checkpoint(copy / "checkpoint.npz", arrays, facts)
+    with pytest.raises(InputError, match=f"{len(arrays['full'])} unknowns"):
         Scene.load(scene).run(copy, resume=True)
 
 
