@@ -185,8 +185,8 @@ def test_drag_takes_its_power_from_a_rigid_motion():
     dragged = motion.dragged(2.0, free, free, time=1e-3)
     rigid = np.zeros(base.model.strip.unknowns)
     rigid[3 * base.model.strip.node_values] = 0.7
-    full, at = np.zeros_like(rigid), controls.at(0.0)
-    left = dragged.model.force(full, rigid, at) - base.model.force(full, rigid, at)
+    state = np.zeros_like(rigid), rigid, controls, 0.0
+    left = dragged.model.force(*state) - base.model.force(*state)
     assert rigid @ left == pytest.approx(TENSION * 1e-3 / 2.0**2 * 0.7**2 * 1.2, rel=1e-6)
     assert motion.dragged(2.0, free, 0.0 * free, time=1e-3) is None
 

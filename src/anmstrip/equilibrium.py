@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,10 +21,6 @@ from anmstrip.linalg.condensed import Condensed, Joined
 from anmstrip.mechanics.effects import Controls, Effect, Moment, RecordedLaws, force_of, series_of
 from anmstrip.mechanics.shell import Membrane
 from anmstrip.timestepping.formulas import AffineVelocity
-
-SHARPER = 1e-4
-"""Share in the difference that tells what sharper laws would do: its error is of the order of its
-square and, by round-off, of 1e-16 over it."""
 
 
 class Model:
@@ -128,20 +123,13 @@ class Model:
             self._smoothed[width] = model
         return self._smoothed[width]
 
-    @cached_property
-    def sharper(self) -> tuple[Model, ...]:
-        """What changes with sharper laws, with those nearer to sharp by ``± SHARPER``."""
-        pairs = [(effect, effect.sharper(SHARPER)) for effect in self.effects]
-        changed = [effect for effect, other in pairs if other is not effect]
-        return tuple(
-            self.with_effects([effect.sharper(share) for effect in changed])
-            for share in (SHARPER, -SHARPER)
-        )
-
     def sharpening(self, full: Array, velocity: Array | None, controls: Mapping[str, Any]) -> Array:
         """Derivative of the residual by a share by which laws come nearer to the sharp ones."""
-        more, less = (model.force(full, velocity, controls) for model in self.sharper)
-        return (more - less) / (2.0 * SHARPER)
+        total = np.zeros_like(full)
+        for effect in self.effects:
+            if (change := effect.sharpening(full, velocity, controls)) is not None:
+                total[: len(change)] += change
+        return self.closed(total)
 
     def restriction(self, free: Index) -> Restriction:
         """Assembler over the free unknowns, remembered."""
@@ -150,12 +138,15 @@ class Model:
             self._restrictions[key] = self.pattern.restricted(free)
         return self._restrictions[key]
 
-    def force(self, full: Array, velocity: Array | None, controls: Mapping[str, Any]) -> Array:
-        """Residual of all unknowns in plain numbers: internal minus external forces."""
+    def force(
+        self, full: Array, velocity: Array | None, controls: Controls, control: float
+    ) -> Array:
+        """Residual of all unknowns at λ in plain numbers: internal minus external forces."""
+        state, values = (full, velocity, control), controls.at(control)
         total = np.zeros_like(full)
         for effect in self.effects:
             begin = time.perf_counter()
-            force = effect.force(full, velocity, controls)
+            force = force_of(effect, state, values, controls, self.laws)
             total[: len(force)] += force
             self.seconds[effect.name] += time.perf_counter() - begin
         return self.closed(total)
@@ -227,15 +218,8 @@ class Equilibrium:
 
     def residual(self, u: Array, control: float) -> Array:
         """Imbalance of the free unknowns, shape (free,)."""
-        full, model = self.supports.full(u, control), self.model
-        state, values = (full, self.full_velocity(u, control), control), self.controls.at(control)
-        total = np.zeros_like(full)
-        for effect in model.effects:
-            begin = time.perf_counter()
-            force = force_of(effect, state, values, self.controls, model.laws)
-            total[: len(force)] += force
-            model.seconds[effect.name] += time.perf_counter() - begin
-        return self.supports.gathered(model.closed(total))
+        state = self.supports.full(u, control), self.full_velocity(u, control)
+        return self.supports.gathered(self.model.force(*state, self.controls, control))
 
     def interior_check(self, branch: Branch) -> float | None:
         """Return where on a branch the strip crosses a roller that neither end shows."""

@@ -136,7 +136,7 @@ def test_inflated_strip_is_an_arc(level):
     assert at[2].max() == pytest.approx(radius - np.sqrt(radius**2 - (0.5 * chord) ** 2), rel=1e-4)
     middle = np.array([at[0].mean(), at[2].max() - radius])
     np.testing.assert_allclose(np.hypot(*(at[[0, 2]] - middle[:, None])), radius, rtol=1e-4)
-    reaction = model.force(full, None, controls.at(1.0)).reshape(-1, strip.count)
+    reaction = model.force(full, None, controls, 1.0).reshape(-1, strip.count)
     up = reaction[strip.edges["exit"].values][:, place].sum()
     assert abs(up) < 1e-4 * tension * strip.width
 

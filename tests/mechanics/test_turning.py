@@ -80,7 +80,7 @@ def test_friction_on_a_strip_is_that_of_driven_rollers_as_fast(line):
 def test_a_free_roller_balances_moments_about_its_axis(line):
     """Friction crossed with the distance to the axis, drag of the bearings, torque."""
     n = line.strip.unknowns
-    total = line.model.force(line.full, line.velocity, CONTROLS)[n:]
+    total = line.model.force(line.full, line.velocity, Controls(CONTROLS), 0.0)[n:]
     reading, v = line.friction.by_roller, line.velocity[n:]
     for number, name in enumerate(("r", "t")):
         part, roller = reading[name], next(r for r in line.rollers if r.name == name)

@@ -188,7 +188,7 @@ def round_off(failure: Failure) -> str | None:
     plan, state = failure.plan, failure.state
     signs = np.where(np.arange(len(state.full)) % 3 == 1, -1.0, 1.0)
     moved = state.full * (1.0 + np.finfo(float).eps * signs)
-    change = plan.model.force(moved, state.velocity, state.controls) - state.imbalance
+    change = replace(state, full=moved).imbalance - state.imbalance
     equilibrium = Equilibrium(plan.model, plan.supports, plan.controls)
     floor = equilibrium.imbalance(change[plan.supports.free])
     share = RESIDUAL_SHARE if plan.in_time else 1.0

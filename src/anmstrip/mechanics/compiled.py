@@ -122,7 +122,7 @@ class CompiledLaw:
 
     def lift(self, motions: Sequence[Array | None], moved: Sequence[Any], into: Array) -> None:
         """Set inputs, from values or changes of unknowns and of controls."""
-        begin = into.ctypes.data
+        begin = self.buffers[0 if into is self.given else 1]
         for operands, motion in zip(self.lifts, motions, strict=True):
             assert motion is not None
             x = motion.ctypes.data

@@ -193,8 +193,12 @@ class Contact(LawEffect):
 
     def look(self, full: Array, controls: Mapping[str, Any]) -> Look:
         """Displacements of all points, (components, points), and centres, (rollers, 3)."""
-        names = [f"rollers.{roller.name}.centre" for roller in self.roller.members]
-        return self.operator.whole.apply(full), np.array([controls[name] for name in names])
+        return self.operator.whole.apply(full), self.centres(controls)
+
+    def centres(self, controls: Mapping[str, Any]) -> Array:
+        """Centres of the rollers (m), (rollers, 3)."""
+        names = (f"rollers.{roller.name}.centre" for roller in self.roller.members)
+        return np.array([controls[name] for name in names])
 
     def chosen(self, look: Look) -> Array:
         """Displacements of this contact's own points, (components, points)."""
@@ -236,10 +240,23 @@ class Contact(LawEffect):
         return self.restricted(self.within_reach(full, controls))
 
     def within_reach(self, full: Array, controls: Mapping[str, Any]) -> Index:
-        """Numbers of the points within reach."""
-        look = self.look(full, controls)
-        near = self.neighbours(look, controls)
-        return np.asarray(near.pairs[near.part.gap(look, controls) < near.part.reaches])
+        """Numbers of the points within reach, remembered for the latest state.
+
+        A state is looked at by its residual, the series from it and its error in time.
+        """
+
+        def found(_: Index) -> Index:
+            look = self.look(full, controls)
+            near = self.neighbours(look, controls)
+            return np.asarray(near.pairs[near.part.gap(look, controls) < near.part.reaches])
+
+        state = np.concatenate([full, self.centres(controls).ravel()])
+        return remembered(self.reached, state, found)
+
+    @cached_property
+    def reached(self) -> dict[bytes, Index]:
+        """Numbers of the points within reach in the latest states."""
+        return {}
 
     def elements_near(self, full: Array, controls: Mapping[str, Any]) -> list[Index]:
         """Elements with a point within reach of each roller, in ascending order."""

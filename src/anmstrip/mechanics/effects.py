@@ -21,6 +21,10 @@ from anmstrip.taylor.tape import Tape
 if TYPE_CHECKING:
     from anmstrip.mechanics.compiled import CompiledLaw
 
+SHARPER = 1e-4
+"""Share in the difference that tells what sharper laws would do: its error is of the order of its
+square and, by round-off, of 1e-16 over it."""
+
 
 class Operator(Protocol):
     """L: from unknowns to points."""
@@ -99,6 +103,10 @@ class Effect:
         """Return the effect with its law nearer to a sharp one by a share."""
         return self
 
+    def sharpening(self, full: Array, velocity: Array | None, controls: Values) -> Array | None:
+        """Return the derivative of the residual by that share; None where no law changes."""
+        return None
+
 
 class LawEffect(Effect):
     """Residual Lᵀ w law(L u, L v, controls): an operator, a pointwise law, and weights.
@@ -136,6 +144,18 @@ class LawEffect(Effect):
         operator = self.operator
         v = operator.apply(velocity) if self.rate_dependent and velocity is not None else None
         return operator.gather(self.law(operator.apply(full), v, controls))
+
+    @cached_property
+    def sharpened(self) -> tuple[Any, ...]:
+        """The effect with laws nearer to sharp by ``± SHARPER``."""
+        return self.sharper(SHARPER), self.sharper(-SHARPER)
+
+    def sharpening(self, full: Array, velocity: Array | None, controls: Values) -> Array | None:
+        near = self.near(full, controls)
+        if near.sharpened[0] is near:
+            return None
+        more, less = (law.force_here(full, velocity, controls) for law in near.sharpened)
+        return (more - less) / (2.0 * SHARPER)
 
 
 @dataclass(frozen=True)

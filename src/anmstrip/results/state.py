@@ -180,7 +180,7 @@ class State:
     @cached_property
     def imbalance(self) -> Array:
         """Internal minus external force of every unknown; reactions where it is held."""
-        return self.plan.model.force(self.full, self.velocity, self.controls)
+        return self.plan.model.force(self.full, self.velocity, self.plan.controls, self.control)
 
     def edge_force(self, name: str) -> Array:
         """Total force on an edge, reaction and dead load (N), shape (3,)."""
