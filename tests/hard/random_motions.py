@@ -1,9 +1,10 @@
 """Random lines in time: rollers turn under a strip that is held at its entry.
 
-The lines are those of ``random_lines.py``, with any law of friction, kinematics, mesh, origin and
-profile.  Every roller slips in the end, so that statics gives the tensions, from the exit on:
-T rises by e^(f g φ) over a roller that carries forwards and falls by it over one that turns back,
-with the share g of the law at the speed of the surface::
+The lines are those of ``random_lines.py``, with any law of friction and of contact, kinematics and
+origin; shells on crowned, tapered, conical and yawed rollers.  Every roller slips in the end, so
+that statics gives the tensions, from the exit on: T rises by e^(f g φ) over a roller that carries
+forwards and falls by it over one that turns back, with the share g of the law at the speed of the
+surface::
 
     python tests/hard/random_motions.py --count 150 --seed 0
 """
@@ -93,8 +94,13 @@ def _tried(rng: np.random.Generator, line: Line) -> Motion | None:
     travel = 10.0 ** rng.uniform(-2.0, 1.0) + 4.0 * strain * _length(tables)
     duration = float(travel) / speed
     end = {"entry": {"fixed": ["x", "z"]} | ({"centred": True} if level == "shell" else {})}
-    tables |= {"strip": strip, "contact": {}, "friction": friction, "edges": end}
+    contact = _contact(rng, line, min(roller["radius"] for roller in tables["rollers"]))
+    tables |= {"strip": strip, "contact": contact, "friction": friction, "edges": end}
     tables["stages"] = [{"name": "turn", "duration": duration, "rollers": turning}]
+    if law.share(2.0 * speed) > 1.001 * law.share(speed):  # grows as the rollers do
+        tables["stages"].append({"name": "hold", "duration": 4.0 * duration})
+    if level == "shell":
+        tables["rollers"] = [_shaped(rng, each, strip["width"]) for each in tables["rollers"]]
     if rng.uniform() < 0.2:
         _moved(tables, 10.0 ** rng.uniform(1.0, 6.0))
     return Motion(tables, expected, 0.005 if level == "string" else 0.05)
@@ -117,6 +123,28 @@ def _friction(
         return Tanh(coefficient, 0.1, slip), given
     given["exponent"] = float(rng.uniform(0.02, 0.2))
     return NortonHoff(coefficient, given["exponent"], 0.1, slip), given
+
+
+def _contact(rng: np.random.Generator, line: Line, radius: float) -> dict[str, float]:
+    """As sharp as the mesh resolves, or a penalty under which strip lies some micrometres deep."""
+    if rng.uniform() < 0.7:
+        return {}
+    pressure, deep = line.exit / radius, 10.0 ** rng.uniform(-6.0, -4.5)
+    return {"stiffness": pressure / deep, "eta": 1e-3 * pressure, "delta": 10.0 * deep}
+
+
+def _shaped(rng: np.random.Generator, roller: dict[str, Any], width: float) -> dict[str, Any]:
+    """A cylinder, or a roller whose radius or axis differs by as little as on lines."""
+    small, radius = float(rng.uniform(-1e-4, 1e-4)), roller["radius"]
+    shapes: list[dict[str, Any]] = [
+        {},
+        {"crown": [0.0, -abs(small) * radius / width**2]},
+        {"taper": 0.3 * small * radius / width},
+        {"sides": {"taper": abs(small) * radius / width, "flat": 0.5 * width,
+                   "rounding": 0.1 * width}},
+        {"axis": (2.0 * small, 1.0, 0.0)},
+    ]  # fmt: skip
+    return roller | shapes[int(rng.integers(len(shapes)))]
 
 
 def _moved(tables: dict[str, Any], distance: float) -> None:

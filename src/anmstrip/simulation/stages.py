@@ -191,7 +191,7 @@ class Course:
         return Joint(entry, exit, jump)
 
     def take_over(self, state: State) -> None:
-        """Begin a steady stage from a state in time: its entry is held where it is."""
+        """Begin a steady stage from a state in time: its entry is held as it is."""
         from anmstrip.mechanics.transport import strip_speed
 
         speed, velocity = state.strip_speed, state.velocity
@@ -202,7 +202,7 @@ class Course:
         self.values.pop("entry.force", None)
         strip = self.assembly.strip
         places = strip.nodal(state.full)[strip.edges["entry"].values]
-        self.moved["entry"] = strip.kinematics.embed(places.mean(axis=0))
+        self.moved["entry"] = strip.kinematics.embed(places[0])
         self.values["strip.speed"] = np.array(speed)
 
     def finish(self, stage: StageSpec, full: Array | None = None, speed: float = 0.0) -> None:
@@ -316,9 +316,13 @@ class Course:
                 place = strip.kinematics.place(c)
                 if place is None:
                     continue
-                values = strip.count * edge.values + place
-                held[strip.count * edge.trace + place] = True
-                start[values], end[values], bows[values] = now[c], destination[c], bow[c]
+                values, trace = (strip.count * d + place for d in (edge.values, edge.trace))
+                held[trace], shape = True, np.zeros(len(values))
+                if full is not None:  # an edge that was free before keeps its shape
+                    start[trace] = end[trace] = full[trace]
+                    shape = full[values] - full[values[0]]
+                start[values], end[values] = now[c] + shape, destination[c] + shape
+                bows[values] = bow[c]
         across = strip.kinematics.place(1)
         for name, spec in self.assembly.scene.edges.items():
             middle = middle_node(strip, name) if spec.centred else None
