@@ -63,11 +63,9 @@ class TransportOperator(SurfaceOperator):
         if not self.surface.shape[1]:
             return
         values, rollers = self.contact.matrix, blocks.strip + np.arange(self.surface.shape[1])
-        rows, columns, entries = self._by_surface(values, by_surface[:-1], blocks)
-        blocks.add(rows, columns, entries)
+        self._couple(blocks, values, by_surface[:-1])
         for matrix, forces in zip((values, self.contact.slopes), by_strip[:, :, -1], strict=True):
-            rows, columns, entries = self._by_surface(matrix, forces, blocks)
-            blocks.add(columns, rows, entries)
+            self._couple(blocks, matrix, forces, on_rollers=True)
         blocks.add(rollers, rollers, self.surface.T @ (by_surface[-1] * self.weights))
         blocks.add(rollers, last, self.surface.T @ (by_speed[-1] * self.weights))
 

@@ -86,24 +86,23 @@ class SurfaceOperator:
         """Add Lᵀ w J L, J[j, i] of shape (count + 1, count + 1, points)."""
         self.contact.add_tangent(derivative[:-1, :-1], pattern, blocks)
         values, rollers = self.contact.matrix, blocks.strip + np.arange(self.surface.shape[1])
-        rows, columns, entries = self._by_surface(values, derivative[-1, :-1], blocks)
-        blocks.add(rows, columns, entries)
-        rows, columns, entries = self._by_surface(values, derivative[:-1, -1], blocks)
-        blocks.add(columns, rows, entries)
+        self._couple(blocks, values, derivative[-1, :-1])
+        self._couple(blocks, values, derivative[:-1, -1], on_rollers=True)
         blocks.add(rollers, rollers, self.surface.T @ (derivative[-1, -1] * self.weights))
 
-    def _by_surface(
-        self, matrix: csr_matrix, forces: Array, blocks: Blocks
-    ) -> tuple[Index, Index, Array]:
-        """Return unknowns of the strip, those of rollers, and forces of points between them.
+    def _couple(
+        self, blocks: Blocks, matrix: csr_matrix, forces: Array, on_rollers: bool = False
+    ) -> None:
+        """Add forces on the strip by the travels of rollers, or on rollers by the strip's unknowns.
 
         Parameters
         ----------
+        blocks : Blocks
         matrix : csr_matrix, shape (points, scalars)
             By which forces are gathered.
         forces : ndarray, shape (count, points)
             Per area.
-        blocks : Blocks
+        on_rollers : bool
         """
         point = np.repeat(np.arange(self.points), np.diff(matrix.indptr))
         on = self.which[point] != DRIVEN
@@ -111,7 +110,8 @@ class SurfaceOperator:
         count = len(forces)
         unknowns = count * scalar.astype(np.int64) + np.arange(count)[:, None]
         rollers = np.broadcast_to(blocks.strip + self.which[point], unknowns.shape)
-        return unknowns, rollers, share * (forces * self.weights)[:, point]
+        rows, columns = (rollers, unknowns) if on_rollers else (unknowns, rollers)
+        blocks.add(rows, columns, share * (forces * self.weights)[:, point])
 
 
 @dataclass(frozen=True)
