@@ -92,7 +92,7 @@ def test_a_plate_needs_small_slopes(degrees: float, plate: bool) -> None:
     assert name == "section"
     assert (not found["plate"].against) is plate
     if plate:
-        assert f"{0.5 * degrees:.2g}° cost" in found["plate"].lost
+        assert f"{0.5 * degrees:.2g}° make" in found["plate"].lost
 
 
 @pytest.mark.parametrize(
@@ -201,7 +201,7 @@ def test_a_level_that_misses_something_is_warned_of() -> None:
 def test_effects_that_are_off_are_named() -> None:
     tables = pressed(1.0)
     text = explain(Scene.model_validate(tables))
-    for words in ("friction (no table", "weight (no", "pressure (no", "tension that follows"):
+    for words in ("friction (no table", "weight (no", "pressure (no", "tension that turns"):
         assert f"Left out: {words}" in text
     assert "Left out: bending" not in text
     tables["strip"]["bending"] = False

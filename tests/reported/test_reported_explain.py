@@ -254,7 +254,7 @@ def test_sagging_slopes(tmp_path: Path) -> None:
     load = 200.0 + 7850.0 * T * 9.81
     slope = np.arctan(load / (2.0 * 1.0e4 / 2.0 + 6.0 * D / 8.0))
     told = whole(explained(text, tmp_path))
-    assert f"slopes of {np.degrees(slope):.2g}° cost {50.0 * slope**2:.2g} %" in told
+    assert f"slopes of {np.degrees(slope):.2g}° make an error of {50.0 * slope**2:.2g} %" in told
 
 
 # contact, scales and warnings -------------------------------------------------------------------

@@ -188,7 +188,7 @@ def test_command_writes_table_figure_and_summary(tmp_path: Path) -> None:
     coarse = ["--set", "strip.refined=0.1", "--set", "friction.speed=1e-5", "-o", str(out)]
     result = CliRunner().invoke(main, ["map", scene, "--along", along, *coarse])
     assert result.exit_code == 0, result.output
-    assert "Done: 5 stationary states on 1 curve(s)" in result.output
+    assert "Done: 5 stationary states on one curve, " in result.output
     made = Scene.load(scene, ["strip.refined=0.1", "friction.speed=1e-5"]).map(along)
     for column, cells in read_history(out / "map.csv").items():
         np.testing.assert_array_equal(cells, [row[column] for row in made.rows])

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 from anmstrip import Scene
 from anmstrip.cli import KINDS, main
+from anmstrip.results.plastic import YieldedStrip
 from anmstrip.results.state import State
 
 
@@ -79,10 +80,21 @@ def test_idlers_of_the_furnace_take_what_their_bearings_need(tmp_path: Path) -> 
 
 
 @pytest.mark.slow
-def test_leveller_takes_friction_times_force_on_every_roller(tmp_path: Path) -> None:
+def test_leveller_bends_beyond_yield_and_takes_friction_times_force(tmp_path: Path) -> None:
+    """κ_e = 3.15 1/m; what is left behind a bend is κ − M/D."""
     state = ended("leveller", tmp_path)
-    for roller in state.rollers.values():
+    for name in ("l1", "u1", "l2", "u2"):
+        roller = state.rollers[name]
         assert abs(roller.drag) == pytest.approx(0.1 * roller.normal_force, rel=0.03)
+    layers = YieldedStrip.of(state)
+    assert layers is not None
+    bends, rigidity = layers.rollers(), 2e11 * 1e-3**3 / (12.0 * 0.91)
+    for bend in bends.values():
+        left = bend.curvature - bend.moment / rigidity
+        assert bend.residual_curvature == pytest.approx(left, abs=0.01)
+    shares = [bends[name].plastic_share for name in ("u1", "l2", "u2")]
+    assert all(share > 0.5 for share in shares)
+    assert bends["l1"].plastic_share == 0.0
 
 
 @pytest.mark.slow

@@ -122,7 +122,7 @@ def plain_table(title: str, *columns: str) -> Table:
     """Return an empty table, its first column to the left and the others to the right."""
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     for i, column in enumerate(columns):
-        table.add_column(column, justify="left" if i == 0 else "right")
+        table.add_column(column, justify="left" if i == 0 else "right", overflow="fold")
     return table
 
 
@@ -186,15 +186,13 @@ def left_out(preview: Preview) -> list[str]:
         "friction (switched off in every stage): nothing depends on velocity.": not still,
         "weight (no stage has gravity).": "weight" in names,
         "pressure (no stage has it).": "pressure" in names,
-        "tension that follows the strip (given to no end of a flat strip, or held in z).": follows,
+        "tension that turns with the strip (no end has it).": follows,
         "moments on edges (no stage has entry.moment or exit.moment).": bent,
-        "plasticity (no table [material.plasticity]): the strip springs back whole.": (
-            "plasticity" in names
-        ),
-        "heat, flatness, camber, coil set (no strip.temperature, …): flat and cold.": naturals(
+        "plasticity (no table [material.plasticity]): the strip is elastic.": "plasticity" in names,
+        "heat, flatness, camber, coil set (no such key in [strip]): flat if unstressed.": naturals(
             scene
         ),
-        "inertia: not modelled.": False,
+        "inertia, which is not modelled.": False,
     }
     return [line for line, acts in acting.items() if not acts]
 
@@ -290,7 +288,7 @@ def stage_table(plans: Sequence[StageProblem]) -> Table:
             f"{plan.start + plan.duration:g}",
             str(len(plan.supports.free)),
             path_of(plan),
-            ", ".join(moving) or "nothing",
+            ",\n".join(moving) or "nothing",
         )
     return table
 
@@ -305,7 +303,7 @@ def path_of(plan: StageProblem) -> str:
 
 def level_table(found: Sequence[Level], own: str) -> Table:
     """Return the levels of kinematics with their unknowns, points and costs."""
-    columns = ("unknowns", "points", "cost of an expansion (estimate)", "sees this scene")
+    columns = ("unknowns", "points", "cost of an expansion (estimate)", "represents this scene")
     table = plain_table("Kinematics", "level", *columns)
     for level in found:
         name, size = level.kinematics.name, level.size
@@ -336,7 +334,7 @@ def report(run: Run) -> str:
 def roller_table(state: State) -> Table:
     """Return what every roller does, in units that stand in the heads of the columns."""
     heads = ("wrap\n(°)", "T in\n(N/m)", "T out\n(N/m)", "normal\n(N)", "torque\n(N m)")
-    more = ("slip\n(m/s)", "friction\nused", "line load\non (N/m)", "and off\n(N/m)")
+    more = ("slip\n(m/s)", "friction\nused", "load on\n(N/m)", "load off\n(N/m)")
     table = plain_table(f"Rollers at t = {state.time:.6g} s", "\nroller", *heads, *more)
     for name, r in state.rollers.items():
         used = "–" if r.capacity_used is None else f"{100.0 * r.capacity_used:.3g} %"
@@ -348,17 +346,20 @@ def roller_table(state: State) -> Table:
 
 def bend_table(bends: Mapping[str, RollerBend]) -> Table:
     """Return the sharpest bend at every roller of strip that can yield, and what it leaves."""
-    heads = ("curvature\n(1/m)", "moment\n(N)", "plastic\nshare", "left\n(1/m)")
+    heads = ("curvature\n(1/m)", "moment\n(N)", "plastic\nshare", "curl\n(1/m)", "crossbow\n(1/m)")
     more = ("elongation\n(1)", "power\n(W)")
     table = plain_table(
-        "Bends, and what they leave of strip that is unloaded", "\nroller", *heads, *more
+        "Bends, and the curl and crossbow that they leave in unloaded strip",
+        "\nroller",
+        *heads,
+        *more,
     )
     for name, b in bends.items():
         share, values = f"{100.0 * b.plastic_share:.3g} %", (b.elongation, b.yield_power)
         bent = (f"{v:.4g}" for v in (b.curvature, b.moment))
-        table.add_row(
-            name, *bent, share, f"{b.residual_curvature:.4g}", *(f"{v:.4g}" for v in values)
-        )
+        across = "–" if b.residual_crossbow is None else f"{b.residual_crossbow:.4g}"
+        left = f"{b.residual_curvature:.4g}", across
+        table.add_row(name, *bent, share, *left, *(f"{v:.4g}" for v in values))
     return table
 
 

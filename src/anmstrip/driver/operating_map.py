@@ -386,12 +386,12 @@ class OperatingMap:
             for event in self.events:
                 where = ", ".join(f"{key} = {event[key]:.8g}" for key in (first, *others))
                 roller = f" on {event['roller']}" if event["roller"] else ""
-                told.append(f"{event['kind']}{roller} at {where}")
+                told.append(f"{event['kind'].capitalize()}{roller} at {where}.")
+            curves = "one curve" if len(self.curves) == 1 else f"{len(self.curves)} curves"
             self.message = (
-                f"Done: {len(self.rows)} stationary states on {len(self.curves)} curve(s), "
+                f"Done: {len(self.rows)} stationary states on {curves}, "
                 f"{self.run.cost.expansions} tangents, {self.run.seconds:.1f} s. "
-                + "; ".join(told or ["No fold, and no roller loses or regains its grip"])
-                + "."
+                + " ".join(told or ["No fold, and no roller loses or regains its grip."])
             )
 
     def _write(self, directory: Path) -> None:

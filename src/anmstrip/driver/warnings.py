@@ -312,15 +312,15 @@ def levels(preview: Preview) -> list[Level]:
     told = {
         "section": (
             tuple(against_section(preview)),
-            f"Lost is what the width does: anticlastic edges{edges}, contraction that the held "
-            "ends prevent, wrinkles, wandering",
+            f"It leaves out what varies across the width: anticlastic edges{edges}, contraction "
+            "that held ends prevent, wrinkles, motion to the side",
         ),
         "plate": (
             tuple(against_plate(preview)),
-            "Lost is motion in the plane: the tension stays as given, and slopes of "
-            f"{np.degrees(slope):.2g}° cost {50.0 * slope**2:.2g} % (slope²/2)",
+            "It leaves out motion in the plane: the tension stays as given, and slopes of "
+            f"{np.degrees(slope):.2g}° make an error of {50.0 * slope**2:.2g} % (slope²/2)",
         ),
-        "shell": ((), "Nothing is lost"),
+        "shell": ((), "It leaves nothing out"),
     }
     found = []
     for name, (against, lost) in told.items():

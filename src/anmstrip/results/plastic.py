@@ -33,6 +33,7 @@ class RollerBend:
     moment: float  # N
     plastic_share: float  # of the thickness that flows
     residual_curvature: float  # of the strip unloaded behind it (1/m)
+    residual_crossbow: float | None  # the same across; None of a section, which has no width
     elongation: float  # plastic, of the middle, since the entry
     yield_power: float  # W, of the flow between the middles of the spans
 
@@ -190,12 +191,19 @@ class YieldedStrip:
             return {}
         (x, number), curvature = self.stations, self.mean(self.curvature[0])
         found, columns = {}, self.columns(x)
+        crossbow = None if len(self.moment) == 1 else self.mean(self.residual_curvature[1])
         powers = np.bincount(number, self.strip.weights().ravel() * self.power)
         ends = np.concatenate([[-np.inf], 0.5 * (places[1:] + places[:-1]), [np.inf]])
         for name, low, high in zip(names, ends[:-1], ends[1:], strict=True):
             here = np.flatnonzero((x >= low) & (x < high))
             p = here[np.abs(curvature[here]).argmax()]
-            readings = (columns[n][p] for n in ("moment", "plastic_share", "residual_curvature"))
-            values = (curvature[p], *readings, columns["elongation"][here[-1]], powers[here].sum())
-            found[name] = RollerBend(*map(float, values))
+            found[name] = RollerBend(
+                curvature=float(curvature[p]),
+                moment=float(columns["moment"][p]),
+                plastic_share=float(columns["plastic_share"][p]),
+                residual_curvature=float(columns["residual_curvature"][p]),
+                residual_crossbow=None if crossbow is None else float(crossbow[p]),
+                elongation=float(columns["elongation"][here[-1]]),
+                yield_power=float(powers[here].sum()),
+            )
         return found
