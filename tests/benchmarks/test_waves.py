@@ -10,6 +10,7 @@ import pytest
 from numpy.polynomial import Polynomial
 from scipy.linalg import eigh
 
+from anmstrip import Scene
 from anmstrip.continuation.bifurcations import Kind, SingularPoint, switched
 from anmstrip.continuation.equations import Cost, size
 from anmstrip.continuation.follow import follow
@@ -81,3 +82,72 @@ def test_the_piece_waves_beyond_its_onset() -> None:
     assert reached == pytest.approx(1.0)
     assert height > 1.2
     assert coefficients == pytest.approx(np.full(len(coefficients), 0.0733), rel=0.025)
+
+
+def clamped_span(tension: float, length: float, along: int = 24, across: int = 10) -> float:
+    """δ (W/t)² of a span with long edges that is clamped at both ends; lengths in W.
+
+    By Ritz's method with products of polynomials, (1 − ξ²)² P_m(ξ) along and P_n(η) across.
+    """
+    nu, basis = WAVES["POISSON"], np.polynomial.Legendre.basis
+    x, wx = np.polynomial.legendre.leggauss(2 * along)
+    y, wy = np.polynomial.legendre.leggauss(2 * across)
+    x, wx, y, wy = 0.5 * length * x, 0.5 * length * wx, 0.5 * y, 0.5 * wy
+    span = [-0.5 * length, 0.5 * length]
+    xi = basis(1, domain=span)
+    rows = [(1.0 - xi * xi) ** 2 * basis(m, domain=span) for m in range(along)]
+    columns = [basis(n, domain=[-0.5, 0.5]) for n in range(across)]
+    f, g = (
+        [np.array([p.deriv(k)(at) if k else p(at) for p in part]) for k in range(3)]
+        for part, at in ((rows, x), (columns, y))
+    )
+
+    def product(a: int, b: int, c: int, d: int, uneven: np.ndarray | float = 1.0) -> np.ndarray:
+        """∫∫ of the a-th times the b-th derivative along, and of c-th times d-th across."""
+        return np.kron((f[a] * wx) @ f[b].T, (g[c] * wy * uneven) @ g[d].T)
+
+    stiffness = product(2, 2, 0, 0) + product(0, 0, 2, 2) + 2.0 * (1.0 - nu) * product(1, 1, 1, 1)
+    stiffness += nu * (product(2, 0, 0, 2) + product(0, 2, 2, 0)) + tension * product(1, 1, 0, 0)
+    compressed = product(1, 1, 0, 0, 12.0 * (1.0 - nu**2) * WAVES["PROFILES"]["edges"](y))
+    return float(1.0 / eigh(compressed, stiffness, eigvals_only=True).max())
+
+
+@pytest.mark.slow
+def test_heated_span_between_rollers_buckles_as_a_clamped_one(claim: Claim) -> None:
+    """The temperature is ΔT (4 η² − 1/3), so that α ΔT is δ of long edges.
+
+    About to wrinkle is told where 1.01 times the compression would do it, 0.3 % before.
+    """
+    thickness, alpha, force, end = 5e-4, 1.2e-5, 5e3, 9.15  # m, 1/K, N/m, K
+    rollers = [
+        {"name": n, "radius": 0.2, "centre": [x, 0.0, -0.2], "wrap": "over"}
+        for n, x in (("a", 0.0), ("b", 2.8))
+    ]
+    tables = {
+        "strip": {"width": 1.0, "thickness": thickness, "cells": [33, 8], "refined": 0.09},
+        "material": {"young": 2e11, "poisson": 0.3, "expansion": alpha},
+        "contact": {},
+        "rollers": rollers,
+        "threading": {"tension": force, "entry": [-0.3, 0.0, -0.15], "exit": [3.1, 0.0, -0.15]},
+        "edges": {"entry": {"fixed": ["x", "z"], "centred": True}, "exit": {"centred": True}},
+        "stages": [
+            {
+                "duration": 1.0, "friction": False,
+                "strip": {"temperature": {"across": [-end / 3.0, 0.0, 4.0 * end]}},
+            }
+        ],
+        "solver": {"tolerance": 1e-5},
+    }  # fmt: skip
+    run = Scene.from_tables(tables, "heated.toml").run()
+    list(run)
+    onset = next(told for told in run.wrinkles if told["kind"] == "wrinkles")
+    rigidity = 2e11 * thickness**3 / (12.0 * (1.0 - WAVES["POISSON"] ** 2))
+    expected = clamped_span(force / rigidity, 2.8) * thickness**2 / alpha
+    heat = end * (onset["time"] - 1.0)
+    told = "edges of a heated span between rollers: ΔT (K) at which it is about to wave"
+    claim(told, heat, expected, 0.01, "Ritz's method, clamped ends")
+    lengths = np.linspace(0.6, 0.8, 9)
+    fit = Polynomial.fit(lengths, [ritz("edges", force / rigidity, x) for x in lengths], 4)
+    wave = next(x for x in fit.deriv().roots().real if 0.6 < x < 0.8)
+    told = "the same: wavelength along (m)"
+    claim(told, onset["wavelength_along"], wave, 0.05, "Ritz's method, endless")

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from anmstrip.cli import main
 from anmstrip.errors import InputError
-from anmstrip.pictures.report import DIGITS, MOST_TIMES, write_report
+from anmstrip.pictures.report import DIGITS, MOST_TIMES, tables, write_report
 from anmstrip.results.files import read_history
 from anmstrip.results.vtk import read_surface
 from anmstrip.sweep.study import Sweep
@@ -83,6 +83,19 @@ def test_space_is_that_of_the_last_state(finished: tuple[Path, str]) -> None:
     slip = np.linalg.norm(surface.fields["slip_velocity"], axis=1)
     assert close(space["fields"]["slip_velocity"]["values"], slip)
     assert len(space["rollers"]["tones"]) == len(space["rollers"]["i"])
+
+
+def test_bends_of_strip_that_yields_have_their_table() -> None:
+    """Of rollers that bend it; a section has no crossbow."""
+    bend = {
+        "curvature": -6.2, "moment": -75.0, "plastic_share": 0.523, "residual_curvature": -2.1,
+        "residual_crossbow": None, "elongation": 2.75e-4, "yield_power": 149.5,
+    }  # fmt: skip
+    rollers, bends = tables({"rollers": {"u1": {"wrap": 0.1, "bend": bend}, "l3": {"bend": None}}})
+    assert "<td>l3</td>" in rollers and "<td>l3</td>" not in bends
+    cells = ["u1", "-6.2", "-75", "52.3", "-2.1", "–", "0.000275", "149.5"]
+    assert "".join(f"<td>{cell}</td>" for cell in cells) in bends
+    assert "<th>crossbow left (1/m)</th>" in bends
 
 
 def test_tables_are_those_of_the_summary(finished: tuple[Path, str]) -> None:

@@ -438,7 +438,9 @@ class Run:
         wrinkles = "".join(
             f" At t = {told['time']:.6g} s (stage {told['stage']}, exit tension "
             f"{told['exit_tension']:.5g} N/m) {WRINKLE_WORDS[told['kind']]}, "
-            f"{told['wavelength']:.3g} m apart about x = {told['x']:.3g} m, y = {told['y']:.3g} m."
+            f"with wavelengths of {told['wavelength_along']:.3g} m along and "
+            f"{told['wavelength']:.3g} m across, most at x = {told['x']:.3g} m, "
+            f"y = {told['y']:.3g} m."
             for told in self.wrinkles
         )
         return (

@@ -11,7 +11,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from anmstrip.arrays import Array
 from anmstrip.pictures.views import GREYS, OUTLINE, STEEL
@@ -75,6 +75,7 @@ def map_figure(
         axes.set_title(title, fontsize=10)
         axes.spines[["top", "right"]].set_visible(False)
         axes.set_xlabel(keys[0])
+        axes.xaxis.set_major_locator(MaxNLocator(4))  # long labels would overlap
     labels = dict(zip(*grid[0].get_legend_handles_labels()[::-1], strict=True))
     if len(labels) <= LEGEND:
         grid[0].legend(labels.values(), labels, frameon=False, fontsize=8)

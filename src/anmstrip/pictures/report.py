@@ -59,6 +59,17 @@ SHOWN = {
 }
 """Columns of the table of rollers: entry of ``summary.json``, head, unit and factor."""
 
+BENDS = {
+    "curvature": ("curvature", "1/m", 1.0),
+    "moment": ("moment", "N", 1.0),
+    "plastic_share": ("plastic share", "%", 100.0),
+    "residual_curvature": ("curl left", "1/m", 1.0),
+    "residual_crossbow": ("crossbow left", "1/m", 1.0),
+    "elongation": ("elongation", "", 1.0),
+    "yield_power": ("power", "W", 1.0),
+}
+"""The same of the table of bends of strip that can yield."""
+
 STUDIES = {"sweep": "status", "map": "entry_tension", "response": "gain", "accuracy": "tolerance"}
 """Tables of studies, and their first columns that are not varied."""
 
@@ -238,15 +249,10 @@ def tables(summary: Mapping[str, Any]) -> Iterable[str]:
         yield f'<p class="warning">{escape(warning)}</p>'
     rollers = summary.get("rollers") or {}
     if rollers:
-        heads = [
-            "roller",
-            *(f"{head} ({unit})" if unit else head for head, unit, _ in SHOWN.values()),
-        ]
-        rows = (
-            [name, *(number(r.get(k), f) for k, (*_, f) in SHOWN.items())]
-            for name, r in rollers.items()
-        )
-        yield table("Rollers", heads, rows)
+        yield readings("Rollers", rollers, SHOWN)
+    if bends := {name: r["bend"] for name, r in rollers.items() if r.get("bend")}:
+        title = "Sharpest bends, and the curl and crossbow that they leave in unloaded strip"
+        yield readings(title, bends, BENDS)
     if edges := summary.get("edges"):
         rows = ([name, number(e["tension"]), *map(number, e["force"])] for name, e in edges.items())
         yield table("Ends", ["end", "tension (N/m)", "force x (N)", "y (N)", "z (N)"], rows)
@@ -256,6 +262,20 @@ def tables(summary: Mapping[str, Any]) -> Iterable[str]:
     if stages := summary.get("stages"):
         rows = ([n, s["steps"], s["tangents"], f"{s['seconds']:.3g}"] for n, s in stages.items())
         yield table("Stages", ["stage", "steps", "tangents", "seconds"], rows)
+
+
+def readings(
+    title: str,
+    rollers: Mapping[str, Mapping[str, Any]],
+    shown: Mapping[str, tuple[str, str, float]],
+) -> str:
+    """Return a table of what is shown of every roller: by entry its head, unit and factor."""
+    heads = (f"{head} ({unit})" if unit else head for head, unit, _ in shown.values())
+    rows = (
+        [name, *(number(r.get(k), f) for k, (*_, f) in shown.items())]
+        for name, r in rollers.items()
+    )
+    return table(title, ["roller", *heads], rows)
 
 
 def number(value: float | None, factor: float = 1.0) -> str:

@@ -183,6 +183,7 @@ class Onset:
     @property
     def facts(self) -> dict[str, Any]:
         """Entries of ``summary.json``."""
+        along, across = self.wavelengths
         state, strip = self.state, self.state.plan.model.strip
         highest = np.abs(strip.nodal(self.heights)[strip.node_values, 2]).argmax()
         x, y = strip.nodes[:2, highest] + strip.flat_origin
@@ -194,7 +195,8 @@ class Onset:
             "exit_tension": state.tension("exit"),
             "x": float(x),
             "y": float(y),
-            "wavelength": self.wavelengths[1],
+            "wavelength_along": along,
+            "wavelength": across,
         }
 
     @property
