@@ -116,7 +116,7 @@ def clamped_span(tension: float, length: float, along: int = 24, across: int = 1
 def test_heated_span_between_rollers_buckles_as_a_clamped_one(claim: Claim) -> None:
     """The temperature is ΔT (4 η² − 1/3), so that α ΔT is δ of long edges.
 
-    About to wrinkle is told where 1.01 times the compression would do it, 0.3 % before.
+    About to wrinkle is told where 1.01 times the compression would do it.
     """
     thickness, alpha, force, end = 5e-4, 1.2e-5, 5e3, 9.15  # m, 1/K, N/m, K
     rollers = [
@@ -149,5 +149,5 @@ def test_heated_span_between_rollers_buckles_as_a_clamped_one(claim: Claim) -> N
     lengths = np.linspace(0.6, 0.8, 9)
     fit = Polynomial.fit(lengths, [ritz("edges", force / rigidity, x) for x in lengths], 4)
     wave = next(x for x in fit.deriv().roots().real if 0.6 < x < 0.8)
-    told = "the same: wavelength along (m)"
+    told = "edges of a heated span between rollers: wavelength along (m)"
     claim(told, onset["wavelength_along"], wave, 0.05, "Ritz's method, endless")
