@@ -580,8 +580,8 @@ ESTIMATES = (
     ),
     Mutant(
         "error of a plate twice",
-        "cost {50.0 * slope**2:.2g} %",
-        "cost {100.0 * slope**2:.2g} %",
+        "an error of {50.0 * slope**2:.2g} %",
+        "an error of {100.0 * slope**2:.2g} %",
         "explain",
     ),
     Mutant(
