@@ -29,6 +29,7 @@ CONTINUATION, TIME = "anmstrip.continuation", "anmstrip.timestepping.implicit"
 
 REMOVED: tuple[tuple[str, str, Any], ...] = (
     ("anmstrip.simulation.march", "FIRST_STEP", 1.0),
+    ("anmstrip.simulation.march", "FIRST_REST", 0.01),
     (f"{CONTINUATION}.equations", "RESIDUAL_SHARE", 0.1),
     (f"{CONTINUATION}.expansion", "SEEN", 0.5),
     (f"{CONTINUATION}.quotients", "RUNG", 1.0001),

@@ -511,6 +511,14 @@ class StageProblem:
             if not name.endswith((".surface_speed", ".passing"))
         )
 
+    @property
+    def still(self) -> bool:
+        """Whether it asks for nothing to move or to change in time."""
+        given = (".surface_speed", ".passing", ".speed")
+        speeds = [value for name, value in self.controls.start.items() if name.endswith(given)]
+        held = [*self.moving(0.0), *self.moving(1.0)]
+        return not (self.controls.slope or np.any(held) or np.any(speeds))
+
     def rate(self, name: str) -> Any:
         """Rate of a control (its unit per s), 0 if it stands still."""
         return self.controls.slope.get(name, 0.0) / self.duration

@@ -90,6 +90,16 @@ def test_what_jumps_begins_anew() -> None:
     assert not third.continues(second)
 
 
+def test_a_stage_is_still_if_nothing_is_asked_to_move() -> None:
+    """Not while an edge or a surface is brought to a speed, keeps it, or is stopped."""
+    speeds = [{"rollers": {"r1": {"surface_speed": speed}}} for speed in (0.2, 0.0)]
+    edge = [{"entry": {"velocity": [speed, 0.0, 0.0]}} for speed in (0.4, 0.0)]
+    load = {"exit": {"force": [1e3, 0.0, 0.0]}}
+    course = [{}, speeds[0], {}, speeds[1], {}, edge[0], {}, edge[1], {}, load, {}]
+    found = [plan.still for plan in plans(*({"duration": 1.0, **stage} for stage in course))]
+    assert found == [stage == {} and i in (0, 4, 8, 10) for i, stage in enumerate(course)]
+
+
 @pytest.mark.parametrize(
     ("begin", "others", "back", "ahead"),
     [

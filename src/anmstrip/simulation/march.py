@@ -44,6 +44,10 @@ FIRST_STEP = 0.01
 """First time step, of the shortest stage in time; the error control corrects it.  From the whole
 stage on levelling takes 71 tangents instead of 50."""
 
+FIRST_REST = 0.02
+"""The same of a stage that asks for nothing to move, of that stage.  A bridle that has stopped
+rests in 10 tangents; with 0.01 in 11, with 0.05 in 10."""
+
 
 @dataclass(frozen=True, repr=False)
 class Step:
@@ -271,10 +275,11 @@ class March:
 
     def _memory(self, plan: StageProblem) -> Memory:
         """The past of a stage in time: that of the stage before, if nothing jumps."""
-        fresh = self.past is not None and not plan.continues(self.past)
+        fresh = self.past is not None and (plan.still or not plan.continues(self.past))
         if self.memory is not None and not fresh:
             return self.memory
-        first = self.scene.solver.time_step or FIRST_STEP * min(self.times)
+        stage, part = (plan.duration, FIRST_REST) if plan.still else (min(self.times), FIRST_STEP)
+        first = self.scene.solver.time_step or part * stage
         free, errors = plan.supports.free, None
         if self.memory is not None and self.memory.errors is not None and self.past is not None:
             whole = np.zeros((3, len(self.full)))
