@@ -20,9 +20,8 @@ from scipy.optimize import brentq
 from anmstrip import Scene
 from anmstrip.fem.operators import CellOperator
 from anmstrip.pictures.render import render
-from anmstrip.results.buckling import buckling, flattened
 from anmstrip.results.state import State
-from anmstrip.results.wrinkles import Wrinkling
+from anmstrip.results.wrinkles import Wrinkling, buckling, flattened
 
 CONTACT = {"stiffness": 1e9, "eta": 10.0, "delta": 1e-3}
 

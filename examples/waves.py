@@ -23,7 +23,7 @@ from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.shell import Membrane, isometric_bending, uniaxial_stretches
-from anmstrip.results.buckling import buckling_modes
+from anmstrip.results.wrinkles import buckling_modes
 
 WIDTH, THICKNESS, POISSON = 1.0, 5e-4, 0.3  # E = 1 does not matter
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from anmstrip.continuation.equations import Equations
 from anmstrip.taylor.series import RecordedFunction
-from anmstrip.timestepping.functions import TracedRecurrence
+from anmstrip.timestepping.index_one import TracedRecurrence
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from tempfile import TemporaryDirectory
 
-from anmstrip.driver.budget import Part, part
+from anmstrip.driver.budget import Halved, Part, part
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.simulation.march import March
 from anmstrip.simulation.problem import Assembly
-from anmstrip.simulation.refinement import Halved
 from harness import ROOT, Cell, Report, Sheet, main
 
 SECTION, COARSE = 'strip.kinematics="section"', "strip.refined=0.1"

@@ -19,12 +19,10 @@ from anmstrip.continuation.equations import Cost, PathStopped, Tolerances
 from anmstrip.continuation.follow import Settings
 from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import DenseSolver
-from anmstrip.paper.mass_spring import Parameters
-from anmstrip.paper.references import slip_at
+from anmstrip.paper.mass_spring import Parameters, slip_at
 from anmstrip.timestepping.formulas import start_memory
-from anmstrip.timestepping.functions import FunctionRateEquations, join_steps
 from anmstrip.timestepping.implicit import Stepping, integrate
-from anmstrip.timestepping.index_one import consistent
+from anmstrip.timestepping.index_one import FunctionRateEquations, consistent, join_steps
 from figures import (
     Measured,
     by_line,

@@ -18,7 +18,7 @@ from functools import cache
 import numpy as np
 
 from anmstrip.driver.scene import Scene
-from anmstrip.results.buckling import buckling
+from anmstrip.results.wrinkles import buckling
 from figures import Line, Map, drawn, mapped
 from harness import Cell, Report, Sheet, main
 from wrinkling import ONSET, SPEED, Crowned, Ended, Mesh, Onset, Skewed, ended, onset, onsets

@@ -24,8 +24,8 @@ from anmstrip.continuation.follow import Settings
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.mechanics.laws import NortonHoff
 from anmstrip.timestepping.formulas import start_memory
-from anmstrip.timestepping.functions import FunctionRateEquations
 from anmstrip.timestepping.implicit import Stepping, integrate
+from anmstrip.timestepping.index_one import FunctionRateEquations
 from figures import Curves, against
 from harness import Report, Sheet, installed, left_out, main
 from stiff_reference import Reference, pull

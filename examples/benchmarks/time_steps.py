@@ -14,12 +14,11 @@ from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings
 from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import DenseSolver
-from anmstrip.paper.mass_spring import Parameters, PressedPlane
-from anmstrip.paper.references import Reference, reference_solution
+from anmstrip.paper.mass_spring import Parameters, PressedPlane, Reference, reference_solution
 from anmstrip.results.state import State
 from anmstrip.timestepping.formulas import Memory
-from anmstrip.timestepping.functions import FunctionRateEquations
 from anmstrip.timestepping.implicit import Stepping, integrate
+from anmstrip.timestepping.index_one import FunctionRateEquations
 from figures import Measured, by_line, curves, exponent, measured, plotted, sheet, work_precision
 from harness import Cell, Report, Sheet, main
 from runs import altered, finished

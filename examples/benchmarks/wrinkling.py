@@ -17,9 +17,8 @@ from anmstrip.continuation.equations import Outcome, PathStopped
 from anmstrip.driver.scene import Scene
 from anmstrip.fem.operators import CellOperator
 from anmstrip.fem.sampling import quadrature_points
-from anmstrip.results.buckling import buckling, flattened
 from anmstrip.results.state import State
-from anmstrip.results.wrinkles import Wrinkling
+from anmstrip.results.wrinkles import Wrinkling, buckling, flattened
 from anmstrip.simulation.march import March, Step
 from anmstrip.simulation.problem import Assembly
 

@@ -16,8 +16,7 @@ from anmstrip.continuation.path import Branch
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Blocks, Chained, Eliminated, Pattern, Restriction
 from anmstrip.fem.strip import Strip
-from anmstrip.linalg.bordered import Bordered
-from anmstrip.linalg.condensed import Condensed, Joined
+from anmstrip.linalg.bordered import Bordered, Condensed, Joined
 from anmstrip.mechanics.effects import Controls, Effect, Moment, RecordedLaws, force_of, series_of
 from anmstrip.mechanics.shell import Membrane
 from anmstrip.timestepping.formulas import AffineVelocity

@@ -15,7 +15,7 @@ import mesh
 import order
 import solvers
 import time_steps
-from anmstrip.paper.references import reference_solution
+from anmstrip.paper.mass_spring import reference_solution
 from cantilever import elastica
 from figures import Measured, crossed, exponent, fitted, measured, patiently, work_precision
 from harness import Report, Sheet

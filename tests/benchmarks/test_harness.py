@@ -16,7 +16,7 @@ from harness import Report, Sheet
 from motions import Trial
 from strips import growing, steps_of
 
-OFF = {"contact", "laws", "turning", "transport"}
+OFF = {"contact", "laws", "transport"}
 """Modules of mechanics that a strip with nothing but its membrane has no use for."""
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from anmstrip.driver.explain import explain
-from anmstrip.results.buckling import buckling
+from anmstrip.results.wrinkles import buckling
 from harness import run
 from roller_wrinkles import (
     COARSE,

@@ -11,7 +11,7 @@ from anmstrip.linalg.direct import NonFiniteTangentError, SingularTangentError
 from anmstrip.linalg.solvers import DenseSolver, SparseSolver
 from anmstrip.timestepping import formulas as backward_differences
 from anmstrip.timestepping import implicit as implicit_dae
-from anmstrip.timestepping.functions import FunctionRateEquations
+from anmstrip.timestepping.index_one import FunctionRateEquations
 
 
 def test_message_is_outcome_place_and_detail():

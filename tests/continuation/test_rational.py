@@ -9,7 +9,7 @@ from dense import DenseEquations, followed
 from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.path import Branch
-from anmstrip.continuation.quotients import coordinates, longest_quotient, rational
+from anmstrip.continuation.validity import coordinates, longest_quotient, rational
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.taylor.polynomials import roots_within
 
@@ -89,7 +89,7 @@ def test_it_does_not_leap_over_a_pole(monkeypatch):
     factor = np.array([1.0, -0.5, 0.0, 0.0, 0.0])
     product = np.convolve(factor, branch.control)[:5]
     candidate = Branch(np.tile(product[:, None], 5), product, 0.5, np.zeros(5), denominator=factor)
-    monkeypatch.setattr("anmstrip.continuation.quotients.rational", lambda *_: candidate)
+    monkeypatch.setattr("anmstrip.continuation.validity.rational", lambda *_: candidate)
     found, _ = longest_quotient(equations, branch, 1e-6, 10.0, Cost())
     assert 1.5 < found.length < 2.0
 

@@ -9,8 +9,7 @@ from anmstrip.continuation.equations import Cost, Outcome, PathStopped, size
 from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.follow import Pace, Settings, follow
 from anmstrip.continuation.path import Branch
-from anmstrip.continuation.quotients import cleared, progression
-from anmstrip.continuation.validity import validated
+from anmstrip.continuation.validity import cleared, progression, validated
 from anmstrip.linalg.solvers import DenseSolver, Remembering
 
 FOLD = 2.0 / 3.0**1.5

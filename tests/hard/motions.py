@@ -15,8 +15,7 @@ from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.timestepping import formulas as backward_differences
 from anmstrip.timestepping import implicit as implicit_dae
 from anmstrip.timestepping.formulas import TimeStep
-from anmstrip.timestepping.functions import FunctionRateEquations, join_steps
-from anmstrip.timestepping.index_one import TimePath, consistent
+from anmstrip.timestepping.index_one import FunctionRateEquations, TimePath, consistent, join_steps
 
 Array = NDArray[np.float64]
 Residual = Callable[[Any, Any, Any], Any]

@@ -18,9 +18,8 @@ from anmstrip.paper.schemes import solve_case
 from anmstrip.timestepping import formulas as backward_differences
 from anmstrip.timestepping import implicit as implicit_dae
 from anmstrip.timestepping.formulas import TimeStep
-from anmstrip.timestepping.functions import FunctionRateEquations
 from anmstrip.timestepping.implicit import LASTING
-from anmstrip.timestepping.index_one import instabilities, pivot
+from anmstrip.timestepping.index_one import FunctionRateEquations, instabilities, pivot
 from answers import right
 from hard_nodes import CONTACT, CoupledNode, Slider, WrappedLinks
 from motions import moved

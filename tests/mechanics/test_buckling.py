@@ -15,7 +15,7 @@ from anmstrip.linalg.bordered import Bordered
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.shell import Membrane, isometric_bending
-from anmstrip.results.buckling import buckling_modes, compressive_stiffness
+from anmstrip.results.wrinkles import buckling_modes, compressive_stiffness
 
 LENGTH, WIDTH, THICKNESS = 1.0, 0.6, 1e-3
 

@@ -10,7 +10,7 @@ from anmstrip.fem.sampling import ContactOperator
 from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.roller import Roller, combine
-from anmstrip.mechanics.turning import DRIVEN, Drives, TurningFriction
+from anmstrip.mechanics.transport import DRIVEN, Drives, TurningFriction
 from anmstrip.timestepping.formulas import AffineVelocity
 from levels import HOFF, LAW, roller_of, strip_of
 

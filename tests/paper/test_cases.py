@@ -13,8 +13,13 @@ from anmstrip.continuation.equations import Cost
 from anmstrip.errors import InputError
 from anmstrip.mechanics.laws import NortonHoff, Tanh, cone_speed, corner_speed
 from anmstrip.paper.cases import COLUMNS, PAPER_STEPS, run_case
-from anmstrip.paper.mass_spring import CASES, Parameters, RotatingCircle
-from anmstrip.paper.references import coulomb, reference_solution
+from anmstrip.paper.mass_spring import (
+    CASES,
+    Parameters,
+    RotatingCircle,
+    coulomb,
+    reference_solution,
+)
 from anmstrip.paper.schemes import events_of, explicit_scheme, solve_case
 from anmstrip.results import files as history
 

@@ -6,8 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anmstrip.mechanics.laws import NortonHoff
-from anmstrip.paper.mass_spring import CASES, MovingPlane, Parameters, RotatingCircle
-from anmstrip.paper.references import (
+from anmstrip.paper.mass_spring import (
+    CASES,
+    MovingPlane,
+    Parameters,
+    RotatingCircle,
     balanced_reactions,
     coulomb,
     reduced,

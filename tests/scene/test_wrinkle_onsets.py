@@ -21,8 +21,8 @@ from anmstrip.driver.scene import Scene
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.linalg.bordered import Bordered
 from anmstrip.linalg.solvers import Remembering, SparseSolver
-from anmstrip.results.buckling import DATED, NEAR
 from anmstrip.results.state import State
+from anmstrip.results.wrinkles import DATED, NEAR
 from claims import Claim
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

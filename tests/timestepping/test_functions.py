@@ -7,7 +7,7 @@ from anmstrip.continuation.equations import inner
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.timestepping.formulas import AffineVelocity
-from anmstrip.timestepping.functions import FunctionRateEquations
+from anmstrip.timestepping.index_one import FunctionRateEquations
 from function_equations import FunctionEquations
 
 

@@ -13,7 +13,7 @@ from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.timestepping import formulas as backward_differences
 from anmstrip.timestepping import implicit as implicit_dae
 from anmstrip.timestepping.formulas import Memory, TimeStep, formula
-from anmstrip.timestepping.functions import FunctionRateEquations, join_steps
+from anmstrip.timestepping.index_one import FunctionRateEquations, join_steps
 
 DENSE = DenseSolver()
 

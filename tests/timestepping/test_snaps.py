@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anmstrip.mechanics.laws import Tanh
-from anmstrip.timestepping.functions import FunctionRateEquations
+from anmstrip.timestepping.index_one import FunctionRateEquations
 from hard_nodes import Slider
 from motions import moved
 

@@ -13,8 +13,13 @@ from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Equations, Evidence, Outcome, PathStopped, size
 from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.path import Branch
-from anmstrip.continuation.quotients import cleared, longest_quotient
-from anmstrip.continuation.validity import excess, residual_error, validated
+from anmstrip.continuation.validity import (
+    cleared,
+    excess,
+    longest_quotient,
+    residual_error,
+    validated,
+)
 from anmstrip.linalg.direct import NonFiniteTangentError, SingularTangentError
 from anmstrip.linalg.solvers import LinearSolver
 

@@ -21,13 +21,13 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import SHELL
 from anmstrip.results.files import read_history
 from anmstrip.results.state import State
+from anmstrip.results.wrinkles import WrinkleWatch, Wrinkling
 from anmstrip.scene.schema import SceneSpec, StageSpec
-from anmstrip.simulation.march import March, Step, unbroken
+from anmstrip.simulation.march import March, Step, imperfection_of, unbroken
 from anmstrip.simulation.problem import Assembly, EffectMaker
 from anmstrip.timestepping.formulas import Errors, Memory
 
 if TYPE_CHECKING:
-    from anmstrip.results.buckling import WrinkleWatch
     from anmstrip.results.events import Event, EventWatch
 
 
@@ -35,7 +35,7 @@ WRINKLE_WORDS = {
     "wrinkles": "the strip is about to wrinkle",
     "bifurcation": "the path bifurcates: beyond, the smooth strip is unstable, or again stable",
 }
-"""What is said of the kinds of :class:`~anmstrip.results.buckling.Onset`."""
+"""What is said of the kinds of :class:`~anmstrip.results.wrinkles.Onset`."""
 
 
 def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
@@ -149,8 +149,6 @@ class Run:
         self.directory = None if directory is None else Path(directory)
         imperfection = None
         if scene.strip.imperfection is not None:
-            from anmstrip.simulation.imperfection import imperfection_of
-
             imperfection = imperfection_of(scene)
         self.assembly = Assembly(scene, imperfection, tuple(effects))
         self.scene = self.assembly.scene
@@ -180,8 +178,6 @@ class Run:
             self.watch = EventWatch(a.contact, a.rollers, a.friction, a.scales.tension)
         self.onsets: WrinkleWatch | None = None
         if a.kinematics is SHELL:
-            from anmstrip.results.buckling import WrinkleWatch
-
             self.onsets = WrinkleWatch(self.cost)
         self.recorder: Recorder | None = None
         if self.directory is not None:
@@ -375,8 +371,6 @@ class Run:
                 own = (roller.friction is not None for roller in self.scene.rollers)
                 facts["sensitivities"] = sensitivities(state, own)
             if self.assembly.kinematics is SHELL:
-                from anmstrip.results.wrinkles import Wrinkling
-
                 wrinkling = Wrinkling(state)
                 self.warnings += wrinkling.warnings
                 height, spacing = wrinkling.wave(self.recorder.surface) or (None, None)

@@ -20,8 +20,7 @@ from anmstrip.mechanics.effects import EffectSeries, LawEffect, LawSeries, LoadE
 from anmstrip.mechanics.loads import FollowerLoad
 from anmstrip.mechanics.roller import Roller, combine
 from anmstrip.mechanics.shell import principal
-from anmstrip.mechanics.transport import SteadyFriction
-from anmstrip.mechanics.turning import Drives
+from anmstrip.mechanics.transport import Drives, SteadyFriction
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import free_spans
 

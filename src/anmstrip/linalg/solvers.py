@@ -8,8 +8,7 @@ import numpy as np
 from scipy.linalg import lapack
 from scipy.sparse import csc_matrix
 
-from anmstrip.linalg.bordered import Bordered
-from anmstrip.linalg.condensed import Condensed, Joined
+from anmstrip.linalg.bordered import Bordered, Condensed, Joined
 from anmstrip.linalg.direct import (
     Array,
     BandPlan,

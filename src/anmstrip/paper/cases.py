@@ -16,8 +16,17 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.mechanics.laws import NortonHoff
-from anmstrip.paper.mass_spring import CASES, MassSpring, Parameters, PressedPlane, RotatingCircle
-from anmstrip.paper.references import Reference, balanced_reactions, coulomb, reference_solution
+from anmstrip.paper.mass_spring import (
+    CASES,
+    MassSpring,
+    Parameters,
+    PressedPlane,
+    Reference,
+    RotatingCircle,
+    balanced_reactions,
+    coulomb,
+    reference_solution,
+)
 from anmstrip.paper.schemes import SCHEMES, CaseEvent, CaseSolution, events_of, solve_case
 from anmstrip.results.files import atomic_write, write_table
 from anmstrip.timestepping.index_one import Instability, instabilities

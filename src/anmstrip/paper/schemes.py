@@ -19,9 +19,14 @@ from anmstrip.taylor.polynomials import Watch, derivative_coefficients, value_at
 from anmstrip.taylor.series import recorded, taylor_series
 from anmstrip.timestepping.explicit import integrate_explicitly, join_series
 from anmstrip.timestepping.formulas import start_memory
-from anmstrip.timestepping.functions import FunctionRateEquations, join_steps
 from anmstrip.timestepping.implicit import Stepping, integrate
-from anmstrip.timestepping.index_one import TimePath, consistent, controlled
+from anmstrip.timestepping.index_one import (
+    FunctionRateEquations,
+    TimePath,
+    consistent,
+    controlled,
+    join_steps,
+)
 
 Step = TypeVar("Step")
 

@@ -285,7 +285,7 @@ class State:
         model = self.plan.model
         if name not in model.turning:
             return float(self.controls[f"rollers.{name}.surface_speed"]), 0.0
-        from anmstrip.mechanics.turning import Drives
+        from anmstrip.mechanics.transport import Drives
 
         drives = next((e for e in model.effects if isinstance(e, Drives)), None)
         if drives is None or self.velocity is None:

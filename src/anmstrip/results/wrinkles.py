@@ -1,17 +1,34 @@
-"""Wrinkles of a shell: what compresses its free spans, and how far they are from smooth."""
+"""Wrinkles of a shell: what compresses its free spans, how far they are from smooth, and where they
+begin along a path.
+
+The compressive part of the membrane forces takes G off the stiffness.  If compression grows by μ,
+the tangent K becomes K + (1 − μ) G: it is singular at the real eigenvalues μ of (K + G) φ = μ G φ,
+and K itself where one of them is 1.  As det K / det (K + G) = Π (1 − 1/μ), the number of real
+factors below 1 changes with the sign of the determinant, and tells two modes that come at once.
+Where friction makes K unsymmetric inertia has no such meaning.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import LinearOperator, eigs, eigsh
 
 from anmstrip.arrays import Array
-from anmstrip.fem.sampling import quadrature_points, shape_of
-from anmstrip.mechanics.shell import eigenstrain
+from anmstrip.continuation.equations import Cost
+from anmstrip.equilibrium import Equilibrium, StageProblem
+from anmstrip.fem.operators import Blocks, CellOperator, Pattern
+from anmstrip.fem.sampling import l2_projection, quadrature_points, shape_of
+from anmstrip.linalg.bordered import Bordered
+from anmstrip.linalg.solvers import LinearSolver, SparseSolver
+from anmstrip.mechanics.shell import Membrane, eigenstrain, principal
+from anmstrip.results.events import Event
 from anmstrip.results.fields import FieldSampler
 from anmstrip.results.state import State
 
@@ -219,3 +236,247 @@ class Wrinkling:
         area = sums(np.ones(len(x)), everywhere)
         latent = unevenness(sums(own[0, 0], everywhere) / area)
         return {"latent_flatness": latent, "manifest_flatness": max(waves)}
+
+
+LOOKED_AT = 6
+"""Modes of which the factors are looked at along a path."""
+
+DATED = 1e-4
+"""Share of a step to which an onset is dated: of a tension that is halved in ten steps to 1e-5."""
+
+PRESSED = 0.2
+"""Share of what a span bears across that it may bear along: as a column a quarter."""
+
+ROUND_OFF = 1e-12
+"""Asymmetry of a tangent, over its largest entry, that is none."""
+
+SHARP = 1e-3
+"""Distance of a dated factor from its level; else it was a complex pair that was born there."""
+
+FAR = 1.5
+"""Lowest factor, known or in proportion to what presses, above which a state is not looked at.
+Without it a shell on a roller looks at every step, which takes half of its time."""
+
+NEAR, BIFURCATION = 1.01, "bifurcation"
+LEVELS = {NEAR: "wrinkles", 1.0: BIFURCATION}
+"""Factors that are dated: the first where it falls, the second both ways.  Where the strip is bent
+a little as a mode is, its path has no bifurcation: it turns aside, and the factor remains above 1
+by less than this in the cases of ``examples/conveyed_wrinkles.py``."""
+
+
+def compressive_stiffness(
+    membrane: Membrane, forces: Array, pattern: Pattern, others: int = 0
+) -> Blocks:
+    """Blocks of G, see :class:`~anmstrip.fem.operators.Pattern`, from N (d, d, points).
+
+    Of a model with so many other unknowns besides those of the strip.
+    """
+    values, vectors = principal(forces)
+    part = np.einsum("pak,pk,pbk->abp", vectors, -np.minimum(values, 0.0), vectors)
+    m, blocks = pattern.count, pattern.zeros(others)
+    derivative = np.einsum("ij,bap->jbiap", np.eye(m), part)
+    membrane.operator.add_tangent(derivative, pattern, blocks)
+    return blocks
+
+
+def buckling_modes(
+    tangent: csc_matrix | Bordered,
+    compressive: csc_matrix | Bordered,
+    solver: LinearSolver,
+    count: int,
+) -> tuple[Array, Array]:
+    """The lowest factors μ, ascending, and modes φ in columns.
+
+    Of a tangent that is not symmetric the real ones among so many that are looked at, which may
+    be none; a complex pair makes no tangent singular.
+
+    Parameters
+    ----------
+    tangent, compressive : csc_matrix or Bordered, shape (n, n)
+        K and G.
+    solver : LinearSolver
+    count : int
+        Number of modes.
+    """
+    spared, n = tangent + compressive, tangent.shape[0]
+    solve = solver.factorise(spared).solve
+    start = solve(np.cos(np.arange(1.0, n + 1.0) ** 2))
+    if isinstance(spared, Bordered) or abs(spared - spared.T).max() > ROUND_OFF * abs(spared).max():
+        growing = LinearOperator((n, n), matvec=lambda u: solve(compressive @ u), dtype=float)
+        values, modes = eigs(growing, count, which="LR", v0=start)
+        real = values.imag == 0.0
+        values, modes = values[real].real, modes[:, real].real
+    else:
+        inverse = LinearOperator((n, n), matvec=solve)
+        values, modes = eigsh(compressive, count, spared, which="LA", Minv=inverse, v0=start)
+    order = np.argsort(values)[::-1]
+    with np.errstate(divide="ignore"):
+        return 1.0 / values[order], modes[:, order]
+
+
+def buckling(state: State, count: int, solver: LinearSolver | None = None) -> tuple[Array, Array]:
+    """Factors and modes of a state, see :func:`buckling_modes`.
+
+    Of a stationary state with its friction, its rollers and its speed; of another as if nothing
+    rubbed and what turns rested.
+
+    Returns
+    -------
+    factors : ndarray, shape (count,) or fewer
+    modes : ndarray, shape (free, factors)
+    """
+    plan, model = state.plan, state.plan.model.without_rates
+    free = plan.supports.free
+    if not plan.steady:
+        free = free[free < model.strip.unknowns]
+    equations = Equilibrium(model, replace(plan.supports, free=free), plan.controls)
+    tangent = equations.recurrence(state.full[free], state.control, 1).tangent()
+    assert state.membrane is not None
+    forces = state.membrane.at(state.full, state.controls)
+    blocks = compressive_stiffness(state.membrane, forces, model.pattern, model.others)
+    if not blocks.pairs.any():  # nothing is compressed
+        return np.zeros(0), np.zeros((len(free), 0))
+    compressive = model.restriction(free).matrix(blocks)
+    return buckling_modes(tangent, compressive, solver or SparseSolver(), count)
+
+
+def flattened(state: State, mode: Array) -> Array:
+    """A change of a state, along its normals, as heights of the flat strip; 1 m the largest.
+
+    Parameters
+    ----------
+    mode : ndarray, shape (free,)
+
+    Returns
+    -------
+    ndarray, shape (unknowns,)
+        Upwards where the height is largest.
+    """
+    strip, change = state.plan.model.strip, state.plan.supports.change(mode, 0.0)
+    operator = CellOperator(strip, (0, 1))
+    tangents = operator.apply(state.full)[:, 1:] + strip.kinematics.flat
+    normal = np.cross(tangents[:, 0], tangents[:, 1], axis=0)
+    normal /= np.linalg.norm(normal, axis=0)
+    height = np.einsum("ip,ip->p", normal, operator.apply(change)[:, 0])
+    lifted = np.zeros_like(normal)
+    lifted[2] = height / height[np.abs(height).argmax()]
+    return l2_projection(strip, state.plan.model.pattern, lifted)
+
+
+@dataclass(frozen=True)
+class Onset:
+    """A state of a path in which a shell is about to wrinkle, or in which the path bifurcates.
+
+    Attributes
+    ----------
+    state : State
+    heights : ndarray, shape (unknowns,)
+        The mode, at a bifurcation the tangent's null vector, as heights of the flat strip; 1 m the
+        largest.
+    kind : str
+        "wrinkles" or "bifurcation".
+    """
+
+    state: State
+    heights: Array
+    kind: str
+
+    @property
+    def wavelengths(self) -> tuple[float, float]:
+        """Mean wavelengths along and across (m): 2π of the root of ∫ w² over ∫ w,x² or ∫ w,y²."""
+        operator = CellOperator(self.state.plan.model.strip, (0, 1))
+        height, *slopes = operator.apply(self.heights)[2] ** 2 @ operator.weights
+        along, across = (2.0 * np.pi * float(np.sqrt(height / slope)) for slope in slopes)
+        return along, across
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Entries of ``summary.json``."""
+        along, across = self.wavelengths
+        state, strip = self.state, self.state.plan.model.strip
+        highest = np.abs(strip.nodal(self.heights)[strip.node_values, 2]).argmax()
+        x, y = strip.nodes[:2, highest] + strip.flat_origin
+        return {
+            "kind": self.kind,
+            "stage": state.plan.name,
+            "time": state.time,
+            "entry_tension": state.tension("entry"),
+            "exit_tension": state.tension("exit"),
+            "x": float(x),
+            "y": float(y),
+            "wavelength_along": along,
+            "wavelength": across,
+        }
+
+    @property
+    def event(self) -> Event:
+        """Row of ``events.csv``, of the strip and no roller."""
+        told = self.facts
+        return Event(told["time"], told["stage"], self.kind, "", x=told["x"], y=told["y"])
+
+
+class WrinkleWatch:
+    """Onsets of wrinkles on rate-free paths of shells, found step after step.
+
+    Parameters
+    ----------
+    cost : Cost
+        Counters to which the factorisations are added.
+
+    Attributes
+    ----------
+    factors : ndarray
+        Of the last state, ascending, if it was looked at; those of nothing else are near 1.
+    last : float
+        Lowest factor times share of what is borne, where it was looked at last.
+    """
+
+    def __init__(self, cost: Cost) -> None:
+        self.cost, self.solver = cost, SparseSolver()
+        self.plan: StageProblem | None = None
+        self.factors, self.last = np.zeros(0), 0.0
+
+    def during(self, state: State) -> list[Onset]:
+        """Return the onsets on the branch that ends in a state, in their order.
+
+        Nothing is looked at where no span is pressed and no mode was near its onset, where the
+        path has no branch or strip flows along it, and while factors that fall as compression
+        grows stay far from 1.
+        """
+        if state.plasticity is not None and state.plasticity.operator.flows:
+            return []
+        pressed = max((s.compression / s.bearable for s in free_spans(state)), default=0.0)
+        if self.plan is not state.plan:
+            self.plan, self.factors, self.last = state.plan, np.zeros(0), 0.0
+        near = bool((self.factors < FAR).any())
+        if state.branch is None or (not near and (pressed < PRESSED or self.last > FAR * pressed)):
+            self.factors = np.zeros(0)
+            return []
+        at, length = cache(lambda a: self._modes(state.inside(a))), state.branch.length
+        ahead = at(length)[0]
+        before = self.factors if len(self.factors) or not (ahead < FAR).any() else at(0.0)[0]
+        self.factors = ahead
+        self.last = pressed * float(ahead.min(initial=np.inf))
+        found = []
+        from scipy.optimize import brentq
+
+        for level, kind in LEVELS.items():
+            counts = [int((factors < level).sum()) for factors in (before, self.factors)]
+            for number in range(*(sorted(counts) if kind == BIFURCATION else counts)):
+
+                def excess(a: float, number: int = number, level: float = level) -> float:
+                    factors = at(a)[0]
+                    return level / float(factors[number]) - 1.0 if number < len(factors) else -1.0
+
+                a = float(brentq(excess, 0.0, length, xtol=DATED * length, rtol=DATED))
+                factors, modes = at(a)
+                nearest = int(np.abs(factors - level).argmin())
+                if abs(factors[nearest] - level) < SHARP:  # no birth of a complex pair
+                    here = state.inside(a)
+                    found.append((a, Onset(here, flattened(here, modes[:, nearest]), kind)))
+        return [onset for _, onset in sorted(found, key=lambda each: each[0])]
+
+    def _modes(self, state: State) -> tuple[Array, Array]:
+        self.cost.factorisations += 1
+        with self.cost.timed("wrinkles"):
+            return buckling(state, LOOKED_AT, self.solver)

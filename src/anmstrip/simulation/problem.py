@@ -47,8 +47,7 @@ if TYPE_CHECKING:
 
     from anmstrip.mechanics.contact import Contact, Friction
     from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
-    from anmstrip.mechanics.transport import CarriedFriction, SteadyFriction
-    from anmstrip.mechanics.turning import Drives
+    from anmstrip.mechanics.transport import CarriedFriction, Drives, SteadyFriction
     from anmstrip.scene.tables import ContactSpec, FrictionSpec, PlasticitySpec
     from anmstrip.simulation.threading import Thread
 
@@ -151,7 +150,7 @@ class Assembly:
         What it leaves open is filled in, see :mod:`anmstrip.simulation.defaults`.
     imperfection : ndarray, shape (unknowns,), optional
         Displacement of the flat strip that makes no stress, see
-        :mod:`anmstrip.simulation.imperfection`.
+        :mod:`anmstrip.simulation.march`.
 
     added : tuple of callables
         Effects of the user's own beside those of the scene, each made from the strip.
@@ -453,14 +452,14 @@ class Assembly:
             coefficients = [law.coefficient if f is None else f for f in own]
         if not self.turning:
             return Friction(contact, law, coefficients)
-        from anmstrip.mechanics.turning import TurningFriction
+        from anmstrip.mechanics.transport import TurningFriction
 
         return TurningFriction(contact, law, coefficients, self._numbers, len(self.turning))
 
     @property
     def _numbers(self) -> list[int]:
         """Number of each roller's own unknown, or ``DRIVEN``."""
-        from anmstrip.mechanics.turning import DRIVEN
+        from anmstrip.mechanics.transport import DRIVEN
 
         numbers = {name: number for number, name in enumerate(self.turning)}
         return [numbers.get(roller.name, DRIVEN) for roller in self.rollers]
@@ -470,7 +469,7 @@ class Assembly:
         """Torques and bearings of the rollers that turn freely, if there are any."""
         if not self.turning or self.friction is None:
             return None
-        from anmstrip.mechanics.turning import Drives
+        from anmstrip.mechanics.transport import Drives
 
         chosen = [spec for spec in self.scene.rollers if spec.name in self.turning]
         radii, bearings = ([getattr(s, k) for s in chosen] for k in ("radius", "bearing"))
@@ -482,7 +481,7 @@ class Assembly:
         """The same for stationary states."""
         if (drives := self.drives) is None:
             return None
-        from anmstrip.mechanics.turning import SteadyDrives
+        from anmstrip.mechanics.transport import SteadyDrives
 
         return SteadyDrives(**vars(drives))
 
