@@ -319,12 +319,15 @@ class Run:
 
     def _events(self, before: State, state: State) -> tuple[Event, ...]:
         """Look for wrinkles, and for the events of a step if the scene asks for them."""
-        onsets = [] if self.onsets is None else self.onsets.during(state)
-        self.wrinkles += [onset.facts for onset in onsets]
+        onsets = [] if self.onsets is None else [o.facts for o in self.onsets.during(state)]
+        self.wrinkles += onsets
         if not self.scene.output.events:
             return ()
+        from anmstrip.results.events import Event
+
         touched = () if self.watch is None else self.watch.during(before, state)
-        found = (*touched, *(onset.event for onset in onsets))
+        born = (Event(o["time"], o["stage"], o["kind"], "", x=o["x"], y=o["y"]) for o in onsets)
+        found = (*touched, *born)
         return tuple(sorted(found, key=lambda event: event.time))
 
     def _count(self, plan: StageProblem) -> None:

@@ -28,7 +28,6 @@ from anmstrip.fem.sampling import l2_projection, quadrature_points, shape_of
 from anmstrip.linalg.bordered import Bordered
 from anmstrip.linalg.solvers import LinearSolver, SparseSolver
 from anmstrip.mechanics.shell import Membrane, eigenstrain, principal
-from anmstrip.results.events import Event
 from anmstrip.results.fields import FieldSampler
 from anmstrip.results.state import State
 
@@ -407,12 +406,6 @@ class Onset:
             "wavelength_along": along,
             "wavelength": across,
         }
-
-    @property
-    def event(self) -> Event:
-        """Row of ``events.csv``, of the strip and no roller."""
-        told = self.facts
-        return Event(told["time"], told["stage"], self.kind, "", x=told["x"], y=told["y"])
 
 
 class WrinkleWatch:
