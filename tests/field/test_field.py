@@ -16,7 +16,6 @@ from collections.abc import Callable
 from itertools import pairwise
 from math import cos, exp, pi, tan
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -399,22 +398,9 @@ def test_statics() -> None:
     assert reactions == pytest.approx([0.4, 1.1, 1.1, 0.4], abs=1e-6)
 
 
-KNOWN = {
-    "10_dancer": "each of its twelve steps takes 80 tangents, about as much as its minute allows"
-}
-"""What does not hold yet, and why."""
-
-
-def marked(name: str) -> Any:
-    """Return the scene as a parameter of a test; what takes its whole minute is not run."""
-    if name not in KNOWN:
-        return name
-    return pytest.param(name, marks=pytest.mark.xfail(reason=KNOWN[name], run=False))
-
-
 @pytest.mark.slow
 @pytest.mark.field
-@pytest.mark.parametrize("name", [marked(name) for name in SCENES])
+@pytest.mark.parametrize("name", SCENES)
 def test_scene_ends_right_at_the_first_run(name: str, tmp_path: Path) -> None:
     """Within a minute of one core, exit status 0, and right by statics."""
     command = [sys.executable, "-c", RUN, str(SECONDS), "run", str(SCENES[name])]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from anmstrip.driver.run import Run
@@ -62,3 +63,22 @@ def test_roller_is_moved_beside_a_driven_one_while_strip_runs() -> None:
     assert state.tension("entry") == pytest.approx(4679.0, rel=1e-3)
     assert state.strip_speed == pytest.approx(0.248, rel=5e-3)
     assert run.cost.expansions < 500
+
+
+@pytest.mark.slow
+def test_strip_that_comes_to_rest_on_a_roller_is_not_carried_past_it() -> None:
+    """A roller moves at a standstill: at first strip slips over both, to and fro.
+
+    Then the wraps of both shrink by the same angle, so that what the first one holds,
+    e^(f (θ₁ − θ₂)) of the exit's tension, holds the strip at rest on it.  A first step that was
+    refused for slip that turns round within it stalled here after 3 922 tangents; with any step
+    accepted in which slip turns round the strip slips to the other side of the cone, 184 N/m.
+    """
+    course = drawn(1000)
+    run = Run(Scene.model_validate(course.tables))
+    ends = {step.stage: step.state for step in run}
+    first, second = course.way(484.3, course.expected["move"].moved).turns
+    held = 484.3 * np.exp(course.friction * (first - second))
+    assert run.outcome.done, run.message
+    assert ends["move"].tension("entry") == pytest.approx(held, rel=0.02)
+    assert run.cost.expansions < 800
