@@ -154,6 +154,10 @@ class Line:
         """How far the strip has gone up to a time (m), or in all."""
         if "conveyed" in self.history[-1]:
             return float([row for row in self.history if row["time"] <= time][-1]["conveyed"])
+        return self.pulled(time)
+
+    def pulled(self, time: float = np.inf) -> float:
+        """How far the exit has gone up to a time (m), or in all."""
         _, exit = self.ends
         heading = np.exp(1j * self.string().headings[-1])
         x, _, z = self.state(None if time == np.inf else time).end("exit")

@@ -140,7 +140,8 @@ def looper(line: Line) -> None:
 
 
 def dancer(line: Line) -> None:
-    line.expect_travel(-0.4)
+    assert line.conveyed() == 0.0  # the entry is held: what comes in from the exit pulls it along
+    assert abs(line.pulled() + 0.4) < 0.003
     line.expect_slipping("dancer", "g2")
     turns = dict(zip(line.wrapped, line.string(moved=True).turns, strict=True))
     behind = line.tight_side(2.0e3, "g2", turns["g2"])
