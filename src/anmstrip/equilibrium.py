@@ -18,6 +18,7 @@ from anmstrip.fem.operators import Blocks, Chained, Eliminated, Pattern, Restric
 from anmstrip.fem.strip import Strip
 from anmstrip.linalg.bordered import Bordered, Condensed, Joined
 from anmstrip.mechanics.effects import Controls, Effect, Moment, RecordedLaws, force_of, series_of
+from anmstrip.mechanics.plasticity import Plasticity
 from anmstrip.mechanics.shell import Membrane
 from anmstrip.timestepping.formulas import AffineVelocity
 
@@ -151,14 +152,20 @@ class Model:
         return self.closed(total)
 
     def tension_error(self, full: Array, change: Array) -> float:
-        """Root mean square of the membrane forces of a change, over the tension scale."""
+        """Root mean square of the membrane forces of a change, over the tension scale.
+
+        Or of the moments of layers that can yield, over that of first yield, if it is larger.
+        """
+        error = 0.0
         for effect in self.effects:
             if isinstance(effect, Membrane):
                 forces = effect.change(full, change)
                 weights = effect.operator.weights
                 mean = np.einsum("abp,abp,p->", forces, forces, weights) / weights.sum()
-                return float(np.sqrt(mean)) / self.scales.tension
-        return 0.0
+                error = max(error, float(np.sqrt(mean)) / self.scales.tension)
+            elif isinstance(effect, Plasticity):
+                error = max(error, effect.moment_error(full, change))
+        return error
 
 
 class Equilibrium:

@@ -44,7 +44,7 @@ class Piece:
         begin, self.turned = (self.unknowns(name) for name in ("entry", "exit"))
         self.held = np.concatenate([*begin, self.turned[2], *self.sides()])
         self.turned = self.turned[2]
-        self.cost, self.tangents = Cost(), []
+        self.cost, self.tangents, self.written = Cost(), [], []
 
     def cut(self):
         """A section of one element."""
@@ -84,16 +84,18 @@ class Piece:
             slope[self.turned] = (begin - end) * KAPPA * LENGTH
             motion = Motion(model, Supports(free, start, slope), controls, float(i), 1.0)
             before = self.cost.expansions
-            *_, last = integrate(
+            for step in integrate(
                 motion, start_memory(float(i), u, v, 1e-2), i + 1.0,
                 solver=SparseSolver(),
                 settings=Settings(order=15, tolerance=Tolerances(self.tolerance).time_residual),
                 stepping=Stepping(float(len(curvatures)), self.tolerance),
                 cost=self.cost,
-            )  # fmt: skip
-            u = last.u
+            ):  # fmt: skip
+                u, k = step.u, begin + (step.end - i) * (end - begin)
+                read = self.reading(motion.supports.full(u, step.end - i), k)
+                self.written.append((step.end, read))
             self.tangents.append(self.cost.expansions - before)
-            yield self.reading(motion.supports.full(u, 1.0), end)
+            yield read
 
     def reading(self, full, k):
         """M/M_e and the rest, from the stresses of the layers."""
@@ -173,12 +175,27 @@ def test_bent_and_straightened_it_is_longer(claim):
     claim(told, 2.0 * found[1] - found[0], 1.5, 0.02, "perfectly plastic fibres, closed form")
 
 
-@pytest.mark.parametrize("exponent", [5, 51, 101])
-def test_reversals_do_not_stall_and_cost_like_the_logarithm_of_the_exponent(exponent):
-    piece = Piece(exponent, 0.2, tolerance=1e-3)
-    *_, (_, moment, _, _) = piece.bent(4.0, *([-4.0, 4.0] * 3))
-    assert moment > 1.3
-    assert np.mean(piece.tangents) < 18.0 * np.log(exponent)
+@pytest.mark.parametrize(("kind", "layers"), [(Piece, 11), (ShellPiece, 7)])
+def test_reversals_do_not_stall_and_cost_like_the_logarithm_of_the_exponent(kind, layers):
+    exponents, tangents = np.array([5, 51, 101]), []
+    for exponent in exponents:
+        piece = kind(exponent, 0.2, layers=layers, tolerance=1e-3)
+        *_, last = piece.bent(4.0, *([-4.0, 4.0] * 3))
+        assert last[int(kind is Piece)] > 1.3
+        tangents.append(np.mean(piece.tangents))
+    assert tangents[0] < 42
+    assert (np.array(tangents) <= tangents[0] * np.log(exponents) / np.log(5)).all()
+
+
+def test_moment_on_the_way_is_within_a_few_tolerances():
+    """Also between first yield and flow, where it was wrong by 2 % at any tolerance."""
+    paths = []
+    for tolerance in (1e-5, 1e-4, 1e-3):
+        piece = Piece(51, 0.2, tolerance=tolerance)
+        assert len(list(piece.bent(4.0, -4.0))) == 2
+        paths.append(np.array([(t, moment) for t, (_, moment, *_) in piece.written]).T)
+        error = np.abs(paths[-1][1] - np.interp(paths[-1][0], *paths[0])).max()
+        assert error < 7.0 * tolerance
 
 
 def test_linear_hardening_is_that_of_a_bilinear_law():
@@ -209,8 +226,8 @@ def test_a_shell_that_is_held_across_bends_like_a_section(exponent, poisson):
     for kind in (Piece, ShellPiece):
         kind.poisson = poisson
         piece = kind(exponent, tolerance=1e-3)
-        found.append([read[kind is Piece] for read in piece.bent(k, -k)])
-        assert sum(piece.tangents) < 120
+        found.append([read[int(kind is Piece)] for read in piece.bent(k, -k)])
+        assert sum(piece.tangents) < 160
         kind.poisson = 0.0
     assert found[1] == pytest.approx(found[0], rel=3e-3)
 
@@ -241,24 +258,16 @@ def test_crossbow_that_is_left_of_a_bend_beyond_yield(k, claim, monkeypatch):
     """Held across while it is bent, let go both ways: κ_yy = −12 (M_yy − ν M_xx)/(E t³).
 
     In units of κ_e that is −(M_yy − ν M_xx)/M_e, for k → ∞ −¾ (1 − 2ν) at the yield stress
-    ½√3 σ_y of these pieces: flow in plane strain has σ_yy = ½ σ_xx.  Four stages: the error in time
-    is that of positions and tensions, and steps as long as the bend would cost M_yy 3 %.
+    ½√3 σ_y of these pieces: flow in plane strain has σ_yy = ½ σ_xx.  With steps chosen by positions
+    and tensions alone M_yy is wrong by 3 %.
     """
     monkeypatch.setattr(ShellPiece, "poisson", 0.3)
     exact = returned_moments(k, 0.3) @ [0.3, -1.0]
     assert returned_moments(50.0, 0.3) @ [0.3, -1.0] == pytest.approx(-0.3, rel=0.01)
-    *_, moments = ShellPiece(51, layers=21, tolerance=1e-3).bent(*np.linspace(0.25 * k, k, 4))
+    *_, moments = ShellPiece(51, layers=21, tolerance=1e-3).bent(k)
     found = moments @ [0.3, -1.0]
     told = f"crossbow left of a bend to k = {k:g}, ν = 0.3, n = 51, over κ_e"
     claim(told, found, exact, 0.01, "perfectly plastic layers, returned")
-
-
-@pytest.mark.parametrize("exponent", [5, 51, 101])
-def test_a_shell_does_not_stall_on_reversals(exponent):
-    piece = ShellPiece(exponent, 0.2, layers=7, tolerance=1e-3)
-    *_, (moment, _) = piece.bent(4.0, *([-4.0, 4.0] * 2))
-    assert moment > 1.3
-    assert np.mean(piece.tangents) < 18.0 * np.log(exponent)
 
 
 def test_back_stress_is_that_of_prager():

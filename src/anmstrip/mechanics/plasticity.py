@@ -180,6 +180,14 @@ class Plasticity(LawEffect):
         )
         return kept(force, controls), kept(moment, controls)
 
+    def moment_error(self, full: Array, change: Array) -> float:
+        """Root mean square of the moments of a change of all unknowns, over that of first yield."""
+        before, after = (self.stresses(self.operator.apply(x), {}) for x in (full, full + change))
+        layers, weights = self.layers, self.strip.weights().ravel()
+        moments = np.einsum("l,klp->kp", layers.weights * layers.heights, after - before)
+        mean = np.einsum("kp,kp,p->", moments, moments, weights) / weights.sum()
+        return float(np.sqrt(mean)) * 6.0 / (self.flow.yield_stress * self.strip.thickness**2)
+
     def share(self, controls: Mapping[str, Any]) -> Any:
         """Return the factor of s: the share by which stresses count, over that left of σ_y."""
         counted = controls["yielding"]
