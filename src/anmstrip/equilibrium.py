@@ -76,7 +76,7 @@ class Model:
         self.value_unknowns = strip.unknowns_of(strip.node_values)
         self.units = np.append(np.repeat(strip.dof_lengths, strip.count), np.ones(self.others))
         self.units = np.append(self.units, self.internal)
-        self.laws = RecordedLaws()
+        self.laws = RecordedLaws(self.unknowns)
         self._restrictions: dict[bytes, Restriction] = {}
         self._smoothed: dict[float, Model] = {}
 
@@ -374,7 +374,8 @@ class EquilibriumSeries:
 
     def advance(self, k: int) -> Array:
         """Order k of R for u_k = 0 and λ_k = 0."""
-        total = np.zeros(self.model.unknowns)
+        total = self.model.laws.total
+        total.fill(0.0)
         for part in self.parts:
             begin = time.perf_counter()
             part.advance(k, total)
@@ -384,6 +385,7 @@ class EquilibriumSeries:
     def correct(self, k: int, u: Array, control: float) -> None:
         """Fix order k of the unknowns in all effects."""
         change, rate = self._changes(u, control)
+        self.model.laws.set_motion(change, rate)
         for part in self.parts:
             begin = time.perf_counter()
             part.correct(k, change, rate, control)

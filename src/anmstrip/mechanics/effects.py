@@ -296,12 +296,19 @@ class RecordedLaw:
         x, and v if the law depends on it.
     control : float
     controls : Controls
+    laws : RecordedLaws
+        Those of the model.
     """
 
     def __init__(
-        self, effect: LawEffect, kinematic: list[Array], control: float, controls: Controls
+        self,
+        effect: LawEffect,
+        kinematic: list[Array],
+        control: float,
+        controls: Controls,
+        laws: RecordedLaws,
     ) -> None:
-        self.effect = effect
+        self.effect, self.laws = effect, laws
         values, slope = controls.at(control), controls.slope
 
         def law(x: Series, v: Series | None = None) -> Any:
@@ -321,7 +328,12 @@ class RecordedLaw:
         from anmstrip.mechanics.compiled import CompiledLaw
 
         given = self.effect.operator.matrices, self.kinematic, self.effect.seeds
-        return CompiledLaw(program, *given)
+        return CompiledLaw(program, *given, self.laws.motion, self.laws.total)
+
+    def values(self, controls: Controls, control: float) -> list[Any]:
+        """Return the values at λ of the controls that are inputs."""
+        start, rate = controls.start, controls.rate
+        return [start[name] + control * rate(name) for name in self.asked.moving]
 
     def fits(self, effect: LawEffect, inputs: int, controls: Controls) -> bool:
         """Whether the program holds for an effect with other controls."""
@@ -343,10 +355,32 @@ def motions_of(effect: LawEffect, state: State) -> list[Array]:
 
 
 class RecordedLaws:
-    """Programs of the effects of a model, recorded once for the same points and constants."""
+    """Programs of the effects of a model, recorded once for the same points and constants.
 
-    def __init__(self) -> None:
+    Attributes
+    ----------
+    motion : ndarray, shape (2, unknowns)
+        Where machine code reads values or changes of the unknowns and of their velocities.
+    total : ndarray, shape (unknowns,)
+        Where it adds forces.
+    """
+
+    def __init__(self, unknowns: int) -> None:
         self.latest: dict[str, list[RecordedLaw]] = {}
+        self.motion, self.total = np.zeros((2, unknowns)), np.zeros(unknowns)
+
+    def forces(self, u: Array, v: Array | None, add: Callable[[int], None]) -> Array:
+        """Return the forces that machine code finds for such a motion."""
+        self.set_motion(u, v)
+        self.total.fill(0.0)
+        add(0)
+        return self.total.copy()
+
+    def set_motion(self, u: Array, v: Array | None) -> None:
+        """Set what machine code reads."""
+        self.motion[0] = u
+        if v is not None:
+            self.motion[1] = v
 
     def known(self, effect: LawEffect, state: State, controls: Controls) -> RecordedLaw | None:
         """The program for an effect at some of its points, if it was recorded."""
@@ -360,7 +394,7 @@ class RecordedLaws:
             return law
         latest = self.latest[effect.name]
         kinematic = [effect.operator.apply(x) for x in motions_of(effect, state)]
-        latest.insert(0, RecordedLaw(effect, kinematic, state[2], controls))
+        latest.insert(0, RecordedLaw(effect, kinematic, state[2], controls, self))
         del latest[REMEMBERED:]
         return latest[0]
 
@@ -439,7 +473,7 @@ class LawSeries(EffectSeries):
 
 
 class CompiledSeries(EffectSeries):
-    """A pointwise effect, by machine code."""
+    """A pointwise effect, by machine code, of which every order is one call."""
 
     def __init__(
         self, effect: LawEffect, order: int, state: State, controls: Controls, law: RecordedLaw
@@ -447,35 +481,27 @@ class CompiledSeries(EffectSeries):
         assert law.compiled is not None
         self.effect: LawEffect = effect
         self.operator = effect.operator
-        self.law, program = law.compiled, law.program
-        full, _, control = state
+        self.laws, self.law, program = law.laws, law.compiled, law.program
         self.slopes = [controls.rate(name) for name in law.asked.moving]
         self.w = np.empty((program.blocks, program.kept, max(order, 1) + 1, program.lanes))
-        given = zip(law.asked.moving, self.slopes, strict=True)
-        values = [controls.start[name] + control * slope for name, slope in given]
-        self.advanced = self.law.start(self.w, motions_of(effect, state), values)
-        self.force = self.law.gather(np.zeros_like(full))
+        begin, self.advance_script = self.law.scripts(self.w)
+        self.law.move(law.values(controls, state[2]), self.law.given)
+        self.force = self.laws.forces(state[0], state[1], begin)
+        self.w[:, :, 1] = 0.0
 
     def residual(self) -> Array:
         return self.force
 
-    def _lift(self, u: Array, v: Array | None, control: float) -> None:
-        """Set the changes of the inputs."""
-        motions = [u, v][: len(self.law.lifts)]
-        moved = [control * slope if control else None for slope in self.slopes]
-        self.law.lift(motions, moved, self.law.changes)
-
     def derivative(self, u: Array, v: Array | None, control: float) -> Array:
-        self._lift(u, v, control)
-        self.law.derivative(self.w)
-        return self.law.gather(np.zeros_like(u))
+        self.correct(1, u, v, control)
+        return self.laws.forces(u, v, lambda _: self.law.add_derivative(self.w))
 
     def advance(self, k: int, total: Array) -> None:
-        self.advanced(k)
-        self.law.gather(total)
+        self.advance_script(k)
 
     def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
-        self._lift(u, v, control)
+        moved = [control * slope if control else None for slope in self.slopes]
+        self.law.move(moved, self.law.changes)
 
     def add_tangent(self, pattern: Pattern, blocks: Blocks, rate: float) -> None:
         x, *_ = self.law.program.inputs
@@ -548,4 +574,5 @@ def force_of(
     law = laws.known(near, state, controls)
     if law is None or law.compiled is None:
         return near.force_here(full, velocity, values)
-    return CompiledSeries(near, 0, state, controls, law).residual()
+    law.compiled.move(law.values(controls, state[2]), law.compiled.given)
+    return laws.forces(full, velocity, law.compiled.add_force)

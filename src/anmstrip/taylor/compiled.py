@@ -10,7 +10,7 @@ import ctypes
 import hashlib
 import logging
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -21,16 +21,13 @@ import llvmlite.binding as llvm
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.taylor.tape import Tables
-
-ARGUMENTS = {"advance": (13, 2), "derivatives": (11, 1), "lift": (6, 3), "gather": (5, 3)}
-"""How many arrays every entry of :mod:`anmstrip.taylor.kernels` takes, then how many numbers."""
+from anmstrip.taylor.tape import ADVANCE, CALL, DERIVATIVES, Tables
 
 SPARE = ctypes.create_string_buffer(16)
 """Where numba's functions put that they have nothing to return, and no error."""
 
 DIGEST = hashlib.sha256().digest_size
-KEPT: dict[str, Any] = {}
+KEPT: list[Any] = []
 """Loaded code, which goes with its engine."""
 
 LOST: list[str] = []
@@ -46,49 +43,48 @@ def directories() -> list[Path]:
 
 
 @cache
-def entry(name: str) -> Callable[..., None]:
-    """Return a function of addresses and numbers, see :mod:`anmstrip.taylor.kernels`."""
+def entry() -> Callable[..., None]:
+    """Return :func:`anmstrip.taylor.kernels.run`, as a function of an address and two numbers."""
     for initialise in (llvm.initialize_native_target, llvm.initialize_native_asmprinter):
         initialise()
     target = llvm.Target.from_default_triple()
     cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
     machine = target.create_target_machine(cpu=cpu, features=features, opt=3)
-    code = machine_code(name, machine, f"{llvmlite.__version__} {cpu} {features}")
+    code = machine_code(machine, f"{llvmlite.__version__} {cpu} {features}")
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    KEPT[name] = engine
-    arrays, numbers = ARGUMENTS[name]
-    types = [*(2 + arrays) * [ctypes.c_void_p], *numbers * [ctypes.c_int64]]
-    return ctypes.CFUNCTYPE(None, *types)(engine.get_function_address(name))
+    KEPT.append(engine)
+    types = [*3 * [ctypes.c_void_p], ctypes.c_int64, ctypes.c_int64]
+    return ctypes.CFUNCTYPE(None, *types)(engine.get_function_address("run"))
 
 
-def machine_code(name: str, machine: llvm.TargetMachine, host: str) -> bytes:
-    """Return the code of an entry for this processor, as an object file, kept or made."""
+def machine_code(machine: llvm.TargetMachine, host: str) -> bytes:
+    """Return the code for this processor, as an object file, kept or made."""
     here = Path(__file__).parent
     texts = [(here / module).read_bytes() for module in ("kernels.py", "tape.py")]
     key = hashlib.sha256(b"".join([host.encode(), *texts])).hexdigest()[:16]
-    places = [directory / f"anmstrip-{name}-{key}.o" for directory in directories()]
+    places = [directory / f"anmstrip-{key}.o" for directory in directories()]
     for place in places:
         with suppress(OSError):
             kept = place.read_bytes()
             if hashlib.sha256(kept[DIGEST:]).digest() == kept[:DIGEST]:
                 return kept[DIGEST:]
-    code = made(name, machine)
+    code = made(machine)
     keep(hashlib.sha256(code).digest() + code, places)
     return code
 
 
-def made(name: str, machine: llvm.TargetMachine) -> bytes:
-    """Return the code of an entry, with nothing of numba's own."""
+def made(machine: llvm.TargetMachine) -> bytes:
+    """Return the code, with nothing of numba's own."""
     from anmstrip.taylor.kernels import instructions
 
-    text, native = instructions(name)
+    text, native = instructions()
     module = llvm.parse_assembly(text)
     for function in module.functions:
         if not function.is_declaration and function.name != native:
             function.linkage = "internal"
-    module.get_function(native).name = name
+    module.get_function(native).name = "run"
     passes = llvm.create_new_module_pass_manager()
     passes.add_global_dead_code_eliminate_pass()
     passes.run(module, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options()))
@@ -124,10 +120,11 @@ def addresses(*arrays: Any) -> list[int]:
     return [x.ctypes.data for x in arrays]
 
 
-def call(name: str, *arguments: Array | int) -> None:
-    """Call an entry with arrays or their addresses, and numbers."""
-    given = (x.ctypes.data if isinstance(x, np.ndarray) else x for x in arguments)
-    entry(name)(SPARE, SPARE, *given)
+def script(calls: Sequence[Sequence[int]]) -> Callable[[int], None]:
+    """Return what makes calls one after the other, see :func:`anmstrip.taylor.kernels.run`."""
+    table = np.array([[*call, *(CALL - len(call)) * [0]] for call in calls], dtype=np.int64)
+    run, address = entry(), table.ctypes.data
+    return lambda k: run(SPARE, SPARE, address, len(table), k)
 
 
 class CompiledExecutor:
@@ -145,6 +142,7 @@ class CompiledExecutor:
         sizes = [len(tables.code), rows, inputs, outputs, blocks, lanes, places, 0, count]
         self.now, self.change = np.zeros((2, rows, lanes))
         self.fixed, self.sizes = addresses(*tables), np.array(sizes, dtype=np.int64)
+        self.inside = addresses(self.now, self.change)
         self.of_order: dict[int, Array] = {}
 
     def tables_and(self, w: Array) -> list[int]:
@@ -154,15 +152,24 @@ class CompiledExecutor:
             self.of_order[orders] = np.where(np.arange(len(self.sizes)) == 7, orders, self.sizes)
         return [*self.fixed, *addresses(self.of_order[orders], w)]
 
+    def advancing(self, w: Array, given: int, changes: int, found: int, pending: bool) -> list[int]:
+        """Call that completes an order by changes if they are pending, and finds the next one."""
+        return [ADVANCE, *self.tables_and(w), given, changes, found, *self.inside, pending]
+
+    def changing(self, w: Array, seeds: int, found: int, most: int) -> list[int]:
+        """Call that finds first changes of the outputs."""
+        return [DERIVATIVES, *self.tables_and(w), seeds, found, self.inside[1], most]
+
     def advance(self, w: Array, k: int, given: Array, changes: Array | None) -> Array:
         """Order k of the outputs, see :class:`anmstrip.taylor.program.Executor`."""
         found, pending = np.empty((len(self.tables.outputs), *given.shape[1:])), changes is not None
-        arrays = given, given if changes is None else changes, found, self.now, self.change
-        call("advance", *self.tables_and(w), *arrays, k, pending)
+        begin, changed, end = addresses(given, given if changes is None else changes, found)
+        script([self.advancing(w, begin, changed, end, pending)])(k)
         return found
 
     def derivative(self, w: Array, seeds: Array) -> Array:
         """Changes of the outputs, see :class:`anmstrip.taylor.program.Executor`."""
         found = np.empty((len(seeds), len(self.tables.outputs), *seeds.shape[2:]))
-        call("derivatives", *self.tables_and(w), seeds, found, self.change, len(seeds))
+        begin, end = addresses(seeds, found)
+        script([self.changing(w, begin, end, len(seeds))])(1)
         return found

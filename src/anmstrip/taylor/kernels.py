@@ -21,11 +21,15 @@ import math
 
 import numpy as np
 from numba import carray, cfunc, njit, types
+from numba.extending import intrinsic
 
 from anmstrip.taylor import tape
 
 compiled = njit(error_model="numpy", _nrt=False)
 """Arguments like np.int64(0) stand for numbers of which numba would make a version for itself."""
+
+called = njit(error_model="numpy")
+"""The same for those that make arrays of pointers, for which numba asks for its own memory."""
 
 
 @compiled
@@ -273,6 +277,7 @@ def completed(code, parameters, constants, block, w, kept, d, k):
                 c[i] += d[r, i]
 
 
+@called
 def advance(
     code, parameters, constants, kept, inputs, outputs, sizes,
     w, given, changes, found, now, d, k, pending,
@@ -306,6 +311,7 @@ def advance(
             copy(found[r, block], now[outputs[r]])
 
 
+@called
 def derivatives(
     code, parameters, constants, kept, inputs, outputs, sizes, w, seeds, found, d, most
 ):  # fmt: skip
@@ -327,6 +333,7 @@ def derivatives(
                 copy(found[q, r, block], d[outputs[r]])
 
 
+@compiled
 def lift(starts, columns, entries, places, x, found, rows, count, stride):
     """Set found[places[r] + c stride] to Σ M_rn x[n count + c], M in compressed rows."""
     for r in range(rows):
@@ -337,6 +344,7 @@ def lift(starts, columns, entries, places, x, found, rows, count, stride):
             found[places[r] + c * stride] = total
 
 
+@compiled
 def gather(starts, places, entries, forces, total, rows, count, stride):
     """Add Σ M_nr forces[places of r + c stride] to total[n count + c], M in compressed rows."""
     for n in range(rows):
@@ -347,21 +355,56 @@ def gather(starts, places, entries, forces, total, rows, count, stride):
             total[n * count + c] += added
 
 
-INTEGERS, INDICES = types.CPointer(types.int64), types.CPointer(types.int32)
-FLOATS, NUMBER = types.CPointer(types.float64), types.int64
-TABLES = (INTEGERS, FLOATS, FLOATS, INTEGERS, INTEGERS, INTEGERS, INTEGERS)
+def pointer_to(kind):
+    """Function from an address to a pointer to numbers of a kind."""
 
-ENTRIES = {
-    "advance": (advance, (*TABLES, *6 * (FLOATS,), NUMBER, NUMBER)),
-    "derivatives": (derivatives, (*TABLES, *4 * (FLOATS,), NUMBER)),
-    "lift": (lift, (*2 * (INDICES,), FLOATS, INDICES, *2 * (FLOATS,), *3 * (NUMBER,))),
-    "gather": (gather, (*2 * (INDICES,), *3 * (FLOATS,), *3 * (NUMBER,))),
-}
-"""What is called from outside, and the types of its arguments."""
+    @intrinsic
+    def pointer(typing, address):
+        def code(context, builder, signature, arguments):
+            return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+        return types.CPointer(kind)(address), code
+
+    return pointer
 
 
-def instructions(name):
-    """Instructions of an entry for LLVM, and the name it has there."""
-    function, signature = ENTRIES[name]
-    made = cfunc(types.void(*signature), error_model="numpy")(function)
+integers, indices, floats = map(pointer_to, (types.int64, types.int32, types.float64))
+
+
+def run(calls, count, k):
+    """Make calls one after the other; k is the order that is advanced to.
+
+    Each is a row of numbers: which call it is, and its arguments, arrays by their addresses.
+    """
+    table = carray(calls, (count, tape.CALL))
+    for m in range(count):
+        c = table[m]
+        if c[0] == tape.LIFT:
+            lift(
+                indices(c[1]), indices(c[2]), floats(c[3]), indices(c[4]), floats(c[5]),
+                floats(c[6]), c[7], c[8], c[9],
+            )  # fmt: skip
+        elif c[0] == tape.GATHER:
+            gather(
+                indices(c[1]), indices(c[2]), floats(c[3]), floats(c[4]), floats(c[5]),
+                c[6], c[7], c[8],
+            )  # fmt: skip
+        elif c[0] == tape.ADVANCE:
+            advance(
+                integers(c[1]), floats(c[2]), floats(c[3]), integers(c[4]), integers(c[5]),
+                integers(c[6]), integers(c[7]), floats(c[8]), floats(c[9]), floats(c[10]),
+                floats(c[11]), floats(c[12]), floats(c[13]), k, c[14],
+            )  # fmt: skip
+        else:
+            derivatives(
+                integers(c[1]), floats(c[2]), floats(c[3]), integers(c[4]), integers(c[5]),
+                integers(c[6]), integers(c[7]), floats(c[8]), floats(c[9]), floats(c[10]),
+                floats(c[11]), c[12],
+            )  # fmt: skip
+
+
+def instructions():
+    """Instructions of :func:`run` for LLVM, and the name it has there."""
+    signature = types.void(types.CPointer(types.int64), types.int64, types.int64)
+    made = cfunc(signature, error_model="numpy")(run)
     return made.inspect_llvm(), made.native_name.removeprefix("cfunc.")

@@ -45,6 +45,10 @@ LOG = 17
 TANH = 18  # b, a result too: 1 − c²
 SINE = 19  # b, a result too: the cosine
 
+# What a row of numbers asks :func:`anmstrip.taylor.kernels.run` for, and how long it is.
+LIFT, GATHER, ADVANCE, DERIVATIVES = range(4)
+CALL = 16
+
 
 class MixedPointsError(Exception):
     """An operation joins what belongs to different points."""
