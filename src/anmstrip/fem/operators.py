@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -88,15 +89,14 @@ class Restriction:
         full = coo_matrix((numbers, (rows.ravel(), columns.ravel())), shape=(n, n)).tocsc()
         part = full[:, free].tocsr()[free].tocsc()
         part.sort_indices()
-        self.shape = part.shape
-        self.indices, self.indptr = part.indices, part.indptr
-        self.source = part.data.astype(np.int64) - 1
+        self.part, self.source = part, part.data.astype(np.int64) - 1
 
     def matrix(self, blocks: Blocks) -> csc_matrix | Bordered:
         """Tangent over the free unknowns, shape (free, free)."""
-        data = blocks.pairs.reshape(-1)[self.source]
-        inner = csc_matrix((data, self.indices, self.indptr), shape=self.shape)
-        n, m = len(self.indptr) - 1, len(self.chosen) - len(self.indptr) + 1
+        inner = copy(self.part)  # a new one would be checked, for longer than it takes to make
+        inner.data = blocks.pairs.reshape(-1)[self.source]
+        n = inner.shape[0]
+        m = len(self.chosen) - n
         if not m:
             return inner
         place = np.full(blocks.strip + blocks.others, -1)

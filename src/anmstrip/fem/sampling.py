@@ -148,10 +148,14 @@ class ContactOperator:
         return matrix
 
     @cached_property
-    def incidence(self) -> csr_matrix:
-        """1 where a point is one of an element, (elements, points)."""
-        elements = np.repeat(np.arange(len(self.cells)), self.cells.shape[1])
-        return csr_matrix((np.ones(elements.size), (elements, self.cells.ravel())))
+    def owners(self) -> Index:
+        """Elements of each point, −1 where there are fewer, shape (points, most of one)."""
+        points = self.cells.ravel()
+        order, count = np.argsort(points, kind="stable"), np.bincount(points)
+        place = np.arange(len(points)) - np.repeat(np.cumsum(count) - count, count)
+        found = np.full((len(count), count.max()), -1)
+        found[points[order], place] = order // self.cells.shape[1]
+        return found
 
     def restricted(self, points: Index) -> Self:
         """The same on some of the points, also several times; it keeps the cells of all."""

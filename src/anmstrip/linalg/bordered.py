@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -70,12 +71,15 @@ class Bordered:
             d = self._scales()
             scaled = self._scaled(d)
             inner = factorise(scaled.inner)
-            eliminated, negatives = scaled._eliminated(inner)
+            eliminated, schur = scaled._eliminated(inner)
             solve = refined(eliminated, scaled, scaled._norm(), least=1)
         except SingularTangentError:
             whole = self.assembled()
             return SuperLUPlan(whole).factorise(whole)
-        return Factors(lambda right: solve(right * d) * d, lambda: inner.negatives + negatives)
+        return Factors(
+            lambda right: solve(right * d) * d,
+            lambda: inner.negatives + int((np.linalg.eigvals(schur).real < 0.0).sum()),
+        )
 
     def _narrowed(self) -> Bordered:
         """The same with a border of the last row and column alone."""
@@ -127,19 +131,19 @@ class Bordered:
 
     def _scaled(self, d: Array) -> Bordered:
         """The matrix of the entries d_i K_ij d_j."""
-        n, a = self.inner.shape[0], self.inner
-        data = a.data * d[a.indices] * np.repeat(d[:n], np.diff(a.indptr))
+        n, inner = self.inner.shape[0], copy(self.inner)
+        inner.data = inner.data * d[inner.indices] * np.repeat(d[:n], np.diff(inner.indptr))
         return Bordered(
-            csc_matrix((data, a.indices, a.indptr), a.shape),
+            inner,
             d[:n, None] * self.columns * d[n:],
             d[n:, None] * self.rows * d[:n],
             d[n:, None] * self.corner * d[n:],
         )
 
-    def _eliminated(self, inner: Factors) -> tuple[Solve, int]:
-        """Solver by the Schur complement S = D − C A⁻¹ B, and its negative eigenvalues.
+    def _eliminated(self, inner: Factors) -> tuple[Solve, Array]:
+        """Solver by the Schur complement S = D − C A⁻¹ B, and this.
 
-        By Haynsworth's formula those of A and S together are as many as those of K.
+        By Haynsworth's formula A and S together have as many negative eigenvalues as K.
         """
         n = self.inner.shape[0]
         influence = np.column_stack([inner.solve(column) for column in self.columns.T])
@@ -153,7 +157,7 @@ class Bordered:
             z = lapack.dgetrs(lu, pivots, right[n:] - self.rows @ x)[0]
             return np.concatenate([x - influence @ z, z])
 
-        return solve, int((np.linalg.eigvals(schur).real < 0.0).sum())
+        return solve, schur
 
 
 @dataclass(frozen=True)

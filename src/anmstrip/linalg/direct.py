@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable
+from copy import copy
 from functools import cached_property
 from importlib.util import find_spec
 from typing import Any, cast
@@ -180,10 +181,11 @@ class Plan:
 
     def scaled(self, matrix: csc_matrix, d: Array) -> csc_matrix:
         """Matrix of the entries d_i K_ij d_j, in the order of the given one."""
-        data = d[self.indices]
-        data *= d[self.columns]
-        data *= matrix.data
-        return csc_matrix((data, self.indices, self.indptr), matrix.shape)
+        found = copy(matrix)
+        found.data = d[self.indices]
+        found.data *= d[self.columns]
+        found.data *= matrix.data
+        return found
 
     def fits(self, matrix: csc_matrix) -> bool:
         """Whether the matrix has the pattern that was planned for."""

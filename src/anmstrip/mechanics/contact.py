@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.geometry import SHELL, Kinematics
@@ -181,8 +180,10 @@ class Contact(LawEffect):
 
         def places(shares: Array) -> Array:
             nonlocal farthest
-            looks = first if len(shares) == len(first) else looked(shares)
-            farthest = max(farthest, *(near.moved(look) for look, _ in looks))
+            looks = first
+            if len(shares) != len(first):
+                looks = looked(shares)
+                farthest = max(farthest, *(near.moved(look) for look, _ in looks))
             return np.array([near.part.position(near.part.chosen(look), c) for look, c in looks])
 
         while True:
@@ -260,13 +261,11 @@ class Contact(LawEffect):
 
     def elements_near(self, full: Array, controls: Mapping[str, Any]) -> list[Index]:
         """Elements with a point within reach of each roller, in ascending order."""
-        near, rollers = self.near(full, controls), len(self.roller.members)
-        whole, which = self.operator.whole, near.roller.seen_by(near.points)
-        ones, places = np.ones(near.points), (near.operator.chosen, which)
-        found = whole.incidence @ csc_matrix((ones, places), shape=(whole.points, rollers))
-        found = csc_matrix(found)
-        found.sort_indices()
-        return np.split(found.indices, found.indptr[1:-1])
+        near, whole = self.near(full, controls), self.operator.whole
+        which, elements = near.roller.seen_by(near.points), whole.owners[near.operator.chosen]
+        pairs = np.unique((which[:, None] * len(whole.cells) + elements)[elements >= 0])
+        roller, element = np.divmod(pairs, len(whole.cells))
+        return np.split(element, np.searchsorted(roller, np.arange(1, len(self.roller.members))))
 
     def nearest_gaps(self, full: Array, controls: Mapping[str, Any]) -> Array:
         """Gap (m) of every point of the strip from the roller that it is nearest to, (points,).
