@@ -64,7 +64,7 @@ def test_orders_of_a_field_that_moves_are_those_of_the_force():
     membrane, full = Membrane(strip), random_unknowns(strip, np.random.default_rng(0))
     y = field(strip, lambda x, y: y)
     controls = Controls({"strip.temperature": 5.0 * y}, {"strip.temperature": 40.0 * y**2})
-    series = series_of(membrane, 3, (full, None, 0.25), controls, RecordedLaws())
+    series = series_of(membrane, 3, (full, None, 0.25), controls, RecordedLaws(len(full)))
     start, end = (membrane.force(full, None, controls.at(at)) for at in (0.25, 1.25))
     scale = np.abs(end).max()
     assert series.residual() == pytest.approx(start, abs=1e-12 * scale)
