@@ -14,12 +14,12 @@ pytest.importorskip("numba")
 KERNEL = """
 import sys
 import numpy as np
-from anmstrip.taylor.compiled import addresses, script
+from anmstrip.taylor.compiled import addresses, script, table_of
 from anmstrip.taylor.tape import LIFT
 starts, columns = np.array([0, 2, 3], dtype=np.int32), np.array([0, 1, 1], dtype=np.int32)
 places, x, found = np.array([1, 0], dtype=np.int32), np.array([5.0, 7.0]), np.zeros(2)
 arrays = starts, columns, np.array([1.0, 2.0, 3.0]), places, x, found
-script([[LIFT, *addresses(*arrays), 2, 1, 1]])(0)
+script(table_of([[LIFT, *addresses(*arrays), 2, 1, 1]]))(0)
 print(found.tolist(), "numba" in sys.modules)
 """
 

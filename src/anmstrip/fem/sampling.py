@@ -200,10 +200,11 @@ class ContactOperator:
         self, derivative: Array, inputs: Array, pattern: Pattern, blocks: Blocks
     ) -> None:
         """Add Lᵀ w J M, where the table of M is another one than that of L."""
-        every = np.zeros((self.count, self.count, self.cells.max() + 1))
-        np.add.at(every.T, self.chosen, derivative.T)
-        active = np.abs(every).max(axis=(0, 1)) > 0.0
-        near = np.flatnonzero(active[self.cells].any(axis=1))
+        owners, flat = self.whole.owners, derivative.reshape(self.count**2, -1)
+        near = np.unique(owners[self.chosen])
+        near = near[near >= 0]
+        summed = [np.bincount(self.chosen, each, len(owners)) for each in flat]
+        every = np.reshape(summed, (self.count, self.count, -1))
         table, places = inputs[near], pattern.cells[near].ravel()
         transposed = np.ascontiguousarray(self.table[near].swapaxes(1, 2))
         weighted = every[:, :, self.cells[near]] * self.shares[near]

@@ -13,7 +13,7 @@ from scipy.sparse import csr_matrix, vstack
 
 from anmstrip.arrays import Array
 from anmstrip.fem.operators import Part
-from anmstrip.taylor.compiled import CompiledExecutor, addresses, script
+from anmstrip.taylor.compiled import CompiledExecutor, addresses, table_of
 from anmstrip.taylor.program import Program
 from anmstrip.taylor.tape import GATHER, LIFT
 
@@ -58,19 +58,25 @@ class CompiledLaw:
         )
         self.moving = [(slice(*rows), shape) for rows, shape in zip(ends, shapes, strict=True)]
         self.given, self.changes, nothing = np.zeros((3, self.stops[-1], self.lanes))
-        found = np.empty((len(program.tables.outputs), self.lanes))
-        self.kept: list[Any] = [motion, total, found, nothing]  # what is known by addresses alone
-        self.places_of = addresses(self.given, self.changes, nothing, found)
+        self.found = np.empty((len(program.tables.outputs), self.lanes))
+        self.kept: list[Any] = [motion, total, nothing]  # what is known by addresses alone
+        given, changes, zero, found = addresses(self.given, self.changes, nothing, self.found)
         starts = self.stops[:inputs] - self.sizes[:inputs]
-        self.lifting, self.changing = (
+        lifting, changing = (
             [
                 call
                 for first, x in zip(starts, motion, strict=False)
                 for call in self.lifted(matrices[0], first, x.ctypes.data, into)
             ]
-            for into in self.places_of[:2]
+            for into in (given, changes)
         )
-        self.gathering = list(self.gathered(matrices[1], total.ctypes.data))
+        gathering = list(self.gathered(matrices[1], total.ctypes.data))
+        first = self.executor.advancing(given, given, found, False)
+        others = self.executor.advancing(zero, changes, found, True)
+        derivative = self.executor.changing(changes, found, 1)
+        self.force_calls = table_of([*lifting, first, *gathering])
+        self.order_calls = table_of([*changing, others, *gathering])
+        self.derivative_calls = table_of([*changing, derivative, *gathering])
 
     def places(self, part: Part, first: int) -> Array:
         """Places of the rows of a part in what a program takes or gives."""
@@ -89,7 +95,7 @@ class CompiledLaw:
         for part, places in self.merged(parts, 0):
             m = part.matrix.multiply(part.weights[:, None]).T.tocsr()
             arrays = self.addresses(m.indptr, places[m.indices], m.data)
-            found, into = self.places_of[3], total + 8 * part.first
+            found, into = self.found.ctypes.data, total + 8 * part.first
             yield [GATHER, *arrays, found, into, *self.numbers(part, m.shape[0])]
 
     def addresses(self, *arrays: Array) -> list[int]:
@@ -131,27 +137,23 @@ class CompiledLaw:
                 continue
             into[rows, :points] = np.broadcast_to(value, shape).reshape(rows.stop - rows.start, -1)
 
-    def scripts(self, w: Array) -> tuple[Callable[[int], None], Callable[[int], None]]:
-        """Return what adds forces of order 0, and of order k after completing order k − 1."""
-        given, changes, nothing, found = self.places_of
-        first = self.executor.advancing(w, given, given, found, False)
-        others = self.executor.advancing(w, nothing, changes, found, True)
-        return (
-            script([*self.lifting, first, *self.gathering]),
-            script([*self.changing, others, *self.gathering]),
-        )
+    def adding_forces(self, w: Array) -> Callable[[int], None]:
+        """Return what adds forces of order 0."""
+        return self.executor.on(w, self.force_calls)
+
+    def adding_orders(self, w: Array) -> Callable[[int], None]:
+        """Return what adds forces of order k, after completing order k − 1."""
+        return self.executor.on(w, self.order_calls)
+
+    def adding_derivatives(self, w: Array) -> Callable[[int], None]:
+        """Return what adds the changes of forces that those of unknowns and controls make."""
+        return self.executor.on(w, self.derivative_calls)
 
     @cached_property
     def add_force(self) -> Callable[[int], None]:
         """What adds forces of order 0 alone."""
         self.spare = np.empty((self.program.blocks, self.program.kept, 2, self.program.lanes))
-        return self.scripts(self.spare)[0]
-
-    def add_derivative(self, w: Array) -> None:
-        """Add the changes of forces that those of unknowns and controls make."""
-        _, changes, _, found = self.places_of
-        call = self.executor.changing(w, changes, found, 1)
-        script([*self.changing, call, *self.gathering])(1)
+        return self.adding_forces(self.spare)
 
     def tangent(self, w: Array, rate: float) -> Array:
         """Return ∂law/∂x + rate ∂law/∂v along the seeds, shape (seeds, *output)."""

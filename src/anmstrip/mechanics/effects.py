@@ -484,9 +484,8 @@ class CompiledSeries(EffectSeries):
         self.laws, self.law, program = law.laws, law.compiled, law.program
         self.slopes = [controls.rate(name) for name in law.asked.moving]
         self.w = np.empty((program.blocks, program.kept, max(order, 1) + 1, program.lanes))
-        begin, self.advance_script = self.law.scripts(self.w)
         self.law.move(law.values(controls, state[2]), self.law.given)
-        self.force = self.laws.forces(state[0], state[1], begin)
+        self.force = self.laws.forces(state[0], state[1], self.law.adding_forces(self.w))
         self.w[:, :, 1] = 0.0
 
     def residual(self) -> Array:
@@ -494,10 +493,20 @@ class CompiledSeries(EffectSeries):
 
     def derivative(self, u: Array, v: Array | None, control: float) -> Array:
         self.correct(1, u, v, control)
-        return self.laws.forces(u, v, lambda _: self.law.add_derivative(self.w))
+        return self.laws.forces(u, v, self.add_derivative)
+
+    @cached_property
+    def add_derivative(self) -> Callable[[int], None]:
+        """What adds the changes of forces."""
+        return self.law.adding_derivatives(self.w)
+
+    @cached_property
+    def add_order(self) -> Callable[[int], None]:
+        """What adds the forces of an order."""
+        return self.law.adding_orders(self.w)
 
     def advance(self, k: int, total: Array) -> None:
-        self.advance_script(k)
+        self.add_order(k)
 
     def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
         moved = [control * slope if control else None for slope in self.slopes]

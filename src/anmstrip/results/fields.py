@@ -64,9 +64,11 @@ class FieldSampler:
         patch = patches(strip, self.local)
         self.own = patch.cells
         self.shared = np.bincount(self.own.ravel())
-        self.value = np.stack([np.asarray(f) for f in patch.functions])
-        self.grad = np.stack([f.grad for f in patch.functions])
-        self.hess = np.stack([f.hess for f in patch.functions])
+        parts = [(np.asarray(f), f.grad, f.hess) for f in patch.functions]
+        self.value, self.grad, self.hess = (
+            np.ascontiguousarray(np.moveaxis(np.stack(part), (-2, 0), (0, -1)))
+            for part in zip(*parts, strict=True)
+        )  # elements first, basis functions last
         self.cells, self.reference = patch.cells, patch.reference
         if self.lines > 1:
             across, count = np.arange(self.lines), self.reference.shape[1]
@@ -88,7 +90,7 @@ class FieldSampler:
 
     def interpolate(self, full: Array) -> Array:
         """Vectors in space of all unknowns, shape (points, 3)."""
-        own = self._average(np.einsum("nep,nec->cep", self.value, self._dofs(full)))
+        own = self._average(self._at_points(self.value, full))
         return self.kinematics.embed(own.T).T
 
     def curvature(self, full: Array) -> Array:
@@ -102,9 +104,11 @@ class FieldSampler:
         points = np.stack(mean, axis=-1).reshape(-1, *values.shape[:-2])
         return np.tile(points, (self.lines,) + (1,) * (points.ndim - 1))
 
-    def _dofs(self, full: Array) -> Array:
-        """Values of the elements' own degrees of freedom, (dofs, elements, components)."""
-        return self.strip.nodal(full)[self.strip.basis.element_dofs]
+    def _at_points(self, table: Array, full: Array) -> Array:
+        """Sum of the basis functions in a table, shape (components, ..., elements, points)."""
+        dofs = self.strip.nodal(full)[self.strip.basis.element_dofs.T]
+        found = table.reshape(len(table), -1, table.shape[-1]) @ dofs
+        return np.moveaxis(found.reshape(*table.shape[:-1], -1), (-1, 0), (0, -2))
 
     @cached_property
     def from_contact(self) -> Array:
@@ -237,14 +241,14 @@ class FieldSampler:
 
         Shapes (components, directions, elements, points) and twice (3, elements, points).
         """
-        level, dofs = self.kinematics, self._dofs(full)
-        tangents = level.flat[..., None] + np.einsum("naep,nec->caep", self.grad, dofs)
+        level = self.kinematics
+        tangents = level.flat[..., None] + self._at_points(self.grad, full)
         in_space = np.zeros((3, 2, *tangents.shape[2:]))
         in_space[0, 0] = in_space[1, 1] = 1.0
         in_space[list(level.components), : level.directions] = tangents
         normal = np.cross(in_space[:, 0], in_space[:, 1], axis=0)
         normal /= np.linalg.norm(normal, axis=0)
-        hessian = level.embed(np.einsum("nabep,nec->cabep", self.hess, dofs))
+        hessian = level.embed(self._at_points(self.hess, full))
         return tangents, normal, _components(-np.einsum("cep,cabep->abep", normal, hessian))
 
 

@@ -337,12 +337,7 @@ class History:
         if unknown := table.keys() - set(self.columns):
             raise ValueError(f"no such columns: {', '.join(sorted(unknown))}")
         empty = [None] * max(map(len, table.values()), default=0)
-        cells = (
-            ["" if math.isnan(x) else x for x in column.tolist()]
-            if isinstance(column, np.ndarray)
-            else column
-            for column in (table.get(name, empty) for name in self.columns)
-        )
+        cells = (_cells(table.get(name, empty)) for name in self.columns)
         lines = _encode(zip(*cells, strict=True))
         with named_errors(self.path), self.path.open("rb+") as file:  # not made anew
             file.seek(0, os.SEEK_END)
@@ -352,7 +347,7 @@ class History:
 def write_table(path: AnyPath, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
     """Write a whole table at once; rows as for :meth:`History.append`."""
     with atomic_write(path) as temporary:
-        cells = ([row.get(column) for column in columns] for row in rows)
+        cells = (_cells([row.get(column) for column in columns]) for row in rows)
         temporary.write_bytes(_encode([columns, *cells]))
 
 
@@ -399,10 +394,18 @@ def _records(path: AnyPath) -> list[list[str]]:
     return list(csv.reader(io.StringIO(complete.decode(), newline=""))) or [[]]
 
 
+def _cells(values: Sequence[Any] | NDArray[np.float64]) -> list[Any]:
+    """Return what is written of values: texts on one line, and nothing for NaN in an array."""
+    if isinstance(values, np.ndarray):
+        found = values.astype(object)
+        found[np.isnan(values)] = ""
+        return list(found)
+    return [" ".join(x.splitlines()) if isinstance(x, str) else x for x in values]
+
+
 def _encode(rows: Iterable[Sequence[object]]) -> bytes:
-    """Return lines of CSV: numbers that read back to the last bit, texts on one line."""
+    """Return lines of CSV: numbers that read back to the last bit."""
     buffer = io.StringIO(newline="")
     writer = csv.writer(buffer, lineterminator="\n")
-    for row in rows:
-        writer.writerow([" ".join(x.splitlines()) if isinstance(x, str) else x for x in row])
+    writer.writerows(rows)
     return buffer.getvalue().encode()

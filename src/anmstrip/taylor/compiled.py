@@ -120,9 +120,13 @@ def addresses(*arrays: Any) -> list[int]:
     return [x.ctypes.data for x in arrays]
 
 
-def script(calls: Sequence[Sequence[int]]) -> Callable[[int], None]:
-    """Return what makes calls one after the other, see :func:`anmstrip.taylor.kernels.run`."""
-    table = np.array([[*call, *(CALL - len(call)) * [0]] for call in calls], dtype=np.int64)
+def table_of(calls: Sequence[Sequence[int]]) -> Array:
+    """Return calls as rows of numbers, see :func:`anmstrip.taylor.kernels.run`."""
+    return np.array([[*call, *(CALL - len(call)) * [0]] for call in calls], dtype=np.int64)
+
+
+def script(table: Array) -> Callable[[int], None]:
+    """Return what makes the calls of a table one after the other, given an order."""
     run, address = entry(), table.ctypes.data
     return lambda k: run(SPARE, SPARE, address, len(table), k)
 
@@ -145,31 +149,33 @@ class CompiledExecutor:
         self.inside = addresses(self.now, self.change)
         self.of_order: dict[int, Array] = {}
 
-    def tables_and(self, w: Array) -> list[int]:
-        """Addresses of the tables, their sizes, and coefficients."""
+    def advancing(self, given: int, changes: int, found: int, pending: bool) -> list[int]:
+        """Call that completes an order by changes if they are pending, and finds the next one."""
+        return [ADVANCE, *self.fixed, 0, 0, given, changes, found, *self.inside, pending]
+
+    def changing(self, seeds: int, found: int, most: int) -> list[int]:
+        """Call that finds first changes of the outputs."""
+        return [DERIVATIVES, *self.fixed, 0, 0, seeds, found, self.inside[1], most]
+
+    def on(self, w: Array, table: Array) -> Callable[[int], None]:
+        """Return what makes such calls on coefficients, and others."""
         orders = w.shape[2]
         if orders not in self.of_order:
             self.of_order[orders] = np.where(np.arange(len(self.sizes)) == 7, orders, self.sizes)
-        return [*self.fixed, *addresses(self.of_order[orders], w)]
-
-    def advancing(self, w: Array, given: int, changes: int, found: int, pending: bool) -> list[int]:
-        """Call that completes an order by changes if they are pending, and finds the next one."""
-        return [ADVANCE, *self.tables_and(w), given, changes, found, *self.inside, pending]
-
-    def changing(self, w: Array, seeds: int, found: int, most: int) -> list[int]:
-        """Call that finds first changes of the outputs."""
-        return [DERIVATIVES, *self.tables_and(w), seeds, found, self.inside[1], most]
+        bound = table.copy()
+        bound[table[:, 0] >= ADVANCE, 7:9] = addresses(self.of_order[orders], w)
+        return script(bound)
 
     def advance(self, w: Array, k: int, given: Array, changes: Array | None) -> Array:
         """Order k of the outputs, see :class:`anmstrip.taylor.program.Executor`."""
         found, pending = np.empty((len(self.tables.outputs), *given.shape[1:])), changes is not None
         begin, changed, end = addresses(given, given if changes is None else changes, found)
-        script([self.advancing(w, begin, changed, end, pending)])(k)
+        self.on(w, table_of([self.advancing(begin, changed, end, pending)]))(k)
         return found
 
     def derivative(self, w: Array, seeds: Array) -> Array:
         """Changes of the outputs, see :class:`anmstrip.taylor.program.Executor`."""
         found = np.empty((len(seeds), len(self.tables.outputs), *seeds.shape[2:]))
         begin, end = addresses(seeds, found)
-        script([self.changing(w, begin, end, len(seeds))])(1)
+        self.on(w, table_of([self.changing(begin, end, len(seeds))]))(1)
         return found
