@@ -92,8 +92,8 @@ def imbalance_at(run: Run, x: float, component: int) -> Evidence:
 
 
 def typed(message: str) -> list[str]:
-    """The settings that a message tells to type."""
-    found = re.findall(r"--set (?:'([^']+)'|(\S+?)[,.]?(?:\s|$))", message)
+    """The settings that a message tells to type, as they are pasted: up to the next space."""
+    found = re.findall(r"--set (?:'([^']+)'(?=\s|$)|(\S+))", message)
     return [quoted or plain for quoted, plain in found]
 
 

@@ -252,11 +252,11 @@ def test_an_ordinary_bridle_gives_no_cause() -> None:
         ),
         (
             [("stages.1.rollers", STOPPED)],
-            "roller b stands in stage run while a goes at 1 m/s", "rollers.b.surface_speed=1, or",
+            "roller b stands in stage run while a goes at 1 m/s", "rollers.b.surface_speed=1",
         ),
         (
             [("stages.1.rollers.b.surface_speed", -1.0)],
-            "roller b goes at -1 m/s in stage run", "rollers.b.surface_speed=1, or",
+            "roller b goes at -1 m/s in stage run", "rollers.b.surface_speed=1",
         ),
         (
             [("stages.1.duration", 20.0), ("strip.feed", False)],
@@ -272,7 +272,7 @@ def test_an_ordinary_bridle_gives_no_cause() -> None:
         ),
         (
             [("friction", {"law": "norton-hoff", "coefficient": 0.2, "speed": 1e-8})],
-            "friction.coefficient = 0.2 acts as 0.283 at a slip of 1e-05 m/s", "speed=1e-05, or",
+            "friction.coefficient = 0.2 acts as 0.283 at a slip of 1e-05 m/s", "speed=1e-05",
         ),
         ([("friction.speed", 0.1)], "far above the speed at which the strip slips", "V_c = 1e-05"),
     ],
@@ -283,7 +283,7 @@ def test_what_is_wrong_with_the_physics_is_said_before_the_run(
     found = [line for line in told(*changes) if words in line]
     assert len(found) == 1, told(*changes)
     assert typed in found[0]
-    setting = re.search(r"--set '?([\w.]+=(?:\[.*?\]|[^ ,']+?))'?[.,](?: |$)", found[0])
+    setting = re.search(r"--set '?([\w.]+=(?:\[.*?\]|[^ ']+))'?(?: |$)", found[0])
     followed = [setting[1]] if setting else FOLLOWED[words]
     begin = re.split(r"[\d=]", found[0])[0]
     assert not [line for line in told(*changes, typed=followed) if line.startswith(begin)]

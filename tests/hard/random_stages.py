@@ -284,7 +284,8 @@ def _driven(
     if hold < 0.05 or strain * np.exp(abs(share) * hold) > STRAINED:
         return False
     course.released = True
-    entry = tension * float(np.exp(np.clip(share * hold, -2.0, 2.0)))
+    most = np.inf if course.overloaded else 2.0
+    entry = tension * float(np.exp(np.clip(share * hold, -most, most)))
     speed, ramp = _speed(rng), float(10.0 ** rng.uniform(-1.0, 0.5))
     stretch = 4.0 * strain * np.exp(abs(np.log(entry / tension))) * 30.0
     now, gone, far, pull = 0.0, 0.0, 0.0, tension

@@ -135,7 +135,7 @@ def test_a_run_stops_at_the_tangents_that_it_may_make(tmp_path: Path) -> None:
     assert list(run)
     assert run.cost.expansions == 30
     assert "the allowed number of tangents was used up" in run.message
-    assert "--set solver.max_tangents=60, then --resume" in run.message
+    assert "Try --resume --set solver.max_tangents=60" in run.message
 
 
 # disks ---------------------------------------------------------------------------
@@ -249,7 +249,7 @@ def test_doubts_are_told_with_the_end_of_the_tangents(tmp_path: Path) -> None:
     tables["solver"]["max_tangents"] = 30
     run = Scene.from_tables(tables, tmp_path / "scene.toml").run()
     assert list(run)
-    assert "then --resume. But roller r" in run.message
+    assert "max_tangents=60 but roller r" in run.message
     assert "cannot follow its radius" in run.message
 
 

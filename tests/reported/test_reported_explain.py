@@ -324,7 +324,7 @@ def test_elements_that_cannot_bend_are_warned_of(tmp_path: Path) -> None:
     h = 0.5 * np.pi / np.ceil(0.5 * np.pi / 0.3)
     assert (
         f"roller r1 turns the strip by {np.degrees(WRAP):.0f}°, and elements of {h:.2g} m cannot "
-        f"follow its radius of 0.5 m. Try --set strip.refined={0.25 * 0.5:.1g}."
+        f"follow its radius of 0.5 m. Try --set strip.refined={0.25 * 0.5:.1g}"
     ) in told
 
 
@@ -337,7 +337,7 @@ def test_soft_contact_is_warned_of(tmp_path: Path) -> None:
     depth = pressure / 2.0e5 - 10.0 * 1.0e-3 / pressure
     assert (
         f"pressed by T/r = {pressure:.2g} Pa the strip sinks {depth:.2g} m into roller r1, of "
-        f"radius 0.5 m. Try --set contact.stiffness={pressure / 0.005:.1g}."
+        f"radius 0.5 m. Try --set contact.stiffness={pressure / 0.005:.1g}"
     ) in whole(explained(text, tmp_path))
 
 
@@ -348,10 +348,10 @@ def test_a_wide_onset_is_warned_of(tmp_path: Path) -> None:
     depth = 0.04 * np.log(pressure)
     told = whole(explained(scenes.TURNING, tmp_path, *settings))
     assert f"sinks {depth:.2g} m into roller r1" in told
-    assert f"Try --set contact.onset={0.04 * 0.005 / depth:.1g}." in told
+    assert f"Try --set contact.onset={0.04 * 0.005 / depth:.1g}" in told
     told = whole(explained(scenes.TURNING, tmp_path, "contact.onset=0.06"))
     assert "contact sets in 0.06 m away from roller r1, of radius 0.5 m." in told
-    assert "Try --set contact.onset=0.005." in told
+    assert "Try --set contact.onset=0.005" in told
 
 
 def test_a_heavy_strip_is_warned_of(tmp_path: Path) -> None:
@@ -367,4 +367,4 @@ def test_a_strip_without_tension_is_warned_of(tmp_path: Path) -> None:
     """A tenth of the largest force is proposed."""
     text = scenes.TURNING.replace('name = "turn"', 'name = "turn"\nexit.force = [0.0, 0.0, 0.0]')
     told = whole(explained(text, tmp_path))
-    assert f"--set 'stages.turn.exit.force=[{0.1 * SLANTED:.2g}, 0.0, 0.0]'." in told
+    assert f"--set 'stages.turn.exit.force=[{0.1 * SLANTED:.2g}, 0.0, 0.0]'" in told

@@ -160,7 +160,7 @@ def test_a_line_that_runs_loose_is_told_and_the_advice_holds_it() -> None:
     line["stages"][1] = {"name": "start", "duration": 0.1, "entry": {"release": True}}
     told = serious(Preview.of(Assembly(scene_of(line))))
     (found,) = [words for words in told if "how fast the strip runs in stage start" in words]
-    key, _, value = found.partition("--set ")[2].rstrip(".").partition("=")
+    key, _, value = found.partition("--set ")[2].partition("=")
     assert key == "rollers.a.bearing"
     line["rollers"][0]["bearing"] = float(value)
     scene = scene_of(line)

@@ -131,8 +131,8 @@ def too_many_steps(failure: Failure) -> str | None:
     if key is None:
         return None
     doubt = forewarned(failure)
-    more = f"Try --set solver.{key}={2 * getattr(failure.scene.solver, key)}, then --resume."
-    return more if doubt is None else f"{more} But {doubt[0].lower()}{doubt[1:]}"
+    more = f"Try --resume --set solver.{key}={2 * getattr(failure.scene.solver, key)}"
+    return more if doubt is None else f"{more} but {doubt[0].lower()}{doubt[1:]}"
 
 
 def not_held(failure: Failure) -> str | None:
@@ -150,7 +150,7 @@ def not_held(failure: Failure) -> str | None:
         fixed = sorted({*(edges[edge].fixed if edge in edges else ()), name})
         listed = ", ".join(f'"{c}"' for c in fixed)
         key = f"'edges.{edge}.fixed=[{listed}]'" if name != "y" else f"edges.{edge}.centred=true"
-        return f"Nothing holds the strip in {name}. Try --set {key}."
+        return f"Nothing holds the strip in {name}. Try --set {key}"
     return None
 
 
@@ -175,7 +175,7 @@ def squeezed(failure: Failure) -> str | None:
                 value -= np.add(b.centre, failure.assembly.origin)
             return (
                 f"Rollers {a.name} and {b.name} are {-overlap:.3g} m apart and squeeze the strip. "
-                f"Try --set '{key}={_vector(value)}'."
+                f"Try --set '{key}={_vector(value)}'"
             )
     return None
 
@@ -196,7 +196,7 @@ def round_off(failure: Failure) -> str | None:
         return None
     return (
         f"The tolerance is near round-off: the last digit of the positions is worth {floor:.1g} "
-        f"of the forces. Try --set solver.tolerance={2.0 * floor / CLEAR / share:.0e}."
+        f"of the forces. Try --set solver.tolerance={2.0 * floor / CLEAR / share:.0e}"
     )
 
 
@@ -231,24 +231,24 @@ def slack(failure: Failure) -> str | None:
         found = "under no tension, which is what holds a thin strip in shape"
     else:
         return None
-    return f"The strip is {found}. Try {more_tension(failure)}."
+    return f"The strip is {found}. {more_tension(failure)}"
 
 
 def more_tension(failure: Failure) -> str:
-    """Return what to type to pull more: twice as much, or to a strain of 5e-5."""
+    """Say what to type to pull more: twice as much, or to a strain of 5e-5."""
     scene, stage = failure.scene, failure.stage.name
     if scene.threading is not None and stage == THREADING:
-        return f"--set threading.tension={2.0 * scene.threading.tension:.3g}"
+        return f"Try --set threading.tension={2.0 * scene.threading.tension:.3g}"
     if failure.plan.in_time and not failure.state.full.any():
-        return f"--set stages.{stage}.friction=false, to pull it before it rubs"
+        return f"To pull it before it rubs, try --set stages.{stage}.friction=false"
     force = failure.plan.controls.at(1.0).get("exit.force", np.zeros(3))
     if force[0] > 0.0:
-        return f"--set 'stages.{stage}.exit.force={_vector(2.0 * force)}'"
+        return f"Try --set 'stages.{stage}.exit.force={_vector(2.0 * force)}'"
     held = scene.edges.get("exit")
     if held is not None and "x" in held.fixed:
-        return f"a larger x in stages.{stage}.exit.move"
+        return f"Try a larger x in stages.{stage}.exit.move."
     tension = 5e-5 * failure.assembly.strip.tensile_stiffness
-    return f"--set 'stages.{scene.stages[0].name}.exit.force=[{tension:.3g}, 0.0, 0.0]'"
+    return f"Try --set 'stages.{scene.stages[0].name}.exit.force=[{tension:.3g}, 0.0, 0.0]'"
 
 
 def free_motion(failure: Failure) -> str | None:
@@ -271,14 +271,14 @@ def coarse(failure: Failure) -> str | None:
         return None
     return (
         f"Elements of {location.element:.3g} m over roller {location.roller} are long "
-        f"against √(D/T) = {layer:.3g} m. Try {finer_mesh(failure, QUARTER * layer)}."
+        f"against √(D/T) = {layer:.3g} m. Try {finer_mesh(failure, QUARTER * layer)}"
     )
 
 
 def finer_mesh(failure: Failure, length: float) -> str:
     """Return what to type for elements of a length over rollers."""
     if failure.scene.strip.mesh is not None:
-        return f"a mesh with elements of {length:.2g} m there"
+        return f"a mesh with elements of {length:.2g} m there."
     return f"--set strip.refined={length:.2g}"
 
 
@@ -296,7 +296,7 @@ def stiff_friction(failure: Failure) -> str | None:
     return (
         f"Friction turns round within {turns:.2g} m/s, and the last digit of the positions is "
         f"worth {seen:.2g} m/s in a step of time. "
-        f"Try --set friction.speed={DIGITS * seen / corner:.1g}."
+        f"Try --set friction.speed={DIGITS * seen / corner:.1g}"
     )
 
 
@@ -309,7 +309,7 @@ def low_order(failure: Failure) -> str | None:
     order = cheapest_order(size, failure.scene.solver.tolerance)
     if 2 * given > order:
         return None
-    return f"Series of order {given} are short. Try --set solver.order={order}."
+    return f"Series of order {given} are short. Try --set solver.order={order}"
 
 
 def still_coarse(failure: Failure) -> str | None:
@@ -319,7 +319,7 @@ def still_coarse(failure: Failure) -> str | None:
         return None
     element = min(location.element, failure.scene.strip.element_length or np.inf)
     finer = finer_mesh(failure, 0.5 * element)
-    return f"Try a finer mesh over roller {location.roller}: {finer}."
+    return f"Try a finer mesh over roller {location.roller}: {finer}"
 
 
 def asked_too_much(failure: Failure) -> str:
@@ -334,7 +334,7 @@ def asked_too_much(failure: Failure) -> str:
     if keys:
         changed = ", ".join(f"stages.{stage.name}.{key}" for key in keys)
         return f"This stage changes {changed}: try a smaller change."
-    return f"Try --set stages.{stage.name}.duration={2.0 * failure.plan.duration:g}."
+    return f"Try --set stages.{stage.name}.duration={2.0 * failure.plan.duration:g}"
 
 
 def _vector(values: Array) -> str:

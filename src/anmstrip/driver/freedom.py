@@ -131,7 +131,7 @@ def motions_at(assembly: Assembly, plan: StageProblem, full: Array) -> Iterator[
             bearing = UNSEEN * force * next(r.radius for r in assembly.rollers if r.name == name)
             yield (
                 f"roller {name} is touched by nothing and free to turn. "
-                f"Try --set rollers.{name}.bearing={bearing:.1g}."
+                f"Try --set rollers.{name}.bearing={bearing:.1g}"
             )
         return
     for stiffness, motion in softest_motions(factors, equations.metric):
@@ -164,20 +164,20 @@ def _words(
     end = ENDS[int(sizes[:, place].argmax())]
     if shifted:
         end = next((name for name in edges if name in ENDS), ENDS[0])
-    fixed, more = edges.get(end, EdgeSpec()).fixed, ""
-    key = f"--set 'edges.{end}.fixed={json.dumps(sorted({*fixed, component}))}'"
+    fixed = edges.get(end, EdgeSpec()).fixed
+    advice = f"try --set 'edges.{end}.fixed={json.dumps(sorted({*fixed, component}))}'"
     if component in fixed:
-        key = f"it without {end}.release"
+        advice = f"try it without {end}.release."
     elif shifted and component == "y":
-        key = f"--set edges.{end}.centred=true"
+        advice = f"try --set edges.{end}.centred=true"
     loose = f"nothing holds the strip in {component}"
     if not shifted:
         pulled, way = np.any(plan.controls.at(1.0).get(f"{end}.tension", 0.0)), "free"
         if pulled:
             way = "pulled along its own direction and free"
-            more = f", or {end}.force, which has a direction of its own"
+            advice = f"give {end}.force, which has a direction of its own, or {advice}"
         loose = (
             f"the {end} is {way} in {component}: it is in equilibrium at any angle, and its place "
             "is what came before"
         )
-    yield f"{loose}. Try {key}{more}."
+    yield f"{loose}. {advice[0].upper()}{advice[1:]}"

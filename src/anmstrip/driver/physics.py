@@ -74,7 +74,7 @@ def other_units(preview: Preview) -> Iterator[str]:
     for key, value, unit, meant, better in told:
         yield (
             f"{key} = {value:g} is in {unit}, in which no line has such a value; was it meant in "
-            f"{meant}? Try --set {key}={better:.3g}."
+            f"{meant}? Try --set {key}={better:.3g}"
         )
 
 
@@ -94,12 +94,12 @@ def meeting_rollers(preview: Preview) -> Iterator[str]:
                 moved, towards = (a, way) if keys[0] in moving else (b, -way)
                 back = moved_back(plan, moved, towards, CLEAR * (a.radius + b.radius))
                 told = f"stages.{plan.name}.rollers.{moved.name}.move"
-                how = f"a shorter {told}"
+                how = f"a shorter {told}."
                 if back is not None:
                     how = f"--set '{told}=[{', '.join(f'{x:.4g}' for x in back)}]'"
                 yield (
                     f"stage {plan.name} moves {a.name} and {b.name} {overlap:.2g} m into one "
-                    f"another. Try {how}."
+                    f"another. Try {how}"
                 )
 
 
@@ -182,7 +182,7 @@ def driven_without_friction(preview: Preview) -> Iterator[str]:
             off = f"stages.{turning[0].name}.friction=true" if f else "friction.coefficient=0.2"
             yield (
                 f"roller {spec.name} turns, but nothing rubs on it, so that it drives nothing. "
-                f"Try --set {off}."
+                f"Try --set {off}"
             )
 
 
@@ -272,7 +272,7 @@ def beyond_yield(preview: Preview) -> Iterator[str]:
         yield (
             f"bending over {roller.name} gives {stress / 1e6:.0f} MPa at the surface, {bound}; "
             f"plasticity is not modelled. Try --set rollers.{roller.name}.radius="
-            f"{two_digits(least, np.ceil):g}."
+            f"{two_digits(least, np.ceil):g}"
         )
 
 
@@ -297,7 +297,7 @@ def gravity_upwards(preview: Preview) -> Iterator[str]:
         if g is not None and g[2] > 0.0:
             yield (
                 f"gravity in stage {stage.name} points upwards, as z does. "
-                f"Try --set 'stages.{stage.name}.gravity=[{g[0]:g}, {g[1]:g}, {-g[2]:g}]'."
+                f"Try --set 'stages.{stage.name}.gravity=[{g[0]:g}, {g[1]:g}, {-g[2]:g}]'"
             )
 
 
@@ -324,9 +324,8 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
                 typed = given * told.sense * carrying_sense(told, assembly.thread)
                 yield (
                     f"roller {name} {how} in stage {stage.name} while {fast} goes at {given:g} "
-                    "m/s: the strip slips on one of them. Try --set "
-                    f"stages.{stage.name}.rollers.{name}.surface_speed={typed:g}, or "
-                    f'rollers.{name}.drive = "idle".'
+                    f'm/s: the strip slips on one of them. Try rollers.{name}.drive = "idle", or '
+                    f"--set stages.{stage.name}.rollers.{name}.surface_speed={typed:g}"
                 )
                 return
 

@@ -68,7 +68,7 @@ def sharp_roller(preview: Preview) -> Iterator[str]:
             yield (
                 f"roller {roller.name} turns the strip by {np.degrees(turn):.0f}°, and elements of "
                 f"{h:.2g} m cannot follow its radius of {roller.radius:.2g} m. "
-                f"Try --set strip.refined={QUARTER * roller.radius:.1g}."
+                f"Try --set strip.refined={QUARTER * roller.radius:.1g}"
             )
 
 
@@ -89,7 +89,7 @@ def soft_contact(preview: Preview) -> Iterator[str]:
                 key = f"contact.stiffness={pressure / least:.1g}"
             yield (
                 f"pressed by T/r = {pressure:.2g} Pa the strip sinks {depth:.2g} m "
-                f"into roller {roller.name}, of radius {roller.radius:.2g} m. Try --set {key}."
+                f"into roller {roller.name}, of radius {roller.radius:.2g} m. Try --set {key}"
             )
         elif contact.constants is None and law.width > SUNK * roller.radius:
             key = f"strip.refined={QUARTER * roller.radius:.1g}"
@@ -97,7 +97,7 @@ def soft_contact(preview: Preview) -> Iterator[str]:
                 key = f"contact.onset={least:.1g}"
             yield (
                 f"contact sets in {law.width:.2g} m away from roller {roller.name}, of radius "
-                f"{roller.radius:.2g} m. Try --set {key}."
+                f"{roller.radius:.2g} m. Try --set {key}"
             )
 
 
@@ -109,7 +109,7 @@ def slack_start(preview: Preview) -> Iterator[str]:
     if slack and first.in_time and np.any(ends[1]):
         yield (
             f"stage {first.name} pulls a slack strip, which has no stiffness across, while it may "
-            f"rub. Try --set stages.{first.name}.friction=false, to pull it before."
+            f"rub. To pull it before, try --set stages.{first.name}.friction=false"
         )
 
 
@@ -140,7 +140,7 @@ def running_loose(preview: Preview) -> str:
     bearing = UNSEEN * preview.tension * width * first.radius
     return (
         "no edge holds it in x, and no roller is driven by speed or braked by bearings. "
-        f"Try --set rollers.{first.name}.bearing={bearing:.1g}."
+        f"Try --set rollers.{first.name}.bearing={bearing:.1g}"
     )
 
 
@@ -158,7 +158,7 @@ def slack_end(preview: Preview) -> Iterator[str]:
         if np.linalg.norm(force) < SLACK * largest < before:
             yield (
                 f"stage {plan.name} leaves the strip without tension, which is what holds it in "
-                f"shape. Try --set 'stages.{plan.name}.exit.force=[{0.1 * largest:.2g}, 0.0, 0.0]'."
+                f"shape. Try --set 'stages.{plan.name}.exit.force=[{0.1 * largest:.2g}, 0.0, 0.0]'"
             )
 
 
@@ -252,7 +252,7 @@ def acts_as(coefficient: float, share: float, slip: float) -> str:
     return (
         f"friction.coefficient = {coefficient:g} acts as {share * coefficient:.3g} at a slip of "
         f"{slip:.2g} m/s, since Norton and Hoff's law grows with the slip. "
-        f'Try --set friction.speed={slip:.1g}, or law = "algebraic".'
+        f'Try law = "algebraic", or --set friction.speed={slip:.1g}'
     )
 
 
