@@ -527,6 +527,18 @@ class StageProblem:
         held = [*self.moving(0.0), *self.moving(1.0)]
         return not (self.controls.slope or np.any(held) or np.any(speeds))
 
+    def reversals(self, slow: float) -> list[float]:
+        """Times (s) at which surfaces that turn round in the stage have slowed down to a speed."""
+        shares = set()
+        for name, slope in self.controls.slope.items():
+            start = self.controls.start[name]
+            if (
+                name.endswith(".surface_speed")
+                and min(abs(start), -np.sign(start) * (start + slope)) > slow
+            ):
+                shares.add(float((abs(start) - slow) / abs(slope)))
+        return [self.start + share * self.duration for share in sorted(shares)]
+
     def rate(self, name: str) -> Any:
         """Rate of a control (its unit per s), 0 if it stands still."""
         return self.controls.slope.get(name, 0.0) / self.duration

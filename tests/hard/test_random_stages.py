@@ -82,3 +82,51 @@ def test_strip_that_comes_to_rest_on_a_roller_is_not_carried_past_it() -> None:
     assert run.outcome.done, run.message
     assert ends["move"].tension("entry") == pytest.approx(held, rel=0.02)
     assert run.cost.expansions < 800
+
+
+def test_slip_that_turns_round_everywhere_is_stepped_over() -> None:
+    """Two rollers slip under a held strip, and turn round: all of it slips the other way at once.
+
+    The strip is carried back within 40 ms of 4 s, which one step of 0.1 s holds.  Refused and
+    shortened until they resolve it, steps across this instant take 800 tangents.
+    """
+    surfaces = [{r: {"surface_speed": v} for r in ("r1", "r2")} for v in (1.0, -1.0)]
+    scene = Scene.model_validate(
+        {
+            "strip": {"width": 1.0, "thickness": 2e-4, "kinematics": "section"},
+            "material": {"young": 2.1e11, "poisson": 0.3},
+            "contact": {},
+            "friction": {"coefficient": 0.15},
+            "rollers": [
+                {"radius": 0.3, "centre": [1.5, 0.0, -0.3], "wrap": "over"},
+                {"radius": 0.2, "centre": [1.3, 0.0, -1.1], "wrap": "under"},
+            ],
+            "threading": {"tension": 4e3, "entry": [0.0, 0.0, 0.0], "exit": [2.5, 0.0, -1.5]},
+            "edges": {"entry": {"fixed": ["x", "z"]}},
+            "stages": [
+                {"name": "turn", "duration": 1.0, "rollers": surfaces[0]},
+                {"name": "reverse", "duration": 4.0, "rollers": surfaces[1]},
+            ],
+        }
+    )
+    run = Run(scene)
+    steps = list(run)
+    assert run.outcome.done, run.message
+    ends = {step.stage: step.state for step in steps}
+    turn = sum(r.wrap for r in ends["turn"].rollers.values())
+    for name, sense in (("turn", 1.0), ("reverse", -1.0)):
+        held = 4e3 * np.exp(sense * 0.15 * turn)
+        assert ends[name].tension("entry") == pytest.approx(held, rel=0.01)
+    assert steps[-1].tangents < 400
+    # the strip slips forward until the rollers turn round, and then the other way
+    before = [s for s in steps if s.stage == "reverse" and s.time < 1.0 + 1.0 + 2.0 - 1e-3]
+    assert before[-1].state.tension("entry") == pytest.approx(4e3 * np.exp(0.15 * turn), rel=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1027, 2019])
+def test_slip_that_begins_or_turns_round_takes_few_tangents(seed: int) -> None:
+    """A roller moved at a standstill, and rollers that turn round: 2 979 and 1 140 when resolved."""
+    ending = ending_of(drawn(seed), most=10**6)
+    assert ending.kind == "right", ending
+    assert ending.tangents < 300

@@ -24,7 +24,7 @@ from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import THREADING
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course, stretched
-from anmstrip.timestepping.formulas import Errors, Memory, start_memory
+from anmstrip.timestepping.formulas import Errors, Memory, TimeStep, start_memory
 from anmstrip.timestepping.implicit import UNHURRIED, Stepping, integrate
 
 if TYPE_CHECKING:
@@ -49,6 +49,11 @@ stage on levelling takes 71 tangents instead of 50."""
 FIRST_REST = 0.02
 """The same of a stage that asks for nothing to move, of that stage.  A bridle that has stopped
 rests in 10 tangents; with 0.01 in 11, with 0.05 in 10."""
+
+
+TURNING = 100.0
+"""Speed of a surface that turns round, in V_c, at which its strip begins anew: not at rest, where
+friction lets go within a step, and slow enough for what is left of its way to hold nothing."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -250,44 +255,52 @@ class March:
         return 0.0 if before > 0.0 else max(after, 0.0)
 
     def _in_time(self, plan: StageProblem, settings: Settings) -> Iterator[Step]:
-        solver, end = self.scene.solver, plan.start + plan.duration
+        solver, memory = self.scene.solver, self._memory(plan)
         aim, most = self.tolerances.time, solver.highest_time_order
         stepping = Stepping(sum(self.times), aim, most, solver.time_step, self.follow)
         motion = Motion(plan.model, plan.supports, plan.controls, plan.start, plan.duration)
-        steps = integrate(
-            motion,
-            self._memory(plan),
-            end,
-            solver=self.solver,
-            settings=settings,
-            stepping=stepping,
-            cost=self.cost,
-        )
-        for step in steps:
-            control = (step.end - plan.start) / plan.duration
-            velocity = plan.moving(control)
-            velocity[plan.supports.free] = step.v
-            full = plan.supports.full(step.u, control)
-            covered = step.end - step.start
-            state = State(plan, step.end, control, full, velocity)
-            if plan.fed:
-                speeds = (self.velocity + velocity)[self.assembly.coupled - 1]  # linear in a step
-                state = replace(state, conveyed=self.conveyed + 0.5 * covered * float(speeds))
-            yield Step(state, settings.order, covered, step.imbalance, step.memory, step.snap)
+        given: dict[str, Any] = {"solver": self.solver, "stepping": stepping, "cost": self.cost}
+        slow = TURNING * (self.assembly.friction.speed if self.assembly.friction else 0.0)
+        for until in (*plan.reversals(slow), plan.start + plan.duration):
+            if until > memory.times[0]:
+                for step in integrate(motion, memory, until, settings=settings, **given):
+                    memory = step.memory
+                    settings = replace(settings, max_steps=settings.max_steps - 1)
+                    yield self._step(plan, step, settings.order)
+            if until == memory.times[0]:  # slip turns round: it begins anew
+                first = self._first(plan)
+                now = memory.errors and Errors(memory.errors.after, memory.errors.after, 0.0)
+                memory = start_memory(until, memory.states[0], memory.v, first, now)
+
+    def _step(self, plan: StageProblem, step: TimeStep, order: int) -> Step:
+        """An accepted step in time, as one of the march."""
+        control = (step.end - plan.start) / plan.duration
+        velocity = plan.moving(control)
+        velocity[plan.supports.free] = step.v
+        covered = step.end - step.start
+        state = State(plan, step.end, control, plan.supports.full(step.u, control), velocity)
+        if plan.fed:
+            speeds = (self.velocity + velocity)[self.assembly.coupled - 1]  # linear in a step
+            state = replace(state, conveyed=self.conveyed + 0.5 * covered * float(speeds))
+        return Step(state, order, covered, step.imbalance, step.memory, step.snap)
 
     def _memory(self, plan: StageProblem) -> Memory:
         """The past of a stage in time: that of the stage before, if nothing jumps."""
         fresh = self.past is not None and (plan.still or not plan.continues(self.past))
         if self.memory is not None and not fresh:
             return self.memory
-        stage, part = (plan.duration, FIRST_REST) if plan.still else (min(self.times), FIRST_STEP)
-        first = self.scene.solver.time_step or part * stage
         free, errors = plan.supports.free, None
         if self.memory is not None and self.memory.errors is not None and self.past is not None:
             whole = np.zeros((3, len(self.full)))
             whole[:, self.past.supports.free] = self.memory.errors.after
             errors = Errors(whole[:, free], whole[:, free], 0.0)
+        first = self._first(plan)
         return start_memory(plan.start, self.full[free], self.velocity[free], first, errors)
+
+    def _first(self, plan: StageProblem) -> float:
+        """First time step (s) of a stage that begins anew."""
+        stage, part = (plan.duration, FIRST_REST) if plan.still else (min(self.times), FIRST_STEP)
+        return self.scene.solver.time_step or part * stage
 
     @property
     def times(self) -> list[float]:

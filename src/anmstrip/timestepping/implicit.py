@@ -111,6 +111,9 @@ LOOSER = 10.0
 """Imbalance of states with smoother laws over that with the given one.  With 1 a dancer takes a
 fifth more tangents in such a step, with 1e4 the last law is not reached."""
 
+LONGER = 10.0
+"""Length of the second trial of a first step in which slip turns round, over the first one."""
+
 SETTLING = 0.01
 """First instant after a start, as a fraction of the first step.  With the whole of it conveying
 takes 330 tangents instead of 296, and the bridle 211 instead of 243."""
@@ -214,21 +217,27 @@ class _Integrator:
             return snap
 
     def tried(self, memory: Memory, end: float, shortest: float) -> TimeStep:
-        """Try, estimate, and shorten until the error is allowed."""
+        """Try, estimate, and shorten until the error is allowed.
+
+        A first step in which slip turns round is also tried LONGER times as long: within that all
+        of it may have turned round, and forgotten how.  The velocity of the first instant says
+        nothing of it, so that the error is that from the mean velocity of the shorter step.
+        """
         t, (whole, fixed) = memory.times[0], (self.stepping.whole, self.stepping.fixed)
         least = max(shortest * whole, DIGITS_OF_TIME * np.spacing(t))
         h, barred = min(fixed or max(memory.step, 2.0 * least), end - t), False
         rising = memory.order if fixed is None else self.stepping.order
         order = min(rising, self.stepping.order, memory.available)
-        failed = PathStopped(Outcome.STALLED, t)
+        failed, shorter, begun = PathStopped(Outcome.STALLED, t), 0.0, memory
         while h > least:
             new = end if h >= (end - t) * (1.0 - 1e-10) else t + h
             try:
                 trial = self.trial(memory, new, order)
             except PathStopped as stopped:
-                failed, h, barred = stopped, 0.25 * (new - t), True
+                failed, h, shorter, barred = stopped, shorter or 0.25 * (new - t), 0.0, True
+                begun = memory
                 continue
-            local = self.local_error(memory, trial.u, new, order)
+            local = self.local_error(begun, trial.u, new, order)
             error = self.error(memory, trial, new, local)
             ratio = _ratio(error, order)
             if error <= 1.0 or fixed is not None:
@@ -241,7 +250,12 @@ class _Integrator:
                 return TimeStep(
                     t, new, trial.u, trial.v, order, error, trial.imbalance, trial.branches, past
                 )
-            h, barred = max(0.1, min(ratio, 0.9)) * (new - t), True
+            turns = memory.available == 1 and trial.turned > self.stepping.tolerance
+            h, shorter, begun = shorter or max(0.1, min(ratio, 0.9)) * (new - t), 0.0, memory
+            if turns and not barred and new < end:
+                h, shorter = min(LONGER * (new - t), end - t), h
+                begun = replace(memory, v=trial.v)
+            barred = True
             detail = f"the error in time is {error:.2g} times what is allowed"
             failed = PathStopped(Outcome.STALLED, t, detail, Evidence(motion=local))
         if failed.outcome is Outcome.TOO_MANY_STEPS:
