@@ -126,7 +126,7 @@ def test_slip_that_turns_round_everywhere_is_stepped_over() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1027, 2019])
 def test_slip_that_begins_or_turns_round_takes_few_tangents(seed: int) -> None:
-    """A roller moved at a standstill, and rollers that turn round: 2 979 and 1 140 when resolved."""
+    """A roller moved at a standstill, rollers that turn round: 2 979 and 1 140 when resolved."""
     ending = ending_of(drawn(seed), most=10**6)
     assert ending.kind == "right", ending
     assert ending.tangents < 300
