@@ -222,22 +222,24 @@ class _Integrator:
         A first step in which slip turns round is also tried LONGER times as long: within that all
         of it may have turned round, and forgotten how.  The velocity of the first instant says
         nothing of it, so that the error is that from the mean velocity of the shorter step.
+        A second step that is refused twice begins anew: the mean velocity of a first step that
+        has passed such a change is not that at its end, and would be mended by no step.
         """
         t, (whole, fixed) = memory.times[0], (self.stepping.whole, self.stepping.fixed)
         least = max(shortest * whole, DIGITS_OF_TIME * np.spacing(t))
         h, barred = min(fixed or max(memory.step, 2.0 * least), end - t), False
         rising = memory.order if fixed is None else self.stepping.order
         order = min(rising, self.stepping.order, memory.available)
-        failed, shorter, begun = PathStopped(Outcome.STALLED, t), 0.0, memory
+        failed, shorter, since = PathStopped(Outcome.STALLED, t), 0.0, memory
         while h > least:
             new = end if h >= (end - t) * (1.0 - 1e-10) else t + h
             try:
                 trial = self.trial(memory, new, order)
             except PathStopped as stopped:
                 failed, h, shorter, barred = stopped, shorter or 0.25 * (new - t), 0.0, True
-                begun = memory
+                since = memory
                 continue
-            local = self.local_error(begun, trial.u, new, order)
+            local = self.local_error(since, trial.u, new, order)
             error = self.error(memory, trial, new, local)
             ratio = _ratio(error, order)
             if error <= 1.0 or fixed is not None:
@@ -250,11 +252,14 @@ class _Integrator:
                 return TimeStep(
                     t, new, trial.u, trial.v, order, error, trial.imbalance, trial.branches, past
                 )
+            if barred and memory.available == 2 and fixed is None:
+                begin = start_memory(t, memory.states[0], memory.v, new - t, memory.errors)
+                return self.tried(self.begun(begin), end, shortest)
             turns = memory.available == 1 and trial.turned > self.stepping.tolerance
-            h, shorter, begun = shorter or max(0.1, min(ratio, 0.9)) * (new - t), 0.0, memory
+            h, shorter, since = shorter or max(0.1, min(ratio, 0.9)) * (new - t), 0.0, memory
             if turns and not barred and new < end:
                 h, shorter = min(LONGER * (new - t), end - t), h
-                begun = replace(memory, v=trial.v)
+                since = replace(memory, v=trial.v)
             barred = True
             detail = f"the error in time is {error:.2g} times what is allowed"
             failed = PathStopped(Outcome.STALLED, t, detail, Evidence(motion=local))
@@ -280,12 +285,16 @@ class _Integrator:
             _, rest, *_ = self.ended(
                 t, 0.0, velocity, u, rational=False, shortest=NARROWEST, few=MOST_BRANCHES
             )
-            still = replace(memory, states=(u + rest,))
-            after = t + max(SETTLING * memory.step, DIGITS_OF_TIME * np.spacing(t))
-            first = self.trial(still, after, 1)
-            return start_memory(after, first.u, first.v, memory.step, memory.errors)
+            return self.begun(replace(memory, states=(u + rest,)))
         except PathStopped:
             return memory
+
+    def begun(self, memory: Memory) -> Memory:
+        """After the first instant, with the velocity there."""
+        t = memory.times[0]
+        after = t + max(SETTLING * memory.step, DIGITS_OF_TIME * np.spacing(t))
+        first = self.trial(memory, after, 1)
+        return start_memory(after, first.u, first.v, memory.step, memory.errors)
 
     def followed(
         self, path: StepEquations, size: int, *, rational: bool, shortest: float, few: int
