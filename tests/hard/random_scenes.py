@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import csv
 import json
+import re
 import sys
 import tempfile
 import time
@@ -249,7 +250,7 @@ def ending_of(tables: dict[str, Any]) -> Ending:
 def faults_of(directory: Path, run: Run) -> Iterator[str]:
     """What must not be: no outcome, more tangents than allowed, no numbers on disk."""
     facts = json.loads((directory / "summary.json").read_text(encoding="utf-8"))
-    if not facts["status"] or not facts["message"].endswith("."):
+    if not facts["status"] or not re.search(r"(\.|--set ('[^']+'|\S+))$", facts["message"]):
         yield f"no outcome: {facts['status']}, {facts['message']}"
     if run.cost.expansions > run.scene.solver.max_tangents:
         yield f"{run.cost.expansions} tangents"
