@@ -38,8 +38,8 @@ that begin deep inside a roller, or on soft contact over a crown, stall."""
 GUESS_GROWTH = 2.0
 """Growth of the imbalance that a correction of this guess may make (a nonmonotone line search:
 Grippo, Lampariello & Lucidi, SIAM J. Numer. Anal. 23, 707, 1986), for contact overshoots where the
-strip lifts off before it settles.  A line of 200 rollers takes 24 iterations with 1 and 12 with 2 or
-3; the lines of ``heavy``, ``misaligned``, ``bridle`` and forty rollers take 3 to 5 with any."""
+strip lifts off before it settles.  A line of 200 rollers takes 24 iterations with 1, 12 with 2 or
+3; those of ``heavy``, ``misaligned``, ``bridle`` and forty rollers take 3 to 5 with any."""
 
 FIRST_STEP = 0.01
 """First time step, of the shortest stage in time; the error control corrects it.  From the whole
