@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import copy
+import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -307,11 +308,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=500)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--varied", action="store_true")
     given = parser.parse_args()
     kinds: Counter[str] = Counter()
     errors, tangents = [], []
     for seed in range(given.seed, given.seed + given.count):
-        ending = ending_of(drawn(seed))
+        with tempfile.TemporaryDirectory() as name:
+            ending = ending_of(varied(seed, Path(name)) if given.varied else drawn(seed))
         kinds[ending.kind] += 1
         errors.append(ending.error)
         tangents.append(ending.tangents)
