@@ -155,7 +155,7 @@ class March:
             turning = slice(self.assembly.strip.unknowns, self.assembly.coupled)
             self.full = self.full.copy()
             self.full[turning] = self.velocity[turning]
-            if self.assembly.turning and not self.velocity.any():
+            if self.course.may_begin_running and not self.velocity.any():
                 self.full[turning][:-1] = self.course.set_going(stage)
             self.full[self.assembly.coupled - 1] = 0.0  # c counts from its control
             if state is not None and self.course.pulled(stage) and not self.assembly.closed:

@@ -206,8 +206,20 @@ class Course:
         self.moved["entry"] = strip.kinematics.embed(places[0])
         self.values["strip.speed"] = np.array(speed)
 
+    @property
+    def may_begin_running(self) -> bool:
+        """Whether rollers turn freely, and V_c is at least what it is by default.
+
+        With less, point after point begins to slip: with V_c down to 1e-8 m/s a line of four rollers
+        takes up to 233 tangents, from rest up to 76.
+        """
+        a = self.assembly
+        if not a.turning or a.friction is None:
+            return False
+        return bool(a.friction.speed > 0.99 * HONEST * elastic_creep(a.scene))
+
     def set_going(self, stage: StageSpec) -> Array:
-        """Let a strip at rest run so slowly that nothing slips by V_c; speeds of free rollers.
+        """Let a strip at rest run at a tenth of its speeds; those of free rollers, of which none slips.
 
         From rest, bearings would begin to brake at about V_c: a line of forty rollers takes 14
         tangents, so 5.  A threaded strip under T sticks to rollers that run at
@@ -215,7 +227,7 @@ class Course:
         """
         a, end = self.assembly, self._targets(stage, dict(self.values))
         assert a.thread is not None and a.friction is not None
-        share = min(a.friction.speed / elastic_creep(a.scene), HONEST)
+        share = HONEST
         bent, stiffness = 1.5 * bending_stiffness(a.scene), a.strip.tensile_stiffness
         sticking = {
             r.name: 1.0 + (a.thread.tension - bent / r.radius**2) / stiffness for r in a.rollers
