@@ -208,18 +208,18 @@ class Course:
 
     @property
     def may_begin_running(self) -> bool:
-        """Whether rollers turn freely, and V_c is at least what it is by default.
+        """Whether rollers of a threaded strip turn freely, and V_c is its default or more.
 
-        With less, point after point begins to slip: with V_c down to 1e-8 m/s a line of four rollers
-        takes up to 233 tangents, from rest up to 76.
+        With less, point after point begins to slip: with V_c down to 1e-8 m/s a line of four
+        rollers takes up to 233 tangents, from rest up to 76.
         """
         a = self.assembly
-        if not a.turning or a.friction is None:
+        if not a.turning or a.friction is None or a.thread is None:
             return False
         return bool(a.friction.speed > 0.99 * HONEST * elastic_creep(a.scene))
 
     def set_going(self, stage: StageSpec) -> Array:
-        """Let a strip at rest run at a tenth of its speeds; those of free rollers, of which none slips.
+        """Let a strip at rest run at a tenth of its speeds; return those of free rollers.
 
         From rest, bearings would begin to brake at about V_c: a line of forty rollers takes 14
         tangents, so 5.  A threaded strip under T sticks to rollers that run at
