@@ -21,10 +21,10 @@ from anmstrip.cli import main
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
-from anmstrip.pictures.curves import save_figure
+from anmstrip.pictures.curves import save_figure, sweep_figure
 from anmstrip.results import files as history
 from anmstrip.sweep import study as scenes
-from anmstrip.sweep.study import Sweep, Variation, figure, folder, row_of
+from anmstrip.sweep.study import Sweep, Variation, folder, row_of
 
 CAPSTAN = Path(__file__).parents[2] / "examples" / "capstan.toml"
 
@@ -407,7 +407,7 @@ def test_figures(varied: dict[str, list[Any]], ended: bool, tmp_path: Path) -> N
     rows = [dict(zip(varied, values, strict=True)) for values in product(*varied.values())]
     for number, row in enumerate(rows[: -1 if ended else 0]):
         row |= {"r1_tension_ratio": 1.0 + number, "r2_tension_ratio": None}
-    save_figure(figure(rows, list(varied)), tmp_path / "sweep.png")
+    save_figure(sweep_figure(rows, list(varied)), tmp_path / "sweep.png")
     assert (tmp_path / "sweep.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.polynomial.legendre import Legendre
-from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, eye, kron, vstack
+from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, diags, eye, kron, vstack
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.strip import Strip
@@ -131,6 +132,59 @@ class Part:
     row: int = 0
     step: int = 1
     stride: int = 1
+
+
+class LinearOperator:
+    """L, from unknowns to points, as its sparse matrices say.
+
+    Attributes
+    ----------
+    points : int
+    matrices : tuple of lists of Part
+        L, its parts in the order of their rows, and that of which forces are the transposed.
+    """
+
+    points: int
+    matrices: tuple[list[Part], list[Part]]
+
+    def apply(self, full: Array) -> Array:
+        """Return L u, shape (components, points)."""
+        rows = []
+        for part in self.matrices[0]:
+            own = full[part.first : part.first + part.count * part.matrix.shape[1]]
+            rows.append((part.matrix @ own.reshape(-1, part.count)).T)
+        return np.vstack(rows)
+
+    def gather(self, forces: Array) -> Array:
+        """Return Lᵀ w f, (components, points) → (unknowns,)."""
+        parts = self.matrices[1]
+        total = np.zeros(max(part.first + part.count * part.matrix.shape[1] for part in parts))
+        for part in parts:
+            own = (forces[part.row : part.row + part.count] * part.weights).T
+            found = (part.matrix.T @ own).ravel()
+            total[part.first : part.first + len(found)] += found
+        return total
+
+    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
+        """Add Lᵀ w J L, J[j, i] of shape (inputs, outputs, points), but for strip with strip."""
+        inputs, outputs = self.matrices
+        for out, given in product(outputs, inputs):
+            if max(out.first, given.first) < blocks.strip or not given.matrix.shape[1]:
+                continue
+            for i, j in np.ndindex(out.count, given.count):
+                weight = diags(derivative[given.row + j, out.row + i] * out.weights)
+                found = (out.matrix.T @ (weight @ given.matrix)).tocoo()
+                rows = out.first + i + out.count * found.row.astype(np.int64)
+                columns = given.first + j + given.count * found.col.astype(np.int64)
+                blocks.add(rows, columns, found.data)
+
+
+@dataclass(frozen=True)
+class GivenOperator(LinearOperator):
+    """An operator by matrices that are given."""
+
+    points: int
+    matrices: tuple[list[Part], list[Part]]
 
 
 class CellOperator:

@@ -14,7 +14,7 @@ from scipy.sparse.linalg import SuperLU, splu
 from skfem.element import DiscreteField
 
 from anmstrip.arrays import Array, Index
-from anmstrip.fem.operators import Blocks, CellOperator, Part, Pattern
+from anmstrip.fem.operators import Blocks, CellOperator, LinearOperator, Part, Pattern
 from anmstrip.fem.strip import Strip
 
 
@@ -97,7 +97,7 @@ def remembered(parts: dict[bytes, T], points: Index, make: Callable[[Index], T])
     return parts[key]
 
 
-class ContactOperator:
+class ContactOperator(LinearOperator):
     """Values at the points where contact is looked at, with areas as weights.
 
     The points are nodes, middles of sides and centres of the elements, on triangles three
@@ -134,7 +134,6 @@ class ContactOperator:
         total = np.bincount(self.cells.ravel(), self.shares.ravel())
         self.weights: Array = total.astype(float)
         self.matrix = self._at_points(strip, self.table)
-        self.transposed = self.matrix.T.tocsr()
         self.parts: dict[bytes, Self] = {}
 
     def _at_points(self, strip: Strip, table: Array) -> csr_matrix:
@@ -169,28 +168,18 @@ class ContactOperator:
         part.chosen = self.chosen[points]
         part.reference, part.weights = self.reference[:, points], self.weights[points]
         part.matrix = self.matrix[points]
-        part.transposed = part.matrix.T.tocsr()
         return part
 
     @property
-    def points(self) -> int:
+    def points(self) -> int:  # type: ignore[override]
         """Number of points."""
         return len(self.weights)
 
     @property
-    def matrices(self) -> tuple[list[Part], list[Part]]:
+    def matrices(self) -> tuple[list[Part], list[Part]]:  # type: ignore[override]
         """L as sparse matrices, and that of which forces are the transposed."""
         parts = [Part(self.matrix, self.weights, count=self.count)]
         return parts, parts
-
-    def apply(self, full: Array) -> Array:
-        """Values of the unknown components, shape (count, points)."""
-        own = full[: self.matrix.shape[1] * self.count]
-        return np.ascontiguousarray((self.matrix @ own.reshape(-1, self.count)).T)
-
-    def gather(self, forces: Array) -> Array:
-        """Generalised forces of forces per area, shape (count, points) → (unknowns,)."""
-        return (self.transposed @ (forces * self.weights).T).ravel()
 
     def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
         """Add Lᵀ w J L, J[j, i] of shape (count, count, points), over these points' cells."""
@@ -231,15 +220,15 @@ class RepeatedOperator(ContactOperator):
 
     def __getattr__(self, name: str) -> Any:
         """Make what there is of every point: ``chosen``, ``weights``, ``reference``, matrices."""
-        if name not in ("chosen", "weights", "reference", "matrix", "transposed"):
+        if name not in ("chosen", "weights", "reference", "matrix"):
             raise AttributeError(name)
         made = self.whole._part(np.tile(self.whole.chosen, self.times))
-        vars(self).update({key: getattr(made, key) for key in ("chosen", "weights", "reference")})
-        self.matrix, self.transposed = made.matrix, made.transposed
+        kept = "chosen", "weights", "reference", "matrix"
+        vars(self).update({key: getattr(made, key) for key in kept})
         return vars(self)[name]
 
     @property
-    def points(self) -> int:
+    def points(self) -> int:  # type: ignore[override]
         """Number of points."""
         return self.times * self.whole.points
 
@@ -262,21 +251,16 @@ class SlopeOperator(ContactOperator):
         return part
 
     @property
-    def matrices(self) -> tuple[list[Part], list[Part]]:
+    def matrices(self) -> tuple[list[Part], list[Part]]:  # type: ignore[override]
         """L as sparse matrices, and that of which forces are the transposed."""
         values = super().matrices[1]
         slopes = Part(self.slopes, self.weights, count=self.count, row=self.count)
         return [*values, slopes], values
 
-    def apply(self, full: Array) -> Array:
-        """Values and derivatives of the unknown components, shape (2, count, points)."""
-        unknowns = full[: self.matrix.shape[1] * self.count].reshape(-1, self.count)
-        return np.stack([(m @ unknowns).T for m in (self.matrix, self.slopes)])
-
     def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
-        """Add Lᵀ w (J_0 L + J_1 L,x), J of shape (2, count, count, points)."""
-        self._add_tangent(derivative[0], self.table, pattern, blocks)
-        self._add_tangent(derivative[1], self.slope_table, pattern, blocks)
+        """Add Lᵀ w (J_0 L + J_1 L,x), J of shape (2 count, count, points)."""
+        self._add_tangent(derivative[: self.count], self.table, pattern, blocks)
+        self._add_tangent(derivative[self.count :], self.slope_table, pattern, blocks)
 
 
 def contact_points(kind: str) -> Array:

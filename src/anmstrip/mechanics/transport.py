@@ -17,7 +17,14 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from anmstrip.arrays import Array, Index
-from anmstrip.fem.operators import Blocks, CellOperator, Part, Pattern
+from anmstrip.fem.operators import (
+    Blocks,
+    CellOperator,
+    GivenOperator,
+    LinearOperator,
+    Part,
+    Pattern,
+)
 from anmstrip.fem.sampling import ContactOperator, SlopeOperator, l2_projection
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.contact import Friction, control_of, transform
@@ -28,7 +35,7 @@ DRIVEN = -1
 """Number of a roller that does not turn freely."""
 
 
-class SurfaceOperator:
+class SurfaceOperator(LinearOperator):
     """Values at contact points of the strip and of the surfaces of rollers that turn freely.
 
     The last component is that of the surface which a point sees: a travel (m) or a speed (m/s),
@@ -50,7 +57,7 @@ class SurfaceOperator:
         self.surface = csr_matrix((np.ones(len(points)), index), shape=shape)
 
     @property
-    def points(self) -> int:
+    def points(self) -> int:  # type: ignore[override]
         """Number of points."""
         return self.contact.points
 
@@ -65,7 +72,7 @@ class SurfaceOperator:
         return self.contact.chosen
 
     @property
-    def matrices(self) -> tuple[list[Part], list[Part]]:
+    def matrices(self) -> tuple[list[Part], list[Part]]:  # type: ignore[override]
         """L as sparse matrices, and that of which forces are the transposed."""
         found = self.contact.matrices
         begin = self.contact.matrix.shape[1] * self.contact.count
@@ -75,50 +82,11 @@ class SurfaceOperator:
         )
         return inputs, outputs
 
-    def apply(self, full: Array) -> Array:
-        """Values of the strip and of the surface, shape (count + 1, points)."""
-        return np.vstack([self.contact.apply(full), self.surface @ self._turned(full)])
-
-    def _turned(self, full: Array) -> Array:
-        """Unknowns of the free rollers, which follow those of the strip."""
-        begin = self.contact.matrix.shape[1] * self.contact.count
-        return full[begin : begin + self.surface.shape[1]]
-
-    def gather(self, forces: Array) -> Array:
-        """Generalised forces of forces per area, (count + 1, points) → (unknowns,)."""
-        on_rollers = self.surface.T @ (forces[-1] * self.weights)
-        return np.concatenate([self.contact.gather(forces[:-1]), on_rollers])
-
     def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
-        """Add Lᵀ w J L, J[j, i] of shape (count + 1, count + 1, points)."""
-        self.contact.add_tangent(derivative[:-1, :-1], pattern, blocks)
-        values, rollers = self.contact.matrix, blocks.strip + np.arange(self.surface.shape[1])
-        self._couple(blocks, values, derivative[-1, :-1])
-        self._couple(blocks, values, derivative[:-1, -1], on_rollers=True)
-        blocks.add(rollers, rollers, self.surface.T @ (derivative[-1, -1] * self.weights))
-
-    def _couple(
-        self, blocks: Blocks, matrix: csr_matrix, forces: Array, on_rollers: bool = False
-    ) -> None:
-        """Add forces on the strip by the travels of rollers, or on rollers by the strip's unknowns.
-
-        Parameters
-        ----------
-        blocks : Blocks
-        matrix : csr_matrix, shape (points, scalars)
-            By which forces are gathered.
-        forces : ndarray, shape (count, points)
-            Per area.
-        on_rollers : bool
-        """
-        point = np.repeat(np.arange(self.points), np.diff(matrix.indptr))
-        on = self.which[point] != DRIVEN
-        point, scalar, share = point[on], matrix.indices[on], matrix.data[on]
-        count = len(forces)
-        unknowns = count * scalar.astype(np.int64) + np.arange(count)[:, None]
-        rollers = np.broadcast_to(blocks.strip + self.which[point], unknowns.shape)
-        rows, columns = (rollers, unknowns) if on_rollers else (unknowns, rollers)
-        blocks.add(rows, columns, share * (forces * self.weights)[:, point])
+        """Add Lᵀ w J L, J[j, i] of shape (inputs, count + 1, points)."""
+        inputs = sum(part.count for part in self.contact.matrices[0])
+        self.contact.add_tangent(derivative[:inputs, :-1], pattern, blocks)
+        super().add_tangent(derivative, pattern, blocks)
 
 
 @dataclass(frozen=True)
@@ -202,34 +170,12 @@ class Drives(LawEffect):
     name = "drives"
     rate_dependent = True
 
-    @property
-    def operator(self) -> Drives:  # type: ignore[override]
-        """The rollers are their own points."""
-        return self
-
-    @property
-    def points(self) -> int:  # type: ignore[override]
-        """Number of rollers."""
-        return len(self.names)
-
     @cached_property
-    def matrices(self) -> tuple[list[Part], list[Part]]:
-        """L as sparse matrices, and that of which forces are the transposed."""
-        parts = [Part(csr_matrix(np.eye(self.points)), np.ones(self.points), self.unknowns)]
-        return parts, parts
-
-    def apply(self, full: Array) -> Array:
-        """Values of the rollers, shape (1, rollers)."""
-        return full[None, self.unknowns : self.unknowns + len(self.names)]
-
-    def gather(self, forces: Array) -> Array:
-        """Generalised forces, (1, rollers) → (unknowns,)."""
-        return np.concatenate([np.zeros(self.unknowns), forces[0]])
-
-    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
-        """Add J of shape (1, 1, rollers) to the corner."""
-        places = np.arange(len(self.names))
-        blocks.add(blocks.strip + places, blocks.strip + places, derivative[0, 0])
+    def operator(self) -> GivenOperator:  # type: ignore[override]
+        """The rollers are their own points."""
+        count = len(self.names)
+        parts = [Part(csr_matrix(np.eye(count)), np.ones(count), self.unknowns)]
+        return GivenOperator(count, (parts, parts))
 
     def smoothed(self, width: float) -> Drives:
         """Return the same with V_b so many times as large."""
@@ -271,7 +217,7 @@ class TransportOperator(SurfaceOperator):
     contact: SlopeOperator
 
     @property
-    def matrices(self) -> tuple[list[Part], list[Part]]:
+    def matrices(self) -> tuple[list[Part], list[Part]]:  # type: ignore[override]
         """L as sparse matrices, and that of which forces are the transposed."""
         inputs, outputs = super().matrices
         *_, surface = inputs
@@ -282,28 +228,6 @@ class TransportOperator(SurfaceOperator):
     def end(self) -> int:
         """Number of the unknown after the free surfaces: the strip's own speed."""
         return self.contact.matrix.shape[1] * self.contact.count + self.surface.shape[1]
-
-    def apply(self, full: Array) -> Array:
-        """Values at the points, shape (2 count + 2, points)."""
-        strip = self.contact.apply(full).reshape(2 * self.contact.count, self.points)
-        speed = np.full(self.points, full[self.end])
-        return np.vstack([strip, self.surface @ self._turned(full), speed])
-
-    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
-        """Add Lᵀ w J L, J[j, i] of shape (2 count + 2, count + 1, points)."""
-        *_, by_surface, by_speed = derivative
-        by_strip = derivative[:-2].reshape(2, self.contact.count, *derivative.shape[1:])
-        self.contact.add_tangent(by_strip[:, :, :-1], pattern, blocks)
-        last = blocks.strip + blocks.others - 1
-        blocks.add(np.arange(blocks.strip), last, self.contact.gather(by_speed[:-1]))
-        if not self.surface.shape[1]:
-            return
-        values, rollers = self.contact.matrix, blocks.strip + np.arange(self.surface.shape[1])
-        self._couple(blocks, values, by_surface[:-1])
-        for matrix, forces in zip((values, self.contact.slopes), by_strip[:, :, -1], strict=True):
-            self._couple(blocks, matrix, forces, on_rollers=True)
-        blocks.add(rollers, rollers, self.surface.T @ (by_surface[-1] * self.weights))
-        blocks.add(rollers, last, self.surface.T @ (by_speed[-1] * self.weights))
 
 
 @dataclass(frozen=True)
@@ -405,47 +329,22 @@ class Passage(LawEffect):
         Those of strip and rollers, and the length that has passed, which is the last.
     """
 
-    name, points, rate_dependent = "passage", 1, True
+    name, rate_dependent = "passage", True
 
     def __init__(
         self, strip: Strip, edge: str, direction: Array, held: bool, stiffness: float, unknowns: int
     ) -> None:
-        self.held, self.stiffness, self.unknowns = held, stiffness, unknowns
-        own = strip.kinematics.pick(direction)
+        self.held, self.stiffness = held, stiffness
+        own, one = strip.kinematics.pick(direction), np.ones(1)
         self.flat = float(own @ strip.kinematics.pick([1.0, 0.0, 0.0]))
         values, slopes = strip.edges[edge].values, strip.dofs("u_x")[strip.edges[edge].nodes]
-        sums = np.zeros((2, strip.scalars, strip.count))
+        inputs = []
         for row, scalars in enumerate((values, slopes)):
-            sums[row, scalars] = own / len(scalars)
-        self.sums = sums.reshape(2, -1)
-
-    @property
-    def operator(self) -> Passage:  # type: ignore[override]
-        """The end is its own point."""
-        return self
-
-    @cached_property
-    def matrices(self) -> tuple[list[Part], list[Part]]:
-        """L as sparse matrices, and that of which forces are the transposed."""
-        one = np.ones(1)
-        sums = [Part(csr_matrix(sum_[None]), one, row=k) for k, sum_ in enumerate(self.sums)]
-        last = Part(csr_matrix(one[None]), one, self.unknowns - 1)
-        return [*sums, replace(last, row=2)], [last]
-
-    def apply(self, full: Array) -> Array:
-        """Mean displacement and slope of the end along d, and the length passed, shape (3, 1)."""
-        passed = full[self.unknowns - 1]
-        return np.append(self.sums @ full[: self.sums.shape[1]], passed)[:, None]
-
-    def gather(self, forces: Array) -> Array:
-        """Generalised forces, (1, 1) → (unknowns,)."""
-        return np.append(np.zeros(self.unknowns - 1), forces[0])
-
-    def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
-        """Add J of shape (3, 1, 1) to the last row."""
-        last = blocks.strip + blocks.others - 1
-        blocks.add(last, np.arange(blocks.strip), derivative[:2, 0, 0] @ self.sums)
-        blocks.add(last, last, derivative[2, 0])
+            mean = np.zeros((strip.scalars, strip.count))
+            mean[scalars] = own / len(scalars)
+            inputs.append(Part(csr_matrix(mean.reshape(1, -1)), one, row=row))
+        last = Part(csr_matrix(one[None]), one, unknowns - 1)
+        self.operator = GivenOperator(1, ([*inputs, replace(last, row=2)], [last]))
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Residual (N), shape (1, 1)."""

@@ -9,9 +9,10 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from anmstrip.arrays import Array
 from anmstrip.errors import InputError, Mistake, nearest
@@ -28,12 +29,9 @@ from anmstrip.paper.mass_spring import (
     reference_solution,
 )
 from anmstrip.paper.schemes import SCHEMES, CaseEvent, CaseSolution, events_of, solve_case
+from anmstrip.pictures.curves import paneled_figure, save_figure
 from anmstrip.results.files import atomic_write, write_table
 from anmstrip.timestepping.index_one import Instability, instabilities
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 PAPER_STEPS = {"pressed-plane": 34, "moving-plane": 90, "rotating-circle": 90}
 """Steps that the paper reports, at order 19 and tolerance 1e-4."""
@@ -306,8 +304,6 @@ def draw_figures(case: MassSpring, rows: Array, directory: Path) -> tuple[Path, 
     tuple of Path
         PNG files.
     """
-    from anmstrip.pictures.curves import save_figure
-
     figures = {"displacement": displacement(case, rows)}
     if isinstance(case, PressedPlane):
         p = case.parameters
@@ -383,9 +379,6 @@ def plot_coulomb(axes: Axes, x: Array, y: Array) -> None:
 
 
 def axes_of_figure(x: str, y: str) -> tuple[Figure, Axes]:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.0, 4.0), dpi=150, layout="constrained")
-    axes = figure.add_subplot(xlabel=x, ylabel=y)
-    axes.spines[["top", "right"]].set_visible(False)
+    figure, (axes,) = paneled_figure(1, 1, (6.0, 4.0))
+    axes.set(xlabel=x, ylabel=y)
     return figure, axes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
@@ -28,6 +30,17 @@ PANELS = {
 
 LEGEND = 12
 """Most curves that a legend tells apart."""
+
+
+def paneled_figure(
+    rows: int, columns: int, inches: tuple[float, float], **shared: Any
+) -> tuple[Figure, Sequence[Axes]]:
+    """Return a figure and its panels row by row, open above and at the right."""
+    figure = Figure(figsize=inches, dpi=130, layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False, **shared).ravel()
+    for axes in panels:
+        axes.spines[["top", "right"]].set_visible(False)
+    return figure, panels
 
 
 def map_figure(
@@ -50,8 +63,8 @@ def map_figure(
     """
     flat = all(row[f"{name}_offset"] == 0.0 for row in rows for name in rollers)
     panels = [column for column in PANELS if not (flat and column == "offset")]
-    figure = Figure(figsize=(10.0, 3.2 * ((len(panels) + 1) // 2)), dpi=130, layout="constrained")
-    grid = figure.subplots((len(panels) + 1) // 2, 2, squeeze=False, sharex=True).ravel()
+    lines = (len(panels) + 1) // 2
+    figure, grid = paneled_figure(lines, 2, (10.0, 3.2 * lines), sharex=True)
     curves = list(dict.fromkeys(row[keys[1]] if len(keys) == 2 else 0.0 for row in rows))
     colours = colormaps["turbo"](np.linspace(0.08, 0.92, max(len(rollers), 2)))
     for axes, column in zip(grid, panels, strict=False):
@@ -73,7 +86,6 @@ def map_figure(
             style = ":" if event["kind"] == "fold" else "--"
             axes.axvline(event[keys[0]], color="grey", linewidth=0.8, linestyle=style)
         axes.set_title(title, fontsize=10)
-        axes.spines[["top", "right"]].set_visible(False)
         axes.set_xlabel(keys[0])
         axes.xaxis.set_major_locator(MaxNLocator(4))  # long labels would overlap
     labels = dict(zip(*grid[0].get_legend_handles_labels()[::-1], strict=True))
@@ -90,14 +102,12 @@ def map_figure(
 
 def response_figure(omega: Array, gain: Array, phase: Array, title: str) -> Figure:
     """Draw gain and phase (°) over the angular frequency (rad/s)."""
-    figure = Figure(figsize=(7.0, 5.6), dpi=130, layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True)
+    figure, (upper, lower) = paneled_figure(2, 1, (7.0, 5.6), sharex=True)
     upper.loglog(omega, gain)
     lower.semilogx(omega, phase)
     upper.set(title=title, ylabel="gain")
     lower.set(xlabel="angular frequency [rad/s]", ylabel="phase [°]")
     for axes in (upper, lower):
-        axes.spines[["top", "right"]].set_visible(False)
         axes.grid(alpha=0.3)
     return figure
 
@@ -112,8 +122,7 @@ def accuracy_figure(rows: Sequence[Mapping[str, Any]], tension: float) -> Figure
     tension : float
         That errors are shares of (N/m).
     """
-    figure = Figure(figsize=(11.0, 4.6), dpi=130, layout="constrained")
-    panels = figure.subplots(1, 2, sharey=True)
+    figure, panels = paneled_figure(1, 2, (11.0, 4.6), sharey=True)
     axes_of = dict(zip(("seconds", "tangents"), panels, strict=True))
     axes_named = dict.fromkeys(row["along"] for row in rows)
     for number, along in enumerate(axes_named):
@@ -126,7 +135,7 @@ def accuracy_figure(rows: Sequence[Mapping[str, Any]], tension: float) -> Figure
             for row, x, y in zip(chosen, spent, errors, strict=True):
                 told = row["value"] if along != "mesh" else f"{row['element']:.2g} m"
                 told = told if isinstance(told, str) else f"{told:.3g}"
-                place = {"xytext": (4, 3), "textcoords": "offset points"}
+                place: dict[str, Any] = {"xytext": (4, 3), "textcoords": "offset points"}
                 axes.annotate(told, (x, y), color=colour, fontsize=7, **place)
                 if estimate := row.get("estimated_tension"):
                     share = 100.0 * estimate / tension
@@ -137,11 +146,84 @@ def accuracy_figure(rows: Sequence[Mapping[str, Any]], tension: float) -> Figure
         axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.xaxis.set_major_formatter("{x:g}")
         axes.xaxis.set_minor_formatter(NullFormatter())
-        axes.spines[["top", "right"]].set_visible(False)
         axes.grid(alpha=0.3)
     panels[0].set_ylabel("error of tensions [%]; crosses: estimates")
     panels[1].legend(frameon=False, fontsize=8)
     return figure
+
+
+CURVES = 7
+"""Most values of a second key that are drawn as curves; more of them make a map."""
+
+
+def sweep_figure(rows: Sequence[Mapping[str, Any]], varied: Sequence[str]) -> Figure:
+    """Draw a panel for every roller: tension ratio against the first key.
+
+    A second key makes curves, or a map if it has many values; further keys more curves.
+    Without rollers the tensions of the edges are drawn. What has not ended is left out.
+    """
+    drawn = {name for row in rows for name in row if row[name] is not None}
+    found = [name for name in dict.fromkeys(name for row in rows for name in row) if name in drawn]
+    ratios = [name for name in found if name.endswith("_tension_ratio")]
+    columns = ratios or ["entry_tension", "exit_tension"]
+    figure, panels = paneled_figure(1, len(columns), (4.8 * len(columns), 3.8))
+    second = {json.dumps(row[varied[1]]) for row in rows} if len(varied) == 2 else set()
+    draw = draw_map if len(second) > CURVES else draw_curves
+    for axes, name in zip(panels, columns, strict=True):
+        values = [np.nan if row.get(name) is None else row[name] for row in rows]
+        draw(axes, rows, varied, values)
+        axes.set_title(name.replace("_", " "))
+    return figure
+
+
+def draw_curves(
+    axes: Axes, rows: Sequence[Mapping[str, Any]], varied: Sequence[str], values: Sequence[float]
+) -> None:
+    """Draw values against the first key, a curve for each choice of the others."""
+    first, *others = varied
+    curves: dict[str, list[tuple[float, float]]] = {}
+    for row, place, value in zip(rows, axis_places(axes.xaxis, rows, first), values, strict=True):
+        label = ", ".join(f"{key} = {json.dumps(row[key])}" for key in others)
+        curves.setdefault(label, []).append((place, value))
+    for label, points in curves.items():
+        axes.plot(*np.array(sorted(points)).T, marker="o", markersize=3, label=label)
+    if others and len(curves) <= CURVES:
+        axes.legend(frameon=False, fontsize=7)
+
+
+def draw_map(
+    axes: Axes, rows: Sequence[Mapping[str, Any]], varied: Sequence[str], values: Sequence[float]
+) -> None:
+    """Draw values by colour over two keys."""
+    x, i = np.unique(axis_places(axes.xaxis, rows, varied[0]), return_inverse=True)
+    y, j = np.unique(axis_places(axes.yaxis, rows, varied[1]), return_inverse=True)
+    grid = np.full((len(y), len(x)), np.nan)
+    grid[j, i] = values
+    mesh = axes.pcolormesh(x, y, np.ma.masked_invalid(grid), shading="nearest")
+    axes.spines[:].set_visible(True)
+    axes.get_figure(root=True).colorbar(mesh, ax=axes)  # type: ignore[union-attr]
+
+
+def axis_places(axis: Axis, rows: Sequence[Mapping[str, Any]], key: str) -> list[float]:
+    """Prepare an axis for a key and return the place of every row on it.
+
+    Values that are no numbers stand side by side; decades get a logarithmic axis.
+    """
+    axes, horizontal = axis.axes, axis is axis.axes.xaxis
+    axis.set_label_text(key)
+    texts = [json.dumps(row[key]) for row in rows]
+    values = list(dict.fromkeys(texts))
+    try:
+        places = {value: float(value) for value in values}
+    except ValueError:
+        places = {value: float(place) for place, value in enumerate(values)}
+        ticks = list(places.values())
+        axis.set_ticks(ticks, labels=values)
+        axes.update_datalim(np.column_stack([ticks, ticks]), horizontal, not horizontal)
+    else:
+        if 0.0 < 100.0 * min(places.values()) <= max(places.values()):
+            (axes.set_xscale if horizontal else axes.set_yscale)("log")
+    return [places[text] for text in texts]
 
 
 def save_figure(figure: Figure, path: Path) -> None:

@@ -290,7 +290,7 @@ class State:
         drives = next((e for e in model.effects if isinstance(e, Drives)), None)
         if drives is None or self.velocity is None:
             return 0.0, 0.0
-        speeds, number = drives.apply(self.velocity)[0], model.turning.index(name)
+        speeds, number = drives.operator.apply(self.velocity)[0], model.turning.index(name)
         return float(speeds[number]), float(drives.drag(speeds)[number])
 
     def surface_travel(self, name: str, before: State) -> float:

@@ -8,7 +8,7 @@ import logging
 import math
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import product
@@ -27,8 +27,6 @@ from anmstrip.scene.schema import SceneSpec
 
 if TYPE_CHECKING:
     from distributed import Client
-    from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 MOST = 100_000
@@ -221,11 +219,6 @@ INPUT, SUMMARY, CHECKPOINT = "input.json", "summary.json", "checkpoint.npz"
 FACTS = ("status", "message", "steps", "tangents", "wall_seconds")
 """Columns of the table for every scene."""
 
-CURVES = 7
-"""Most values of a second key that are drawn as curves; more of them make a map."""
-
-Row = Mapping[str, Any]
-
 
 @contextmanager
 def local_workers(workers: int) -> Iterator[Client]:
@@ -324,80 +317,6 @@ def flatten(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
         name = f"{prefix}{key}"
         flat |= flatten(value, f"{name}_") if isinstance(value, Mapping) else {name: value}
     return flat
-
-
-def figure(rows: Sequence[Row], varied: Sequence[str]) -> Figure:
-    """Draw a panel for every roller: tension ratio against the first key.
-
-    A second key makes curves, or a map if it has many values; further keys more curves.
-    Without rollers the tensions of the edges are drawn. What has not ended is left out.
-    """
-    from matplotlib.figure import Figure
-
-    drawn = {name for row in rows for name in row if row[name] is not None}
-    found = [name for name in dict.fromkeys(name for row in rows for name in row) if name in drawn]
-    ratios = [name for name in found if name.endswith("_tension_ratio")]
-    columns = ratios or ["entry_tension", "exit_tension"]
-    figure = Figure(figsize=(4.8 * len(columns), 3.8), dpi=130, layout="constrained")
-    panels = figure.subplots(1, len(columns), squeeze=False)[0]
-    second = {json.dumps(row[varied[1]]) for row in rows} if len(varied) == 2 else set()
-    draw = draw_map if len(second) > CURVES else draw_curves
-    for axes, name in zip(panels, columns, strict=True):
-        values = [np.nan if row.get(name) is None else row[name] for row in rows]
-        draw(axes, rows, varied, values)
-        axes.set_title(name.replace("_", " "))
-    return figure
-
-
-def draw_curves(
-    axes: Axes, rows: Sequence[Row], varied: Sequence[str], values: Sequence[float]
-) -> None:
-    """Draw values against the first key, a curve for each choice of the others."""
-    first, *others = varied
-    curves: dict[str, list[tuple[float, float]]] = {}
-    for row, place, value in zip(rows, axis_places(axes.xaxis, rows, first), values, strict=True):
-        label = ", ".join(f"{key} = {json.dumps(row[key])}" for key in others)
-        curves.setdefault(label, []).append((place, value))
-    for label, points in curves.items():
-        axes.plot(*np.array(sorted(points)).T, marker="o", markersize=3, label=label)
-    axes.spines[["top", "right"]].set_visible(False)
-    if others and len(curves) <= CURVES:
-        axes.legend(frameon=False, fontsize=7)
-
-
-def draw_map(
-    axes: Axes, rows: Sequence[Row], varied: Sequence[str], values: Sequence[float]
-) -> None:
-    """Draw values by colour over two keys."""
-    x, i = np.unique(axis_places(axes.xaxis, rows, varied[0]), return_inverse=True)
-    y, j = np.unique(axis_places(axes.yaxis, rows, varied[1]), return_inverse=True)
-    grid = np.full((len(y), len(x)), np.nan)
-    grid[j, i] = values
-    mesh = axes.pcolormesh(x, y, np.ma.masked_invalid(grid), shading="nearest")
-    assert axes.figure is not None
-    axes.figure.colorbar(mesh, ax=axes)
-
-
-def axis_places(axis: Axis, rows: Sequence[Row], key: str) -> list[float]:
-    """Prepare an axis for a key and return the place of every row on it.
-
-    Values that are no numbers stand side by side; decades get a logarithmic axis.
-    """
-    axes, horizontal = axis.axes, axis is axis.axes.xaxis
-    axis.set_label_text(key)
-    texts = [json.dumps(row[key]) for row in rows]
-    values = list(dict.fromkeys(texts))
-    try:
-        places = {value: float(value) for value in values}
-    except ValueError:
-        places = {value: float(place) for place, value in enumerate(values)}
-        ticks = list(places.values())
-        axis.set_ticks(ticks, labels=values)
-        axes.update_datalim(np.column_stack([ticks, ticks]), horizontal, not horizontal)
-    else:
-        if 0.0 < 100.0 * min(places.values()) <= max(places.values()):
-            (axes.set_xscale if horizontal else axes.set_yscale)("log")
-    return [places[text] for text in texts]
 
 
 @dataclass(frozen=True)
@@ -561,4 +480,6 @@ class Sweep:
 
     def figure(self) -> Figure:
         """Return the figure of what there is so far."""
-        return figure(self.rows, tuple(self.variants[0].values))
+        from anmstrip.pictures.curves import sweep_figure
+
+        return sweep_figure(self.rows, tuple(self.variants[0].values))
