@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial.legendre import Legendre
-from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, diags, eye, kron, vstack
+from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, eye, kron, vstack
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.strip import Strip
@@ -166,17 +166,24 @@ class LinearOperator:
         return total
 
     def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
-        """Add Lᵀ w J L, J[j, i] of shape (inputs, outputs, points), but for strip with strip."""
-        inputs, outputs = self.matrices
-        for out, given in product(outputs, inputs):
-            if max(out.first, given.first) < blocks.strip or not given.matrix.shape[1]:
+        """Add Lᵀ w J L, J[j, i] of shape (inputs, outputs, points), but for strip with strip.
+
+        Parts of other unknowns have at most one entry at a point.
+        """
+        for out, given in product(*self.matrices[::-1]):
+            if max(out.first, given.first) < blocks.strip:
                 continue
-            for i, j in np.ndindex(out.count, given.count):
-                weight = diags(derivative[given.row + j, out.row + i] * out.weights)
-                found = (out.matrix.T @ (weight @ given.matrix)).tocoo()
-                rows = out.first + i + out.count * found.row.astype(np.int64)
-                columns = given.first + j + given.count * found.col.astype(np.int64)
-                blocks.add(rows, columns, found.data)
+            one, many = (given, out) if given.first >= blocks.strip else (out, given)
+            point = np.repeat(np.arange(self.points), np.diff(many.matrix.indptr))
+            entry = np.flatnonzero(np.diff(one.matrix.indptr)[point])
+            point = point[entry]
+            single = one.matrix.indptr[point]
+            a, b = (entry, single) if one is given else (single, entry)
+            i, j = np.arange(out.count)[:, None], np.arange(given.count)[:, None, None]
+            rows = out.first + i + out.count * out.matrix.indices[a].astype(np.int64)
+            columns = given.first + j + given.count * given.matrix.indices[b].astype(np.int64)
+            weights = out.weights[point] * out.matrix.data[a] * given.matrix.data[b]
+            blocks.add(rows, columns, derivative[given.row + j, out.row + i, point] * weights)
 
 
 @dataclass(frozen=True)

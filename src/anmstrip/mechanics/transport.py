@@ -51,8 +51,7 @@ class SurfaceOperator(LinearOperator):
     """
 
     def __init__(self, contact: ContactOperator, which: Index, rollers: int) -> None:
-        self.contact = contact
-        self.which, points = which, np.flatnonzero(which != DRIVEN)
+        self.contact, points = contact, np.flatnonzero(which != DRIVEN)
         index, shape = (points, which[points]), (contact.points, rollers)
         self.surface = csr_matrix((np.ones(len(points)), index), shape=shape)
 
