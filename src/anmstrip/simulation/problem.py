@@ -9,7 +9,7 @@ from functools import cached_property
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from anmstrip.fem.sampling import (
     quadrature_points,
 )
 from anmstrip.fem.strip import Material, Strip, renumbered
-from anmstrip.mechanics.effects import Effect, LawEffect
+from anmstrip.mechanics.effects import Effect
 from anmstrip.mechanics.loads import (
     Pretension,
     edge_force,
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
     from anmstrip.mechanics.contact import Contact, Friction
     from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
-    from anmstrip.mechanics.transport import CarriedFriction, Drives, SteadyFriction
+    from anmstrip.mechanics.transport import CarriedFriction, Drives
     from anmstrip.scene.tables import ContactSpec, FrictionSpec, PlasticitySpec
     from anmstrip.simulation.threading import Thread
 
@@ -123,7 +123,6 @@ def size_of(assembly: Assembly, level: Kinematics) -> Size | None:
 
 
 EffectMaker = Callable[[Strip], Effect]
-CarriedT = TypeVar("CarriedT", bound="CarriedFriction")
 
 UNSEEN = 0.01
 """Stretch that the onset of contact may make, over the elastic one."""
@@ -464,47 +463,31 @@ class Assembly:
         numbers = {name: number for number, name in enumerate(self.turning)}
         return [numbers.get(roller.name, DRIVEN) for roller in self.rollers]
 
-    @cached_property
-    def drives(self) -> Drives | None:
+    def drives(self, steady: bool) -> Drives | None:
         """Torques and bearings of the rollers that turn freely, if there are any."""
         if not self.turning or self.friction is None:
             return None
-        from anmstrip.mechanics.transport import Drives
+        from anmstrip.mechanics.transport import Drives, SteadyDrives
 
         chosen = [spec for spec in self.scene.rollers if spec.name in self.turning]
-        radii, bearings = ([getattr(s, k) for s in chosen] for k in ("radius", "bearing"))
-        speed, unknowns = self.friction.speed, self.strip.unknowns
-        return Drives(self.turning, np.array(radii), np.array(bearings), speed, unknowns)
+        radii, bearings = (np.array([getattr(s, k) for s in chosen]) for k in ("radius", "bearing"))
+        given = self.turning, radii, bearings, self.friction.speed, self.strip.unknowns
+        return SteadyDrives(*given) if steady else Drives(*given)
 
-    @cached_property
-    def steady_drives(self) -> Drives | None:
-        """The same for stationary states."""
-        if (drives := self.drives) is None:
-            return None
-        from anmstrip.mechanics.transport import SteadyDrives
-
-        return SteadyDrives(**vars(drives))
-
-    @cached_property
-    def carrying(self) -> SteadyFriction | None:
-        """Friction on strip that moves through its own shape, in a stationary state."""
-        from anmstrip.mechanics.transport import SteadyFriction
-
-        return self._carrying(SteadyFriction)
-
-    @cached_property
-    def carrying_in_time(self) -> CarriedFriction | None:
-        """The same in time, on strip that is fed."""
-        from anmstrip.mechanics.transport import CarriedFriction
-
-        return self._carrying(CarriedFriction)
-
-    def _carrying(self, kind: type[CarriedT]) -> CarriedT | None:
+    def carrying(self, steady: bool) -> CarriedFriction | None:
+        """Friction on strip that moves through its own shape."""
         if (rubbing := self.rubbing) is None:
             return None
-        given = rubbing.contact, rubbing.law_of_slip, rubbing.coefficients
-        free = self._numbers, len(self.turning)
-        return kind(*given, *free, SlopeOperator(self.strip))
+        from anmstrip.mechanics.transport import CarriedFriction, SteadyFriction
+
+        given = rubbing.contact, rubbing.law_of_slip, rubbing.coefficients, self._numbers
+        free = len(self.turning), self.slope_operator
+        return SteadyFriction(*given, *free) if steady else CarriedFriction(*given, *free)
+
+    @cached_property
+    def slope_operator(self) -> SlopeOperator:
+        """Values and slopes at all contact points."""
+        return SlopeOperator(self.strip)
 
     def passage(self, edge: str, direction: Array, held: bool) -> Effect:
         """Condition for the length of strip that has passed an end, see ``Passage``."""
@@ -572,14 +555,11 @@ class Assembly:
         given = sorted(controls)
         own = [self.membrane, self.bending, self.plasticity(stage), self.contact]
         if self.membrane is None and "exit.force" in given:
-            own.insert(0, self.pretension)
+            own.insert(0, Pretension(self.strip))
         if stage.friction:
-            if stage.steady:
-                own += [self.carrying, self.steady_drives]
-            elif self.scene.strip.feed:
-                own += [self.carrying_in_time, self.drives]
-            else:
-                own += [self.rubbing, self.drives]
+            carried = stage.steady or self.scene.strip.feed
+            own.append(self.carrying(stage.steady) if carried else self.rubbing)
+            own.append(self.drives(stage.steady))
         if (stiffness := self.scene.strip.foundation) is not None:
             from anmstrip.mechanics.foundation import Foundation
 
@@ -599,11 +579,6 @@ class Assembly:
     def added_effects(self) -> list[Effect]:
         """Effects of the user's own."""
         return [make(self.strip) for make in self.added]
-
-    @cached_property
-    def pretension(self) -> LawEffect:
-        """Tension of a plate."""
-        return Pretension(self.strip)
 
     def yields(self, stage: StageSpec) -> bool:
         """Whether plastic strains grow in a stage; a strip is threaded as an elastic one."""
