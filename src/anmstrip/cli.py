@@ -38,9 +38,7 @@ INTERVAL = 5.0
 """Seconds between two lines where there is no terminal."""
 
 directory_option = click.option(
-    "-o",
-    "--output",
-    "directory",
+    *("-o", "--output", "directory"),
     metavar="DIR",
     type=click.Path(path_type=Path, file_okay=False),
     help="Where the results go (default: a directory of its own in results/).",
@@ -214,9 +212,7 @@ def resuming_command(scene: Path, directory: Path | None, settings: Iterable[str
 @main.command("new", short_help="Write a commented scene to start from.")
 @click.argument("kind", metavar="KIND", type=click.Choice(KINDS))
 @click.option(
-    "-o",
-    "--output",
-    "target",
+    *("-o", "--output", "target"),
     metavar="FILE",
     type=click.Path(path_type=Path, dir_okay=False),
     help="Where the scene goes (default: KIND.toml here).",

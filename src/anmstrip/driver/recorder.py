@@ -112,8 +112,7 @@ class Recorder:
         self.states = self.strip.count
         self.due = [t for t in assembly.scene.output.times or () if t > kept["time"]]
         touching = None if assembly.contact is None else assembly.contact_operator
-        bends, bent = assembly.bending is not None, assembly.imperfection
-        parts = assembly.strip, assembly.membrane, touching, bends, bent
+        parts = assembly.strip, assembly.membrane, touching, assembly.bending is not None
         self.surface, self.profile = FieldSampler(*parts), Profile(*parts)
         self.turned = dict.fromkeys((r.name for r in assembly.rollers), 0.0) | kept["turned"]
         self.last_checkpoint = 0.0

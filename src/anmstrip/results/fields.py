@@ -34,8 +34,6 @@ class FieldSampler:
     contact : ContactOperator or None
     bends : bool
         Whether the strip resists bending.
-    imperfection : ndarray, shape (unknowns,), optional
-        Displacement of the reference that makes no stress.
     local : ndarray, shape (dimensions, points of one), optional
         Other points of the reference element; of a section then along one line only.
 
@@ -53,11 +51,9 @@ class FieldSampler:
         membrane: Membrane | None,
         contact: ContactOperator | None,
         bends: bool = True,
-        imperfection: Array | None = None,
         local: Array | None = None,
     ) -> None:
         self.strip, self.membrane, self.contact, self.bends = strip, membrane, contact, bends
-        self.imperfection = imperfection
         self.kind, self.kinematics = shape_of(strip), strip.kinematics
         self.local = POINTS[self.kind] if local is None else local
         self.lines = 4 if self.kind == "line" and local is None else 1
@@ -161,8 +157,8 @@ class FieldSampler:
         """Membrane forces, moments, von Mises stress of the top surface, curvature, normal."""
         tangents, normal, curvature = self._geometry(state.full)
         bending = curvature
-        if self.imperfection is not None:
-            bending = curvature - self._geometry(self.imperfection)[2]
+        if self.membrane is not None and self.membrane.imperfection is not None:
+            bending = curvature - self._geometry(self.membrane.imperfection)[2]
         if (own := eigencurvature(state.controls)) is not None:
             bending = bending - own[:, :, None]
         layers = self._layers(state)
@@ -284,7 +280,6 @@ class Profile:
     membrane : Membrane or None
     contact : ContactOperator or None
     bends : bool
-    imperfection : ndarray, shape (unknowns,), optional
         All as of :class:`~anmstrip.results.fields.FieldSampler`.
     """
 
@@ -294,11 +289,10 @@ class Profile:
         membrane: Membrane | None,
         contact: ContactOperator | None,
         bends: bool = True,
-        imperfection: Array | None = None,
     ) -> None:
         kind = shape_of(strip)
         points = contact_points(kind)
-        self.fields = FieldSampler(strip, membrane, contact, bends, imperfection, points)
+        self.fields = FieldSampler(strip, membrane, contact, bends, points)
         self.areas = (contact or ContactOperator(strip)).weights
         x, sizes = self.fields.reference[0], strip.cell_sizes[0]
         unit = float(sizes.mean() if kind == "triangle" else 1e-6 * sizes.min())

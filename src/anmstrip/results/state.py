@@ -155,8 +155,7 @@ class State:
         effects, membrane = self.plan.model.effects, self.membrane
         touching = next((c.contact.operator.whole for c in self.contacts.values()), None)
         bends = any(e.name == "bending" for e in effects)
-        bent = None if membrane is None else membrane.imperfection
-        return Profile(self.plan.model.strip, membrane, touching, bends, bent).columns(self)
+        return Profile(self.plan.model.strip, membrane, touching, bends).columns(self)
 
     def __repr__(self) -> str:
         return f"<State of {self.plan.name!r} at t = {self.time:.6g} s>"

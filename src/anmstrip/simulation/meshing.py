@@ -68,28 +68,125 @@ def strip_mesh(
 ) -> MeshQuad | MeshLine:
     """Rectangles, or lines of a section, finer over and near the rollers.
 
-    Without ``strip.cells`` see :func:`default_zones`.  With it, the fine part covers a quarter of
-    each roller's circumference on both sides of its axis, or the arc on which a threaded strip
-    touches it, and the stretch that is carried over it.  A mesh that stands still, as that of a
-    strip that is fed, is fine where the strip lifts on and off alone, and there it has nodes: a
+    Without ``strip.cells`` see :meth:`Lines.default_zones`.  With it, the fine part covers a
+    quarter of each roller's circumference on both sides of its axis, or the arc on which a threaded
+    strip touches it, and the stretch that is carried over it.  A mesh that stands still, as that of
+    a strip that is fed, is fine where the strip lifts on and off alone, and there it has nodes: a
     string has corners of its curvature there.  ``strip.finer`` multiplies the numbers of elements.
     """
     spec, section = scene.strip, scene.strip.kinematics == "section"
     length = spec.length if thread is None else thread.length
     assert spec.width is not None and length is not None
-    half, across = length / 2.0, cells_across(scene)
-    lifts = list[float]()
-    if thread is not None and stands(scene):
-        lifts = sorted(x for arc in thread.arcs.values() for x in arc)
-    if spec.cells is None:
-        xs = default_lines(scene, rollers, thread, half, lifts)
-    else:
-        xs = chosen_lines(scene, rollers, thread, half, lifts)
+    lines, across = Lines(scene, rollers, thread, length / 2.0), cells_across(scene)
+    xs = lines.by_default() if spec.cells is None else lines.chosen(spec.cells)
     count = (len(xs) - 1) * (1 if section else across)
     if spec.finer is not None and count > MOST_ELEMENTS:
         expected = f"at most {MOST_ELEMENTS} elements; there would be {count}"
         raise scene.refused("strip.finer", spec.finer, expected, "finer = 1.0")
     return line(xs) if section else grid(xs, np.linspace(-0.5, 0.5, across + 1) * spec.width)
+
+
+@dataclass(frozen=True)
+class Zone:
+    """A stretch of strip, in the reference, that is to have elements of a length."""
+
+    first: float  # m
+    last: float  # m
+    size: float  # m
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Lines of nodes across a strip."""
+
+    scene: SceneSpec
+    rollers: Sequence[Roller]
+    thread: Thread | None
+    half: float  # half the length of the strip (m)
+
+    @property
+    def lifts(self) -> list[float]:
+        """Labels at which a strip lifts on and off for good (m)."""
+        if self.thread is None or not stands(self.scene):
+            return []
+        return sorted(x for arc in self.thread.arcs.values() for x in arc)
+
+    def by_default(self) -> Array:
+        """Coordinates of nodes of a scene without ``strip.cells``, see :meth:`default_zones`.
+
+        All are longer by one factor where there would be more than :func:`most_unknowns`.
+        """
+        scene, coarse = self.scene, 2.0 * self.half / COARSEST
+        per_line = {"section": 4, "plate": 4, "shell": 12}[scene.strip.kinematics]
+        if scene.strip.kinematics != "section":
+            per_line *= round(cells_across(scene) / finer(scene)) + 1
+        most = most_unknowns(len(self.rollers)) // per_line - 1
+        zones = self.default_zones()
+        return graded_nodes(self.half, zones, coarse, self.lifts, most, finer(scene))
+
+    def default_zones(self) -> list[Zone]:
+        """Stretches where the strip lifts on and off its rollers, and their arcs.
+
+        Where it lifts on and off, elements have a quarter of the boundary layer √(D/T), over all
+        labels that will pass; on arcs in between they have twice as much.
+        """
+        scene, thread, zones = self.scene, self.thread, list[Zone]()
+        back, ahead = carried(scene, self.rollers, thread)
+        if stands(scene):
+            back = ahead = 0.0
+        arcs = () if thread is None else _arcs_in_stages(scene, thread)
+        for roller in self.rollers if scene.contact is not None else ():
+            size = wanted_size(scene, roller.radius)
+            margin = float(np.clip(NEAR_LIFT * boundary_layer(scene), 2.0 * size, 16.0 * size))
+            lifts = np.array([arc[roller.name] for arc in arcs if roller.name in arc])
+            if not len(lifts):  # anywhere near where the strip passes the roller
+                moves = [stage.rollers.get(roller.name) for stage in scene.stages]
+                ways = [(0.0, 0.0, 0.0), *(m.move for m in moves if m is not None and m.move)]
+                places = crossing(roller) + np.array(ways)[:, [0, 2]]
+                x = places[:, 0] if thread is None else [thread.passing(p)[0] for p in places]
+                reach = 0.5 * np.pi * roller.radius
+                lifts, margin = np.array([[min(x) - reach, max(x) + reach]] * 2).T, 0.0
+            first, last = lifts.min(axis=0) - ahead - margin, lifts.max(axis=0) + back + margin
+            zones += [Zone(float(lo), float(hi), size) for lo, hi in zip(first, last, strict=True)]
+            arc = min(2.0 * size, max(size, ARC * roller.radius))
+            zones.append(Zone(float(lifts.min()), float(lifts.max()), arc))
+        return zones
+
+    def chosen(self, cells: tuple[int, int]) -> Array:
+        """Coordinates of nodes with the number of elements of ``strip.cells``, and finer ones."""
+        scene, spec, half, thread = self.scene, self.scene.strip, self.half, self.thread
+        coarse = 2.0 * half / cells[0]
+        fine = spec.element_length or QUARTER * boundary_layer(scene) or np.inf
+        zones = list[tuple[float, float]]()
+        if scene.contact is not None and fine < coarse:
+            zones = fine_zones(scene, self.rollers, thread, half)
+        graded = list[Zone]()
+        if zones and thread is not None and self.lifts:
+            near = NEAR_LIFT * max(boundary_layer(scene), fine / QUARTER)
+            zones = [(x - near, x + near) for x in self.lifts]
+            graded = [Zone(*zone, fine) for zone in zones]
+            graded += [Zone(*thread.arcs[r.name], ARC * r.radius) for r in thread.rollers]
+        self._refuse_more(cells, zones, fine)
+        if graded:
+            return graded_nodes(half, graded, coarse, self.lifts, finer=finer(scene))
+        return lines_of_nodes(half, zones, fine / finer(scene), coarse / finer(scene))
+
+    def _refuse_more(
+        self, cells: tuple[int, int], zones: list[tuple[float, float]], fine: float
+    ) -> None:
+        """Refuse more elements than fit into a computer, before they are made."""
+        scene, half = self.scene, self.half
+        across = 1 if scene.strip.kinematics == "section" else cells[1]
+        along = cells[0] + sum(hi - lo for lo, hi in zones) / fine
+        if not along * across <= MOST_ELEMENTS:
+            key, now = ("refined", fine) if zones else ("cells", list(cells))
+            finest = 2.0 * half * across / (0.5 * MOST_ELEMENTS)
+            expected = (
+                f"at most {MOST_ELEMENTS} elements; {along * across:.3g} would come from elements "
+                f"of {fine if zones else 2.0 * half / along:.3g} m"
+            )
+            hint = f"refined = {finest:.1g}" if zones else "cells = [16, 2]"
+            raise scene.refused(f"strip.{key}", now, expected, hint)
 
 
 def cells_across(scene: SceneSpec) -> int:
@@ -108,34 +205,6 @@ def finer(scene: SceneSpec) -> float:
     return scene.strip.finer or 1.0
 
 
-@dataclass(frozen=True)
-class Zone:
-    """A stretch of strip, in the reference, that is to have elements of a length."""
-
-    first: float  # m
-    last: float  # m
-    size: float  # m
-
-
-def default_lines(
-    scene: SceneSpec,
-    rollers: Sequence[Roller],
-    thread: Thread | None,
-    half: float,
-    marks: Sequence[float],
-) -> Array:
-    """Coordinates of nodes of a scene without ``strip.cells``, see :func:`default_zones`.
-
-    All are longer by one factor where there would be more than :func:`most_unknowns`.
-    """
-    zones, coarse = default_zones(scene, rollers, thread), 2.0 * half / COARSEST
-    per_line = {"section": 4, "plate": 4, "shell": 12}[scene.strip.kinematics]
-    if scene.strip.kinematics != "section":
-        per_line *= round(cells_across(scene) / finer(scene)) + 1
-    most = most_unknowns(len(rollers)) // per_line - 1
-    return graded_nodes(half, zones, coarse, marks, most, finer(scene))
-
-
 def most_unknowns(rollers: int) -> int:
     """Return how many unknowns a mesh has at most by default, on so many rollers."""
     return max(MOST_UNKNOWNS, PER_ROLLER * rollers)
@@ -152,34 +221,6 @@ def wanted_size(scene: SceneSpec, radius: float) -> float:
     return radius * float(np.clip(QUARTER * boundary_layer(scene) / radius, STRING, FOLLOWS))
 
 
-def default_zones(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> list[Zone]:
-    """Stretches where the strip lifts on and off its rollers, and their arcs.
-
-    Where it lifts on and off, elements have a quarter of the boundary layer √(D/T), over all labels
-    that will pass; on arcs in between they have twice as much.
-    """
-    zones, (back, ahead) = list[Zone](), carried(scene, rollers, thread)
-    if stands(scene):
-        back = ahead = 0.0
-    arcs = () if thread is None else _arcs_in_stages(scene, thread)
-    for roller in rollers if scene.contact is not None else ():
-        size = wanted_size(scene, roller.radius)
-        margin = float(np.clip(NEAR_LIFT * boundary_layer(scene), 2.0 * size, 16.0 * size))
-        lifts = np.array([arc[roller.name] for arc in arcs if roller.name in arc])
-        if not len(lifts):  # anywhere near where the strip passes the roller
-            moves = [stage.rollers.get(roller.name) for stage in scene.stages]
-            ways = [(0.0, 0.0, 0.0), *(m.move for m in moves if m is not None and m.move)]
-            places = crossing(roller) + np.array(ways)[:, [0, 2]]
-            x = places[:, 0] if thread is None else [thread.passing(p)[0] for p in places]
-            reach = 0.5 * np.pi * roller.radius
-            lifts, margin = np.array([[min(x) - reach, max(x) + reach]] * 2).T, 0.0
-        first, last = lifts.min(axis=0) - ahead - margin, lifts.max(axis=0) + back + margin
-        zones += [Zone(float(lo), float(hi), size) for lo, hi in zip(first, last, strict=True)]
-        arc = min(2.0 * size, max(size, ARC * roller.radius))
-        zones.append(Zone(float(lifts.min()), float(lifts.max()), arc))
-    return zones
-
-
 def _arcs_in_stages(scene: SceneSpec, thread: Thread) -> list[dict[str, tuple[float, float]]]:
     """Arcs of a threaded strip at the beginning and, where rollers move, after each stage."""
     arcs, rollers, given = [thread.arcs], list(thread.rollers), {r.name: r for r in thread.rollers}
@@ -192,50 +233,6 @@ def _arcs_in_stages(scene: SceneSpec, thread: Thread) -> list[dict[str, tuple[fl
         with suppress(NotTouchedError, NoTangentError):
             arcs.append(replace(thread, rollers=tuple(rollers), given=thread.length).arcs)
     return arcs
-
-
-def chosen_lines(
-    scene: SceneSpec,
-    rollers: Sequence[Roller],
-    thread: Thread | None,
-    half: float,
-    lifts: Sequence[float],
-) -> Array:
-    """Coordinates of nodes with the number of elements of ``strip.cells``, and finer ones."""
-    spec = scene.strip
-    assert spec.cells is not None
-    coarse = 2.0 * half / spec.cells[0]
-    fine = spec.element_length or QUARTER * boundary_layer(scene) or np.inf
-    zones = list[tuple[float, float]]()
-    if scene.contact is not None and fine < coarse:
-        zones = fine_zones(scene, rollers, thread, half)
-    graded = list[Zone]()
-    if zones and thread is not None and lifts:
-        near = NEAR_LIFT * max(boundary_layer(scene), fine / QUARTER)
-        zones = [(x - near, x + near) for x in lifts]
-        graded = [Zone(*zone, fine) for zone in zones]
-        graded += [Zone(*thread.arcs[r.name], ARC * r.radius) for r in thread.rollers]
-    _bearable(scene, half, zones, fine, 1 if spec.kinematics == "section" else spec.cells[1])
-    if graded:
-        return graded_nodes(half, graded, coarse, lifts, finer=finer(scene))
-    return lines_of_nodes(half, zones, fine / finer(scene), coarse / finer(scene))
-
-
-def _bearable(
-    scene: SceneSpec, half: float, zones: list[tuple[float, float]], fine: float, across: int
-) -> None:
-    """Refuse more elements than fit into a computer, before they are made."""
-    assert scene.strip.cells is not None
-    along = scene.strip.cells[0] + sum(hi - lo for lo, hi in zones) / fine
-    if not along * across <= MOST_ELEMENTS:
-        key, now = ("refined", fine) if zones else ("cells", list(scene.strip.cells))
-        finest = 2.0 * half * across / (0.5 * MOST_ELEMENTS)
-        expected = (
-            f"at most {MOST_ELEMENTS} elements; {along * across:.3g} would come from elements of "
-            f"{fine if zones else 2.0 * half / along:.3g} m"
-        )
-        hint = f"refined = {finest:.1g}" if zones else "cells = [16, 2]"
-        raise scene.refused(f"strip.{key}", now, expected, hint)
 
 
 def lines_of_nodes(
