@@ -21,7 +21,7 @@ from anmstrip.results import files as checkpoint
 from anmstrip.results import files as history
 from anmstrip.results.vtk import read_collection as listed
 from anmstrip.results.vtk import read_surface
-from anmstrip.scene.loading import Override
+from anmstrip.scene.schema import Override
 from anmstrip.simulation import march as running
 from anmstrip.simulation.problem import Assembly
 

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anmstrip.driver.freedom import free_motions
-from anmstrip.driver.preview import Preview
+from anmstrip.driver.preview import Preview, free_motions
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.warnings import serious, warnings
 from anmstrip.equilibrium import Equilibrium

@@ -13,8 +13,7 @@ from click.testing import CliRunner
 from scipy.linalg import eigh
 
 from anmstrip.cli import main
-from anmstrip.driver.freedom import free_motions, softest_motions
-from anmstrip.driver.preview import Preview
+from anmstrip.driver.preview import Preview, free_motions, softest_motions
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import DenseSolver

@@ -17,7 +17,7 @@ from anmstrip.driver import recorder
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
 from anmstrip.results.files import load_checkpoint, save_checkpoint
-from anmstrip.scene.loading import Override
+from anmstrip.scene.schema import Override
 
 SCENE = """
 [strip]

@@ -35,7 +35,7 @@ from anmstrip.driver.run import Run, unpack
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
 from anmstrip.results.files import load_checkpoint, save_checkpoint
-from anmstrip.scene.loading import parse_scene
+from anmstrip.scene.schema import parse_scene
 from anmstrip.simulation.march import March
 from anmstrip.simulation.problem import Assembly
 

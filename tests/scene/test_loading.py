@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
-from anmstrip.scene.loading import parse_scene
+from anmstrip.scene.schema import parse_scene
 
 CAPSTAN = Path(__file__).with_name("capstan.toml")
 GOOD = CAPSTAN.read_text(encoding="utf-8")

@@ -14,6 +14,8 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import RESIDUAL_SHARE, Evidence, Outcome, PathStopped
+from anmstrip.driver.preview import Preview, motions_at
+from anmstrip.driver.warnings import serious
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.results.state import ContactState, State
 from anmstrip.scene.schema import SceneSpec, StageSpec
@@ -202,9 +204,6 @@ def round_off(failure: Failure) -> str | None:
 
 def forewarned(failure: Failure) -> str | None:
     """It could be told before the run, of this stage and those before it."""
-    from anmstrip.driver.preview import Preview
-    from anmstrip.driver.warnings import serious
-
     preview = Preview.of(failure.assembly)
     names = [plan.name for plan in preview.plans]  # a map goes on after the last of them
     until = 1 + names.index(failure.stage.name) if failure.stage.name in names else None
@@ -253,8 +252,6 @@ def more_tension(failure: Failure) -> str:
 
 def free_motion(failure: Failure) -> str | None:
     """A null vector of the tangent where it has stopped, which at a limit point is another one."""
-    from anmstrip.driver.freedom import motions_at
-
     if failure.stopped.outcome is Outcome.FOLD:
         return None
     found = next(motions_at(failure.assembly, failure.plan, failure.state.full), "")

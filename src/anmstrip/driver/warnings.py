@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from anmstrip.driver import physics
-from anmstrip.driver.freedom import UNSEEN, free_motions
-from anmstrip.driver.preview import Preview
+from anmstrip.driver.preview import UNSEEN, Preview, free_motions
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.tables import ENDS

@@ -1,23 +1,24 @@
-"""The scene as a whole: its tables, read from a file or made in Python."""
+"""The scene as a whole: its tables, made in Python or read from a file, or all their mistakes."""
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Self, TypeVar, get_args, get_origin
 
-from pydantic import Field, PrivateAttr, ValidationError, model_validator
+from pydantic import BaseModel, Field, PrivateAttr, TypeAdapter, ValidationError, model_validator
+from pydantic.fields import FieldInfo
 
-from anmstrip.errors import InputError, Mistake
+from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.scene.checks import check_scene
-from anmstrip.scene.loading import (
-    all_mistakes,
-    parse_scene,
-    read_text,
-    validate_scene,
-    with_default_names,
-)
 from anmstrip.scene.tables import (
+    EDGE_NAMES,
+    LARGEST,
+    SMALLEST,
+    STAGE_KEYS,
     THREADING,
     ContactSpec,
     EdgeSpec,
@@ -30,6 +31,7 @@ from anmstrip.scene.tables import (
     StripSpec,
     Table,
     ThreadingSpec,
+    example_of,
 )
 
 
@@ -201,3 +203,326 @@ def json_schema() -> dict[str, Any]:
     for table in (schema, *tables.values()):
         table["description"] = table["description"].partition("\n\n")[0]
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+S = TypeVar("S", bound=BaseModel)
+
+
+@dataclass(frozen=True)
+class Override:
+    """One value to put into a scene."""
+
+    text: str  # as it was typed
+    path: tuple[str, ...]  # keys from the outside in; entries of lists of tables by their name
+    value: object
+
+    @classmethod
+    def parse(cls, text: str) -> Override:
+        """Read ``KEY=VALUE``, the key dotted and the value in TOML syntax.
+
+        Raises
+        ------
+        InputError
+            If it is not of this form.
+
+        Examples
+        --------
+        >>> Override.parse("rollers.r1.radius=0.3").path
+        ('rollers', 'r1', 'radius')
+        """
+        name, equals, typed = (part.strip() for part in text.partition("="))
+        inside: Any = None
+        try:
+            if "\n" not in name:
+                inside = tomllib.loads(f"{name} = 0")
+        except (ValueError, RecursionError):
+            pass
+        path: list[str] = []
+        while isinstance(inside, Mapping) and len(inside) == 1:
+            path.extend(inside)
+            inside = inside[path[-1]]
+        if not equals or not path:
+            wrong = (name, "a dotted key") if equals else (text, "KEY=VALUE")
+            raise _refused(text, wrong[0], None, wrong[1], "--set friction.coefficient=0.2")
+        key = ".".join(path)
+        try:
+            (value,) = tomllib.loads(f"value = {typed}").values()
+        except (ValueError, RecursionError):
+            hint = f"""a number, true, [1.0, 0.0, 0.0], or text in quotes: '{key}="{typed}"'"""
+            raise _refused(text, key, typed, "a value in TOML syntax", hint) from None
+        return cls(text, tuple(path), value)
+
+    def covers(self, key: str) -> bool:
+        """Return whether a dotted key is the one set, below it, or a table around it."""
+        own = ".".join(self.path)
+        return key == own or key.startswith(f"{own}.") or own.startswith(f"{key}.")
+
+    def applied_to(self, tables: Any, depth: int = 0) -> Any:
+        """Return tables with the value put in; those that are not there are made.
+
+        Parameters
+        ----------
+        tables : mapping, or list of mappings with a name
+        depth : int, optional
+            Number of keys of the path that lead to `tables`.
+
+        Raises
+        ------
+        InputError
+            If the path leads through something that is no table, or to an unknown name.
+        """
+        if depth == len(self.path):
+            return self.value
+        head = self.path[depth]
+        if isinstance(tables, Mapping):
+            return {**tables, head: self.applied_to(tables.get(head, {}), depth + 1)}
+        if not isinstance(tables, list | tuple):
+            key = ".".join(self.path[:depth])
+            raise _refused(self.text, key, tables, "a table", f"--set {key}=… with a value")
+        names = [table.get("name") if isinstance(table, Mapping) else None for table in tables]
+        if head not in names:
+            key, known = ".".join(self.path), [name for name in names if isinstance(name, str)]
+            raise _refused(self.text, key, head, "a known name", nearest(head, known))
+        return [
+            self.applied_to(table, depth + 1) if name == head else table
+            for table, name in zip(tables, names, strict=True)
+        ]
+
+
+def _refused(text: str, key: str, value: object, expected: str, hint: str) -> InputError:
+    return InputError([Mistake(f"--set {text}", key, value, expected, hint)])
+
+
+def with_default_names(scene: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the tables of a scene where rollers and stages without a name have one.
+
+    Examples
+    --------
+    >>> with_default_names({"rollers": [{"radius": 1.0}, {"name": "big"}, {}]})
+    {'rollers': [{'name': 'r1', 'radius': 1.0}, {'name': 'big'}, {'name': 'r3'}]}
+    """
+    named = dict(scene)
+    for key, prefix in (("rollers", "r"), ("stages", "stage")):
+        if isinstance(tables := scene.get(key), list | tuple):
+            named[key] = [
+                {"name": f"{prefix}{position}", **table} if isinstance(table, Mapping) else table
+                for position, table in enumerate(tables, start=1)
+            ]
+    return named
+
+
+def read_text(source: Path) -> str:
+    """Return the text of a scene file, or refuse a file that cannot be read."""
+    try:
+        return source.read_text(encoding="utf-8-sig")
+    except IsADirectoryError:
+        expected, hint = "a file, not a directory", "its scene.toml"
+    except UnicodeDecodeError as error:
+        expected, hint = f"text in UTF-8; byte {error.start} is not", "the same, saved as UTF-8"
+    except (OSError, ValueError) as error:
+        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
+        expected, hint = f"a file that can be read ({reason})", "the path of a scene in TOML"
+    raise InputError([Mistake(str(source), "", None, expected, hint)])
+
+
+def parse_scene(text: str, source: str) -> dict[str, Any]:
+    """Return the tables of a TOML text.
+
+    Parameters
+    ----------
+    text : str
+    source : str
+        Name of its file, for messages.
+
+    Raises
+    ------
+    InputError
+        If it is not TOML, or empty.
+    """
+    key, value = "", None
+    try:
+        if data := tomllib.loads(text):
+            return data
+        expected = "a scene; the file is empty"
+        hint = "[strip]\nlength = 4.0\nwidth = 1.0\nthickness = 1.0e-3\ncells = [16, 2]"
+    except RecursionError:
+        expected, hint = "TOML of reasonable depth", "fewer brackets"
+    except ValueError as error:
+        expected, hint = f"TOML: {error}", "valid TOML, see https://toml.io"
+        number = str(error).partition("(at line ")[2].partition(",")[0]
+        if number.isdigit():
+            key, lines = f"line {number}", text.splitlines()
+            value = lines[int(number) - 1] if int(number) <= len(lines) else None
+            hint = "valid TOML: key = value, text in quotes, each key once"
+    raise InputError([Mistake(source, key, value, expected, hint)])
+
+
+def validate_scene(
+    model: type[S], tables: Mapping[str, Any], source: Path, overrides: Iterable[str] = ()
+) -> S:
+    """Return the scene of tables as they stand in a file.
+
+    Parameters
+    ----------
+    model : type
+        The model of a scene.
+    tables : mapping
+    source : Path
+        The file; paths in the tables are relative to it.
+    overrides : iterable of str, optional
+        Texts ``KEY=VALUE``, see :meth:`Override.parse`.
+
+    Raises
+    ------
+    InputError
+        With all mistakes at once, each with the place where it was typed.
+    """
+    data, applied, mistakes = with_default_names(tables), list[Override](), list[Mistake]()
+    for text in overrides:
+        try:
+            override = Override.parse(text)
+            data = override.applied_to(data)
+        except InputError as error:
+            mistakes += error.mistakes
+        else:
+            applied.append(override)
+    strip = data.get("strip")
+    if isinstance(strip, Mapping) and isinstance(mesh := strip.get("mesh"), str):
+        data["strip"] = {**strip, "mesh": str((source.parent / mesh).absolute())}
+    try:
+        scene = model(**data)
+    except InputError as error:
+        for mistake in error.mistakes:
+            set_by = [override.text for override in applied if override.covers(mistake.key)]
+            mistakes.append(replace(mistake, file=f"--set {set_by[-1]}" if set_by else str(source)))
+    if mistakes:
+        raise InputError(mistakes)
+    return scene
+
+
+def all_mistakes(
+    error: ValidationError, model: type[BaseModel], tables: Mapping[str, Any]
+) -> InputError:
+    """Return as one error what pydantic found in the tables of a scene, and what it hid."""
+    data = with_default_names(tables)
+    found = (*mistakes_of(error, model, data), *_hidden_mistakes(error, model, data))
+    return InputError(replace(mistake, file=mistake.file or "Scene") for mistake in found)
+
+
+def _hidden_mistakes(
+    error: ValidationError, model: type[BaseModel], data: Mapping[str, Any]
+) -> Iterable[Mistake]:
+    """Return what is wrong between those tables that are right in themselves.
+
+    Pydantic checks the whole once every table is right; the user wants to hear of all at once.
+    """
+    broken = {found["loc"][0] for found in error.errors() if found["loc"]}
+    if not broken:  # the whole has been checked
+        return ()
+    right = {name: field for name, field in model.model_fields.items() if name not in broken}
+    annotations: dict[str, Any] = {name: field.annotation for name, field in right.items()}
+    return check_scene(
+        {
+            name: TypeAdapter(annotations[name]).validate_python(data[name])
+            if name in data
+            else field.get_default()
+            for name, field in right.items()
+        }
+    )
+
+
+def mistakes_of(
+    error: ValidationError, model: type[BaseModel], data: Mapping[str, Any]
+) -> Iterator[Mistake]:
+    """Translate what pydantic found.
+
+    Parameters
+    ----------
+    error : ValidationError
+        Raised by validating `data`.
+    model : type of BaseModel
+        The outermost model.
+    data : mapping
+        What was validated; entries of lists of tables are addressed by their ``name``.
+
+    Yields
+    ------
+    Mistake
+        Without its file.
+    """
+    for found in error.errors(include_url=False):
+        location, value = found["loc"], found["input"]
+        if found["type"] == "too_short" and value:
+            continue  # not short: its entries are wrong, and are told themselves
+        # Every key that is no field of a stage is an edge's name; but a number is no edge, and
+        # `rolers` is not one either.
+        misspelt = len(location) > 3 and (location[0], location[2]) == ("stages", "edges")
+        misspelt = misspelt and (
+            (len(location) == 4 and found["type"] == "model_type")
+            or bool(get_close_matches(str(location[3]), ["rollers"], cutoff=0.8))
+        )
+        place = find_place(location[:4] if misspelt else location, model, data)
+        key, field = ".".join(place.keys), place.field
+        inner = found.get("ctx", {}).get("error")
+        if isinstance(inner, InputError):
+            for mistake in inner.mistakes:
+                yield replace(mistake, key=".".join(filter(None, (key, mistake.key))))
+        elif misspelt or found["type"] == "extra_forbidden":
+            known = list(place.table.model_fields) if place.table else []
+            known = [*STAGE_KEYS, *EDGE_NAMES] if misspelt else known
+            yield Mistake("", key, value, "a known key", nearest(place.keys[-1], known))
+        elif field is None:
+            yield Mistake("", key, value, "a table of the scene", "[strip]")
+        else:
+            value = None if found["type"] == "missing" and not place.item else value
+            expected = str(field.description)
+            if isinstance(value, float) and (abs(value) > LARGEST or 0.0 < value < SMALLEST):
+                expected += (
+                    f"; numbers are at most {LARGEST:g}, and {SMALLEST:g} at least if positive"
+                )
+            yield Mistake("", key, value, expected, example_of(place.name, field))
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place in the tables of a scene at which pydantic found something."""
+
+    keys: tuple[str, ...]  # as `--set` takes them
+    table: type[BaseModel] | None  # the model whose keys may stand here
+    field: FieldInfo | None  # the last field on the way
+    name: str  # of this field
+    item: bool  # whether the place is one component of the field's value
+
+
+def find_place(
+    location: tuple[int | str, ...], model: type[BaseModel], data: Mapping[str, Any]
+) -> Place:
+    """Follow a location of pydantic through the fields of the models."""
+    keys: list[str] = []
+    table: type[BaseModel] | None = model
+    entries: type[BaseModel] | None = None  # the model of the entries of a collection
+    field, name, item = None, "", False
+    for part in location:
+        if entries is not None:
+            key: object = part
+            if isinstance(part, int):  # an entry of a list of tables goes by its name
+                entry = data[keys[0]][part]
+                key = entry.get("name") if isinstance(entry, Mapping) else None
+            keys.append(key if isinstance(key, str) else str(int(part) + 1))
+            table, entries = entries, None
+        elif table is not None and part in table.model_fields:
+            name = str(part)
+            keys.append(name)
+            field, item = table.model_fields[name], False
+            kinds = (field.annotation, *get_args(field.annotation))
+            models = [k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)]
+            table, entries = (models[0] if models else None), None
+            if get_origin(field.annotation) in (tuple, dict):
+                table, entries = None, table
+        elif isinstance(part, str):
+            keys.append(part)
+        else:
+            item = True
+    if len(location) > 3 and (location[0], location[2]) == ("stages", "edges"):
+        del keys[2]  # edges stand beside the other keys of a stage
+    return Place(tuple(keys), table, field, name, item)

@@ -15,8 +15,7 @@ import numpy as np
 from rich.console import Console
 
 from anmstrip.driver.explain import plain_table
-from anmstrip.driver.freedom import free_motions
-from anmstrip.driver.preview import Preview
+from anmstrip.driver.preview import Preview, free_motions
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.warnings import levels

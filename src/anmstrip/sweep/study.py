@@ -22,8 +22,7 @@ from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError, Mistake
 from anmstrip.results.files import atomic_write, read_json, write_table
-from anmstrip.scene.loading import Override
-from anmstrip.scene.schema import SceneSpec
+from anmstrip.scene.schema import Override, SceneSpec
 
 if TYPE_CHECKING:
     from distributed import Client
