@@ -411,8 +411,8 @@ HISTORY = (
     ),
     Mutant(
         "numbers with six digits",
-        "if isinstance(x, str) else x for x in row",
-        'if isinstance(x, str) else f"{x:.6g}" if isinstance(x, float) else x for x in row',
+        "writer.writerows(rows)",
+        'writer.writerows([f"{x:.6g}" if isinstance(x, float) else x for x in r] for r in rows)',
         "summary",
     ),
     Mutant(
