@@ -52,23 +52,14 @@ class SurfaceOperator(LinearOperator):
 
     def __init__(self, contact: ContactOperator, which: Index, rollers: int) -> None:
         self.contact, points = contact, np.flatnonzero(which != DRIVEN)
-        index, shape = (points, which[points]), (contact.points, rollers)
+        self.points = contact.points
+        index, shape = (points, which[points]), (self.points, rollers)
         self.surface = csr_matrix((np.ones(len(points)), index), shape=shape)
-
-    @property
-    def points(self) -> int:  # type: ignore[override]
-        """Number of points."""
-        return self.contact.points
 
     @property
     def weights(self) -> Array:
         """Area that belongs to each point (m²)."""
         return self.contact.weights
-
-    @property
-    def chosen(self) -> Index:
-        """Numbers of the points in the whole strip."""
-        return self.contact.chosen
 
     @property
     def matrices(self) -> tuple[list[Part], list[Part]]:  # type: ignore[override]
