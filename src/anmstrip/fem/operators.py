@@ -153,7 +153,7 @@ class LinearOperator:
         for part in self.matrices[0]:
             own = full[part.first : part.first + part.count * part.matrix.shape[1]]
             rows.append((part.matrix @ own.reshape(-1, part.count)).T)
-        return np.vstack(rows)
+        return np.ascontiguousarray(np.vstack(rows))  # or sums of some points round otherwise
 
     def gather(self, forces: Array) -> Array:
         """Return Lᵀ w f, (components, points) → (unknowns,)."""
