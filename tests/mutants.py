@@ -417,8 +417,8 @@ HISTORY = (
     ),
     Mutant(
         "residual is nought",
-        "settings.order, covered, step.imbalance,",
-        "settings.order, covered, 0.0,",
+        "state, order, covered, step.imbalance, step.memory",
+        "state, order, covered, 0.0, step.memory",
         "summary",
     ),
 )
