@@ -163,6 +163,8 @@ def varied(seed: int, directory: Path) -> Line:
     arcs = [r["radius"] * abs(t) for r, t in zip(tables["rollers"], line.turns, strict=True)]
     strip["bending"] = level != "string" and bool(layer < THIN * min(arcs))
     strip["kinematics"] = "section" if level in ("string", "section") else "shell"
+    if strip["kinematics"] == "shell":
+        tables["edges"]["entry"]["centred"] = True
     pressure = line.exit / min(roller["radius"] for roller in tables["rollers"])
     tables["contact"] = [
         {}, {"pressure": pressure * 10.0 ** rng.uniform(-1.0, 2.0)},

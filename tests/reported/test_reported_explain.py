@@ -298,6 +298,12 @@ def test_long_elements_are_warned_of(said: dict[str, str]) -> None:
     ) in whole(said["TURNING"])
 
 
+def test_long_elements_of_a_string_are_not_warned_of(tmp_path: Path) -> None:
+    """Strip that does not bend has no boundary layer: it was called 0 m."""
+    told = whole(explained(scenes.TURNING, tmp_path, "strip.bending=false"))
+    assert "a quarter of the boundary layer" not in told
+
+
 def test_a_fast_reference_speed_is_warned_of(tmp_path: Path) -> None:
     """The entry is held, so that the roller slips with all of its speed of 1 m/s."""
     told = whole(explained(scenes.TURNING, tmp_path, "friction.speed=11.0"))

@@ -194,7 +194,7 @@ def coarse_mesh(preview: Preview) -> Iterator[str]:
                 f"[{int(np.ceil(strip.length / wanted))}, {cells_across(scene)}], at its cost."
             )
         return
-    for roller in preview.assembly.rollers if scene.contact else ():
+    for roller in preview.assembly.rollers if scene.contact and scene.strip.bending else ():
         if (h := element_over(preview.assembly, roller)) > 1.01 * QUARTER * layer:
             coarse.setdefault(f"{h:.3g} m", []).append(roller.name)
     for size, names in coarse.items():
