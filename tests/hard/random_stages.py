@@ -160,6 +160,8 @@ def _tried(rng: np.random.Generator, seed: int) -> Course | None:
         seed, "", tables, circles, ends, bending, width, coefficient, excess, set(), 0.0,
         SHELL_WITHIN if shell else WITHIN, {},
     )  # fmt: skip
+    runs = course.way(tension, {}).runs  # bending fades towards the ends, which bear no moment
+    course.within += float(np.exp(-min(runs[0], runs[-1]) / layer))
     kinds = {
         "slip": _slip, "driven": _driven, "trimmed": _trimmed, "moved": _moved,
         "fed": _fed, "overloaded": _overloaded,
@@ -369,10 +371,10 @@ def _trimmed(rng: np.random.Generator, course: Course, tension: float, strain: f
 
 def _moved(rng: np.random.Generator, course: Course, tension: float, strain: float) -> bool:
     """A roller that is moved under a standing line: strip comes from the exit, or goes there."""
-    hold = course.most * _turns(course, tension)
     roller = course.tables["rollers"][int(rng.integers(len(course.circles)))]
     step = rng.uniform(-0.4, 0.4, 2) * roller["radius"]
     moved = {roller["name"]: step}
+    hold = course.most * max(sum(course.way(tension, at).turns) for at in ({}, moved))
     if not _apart(course, tension, moved) or strain * np.exp(hold) > STRAINED:
         return False
     duration = float(10.0 ** rng.uniform(-1.0, 1.0))
