@@ -5,6 +5,7 @@ With ``ANMSTRIP_SCREENSHOT=1`` in ``pvbatch`` it writes ``paraview.png`` there.
 """
 
 import os
+from math import dist, pi
 from pathlib import Path
 
 from paraview.simple import (
@@ -18,10 +19,20 @@ from paraview.simple import (
     ResetCamera,
     SaveScreenshot,
     Show,
+    WarpByVector,
 )
 
-PRESETS = {"surface_angle": "Grayscale", "tension": "Viridis (matplotlib)"}
-PRESETS["contact_status"] = PRESETS["tension"]
+INSET = 5.0e-4
+"""Rollers are drawn smaller by this share of the scene; else they show through the strip."""
+
+GREYS, SECTORS = (0.55, 0.67), 12
+"""Tones of the sectors of a roller, which show how it turns, and how many sectors there are."""
+
+TITLES = {
+    "tension": "tension (N/m)",
+    "contact_status": "contact (0 free, 1 touches, 2 slips)",
+    "surface_angle": "angle of the surface (rad)",
+}
 
 run = Path(os.environ.get("ANMSTRIP_RUN", "."))
 view = GetActiveViewOrCreate("RenderView")
@@ -33,8 +44,16 @@ for name, field in (
 ):
     file = run / f"{name}.pvd"
     if file.is_file():
-        reader = PVDReader(registrationName=f"{name} by {field}", FileName=str(file))
-        shown[field] = Show(reader, view)
+        drawn = f"{name} by {field}"
+        read = "rollers as computed" if name == "rollers" else drawn
+        source = PVDReader(registrationName=read, FileName=str(file))
+        if name == "rollers":
+            source.UpdatePipeline()
+            bounds = source.GetDataInformation().GetBounds()
+            source = WarpByVector(registrationName=drawn, Input=source)
+            source.Vectors = ["POINTS", "normal"]
+            source.ScaleFactor = -INSET * dist(bounds[::2], bounds[1::2])
+        shown[field] = Show(source, view)
 GetAnimationScene().UpdateAnimationUsingDataTimeSteps()
 GetAnimationScene().GoToLast()
 for field, display in shown.items():
@@ -42,9 +61,14 @@ for field, display in shown.items():
     ColorBy(display, ("POINTS", field))
     display.RescaleTransferFunctionToDataRange(False)
     colours = GetColorTransferFunction(field)
-    colours.ApplyPreset(PRESETS[field], True)
+    if field == "surface_angle":
+        edges = [2.0 * pi * k / SECTORS for k in range(SECTORS + 1)]
+        ends = [(edges[k + side], 3 * [GREYS[k % 2]]) for k in range(SECTORS) for side in (0, 1)]
+        colours.RGBPoints = [number for angle, grey in ends for number in (angle, *grey)]
+    else:
+        colours.ApplyPreset("Viridis (matplotlib)", True)
     bar = GetScalarBar(colours, view)
-    bar.Title, bar.ComponentTitle = "tension (N/m)" if field == "tension" else field, ""
+    bar.Title, bar.ComponentTitle = TITLES[field], ""
     bar.WindowLocation, bar.TitleFontSize, bar.LabelFontSize = "Lower Right Corner", 14, 14
     bar.RangeLabelFormat = "%.0f"
     display.SetScalarBarVisibility(view, field == "tension")

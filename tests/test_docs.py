@@ -297,13 +297,32 @@ def test_every_key_of_a_scene_is_described() -> None:
 
 def test_files_beside_the_package_say_the_same_as_it() -> None:
     """The version in all of them, and the packages that conda installs."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    config = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    project, backend = config["project"], config["build-system"]["requires"]
     recipe = (ROOT / "conda" / "recipe.yaml").read_text(encoding="utf-8")
     assert f'version: "{project["version"]}"' in recipe
     assert f"version: {project['version']}\n" in (ROOT / "CITATION.cff").read_text("utf-8")
-    run = recipe.partition("  run:\n")[2].partition("tests:")[0]
-    conda = {line.strip(" -").replace("matplotlib-base", "matplotlib") for line in run.splitlines()}
-    assert {name.replace(">=", " >=") for name in project["dependencies"]} <= conda
+    ((command, function),) = project["scripts"].items()
+    assert f"- {command} = {function}\n" in recipe
+    needed = f"python{project['requires-python']}"
+    for table, names in (("host", [*backend, "pip"]), ("run", project["dependencies"])):
+        listed = re.search(rf"  {table}:\n((?:    - .*\n)+)", recipe)
+        assert listed is not None
+        conda = re.findall(r"- (.*)", listed[1].replace("matplotlib-base", "matplotlib"))
+        assert sorted(conda) == sorted(name.replace(">=", " >=") for name in [needed, *names])
+
+
+@pytest.mark.slow
+def test_conda_recipe_renders() -> None:
+    """By rattler-build itself, which refuses what its schema does not know; nothing is built."""
+    rattler_build = pytest.importorskip("rattler_build")
+    recipe = rattler_build.Stage0Recipe.from_file(str(ROOT / "conda" / "recipe.yaml"))
+    (rendered,) = recipe.render()
+    found = rendered.recipe.to_dict()
+    assert found["package"]["name"] == "anmstrip"
+    assert found["build"]["noarch"] == "python"
+    source = ROOT / "conda" / found["source"][0]["path"]
+    assert (source / found["about"]["license_file"][0]).is_file()
 
 
 @pytest.mark.slow

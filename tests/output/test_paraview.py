@@ -20,14 +20,18 @@ ROOT = Path(__file__).parents[2]
 MACRO = """
 import json
 exec(open("docs/paraview_macro.py").read())
-from paraview.simple import GetDisplayProperties, GetSources
-told = {}
-for (name, _), source in GetSources().items():
+from paraview.simple import GetDisplayProperties, GetSources, servermanager
+told, sources = {}, {name: source for (name, _), source in GetSources().items()}
+computed = sources.pop("rollers as computed")
+for name, source in sources.items():
     display = GetDisplayProperties(source, view)
     field = display.ColorArrayName[1]
     lowest, highest = source.PointData[field].GetRange()
-    told[name] = [display.Visibility, field, lowest, highest, list(source.TimestepValues)]
-print("TOLD", json.dumps([view.ViewTime, told]))
+    times = (computed if name.startswith("rollers") else source).TimestepValues
+    told[name] = [display.Visibility, field, lowest, highest, list(times)]
+rollers = [servermanager.Fetch(s) for s in (computed, sources["rollers by surface_angle"])]
+points = [[s.GetPoint(k) for k in range(s.GetNumberOfPoints())] for s in rollers]
+print("TOLD", json.dumps([view.ViewTime, told, *points]))
 """
 """Runs the macro and tells what ParaView then shows."""
 
@@ -53,9 +57,12 @@ def test_macro_opens_a_run_in_paraview(tmp_path: Path) -> None:
         env=os.environ | {"ANMSTRIP_RUN": str(tmp_path / "run"), "ANMSTRIP_SCREENSHOT": "1"},
     )
     assert "ERR|" not in done.stderr
-    time, told = json.loads(done.stdout.partition("TOLD ")[2])
+    time, told, full, inset = json.loads(done.stdout.partition("TOLD ")[2])
     entries = read_collection(tmp_path / "run" / "strip.pvd")
     assert time == pytest.approx(entries[-1].time)
+    moved, size = np.subtract(inset, full), np.linalg.norm(np.ptp(full, axis=0))
+    normal = read_surface(tmp_path / "run" / entries[-1].file.replace("strip", "rollers")).fields
+    assert np.allclose(moved, -5e-4 * size * normal["normal"], rtol=1e-3, atol=1e-6)
     surface = read_surface(tmp_path / "run" / entries[-1].file)
     names = ("strip by tension", "strip by contact_status", "rollers by surface_angle")
     assert set(told) == set(names)
