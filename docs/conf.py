@@ -22,6 +22,7 @@ extensions = [
 ]
 html_theme = "furo"
 html_title = "anmstrip"
+html_static_path, html_css_files = ["_static"], ["tables.css"]
 exclude_patterns = ["README.md", "generated", "sg_execution_times.rst"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 myst_heading_anchors = 4
@@ -50,5 +51,6 @@ sphinx_gallery_conf = {
     "abort_on_example_error": True,
     "download_all_examples": False,
     "show_memory": False,
+    "capture_repr": (),
     "parallel": 2,
 }

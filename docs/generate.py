@@ -64,7 +64,8 @@ def table_of(model: type[BaseModel], head: str) -> Iterator[str]:
     """Yield the sentence of a table and its keys: meaning, unit, default, example."""
     text = " ".join(str(model.__doc__).partition("Examples")[0].split())
     yield f"{text}\n\n| key | meaning | unit | default | example |\n|---|---|---|---|---|"
-    for name, field in model.model_fields.items():
+    own = model.__annotations__  # first; what tables share comes after
+    for name, field in sorted(model.model_fields.items(), key=lambda item: item[0] not in own):
         if name == "edges" and head == "[[stages]]":
             continue  # every other key of a stage is the name of an edge
         meaning, _, unit = str(field.description).rpartition(" (")

@@ -11,6 +11,7 @@ import pytest
 from claims import Claim
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # workers have a core each; children inherit it
+os.fsync = lambda fd: None  # nothing here cuts the power, and a disk takes milliseconds each time
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -9,7 +9,6 @@ import matplotlib.pyplot as plt
 
 from anmstrip import Scene
 
-strip = {"length": 2.0, "width": 1.0, "thickness": 1e-3, "cells": [40, 1]}
 scene = Scene(
     strip={
         "length": 2.0,
@@ -26,7 +25,8 @@ scene = Scene(
     ],
     solver={"tolerance": 1e-4},
 )
-figure, axes = plt.subplots()
-for step in scene.run():
-    axes.plot(step.state.along("x"), step.state.along("z"), label=f"t = {step.time:.2f} s")
-axes.set(xlabel="x (m)", ylabel="z (m)", aspect="equal")
+figure, axes = plt.subplots(figsize=(6.4, 2.4), layout="constrained")
+for name, state in {step.stage: step.state for step in scene.run()}.items():
+    axes.plot(state.along("x"), state.along("z"), label=name)
+axes.set(xlabel="x (m)", ylabel="z (m)", ylim=(-0.02, 0.25), aspect="equal")
+axes.legend(loc="lower center", ncols=2)

@@ -28,7 +28,7 @@ scene = Scene(
     strip={**strip, "kinematics": "section"},
     material={"young": 2e11, "poisson": 0.3},
     edges={"exit": {"fixed": ["x"]}, "entry": {"fixed": ["z"]}},
-    stages=[{"duration": 1.0, "entry": {"move": [0.0, 0.0, 5e-3]}}],
+    stages=[{"duration": 0.1, "entry": {"move": [0.0, 0.0, 5e-4 * k]}} for k in range(1, 11)],
     solver={"tolerance": 1e-6},
 )
 figure, axes = plt.subplots()

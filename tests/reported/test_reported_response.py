@@ -83,7 +83,7 @@ def test_offset_follows_a_roller_that_is_yawed_to_and_fro() -> None:
 def test_command_writes_gain_and_phase(tmp_path: Path) -> None:
     """They are those of the amplitudes; names that are none are refused."""
     scene = str(EXAMPLES / "steering.toml")
-    coarse = ["strip.cells=[12, 2]", "strip.refined=0.05"]
+    coarse = ["strip.cells=[8, 2]", "strip.refined=0.2"]
     settings = ["--set", coarse[0], "--set", coarse[1], "-o", str(tmp_path), "--of", "offset"]
     result = CliRunner().invoke(main, ["response", scene, "--to", "rollers.r1.yaw", *settings])
     assert result.exit_code == 0, result.output
@@ -94,6 +94,7 @@ def test_command_writes_gain_and_phase(tmp_path: Path) -> None:
     turned = np.exp(1j * np.radians(table["phase"]))
     assert turned == pytest.approx(expected / np.abs(expected), rel=1e-9)
     assert (tmp_path / "response.png").read_bytes().startswith(b"\x89PNG")
-    result = CliRunner().invoke(main, ["response", scene, "--to", "yaw", *settings])
+    line = str(EXAMPLES / "bridle_map.toml")
+    result = CliRunner().invoke(main, ["response", line, "--to", "yaw", *settings[4:]])
     assert result.exit_code == 2
     assert "--to yaw" in result.output

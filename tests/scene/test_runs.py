@@ -360,6 +360,7 @@ def test_released_edge_keeps_its_tension(tmp_path: Path) -> None:
             "speed": 1.0,
         },
     )
+    tables["strip"]["kinematics"] = "section"
     tables["solver"]["tolerance"] = 1e-3
     tables["stages"] += [
         {"name": "wrap", "duration": 1.0, "friction": False, "entry": {"move": [0.0, 0.0, -0.02]}},
