@@ -433,7 +433,7 @@ def _hidden_mistakes(
 
 @cache
 def _adapter(model: type[BaseModel], name: str) -> TypeAdapter[Any]:
-    """Return what validates one table of a scene; it takes a tenth of a second to make."""
+    """Return what validates one table of a scene; to make it takes longer than to use it."""
     annotation: Any = model.model_fields[name].annotation
     return TypeAdapter(annotation)
 
