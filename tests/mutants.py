@@ -592,8 +592,8 @@ ESTIMATES = (
     ),
     Mutant(
         "elements of a whole layer",
-        "would be {QUARTER * layer:.3g} m",
-        "would be {layer:.3g} m",
+        "Try {finer_mesh(scene, QUARTER * layer)}",
+        "Try {finer_mesh(scene, layer)}",
         "explain",
     ),
     Mutant(
@@ -705,16 +705,12 @@ ADVICE = (
     ),
     Mutant(
         "elements of a layer",
-        "finer_mesh(failure, QUARTER * layer)",
-        "finer_mesh(failure, layer)",
+        "finer_mesh(failure.scene, QUARTER * layer)",
+        "finer_mesh(failure.scene, layer)",
         "advice",
+        "test_diagnosis.py",
     ),
-    Mutant(
-        "tolerance of the last digit",
-        "{2.0 * floor / CLEAR / share:.0e}",
-        "{0.02 * floor / CLEAR / share:.0e}",
-        "advice",
-    ),
+    Mutant("tolerance of the last digit", "{reachable:.0e}", "{0.01 * reachable:.0e}", "advice"),
     Mutant(
         "pressed by the double",
         "{-least[worst]:.3g} N/m, and buckles",
@@ -742,11 +738,11 @@ ADVICE = (
         "test_diagnosis.py",
     ),
     Mutant(
-        "finer mesh is the same",
-        "finer_mesh(failure, 0.5 * element)",
-        "finer_mesh(failure, element)",
+        "onset that the mesh is far from resolving",
+        "contact.onset={onset:.1g}",
+        "contact.onset={contact.onset:.1g}",
         "advice",
-        "test_diagnosis.py",
+        "test_advice.py",
     ),
 )
 

@@ -66,6 +66,10 @@ def test_what_is_free_is_named_and_held_by_what_is_told(tables: dict[str, Any], 
     assert found is not None, told
     changed = Scene.from_tables(scene.to_dict(), "line.toml", [found[1]])
     assert told_of(changed) == []
+    if scene.threading is None:
+        run = Run(changed)
+        assert list(run)
+        assert run.outcome.done
 
 
 @pytest.mark.parametrize(

@@ -67,16 +67,15 @@ def test_a_tolerance_near_round_off(tmp_path: Path) -> None:
     assert typed.history["residual"].max() <= proposed
 
 
-def test_long_elements_over_a_roller(tmp_path: Path) -> None:
-    """A quarter of √(D/T); the place is a node of the mesh, and near the roller."""
-    sharp = "contact.onset=1e-11", "solver.tolerance=1e-5"
+def test_a_sharp_onset_over_a_roller(tmp_path: Path) -> None:
+    """(h/4)²/2r is what elements resolve; the place is a node of the mesh, and near the roller."""
+    sharp = "contact.onset=1e-11", "contact.pressure=2e4", "solver.tolerance=1e-5"
     message, _ = stopped(scenes.TURNING, tmp_path, *sharp)
-    tension = float(np.hypot(1e4, 5773.5))
-    layer = np.sqrt(E * T**3 / 12.0 / (1.0 - NU**2) / tension)
     h = 0.5 * np.pi / np.ceil(0.5 * np.pi / 0.1)
+    onset = (0.25 * h) ** 2 / (2.0 * 0.5)
     assert (
-        f"Elements of {h:.3g} m over roller r1 are long against √(D/T) = {layer:.3g} m. "
-        f"Try --set strip.refined={0.25 * layer:.2g}"
+        f"Contact sets in over 1e-11 m, and elements resolve {onset:.2g} m. "
+        f"Try --set contact.onset={onset:.1g}"
     ) in message
     at = re.search(r"worst at x = (\S+) m \(in (\w), at roller r1\)", message)
     assert at is not None

@@ -293,15 +293,16 @@ def test_long_elements_are_warned_of(said: dict[str, str]) -> None:
     layer = np.sqrt(D / SLANTED)
     h = 0.5 * np.pi / np.ceil(0.5 * np.pi / 0.1)
     assert (
-        f"Warning: elements over r1 are {h:.3g} m long; a quarter of the boundary layer √(D/T) = "
-        f"{layer:.3g} m would be {0.25 * layer:.3g} m (strip.refined)."
+        f"Warning: elements over r1 are {h:.3g} m long, more than a quarter of the boundary layer "
+        f"√(D/T) = {layer:.3g} m; the run estimates what that costs. "
+        f"Try --set strip.refined={0.25 * layer:.3g}"
     ) in whole(said["TURNING"])
 
 
 def test_long_elements_of_a_string_are_not_warned_of(tmp_path: Path) -> None:
     """Strip that does not bend has no boundary layer: it was called 0 m."""
     told = whole(explained(scenes.TURNING, tmp_path, "strip.bending=false"))
-    assert "a quarter of the boundary layer" not in told
+    assert "the boundary layer" not in told
 
 
 def test_a_fast_reference_speed_is_warned_of(tmp_path: Path) -> None:
@@ -309,8 +310,8 @@ def test_a_fast_reference_speed_is_warned_of(tmp_path: Path) -> None:
     told = whole(explained(scenes.TURNING, tmp_path, "friction.speed=11.0"))
     assert (
         "Warning: friction.speed V_c = 11 m/s is far above the speed at which the strip slips, "
-        "about 1 m/s (elastic creep, unless an edge is held): rollers will slip visibly "
-        "(V_c = 1 is honest)."
+        "about 1 m/s (elastic creep, unless an edge is held): rollers will slip visibly. "
+        "Try --set friction.speed=1"
     ) in told
     assert "is far above" not in whole(explained(scenes.TURNING, tmp_path, "friction.speed=9.0"))
 

@@ -114,20 +114,23 @@ class Budget:
 
     @property
     def can_halve(self) -> bool:
-        """Whether elements of half the length are few enough."""
+        """Whether elements of half the length are few enough, of strip that cannot yield."""
         strip = self.assembly.strip
-        return int(2 ** strip.mesh.dim()) * strip.unknowns <= MOST_UNKNOWNS
+        few = int(2 ** strip.mesh.dim()) * strip.unknowns <= MOST_UNKNOWNS
+        return few and self.assembly.flow is None
 
     @cached_property
     def halved(self) -> Halved | None:
         """The scene on elements of half the length; None if it is too large, or can yield."""
-        known = self.can_halve and self.assembly.flow is None
-        return Halved.of(self.assembly) if known else None
+        return Halved.of(self.assembly) if self.can_halve else None
 
     @property
     def warnings(self) -> list[str]:
         """Sentences about a mesh that is too coarse."""
-        more = "Try shorter elements (strip.refined, strip.cells)."
+        scene = self.assembly.scene
+        laws = scene.friction is not None and scene.friction.regularisation == "auto"
+        shorter = scene.strip.mesh is not None or scene.strip.refined == "auto" or laws
+        more = "Try shorter elements." if shorter else "Try --set 'strip.refined=\"auto\"'"
         if self.lost:
             return [
                 "elements of half the length have no such state nearby, as far as was found: a "

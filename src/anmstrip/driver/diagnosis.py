@@ -14,8 +14,9 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import RESIDUAL_SHARE, Evidence, Outcome, PathStopped
+from anmstrip.driver.physics import two_digits
 from anmstrip.driver.preview import Preview, motions_at
-from anmstrip.driver.warnings import serious
+from anmstrip.driver.warnings import finer_mesh, serious
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.results.state import ContactState, State
 from anmstrip.scene.schema import SceneSpec, StageSpec
@@ -31,6 +32,15 @@ COARSE = 0.5
 
 CLEAR = 0.1
 """Share of the asked imbalance that round-off may make."""
+
+LOOSEST = 1e-2
+"""Tolerance that is proposed at most: what needs a looser one has another cause."""
+
+SHARP = 1e-3
+"""Onset of contact, over the one that the mesh resolves, that is called too sharp."""
+
+STIFF = 2.0
+"""Boundary layer √(D/T) over a radius from which on strip does not follow its thread."""
 
 SHARE, DIGITS = 0.01, 1e3
 """A usual step over the duration of a stage; speeds from which on friction is seen to turn."""
@@ -132,7 +142,7 @@ def too_many_steps(failure: Failure) -> str | None:
     key = keys.get(failure.stopped.outcome)
     if key is None:
         return None
-    doubt = forewarned(failure)
+    doubt = forewarned(failure) or slack(failure) or low_order(failure)
     more = f"Try --resume --set solver.{key}={2 * getattr(failure.scene.solver, key)}"
     return more if doubt is None else f"{more} but {doubt[0].lower()}{doubt[1:]}"
 
@@ -194,11 +204,12 @@ def round_off(failure: Failure) -> str | None:
     equilibrium = Equilibrium(plan.model, plan.supports, plan.controls)
     floor = equilibrium.imbalance(change[plan.supports.free])
     share = RESIDUAL_SHARE if plan.in_time else 1.0
-    if not floor > CLEAR * share * failure.scene.solver.tolerance:
+    reachable = 2.0 * floor / CLEAR / share
+    if not 2.0 * failure.scene.solver.tolerance < reachable < LOOSEST:
         return None
     return (
         f"The tolerance is near round-off: the last digit of the positions is worth {floor:.1g} "
-        f"of the forces. Try --set solver.tolerance={2.0 * floor / CLEAR / share:.0e}"
+        f"of the forces. Try --set solver.tolerance={reachable:.0e}"
     )
 
 
@@ -210,6 +221,22 @@ def forewarned(failure: Failure) -> str | None:
     plans, strings = preview.plans[:until], preview.strings[:until]
     found = serious(replace(preview, plans=plans, strings=strings))
     return f"{found[0][0].upper()}{found[0][1:]}" if found else None
+
+
+def stiff_strip(failure: Failure) -> str | None:
+    """Bending keeps a threaded strip from lying on its rollers."""
+    scene, stiffness = failure.scene, failure.assembly.strip.bending_stiffness
+    if failure.stage.name != THREADING or scene.threading is None or not scene.strip.bending:
+        return None
+    roller = min(failure.assembly.rollers, key=lambda roller: roller.radius)
+    layer = float(np.sqrt(stiffness / scene.threading.tension))
+    if not layer > STIFF * roller.radius:
+        return None
+    return (
+        f"The strip bends over √(D/T) = {layer:.2g} m, and cannot lie on roller {roller.name} of "
+        f"radius {roller.radius:.2g} m. "
+        f"Try --set threading.tension={two_digits(stiffness / roller.radius**2, np.ceil):g}"
+    )
 
 
 def slack(failure: Failure) -> str | None:
@@ -234,20 +261,20 @@ def slack(failure: Failure) -> str | None:
 
 
 def more_tension(failure: Failure) -> str:
-    """Say what to type to pull more: twice as much, or to a strain of 5e-5."""
+    """Say what to type to pull more: twice as much, or at least to a strain of 5e-5."""
     scene, stage = failure.scene, failure.stage.name
     if scene.threading is not None and stage == THREADING:
         return f"Try --set threading.tension={2.0 * scene.threading.tension:.3g}"
-    if failure.plan.in_time and not failure.state.full.any():
-        return f"To pull it before it rubs, try --set stages.{stage}.friction=false"
-    force = failure.plan.controls.at(1.0).get("exit.force", np.zeros(3))
+    held, least = scene.edges.get("exit"), 5e-5 * failure.assembly.strip.tensile_stiffness
+    force = np.asarray(failure.plan.controls.at(1.0).get("exit.force", np.zeros(3)))
     if force[0] > 0.0:
-        return f"Try --set 'stages.{stage}.exit.force={_vector(2.0 * force)}'"
-    held = scene.edges.get("exit")
+        larger = max(2.0, least / float(np.linalg.norm(force))) * force
+        return f"Try --set 'stages.{stage}.exit.force={_vector(larger)}'"
     if held is not None and "x" in held.fixed:
         return f"Try a larger x in stages.{stage}.exit.move."
-    tension = 5e-5 * failure.assembly.strip.tensile_stiffness
-    return f"Try --set 'stages.{scene.stages[0].name}.exit.force=[{tension:.3g}, 0.0, 0.0]'"
+    first = scene.stages[0]
+    calm = f" --set stages.{first.name}.friction=false" * failure.assembly.frictional(first)
+    return f"Try --set 'stages.{first.name}.exit.force=[{least:.3g}, 0.0, 0.0]'{calm}"
 
 
 def free_motion(failure: Failure) -> str | None:
@@ -268,15 +295,25 @@ def coarse(failure: Failure) -> str | None:
         return None
     return (
         f"Elements of {location.element:.3g} m over roller {location.roller} are long "
-        f"against √(D/T) = {layer:.3g} m. Try {finer_mesh(failure, QUARTER * layer)}"
+        f"against √(D/T) = {layer:.3g} m. Try {finer_mesh(failure.scene, QUARTER * layer)}"
     )
 
 
-def finer_mesh(failure: Failure, length: float) -> str:
-    """Return what to type for elements of a length over rollers."""
-    if failure.scene.strip.mesh is not None:
-        return f"a mesh with elements of {length:.2g} m there."
-    return f"--set strip.refined={length:.2g}"
+def sharp_contact(failure: Failure) -> str | None:
+    """A typed onset of contact that the mesh is far from resolving."""
+    contact, location = failure.scene.contact, failure.location
+    if contact is None or contact.onset is None or location is None or not location.roller:
+        return None
+    resolved = failure.scene.model_copy(
+        update={"contact": contact.model_copy(update={"onset": None})}
+    )
+    onset = Assembly(resolved).signorini.width
+    if not contact.onset < SHARP * onset:
+        return None
+    return (
+        f"Contact sets in over {contact.onset:.2g} m, and elements resolve {onset:.2g} m. "
+        f"Try --set contact.onset={onset:.1g}"
+    )
 
 
 def stiff_friction(failure: Failure) -> str | None:
@@ -301,7 +338,7 @@ def low_order(failure: Failure) -> str | None:
     """Series of few terms, asked for: their steps may shrink where those of more do not."""
     given, assembly = failure.scene.solver.order, failure.assembly
     size = size_of(assembly, assembly.kinematics)
-    if given is None or size is None or failure.stopped.outcome is not Outcome.STALLED:
+    if given is None or size is None or failure.stopped.outcome is Outcome.FOLD:
         return None
     order = cheapest_order(size, failure.scene.solver.tolerance)
     if 2 * given > order:
@@ -309,29 +346,22 @@ def low_order(failure: Failure) -> str | None:
     return f"Series of order {given} are short. Try --set solver.order={order}"
 
 
-def still_coarse(failure: Failure) -> str | None:
-    """Nothing else is known, but it is at a roller, where the mesh decides."""
-    location = failure.location
-    if location is None or not location.roller or failure.stopped.outcome is Outcome.FOLD:
-        return None
-    element = min(location.element, failure.scene.strip.element_length or np.inf)
-    finer = finer_mesh(failure, 0.5 * element)
-    return f"Try a finer mesh over roller {location.roller}: {finer}"
-
-
 def asked_too_much(failure: Failure) -> str:
-    """The stage changes more than the strip can follow."""
-    stage = failure.stage
-    rollers = {f"rollers.{name}": roller for name, roller in stage.rollers.items()}
-    tables = {**stage.edges, **rollers}
-    keys = [
-        f"{n}.{k}" for n, table in tables.items() for k in table.model_dump(exclude_defaults=True)
-    ]
-    keys += [key for key in ("gravity", "pressure") if getattr(stage, key) is not None]
-    if keys:
-        changed = ", ".join(f"stages.{stage.name}.{key}" for key in keys)
-        return f"This stage changes {changed}: try a smaller change."
-    return f"Try --set stages.{stage.name}.duration={2.0 * failure.plan.duration:g}"
+    """What has changed last, in this stage or before it, is more than the strip can follow."""
+    course = failure.scene.course
+    until = [stage.name for stage in course].index(failure.stage.name)
+    for stage in reversed(course[: until + 1]):
+        rollers = {f"rollers.{name}": roller for name, roller in stage.rollers.items()}
+        keys = [
+            f"{name}.{key}"
+            for name, table in {**stage.edges, **rollers}.items()
+            for key in table.model_dump(exclude_defaults=True)
+        ]
+        keys += [key for key in ("gravity", "pressure") if getattr(stage, key) is not None]
+        if keys:
+            changed = ", ".join(f"stages.{stage.name}.{key}" for key in keys)
+            return f"Stage {stage.name} changes {changed}: try a smaller change."
+    return more_tension(failure)
 
 
 def _vector(values: Array) -> str:
@@ -343,14 +373,15 @@ CAUSES: tuple[Callable[[Failure], str | None], ...] = (
     too_many_steps,
     not_held,
     squeezed,
-    round_off,
     forewarned,
+    stiff_strip,
     slack,
+    round_off,
     free_motion,
-    coarse,
+    sharp_contact,
     stiff_friction,
     low_order,
-    still_coarse,
+    coarse,
     asked_too_much,
 )
 """Likely causes, the surest first; the last one always has words."""

@@ -343,8 +343,7 @@ def strip_runs_out(preview: Preview) -> Iterator[str]:
         if travel > run > 0.0:
             yield (
                 f"the strip travels {travel:.3g} m, and after {run:.3g} m its {end} comes to a "
-                f"roller. Take strip.feed = false out, so that fresh strip follows, or type a "
-                f"threading.{end} further away."
+                "roller. So that fresh strip follows, try --set strip.feed=true"
             )
 
 
@@ -370,14 +369,9 @@ def nip(preview: Preview) -> Iterator[str]:
 
 RULES = (
     nip,
-    other_units,
-    meeting_rollers,
-    roller_in_the_way,
     untouched_roller,
-    driven_without_friction,
     beyond_yield,
     stretched_beyond_yield,
     gravity_upwards,
     unequal_speeds,
-    strip_runs_out,
 )

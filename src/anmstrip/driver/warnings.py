@@ -12,14 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from anmstrip.driver import physics
+from anmstrip.driver.budget import Budget
 from anmstrip.driver.preview import UNSEEN, Preview, free_motions
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.mechanics.roller import Roller
+from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS
 from anmstrip.simulation.defaults import boundary_layer, elastic_creep
 from anmstrip.simulation.meshing import (
     QUARTER,
-    cells_across,
     finer,
     most_unknowns,
     stands,
@@ -170,8 +171,7 @@ def heavy_strip(preview: Preview) -> Iterator[str]:
         if weight > largest:
             yield (
                 f"in stage {plan.name} the strip weighs {weight:.2g} N/m, {weight / largest:.2g} "
-                "times its tension, and sags deeply. Try a larger tension, or gravity from the "
-                "first stage on."
+                "times its tension, and sags deeply. Try a larger tension."
             )
 
 
@@ -189,19 +189,27 @@ def coarse_mesh(preview: Preview) -> Iterator[str]:
         if finest * finer(scene) > 1.2 * wanted > 0.0:
             yield (
                 f"elements where the strip lifts off its rollers are {finest:.2g} m long instead "
-                f"of {wanted:.2g} m, so that there are no more than {most} unknowns. Less "
-                f"travel makes them shorter, and so does strip.cells = "
-                f"[{int(np.ceil(strip.length / wanted))}, {cells_across(scene)}], at its cost."
+                f"of {wanted:.2g} m, so that there are no more than {most} unknowns. Less travel "
+                "makes them shorter."
             )
         return
     for roller in preview.assembly.rollers if scene.contact and scene.strip.bending else ():
         if (h := element_over(preview.assembly, roller)) > 1.01 * QUARTER * layer:
             coarse.setdefault(f"{h:.3g} m", []).append(roller.name)
     for size, names in coarse.items():
+        estimated = "; the run estimates what that costs" * Budget(preview.assembly).can_halve
         yield (
-            f"elements over {', '.join(names)} are {size} long; a quarter of the boundary layer "
-            f"√(D/T) = {layer:.3g} m would be {QUARTER * layer:.3g} m (strip.refined)."
+            f"elements over {', '.join(names)} are {size} long, more than a quarter of the "
+            f"boundary layer √(D/T) = {layer:.3g} m{estimated}. "
+            f"Try {finer_mesh(scene, QUARTER * layer)}"
         )
+
+
+def finer_mesh(scene: SceneSpec, length: float) -> str:
+    """Return what to type for elements of a length (m) over rollers."""
+    if scene.strip.mesh is not None:
+        return f"a mesh with elements of {length:.3g} m there."
+    return f"--set strip.refined={length:.3g}"
 
 
 def slip_speed(preview: Preview) -> float:
@@ -238,7 +246,7 @@ def slipping_friction(preview: Preview) -> Iterator[str]:
         yield (
             f"friction.speed V_c = {law.speed:g} m/s is far above the speed at which the strip "
             f"slips, about {slip:.2g} m/s (elastic creep, unless an edge is held): rollers will "
-            f"slip visibly (V_c = {slip:.1g} is honest)."
+            f"slip visibly. Try --set friction.speed={slip:.1g}"
         )
     elif spec.law == "norton-hoff" and np.isfinite(slip):
         share = float(law.share(slip))
@@ -256,11 +264,16 @@ def acts_as(coefficient: float, share: float, slip: float) -> str:
 
 
 SERIOUS_RULES = (
+    physics.other_units,
+    physics.roller_in_the_way,
+    physics.meeting_rollers,
+    physics.driven_without_friction,
     sharp_roller,
     soft_contact,
     slack_start,
     released_strip,
     physics.beyond_capacity,
+    physics.strip_runs_out,
     slack_end,
     heavy_strip,
 )

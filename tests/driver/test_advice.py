@@ -1,0 +1,286 @@
+"""Every message that proposes a setting, on a scene that causes it: what is typed cures it."""
+
+from __future__ import annotations
+
+import ast
+import copy
+import re
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+import test_diagnosis
+import test_forewarnings
+from test_forewarnings import BRIDLE, LAY, PULL, WRONG, changed
+
+import anmstrip
+from anmstrip.driver.preview import Preview
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.driver.warnings import OTHER_RULES, SERIOUS_RULES, warnings
+from anmstrip.simulation.problem import Assembly
+
+FLAT, SHORT = test_forewarnings.TABLES, test_diagnosis.TABLES
+
+
+def typed(message: str) -> list[str]:
+    """Settings that a message tells to type, as they are pasted."""
+    found = re.findall(r"--set (?:'([^']+)'(?=\s|$)|([\w.]+=\S+))", message)
+    return [quoted or plain for quoted, plain in found]
+
+
+def told(tables: dict[str, Any], settings: Sequence[str] = ()) -> list[str]:
+    """All warnings before a run."""
+    return warnings(Preview.of(Assembly(Scene.from_tables(tables, "line.toml", settings))))
+
+
+def ended(tables: dict[str, Any], settings: Sequence[str] = (), most: int = 1500) -> Run:
+    """A run with some settings more, to its end."""
+    bounded = {**tables, "solver": {"max_tangents": most, **tables.get("solver", {})}}
+    run = Run(Scene.from_tables(bounded, "line.toml", settings))
+    for _ in run:
+        pass
+    return run
+
+
+@cache
+def done(text: str) -> str:
+    """What a run stops with, nothing if it is done."""
+    run = ended(ast.literal_eval(text))
+    return "" if run.outcome.done else run.message
+
+
+def merged(tables: dict[str, Any], **others: Any) -> dict[str, Any]:
+    """A copy of a scene with other tables, or other values in them."""
+    found = copy.deepcopy(tables)
+    for name, table in others.items():
+        both = isinstance(table, dict) and name in found
+        found[name] = {**found[name], **table} if both else table
+    return found
+
+
+# before a run ------------------------------------------------------------------------------------
+
+FREE = {"name": "last", "duration": 1.0, "entry": {"release": True}}
+FLAT_LAID = merged(FLAT, stages=[PULL])
+LOOSE = merged(
+    BRIDLE,
+    rollers=[{**roller, "drive": "idle"} for roller in BRIDLE["rollers"]],
+    stages=[BRIDLE["stages"][0], {"name": "start", "duration": 0.1, "entry": {"release": True}}],
+)
+TOUCHING = merged(  # from 1.005 of the sum of the radii into one another
+    changed(("rollers.1.centre", [0.0, 0.0, -0.603]), ("threading.exit", [4.3, 0.0, -0.8])),
+    stages=[
+        BRIDLE["stages"][0],
+        {"name": "run", "duration": 1.0, "rollers": {"b": {"move": [0.0, 0.0, 0.1]}}},
+    ],
+)
+MORE: list[tuple[dict[str, Any], str, list[str]]] = [
+    (merged(FLAT, strip={"refined": 0.25}), "cannot follow its radius", []),
+    (merged(FLAT, contact={"stiffness": 1e5}), "the strip sinks 0.36 m into roller r1", []),
+    (merged(FLAT, contact={"stiffness": None, "eta": None, "delta": None, "onset": 0.1,
+                           "pressure": 1.0}), "into roller r1", []),
+    (merged(FLAT_LAID, contact={"stiffness": None, "eta": None, "delta": None, "onset": 0.05}),
+     "contact sets in", []),
+    (merged(FLAT_LAID, contact={"stiffness": None, "eta": None, "delta": None},
+            strip={"cells": [2, 1], "refined": 2.0}), "contact sets in", []),
+    (merged(FLAT, stages=[{**PULL, "friction": True}, LAY]), "pulls a slack strip", []),
+    (merged(FLAT, stages=[PULL, LAY, {**FREE, "friction": False}]),
+     "nothing holds the strip in x in stage last", ["stages.last.entry.release=false"]),
+    (LOOSE, "nothing says how fast the strip runs in stage start", []),
+    (merged(FLAT, stages=[PULL, LAY, {"name": "last", "duration": 1.0,
+                                      "exit": {"force": [0.0, 0.0, 0.0]}}]),
+     "leaves the strip without tension", []),
+    (TOUCHING, "moves a and b 0.097 m into one another", ["stages.run.rollers.b.move=[0, 0, 0]"]),
+    (changed(("stages.1.friction", False)), "roller a turns, but nothing rubs on it", []),
+    (changed(("stages.1.rollers.b.surface_speed", 0.5)), "roller b goes at 0.5 m/s",
+     ['rollers.b.drive="idle"', 'stages.run.rollers.b={}']),
+    (changed(("friction", {"law": "norton-hoff", "coefficient": 0.2, "speed": 1e-8})),
+     "acts as 0.283", ['friction.law="algebraic"']),
+    (changed(("rollers.0.centre", [0.0, 0.0, 0.4]), ("stages.1.entry.tension", 4e4)),
+     "the strip runs away", ["friction.coefficient=0.5"]),
+]  # fmt: skip
+"""Scenes, words of what is told of them, and what is typed of advice that leaves a choice."""
+
+FOLLOWED = {
+    "material.young = 200000 is in Pa": ["material.young=2e11", "threading.tension=5e3"],
+    "was it meant in GPa": ["material.young=2e11", "threading.tension=5e3"],
+    "0.1 m inside of roller c": ["rollers.c.centre=[-2.0, 0.0, 0.41]"],
+    "roller c is touched by nothing: the strip passes at 0.1 m": ["rollers.c.centre=[-2, 0, 0.2]"],
+    "the strip comes off roller a in stage run": ["stages.run.rollers.b.move=[0, 0, 0.2]"],
+    "which pulls at its entry by 4e+04 N/m against 1e+04 N/m, and on 222° of wrap friction "
+    "holds 2.17 times": ["stages.run.entry.tension=2.1e4"],
+    "on 111° of wrap friction holds 1.47 times": ["stages.run.entry.tension=1.4e4"],
+    "a stress of 600 MPa, beyond 500 MPa": [
+        "stages.run.entry.tension=1.5e5", "stages.run.exit.tension=1.5e5",
+    ],
+    "in stage run the strip weighs": ["threading.tension=2e4"],
+}  # fmt: skip
+"""The same of the lines of ``test_forewarnings.py``."""
+
+CLOSE = "stage run moves a and b 0.1 m into one another"
+SAID = [(changed(*changes), words, FOLLOWED.get(words, [])) for changes, words, _ in WRONG] + MORE
+
+
+@pytest.mark.parametrize(
+    ("tables", "words", "chosen"),
+    [pytest.param(*s, marks=[pytest.mark.slow] * (s[1] == CLOSE), id=s[1][:40]) for s in SAID],
+)
+def test_what_is_told_before_a_run_is_cured_by_what_is_typed(
+    tables: dict[str, Any], words: str, chosen: list[str]
+) -> None:
+    """The warning is gone, and the run is done."""
+    before = told(tables)
+    found = [line for line in before if words in line]
+    assert len(found) == 1, before
+    settings = chosen or typed(found[0])
+    assert settings, found
+    begin = re.split(r"[\d=]", found[0])[0]
+    assert not [line for line in told(tables, settings) if line.startswith(begin)]
+    scene = Scene.from_tables(tables, "line.toml", settings)
+    assert not done(repr(scene.to_dict()))
+
+
+# where a run stops -------------------------------------------------------------------------------
+
+STEEP = {
+    "name": "wrap",
+    "duration": 0.5,
+    "friction": False,
+    "entry": {"move": [0.0, 0.0, -0.45]},
+    "exit": {"force": [1e4, 0.0, -5773.5]},
+}
+TURNING = {
+    **SHORT,
+    "contact": {"pressure": 2e4, "onset": 1e-4},
+    "stages": [test_diagnosis.TENSION, STEEP, {**test_diagnosis.TURN, "duration": 0.4}],
+}
+HELD = {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["x", "z"]}}
+PUSH = {"name": "push", "duration": 2.0, "exit": {"move": [-0.01, 0.0, 0.0]}}
+LIFT = {"name": "lift", "duration": 1.0, "friction": False, "entry": {"move": [0.0, 0.0, -0.45]}}
+PRESS = {"name": "press", "duration": 1.0, "friction": False,
+         "rollers": {"r2": {"move": [0.0, 0.0, -0.02]}}}  # fmt: skip
+HEAVY = {"name": "heavy", "duration": 1.0, "friction": False, "gravity": [0.0, 0.0, -9.81]}
+PULLED = changed(("stages.1.entry.tension", 4.9e5), ("stages.1.exit.tension", 4.9e5))
+
+STOPS: dict[str, tuple[dict[str, Any], str, list[str]]] = {
+    "too_many_steps": (
+        merged(TURNING, solver={"tolerance": 1e-4, "max_tangents": 20}), "the allowed number", [],
+    ),
+    "not_held": (
+        merged(SHORT, edges={"entry": {"fixed": ["z"]}}, stages=[test_diagnosis.TENSION]),
+        "Nothing holds the strip in x", [],
+    ),
+    "round_off": (merged(SHORT, solver={"tolerance": 1e-11}), "near round-off", []),
+    "stiff_strip": (changed(("threading.tension", 30.0)), "bends over √(D/T) = 0.78 m", []),
+    "slack": (
+        merged(SHORT, stages=[{**LIFT, "exit": {"force": [1e-3, 0.0, 0.0]}}]),
+        "under no tension", [],
+    ),
+    "slack, rubbing": (
+        merged(SHORT, stages=[{**LIFT, "friction": True}], solver={"tolerance": 1e-7}),
+        "under no tension", [],
+    ),
+    "slack, pressed": (
+        merged(SHORT, material={"density": 7850.0}, stages=[HEAVY], edges={
+            "entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"]}}),
+        "and buckles", [],
+    ),
+    "slack, pushed": (
+        merged(SHORT, strip={"refined": 0.25}, edges=HELD, stages=[PUSH], rollers=[],
+               solver={"tolerance": 1e-9}),
+        "Try a larger x in stages.push.exit.move.", ["stages.push.exit.move=[0.01, 0.0, 0.0]"],
+    ),
+    "sharp_contact": (
+        merged(TURNING, contact={"onset": 1e-11}, solver={"tolerance": 1e-5}),
+        "Contact sets in over 1e-11 m", [],
+    ),
+    "stiff_friction": (
+        merged(SHORT, friction={"coefficient": 0.3, "speed": 1e-13, "law": "tanh"}),
+        "Friction turns round", [],
+    ),
+    "low_order": (
+        merged(SHORT, solver={"order": 2, "tolerance": 1e-6, "max_tangents": 300}),
+        "Series of order 2 are short", [],
+    ),
+    "forewarned": (changed(("threading.tension", 9.0)), "was it meant in MPa", []),
+}  # fmt: skip
+"""Scenes that stop, words of what is told then, and what is typed of advice with a choice."""
+
+
+@pytest.mark.parametrize("rule", STOPS)
+def test_a_run_that_stops_is_done_with_what_is_typed(rule: str) -> None:
+    tables, words, chosen = STOPS[rule]
+    run = ended(tables)
+    assert not run.outcome.done
+    assert words.lower() in run.message.lower()
+    settings = chosen or typed(run.message)
+    assert settings, run.message
+    again = ended(tables, settings)
+    assert again.outcome.done, again.message
+
+
+@pytest.mark.slow
+def test_long_elements_are_what_stops_a_line_pulled_fifty_times_as_much() -> None:
+    """Its boundary layer becomes shorter than its elements."""
+    run = ended(PULLED, most=10_000)
+    assert "Elements of" in run.message
+    assert ended(PULLED, typed(run.message)).outcome.done
+    less = ["stages.run.entry.tension=1.5e5", "stages.run.exit.tension=1.5e5"]  # a smaller change
+    assert ended(PULLED, less).outcome.done
+
+
+def test_a_mesh_that_is_too_coarse_is_cured(tmp_path: Path) -> None:
+    """At the end of a run, by its estimated errors."""
+    given = ["strip.refined=0.8", "strip.cells=[5, 2]", "solver.tolerance=1e-3"]
+    found = []
+    for settings in (given, [*given, 'strip.refined="auto"']):
+        run = Scene.from_tables(TURNING, "line.toml", settings).run(tmp_path / str(len(settings)))
+        for _ in run:
+            pass
+        found.append([line for line in run.warnings if "elements of half the length" in line])
+    assert typed(found[0][0]) == ['strip.refined="auto"']
+    assert not found[1]
+
+
+# all of them -------------------------------------------------------------------------------------
+
+ELSEWHERE = {
+    "squeezed": "test_diagnosis.py",
+    "asked_too_much": "test_diagnosis.py",
+    "more_tension": "slack",
+    "coarse": "of the line pulled fifty times as much",
+    "warnings": "the budget, of a mesh that is too coarse",
+    "motions_at": "test_freedom.py",
+    "_words": "test_freedom.py",
+    "differences": "test_resume.py",
+    "finer_mesh": "coarse_mesh",
+    "running_loose": "released_strip",
+    "acts_as": "slipping_friction",
+}
+"""Functions that propose something and have another name or place."""
+
+
+def proposing(path: Path) -> set[str]:
+    """Functions of a module that propose something, in other strings than their docstrings."""
+    found = set()
+    for function in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(function, ast.FunctionDef):
+            told = ast.get_docstring(function, clean=False)
+            texts = (node.value for node in ast.walk(function) if isinstance(node, ast.Constant))
+            if any(re.search(r"\b[Tt]ry |--set ", t) for t in texts if str(t) == t != told):
+                found.add(function.name)
+    return found
+
+
+def test_every_function_that_proposes_a_setting_is_tested() -> None:
+    folder = Path(anmstrip.__file__).parent / "driver"
+    wanted = set().union(*map(proposing, folder.glob("*.py"))) - set(ELSEWHERE) - set(STOPS)
+    scenes = [Scene.from_tables(tables, "line.toml") for tables, _, _ in SAID]
+    previews = [Preview.of(Assembly(scene)) for scene in scenes]
+    rules = [rule for rule in (*SERIOUS_RULES, *OTHER_RULES) if rule.__name__ in wanted]
+    assert wanted == {rule.__name__ for rule in rules}
+    for rule in rules:
+        assert any(any(True for _ in rule(preview)) for preview in previews), rule.__name__

@@ -1,0 +1,86 @@
+"""What the reader tells to type, typed: the mistake is gone."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from typing import Any
+
+import pytest
+from test_rules import GOOD, PLATE, THREADED, WRONG, WRONG_PLATE, WRONG_SECTION, WRONG_THREADED
+
+from anmstrip.driver.scene import Scene
+from anmstrip.errors import InputError, Mistake
+from anmstrip.simulation.problem import Assembly
+
+SECTION = THREADED.replace("refined = 0.025", 'refined = 0.025\nkinematics = "section"')
+TEXTS = [
+    text.replace(old, new, 1)
+    for text, wrong in (
+        (GOOD, WRONG),
+        (THREADED, WRONG_THREADED),
+        (SECTION, WRONG_SECTION),
+        (PLATE, WRONG_PLATE),
+    )
+    for old, new, _, _ in wrong
+]
+IN_STRIP = ("kinematics", "bending", "feed")
+CHOSEN = {"strip.mesh": "either mesh or cells; take one out"}
+"""What is typed where the file of a mesh is missing."""
+
+
+def mistakes_in(tables: dict[str, Any]) -> list[Mistake]:
+    try:
+        Assembly(Scene.from_tables(tables, "line.toml")).strip  # noqa: B018
+    except InputError as error:
+        return list(error.mistakes)
+    return []
+
+
+def inner(tables: Any, path: list[str]) -> Any:
+    """A table inside of others, made if it is not there; entries of a list go by their names."""
+    for part in path:
+        if isinstance(tables, list):
+            tables = next(table for table in tables if table["name"] == part)
+        else:
+            tables = tables.setdefault(part, {})
+    return tables
+
+
+def typed(tables: dict[str, Any], mistake: Mistake) -> None:
+    """Type the hint of a mistake into a scene, the first of several that are to be had."""
+    *path, last = mistake.key.split(".")
+    hint = CHOSEN.get(mistake.key, mistake.hint).replace("[…]", "[0.0, 0.0, 1.0]")
+    if near := re.match(r"(?:one of: )?(\w+)(?: \(the nearest|,|$)", hint):
+        table = inner(tables, path)
+        table[near[1]] = table.pop(last)
+    elif hint.startswith(("take it out", "no ", "one of them", "one; ")):
+        del inner(tables, path)[last]
+    elif given := re.match(r"either (\w+) or", hint):
+        del inner(tables, path)[given[1]]
+    elif hint.startswith("wrap"):
+        inner(tables, ["rollers"])[0]["wrap"] = "over"
+    else:
+        release = re.search(r"\w+\.release = true", hint)
+        words = release[0] if release else re.split(r", or (?=[a-z])|, for |; ", hint)[0]
+        for key, value in tomllib.loads(words).items():
+            place = [] if words.startswith("[") else path
+            if key in path:  # in place of what is there
+                inner(tables, path).pop(last) if "force" in value else None
+                place = path[: path.index(key)]
+            elif key in IN_STRIP:
+                place = ["strip"]
+            table = inner(tables, [*place, key] if isinstance(value, dict) else place)
+            table.update(value if isinstance(value, dict) else {key: value})
+
+
+@pytest.mark.parametrize("text", TEXTS)
+def test_what_the_reader_tells_to_type_takes_the_mistake_away(text: str) -> None:
+    try:
+        tables = tomllib.loads(text)
+    except ValueError:
+        pytest.skip("a number of five thousand digits")
+    for mistake in mistakes_in(tables):
+        changed = tomllib.loads(text)
+        typed(changed, mistake)
+        assert mistake.key not in {m.key for m in mistakes_in(changed)}, mistake.hint
