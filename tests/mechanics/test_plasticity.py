@@ -183,8 +183,16 @@ def test_reversals_do_not_stall_and_cost_like_the_logarithm_of_the_exponent(kind
         *_, last = piece.bent(4.0, *([-4.0, 4.0] * 2))
         assert last[int(kind is Piece)] > 1.3
         tangents.append(np.mean(piece.tangents))
-    assert tangents[0] < 42
+    assert tangents[0] < 41
     assert (np.array(tangents) <= tangents[0] * np.log(exponents) / np.log(5)).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("exponent", "tangents"), [(5, 44), (21, 63), (51, 90), (101, 104)])
+def test_ten_cycles_take_the_tangents_that_the_documentation_tells(exponent, tangents):
+    piece = Piece(exponent, 0.2, tolerance=1e-3)
+    assert len(list(piece.bent(4.0, *([-4.0, 4.0] * 10)))) == 21
+    assert np.mean(piece.tangents[1:]) == pytest.approx(tangents, rel=0.03)
 
 
 def test_moment_on_the_way_is_within_a_few_tolerances():

@@ -351,3 +351,17 @@ def test_false_compression_of_a_coarse_shell_is_warned_of(tmp_path: Path) -> Non
     assert float(told[1].partition("but by ")[2].split()[0]) == pytest.approx(halved, rel=0.02)
     assert smallest < halved < 0.3 * largest
     assert not any(FALSE in words for words in finer.summary["warnings"])
+
+
+@pytest.mark.slow
+def test_compression_that_the_documentation_tells(tmp_path: Path) -> None:
+    """On elements of 0.5 m, on half the length, and what the span bears (N/m)."""
+    given = ("strip.cells=[8, 8]", "strip.refined=10.0")
+    warnings = run(PRESS.read_text(encoding="utf-8"), tmp_path / "press", *given).summary[
+        "warnings"
+    ]
+    (told,) = [words for words in warnings if FALSE in words and "and the exit" in words]
+    (borne,) = [words for words in warnings if "likely above" in words and "and the exit" in words]
+    numbers = [words.partition(head)[2].split()[0] for words, head in (
+        (told, "compressed by "), (told, "but by "), (borne, "likely above "))]  # fmt: skip
+    assert [float(number) for number in numbers] == pytest.approx([4140, 765, 1640], rel=0.01)
