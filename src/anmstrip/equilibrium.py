@@ -280,6 +280,13 @@ class Equilibrium:
         forces = residual / self.free_units
         return math.sqrt(forces.dot(forces)) / self.model.scales.force
 
+    def round_off(self, full: Array, velocity: Array | None, control: float) -> float:
+        """Imbalance that a change of the last digits of all displacements makes."""
+        signs = np.where(np.arange(len(full)) % 3 == 1, -1.0, 1.0)
+        moved = full * (1.0 + np.finfo(float).eps * signs)
+        forces = [self.model.force(x, velocity, self.controls, control) for x in (moved, full)]
+        return self.imbalance(self.supports.gathered(forces[0] - forces[1]))
+
 
 class EquilibriumSeries:
     """Orders of R at one point; a :class:`~anmstrip.continuation.equations.Recurrence`."""

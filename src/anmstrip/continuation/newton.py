@@ -64,7 +64,7 @@ class Newton:
                 change = factors.solve(residual)
             residual, found = self._residual(u - change, control)
             for _ in range(self.settings.halvings):
-                if found < self.settings.growth * imbalance:
+                if found < max(self.settings.growth * imbalance, self.settings.tolerance):
                     break
                 change = 0.5 * change
                 residual, found = self._residual(u - change, control)

@@ -198,11 +198,8 @@ def round_off(failure: Failure) -> str | None:
     The floor is the imbalance, over the force scale, that a change of the last digit makes.
     """
     plan, state = failure.plan, failure.state
-    signs = np.where(np.arange(len(state.full)) % 3 == 1, -1.0, 1.0)
-    moved = state.full * (1.0 + np.finfo(float).eps * signs)
-    change = replace(state, full=moved).imbalance - state.imbalance
     equilibrium = Equilibrium(plan.model, plan.supports, plan.controls)
-    floor = equilibrium.imbalance(change[plan.supports.free])
+    floor = equilibrium.round_off(state.full, state.velocity, state.control)
     share = RESIDUAL_SHARE if plan.in_time else 1.0
     reachable = 2.0 * floor / CLEAR / share
     if not 2.0 * failure.scene.solver.tolerance < reachable < LOOSEST:

@@ -67,10 +67,11 @@ class FieldSampler:
         )  # elements first, basis functions last
         self.cells, self.reference = patch.cells, patch.reference
         if self.lines > 1:
+            # the points across follow each other: their equal values are compressed to a third
             across, count = np.arange(self.lines), self.reference.shape[1]
-            self.cells = (self.own[:, None, :] + count * across[:, None]).reshape(-1, 16)
-            self.reference = np.tile(self.reference, (1, self.lines))
-            self.reference[1] = np.repeat((across / 3.0 - 0.5) * strip.width, count)
+            self.cells = (self.lines * self.own[:, None, :] + across[:, None]).reshape(-1, 16)
+            self.reference = np.repeat(self.reference, self.lines, axis=1)
+            self.reference[1] = np.tile((across / 3.0 - 0.5) * strip.width, count)
         if local is None:
             self.cells = facing(self.reference, self.cells)
 
@@ -98,7 +99,7 @@ class FieldSampler:
         flat = values.reshape(-1, self.own.size)
         mean = [np.bincount(self.own.ravel(), v) / self.shared for v in flat]
         points = np.stack(mean, axis=-1).reshape(-1, *values.shape[:-2])
-        return np.tile(points, (self.lines,) + (1,) * (points.ndim - 1))
+        return np.repeat(points, self.lines, axis=0)
 
     def _at_points(self, table: Array, full: Array) -> Array:
         """Sum of the basis functions in a table, shape (components, ..., elements, points)."""
@@ -151,7 +152,7 @@ class FieldSampler:
         cells, status = self.contact.cells, np.zeros(len(self.shared))
         fields = {n: self._average(v[..., cells] @ self.from_contact.T) for n, v in values.items()}
         np.maximum.at(status, self.own, found_status[cells[:, self.nearest]])
-        return {**fields, "contact_status": np.tile(status, self.lines)}
+        return {**fields, "contact_status": np.repeat(status, self.lines)}
 
     def _stress(self, state: Readable) -> dict[str, Array]:
         """Membrane forces, moments, von Mises stress of the top surface, curvature, normal."""
