@@ -51,14 +51,15 @@ class Newton:
         cost, factors, before = self.cost, None, np.inf
         residual, imbalance = self._residual(u, control)
         for iteration in range(self.settings.most + 1):
+            here = Corrected(u, control, iteration, imbalance)
             if imbalance <= self.settings.tolerance and iteration >= self.settings.least:
-                return Corrected(u, control, iteration, imbalance)
+                return here
             if not np.isfinite(imbalance):
                 return None
             if factors is None or imbalance > self.settings.kept * before:
                 factors = self._factors(u, control)
                 if factors is None:
-                    return None
+                    return here if imbalance <= self.settings.tolerance else None
             cost.solves += 1
             with cost.timed("back-substitution"):
                 change = factors.solve(residual)
@@ -70,6 +71,23 @@ class Newton:
                 residual, found = self._residual(u - change, control)
             u, before, imbalance = u - change, imbalance, found
         return None
+
+    def descended(self, u: Array, control: float) -> Corrected:
+        """The last state before plain corrections make the imbalance grow, or one that is found."""
+        nearest, iteration = Corrected(u, control, 0, np.inf), 0
+        while True:
+            residual, imbalance = self._residual(u, control)
+            if not imbalance < nearest.imbalance:
+                return nearest
+            nearest = Corrected(u, control, iteration, imbalance)
+            if imbalance <= self.settings.tolerance:
+                return nearest
+            factors, iteration = self._factors(u, control), iteration + 1
+            if factors is None:
+                return nearest
+            self.cost.solves += 1
+            with self.cost.timed("back-substitution"):
+                u = u - factors.solve(residual)
 
     def _residual(self, u: Array, control: float) -> tuple[Array, float]:
         self.cost.residuals += 1

@@ -283,6 +283,9 @@ def held_still(state: State) -> StageProblem:
 REMAINS = 1e-4
 """Imbalance that is left of the one that is taken away: the change is known to a few per cent."""
 
+ROUND_OFF = 1e-10
+"""Least imbalance that is asked for, over the force scale, where displacements are small."""
+
 MOST_CORRECTIONS, HALVINGS = 12, 8
 """Iterations of Newton's method, each with a line search: contact that moves by an element takes
 four to eight."""
@@ -411,7 +414,7 @@ def balanced(
     zero = np.zeros(len(free))
     first = equations.imbalance(equations.residual(zero, 0.0))
     floor = equations.round_off(plan.supports.start, moving, 0.0)
-    wanted, solver = max(REMAINS * first, floor), SparseSolver()
+    wanted, solver = max(REMAINS * first, ROUND_OFF, floor), SparseSolver()
     corrections = Corrections(wanted, most=MOST_CORRECTIONS, least=1, halvings=HALVINGS)
     found = Newton(equations, solver, corrections, Cost()).corrected(zero, 0.0)
     if found is None:

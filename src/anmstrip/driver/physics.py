@@ -82,12 +82,12 @@ def meeting_rollers(preview: Preview) -> Iterator[str]:
     """Rollers that move into one another."""
     for plan in preview.plans:
         end = plan.controls.at(1.0)
+        moving = {key for key, slope in plan.controls.slope.items() if np.any(slope)}
         for a, b in combinations(preview.assembly.rollers, 2):
             keys = [f"rollers.{roller.name}.centre" for roller in (a, b)]
-            way, axis = np.subtract(*(np.asarray(end[key]) for key in keys)), a.unit_axis
-            moving = [key for key in keys if np.any(plan.controls.slope.get(key, 0.0))]
-            if abs(axis @ b.unit_axis) < PARALLEL or not moving:
+            if not moving.intersection(keys) or abs(a.unit_axis @ b.unit_axis) < PARALLEL:
                 continue
+            way, axis = np.subtract(*(np.asarray(end[key]) for key in keys)), a.unit_axis
             way -= (way @ axis) * axis
             overlap = a.radius + b.radius - float(np.linalg.norm(way))
             if overlap > 0.0:
@@ -350,21 +350,24 @@ def strip_runs_out(preview: Preview) -> Iterator[str]:
 def nip(preview: Preview) -> Iterator[str]:
     """Parallel rollers on both sides of the strip, closer to each other than it is thick."""
     assembly, thickness = preview.assembly, preview.assembly.strip.thickness
-    sides = {
-        roller.name: carrying_sense(roller, assembly.thread) * np.sign(roller.unit_axis[1])
-        for roller in assembly.rollers
-    }
-    for a, b in combinations(assembly.rollers if assembly.scene.contact else (), 2):
-        way = np.subtract(b.centre, a.centre)
-        gap = float(np.linalg.norm(np.cross(way, a.unit_axis))) - a.radius - b.radius
-        faced = sides[a.name] * sides[b.name] < 0.0 and abs(a.unit_axis @ b.unit_axis) > PARALLEL
-        if not faced or gap >= thickness * (1.0 - 1e-9):
-            continue
-        told = "squeeze it" if a.half else "touch its mid-surface alone (contact.faces)"
-        yield (
-            f"rollers {a.name} and {b.name} leave a gap of {gap:.3g} m to a strip of "
-            f"{thickness:.3g} m, and {told}."
-        )
+    rollers = assembly.rollers if assembly.scene.contact else ()
+    centres = np.array([roller.centre for roller in rollers]).reshape(-1, 3)
+    axes = np.array([roller.unit_axis for roller in rollers]).reshape(-1, 3)
+    radii = np.array([roller.radius for roller in rollers])
+    side = np.array([carrying_sense(r, assembly.thread) * np.sign(r.unit_axis[1]) for r in rollers])
+    for i, a in enumerate(rollers):
+        way = centres[i + 1 :] - a.centre
+        across = np.linalg.norm(way - np.outer(way @ axes[i], axes[i]), axis=1)
+        gaps = across - radii[i + 1 :] - a.radius
+        faced = (side[i + 1 :] * side[i] < 0.0) & (np.abs(axes[i + 1 :] @ axes[i]) > PARALLEL)
+        close = faced & (gaps < thickness * (1.0 - 1e-9))
+        for j in np.flatnonzero(close):
+            b, gap = rollers[i + 1 + j], gaps[j]
+            told = "squeeze it" if a.half else "touch its mid-surface alone (contact.faces)"
+            yield (
+                f"rollers {a.name} and {b.name} leave a gap of {gap:.3g} m to a strip of "
+                f"{thickness:.3g} m, and {told}."
+            )
 
 
 RULES = (

@@ -156,12 +156,15 @@ def string_estimate(course: Course) -> StringEstimate:
 def gaps_to(course: Course, places: Array) -> dict[str, float]:
     """Return the least gap (m) between every roller and straight pieces between places, (2, n)."""
     gaps, step = {}, np.diff(places)
+    longest = float(np.hypot(*step).max(initial=0.0))
     for roller in course.assembly.rollers:
         at = np.asarray(course.values[f"rollers.{roller.name}.centre"])
         centre = crossing(roller) + (at - np.asarray(roller.centre))[[0, 2]]
-        way = centre[:, None] - places[:, :-1]
-        square = np.maximum((step**2).sum(axis=0), np.finfo(float).tiny)
-        nearest = way - np.clip((way * step).sum(axis=0) / square, 0.0, 1.0) * step
+        apart = np.hypot(*(centre[:, None] - places))
+        near = np.flatnonzero(apart[:-1] <= apart.min() + longest)  # the nearest piece begins there
+        way, piece = centre[:, None] - places[:, near], step[:, near]
+        square = np.maximum((piece**2).sum(axis=0), np.finfo(float).tiny)
+        nearest = way - np.clip((way * piece).sum(axis=0) / square, 0.0, 1.0) * piece
         gaps[roller.name] = float(np.hypot(*nearest).min()) - float(roller.radius + roller.half)
     return gaps
 

@@ -112,6 +112,14 @@ class StringPath:
         start, end = self.starts[1:-1:2], self.starts[2::2]
         return Arcs(start, end, np.abs(self.curvatures[1::2]) * (end - start))
 
+    def pieces_at(self, s: Array, fibre: NDArray[Any]) -> NDArray[np.int_]:
+        """Numbers of the pieces at arc lengths (m) of fibres, shape (...) of both."""
+        found = np.empty(s.shape, dtype=int)
+        for k in range(self.starts.shape[1]):
+            chosen = fibre == k
+            found[chosen] = np.searchsorted(self.starts[1:-1, k], s[chosen], side="right")
+        return found
+
     def at(self, s: ArrayLike, fibre: ArrayLike) -> tuple[Array, Array]:
         """Position and direction at arc lengths s; beyond the ends straight on.
 
@@ -128,7 +136,7 @@ class StringPath:
         position (m), direction : arrays, shape (2, ...)
         """
         s, fibre = np.broadcast_arrays(np.asarray(s, dtype=float), fibre)
-        piece = np.sum(s >= self.starts[1:-1][:, fibre], axis=0)
+        piece = self.pieces_at(s, fibre)
         sigma = s - self.starts[piece, fibre]
         t, half = self.angles[piece, fibre], 0.5 * self.curvatures[piece, fibre] * sigma
         chord = sigma * np.sinc(half / np.pi) * frame(t + half)[0]
@@ -157,9 +165,9 @@ class StringPath:
         joints = np.concatenate([-ends, self.starts[1:-1], ends])
         signed = np.pad(np.repeat(heights, 2), 1)
 
-        def moved(s: Array, fibre: NDArray[Any]) -> tuple[Array, Array]:
+        def moved(s: Array, fibre: NDArray[Any]) -> tuple[Array, NDArray[np.int_]]:
             """Distance to the left of the path (m), and the path's piece."""
-            piece = np.sum(s >= self.starts[1:-1][:, fibre], axis=0)
+            piece = self.pieces_at(s, fibre)
             arc, left = piece % 2, np.zeros_like(s)
             run = np.diff(self.starts, axis=0)[piece, fibre] / layer
             for joint in (piece, piece + 1):

@@ -223,7 +223,7 @@ class ContactState:
         """Geometry of the roller."""
         return self.contact.roller.members[0]
 
-    @property
+    @cached_property
     def turning(self) -> Array:
         """Unit direction of a positive surface speed, ± a × n, shape (3, points)."""
         across = np.cross(self.roller.sense * self.roller.unit_axis, self.normal, axis=0)

@@ -47,8 +47,8 @@ DEEPEST = 0.5
 
 ROOM = 4.0
 """Run beside a roller, in boundary layers √(D/T), above which the guess bends the strip onto it,
-and length of the finest elements below which: with 9 a yawed roller is not threaded.  Lines of 2,
-40 and 200 rollers so take 3, 5 and 12 corrections, without 9, 9 and 30; with 1 as many."""
+and length of the finest elements below which: with 9 a yawed roller is not threaded.  Lines of 2
+and 40 rollers so take 3 and 5 corrections, without 9 and 9; with 1 as many."""
 
 LOOKS = 2001
 """Places along a threaded strip, of which the one next to a roller is sought."""
