@@ -77,6 +77,16 @@ TOUCHING = merged(  # from 1.005 of the sum of the radii into one another
         {"name": "run", "duration": 1.0, "rollers": {"b": {"move": [0.0, 0.0, 0.1]}}},
     ],
 )
+OVER_ITS_ENTRY = merged(  # a roller that was drawn at random
+    BRIDLE,
+    strip={"thickness": 4e-4},
+    rollers=[
+        {"name": "a", "radius": 0.21, "centre": [1.9, 0.0, -0.21], "wrap": "over"},
+        {"name": "b", "radius": 0.5, "centre": [0.04, 0.0, -0.58], "wrap": "under"},
+    ],
+    threading={"tension": 1.4e4, "entry": [0.0, 0.0, 0.0], "exit": [-0.47, 0.0, -0.03]},
+    stages=[{"name": "run", "duration": 0.25, "rollers": {"b": {"move": [-0.14, 0.0, 0.17]}}}],
+)
 MORE: list[tuple[dict[str, Any], str, list[str]]] = [
     (merged(FLAT, strip={"refined": 0.25}), "cannot follow its radius", []),
     (merged(FLAT, contact={"stiffness": 1e5}), "the strip sinks 0.36 m into roller r1", []),
@@ -94,6 +104,7 @@ MORE: list[tuple[dict[str, Any], str, list[str]]] = [
                                       "exit": {"force": [0.0, 0.0, 0.0]}}]),
      "leaves the strip without tension", []),
     (TOUCHING, "moves a and b 0.097 m into one another", ["stages.run.rollers.b.move=[0, 0, 0]"]),
+    (OVER_ITS_ENTRY, "moves b 0.078 m over the entry of the strip", []),
     (changed(("stages.1.friction", False)), "roller a turns, but nothing rubs on it", []),
     (changed(("stages.1.rollers.b.surface_speed", 0.5)), "roller b goes at 0.5 m/s",
      ['rollers.b.drive="idle"', 'stages.run.rollers.b={}']),
@@ -259,6 +270,7 @@ ELSEWHERE = {
     "finer_mesh": "coarse_mesh",
     "running_loose": "released_strip",
     "acts_as": "slipping_friction",
+    "shorter_move": "meeting_rollers, roller_over_an_end",
 }
 """Functions that propose something and have another name or place."""
 

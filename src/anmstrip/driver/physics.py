@@ -92,15 +92,42 @@ def meeting_rollers(preview: Preview) -> Iterator[str]:
             overlap = a.radius + b.radius - float(np.linalg.norm(way))
             if overlap > 0.0:
                 moved, towards = (a, way) if keys[0] in moving else (b, -way)
-                back = moved_back(plan, moved, towards, CLEAR * (a.radius + b.radius))
-                told = f"stages.{plan.name}.rollers.{moved.name}.move"
-                how = f"a shorter {told}."
-                if back is not None:
-                    how = f"--set '{told}=[{', '.join(f'{x:.4g}' for x in back)}]'"
+                how = shorter_move(plan, moved, towards, CLEAR * (a.radius + b.radius))
                 yield (
                     f"stage {plan.name} moves {a.name} and {b.name} {overlap:.2g} m into one "
                     f"another. Try {how}"
                 )
+
+
+def roller_over_an_end(preview: Preview) -> Iterator[str]:
+    """Rollers that move over the place of an end of the threaded strip."""
+    threading, thread = preview.assembly.scene.threading, preview.assembly.thread
+    if threading is None or threading.closed or thread is None:
+        return
+    places, _ = thread.middle.at(np.array([0.0, float(thread.middle.length[0])]), 0)
+    for plan in preview.plans:
+        for roller in preview.assembly.rollers:
+            centre = f"rollers.{roller.name}.centre"
+            if not np.any(plan.controls.slope.get(centre, 0.0)):
+                continue
+            for name, (x, z) in zip(ENDS, places.T, strict=True):
+                way = plan.controls.at(1.0)[centre] - np.array([x, 0.0, z])
+                way -= (way @ roller.unit_axis) * roller.unit_axis
+                inside = roller.radius - float(np.linalg.norm(way))
+                if inside > GRAZES * roller.radius:
+                    yield (
+                        f"stage {plan.name} moves {roller.name} {inside:.2g} m over the {name} of "
+                        f"the strip. Try {shorter_move(plan, roller, way, CLEAR * roller.radius)}"
+                    )
+
+
+def shorter_move(plan: StageProblem, moved: Roller, way: Array, apart: float) -> str:
+    """Return what to type for a roller that stops on its way, see :func:`moved_back`."""
+    told = f"stages.{plan.name}.rollers.{moved.name}.move"
+    back = moved_back(plan, moved, way, apart)
+    if back is None:
+        return f"a shorter {told}."
+    return f"--set '{told}=[{', '.join(f'{x:.4g}' for x in back)}]'"
 
 
 def moved_back(plan: StageProblem, moved: Roller, way: Array, apart: float) -> Array | None:

@@ -267,6 +267,7 @@ SERIOUS_RULES = (
     physics.other_units,
     physics.roller_in_the_way,
     physics.meeting_rollers,
+    physics.roller_over_an_end,
     physics.driven_without_friction,
     sharp_roller,
     soft_contact,
