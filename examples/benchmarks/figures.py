@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from harness import Sheet
 
 if TYPE_CHECKING:
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 Bars = Sequence[tuple[str, Mapping[str, float]]]
@@ -35,17 +36,50 @@ class Plot:
     title: str = ""
 
 
+LEGEND = 9
+"""Most curves of a plot that a legend tells apart; more are drawn in a plot for each problem."""
+
+
+def by_problem(plot: Plot) -> list[Plot]:
+    """Return a plot for each problem, whose name stands before the last comma of a curve's."""
+    if plot.title or len(plot.curves) <= LEGEND:
+        return [plot]
+    found: dict[str, dict[str, Curve]] = {}
+    for name, curve in plot.curves.items():
+        problem, _, way = name.rpartition(", ")
+        found.setdefault(problem, {})[f"order {way}" if way.isdigit() else way] = curve
+    return [replace(plot, title=problem, curves=own) for problem, own in found.items()]
+
+
+def few_ticks(axis: Axis) -> None:
+    """Label a logarithmic axis by powers of ten, or by 1, 2 and 5 where it has fewer than two."""
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    low, high = axis.get_view_interval()
+    if axis.get_scale() == "log" and low > 0.0:
+        if high < 100.0 * low:
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.set_minor_formatter(NullFormatter())
+
+
 def curves(*plots: Plot) -> bytes:
     """Draw plots side by side, with one legend; a PNG.
 
-    A curve has the same colour in all plots, dashed from the second round of colours on.
+    Those of many curves have a row each, with a panel for every problem.  A curve has the same
+    colour in all plots, dashed from the second round of colours on.
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(4.2 * len(plots) + 1.6, 3.6), dpi=100, layout="constrained")
+    parts = [by_problem(plot) for plot in plots]
+    rows = parts if max(map(len, parts)) > 1 else [[plot for own in parts for plot in own]]
+    size = max(map(len, rows)), len(rows)
+    figure = Figure(figsize=(4.2 * size[0] + 1.6, 3.6 * size[1]), dpi=100, layout="constrained")
+    panels = figure.subplots(*size[::-1], squeeze=False).ravel()
+    plots = tuple(plot for own in rows for plot in own)
     names = list(dict.fromkeys(name for plot in plots for name in plot.curves))
     shown = {}
-    for axes, plot in zip(figure.subplots(1, len(plots), squeeze=False)[0], plots, strict=True):
+    for axes, plot in zip(panels, plots, strict=True):
         for name, (x, y) in plot.curves.items():
             rounds, colour = divmod(names.index(name), 10)
             style = {"color": f"C{colour}", "linestyle": ("-", "--", ":")[rounds % 3]}
@@ -54,6 +88,8 @@ def curves(*plots: Plot) -> bytes:
         axes.set(xscale=plot.scales[0], yscale=plot.scales[1])
         axes.grid(True, which="major", linewidth=0.3)
         axes.spines[["top", "right"]].set_visible(False)
+        few_ticks(axes.xaxis)
+        few_ticks(axes.yaxis)
     lines = [shown[name] for name in names]
     figure.legend(lines, names, frameon=False, loc="outside right upper", fontsize=8)
     return _png(figure)

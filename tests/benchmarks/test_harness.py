@@ -7,11 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 
 import effects
 import harness
 import stability
 from anmstrip.driver.scene import Scene
+from figures import Plot, by_problem, few_ticks
 from harness import Report, Sheet
 from motions import Trial
 from strips import growing, steps_of
@@ -170,3 +172,23 @@ def test_sweeps_say_what_is_wrong() -> None:
 def test_sweeps_cover_the_list() -> None:
     """All cases but rejected steps and restarts, which have no range."""
     assert {s.case for s in stability.SWEEPS} == {f"D{k}" for k in range(1, 19) if k != 15}
+
+
+def test_more_curves_than_a_legend_tells_apart_have_a_panel_for_each_problem() -> None:
+    points = ([1.0, 2.0], [3.0, 4.0])
+    names = [f"{problem}, {order}" for problem in ("beam", "shell") for order in range(5)]
+    (few,) = by_problem(Plot("x", "y", dict.fromkeys(names[:9], points)))
+    assert list(few.curves) == names[:9]
+    panels = by_problem(Plot("x", "y", dict.fromkeys(names, points)))
+    assert [panel.title for panel in panels] == ["beam", "shell"]
+    assert all(list(panel.curves) == [f"order {k}" for k in range(5)] for panel in panels)
+
+
+@pytest.mark.parametrize(("end", "labels"), [(8.0, ["1", "2", "5"]), (1e3, [])])
+def test_ticks_of_less_than_two_decades_are_round_numbers(end: float, labels: list[str]) -> None:
+    axes = Figure().subplots()
+    axes.set(xscale="log", xlim=(1.0, end))
+    few_ticks(axes.xaxis)
+    shown = [axes.xaxis.get_major_formatter()(at) for at in axes.get_xticks() if 1.0 <= at <= end]
+    assert not labels or shown == labels
+    assert {text.get_text() for text in axes.get_xticklabels(minor=True)} <= {""}
