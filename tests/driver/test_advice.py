@@ -87,6 +87,16 @@ OVER_ITS_ENTRY = merged(  # a roller that was drawn at random
     threading={"tension": 1.4e4, "entry": [0.0, 0.0, 0.0], "exit": [-0.47, 0.0, -0.03]},
     stages=[{"name": "run", "duration": 0.25, "rollers": {"b": {"move": [-0.14, 0.0, 0.17]}}}],
 )
+BILLY = merged(  # an idle roller below the strip is pushed up
+    BRIDLE,
+    rollers=[
+        {"name": "a", "radius": 0.3, "centre": [0.0, 0.0, -0.3], "wrap": "over"},
+        {"name": "billy", "radius": 0.1, "centre": [1.5, 0.0, -0.12], "drive": "idle"},
+        {"name": "b", "radius": 0.3, "centre": [3.0, 0.0, -0.3], "wrap": "over"},
+    ],
+    threading={"entry": [-2.0, 0.0, -0.5], "exit": [5.0, 0.0, -0.5]},
+    stages=[{"name": "push", "duration": 1.0, "rollers": {"billy": {"move": [0.0, 0.0, 0.08]}}}],
+)
 MORE: list[tuple[dict[str, Any], str, list[str]]] = [
     (merged(FLAT, strip={"refined": 0.25}), "cannot follow its radius", []),
     (merged(FLAT, contact={"stiffness": 1e5}), "the strip sinks 0.36 m into roller r1", []),
@@ -104,6 +114,7 @@ MORE: list[tuple[dict[str, Any], str, list[str]]] = [
                                       "exit": {"force": [0.0, 0.0, 0.0]}}]),
      "leaves the strip without tension", []),
     (TOUCHING, "moves a and b 0.097 m into one another", ["stages.run.rollers.b.move=[0, 0, 0]"]),
+    (BILLY, "roller billy is touched by nothing and free to turn", []),
     (OVER_ITS_ENTRY, "moves b 0.078 m over the entry of the strip", []),
     (changed(("stages.1.friction", False)), "roller a turns, but nothing rubs on it", []),
     (changed(("stages.1.rollers.b.surface_speed", 0.5)), "roller b goes at 0.5 m/s",

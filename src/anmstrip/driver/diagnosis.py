@@ -278,7 +278,8 @@ def free_motion(failure: Failure) -> str | None:
     """A null vector of the tangent where it has stopped, which at a limit point is another one."""
     if failure.stopped.outcome is Outcome.FOLD:
         return None
-    found = next(motions_at(failure.assembly, failure.plan, failure.state.full), "")
+    state = failure.state
+    found = next(motions_at(failure.assembly, failure.plan, state.full, state.control), "")
     return f"{found[0].upper()}{found[1:]}" if found else None
 
 

@@ -241,7 +241,7 @@ def free_motions(preview: Preview) -> Iterator[str]:
             continue
         found = [(plan, guess)] if guess is not None else flat_states(assembly, plan, not known)
         for part, full in found:
-            for words in motions_at(assembly, part, full):
+            for words in motions_at(assembly, part, full, float(guess is None)):
                 if words not in told:
                     told.add(words)
                     yield f"in stage {plan.name} {words}"
@@ -276,14 +276,16 @@ def flat_states(
         yield run, stretched(assembly, tension, end)
 
 
-def motions_at(assembly: Assembly, plan: StageProblem, full: Array) -> Iterator[str]:
-    """Yield a sentence for every motion that nothing holds at a state."""
+def motions_at(
+    assembly: Assembly, plan: StageProblem, full: Array, control: float
+) -> Iterator[str]:
+    """Yield a sentence for every motion that nothing holds at a state, at a share of its stage."""
     free, model = plan.supports.free, plan.model
     held, u, rate = full.copy(), full[free], 1.0 / plan.duration
     held[free] = 0.0
     velocity = AffineVelocity(rate, -rate * u, np.zeros_like(u)) if plan.in_time else None
     still = replace(plan.supports, start=held, slope=np.zeros_like(full), bow=None)
-    rest = still, Controls(plan.controls.at(1.0))
+    rest = still, Controls(plan.controls.at(control))
     equations = Equilibrium(model, *rest, velocity)
     series, force = equations.recurrence(u, 1.0, 1), model.scales.force
     try:
