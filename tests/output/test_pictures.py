@@ -15,8 +15,8 @@ from PIL.ImageSequence import Iterator
 from anmstrip.errors import InputError
 from anmstrip.pictures import render as pictures
 from anmstrip.pictures.render import render
-from anmstrip.pictures.views import HEAD, Eye, labelled
-from anmstrip.results.vtk import Collection, read_surface, subdivide, write_surface
+from anmstrip.pictures.views import HEAD, Eye, labelled, title
+from anmstrip.results.vtk import FIELDS, Collection, read_surface, subdivide, write_surface
 from wrapped_strip import lattice, tensor_grids, wrapped, write_state
 
 PROBE = "import pyvista; pyvista.Sphere().plot(off_screen=True, screenshot='probe.png')"
@@ -266,3 +266,10 @@ def test_results_that_are_not_there_are_an_input_error(run, spoil):
     spoil(run)
     with pytest.raises(InputError, match=r"strip[_2]*\.(pvd|vtu)"):
         render(run)
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_titles_have_letters_that_vtk_can_draw(name):
+    """Its font leaves out what it lacks, as the minus of a raised -3, which was read as 3."""
+    for largest in 10.0 ** np.arange(-9.0, 12.0):
+        title(name, largest)[0].encode("latin-1")

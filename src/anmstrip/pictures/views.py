@@ -62,7 +62,7 @@ def title(name: str, largest: float) -> tuple[str, float]:
     >>> title("normal_pressure", 2.0e4)
     ('normal pressure [kPa]', 0.001)
     >>> title("bending_moment", 0.02)[0]
-    'bending moment, xx [10⁻³ N]'
+    'bending moment, xx [0.001 N]'
     """
     base, _, component = name.partition(".")
     field = FIELDS.get(base, Field(base.replace("_", " "), ""))
@@ -74,7 +74,7 @@ def title(name: str, largest: float) -> tuple[str, float]:
         power = min(max(power, min(PREFIXES)), max(PREFIXES))
     prefixed = f"{PREFIXES[power]}{field.unit}"
     if power == -3 and field.unit.startswith("N"):
-        prefixed = f"10⁻³ {field.unit}"  # mN might be a newton times a metre
+        prefixed = f"0.001 {field.unit}"  # mN might be m N; VTK has no raised minus
     unit = f" [{prefixed}]" if field.unit not in ("", "1") else ""
     return label + unit, 10.0**-power
 
