@@ -1,7 +1,8 @@
 """Random steady lines, and where they must settle by statics and the theory of creep.
 
-Varied ones have idlers and bearings, a given tension instead of a given speed, any contact, far
-origins, strip that is bent, sections, shells and triangles.
+Varied ones have idlers and bearings, a given tension instead of a given speed, any law of friction
+and contact, far origins, strip that is bent, sections, shells on profiled and yawed rollers,
+triangles, and strip that is fed over idlers in time, all at the default settings of the solver.
 
 A line is drawn as spans and turns: its rollers follow from them, so that the solver's own search
 for a path has no part in what is expected.  All rollers run at one speed; the strip's own is chosen
@@ -14,15 +15,20 @@ from __future__ import annotations
 
 import argparse
 import copy
+import signal
 import tempfile
+import time
+import traceback
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import meshio
 import numpy as np
+from pydantic import ValidationError
 from scipy.integrate import solve_ivp
 from skfem import MeshTri
 
@@ -31,10 +37,17 @@ from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
 
 MOST_TANGENTS = 300
-"""Of one line."""
+"""Of one line that is not varied."""
+
+SECONDS = 60
+"""Of one line at most, on one core."""
 
 THIN = 0.05
 """Boundary layer of strip that is bent, over its shortest arc: bending then hardly counts."""
+
+CURLED = 0.005
+"""Share of the tension by which the edges of bent strip may change it: bent around R they curl, by
+about 0.1 ν t over √(R t) on either side, and what is off the roller by w is longer by w/R."""
 
 TURNS = 5.0, 300.0
 """Least and largest wrap (degrees)."""
@@ -52,6 +65,7 @@ class Line:
     strip_speed: float  # m/s
     coefficient: float
     slip_speed: float  # V_c (m/s)
+    law: dict[str, Any] = field(default_factory=lambda: {"law": "tanh", "omega": 0.1})
     drags: tuple[float | None, ...] = ()  # of idlers (N/m), None of driven rollers
     allowed: float = 0.005  # error of a tension, over the largest one
 
@@ -77,12 +91,16 @@ class Line:
         return float(np.exp(found.y[0, -1]))
 
     def _share(self, tension: float) -> float:
-        """tanh(|s|)/|s| s with |s|² = (slip/V_c)² + 0.1², the share of f R_N."""
+        """Share of f R_N at s = slip/V_c, of the law."""
         strain = tension / self.stiffness
         slip = self.speed - self.strip_speed * (1.0 + strain * (1.0 - 1.5 * strain))
         slip /= self.slip_speed
-        size = np.hypot(slip, 0.1)
-        return float(np.tanh(size) / size * slip)
+        if self.law["law"] == "algebraic":
+            return float(slip / np.hypot(slip, 1.0))
+        size = np.hypot(slip, self.law["omega"])
+        if self.law["law"] == "tanh":
+            return float(np.tanh(size) / size * slip)
+        return float(size ** (self.law["exponent"] - 1.0) * slip)
 
 
 def drawn(seed: int) -> Line:
@@ -137,17 +155,57 @@ def varied(seed: int, directory: Path) -> Line:
     directory : Path
         Where a mesh of triangles is written.
     """
-    rng = np.random.default_rng([11, seed])
-    line = drawn(int(rng.integers(100_000)))
+    rng, more = np.random.default_rng([11, seed]), np.random.default_rng([12, seed])
+    line = _with_law(more, drawn(int(rng.integers(100_000))))
     tables = copy.deepcopy(line.tables)
+    del tables["solver"]
     driven = int(rng.integers(len(line.turns)))
+    drags = _idlers(rng, tables, line, driven)
+    stage, strip = tables["stages"][0], tables["strip"]
+    level = rng.choice(["string", "section", "shell", "triangles"], p=[0.3, 0.4, 0.2, 0.1])
+    young, thickness = tables["material"]["young"], strip["thickness"]
+    layer = np.sqrt(young * thickness**3 / 12.0 / line.exit)
+    arcs = [r["radius"] * abs(t) for r, t in zip(tables["rollers"], line.turns, strict=True)]
+    strip["bending"] = level != "string" and bool(layer < THIN * min(arcs))
+    strip["kinematics"] = "section" if level in ("string", "section") else "shell"
+    if strip["kinematics"] == "shell":
+        _across(more, tables, line, drags, driven)
+    pressure = line.exit / min(roller["radius"] for roller in tables["rollers"])
+    tables["contact"] = [
+        {}, {"pressure": pressure * 10.0 ** rng.uniform(-1.0, 2.0)},
+        {"stiffness": pressure * 1e5, "eta": 1e-3 * pressure, "delta": 1e-3},
+    ][rng.integers(3)]  # fmt: skip
+    if more.random() < 0.15 and level != "triangles":
+        drags = _fed(more, tables, line)
+    if level == "triangles":
+        _turned(tables, -sum(line.turns))
+        strip["mesh"] = _triangles(tables, directory / f"{seed}.msh")
+        del tables["threading"]["exit"]
+    away = rng.choice([0.0, 1e3, 1e6]) * rng.choice([-1.0, 1.0], 2)
+    shift = np.array([away[0], 0.0, away[1]])
+    for table, key in _places(tables):
+        table[key] = tuple(float(x) for x in table[key] + shift)
+    slip_speed = line.slip_speed
+    if "speed" not in tables["friction"]:  # a tenth of the elastic creep, V f T/(E t)
+        least = min(line.exit, stage.get("entry", {}).get("tension", np.inf))
+        fastest = max(line.speed, stage.get("strip", {}).get("speed", 0.0))
+        slip_speed = 0.1 * fastest * line.coefficient * least / line.stiffness
+    return replace(line, tables=tables, drags=tuple(drags), slip_speed=slip_speed, allowed=0.02)
+
+
+def _idlers(
+    rng: np.random.Generator, tables: dict[str, Any], line: Line, driven: int
+) -> list[float | None]:
+    """Make some rollers idle, and give some lines a tension instead of a speed.
+
+    Return the drags of the rollers.
+    """
     drags: list[float | None] = [None] * len(line.turns)
     stage, strip = tables["stages"][0], tables["strip"]
     for k, roller in enumerate(tables["rollers"]):
         if k != driven and rng.random() < 0.5:
-            grip = 0.3 * line.exit * np.expm1(line.coefficient * abs(line.turns[k]))
-            drags[k] = float(rng.choice([0.0, rng.uniform(0.0, min(grip, 0.1 * line.exit))]))
-            roller |= {"drive": "idle", "bearing": drags[k] * roller["radius"] * strip["width"]}
+            roller["drive"], drags[k] = "idle", _drag(rng, line, k)
+            roller["bearing"] = drags[k] * roller["radius"] * strip["width"] / _braking(line)
             del stage["rollers"][roller["name"]]
     if any(drag is not None for drag in drags) or rng.random() < 0.5:
         grip = line.coefficient * sum(
@@ -157,28 +215,95 @@ def varied(seed: int, directory: Path) -> Line:
         lost = sum(drag or 0.0 for drag in drags)
         entry = line.exit * np.exp(rng.uniform(-0.7, 0.7) * min(grip, 2.0)) - lost
         stage["entry"] = {"tension": max(entry, 0.2 * line.exit)}
-    level = rng.choice(["string", "section", "shell", "triangles"], p=[0.3, 0.4, 0.2, 0.1])
-    young, thickness = tables["material"]["young"], strip["thickness"]
-    layer = np.sqrt(young * thickness**3 / 12.0 / line.exit)
-    arcs = [r["radius"] * abs(t) for r, t in zip(tables["rollers"], line.turns, strict=True)]
-    strip["bending"] = level != "string" and bool(layer < THIN * min(arcs))
-    strip["kinematics"] = "section" if level in ("string", "section") else "shell"
-    if strip["kinematics"] == "shell":
-        tables["edges"]["entry"]["centred"] = True
-    pressure = line.exit / min(roller["radius"] for roller in tables["rollers"])
-    tables["contact"] = [
-        {}, {"pressure": pressure * 10.0 ** rng.uniform(-1.0, 2.0)},
-        {"stiffness": pressure * 1e5, "eta": 1e-3 * pressure, "delta": 1e-3},
-    ][rng.integers(3)]  # fmt: skip
-    if level == "triangles":
-        _turned(tables, -sum(line.turns))
-        strip["mesh"] = _triangles(tables, directory / f"{seed}.msh")
-        del tables["threading"]["exit"]
-    away = rng.choice([0.0, 1e3, 1e6]) * rng.choice([-1.0, 1.0], 2)
-    shift = np.array([away[0], 0.0, away[1]])
-    for table, key in _places(tables):
-        table[key] = tuple(float(x) for x in table[key] + shift)
-    return replace(line, tables=tables, drags=tuple(drags), allowed=0.02)
+    return drags
+
+
+def _drag(rng: np.random.Generator, line: Line, k: int) -> float:
+    """Drag of a bearing (N/m), none or less than its roller holds."""
+    grip = 0.3 * line.exit * np.expm1(line.coefficient * abs(line.turns[k]))
+    return float(rng.choice([0.0, rng.uniform(0.0, min(grip, 0.1 * line.exit))]))
+
+
+def _braking(line: Line) -> float:
+    """Share of its torque with which a bearing brakes, V/√(V² + V_c²)."""
+    return float(line.speed / np.hypot(line.speed, line.tables["friction"].get("speed", 0.0)))
+
+
+def _across(
+    rng: np.random.Generator,
+    tables: dict[str, Any],
+    line: Line,
+    drags: list[float | None],
+    driven: int,
+) -> None:
+    """Draw what a shell has across: profiles and yawed axes, but no curl that counts.
+
+    Both change the theory of creep, so that only rollers have them whose drag statics tells.
+    """
+    strip, stage = tables["strip"], tables["stages"][0]
+    thickness = strip["thickness"]
+    smallest = min(roller["radius"] for roller in tables["rollers"])
+    curl = 0.1 * 0.3 * thickness / smallest * line.stiffness / line.exit
+    curl *= 2.0 * np.sqrt(smallest * thickness) / strip["width"]
+    if strip["bending"] and curl > CURLED:
+        tables["material"] = tables["material"] | {"poisson": 0.0}
+    tables["edges"]["entry"]["centred"] = True
+    if "entry" in stage and drags.count(None) == 1:
+        others = sum(drag or 0.0 for drag in drags)
+        drags[driven] = line.exit - stage["entry"]["tension"] - others
+    tables["rollers"] = [
+        roller if drag is None else shaped(rng, roller, strip["width"])
+        for roller, drag in zip(tables["rollers"], drags, strict=True)
+    ]
+
+
+def _with_law(rng: np.random.Generator, line: Line) -> Line:
+    """Give a line any law of friction; half of the algebraic ones get the default V_c."""
+    friction = dict(line.tables["friction"])
+    law: dict[str, Any] = {"law": str(rng.choice(["algebraic", "tanh", "norton-hoff"]))}
+    if law["law"] == "algebraic":
+        del friction["omega"]
+        if rng.random() < 0.5:
+            del friction["speed"]
+    else:
+        law["omega"] = 0.1
+    if law["law"] == "norton-hoff":
+        law["exponent"] = float(rng.uniform(0.02, 0.1))
+    tables = line.tables | {"friction": friction | law}
+    return replace(line, tables=tables, law=law)
+
+
+def _fed(rng: np.random.Generator, tables: dict[str, Any], line: Line) -> list[float | None]:
+    """Let strip come in at a speed, in time, over idlers: their bearings are all that it carries.
+
+    Return the drags of the rollers.
+    """
+    drags: list[float | None] = []
+    for k, roller in enumerate(tables["rollers"]):
+        drags.append(drag := _drag(rng, line, k))
+        bearing = drag * roller["radius"] * tables["strip"]["width"] / _braking(line)
+        roller |= {"drive": "idle", "bearing": bearing}
+    duration = float(10.0 ** rng.uniform(-2.0, 0.0)) / line.speed
+    speed = {"velocity": (line.speed, 0.0, 0.0)}
+    tables["stages"] = [
+        {"name": "start", "duration": duration, "entry": speed},
+        {"name": "run", "duration": duration},
+    ]
+    return drags
+
+
+def shaped(rng: np.random.Generator, roller: dict[str, Any], width: float) -> dict[str, Any]:
+    """A cylinder, or a roller whose radius or axis differs by as little as on lines."""
+    small, radius = float(rng.uniform(-1e-4, 1e-4)), roller["radius"]
+    shapes: list[dict[str, Any]] = [
+        {},
+        {"crown": [0.0, -abs(small) * radius / width**2]},
+        {"taper": 0.3 * small * radius / width},
+        {"sides": {"taper": abs(small) * radius / width, "flat": 0.5 * width,
+                   "rounding": 0.1 * width}},
+        {"axis": (2.0 * small, 1.0, 0.0)},
+    ]  # fmt: skip
+    return roller | shapes[int(rng.integers(len(shapes)))]
 
 
 def _places(tables: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
@@ -280,29 +405,78 @@ def _scene(
 class Ending:
     """How a line ended."""
 
-    kind: str  # "right", "wrong", "refused", or the outcome of a run that stopped
+    kind: str  # "right", "doubted" (wrong, but told so), "wrong", "refused", "stopped", "late"
     error: float = np.nan  # largest of a tension, over the largest tension
     tangents: int = 0
     words: str = ""
+    seconds: float = 0.0
 
 
-def ending_of(line: Line) -> Ending:
-    """Run a line, and compare its tensions with statics and the theory of creep."""
+class TooLateError(Exception):
+    """A line has taken its time."""
+
+
+@contextmanager
+def seconds_of_one_core(most: int) -> Iterator[None]:
+    """Raise where the body takes longer on the processor."""
+
+    def late(*_: Any) -> None:
+        raise TooLateError
+
+    usual = signal.signal(signal.SIGPROF, late)
+    signal.setitimer(signal.ITIMER_PROF, most)
     try:
-        run = Run(Scene.model_validate(line.tables))
-        state = [step.state for step in run][-1]
-    except (InputError, ValueError) as error:
-        return Ending("refused", words=str(error))
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, usual)
+
+
+def ending_of(line: Line, most: int = SECONDS) -> Ending:
+    """Run a line, and compare its tensions with statics and the theory of creep."""
+    begin, run = time.process_time(), None
+
+    def ending(kind: str, error: float = np.nan, words: str = "") -> Ending:
+        tangents = 0 if run is None else run.cost.expansions
+        return Ending(kind, error, tangents, words, time.process_time() - begin)
+
+    try:
+        with seconds_of_one_core(most):
+            run = Run(Scene.model_validate(line.tables))
+            for _ in run:
+                pass
+    except (InputError, ValidationError) as error:
+        return ending("refused", words=str(error))
+    except TooLateError:
+        return ending("late")
     if not run.outcome.done:
-        return Ending("stopped", tangents=run.cost.expansions, words=run.message)
+        return ending("stopped", words=run.message)
+    state = run.state
+    assert state is not None
+    assert np.isfinite(state.full).all()
     readings = list(state.rollers.values())
     found = np.array([readings[0].tension_in, *(r.tension_out for r in readings)])
     settled = replace(line, strip_speed=state.strip_speed)
     expected = np.array(settled.tensions())
     error = float(np.abs(found - expected).max() / expected.max())
-    told = " ".join(run.warnings or run.forewarnings())
-    right = error < line.allowed
-    return Ending("right" if right else "wrong", error, run.cost.expansions, "" if right else told)
+    if error < line.allowed:
+        return ending("right", error)
+    told = " ".join([*run.forewarnings(), *_estimates(line, error * expected.max())])
+    return ending("doubted" if told else "wrong", error, f"{found} not {expected}; {told}")
+
+
+def _estimates(line: Line, missed: float) -> Iterator[str]:
+    """Run a line again with estimates of its errors; yield those that tell half of what it missed.
+
+    A run that is written tells them.
+    """
+    run = Run(Scene.model_validate(line.tables))
+    run.estimates = True
+    for _ in run:
+        pass
+    for name, part in run.errors().items():
+        if part is not None and part["tension"] > 0.5 * missed:
+            yield f"{name}: {part['tension']:.3g} N/m"
 
 
 def main() -> None:
@@ -313,17 +487,25 @@ def main() -> None:
     parser.add_argument("--varied", action="store_true")
     given = parser.parse_args()
     kinds: Counter[str] = Counter()
-    errors, tangents = [], []
+    endings: list[Ending] = []
     for seed in range(given.seed, given.seed + given.count):
         with tempfile.TemporaryDirectory() as name:
-            ending = ending_of(varied(seed, Path(name)) if given.varied else drawn(seed))
+            try:
+                ending = ending_of(varied(seed, Path(name)) if given.varied else drawn(seed))
+            except Exception:
+                ending = Ending("raised", words=traceback.format_exc(limit=-3))
         kinds[ending.kind] += 1
-        errors.append(ending.error)
-        tangents.append(ending.tangents)
+        endings.append(ending)
         if ending.kind != "right":
-            print(seed, ending.kind, f"{ending.error:.2g}", ending.tangents, ending.words[:300])
-    told = [f"{np.nanquantile(v, [0.5, 0.99, 1.0])}" for v in (errors, tangents)]
-    print(dict(kinds), "median, 99 % and largest: error, tangents", *told)
+            print(
+                seed, ending.kind, f"{ending.error:.2g}", ending.tangents,
+                f"{ending.seconds:.1f} s", ending.words[:500], flush=True,
+            )  # fmt: skip
+        if len(endings) % 50 == 0:
+            print(seed, dict(kinds), flush=True)
+    print(dict(kinds), "median, 99 % and largest of error, tangents, seconds:")
+    for values in zip(*((e.error, e.tangents, e.seconds) for e in endings), strict=True):
+        print(np.nanquantile(values, [0.5, 0.99, 1.0]))
 
 
 if __name__ == "__main__":

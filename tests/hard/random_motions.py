@@ -12,11 +12,8 @@ surface::
 from __future__ import annotations
 
 import argparse
-import signal
 import time
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
 from typing import Any
@@ -27,11 +24,7 @@ from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
 from anmstrip.mechanics.laws import Algebraic, FrictionLaw, NortonHoff, Tanh
-from random_lines import Line, drawn
-
-SECONDS = 60
-"""Of one line at most, on one core."""
-
+from random_lines import SECONDS, Line, TooLateError, drawn, seconds_of_one_core, shaped
 
 LARGEST_STRAIN = 0.01
 """Of a line that is taken."""
@@ -100,7 +93,7 @@ def _tried(rng: np.random.Generator, line: Line) -> Motion | None:
     if law.share(2.0 * speed) > 1.001 * law.share(speed):  # grows as the rollers do
         tables["stages"].append({"name": "hold", "duration": 4.0 * duration})
     if level == "shell":
-        tables["rollers"] = [_shaped(rng, each, strip["width"]) for each in tables["rollers"]]
+        tables["rollers"] = [shaped(rng, each, strip["width"]) for each in tables["rollers"]]
     if rng.uniform() < 0.2:
         _moved(tables, 10.0 ** rng.uniform(1.0, 6.0))
     return Motion(tables, expected, 0.005 if level == "string" else 0.05)
@@ -133,20 +126,6 @@ def _contact(rng: np.random.Generator, line: Line, radius: float) -> dict[str, f
     return {"stiffness": pressure / deep, "eta": 1e-3 * pressure, "delta": 10.0 * deep}
 
 
-def _shaped(rng: np.random.Generator, roller: dict[str, Any], width: float) -> dict[str, Any]:
-    """A cylinder, or a roller whose radius or axis differs by as little as on lines."""
-    small, radius = float(rng.uniform(-1e-4, 1e-4)), roller["radius"]
-    shapes: list[dict[str, Any]] = [
-        {},
-        {"crown": [0.0, -abs(small) * radius / width**2]},
-        {"taper": 0.3 * small * radius / width},
-        {"sides": {"taper": abs(small) * radius / width, "flat": 0.5 * width,
-                   "rounding": 0.1 * width}},
-        {"axis": (2.0 * small, 1.0, 0.0)},
-    ]  # fmt: skip
-    return roller | shapes[int(rng.integers(len(shapes)))]
-
-
 def _moved(tables: dict[str, Any], distance: float) -> None:
     """Move a line away from the origin."""
     away = np.array([0.6, 0.0, 0.8]) * distance
@@ -156,26 +135,6 @@ def _moved(tables: dict[str, Any], distance: float) -> None:
         tables["threading"] = {
             **tables["threading"], end: tuple(np.add(tables["threading"][end], away)),
         }  # fmt: skip
-
-
-class TooLateError(Exception):
-    """A line has taken its time."""
-
-
-@contextmanager
-def seconds_of_one_core(most: int) -> Iterator[None]:
-    """Raise where the body takes longer on the processor."""
-
-    def late(*_: Any) -> None:
-        raise TooLateError
-
-    usual = signal.signal(signal.SIGPROF, late)
-    signal.setitimer(signal.ITIMER_PROF, most)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_PROF, 0)
-        signal.signal(signal.SIGPROF, usual)
 
 
 def ending_of(motion: Motion, most: int = SECONDS) -> Ending:

@@ -33,8 +33,7 @@ from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
 from anmstrip.results.state import State
 from field_statics import Belt, Circle, bent_belt
-from random_lines import layout
-from random_motions import SECONDS, TooLateError, seconds_of_one_core
+from random_lines import SECONDS, TooLateError, layout, seconds_of_one_core
 
 WITHIN = 0.02
 """Of the larger tension: bending's next order, the law in full slip, the mesh."""

@@ -27,7 +27,7 @@ from anmstrip.results.files import load_checkpoint
 from anmstrip.results.vtk import read_collection as listed
 from anmstrip.results.vtk import read_surface
 from anmstrip.simulation.problem import Assembly
-from fuzz_reader import fuzzed, read_one
+from fuzz_reader import fuzzed, read_mesh_of, read_one
 from random_scenes import MOST_TANGENTS, Dice, ending_of, from_seed, tables_of
 
 QUICK = """
@@ -71,6 +71,16 @@ def test_other_readers_give_a_result_or_mistakes(of: str, count: int) -> None:
     assert tally.crashes == ()
     assert tally.scenes
     assert tally.refused > count // 2
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("seed", "words"),
+    [(5_000_750, "nodes at finite places"), (5_006_144, "cells of nodes that exist")],
+)
+def test_meshes_that_had_ended_in_a_traceback(seed: int, words: str) -> None:
+    """A node whose square overflows, and cells of one node."""
+    assert words in str(read_mesh_of(seed))
 
 
 @settings(max_examples=100, deadline=None)

@@ -338,6 +338,29 @@ def test_a_strip_that_crosses_itself_is_wrapped_as_its_scene_says(degrees: float
     assert reading.wrap == pytest.approx(turn, abs=0.1)
 
 
+@pytest.mark.parametrize(("beyond", "meets"), [(0.3, False), (3.0, True)])
+def test_runs_meet_or_not_as_long_as_they_are(beyond: float, meets: bool) -> None:
+    """Behind a wrap of 220 degrees on 0.3 m they would meet 0.3 tan 70 degrees = 0.82 m away.
+
+    The run to the exit, which is not given, follows from the length of the strip.
+    """
+    turn = np.radians(220.0)
+    along, up = np.array([np.cos(turn), np.sin(turn)]), np.array([-np.sin(turn), np.cos(turn)])
+    entry = 0.3 * up - 4.0 * along
+    scene = scene_of(
+        {
+            "threading": {"entry": (entry[0], 0.0, entry[1])},
+            "rollers": [roller("a", 0.0, 0.0, 0.3, "over")],
+            "strip": {"thickness": 2e-4, "length": 4.0 + 0.3 * turn + beyond},
+        }
+    )
+    if meets:
+        with pytest.raises(InputError, match="a side on which the taut strip touches"):
+            Assembly(scene).thread  # noqa: B018 - looks for the way
+    else:
+        assert Assembly(scene).thread.turns["a"] == pytest.approx(turn, abs=1e-3)
+
+
 @pytest.mark.parametrize("name", ["bridle", "tower"])
 def test_a_guess_is_in_equilibrium_after_a_dozen_tangents(name: str) -> None:
     """Contact overshoots where strip lifts off: a search that never let it takes above twenty."""

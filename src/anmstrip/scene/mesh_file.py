@@ -19,13 +19,16 @@ from skfem.io import from_meshio
 from anmstrip.arrays import Array
 from anmstrip.errors import InputError, nearest
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.scene.tables import ENDS
+from anmstrip.scene.tables import ENDS, LARGEST
 
 NEARLY = 1e-6
 """Lengths below this share of an element's size count as none."""
 
 FARTHEST = 1e7
 """Distance from the origin, in sizes of the mesh, at which its file has kept nine digits of it."""
+
+NODES = {"triangle": 3, "quad": 4}
+"""Of a cell."""
 
 NAMING = (
     "name the sides in the mesh file: physical groups of lines (Gmsh, .msh) or node sets "
@@ -54,8 +57,8 @@ def check_flat(points: ArrayLike, cells: ArrayLike) -> None:
     cells : (m, k) array of int
     """
     used = np.asarray(points, dtype=float)[np.unique(cells)]
-    if not np.isfinite(used).all():
-        raise MeshError("nodes at finite places")
+    if not (np.abs(used) <= LARGEST).all():
+        raise MeshError(f"nodes at finite places, at most {LARGEST:g} m away")
     farthest, size = float(np.abs(used).max()), float(np.ptp(used, axis=0).max())
     if farthest > FARTHEST * size:
         raise MeshError(
@@ -216,13 +219,14 @@ def named_mesh(raw: meshio.Mesh) -> Mesh:
     of them is an end of a side between two of the set.  Nodes of no cell are left out.
     """
     kinds = {block.type for block in raw.cells if len(block.data)} - {"vertex", "line"}
-    if kinds not in ({"quad"}, {"triangle"}):
+    if len(kinds) != 1 or not kinds <= set(NODES):
         found = f"{', '.join(sorted(kinds))} were found" if kinds else "no cells were found"
         raise MeshError(f"quadrilaterals alone or triangles alone, of straight sides ({found})")
     (kind,) = kinds
     blocks = [k for k, block in enumerate(raw.cells) if block.type == kind]
     cells = np.concatenate([raw.cells[k].data for k in blocks]).astype(np.int64)
-    if cells.min() < 0 or cells.max() >= len(raw.points):
+    whole = cells.shape[1:] == (NODES[kind],)
+    if not whole or cells.min() < 0 or cells.max() >= len(raw.points):
         raise MeshError("cells of nodes that exist (it is damaged)")
     check_flat(raw.points, cells)
     saved = {

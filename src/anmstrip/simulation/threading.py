@@ -266,10 +266,13 @@ def _with_ends(scene: SceneSpec, thread: Thread) -> Thread:
         thread.middle  # noqa: B018
         return thread
     assert thread.given is not None
-    trial = replace(thread, ends=tuple(end or StraightEnd(1.0) for end in thread.ends))
+    ends = tuple(end or StraightEnd(1.0) for end in thread.ends)
+    # whether runs meet where a wrap is large is told by how long they are, not yet known
+    trial = replace(thread, ends=ends, crossing=np.ones_like(thread.crossing))
     spare = thread.given * thread.along - float(trial.middle.length[0])
     run = 1.0 + spare / missing
     if run <= 0.0:
+        replace(thread, ends=ends).middle  # noqa: B018
         least = thread.given - missing * run / thread.along
         expected, hint = f"more than {least:.4g} (m) for this way", f"length = {1.3 * least:.3g}"
         raise scene.refused("strip.length", thread.given, expected, hint)
