@@ -60,6 +60,12 @@ friction lets go within a step, and slow enough for what is left of its way to h
 strip that turns round on four rollers takes 117, 80, 76, 91 and 69 tangents with 3, 30, 100, 1e3
 and 1e4, and 1 140 without."""
 
+NOTHING = 1e-9
+"""Compression, over the scale of tension, that is round-off."""
+
+FARTHEST = 1e4
+"""Growth of a compression up to which it is one, and no imprecision."""
+
 
 @dataclass(frozen=True, repr=False)
 class Step:
@@ -290,10 +296,10 @@ class March:
                     memory = step.memory
                     settings = replace(settings, max_steps=settings.max_steps - 1)
                     yield self._step(plan, step, settings.order)
-            if until == memory.times[0]:  # slip turns round: it begins anew
-                first = self._first(plan)
+            if memory.times[0] == until < ends[-1]:  # slip turns round: it begins anew
                 now = memory.errors and Errors(memory.errors.after, memory.errors.after, 0.0)
-                memory = start_memory(until, memory.states[0], memory.v, first, now)
+                past = memory.states[0], memory.v
+                memory = start_memory(until, *past, self._first(plan), now)
 
     def _step(self, plan: StageProblem, step: TimeStep, order: int) -> Step:
         """An accepted step in time, as one of the march."""
@@ -369,13 +375,6 @@ def unbroken() -> Iterator[None]:
             signal.signal(number, handler)
         if pressed:
             usual[pressed[-1][0]](*pressed[-1])
-
-
-NOTHING = 1e-9
-"""Compression, over the scale of tension, that is round-off."""
-
-FARTHEST = 1e4
-"""Growth of a compression up to which it is one, and no imprecision."""
 
 
 def imperfection_of(scene: SceneSpec) -> Array:

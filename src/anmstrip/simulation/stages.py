@@ -23,6 +23,9 @@ from anmstrip.simulation.problem import Assembly, middle_node
 ALONG = 0.5
 """Least share of a held direction that holds an end along the strip."""
 
+RUNNING = 0.1
+"""Share of its speeds at which a steady stage with idlers begins."""
+
 
 @dataclass
 class Course:
@@ -219,7 +222,7 @@ class Course:
         return bool(a.friction.speed > 0.99 * HONEST * elastic_creep(a.scene))
 
     def set_going(self, stage: StageSpec) -> Array:
-        """Let a strip at rest run at a tenth of its speeds; return those of free rollers.
+        """Let a strip at rest run slowly, RUNNING; return the speeds of free rollers.
 
         From rest, bearings would begin to brake at about V_c: a line of forty rollers takes 14
         tangents, so 5.  A threaded strip under T sticks to rollers that run at
@@ -227,7 +230,6 @@ class Course:
         """
         a, end = self.assembly, self._targets(stage, dict(self.values))
         assert a.thread is not None and a.friction is not None
-        share = HONEST
         bent, stiffness = 1.5 * bending_stiffness(a.scene), a.strip.tensile_stiffness
         sticking = {
             r.name: 1.0 + (a.thread.tension - bent / r.radius**2) / stiffness for r in a.rollers
@@ -238,9 +240,9 @@ class Course:
         speed = float(end["strip.speed"])
         if self.pulled(stage):
             speed = max((float(end[driven[r]]) / sticking[r] for r in driven), key=abs, default=0.0)
-        self.values |= {key: share * end[key] for key in driven.values()}
-        self.values["strip.speed"] = np.array(share * speed)
-        return np.array([share * speed * sticking[name] for name in a.turning])
+        self.values |= {key: RUNNING * end[key] for key in driven.values()}
+        self.values["strip.speed"] = np.array(RUNNING * speed)
+        return np.array([RUNNING * speed * sticking[name] for name in a.turning])
 
     def finish(self, stage: StageSpec, full: Array | None = None, speed: float = 0.0) -> None:
         """Remember where a stage has ended; if it was steady, in which state and at which speed."""

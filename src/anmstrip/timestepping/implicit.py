@@ -112,7 +112,8 @@ LOOSER = 10.0
 fifth more tangents in such a step, with 1e4 the last law is not reached."""
 
 LONGER = 10.0
-"""Length of the second trial of a first step in which slip turns round, over the first one."""
+"""Length of the second trial of a first step in which slip turns round, over the first one.  A
+roller that is moved at a standstill takes 144 tangents, with 3 and 30 it takes 159 and 1921."""
 
 SETTLING = 0.01
 """First instant after a start, as a fraction of the first step.  With the whole of it conveying
