@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from anmstrip.cli import describe_step, main, show_progress
+from anmstrip.cli import THREADS, describe_step, main, show_progress
 from anmstrip.errors import InputError, Mistake
 
 CAPSTAN = str(Path(__file__).parent / "scene" / "capstan.toml")
@@ -318,3 +318,11 @@ def test_help_imports_nothing_heavy() -> None:
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "case" in ended.stdout
     assert ended.stdout.endswith("heavy: []\n")
+
+
+@pytest.mark.parametrize("given", [{}, {"OMP_NUM_THREADS": "3"}])
+def test_blas_gets_one_thread_unless_told_otherwise(monkeypatch, given: dict[str, str]) -> None:
+    environment = dict(given)
+    monkeypatch.setattr("os.environ", environment)
+    assert CliRunner().invoke(main, ["schema"]).exit_code == 0
+    assert environment == (given or dict.fromkeys(THREADS, "1"))

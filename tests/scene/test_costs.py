@@ -69,6 +69,17 @@ def test_reading_a_state_takes_work_in_proportion_to_its_rollers(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("rollers", [20, 120])
+def test_a_line_is_threaded_in_six_tangents_whatever_its_length(rollers: int) -> None:
+    """The corrections of the guess, and what they leave as a path along the rollers."""
+    run = Scene(**tower(rollers)).run()
+    state = next(iter(run)).state
+    assert run.cost.expansions <= 6
+    tensions = [(reading.tension_in, reading.tension_out) for reading in state.rollers.values()]
+    assert np.array(tensions) == pytest.approx(np.full((rollers, 2), 1e4), rel=1e-3)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("idle", [False, True])
 def test_forty_equal_rollers_keep_one_tension_in_fifteen_tangents(idle: bool) -> None:
     """But for what lifts on; what sticks is strained by V/c − 1 = (T − 3 D/2R²)/E t.

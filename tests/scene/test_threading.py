@@ -11,7 +11,7 @@ import pytest
 from threaded import BRIDLE, LEVELLER, ONE, TOWER, ended, roller, scene_of, turned, values
 
 from anmstrip import Scene
-from anmstrip.continuation.newton import Corrected, Newton
+from anmstrip.continuation.newton import Newton
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.errors import InputError
 from anmstrip.mechanics.loads import Guide
@@ -304,10 +304,7 @@ def test_where_the_guess_leads_nowhere_the_path_is_followed(monkeypatch) -> None
     found = []
     for leads_nowhere in (False, True):
         if leads_nowhere:
-            given = "descended", lambda _, u, control: Corrected(u, control, 0, np.inf)
-            monkeypatch.setattr(Newton, *given)
             monkeypatch.setattr(Newton, "corrected", lambda *_: None)
-            monkeypatch.setattr("anmstrip.simulation.march.MOST_SLIDING", 1)
         run, state = ended(scene_of(ONE))
         (reading,) = state.rollers.values()
         found.append((reading.normal_force, run.cost.solves))

@@ -25,6 +25,7 @@ class Corrections:
     kept: float = 0.0  # part of the imbalance: while an iteration leaves less, the tangent is kept
     halvings: int = 0  # of a correction that makes the imbalance grow (line search)
     growth: float = 1.0  # of the imbalance that a correction may make
+    near: float = 0.0  # imbalance of a state that is returned if its correction makes it grow
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class Newton:
     cost: Cost  # counters to add to
 
     def corrected(self, u: Array, control: float) -> Corrected | None:
-        """The state nearby that is in equilibrium, or None if that does not converge."""
+        """The state nearby in equilibrium, or near to it; None if that does not converge."""
         cost, factors, before = self.cost, None, np.inf
         residual, imbalance = self._residual(u, control)
         for iteration in range(self.settings.most + 1):
@@ -64,6 +65,8 @@ class Newton:
             with cost.timed("back-substitution"):
                 change = factors.solve(residual)
             residual, found = self._residual(u - change, control)
+            if imbalance < found and imbalance <= self.settings.near:
+                return here
             for _ in range(self.settings.halvings):
                 if found < max(self.settings.growth * imbalance, self.settings.tolerance):
                     break
@@ -71,23 +74,6 @@ class Newton:
                 residual, found = self._residual(u - change, control)
             u, before, imbalance = u - change, imbalance, found
         return None
-
-    def descended(self, u: Array, control: float) -> Corrected:
-        """The last state before plain corrections make the imbalance grow, or one that is found."""
-        nearest, iteration = Corrected(u, control, 0, np.inf), 0
-        while True:
-            residual, imbalance = self._residual(u, control)
-            if not imbalance < nearest.imbalance:
-                return nearest
-            nearest = Corrected(u, control, iteration, imbalance)
-            if imbalance <= self.settings.tolerance:
-                return nearest
-            factors, iteration = self._factors(u, control), iteration + 1
-            if factors is None:
-                return nearest
-            self.cost.solves += 1
-            with self.cost.timed("back-substitution"):
-                u = u - factors.solve(residual)
 
     def _residual(self, u: Array, control: float) -> tuple[Array, float]:
         self.cost.residuals += 1

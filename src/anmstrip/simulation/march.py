@@ -41,9 +41,9 @@ Grippo, Lampariello & Lucidi, SIAM J. Numer. Anal. 23, 707, 1986), for contact o
 strip lifts off before it settles.  On a contact a ten thousandth as stiff a strip is threaded and
 started in less than 60 tangents, with 1 in 113."""
 
-MOST_SLIDING = 4
-"""Branches in which strip slides into place, after which corrections with a line search go on.  A
-line of 200 rollers is threaded in 6 tangents; in 12 without such a path."""
+SLIDING, MOST_SLIDING = 0.05, 4
+"""Imbalance from which strip slides into place on a path, where corrections make it grow, and the
+branches of this path.  Lines of 100 to 200 rollers so take 6 tangents, without 10 to 12."""
 
 FIRST_STEP = 0.01
 """First time step, of the shortest stage in time; the error control corrects it.  From the whole
@@ -249,23 +249,23 @@ class March:
     def _corrected(self, equations: Equilibrium, guess: Array) -> Array:
         """The state near a guess; the guess itself, with a path still to go, if there is none.
 
-        What corrections leave of a long line is that strip slides round many rollers by what each
-        of them makes its way longer: a path along the rollers, not a straight one.
+        Near to it corrections of a long line may fail, for its strip slides round many rollers by
+        what each of them makes its way longer: this is a path along the rollers, not straight.
         """
         aim = self.tolerances.correction
-        settings = Corrections(aim, MOST_CORRECTIONS, halvings=8, growth=GUESS_GROWTH)
-        newton = Newton(equations, self.solver, settings, self.cost)
-        nearest = newton.descended(guess, 0.0)
-        if nearest.imbalance <= aim:
-            return nearest.u
-        sliding = Settings(tolerance=aim, max_steps=MOST_SLIDING, give_way=False, rational=True)
-        given: dict[str, Any] = {"solver": self.solver, "settings": sliding, "cost": self.cost}
-        try:
-            *_, last = self.follow(equations, nearest.u, **given)
-        except PathStopped:
-            found = newton.corrected(guess, 0.0)
+        settings = Corrections(aim, MOST_CORRECTIONS, halvings=8, growth=GUESS_GROWTH, near=SLIDING)
+        found = Newton(equations, self.solver, settings, self.cost).corrected(guess, 0.0)
+        if found is None or found.imbalance <= aim:
             return guess if found is None else found.u
-        return last.branch.end[0]
+        path = Settings(tolerance=aim, max_steps=MOST_SLIDING, give_way=False, rational=True)
+        given: dict[str, Any] = {"solver": self.solver, "settings": path, "cost": self.cost}
+        try:
+            *_, last = self.follow(equations, found.u, **given)
+            return last.branch.end[0]
+        except PathStopped:
+            settings = replace(settings, near=0.0)
+            found = Newton(equations, self.solver, settings, self.cost).corrected(found.u, 0.0)
+            return guess if found is None else found.u
 
     def _slack(self, plan: StageProblem) -> float:
         """Tension at the end of a stage that first pulls a flat slack strip, else 0.
