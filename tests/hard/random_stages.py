@@ -331,7 +331,7 @@ def _driven(
 
 
 def _apart(course: Course, tension: float, moved: dict[str, np.ndarray]) -> bool:
-    """Whether a roller that moves stays under the strip, away from the others and the ends."""
+    """Whether a roller that moves stays under the strip, away from the others and the entry."""
     before, after = course.way(tension, {}), course.way(tension, moved)
     if np.abs(np.subtract(before.turns, after.turns)).max() > 0.3 or min(after.turns) < 0.02:
         return False
@@ -339,7 +339,8 @@ def _apart(course: Course, tension: float, moved: dict[str, np.ndarray]) -> bool
         (c.centre + complex(*moved.get(name, (0.0, 0.0))), c.radius)
         for name, c in course.circles.items()
     ]
-    places += [(end, 0.0) for end in course.ends]
+    if not course.released and any(abs(a - course.ends[0]) < r for a, r in places):
+        return False  # the entry is held
     return all(
         abs(a - b) > 1.02 * (r + s) for k, (a, r) in enumerate(places) for b, s in places[:k]
     )

@@ -100,17 +100,21 @@ def meeting_rollers(preview: Preview) -> Iterator[str]:
 
 
 def roller_over_an_end(preview: Preview) -> Iterator[str]:
-    """Rollers that move over the place of an end of the threaded strip."""
+    """Rollers that move over an end of the threaded strip which is held at its place."""
     threading, thread = preview.assembly.scene.threading, preview.assembly.thread
     if threading is None or threading.closed or thread is None:
         return
     places, _ = thread.middle.at(np.array([0.0, float(thread.middle.length[0])]), 0)
-    for plan in preview.plans:
+    edges, stages = preview.assembly.scene.edges, preview.assembly.scene.course
+    held = {name for name in ENDS if name in edges and {"x", "z"} <= set(edges[name].fixed)}
+    for plan, stage in zip(preview.plans, stages, strict=False):
+        held -= {name for name, edge in stage.edges.items() if edge.release}
         for roller in preview.assembly.rollers:
             centre = f"rollers.{roller.name}.centre"
-            if not np.any(plan.controls.slope.get(centre, 0.0)):
-                continue
+            moves = np.any(plan.controls.slope.get(centre, 0.0))
             for name, (x, z) in zip(ENDS, places.T, strict=True):
+                if name not in held or not moves:
+                    continue
                 way = plan.controls.at(1.0)[centre] - np.array([x, 0.0, z])
                 way -= (way @ roller.unit_axis) * roller.unit_axis
                 inside = roller.radius - float(np.linalg.norm(way))
