@@ -10,7 +10,9 @@ import pytest
 
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
+from anmstrip.simulation import march
 from hard_strips import arc_ratio
+from random_lines import ending_of, varied
 
 README = Path(__file__).parents[2] / "README.md"
 
@@ -105,8 +107,11 @@ def test_very_sharp_friction_does_not_stall(tmp_path: Path, law: str, most: int)
     assert run.cost.expansions < most
 
 
-def steady_line(law: str, slip_speed: float) -> Run:
-    """Two driven rollers, of which the second is 30 ppm faster, and two idle ones with bearings."""
+def steady_line(law: str, slip_speed: float, *given: Any) -> Run:
+    """Two driven rollers, of which the second is 30 ppm faster, and two idle ones with bearings.
+
+    Return the run, not begun.
+    """
     places = [(0.8 * k, 1.5 if k % 2 == 0 else 0.0) for k in range(4)]
     tables: dict[str, Any] = {
         "strip": {"width": 1.0, "thickness": 1e-3, "kinematics": "section"},
@@ -127,10 +132,42 @@ def steady_line(law: str, slip_speed: float) -> Run:
             }
         ],
     }  # fmt: skip
-    run = Run(Scene.model_validate(tables))
+    return Run(Scene.model_validate(tables), *given)
+
+
+def settled(run: Run) -> dict[str, float]:
+    """Tensions behind the rollers at the end."""
     for _ in run:
         pass
-    return run
+    assert run.outcome.done and run.state is not None, run.message
+    return {name: reading.tension_out for name, reading in run.state.rollers.items()}
+
+
+def test_many_stationary_states_end_by_way_of_smoother_laws(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At the state of the whole path, also of a run that is killed just before."""
+    whole = steady_line("algebraic", 1e-6)
+    expected = settled(whole)
+    monkeypatch.setattr(march, "FEW_STATES", 6)
+    short = steady_line("algebraic", 1e-6)
+    assert settled(short) == pytest.approx(expected, rel=1e-4)
+    assert short.steps == 1 + 6 + 1 < whole.steps
+    killed = steady_line("algebraic", 1e-6, tmp_path)
+    next(step for step in killed if step.step == 7)
+    killed._checkpoint(force=True)
+    del killed
+    resumed = steady_line("algebraic", 1e-6, tmp_path, True)
+    settled(resumed)
+    assert resumed.state is not None and short.state is not None
+    np.testing.assert_allclose(resumed.state.full, short.state.full, rtol=0.0, atol=1e-12)
+    assert resumed.cost.expansions == short.cost.expansions
+
+
+def test_stationary_states_that_stall_end_by_way_of_smoother_laws() -> None:
+    """A line of three rollers with saturated friction; without smoother laws it stops half-way."""
+    ending = ending_of(varied(1063, Path()))
+    assert ending.kind == "right", ending
 
 
 @pytest.mark.slow
@@ -142,7 +179,8 @@ def test_steady_line_at_any_slip_speed(law: str) -> None:
     """
     for k in range(9):
         run = steady_line(law, 10.0**-k)
-        assert run.outcome.done and run.state is not None, run.message
+        settled(run)
+        assert run.state is not None
         r1, r2, _, r4 = run.state.rollers.values()
         within = 2e-3 * r2.tension_out
         assert r1.tension_in == pytest.approx(1.05e4, abs=within)

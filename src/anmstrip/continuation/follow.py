@@ -60,6 +60,7 @@ class Pace:
     shrinking: tuple[tuple[float, float], ...] = ()  # length, |du/dλ| of ever shorter steps
     arclength: bool = False  # whether arclength is followed
     forward: tuple[Array, float] | None = None  # direction (u, λ) of travel along the arc
+    taken: int = 0  # branches
 
 
 @dataclass(frozen=True)
@@ -207,10 +208,10 @@ class _Follower:
         shorter = pace.shrinking if covered < pace.last else ()
         shrinking = (*shorter, (covered, float(steepness)))
         if not parameter.arclength:
-            return Pace(control, covered, shrinking)
+            return Pace(control, covered, shrinking, taken=pace.taken + 1)
         if (control - self.start) * np.sign(whole) < -abs(whole):
             raise PathStopped(Outcome.FOLD, control, "", Evidence(motion=direction[0]))
-        return Pace(control, covered, shrinking, True, direction)
+        return Pace(control, covered, shrinking, True, direction, pace.taken + 1)
 
 
 def _nears_limit_point(shrinking: tuple[tuple[float, float], ...]) -> bool:

@@ -172,8 +172,10 @@ class Course:
         """
         strip = self.assembly.strip
         edge, pull = strip.edges["entry"], np.zeros((strip.scalars, strip.count))
-        whole = np.zeros(strip.unknowns) if full is None else full
-        along = strip.kinematics.pick(strip.edge_tangent("entry", whole))
+        along = self.values.get("entry.along")
+        if along is None:
+            along = strip.edge_tangent("entry", np.zeros(strip.unknowns) if full is None else full)
+        along = strip.kinematics.pick(along)
         pull[edge.values] = along / np.linalg.norm(along)
         if self.assembly.closed:
             pull[strip.edges["exit"].values] = pull[edge.values]

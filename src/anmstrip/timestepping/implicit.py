@@ -13,7 +13,7 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Evidence, Outcome, PathStopped
 from anmstrip.continuation.follow import PathStep, Settings
-from anmstrip.continuation.newton import Corrected, Corrections, Newton
+from anmstrip.continuation.newton import SMOOTHEST, Corrected, sharpened
 from anmstrip.continuation.path import predicted
 from anmstrip.linalg.solvers import LinearSolver, Remembering
 from anmstrip.timestepping.formulas import (
@@ -93,23 +93,6 @@ time then ask for a shorter step.  Without it sharp friction takes a strip twice
 
 NARROWEST = 1e-6
 """The same of the path to rest, for which there is no shorter step."""
-
-SMOOTHEST = 1e5
-"""Width of the corners of friction that lead to such an end: from the default V_c, 1e-6 of the
-speed of a line or so, they are then as wide as the speeds of slip.  With 1e7 a dancer takes a third
-more tangents in such a step; with 1e3 the first path stalls as well."""
-
-WIDTH_RATIO, LEAST_RATIO = 10.0, 1.5
-"""Ratio of successive widths, and the one at which it is given up: where Newton's method finds no
-state the ratio becomes its square root, for all that follow.  With steps of a decade alone three of
-76 random lines stopped where a roller that begins to move slips as a whole."""
-
-MOST_CORRECTIONS, HALVINGS = 20, 8
-"""Iterations with each law at the end of a step whose path stalls, each with a line search."""
-
-LOOSER = 10.0
-"""Imbalance of states with smoother laws over that with the given one.  With 1 a dancer takes a
-fifth more tangents in such a step, with 1e4 the last law is not reached."""
 
 LONGER = 10.0
 """Length of the second trial of a first step in which slip turns round, over the first one.  A
@@ -357,33 +340,16 @@ class _Integrator:
             return equations, found.u, found.imbalance, (found.u, 1.0)
 
     def sharpened(self, t: float, h: float, velocity: AffineVelocity, u: Array) -> Corrected | None:
-        """End of a step by way of smoother laws, None if they do not lead there.
+        """End of a step by way of smoother laws, None if they do not lead there."""
 
-        Where slip begins at many points within a step, each turns the corner of sharp friction at
-        a λ of its own.  With the smoothest law the path has no corners; from its end Newton's
-        method goes to sharper and sharper laws, each from the state of the one before.
-        """
-        width, ratio = SMOOTHEST, WIDTH_RATIO
-        path = self.equations.smoothed(width).during(t, h, velocity, u)
-        last = self.followed(path, len(u), rational=True, shortest=NARROW, few=MOST_BRANCHES)
-        found = self.corrected(path, last.branch.end[0], LOOSER)
-        while found is not None and width > 1.0:
-            narrower = max(width / ratio, 1.0)
-            path = self.equations.smoothed(narrower).during(t, h, velocity, u)
-            sharper = self.corrected(path, found.u, LOOSER if narrower > 1.0 else 1.0)
-            if sharper is not None:
-                found, width = sharper, narrower
-            elif ratio < LEAST_RATIO:
-                return None
-            else:
-                ratio = ratio**0.5
-        return found
+        def path(width: float) -> StepEquations:
+            return self.equations.smoothed(width).during(t, h, velocity, u)
 
-    def corrected(self, path: StepEquations, u: Array, looser: float) -> Corrected | None:
-        """The state near u at the end of a step, with an imbalance so many times as allowed."""
-        tolerance, least = looser * self.settings.tolerance, int(looser == 1.0)
-        net = Corrections(tolerance, MOST_CORRECTIONS, least, halvings=HALVINGS)
-        return Newton(path, self.solver, net, self.cost).corrected(u, 1.0)
+        last = self.followed(
+            path(SMOOTHEST), len(u), rational=True, shortest=NARROW, few=MOST_BRANCHES
+        )
+        given: dict[str, Any] = {"solver": self.solver, "cost": self.cost}
+        return sharpened(path, last.branch.end[0], tolerance=self.settings.tolerance, **given)
 
     def local_error(self, memory: Memory, u: Array, new: float, order: int) -> Array:
         """Local error, from the predictor through order + 1 past states.
