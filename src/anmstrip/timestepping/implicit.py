@@ -238,7 +238,13 @@ class _Integrator:
                 )
             if barred and memory.available == 2 and fixed is None:
                 begin = start_memory(t, memory.states[0], memory.v, new - t, memory.errors)
-                return self.tried(self.begun(begin), end, shortest)
+                try:
+                    begin = self.begun(begin)
+                except PathStopped as stopped:  # it is shortened like any other
+                    if stopped.outcome is not Outcome.TOO_MANY_STEPS:
+                        raise
+                else:
+                    return self.tried(begin, end, shortest)
             turns = memory.available == 1 and trial.turned > self.stepping.tolerance
             h, shorter, since = shorter or max(0.1, min(ratio, 0.9)) * (new - t), 0.0, memory
             if turns and not barred and new < end:
