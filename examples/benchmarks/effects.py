@@ -25,8 +25,8 @@ from anmstrip.timestepping.formulas import AffineVelocity
 from figures import stacked
 from harness import Cell, Report, Sheet, main
 from imports import import_sheet
-from runs import finished
-from strips import capstan, growing, lightly_wrapped
+from runs import altered, finished
+from strips import capstan, growing, lightly_wrapped, threaded
 
 ORDER = 20
 
@@ -64,7 +64,11 @@ def study(quick: bool = False) -> Report:
         for effect, seconds in t.effects.items()
     )
     columns = ("level", "added", "effect", "unknowns", "points", "seconds")
-    comparisons = (section_against_shell(quick), plate_against_shell(quick))
+    comparisons = (
+        section_against_shell(quick),
+        plate_against_shell(quick),
+        yielding_against_elastic(quick),
+    )
     bars = {level: [(t.added, t.effects) for t in timings if t.level == level] for level in LEVELS}
     return Report(
         name="effects",
@@ -199,6 +203,46 @@ def plate_against_shell(quick: bool) -> Sheet:
         f"Elements of {refined:g} m over the roller. The plate's normal force is off by "
         f"{100.0 / force - 100.0:+.2g} %, its lift by {100.0 / lift - 100.0:+.2g} %.",
     )
+
+
+LAYERS = {"section": (11, 21), "shell": (5, 11)}
+"""Numbers of layers that yielding strip is tried with."""
+
+YIELD_STRESS = 1.0e8
+"""Half of what bending over the roller makes of an elastic strip's faces (Pa)."""
+
+
+def yielding_against_elastic(quick: bool) -> Sheet:
+    """Compare expansions of a strip that yields on its roller with those of elastic strip.
+
+    Both bend as Kirchhoff and Love have it; the runs alternate, and the quickest counts.
+    """
+    refined, across = (0.4, 2) if quick else (0.1, 10)
+    rows: list[tuple[Cell, ...]] = []
+    for level, numbers in LAYERS.items():
+        changes = {"strip.bending": '"kirchhoff-love"', "solver.order": "15"}
+        elastic = altered(threaded(level, across, refined, 1e-3), changes)
+        yields = [altered(elastic, _yielding(number)) for number in numbers]
+        costs = np.array(
+            [[_run_with_costs(scene)[1] for scene in (elastic, *yields)] for _ in range(2)]
+        )
+        _, expansions, _, milliseconds = np.min(costs, axis=0).T  # the first compiles kernels
+        for place, number in enumerate((0, *numbers)):
+            counts = (number or None, int(expansions[place]), float(milliseconds[place]))
+            rows.append((level, *counts, float(milliseconds[place] / milliseconds[0])))
+    return Sheet(
+        "Strip that yields on its roller against elastic strip, order 15, in time",
+        ("level", "layers", "expansions", "ms per expansion", "over elastic"),
+        tuple(rows),
+        f"Elements of {refined:g} m over the roller, {across} across of the shell.",
+    )
+
+
+def _yielding(layers: int) -> dict[str, str]:
+    """Return what makes a strip yield."""
+    flow = {"exponent": 21, "layers": layers}
+    table = ", ".join(f"{key} = {value}" for key, value in flow.items())
+    return {"material.yield_stress": f"{YIELD_STRESS:g}", "material.plasticity": f"{{ {table} }}"}
 
 
 if __name__ == "__main__":

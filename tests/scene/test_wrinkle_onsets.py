@@ -85,6 +85,15 @@ def test_a_strip_that_is_pulled_is_not_looked_at() -> None:
     assert "wrinkles" not in run.cost.seconds
 
 
+def test_a_strip_that_does_not_bend_is_not_looked_at() -> None:
+    """Any compression wrinkles it, at no wavelength; it still runs, slightly pulled."""
+    pulled = {"name": "pull", "duration": 1.0, "exit": {"force": [1e3, 0.0, 0.0]}}
+    strip = {**pressed().to_dict()["strip"], "bending": False}
+    run = pressed(strip=strip, stages=[pulled]).run()
+    assert list(run)[-1].state.plan.name == "pull" and run.onsets is None
+    assert run.outcome.done and pressed().run().onsets is not None
+
+
 def test_onsets_outlive_an_interruption(tmp_path: Path) -> None:
     whole, _ = ended(pressed())
     stages = [*pressed().to_dict()["stages"], {"name": "rest", "duration": 1.0}]

@@ -177,7 +177,7 @@ class Run:
 
             self.watch = EventWatch(a.contact, a.rollers, a.friction, a.scales.tension)
         self.onsets: WrinkleWatch | None = None
-        if a.kinematics is SHELL:
+        if a.kinematics is SHELL and a.scene.strip.bending:  # else compression alone wrinkles it
             self.onsets = WrinkleWatch(self.cost)
         self.recorder: Recorder | None = None
         if self.directory is not None:

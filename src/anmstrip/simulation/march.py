@@ -401,8 +401,8 @@ class March:
 
 
 def _many(pace: Pace) -> bool:
-    """Whether a path of stationary states has become long, and is no arc to be followed."""
-    return pace.taken == FEW_STATES and not pace.arclength and pace.control < 1.0
+    """Whether a path of stationary states has just become long."""
+    return pace.taken == FEW_STATES and pace.control < 1.0
 
 
 @contextmanager
