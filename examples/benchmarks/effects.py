@@ -227,12 +227,12 @@ def yielding_against_elastic(quick: bool) -> Sheet:
             [[_run_with_costs(scene)[1] for scene in (elastic, *yields)] for _ in range(2)]
         )
         _, expansions, _, milliseconds = np.min(costs, axis=0).T  # the first compiles kernels
-        for place, number in enumerate((0, *numbers)):
-            counts = (number or None, int(expansions[place]), float(milliseconds[place]))
-            rows.append((level, *counts, float(milliseconds[place] / milliseconds[0])))
+        names = [f"{level}, elastic", *(f"{level}, {number} layers" for number in numbers)]
+        for name, count, spent in zip(names, expansions, milliseconds, strict=True):
+            rows.append((name, int(count), float(spent), float(spent / milliseconds[0])))
     return Sheet(
         "Strip that yields on its roller against elastic strip, order 15, in time",
-        ("level", "layers", "expansions", "ms per expansion", "over elastic"),
+        ("strip", "expansions", "ms per expansion", "over elastic"),
         tuple(rows),
         f"Elements of {refined:g} m over the roller, {across} across of the shell.",
     )

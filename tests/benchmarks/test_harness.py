@@ -44,7 +44,7 @@ def test_files(quick: tuple[Path, str]) -> None:
     assert all(str(directory / name) in printed for name in names)
     report = (directory / "effects.md").read_text(encoding="utf-8")
     assert "python examples/benchmarks/effects.py --quick" in report
-    assert report.count("\n## ") == 5
+    assert report.count("\n## ") == 6
     assert (directory / "effects.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -97,6 +97,15 @@ def test_a_plate_stands_for_a_shell_at_small_wraps(quick: tuple[Path, str]) -> N
     assert float(force) == pytest.approx(1.0, rel=1e-2)
     assert float(lift) == pytest.approx(1.0, rel=1e-2)
     assert float(cells_of(quick[0], "plate", -1)[-2]) == pytest.approx(1e4 * 0.01745, rel=0.05)
+
+
+@pytest.mark.slow
+def test_strip_that_yields_costs_more_with_more_layers(quick: tuple[Path, str]) -> None:
+    """Per expansion, beside elastic strip of the same level."""
+    for level, layers in effects.LAYERS.items():
+        names = ["elastic", *(f"{number} layers" for number in layers)]
+        shares = [float(cells_of(quick[0], f"{level}, {name}")[-1]) for name in names]
+        assert shares[0] == 1.0 < shares[1] and shares[0] < shares[2]
 
 
 @pytest.mark.slow
