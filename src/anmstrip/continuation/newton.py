@@ -15,9 +15,9 @@ from anmstrip.linalg.direct import Factors, SingularTangentError
 from anmstrip.linalg.solvers import LinearSolver
 
 SMOOTHEST = 1e5
-"""Width of the corners of friction that lead to such an end: from the default V_c, 1e-6 of the
-speed of a line or so, they are then as wide as the speeds of slip.  With 1e7 a dancer takes a third
-more tangents in such a step; with 1e3 the first path stalls as well."""
+"""Width of the smoothest corners of friction, over the given one, from which a state is sought: from
+the default V_c, 1e-6 of the speed of a line or so, they are then as wide as the speeds of slip.
+With 1e7 a dancer takes a third more tangents in a step; with 1e3 the first path stalls as well."""
 
 WIDTH_RATIO, LEAST_RATIO = 10.0, 1.5
 """Ratio of successive widths, and the one at which it is given up: where Newton's method finds no
@@ -25,7 +25,7 @@ state the ratio becomes its square root, for all that follow.  With steps of a d
 76 random lines stopped where a roller that begins to move slips as a whole."""
 
 MOST_CORRECTIONS, HALVINGS = 20, 8
-"""Iterations with each law at the end of a step whose path stalls, each with a line search."""
+"""Iterations with each of these laws, and halvings of each correction in its line search."""
 
 LOOSER = 10.0
 """Imbalance of states with smoother laws over that with the given one.  With 1 a dancer takes a
