@@ -15,8 +15,8 @@ from anmstrip.linalg.direct import Factors, SingularTangentError
 from anmstrip.linalg.solvers import LinearSolver
 
 SMOOTHEST = 1e5
-"""Width of the smoothest corners of friction, over the given one, from which a state is sought: from
-the default V_c, 1e-6 of the speed of a line or so, they are then as wide as the speeds of slip.
+"""Width of the smoothest corners of friction over the given one, from which a state is sought: with
+the default V_c, 1e-6 of the speed of a line or so, they are as wide as the speeds of slip.
 With 1e7 a dancer takes a third more tangents in a step; with 1e3 the first path stalls as well."""
 
 WIDTH_RATIO, LEAST_RATIO = 10.0, 1.5
