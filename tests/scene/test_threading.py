@@ -148,6 +148,18 @@ def test_guess_bends_the_strip_onto_its_rollers_as_equilibrium_does(name: str, n
     assert np.abs(apart[strip.nodes[0] < end]).max() < near
 
 
+def test_roller_that_a_taut_string_just_passes() -> None:
+    """Bent onto the roller behind it, the guess would begin 1.5 mm inside the one beside it."""
+    beside = {"name": "beside", "radius": 0.1, "centre": [-2.0, 0.0, 0.4]}
+    ends = {"tension": 1e4, "entry": (-4.0, 0.0, 0.3), "exit": (0.3, 0.0, -2.0)}
+    tables = {"threading": ends, "rollers": [roller("a", 0.0, 0.0, 0.3, "over"), beside]}
+    run, state = ended(scene_of(tables, contact={}))
+    assert state.tension("exit") == pytest.approx(1e4, rel=1e-9)
+    high = 0.5 * run.assembly.strip.bending_stiffness / 1e4 / (2.0 * 0.3)
+    pushed = 1e4 * 0.5 * 2.0 * high / 2.0  # each of the runs of 2 m beside it is turned by high / 2
+    assert state.rollers["beside"].resultant[2] == pytest.approx(-pushed, rel=0.04)
+
+
 def test_guess_contracts_across() -> None:
     """By ν E, so that a shell under tension begins without stress across."""
     assembly = Assembly(scene_of(ONE, "shell"))

@@ -301,16 +301,21 @@ class March:
         free, u = plan.supports.free, self.full[plan.supports.free]
         if plan.name == THREADING and self.reached is None:
             assert self.assembly.thread is not None
-            u = self.assembly.thread.guess(self.assembly.strip, self.assembly.pattern)[free]
-            u = self._corrected(Equilibrium(plan.model, plan.supports, plan.controls), u)
+            thread, shape = self.assembly.thread, (self.assembly.strip, self.assembly.pattern)
+            equations = Equilibrium(plan.model, plan.supports, plan.controls)
+            u = thread.guess(*shape)[free]
+            found = self._corrected(equations, u)
+            if found is None:  # bent, it may reach into a roller that a taut string just passes
+                found = self._corrected(equations, thread.guess(*shape, bent=False)[free])
+            u = u if found is None else found
         elif tension := self._slack(plan):
             self.slack, u = True, stretched(self.assembly, tension, plan.controls.at(1.0))[free]
         if self.slack:
             return u, Equilibrium(plan.model, *plan.held_at_end)
         return u, Equilibrium(plan.model, plan.supports, plan.controls)
 
-    def _corrected(self, equations: Equilibrium, guess: Array) -> Array:
-        """The state near a guess; the guess itself, with a path still to go, if there is none.
+    def _corrected(self, equations: Equilibrium, guess: Array) -> Array | None:
+        """The state near a guess, perhaps with a path still to go, or None if there is none.
 
         Near to it corrections of a long line may fail, for its strip slides round many rollers by
         what each of them makes its way longer: this is a path along the rollers, not straight.
@@ -319,7 +324,7 @@ class March:
         settings = Corrections(aim, MOST_CORRECTIONS, halvings=8, growth=GUESS_GROWTH, near=SLIDING)
         found = Newton(equations, self.solver, settings, self.cost).corrected(guess, 0.0)
         if found is None or found.imbalance <= aim:
-            return guess if found is None else found.u
+            return None if found is None else found.u
         path = Settings(tolerance=aim, max_steps=MOST_SLIDING, give_way=False, rational=True)
         given: dict[str, Any] = {"solver": self.solver, "settings": path, "cost": self.cost}
         try:
@@ -328,7 +333,7 @@ class March:
         except PathStopped:
             settings = replace(settings, near=0.0)
             found = Newton(equations, self.solver, settings, self.cost).corrected(found.u, 0.0)
-            return guess if found is None else found.u
+            return None if found is None else found.u
 
     def _slack(self, plan: StageProblem) -> float:
         """Tension at the end of a stage that first pulls a flat slack strip, else 0.

@@ -164,13 +164,14 @@ class Thread:
         outward = np.stack([direction[0], np.zeros(2), direction[1]]) * [-1.0, 1.0]
         return moved[:, 0], moved[:, 1], outward[:, 0], outward[:, 1]
 
-    def guess(self, strip: Strip, pattern: Pattern) -> Array:
+    def guess(self, strip: Strip, pattern: Pattern, bent: bool = True) -> Array:
         """Displacements of the threaded strip before equilibrium, shape (unknowns,).
 
-        Projected in the mean square on the strip's own functions.
+        Bent onto its rollers, or as a taut string; projected in the mean square on the strip's own
+        functions.
         """
         reference, begin = quadrature_points(strip), float(strip.mesh.p[0].min())
-        finest = float(strip.cell_sizes[0].min())
+        finest = float(strip.cell_sizes[0].min()) if bent else np.inf
         places = self.positions(reference, begin, finest)
         full = l2_projection(strip, pattern, places - reference)
         # Fibres that go ways of different lengths slide along their own surface first.
