@@ -163,7 +163,9 @@ class Lines:
         graded = list[Zone]()
         if zones and thread is not None and self.lifts:
             near = NEAR_LIFT * max(boundary_layer(scene), fine / QUARTER)
+            others = [r for r in self.rollers if r.name not in thread.arcs]  # they may touch it
             zones = [(x - near, x + near) for x in self.lifts]
+            zones += fine_zones(scene, others, thread, half)
             graded = [Zone(*zone, fine) for zone in zones]
             graded += [Zone(*thread.arcs[r.name], ARC * r.radius) for r in thread.rollers]
         self._refuse_more(cells, zones, fine)
