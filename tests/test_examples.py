@@ -144,6 +144,18 @@ def test_heavy_strip_hangs_in_a_catenary(claim: Claim) -> None:
     assert moved[ends, 1] + strip.origin[2] == pytest.approx(-3.0 + 0.047, abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("name", "strict", "looser"), [("heavy.toml", 1e-9, 1e-6), ("bridle.toml", 1e-7, 1e-5)]
+)
+def test_tolerances_near_round_off_are_reached(name: str, strict: float, looser: float) -> None:
+    """Steps balance forces as far as the last digits of positions allow, and no further."""
+    tensions = []
+    for tolerance in (strict, looser):
+        run, last = ended(name, f"solver.tolerance={tolerance:g}")
+        tensions.append(last.state.tension("entry"))
+    assert tensions[0] == pytest.approx(tensions[1], rel=looser)
+
+
 def test_small_deflection_is_that_of_linear_theory(claim: Claim) -> None:
     """Sag s = q l²/2T − q λ²/T (1 − 1/cosh(l/λ)), then F = 2 T (30 mm + s)/(l − λ tanh(l/λ))."""
     run = Scene.load(EXAMPLES / "small_deflection.toml").run()

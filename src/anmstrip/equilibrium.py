@@ -280,8 +280,9 @@ class Equilibrium:
         forces = residual / self.free_units
         return math.sqrt(forces.dot(forces)) / self.model.scales.force
 
-    def round_off(self, full: Array, velocity: Array | None, control: float) -> float:
+    def round_off(self, u: Array, control: float) -> float:
         """Imbalance that a change of the last digits of all displacements makes."""
+        full, velocity = self.supports.full(u, control), self.full_velocity(u, control)
         signs = np.where(np.arange(len(full)) % 3 == 1, -1.0, 1.0)
         moved = full * (1.0 + np.finfo(float).eps * signs)
         forces = [self.model.force(x, velocity, self.controls, control) for x in (moved, full)]

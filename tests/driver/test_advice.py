@@ -281,6 +281,7 @@ ELSEWHERE = {
     "finer_mesh": "coarse_mesh",
     "running_loose": "released_strip",
     "acts_as": "slipping_friction",
+    "below_round_off": "round_off, strict_tolerance",
     "shorter_move": "meeting_rollers, roller_over_an_end",
 }
 """Functions that propose something and have another name or place."""

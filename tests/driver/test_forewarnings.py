@@ -194,6 +194,10 @@ def test_an_ordinary_bridle_gives_no_cause() -> None:
 
 WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
     ([("strip.thickness", 1.0)], "strip.thickness = 1 is in m", "strip.thickness=0.001"),
+    (
+        [("friction", None), ("stages", [{"duration": 1.0}]), ("solver", {"tolerance": 1e-9})],
+        "solver.tolerance = 1e-09 is near round-off", "solver.tolerance=",
+    ),
     ([("strip.width", 1200.0)], "strip.width = 1200 is in m", "strip.width=1.2"),
     (
         [("material.young", 2e5), ("threading.tension", 5.0)],

@@ -413,7 +413,7 @@ def balanced(
     equations = Equilibrium(plan.model, plan.supports, plan.controls, rates, moving)
     zero = np.zeros(len(free))
     first = equations.imbalance(equations.residual(zero, 0.0))
-    floor = equations.round_off(plan.supports.start, moving, 0.0)
+    floor = equations.round_off(zero, 0.0)
     wanted, solver = max(REMAINS * first, ROUND_OFF, floor), SparseSolver()
     corrections = Corrections(wanted, most=MOST_CORRECTIONS, least=1, halvings=HALVINGS)
     found = Newton(equations, solver, corrections, Cost()).corrected(zero, 0.0)

@@ -16,25 +16,20 @@ from anmstrip.arrays import Array
 from anmstrip.continuation.equations import RESIDUAL_SHARE, Evidence, Outcome, PathStopped
 from anmstrip.driver.physics import two_digits
 from anmstrip.driver.preview import Preview, motions_at
-from anmstrip.driver.warnings import finer_mesh, serious
+from anmstrip.driver.warnings import below_round_off, finer_mesh, serious
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.results.state import ContactState, State
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import THREADING
 from anmstrip.simulation.meshing import QUARTER
 from anmstrip.simulation.problem import Assembly, cheapest_order, size_of
+from anmstrip.timestepping.formulas import AffineVelocity
 
 NEAR = 2.0
 """Gap, in lengths of the elements there, up to which a node counts as near a roller."""
 
 COARSE = 0.5
 """Element over a roller, in boundary layers √(D/T), that is called too long."""
-
-CLEAR = 0.1
-"""Share of the asked imbalance that round-off may make."""
-
-LOOSEST = 1e-2
-"""Tolerance that is proposed at most: what needs a looser one has another cause."""
 
 SHARP = 1e-3
 """Onset of contact, over the one that the mesh resolves, that is called too sharp."""
@@ -193,21 +188,16 @@ def squeezed(failure: Failure) -> str | None:
 
 
 def round_off(failure: Failure) -> str | None:
-    """The last digits of the state do not allow the tolerance.
-
-    The floor is the imbalance, over the force scale, that a change of the last digit makes.
-    """
+    """The last digits of the state do not allow the tolerance."""
     plan, state = failure.plan, failure.state
-    equilibrium = Equilibrium(plan.model, plan.supports, plan.controls)
-    floor = equilibrium.round_off(state.full, state.velocity, state.control)
+    free, rates = plan.supports.free, None
+    u = state.full[free] - plan.supports.start[free]
+    if plan.in_time and state.velocity is not None:
+        rates = AffineVelocity(1.0, state.velocity[free] - u, np.zeros_like(u))
+    equations = Equilibrium(plan.model, plan.supports, plan.controls, rates, state.velocity)
     share = RESIDUAL_SHARE if plan.in_time else 1.0
-    reachable = 2.0 * floor / CLEAR / share
-    if not 2.0 * failure.scene.solver.tolerance < reachable < LOOSEST:
-        return None
-    return (
-        f"The tolerance is near round-off: the last digit of the positions is worth {floor:.1g} "
-        f"of the forces. Try --set solver.tolerance={reachable:.0e}"
-    )
+    told = below_round_off(failure.scene, equations.round_off(u, state.control), share)
+    return f"The value {told}" if told else None
 
 
 def forewarned(failure: Failure) -> str | None:

@@ -14,6 +14,7 @@ import numpy as np
 from anmstrip.driver import physics
 from anmstrip.driver.budget import Budget
 from anmstrip.driver.preview import UNSEEN, Preview, free_motions
+from anmstrip.equilibrium import Equilibrium
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.schema import SceneSpec
@@ -40,6 +41,15 @@ SUNK = 0.1
 
 SLACK = 1e-2
 """Share of the largest force below which an end that was pulled is slack."""
+
+STRICT = 1e-4
+"""Tolerance below which round-off is looked at before a run."""
+
+SAFE = 20.0
+"""Tolerance that is proposed, over what round-off makes of the imbalance."""
+
+LOOSEST = 1e-2
+"""The same at most: what needs a looser one has another cause."""
 
 UNLIKE = 0.1
 """Share by which a friction coefficient may act as another one than was typed, unsaid."""
@@ -205,6 +215,32 @@ def coarse_mesh(preview: Preview) -> Iterator[str]:
         )
 
 
+def strict_tolerance(preview: Preview) -> Iterator[str]:
+    """A tolerance that the last digits of the positions of a threaded strip do not allow."""
+    assembly, plan = preview.assembly, preview.plans[0]
+    if assembly.thread is None or assembly.scene.solver.tolerance >= STRICT:
+        return
+    laid = assembly.thread.laid(assembly.strip, assembly.pattern)[plan.supports.free]
+    equations = Equilibrium(plan.model, plan.supports, plan.controls)
+    if told := below_round_off(assembly.scene, equations.round_off(laid, 0.0)):
+        yield told
+
+
+def below_round_off(scene: SceneSpec, floor: float, share: float = 1.0) -> str:
+    """Return what to type where the last digits are worth so much of the forces, or nothing.
+
+    The imbalance that is allowed is the given share of the tolerance.
+    """
+    reachable = SAFE * floor / share
+    if not scene.solver.tolerance < 0.5 * reachable < 0.5 * LOOSEST:
+        return ""
+    return (
+        f"solver.tolerance = {scene.solver.tolerance:g} is near round-off: the last digit of the "
+        f"positions is worth {floor:.1g} of the forces. "
+        f"Try --set solver.tolerance={reachable:.0e}"
+    )
+
+
 def finer_mesh(scene: SceneSpec, length: float) -> str:
     """Return what to type for elements of a length (m) over rollers."""
     if scene.strip.mesh is not None:
@@ -277,6 +313,7 @@ SERIOUS_RULES = (
     physics.strip_runs_out,
     slack_end,
     heavy_strip,
+    strict_tolerance,
 )
 OTHER_RULES = (free_motions, coarse_mesh, slipping_friction, *physics.RULES)
 

@@ -236,7 +236,8 @@ class March:
 
     def _rate_free(self, plan: StageProblem, settings: Settings) -> Iterator[Step]:
         u, equations = self._start(plan)
-        settings = replace(settings, unhurried=UNHURRIED)
+        tolerance = max(settings.tolerance, equations.round_off(u, self.reached or 0.0))
+        settings = replace(settings, tolerance=tolerance, unhurried=UNHURRIED)
         for step in (self._settled if plan.steady else self._path)(equations, u, settings):
             u, control = step.branch.end
             branch = step.branch if equations.controls is plan.controls else None
@@ -320,7 +321,7 @@ class March:
         Near to it corrections of a long line may fail, for its strip slides round many rollers by
         what each of them makes its way longer: this is a path along the rollers, not straight.
         """
-        aim = self.tolerances.correction
+        aim = max(self.tolerances.correction, equations.round_off(guess, 0.0))
         settings = Corrections(aim, MOST_CORRECTIONS, halvings=8, growth=GUESS_GROWTH, near=SLIDING)
         found = Newton(equations, self.solver, settings, self.cost).corrected(guess, 0.0)
         if found is None or found.imbalance <= aim:

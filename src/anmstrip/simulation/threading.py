@@ -167,16 +167,19 @@ class Thread:
     def guess(self, strip: Strip, pattern: Pattern, bent: bool = True) -> Array:
         """Displacements of the threaded strip before equilibrium, shape (unknowns,).
 
-        Bent onto its rollers, or as a taut string; projected in the mean square on the strip's own
-        functions.
+        Bent onto its rollers, or as a taut string.
         """
-        reference, begin = quadrature_points(strip), float(strip.mesh.p[0].min())
-        finest = float(strip.cell_sizes[0].min()) if bent else np.inf
-        places = self.positions(reference, begin, finest)
-        full = l2_projection(strip, pattern, places - reference)
+        full = self.laid(strip, pattern, bent)
         # Fibres that go ways of different lengths slide along their own surface first.
         uneven = any(not r.is_cylinder or r.unit_axis[0] or r.unit_axis[2] for r in self.rollers)
         return self._relaxed(strip, pattern, full) if uneven else full
+
+    def laid(self, strip: Strip, pattern: Pattern, bent: bool = True) -> Array:
+        """Displacements onto the path, in the mean square over the strip, shape (unknowns,)."""
+        reference, begin = quadrature_points(strip), float(strip.mesh.p[0].min())
+        finest = float(strip.cell_sizes[0].min()) if bent else np.inf
+        places = self.positions(reference, begin, finest)
+        return l2_projection(strip, pattern, places - reference)
 
     def _relaxed(self, strip: Strip, pattern: Pattern, full: Array) -> Array:
         """Let a shell slide along its own surface, between entry and exit, to equilibrium."""

@@ -99,6 +99,10 @@ class StepEquations(Equations, Protocol):
         """
         return 0.0
 
+    def round_off(self, u: Array, control: float) -> float:
+        """Imbalance that the last digits of a state are worth; none by default."""
+        return 0.0
+
     def sharpening(self, u: Array, control: float) -> Array:
         """Derivative of R by a share by which regularised laws come nearer to the sharp ones."""
         return np.zeros_like(u)

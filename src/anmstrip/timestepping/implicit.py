@@ -296,6 +296,7 @@ class _Integrator:
         """
         settings = replace(
             self.settings,
+            tolerance=self.balance(path, size),
             max_steps=MOST_BRANCHES,
             shortest=shortest,
             give_way=False,
@@ -355,7 +356,12 @@ class _Integrator:
             path(SMOOTHEST), len(u), rational=True, shortest=NARROW, few=MOST_BRANCHES
         )
         given: dict[str, Any] = {"solver": self.solver, "cost": self.cost}
-        return sharpened(path, last.branch.end[0], tolerance=self.settings.tolerance, **given)
+        tolerance = self.balance(path(1.0), len(u))
+        return sharpened(path, last.branch.end[0], tolerance=tolerance, **given)
+
+    def balance(self, path: StepEquations, size: int) -> float:
+        """Largest imbalance at the end of a path: what is asked for, or what round-off allows."""
+        return max(self.settings.tolerance, path.round_off(np.zeros(size), 0.0))
 
     def local_error(self, memory: Memory, u: Array, new: float, order: int) -> Array:
         """Local error, from the predictor through order + 1 past states.
