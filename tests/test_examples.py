@@ -151,7 +151,7 @@ def test_tolerances_near_round_off_are_reached(name: str, strict: float, looser:
     """Steps balance forces as far as the last digits of positions allow, and no further."""
     tensions = []
     for tolerance in (strict, looser):
-        run, last = ended(name, f"solver.tolerance={tolerance:g}")
+        _, last = ended(name, f"solver.tolerance={tolerance:g}")
         tensions.append(last.state.tension("entry"))
     assert tensions[0] == pytest.approx(tensions[1], rel=looser)
 

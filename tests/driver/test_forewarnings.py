@@ -198,6 +198,12 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
         [("friction", None), ("stages", [{"duration": 1.0}]), ("solver", {"tolerance": 1e-9})],
         "solver.tolerance = 1e-09 is near round-off", "solver.tolerance=",
     ),
+    (
+        [("friction.coefficient", 0.7), ("stages", [
+            {"name": "run", "steady": True, "strip": {"speed": 1.0}, "rollers": {
+                "a": {"surface_speed": 1.0}, "b": {"surface_speed": 1.0}}}])],
+        "is under no tension, since strip.speed = 1 m/s", "stages.run.strip.speed=0.99995",
+    ),
     ([("strip.width", 1200.0)], "strip.width = 1200 is in m", "strip.width=1.2"),
     (
         [("material.young", 2e5), ("threading.tension", 5.0)],

@@ -39,6 +39,9 @@ GRAZES = 1e-3
 UNEQUAL = 0.01
 """Share by which speeds of rollers may differ: far more than the elastic creep of any strip."""
 
+UNLOADED = 0.1
+"""Share of its tension to which rollers may brake a strip, unsaid."""
+
 LARGEST = {"m": 20.0, "m/s": 100.0}
 """Widths, radii and speeds in a line beyond which another unit was meant."""
 
@@ -359,6 +362,32 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
                     f"--set stages.{stage.name}.rollers.{name}.surface_speed={typed:g}"
                 )
                 return
+
+
+def strip_without_tension(preview: Preview) -> Iterator[str]:
+    """Steady stages in which a roller carries strip off no faster than it comes in unstressed."""
+    assembly, last = preview.assembly, dict[str, float]()
+    if assembly.thread is None or assembly.friction is None:
+        return
+    stretch = assembly.thread.along
+    for stage in assembly.scene.stages:
+        for roller in assembly.rollers:
+            if (speed := surface_speed(stage.rollers.get(roller.name), roller)) is not None:
+                last[roller.name] = speed * roller.sense * carrying_sense(roller, assembly.thread)
+        given = stage.strip.speed if stage.steady else None
+        slow = [
+            roller
+            for roller in assembly.rollers
+            if given and 0.0 < last.get(roller.name, 0.0) / given < 1.0 + UNLOADED * (stretch - 1.0)
+        ]
+        if given and np.prod([holding(preview, roller) for roller in slow]) > 1.0 / UNLOADED:
+            name = min((roller.name for roller in slow), key=lambda each: last[each])
+            yield (
+                f"roller {name} goes at {last[name]:.9g} m/s in stage {stage.name}, and strip that "
+                f"sticks to it is under no tension, since strip.speed = {given:.9g} m/s is its "
+                f"speed unstressed. Try entry.tension and no strip.speed there, or "
+                f"--set stages.{stage.name}.strip.speed={last[name] / stretch:.12g}"
+            )
 
 
 def strip_runs_out(preview: Preview) -> Iterator[str]:
