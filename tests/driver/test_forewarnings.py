@@ -204,6 +204,12 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
                 "a": {"surface_speed": 1.0}, "b": {"surface_speed": 1.0}}}])],
         "is under no tension, since strip.speed = 1 m/s", "stages.run.strip.speed=0.99995",
     ),
+    (
+        [("threading.entry", [-4.0, 0.0, -0.7]), ("stages", [
+            {"name": "run", "duration": 0.1, "entry": {"velocity": [1.0, 0.0, 0.0]}}]),
+         ("rollers.0.drive", "idle"), ("rollers.1.drive", "idle")],
+        "entry.velocity in stage run is 14° off the strip", "stages.run.entry.velocity=[0.96",
+    ),
     ([("strip.width", 1200.0)], "strip.width = 1200 is in m", "strip.width=1.2"),
     (
         [("material.young", 2e5), ("threading.tension", 5.0)],

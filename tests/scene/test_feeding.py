@@ -146,6 +146,23 @@ def test_a_held_end_lets_pass_what_it_would_move(end: str) -> None:
     assert state.tension("exit" if end == "entry" else "entry") == pytest.approx(1e4, rel=1e-3)
 
 
+@pytest.mark.parametrize(("angle", "moved"), [(0.0, 0.0), (0.5, 0.0), (10.0, 0.1 * 0.5 * 0.1)])
+def test_a_velocity_typed_with_few_digits_is_that_of_the_strip(angle: float, moved: float) -> None:
+    """Up to 1° beside the strip it is fed, beyond the end itself moves across it."""
+    scene = tables()
+    _, direction = Run(Scene.model_validate(scene)).assembly.thread.middle.at(np.zeros(1), 0)
+    turn = np.arctan2(direction[1, 0], direction[0, 0]) + np.radians(angle)
+    velocity = [0.1 * float(np.cos(turn)), 0.0, 0.1 * float(np.sin(turn))]
+    scene["rollers"][0]["drive"] = "idle"
+    scene["stages"] = [{"name": "run", "duration": 0.1, "entry": {"velocity": velocity}}]
+    run = done(scene)
+    strip, state = run.assembly.strip, run.state
+    last = strip.nodal(state.full)[strip.edges["entry"].values[0]]
+    first = run.assembly.thread.ends_in_space(strip.mesh.p[0, [0, -1]])[0]
+    across = np.hypot(*(last - first[[0, 2]]))
+    assert across == pytest.approx(moved * np.sin(np.radians(angle)), rel=1e-6, abs=1e-12)
+
+
 def test_a_fed_strip_goes_on_from_a_stationary_state_without_a_jump() -> None:
     stages = [
         {"name": "steady", "steady": True, "strip": {"speed": 1.0 / (1.0 + 1.1e4 / STIFFNESS)},

@@ -20,6 +20,7 @@ from anmstrip.scene.tables import ENDS, RollerSpec
 from anmstrip.simulation.defaults import bending_stiffness, boundary_layer
 from anmstrip.simulation.meshing import carried, carrying_sense, surface_speed
 from anmstrip.simulation.problem import distributed_load
+from anmstrip.simulation.stages import ALIGNED, Course
 
 PLASTIC = 5e-3
 """Strain at which no metal is elastic any more, for a scene without a yield stress."""
@@ -390,6 +391,27 @@ def strip_without_tension(preview: Preview) -> Iterator[str]:
             )
 
 
+def sideways_entry(preview: Preview) -> Iterator[str]:
+    """Ends of a fed strip that are moved across it, since their velocity is not along it."""
+    course = Course(preview.assembly)
+    for stage in preview.assembly.scene.stages:
+        course.released |= {name for name, each in stage.edges.items() if each.release}
+        edge, direction, held = course.passing(stage)
+        control = stage.edges.get(edge)
+        if not (course.fed(stage) and held and control and control.velocity):
+            continue
+        along = float(np.dot(control.velocity, direction))
+        speed = float(np.linalg.norm(control.velocity))
+        apart = np.arccos(np.clip(abs(along) / speed, 0.0, 1.0)) if speed else 0.0
+        if np.sin(apart) > ALIGNED:
+            typed = ", ".join(f"{np.copysign(speed, along) * d:.4g}" for d in direction)
+            yield (
+                f"{edge}.velocity in stage {stage.name} is {np.degrees(apart):.2g}° off the strip "
+                f"there, so that the {edge} itself moves across it, by {speed * np.sin(apart):.2g} "
+                f"m/s. Try --set 'stages.{stage.name}.{edge}.velocity=[{typed}]'"
+            )
+
+
 def strip_runs_out(preview: Preview) -> Iterator[str]:
     """An end of the strip that travels as far as the first roller on its way."""
     scene, thread = preview.assembly.scene, preview.assembly.thread
@@ -433,6 +455,7 @@ def nip(preview: Preview) -> Iterator[str]:
 RULES = (
     nip,
     untouched_roller,
+    sideways_entry,
     beyond_yield,
     stretched_beyond_yield,
     gravity_upwards,

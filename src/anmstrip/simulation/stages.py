@@ -23,6 +23,9 @@ from anmstrip.simulation.problem import Assembly, middle_node
 ALONG = 0.5
 """Least share of a held direction that holds an end along the strip."""
 
+ALIGNED = 0.02
+"""Sine of the angle, 1°, up to which a velocity is that of strip that passes a held end."""
+
 RUNNING = 0.1
 """Share of its speeds at which a steady stage with idlers begins."""
 
@@ -322,8 +325,11 @@ class Course:
         edge, direction, held = self.passing(stage)
         if not (self.fed(stage) and held and edge == name):
             return before, after
-        along = np.outer(direction, direction)
-        return before - along @ before, after - along @ after
+        both = np.stack([before, after])
+        across = both - np.outer(both @ direction, direction)
+        large = np.linalg.norm(across, axis=1) > ALIGNED * np.linalg.norm(both, axis=1)
+        first, last = np.where(large[:, None], across, 0.0)
+        return first, last
 
     def _speeds(self, stage: StageSpec, name: str) -> tuple[Array, Array]:
         """Velocities of an edge at the beginning and at the end of a stage (m/s)."""
