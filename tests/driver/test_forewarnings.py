@@ -210,6 +210,11 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
          ("rollers.0.drive", "idle"), ("rollers.1.drive", "idle")],
         "entry.velocity in stage run is 14° off the strip", "stages.run.entry.velocity=[0.96",
     ),
+    (
+        [("rollers.0.drive", "torque"), ("rollers.0.bearing", 5.0), ("stages.1.rollers", {
+            "a": {"torque": -2500.0}, "b": {"surface_speed": 1.0}})],
+        "torque = -2500 N m is more than friction can take", "stages.run.rollers.a.torque=-",
+    ),
     ([("strip.width", 1200.0)], "strip.width = 1200 is in m", "strip.width=1.2"),
     (
         [("material.young", 2e5), ("threading.tension", 5.0)],

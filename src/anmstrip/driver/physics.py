@@ -365,6 +365,28 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
                 return
 
 
+def torque_beyond_friction(preview: Preview) -> Iterator[str]:
+    """Torques that turn a roller through under the strip, since friction cannot take them."""
+    assembly, tension = preview.assembly, preview.tension
+    specs = {spec.name: spec for spec in assembly.scene.rollers}
+    for stage in assembly.scene.stages:
+        for roller in assembly.rollers if assembly.rubs(stage) else ():
+            control = stage.rollers.get(roller.name)
+            if control is None or not control.torque:
+                continue
+            grip = holding(preview, roller) - 1.0
+            most = roller.radius * assembly.strip.width * tension * grip
+            if not 0.0 < most < abs(control.torque) - specs[roller.name].bearing:
+                continue
+            key = f"stages.{stage.name}.rollers.{roller.name}.torque"
+            half = np.copysign(two_digits(0.5 * most, np.floor), control.torque)
+            yield (
+                f"{key} = {control.torque:g} N m is more than friction can take on a wrap of "
+                f"{np.degrees(preview.turn(roller)):.3g}°, which is {most:.2g} N m under "
+                f"{tension:.3g} N/m: the roller turns through. Try --set {key}={half:g}"
+            )
+
+
 def strip_without_tension(preview: Preview) -> Iterator[str]:
     """Steady stages in which a roller carries strip off no faster than it comes in unstressed."""
     assembly, last = preview.assembly, dict[str, float]()

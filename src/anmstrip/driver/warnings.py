@@ -310,6 +310,7 @@ SERIOUS_RULES = (
     slack_start,
     released_strip,
     physics.beyond_capacity,
+    physics.torque_beyond_friction,
     physics.strip_without_tension,
     physics.strip_runs_out,
     slack_end,
