@@ -410,13 +410,22 @@ class Motion:
         Of the whole stage, λ = 0 at its start and 1 at its end.
     start, duration : float
         Times (s).
+    before : mapping, optional
+        Controls that jump as the stage begins, with their values before: the path of its first
+        step leads from these, with which the velocities of the state before are in equilibrium.
     """
 
     def __init__(
-        self, model: Model, supports: Supports, controls: Controls, start: float, duration: float
+        self,
+        model: Model,
+        supports: Supports,
+        controls: Controls,
+        start: float,
+        duration: float,
+        before: Mapping[str, Array] | None = None,
     ) -> None:
         self.model, self.supports, self.controls = model, supports, controls
-        self.start, self.duration = start, duration
+        self.start, self.duration, self.before = start, duration, before or {}
 
     def during(self, t: float, h: float, velocity: AffineVelocity, about: Array) -> Equilibrium:
         """Equations of one time step, for increments from ``about``."""
@@ -425,14 +434,22 @@ class Motion:
         change = self.supports.full(zero, begin + share) - self.supports.full(zero, begin)
         supports = Supports(self.supports.free, start, change)
         slope = {name: share * rate for name, rate in self.controls.slope.items()}
-        controls = Controls(self.controls.at(begin), slope)
+        values = self.controls.at(begin)
+        if t == self.start:
+            slope |= {name: values[name] - old for name, old in self.before.items() if h > 0.0}
+            values |= self.before
+        controls = Controls(values, slope)
         moving = self.supports.rate(begin + share) / self.duration
         return Equilibrium(self.model, supports, controls, velocity, moving)
 
     def smoothed(self, width: float) -> Motion:
         """The same with V_c so many times as large."""
-        model = self.model if width == 1.0 else self.model.smoothed(width)
-        return Motion(model, self.supports, self.controls, self.start, self.duration)
+        return self.of(self.model if width == 1.0 else self.model.smoothed(width))
+
+    def of(self, model: Model) -> Motion:
+        """The same with another model."""
+        given = self.supports, self.controls, self.start, self.duration, self.before
+        return Motion(model, *given)
 
     def dragged(self, t: float, u: Array, v: Array, time: float) -> Motion | None:
         """The same with a drag as large as tension/length at a speed of length/time."""
@@ -443,8 +460,7 @@ class Motion:
 
         model, size = self.model, self.model.scales
         drag = Drag(ContactOperator(model.strip), size.tension * time / size.length**2)
-        slowed = model.with_effects([*model.effects, drag])
-        return Motion(slowed, self.supports, self.controls, self.start, self.duration)
+        return self.of(model.with_effects([*model.effects, drag]))
 
     def error(self, u: Array, change: Array) -> float:
         """Largest error in position over the length scale: it is carried along."""
@@ -526,6 +542,14 @@ class StageProblem:
             for name in names
             if not name.endswith((".surface_speed", ".passing"))
         )
+
+    def before(self, past: StageProblem | None) -> dict[str, Array]:
+        """Velocities that rollers have had until this stage stops or turns them."""
+        if past is None or not past.in_time:
+            return {}
+        then, now = past.controls.start, self.controls.start
+        moved = {n: v for n, v in then.items() if n.endswith(".velocity") and np.any(v)}
+        return {name: v for name, v in moved.items() if np.any(v != now[name])}
 
     @property
     def still(self) -> bool:

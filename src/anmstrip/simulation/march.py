@@ -354,14 +354,15 @@ class March:
         solver, memory = self.scene.solver, self._memory(plan)
         aim, most = self.tolerances.time, solver.highest_time_order
         stepping = Stepping(sum(self.times), aim, most, solver.time_step, self.follow)
-        motion = Motion(plan.model, plan.supports, plan.controls, plan.start, plan.duration)
-        given: dict[str, Any] = {"solver": self.solver, "stepping": stepping, "cost": self.cost}
+        given = plan.model, plan.supports, plan.controls, plan.start, plan.duration
+        motion = Motion(*given, plan.before(self.past))
+        ways: dict[str, Any] = {"solver": self.solver, "stepping": stepping, "cost": self.cost}
         friction, ends = self.assembly.friction, [plan.start + plan.duration]
         if friction is not None and solver.time_step is None:
             ends = [*plan.reversals(TURNING * friction.speed), *ends]
         for until in ends:
             if until > memory.times[0]:
-                for step in integrate(motion, memory, until, settings=settings, **given):
+                for step in integrate(motion, memory, until, settings=settings, **ways):
                     memory = step.memory
                     settings = replace(settings, max_steps=settings.max_steps - 1)
                     yield self._step(plan, step, settings.order)
