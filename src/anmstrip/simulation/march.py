@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import Cost, Outcome, PathStopped, Tolerances
+from anmstrip.continuation.equations import LOOSEST_BALANCE, Cost, Outcome, PathStopped, Tolerances
 from anmstrip.continuation.follow import Pace, PathSolver, PathStep, Settings, follow
 from anmstrip.continuation.newton import (
     SMOOTHEST,
@@ -236,7 +236,10 @@ class March:
 
     def _rate_free(self, plan: StageProblem, settings: Settings) -> Iterator[Step]:
         u, equations = self._start(plan)
-        tolerance = max(settings.tolerance, equations.round_off(u, self.reached or 0.0))
+        begun, floor = self.reached or 0.0, 0.0
+        if equations.imbalance(equations.residual(u, begun)) < LOOSEST_BALANCE:  # not of a guess
+            floor = equations.round_off(u, begun)
+        tolerance = max(settings.tolerance, floor)
         settings = replace(settings, tolerance=tolerance, unhurried=UNHURRIED)
         for step in (self._settled if plan.steady else self._path)(equations, u, settings):
             u, control = step.branch.end
@@ -321,11 +324,14 @@ class March:
         Near to it corrections of a long line may fail, for its strip slides round many rollers by
         what each of them makes its way longer: this is a path along the rollers, not straight.
         """
-        aim = max(self.tolerances.correction, equations.round_off(guess, 0.0))
+        aim = self.tolerances.correction
         settings = Corrections(aim, MOST_CORRECTIONS, halvings=8, growth=GUESS_GROWTH, near=SLIDING)
         found = Newton(equations, self.solver, settings, self.cost).corrected(guess, 0.0)
-        if found is None or found.imbalance <= aim:
-            return None if found is None else found.u
+        if found is None:
+            return None
+        aim = max(aim, equations.round_off(found.u, 0.0))
+        if found.imbalance <= aim:
+            return found.u
         path = Settings(tolerance=aim, max_steps=MOST_SLIDING, give_way=False, rational=True)
         given: dict[str, Any] = {"solver": self.solver, "settings": path, "cost": self.cost}
         try:
