@@ -65,7 +65,8 @@ def parts_of(steps: int, directory: Path, every: int = 100) -> list[Part]:
         if step.step < (len(found) + 1) * steps // 10:
             continue
         now = time.process_time()
-        grown = sum(path.stat().st_size for path in directory.iterdir() if path.suffix != ".vtu")
+        tables = (path for path in directory.iterdir() if path.suffix in (".csv", ".pvd"))
+        grown = sum(path.stat().st_size for path in tables)
         taken = step.step - last
         part = Part(
             step.step, (now - before) / taken, memory(), (grown - size) / taken,

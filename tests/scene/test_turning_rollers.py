@@ -50,7 +50,9 @@ def turned(first: dict[str, Any], second: dict[str, Any], **controls: Any) -> Sc
 def braked() -> Any:
     """An idler with bearings and a roller with a torque."""
     drives = {"drive": "idle", "bearing": 40.0}, {"drive": "torque"}
-    return ended(turned(*drives, b={"torque": 60.0}))
+    line = turned(*drives, b={"torque": 60.0})
+    solver = line.solver.model_copy(update={"time_step": 2e-3})  # for the ways of the rollers
+    return ended(line.model_copy(update={"solver": solver}))
 
 
 def test_tensions_are_those_of_moments_about_the_axes(braked: Any) -> None:
