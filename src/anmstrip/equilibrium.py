@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,15 @@ from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Blocks, Chained, Eliminated, Pattern, Restriction
 from anmstrip.fem.strip import Strip
 from anmstrip.linalg.bordered import Bordered, Condensed, Joined
-from anmstrip.mechanics.effects import Controls, Effect, Moment, RecordedLaws, force_of, series_of
+from anmstrip.mechanics.effects import (
+    WIDTH,
+    Controls,
+    Effect,
+    Moment,
+    RecordedLaws,
+    force_of,
+    series_of,
+)
 from anmstrip.mechanics.plasticity import Plasticity
 from anmstrip.mechanics.shell import Membrane
 from anmstrip.timestepping.formulas import AffineVelocity
@@ -78,7 +87,6 @@ class Model:
         self.units = np.append(self.units, self.internal)
         self.laws = RecordedLaws(self.unknowns)
         self._restrictions: dict[bytes, Restriction] = {}
-        self._smoothed: dict[float, Model] = {}
 
     @property
     def rate_dependent(self) -> bool:
@@ -115,13 +123,12 @@ class Model:
             blocks.add(last, np.arange(self.coupled), pulled)
         return blocks
 
-    def smoothed(self, width: float) -> Model:
-        """Return the same with the corners of its laws so many times as wide, remembered."""
-        if width not in self._smoothed:
-            model = self.with_effects([effect.smoothed(width) for effect in self.effects])
-            model.seconds, model._restrictions = self.seconds, self._restrictions
-            self._smoothed[width] = model
-        return self._smoothed[width]
+    @cached_property
+    def wider(self) -> Model:
+        """The same for laws of other widths, whose programs are others."""
+        model = self.with_effects(self.effects)
+        model.seconds, model._restrictions = self.seconds, self._restrictions
+        return model
 
     def sharpening(self, full: Array, velocity: Array | None, controls: Mapping[str, Any]) -> Array:
         """Derivative of the residual by a share by which laws come nearer to the sharp ones."""
@@ -216,7 +223,29 @@ class Equilibrium:
 
     def unaccelerated(self) -> Array | None:
         """Free unknowns at the end of a step in time whose velocities stay; None without any."""
-        return None if self.velocity is None else -self.velocity.slope / self.velocity.rate
+        if self.velocity is None or not self.velocity.slope.any():
+            return None
+        return -self.velocity.slope / self.velocity.rate
+
+    def smoother(self, width: float) -> tuple[Equilibrium, Equilibrium]:
+        """The same with corners so many times as wide in velocity, and their narrowing at λ = 1.
+
+        The logarithm of the width falls evenly.
+        """
+        model, wide = self.model.wider, np.array(np.log(width))
+        before = replace(self.controls, start={**self.controls.start, WIDTH: wide})
+        controls = Controls(before.at(1.0), {WIDTH: -wide})
+        still = np.zeros_like(self.supports.slope)
+        end = self.supports.start + self.supports.slope
+        supports = replace(self.supports, start=end, slope=still, bow=None)
+        velocity = self.velocity
+        if velocity is not None:
+            base = velocity.base + velocity.slope
+            velocity = replace(velocity, base=base, slope=np.zeros_like(base))
+        return (
+            Equilibrium(model, self.supports, before, self.velocity, self.moving),
+            Equilibrium(model, supports, controls, velocity, self.moving),
+        )
 
     def recurrence(self, u: Array, control: float, order: int) -> EquilibriumSeries:
         """Start the series at a point."""
@@ -441,10 +470,6 @@ class Motion:
         controls = Controls(values, slope)
         moving = self.supports.rate(begin + share) / self.duration
         return Equilibrium(self.model, supports, controls, velocity, moving)
-
-    def smoothed(self, width: float) -> Motion:
-        """The same with V_c so many times as large."""
-        return self.of(self.model if width == 1.0 else self.model.smoothed(width))
 
     def of(self, model: Model) -> Motion:
         """The same with another model."""

@@ -51,8 +51,9 @@ class Equations(Protocol):
     3. ``metric`` holds the weights of the unknowns in the inner product of changes of state, such
        that the length of a change is dimensionless.
     4. ``unaccelerated`` is asked for by Newton's method alone.
-    5. A class that inherits from this one has no interior check unless it writes one, and no
-       velocities.
+    5. ``smoother`` is asked for where a path stalls at corners of the laws.
+    6. A class that inherits from this one has no interior check unless it writes one, no
+       velocities, and no corners.
     """
 
     @property
@@ -74,6 +75,15 @@ class Equations(Protocol):
 
     def unaccelerated(self) -> Array | None:
         """Unknowns (n,) at λ = 1 of a step in time whose velocities stay; None without any."""
+        return None
+
+    def round_off(self, u: Array, control: float) -> float:
+        """Imbalance that the last digits of a state are worth; none by default."""
+        return 0.0
+
+    def smoother(self, width: float) -> tuple[Equations, Equations] | None:
+        """The same with the corners of its laws so many times as wide, and the path at λ = 1 along
+        which they narrow to the given ones; None without corners."""
         return None
 
 

@@ -29,8 +29,7 @@ class Parameter:
     reach: float = np.inf  # largest a of interest; orders that are not seen there are left out
     arclength: bool = False  # follow pseudo-arclength instead of the control
     forward: tuple[Array, float] | None = None  # direction (u, λ) of travel so far, on an arc
-    unhurried: float = 0.0  # least share of the way ahead that takes a small imbalance away
-    ahead: float = 0.0  # distance to the target in λ, on an arc
+    unhurried: float = 0.0  # least change of the control that takes a small imbalance away
 
 
 def expand(
@@ -108,11 +107,12 @@ def expand(
             norm = -norm
         t_u, t_control = per_control / norm, 1.0 / norm
         along = inner(equations, t_u, per_control) + t_control
-        share = 0.0 if away else parameter.unhurried * parameter.ahead
+        share = 0.0 if away else parameter.unhurried
         carried_over = max(1.0, share / max(abs(t_control) * parameter.scale, TINY))
     else:
-        whole = parameter.reach if np.isfinite(parameter.reach) else 1.0
-        carried_over = max(1.0, whole * (1.0 if away else parameter.unhurried))
+        reach = parameter.reach if np.isfinite(parameter.reach) else 1.0
+        share = parameter.unhurried / max(abs(parameter.scale), TINY)
+        carried_over = max(1.0, reach if away else share)
     u_orders, control_orders, forces, unseen = [u], [control], [0.0], 0
     for k in range(1, order + 1):
         if k == 1:

@@ -36,6 +36,9 @@ Near a limit point |du/dλ| grows like the inverse root of the distance, by 1.6 
 the steps shrink to SHRUNK.
 """
 
+LONG = 20
+"""Branches after which a path is long."""
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -49,6 +52,7 @@ class Settings:
     give_way: bool = True  # change to arclength where steps in the control keep shrinking
     rational: bool = False  # let branches go on as quotients of polynomials
     unhurried: float = 0.0  # least share of the way ahead that takes a small imbalance away
+    calmly: float = 0.0  # least share of the whole way that does so on a long path
 
 
 @dataclass(frozen=True)
@@ -149,15 +153,16 @@ class _Follower:
     def step(self, u: Array, pace: Pace) -> PathStep:
         """Expand, validate, and adapt."""
         settings, remaining = self.settings, self.target - pace.control
+        unhurried = settings.unhurried * abs(remaining)
+        if pace.taken >= LONG:
+            unhurried = max(unhurried, settings.calmly * abs(self.target - self.start))
         arclength = pace.arclength or (settings.give_way and _nears_limit_point(pace.shrinking))
         if arclength:
             forward = pace.forward or (np.zeros_like(u), self.target - self.start)
-            parameter = Parameter(
-                pace.last, np.inf, True, forward, settings.unhurried, abs(remaining)
-            )
+            parameter = Parameter(pace.last, np.inf, True, forward, unhurried)
         else:
             scale = np.copysign(min(pace.last, abs(remaining)), remaining)
-            parameter = Parameter(scale, remaining / scale, unhurried=settings.unhurried)
+            parameter = Parameter(scale, remaining / scale, unhurried=unhurried)
         try:
             branch = expand(
                 self.equations, u, pace.control, order=settings.order, solver=self.solver,

@@ -19,17 +19,8 @@ SMOOTHEST = 1e5
 the default V_c, 1e-6 of the speed of a line or so, they are as wide as the speeds of slip.
 With 1e7 a dancer takes a third more tangents in a step; with 1e3 the first path stalls as well."""
 
-WIDTH_RATIO, LEAST_RATIO = 10.0, 1.5
-"""Ratio of successive widths, and the one at which it is given up: where Newton's method finds no
-state the ratio becomes its square root, for all that follow.  With steps of a decade alone three of
-76 random lines stopped where a roller that begins to move slips as a whole."""
-
 MOST_CORRECTIONS, HALVINGS = 20, 8
-"""Iterations with each of these laws, and halvings of each correction in its line search."""
-
-LOOSER = 10.0
-"""Imbalance of states with smoother laws over that with the given one.  With 1 a dancer takes a
-fifth more tangents in such a step, with 1e4 the last law is not reached."""
+"""Iterations that correct a state that was found so, and halvings of each in its line search."""
 
 
 @dataclass(frozen=True)
@@ -113,9 +104,11 @@ class Newton:
             return None
 
 
-def sharpened(
-    equations: Callable[[float], Equations],
+def narrowed(
+    equations: Equations,
     u: Array,
+    control: float,
+    path: Callable[[Equations, Array, float], PathStep],
     *,
     solver: LinearSolver,
     tolerance: float,
@@ -124,36 +117,33 @@ def sharpened(
     """The state at λ = 1 by way of smoother laws, None if they do not lead there.
 
     Where slip begins at many points at once, each turns the corner of sharp friction at a λ of its
-    own.  With the smoothest law there are no corners; from its state Newton's method goes to
-    sharper and sharper laws, each from the state of the one before.
+    own, near to which the series of the path converge.  With the smoothest laws there are no
+    corners; from their state a path leads to the given ones along the logarithm of the width, in
+    which no corner is sharper than another.
 
     Parameters
     ----------
-    equations : callable
-        The equations with the corners of their laws so many times as wide.
+    equations : Equations
     u : ndarray, shape (n,)
-        State with the smoothest law.
+        State at ``control``.
+    control : float
+    path : callable
+        Leads from a state at a λ to the last step of a path to λ = 1.
     tolerance : float
         Imbalance of the state.
     """
-
-    def corrected(width: float, u: Array) -> Corrected | None:
-        looser, least = (LOOSER, 0) if width > 1.0 else (1.0, 1)
-        net = Corrections(looser * tolerance, MOST_CORRECTIONS, least, halvings=HALVINGS)
-        return Newton(equations(width), solver, net, cost).corrected(u, 1.0)
-
-    width, ratio = SMOOTHEST, WIDTH_RATIO
-    found = corrected(width, u)
-    while found is not None and width > 1.0:
-        narrower = max(width / ratio, 1.0)
-        sharper = corrected(narrower, found.u)
-        if sharper is not None:
-            found, width = sharper, narrower
-        elif ratio < LEAST_RATIO:
-            return None
-        else:
-            ratio = ratio**0.5
-    return found
+    laws = equations.smoother(SMOOTHEST)
+    if laws is None:
+        return None
+    try:
+        for each, start in zip(laws, (control, 0.0), strict=True):
+            u = path(each, u, start).branch.end[0]
+    except PathStopped as stopped:
+        if stopped.outcome is Outcome.TOO_MANY_TANGENTS:
+            raise
+        return None
+    net = Corrections(tolerance, MOST_CORRECTIONS, least=1, halvings=HALVINGS)
+    return Newton(equations, solver, net, cost).corrected(u, 1.0)
 
 
 @dataclass(frozen=True)

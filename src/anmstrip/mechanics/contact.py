@@ -12,7 +12,7 @@ import numpy as np
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.geometry import SHELL, Kinematics
 from anmstrip.fem.sampling import ContactOperator, remembered
-from anmstrip.mechanics.effects import LawEffect, Moment
+from anmstrip.mechanics.effects import LawEffect, Moment, slowed
 from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
 from anmstrip.mechanics.roller import Projection, Roller
 
@@ -376,11 +376,6 @@ class Friction(LawEffect):
             return self.law_of_slip
         return self.law_of_slip.with_coefficient(self.roller.of(list(self.coefficients)))
 
-    def smoothed(self, width: float) -> Friction:
-        """Return the same with V_c so many times as large."""
-        law: Any = self.law_of_slip
-        return replace(self, law_of_slip=replace(law, speed=width * law.speed))
-
     def sharper(self, share: float) -> Friction:
         """Return the same with sharper laws of friction and contact."""
         law_of_slip, contact = self.law_of_slip.sharper(share), self.contact.sharper(share)
@@ -453,7 +448,7 @@ class Friction(LawEffect):
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Residual per area: minus the traction of the roller, (components, points)."""
         place, tangents, slip = self.sliding(x, v, controls)
-        traction = self.acting(self.contact.pressure(place), slip)
+        traction = self.acting(self.contact.pressure(place), slowed(slip, controls))
         return self.on_strip(tangents, traction)
 
     def on_strip(self, tangents: Any, traction: Any) -> Any:

@@ -57,6 +57,15 @@ Moment = tuple[Array, Array | None, Mapping[str, Any]]
 """Displacements and velocities of all unknowns, and the values of the controls."""
 
 
+WIDTH = "laws.width"
+"""Control: logarithm of the width of the corners of laws in velocity over that given, 0 without."""
+
+
+def slowed(speeds: Any, controls: Mapping[str, Any]) -> Any:
+    """Return speeds (m/s) over the width of the corners: what wider laws see is what these see."""
+    return speeds * np.exp(-controls[WIDTH]) if WIDTH in controls else speeds
+
+
 class Effect:
     """One term of the residual R(u, v, controls) of a strip.
 
@@ -94,10 +103,6 @@ class Effect:
     def reversed_friction(self, before: Moment, after: Moment) -> float:
         """Return the friction (N) of points whose slip has turned round between two states."""
         return 0.0
-
-    def smoothed(self, width: float) -> Effect:
-        """Return the effect with the corner of its law so many times as wide in velocity."""
-        return self
 
     def sharper(self, share: float) -> Effect:
         """Return the effect with its law nearer to a sharp one by a share."""

@@ -28,7 +28,7 @@ from anmstrip.fem.operators import (
 from anmstrip.fem.sampling import ContactOperator, SlopeOperator, l2_projection
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.contact import Friction, control_of, transform
-from anmstrip.mechanics.effects import LawEffect
+from anmstrip.mechanics.effects import LawEffect, slowed
 from anmstrip.mechanics.roller import Projection, at_points
 
 DRIVEN = -1
@@ -126,7 +126,7 @@ class TurningFriction(Friction):
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Residual per area of the strip and of the surface, (components + 1, points)."""
         place, tangents, slip = self.sliding(x, v, controls)
-        traction = self.acting(self.contact.pressure(place), slip)
+        traction = self.acting(self.contact.pressure(place), slowed(slip, controls))
         turned = traction[0] if place.ratio is None else place.ratio * traction[0]
         return np.stack([*self.on_strip(tangents, traction), turned * self.roller.sense])
 
@@ -167,13 +167,9 @@ class Drives(LawEffect):
         parts = [Part(csr_matrix(np.eye(count)), np.ones(count), self.unknowns)]
         return GivenOperator(count, (parts, parts))
 
-    def smoothed(self, width: float) -> Drives:
-        """Return the same with V_b so many times as large."""
-        return replace(self, speed=width * self.speed)
-
     def sharper(self, share: float) -> Drives:
         """Return the same with V_b smaller by a share."""
-        return self.smoothed(1.0 - share)
+        return replace(self, speed=(1.0 - share) * self.speed)
 
     def drag(self, speeds: Any) -> Any:
         """Torque (N m) with which bearings brake, positive against positive speeds, (rollers,)."""
@@ -183,7 +179,7 @@ class Drives(LawEffect):
         """Drag less torque, over the radius (N), shape (1, rollers)."""
         given = [controls[f"rollers.{name}.torque"] for name in self.names]
         torque = at_points(given, np.arange(len(given)))
-        return np.stack([(self.drag(v[0]) - torque) / self.radii])
+        return np.stack([(self.drag(slowed(v[0], controls)) - torque) / self.radii])
 
 
 @dataclass(frozen=True)

@@ -12,15 +12,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import LOOSEST_BALANCE, Cost, Outcome, PathStopped, Tolerances
+from anmstrip.continuation.equations import (
+    LOOSEST_BALANCE,
+    Cost,
+    Equations,
+    Outcome,
+    PathStopped,
+    Tolerances,
+)
 from anmstrip.continuation.follow import Pace, PathSolver, PathStep, Settings, follow
 from anmstrip.continuation.newton import (
-    SMOOTHEST,
     Corrected,
     Corrections,
     Newton,
     NewtonPath,
-    sharpened,
+    narrowed,
     straight_step,
 )
 from anmstrip.equilibrium import Equilibrium, Motion, StageProblem
@@ -53,11 +59,15 @@ SLIDING, MOST_SLIDING = 0.05, 4
 """Imbalance from which strip slides into place on a path, where corrections make it grow, and the
 branches of this path.  Lines of 100 to 200 rollers so take 6 tangents, without 10 to 12."""
 
-FEW_STATES = 100
-"""States of a steady stage, after which smoother laws lead to its end.  Of random lines most take
-4 to 15; shells on two driven rollers with the law of Norton and Hoff at a V_c of a millionth of
-their speed 150 to 290 and more, of which smoother laws leave 27 to 44 tangents.  With 40 a line of
-four rollers takes 278 tangents at V_c = 1e-8 m/s, not 76."""
+FEW_STATES, MOST_STATES = 80, 100
+"""States of a steady stage, after which smoother laws lead to its end, and of the path there.  Of
+random lines most take 4 to 15.  With 30 a line of four rollers with the law of Norton and Hoff
+takes 105 tangents at V_c = 1e-8 m/s, not 76."""
+
+CALMLY = 0.1
+"""Least share of a steady stage over which a small imbalance is taken away where its path is long:
+friction on a corner would answer to a shorter one with slip.  Without it a shell of two rollers
+takes more than 290 tangents."""
 
 FIRST_STEP = 0.01
 """First time step, of the shortest stage in time; the error control corrects it.  From the whole
@@ -240,7 +250,8 @@ class March:
         if equations.imbalance(equations.residual(u, begun)) < LOOSEST_BALANCE:  # not of a guess
             floor = equations.round_off(u, begun)
         tolerance = max(settings.tolerance, floor)
-        settings = replace(settings, tolerance=tolerance, unhurried=UNHURRIED)
+        calmly = CALMLY if plan.steady else 0.0
+        settings = replace(settings, tolerance=tolerance, unhurried=UNHURRIED, calmly=calmly)
         for step in (self._settled if plan.steady else self._path)(equations, u, settings):
             u, control = step.branch.end
             branch = step.branch if equations.controls is plan.controls else None
@@ -272,7 +283,7 @@ class March:
             if stopped.outcome is not Outcome.STALLED:
                 raise
             stalled = stopped
-        found = self._sharpened(equations, u, pace.control, settings)
+        found = self._narrowed(equations, u, pace.control, settings)
         if found is not None:
             yield straight_step(u, pace.control, found)
         elif stalled is not None:
@@ -281,24 +292,18 @@ class March:
             self.pace = replace(pace, taken=pace.taken + 1)
             yield from self._path(equations, u, settings)
 
-    def _sharpened(
+    def _narrowed(
         self, equations: Equilibrium, u: Array, control: float, settings: Settings
     ) -> Corrected | None:
         """Stationary state at the end of a stage by way of smoother laws, None if there is none."""
-
-        def path(width: float) -> Equilibrium:
-            model = equations.model.smoothed(width)  # afresh, as in a resumed run, to all digits
-            return Equilibrium(model, equations.supports, equations.controls)
-
         given: dict[str, Any] = {"solver": self.solver, "cost": self.cost}
-        few = replace(settings, max_steps=FEW_STATES)
-        try:
-            *_, last = self.follow(path(SMOOTHEST), u, settings=few, start=control, **given)
-        except PathStopped as stopped:
-            if stopped.outcome is Outcome.TOO_MANY_TANGENTS:
-                raise
-            return None
-        return sharpened(path, last.branch.end[0], tolerance=settings.tolerance, **given)
+        few = replace(settings, max_steps=MOST_STATES, give_way=False, rational=True)
+
+        def path(laws: Equations, u: Array, start: float) -> PathStep:
+            *_, last = self.follow(laws, u, settings=few, start=start, **given)
+            return last
+
+        return narrowed(equations, u, control, path, tolerance=settings.tolerance, **given)
 
     def _start(self, plan: StageProblem) -> tuple[Array, Equilibrium]:
         """First point of a rate-free path, and its equations."""

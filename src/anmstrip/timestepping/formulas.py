@@ -99,10 +99,6 @@ class StepEquations(Equations, Protocol):
         """
         return 0.0
 
-    def round_off(self, u: Array, control: float) -> float:
-        """Imbalance that the last digits of a state are worth; none by default."""
-        return 0.0
-
     def sharpening(self, u: Array, control: float) -> Array:
         """Derivative of R by a share by which regularised laws come nearer to the sharp ones."""
         return np.zeros_like(u)
@@ -119,8 +115,6 @@ class RateEquations(Protocol):
        consequences that the motion forgets.  Both are in the scales of the tolerance, and are
        asked for after ``during``.
     3. ``dragged`` is asked for where no velocity balances the forces.
-    4. ``smoothed`` is asked for where the path of a step stalls at corners of the laws, with
-       widths down to 1, which is the problem itself.
     """
 
     def during(self, t: float, h: float, velocity: AffineVelocity, about: Array) -> StepEquations:
@@ -132,10 +126,6 @@ class RateEquations(Protocol):
     def fading_error(self, u: Array, change: Array) -> float:
         """Size of the consequences of ``change`` that the motion forgets; none by default."""
         return 0.0
-
-    def smoothed(self, width: float) -> RateEquations:
-        """The same problem with the corners of its laws so many times as wide."""
-        return self
 
     def dragged(self, t: float, u: Array, v: Array, time: float) -> RateEquations | None:
         """The same with a drag that lasts so long: as large as the problem's forces where a

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import Cost, Evidence, Outcome, PathStopped
+from anmstrip.continuation.equations import Cost, Equations, Evidence, Outcome, PathStopped
 from anmstrip.continuation.follow import PathStep, Settings
-from anmstrip.continuation.newton import SMOOTHEST, Corrected, sharpened
+from anmstrip.continuation.newton import Corrected, narrowed
 from anmstrip.continuation.path import predicted
 from anmstrip.linalg.solvers import LinearSolver, Remembering
 from anmstrip.timestepping.formulas import (
@@ -287,7 +287,7 @@ class _Integrator:
         return start_memory(after, first.u, first.v, memory.step, memory.errors)
 
     def followed(
-        self, path: StepEquations, size: int, *, rational: bool, shortest: float, few: int
+        self, path: Equations, u: Array, *, rational: bool, shortest: float, few: int
     ) -> PathStep:
         """Last step of the path of the increment from λ = 0 to 1.
 
@@ -296,16 +296,14 @@ class _Integrator:
         """
         settings = replace(
             self.settings,
-            tolerance=self.balance(path, size),
+            tolerance=self.balance(path, u),
             max_steps=MOST_BRANCHES,
             shortest=shortest,
             give_way=False,
             rational=rational,
             unhurried=UNHURRIED,
         )
-        steps = self.stepping.follow(
-            path, np.zeros(size), solver=self.solver, settings=settings, cost=self.cost
-        )
+        steps = self.stepping.follow(path, u, solver=self.solver, settings=settings, cost=self.cost)
         for taken, last in enumerate(steps, 1):
             if taken >= few and last.pace.control < taken / MOST_BRANCHES:
                 raise PathStopped(Outcome.TOO_MANY_STEPS, last.pace.control)
@@ -336,32 +334,30 @@ class _Integrator:
         """
         equations = self.equations.during(t, h, velocity, u)
         try:
-            last = self.followed(equations, len(u), **path)
+            last = self.followed(equations, np.zeros_like(u), **path)
             return equations, last.branch.end[0], last.imbalance, last.branch(last.tangent)
         except PathStopped as stopped:
             if stopped.outcome is Outcome.TOO_MANY_TANGENTS:
                 raise
-            found = self.sharpened(t, h, velocity, u)
+            found = self.narrowed(equations, len(u))
             if found is None:
                 raise
             return equations, found.u, found.imbalance, (found.u, 1.0)
 
-    def sharpened(self, t: float, h: float, velocity: AffineVelocity, u: Array) -> Corrected | None:
+    def narrowed(self, equations: StepEquations, size: int) -> Corrected | None:
         """End of a step by way of smoother laws, None if they do not lead there."""
 
-        def path(width: float) -> StepEquations:
-            return self.equations.smoothed(width).during(t, h, velocity, u)
+        def path(laws: Equations, u: Array, start: float) -> PathStep:
+            return self.followed(laws, u, rational=True, shortest=NARROW, few=MOST_BRANCHES)
 
-        last = self.followed(
-            path(SMOOTHEST), len(u), rational=True, shortest=NARROW, few=MOST_BRANCHES
-        )
         given: dict[str, Any] = {"solver": self.solver, "cost": self.cost}
-        tolerance = self.balance(path(1.0), len(u))
-        return sharpened(path, last.branch.end[0], tolerance=tolerance, **given)
+        start = np.zeros(size)
+        tolerance = self.balance(equations, start)
+        return narrowed(equations, start, 0.0, path, tolerance=tolerance, **given)
 
-    def balance(self, path: StepEquations, size: int) -> float:
+    def balance(self, path: Equations, u: Array) -> float:
         """Largest imbalance at the end of a path: what is asked for, or what round-off allows."""
-        return max(self.settings.tolerance, path.round_off(np.zeros(size), 0.0))
+        return max(self.settings.tolerance, path.round_off(u, 0.0))
 
     def local_error(self, memory: Memory, u: Array, new: float, order: int) -> Array:
         """Local error, from the predictor through order + 1 past states.
