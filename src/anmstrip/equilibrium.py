@@ -569,12 +569,11 @@ class StageProblem:
         )
 
     def before(self, past: StageProblem | None) -> dict[str, Array]:
-        """Velocities that rollers have had until this stage stops or turns them."""
-        if past is None or not past.in_time:
-            return {}
-        then, now = past.controls.start, self.controls.start
-        moved = {n: v for n, v in then.items() if n.endswith(".velocity") and np.any(v)}
-        return {name: v for name, v in moved.items() if np.any(v != now[name])}
+        """Velocities of rollers that jump as this stage begins, with their values before."""
+        then = past.controls.start if past is not None and past.in_time else {}
+        now = {n: v for n, v in self.controls.start.items() if n.endswith(".velocity")}
+        velocities = {name: then.get(name, np.zeros_like(v)) for name, v in now.items()}
+        return {name: v for name, v in velocities.items() if np.any(v != now[name])}
 
     @property
     def still(self) -> bool:

@@ -16,7 +16,7 @@ FAR = 1e6
 MOVE = [-0.01, 0.0, 0.018]
 
 
-def line(**solver: Any) -> Scene:
+def line(move: Any = MOVE, **solver: Any) -> Scene:
     """Foil over two rollers, the first of which is moved so that the way becomes shorter."""
     return Scene.model_validate(
         {
@@ -33,7 +33,7 @@ def line(**solver: Any) -> Scene:
             },
             "edges": {"entry": {"fixed": ["x", "z"]}},
             "stages": [
-                {"name": "move", "duration": 0.26, "rollers": {"r1": {"move": MOVE}}},
+                {"name": "move", "duration": 0.26, "rollers": {"r1": {"move": move}}},
                 {"name": "rest", "duration": 0.26},
             ],
             "solver": solver,
@@ -57,3 +57,13 @@ def test_roller_that_stops_leaves_the_strip_as_it_is() -> None:
     ends = {step.stage: step.state for step in Run(line(time_step=0.013))}
     assert ends["move"].tension("entry") == pytest.approx(held(), abs=0.02 * TENSION)
     assert ends["rest"].tension("entry") == pytest.approx(held(), abs=0.02 * TENSION)
+
+
+def test_roller_that_begins_to_move_takes_along_strip_that_sticks_no_faster_than_it_moves() -> None:
+    """The tension at the entry changes with the move, evenly; it changed at once by that of all."""
+    steps = [step for step in Run(line([-1e-6, 0.0, 0.0], tolerance=1e-4)) if step.stage == "move"]
+    times = np.array([step.state.time for step in steps])
+    changes = np.array([step.state.tension("entry") for step in steps]) - TENSION
+    assert times[0] < 1.0 + 0.05 * 0.26
+    np.testing.assert_allclose(changes / changes[-1], (times - 1.0) / 0.26, atol=0.03)
+    assert abs(changes[-1]) > 1.0

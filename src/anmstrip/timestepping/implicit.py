@@ -205,7 +205,8 @@ class _Integrator:
 
         A first step in which slip turns round is also tried LONGER times as long: within that all
         of it may have turned round, and forgotten how.  The velocity of the first instant says
-        nothing of it, so that the error is that from the mean velocity of the shorter step.
+        nothing of it, so that the error is that from the mean velocity of the shorter step.  Where
+        it is refused, the velocity at its end is looked at as well.
         A second step that is refused twice begins anew: the mean velocity of a first step that
         has passed such a change is not that at its end, and would be mended by no step.
         """
@@ -215,6 +216,7 @@ class _Integrator:
         rising = memory.order if fixed is None else self.stepping.order
         order = min(rising, self.stepping.order, memory.available)
         failed, shorter, since = PathStopped(Outcome.STALLED, t), 0.0, memory
+        onward = memory.available == 1 and fixed is None
         while h > least:
             new = end if h >= (end - t) * (1.0 - 1e-10) else t + h
             try:
@@ -225,6 +227,11 @@ class _Integrator:
                 continue
             local = self.local_error(since, trial.u, new, order)
             error = self.error(memory, trial, new, local)
+            turns = memory.available == 1 and trial.turned > self.stepping.tolerance
+            if onward and error > 1.0:
+                other = self.onward(memory, trial, new)
+                onward = other[2] < 0.5 * error  # it tells more than the first instant does
+                trial, local, error = min((trial, local, error), other, key=lambda each: each[2])
             ratio = _ratio(error, order)
             if error <= 1.0 or fixed is not None:
                 following, ratio = self.next_order(memory, trial, new, order, ratio)
@@ -245,7 +252,6 @@ class _Integrator:
                         raise
                 else:
                     return self.tried(begin, end, shortest)
-            turns = memory.available == 1 and trial.turned > self.stepping.tolerance
             h, shorter, since = shorter or max(0.1, min(ratio, 0.9)) * (new - t), 0.0, memory
             if turns and not barred and new < end:
                 h, shorter = min(LONGER * (new - t), end - t), h
@@ -372,6 +378,29 @@ class _Integrator:
             factor = 1.0 / (rate * (new - times[-1]) + 1.0)
             return factor * (u - predicted(times, states, new))
         return 0.5 * (u - memory.states[0] - (new - times[0]) * memory.v)
+
+    def onward(self, memory: Memory, trial: _Trial, new: float) -> tuple[_Trial, Array, float]:
+        """A first step, its local error, and this over what is allowed, by how it goes on then.
+
+        The formula takes the mean velocity v = Δu/h for that at the end.  The derivative of the end
+        by h tells it,
+
+            (∂R/∂u + rate ∂R/∂v) h du/dh = ∂R/∂v v − h ∂R/∂t,
+
+        where the velocity of the first instant says nothing of a step that holds all of a motion
+        that fades.  The last factors are those of the end of the step then.
+        """
+        point = trial.path.recurrence(trial.increment, 1.0, 1)
+        with self.cost.timed("error in time"):
+            factors = self.solver.factorise(point.tangent())
+            right = trial.resistance(trial.v - memory.v) - point.control_derivative()
+            way = factors.solve(right)
+        self.cost.expansions += 1
+        self.cost.factorisations += 1
+        self.cost.solves += 1
+        trial = replace(trial, tangent=(trial.increment, 1.0))
+        local = 0.5 * (way - trial.increment)
+        return trial, local, self.error(memory, trial, new, local)
 
     def error(self, memory: Memory, trial: _Trial, new: float, local: Array) -> float:
         """Local error over what is allowed.
