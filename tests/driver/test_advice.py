@@ -185,7 +185,7 @@ LIFT = {"name": "lift", "duration": 1.0, "friction": False, "entry": {"move": [0
 PRESS = {"name": "press", "duration": 1.0, "friction": False,
          "rollers": {"r2": {"move": [0.0, 0.0, -0.02]}}}  # fmt: skip
 HEAVY = {"name": "heavy", "duration": 1.0, "friction": False, "gravity": [0.0, 0.0, -9.81]}
-PULLED = changed(("stages.1.entry.tension", 4.9e5), ("stages.1.exit.tension", 4.9e5))
+PULLED = changed(("stages.1.entry.tension", 1e6), ("stages.1.exit.tension", 1e6))
 
 STOPS: dict[str, tuple[dict[str, Any], str, list[str]]] = {
     "too_many_steps": (
@@ -245,7 +245,7 @@ def test_a_run_that_stops_is_done_with_what_is_typed(rule: str) -> None:
 
 
 @pytest.mark.slow
-def test_long_elements_are_what_stops_a_line_pulled_fifty_times_as_much() -> None:
+def test_long_elements_are_what_stops_a_line_pulled_a_hundred_times_as_much() -> None:
     """Its boundary layer becomes shorter than its elements."""
     run = ended(PULLED, most=10_000)
     assert "Elements of" in run.message
@@ -273,7 +273,7 @@ ELSEWHERE = {
     "squeezed": "test_diagnosis.py",
     "asked_too_much": "test_diagnosis.py",
     "more_tension": "slack",
-    "coarse": "of the line pulled fifty times as much",
+    "coarse": "of the line pulled a hundred times as much",
     "warnings": "the budget, of a mesh that is too coarse",
     "motions_at": "test_freedom.py",
     "_words": "test_freedom.py",

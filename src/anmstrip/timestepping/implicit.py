@@ -206,7 +206,8 @@ class _Integrator:
         A first step in which slip turns round is also tried LONGER times as long: within that all
         of it may have turned round, and forgotten how.  The velocity of the first instant says
         nothing of it, so that the error is that from the mean velocity of the shorter step.  Where
-        it is refused, the velocity at its end is looked at as well.
+        it is refused, the velocity at its end is looked at as well, but not for higher orders, that
+        go on from the mean: at 1e-7 strip on a roller then takes 254 tangents instead of 203.
         A second step that is refused twice begins anew: the mean velocity of a first step that
         has passed such a change is not that at its end, and would be mended by no step.
         """
@@ -216,7 +217,7 @@ class _Integrator:
         rising = memory.order if fixed is None else self.stepping.order
         order = min(rising, self.stepping.order, memory.available)
         failed, shorter, since = PathStopped(Outcome.STALLED, t), 0.0, memory
-        onward = memory.available == 1 and fixed is None
+        onward = memory.available == 1 and fixed is None and self.stepping.order == 2
         while h > least:
             new = end if h >= (end - t) * (1.0 - 1e-10) else t + h
             try:
