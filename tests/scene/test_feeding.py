@@ -146,6 +146,25 @@ def test_a_held_end_lets_pass_what_it_would_move(end: str) -> None:
     assert state.tension("exit" if end == "entry" else "entry") == pytest.approx(1e4, rel=1e-3)
 
 
+@pytest.mark.parametrize("feed", [True, False])
+def test_a_speed_of_an_end_is_the_velocity_along_the_strip_there(feed: bool) -> None:
+    """The entry lies at 45°: the number typed is the size of the vector that was drawn."""
+    threading = {"tension": 1e4, "entry": [-1.0, 0.0, -1.0], "exit": [2.0, 0.0, -0.6]}
+    drawn = Run(Scene.model_validate(tables(threading=threading)))
+    along = -drawn.march.course.outward["entry"]
+    assert np.degrees(np.arctan2(along[2], along[0])) == pytest.approx(55.0, abs=10.0)
+    ends = []
+    for given in ({"speed": 0.5}, {"velocity": list(0.5 * along)}):
+        stages = [{"name": "pull", "duration": 0.05, "entry": given}]
+        scene = tables(threading=threading, stages=stages)
+        scene["strip"]["feed"] = feed
+        scene["rollers"][0]["drive"] = "idle"
+        run = done(scene)
+        assert run.state is not None
+        ends.append((run.scene.friction.speed, run.cost.expansions, *run.state.full))
+    np.testing.assert_array_equal(*ends)
+
+
 @pytest.mark.parametrize(("angle", "moved"), [(0.0, 0.0), (0.5, 0.0), (10.0, 0.1 * 0.5 * 0.1)])
 def test_a_velocity_typed_with_few_digits_is_that_of_the_strip(angle: float, moved: float) -> None:
     """Up to 1° beside the strip it is fed, beyond the end itself moves across it."""

@@ -430,7 +430,8 @@ def sideways_entry(preview: Preview) -> Iterator[str]:
             yield (
                 f"{edge}.velocity in stage {stage.name} is {np.degrees(apart):.2g}° off the strip "
                 f"there, so that the {edge} itself moves across it, by {speed * np.sin(apart):.2g} "
-                f"m/s. Try --set 'stages.{stage.name}.{edge}.velocity=[{typed}]'"
+                f"m/s. Type {edge}.speed = {np.copysign(speed, along):.4g} instead, or "
+                f"try --set 'stages.{stage.name}.{edge}.velocity=[{typed}]'"
             )
 
 

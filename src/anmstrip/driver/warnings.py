@@ -264,8 +264,8 @@ def slip_speed(preview: Preview) -> float:
             if (given := surface_speed(stage.rollers.get(roller.name), roller)) is not None:
                 turning[roller.name] = given
         for name, edge in stage.edges.items():
-            if edge.velocity is not None:
-                moving[name] = float(np.copysign(np.linalg.norm(edge.velocity), edge.velocity[0]))
+            if edge.signed_speed is not None:
+                moving[name] = edge.signed_speed
         moves = moves or any(turning.values()) or any(moving.values())
         speeds = [turning.get(r.name, 0.0) for r in rollers if r.name not in idle]
         slip = max([slip, *(abs(v - moving.get(name, 0.0)) for v in speeds for name in held)])

@@ -239,6 +239,30 @@ def tensions_at_ends(stages: Stages) -> Iterator[Mistake]:
             yield Mistake("", f"{key}.tension", control.tension, expected, "exit.tension = 1.0e4")
 
 
+def speeds_at_ends(
+    strip: StripSpec, edges: Mapping[str, EdgeSpec], stages: Stages
+) -> Iterator[Mistake]:
+    """Yield speeds of what is no held end of the strip, and of a plate, which stays in place."""
+    released: set[str] = set()
+    for key, name, control in edge_controls(stages):
+        if control.release:
+            released.add(name)
+        if control.speed is None:
+            continue
+        held = edges[name].fixed if name in edges and name not in released else ()
+        if strip.kinematics == "plate":
+            expected, hint = 'nothing: a "plate" does not move along', OTHER["plate"]
+        elif name not in ENDS:
+            expected = "entry or exit, the ends of the strip"
+            hint = f"entry.speed = {control.speed}"
+        elif not {"x", "z"} & {*held}:
+            expected = "nothing: this end is not held, so that the strip's speed follows"
+            hint = f'[edges.{name}]\nfixed = ["x", "z"]'
+        else:
+            continue
+        yield Mistake("", f"{key}.speed", control.speed, expected, hint)
+
+
 def natural_shapes(strip: StripSpec, material: MaterialSpec, stages: Stages) -> Iterator[Mistake]:
     """Yield eigenstrain and eigencurvature that a strip cannot have, or not as much."""
     shapes = [("strip", strip), *((f"stages.{s.name}.strip", s.strip) for s in stages)]
@@ -296,7 +320,7 @@ def _moderate(
 
 def moved_ends(
     edges: Mapping[str, EdgeSpec], stages: Stages
-) -> Iterator[tuple[str, tuple[float, ...]]]:
+) -> Iterator[tuple[str, float | tuple[float, ...]]]:
     """Yield motions, key and value, by which the strip between its ends moves or stretches.
 
     That is where an end is moved to a place, and where both are held and one has a velocity.
@@ -304,12 +328,14 @@ def moved_ends(
     held, moving = {name for name, edge in edges.items() if edge.fixed}, False
     for stage in stages:
         held -= {name for name, end in stage.edges.items() if end.release}
-        moving = moving or any(end.velocity is not None for end in stage.edges.values())
+        moving = moving or any(end.signed_speed is not None for end in stage.edges.values())
         for name, end in stage.edges.items():
             if end.move is not None:
                 yield f"stages.{stage.name}.{name}.move", end.move
-            elif end.velocity is not None and {"entry", "exit"} <= held:
-                yield f"stages.{stage.name}.{name}.velocity", end.velocity
+            for key in ("velocity", "speed"):
+                value = getattr(end, key)
+                if value is not None and {"entry", "exit"} <= held:
+                    yield f"stages.{stage.name}.{name}.{key}", value
 
 
 def ends_of_a_fed_strip(
@@ -422,7 +448,7 @@ def steady_stages(
             expected = "the speed of the strip (m/s), or the tension at its entry, entry.tension"
             yield Mistake("", f"{key}.strip.speed", None, expected, "strip.speed = 1.0")
         for name, control in stage.edges.items():
-            for word in ("velocity", "release"):
+            for word in ("velocity", "speed", "release"):
                 if value := getattr(control, word):
                     expected = "nothing in a steady stage: strip.speed carries the strip through"
                     yield Mistake("", f"{key}.{name}.{word}", value, expected, "take it out")
@@ -608,6 +634,7 @@ RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     moments,
     held_components,
     tensions_at_ends,
+    speeds_at_ends,
     natural_shapes,
     ends_of_a_fed_strip,
     gravity_has_density,

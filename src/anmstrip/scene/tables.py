@@ -5,8 +5,9 @@ The line below each key is its meaning and unit, and what a wrong value is answe
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -561,12 +562,22 @@ class EdgeControl(Table):
     """displacement from the initial position, three numbers (m)"""
     velocity: Vector | None = Field(None, examples=["[1.0, 0.0, 0.0]"])
     """velocity that the edge has at the stage's end and keeps, three numbers (m/s)"""
+    speed: Number | None = Field(None, examples=["1.0"])
+    """speed of the strip at a held end instead, from entry to exit, a number (m/s)"""
     release: StrictBool = Field(False, examples=["true"])
     """whether a held edge is let go (true or false)"""
 
     def find_mistakes(self) -> Iterator[Mistake]:
-        """Yield a displacement beside a velocity."""
-        return not_both(self, move="m", velocity="m/s")
+        """Yield a motion that is given twice."""
+        for one, other in combinations({"move": "m", "velocity": "m/s", "speed": "m/s"}.items(), 2):
+            yield from not_both(self, **dict((one, other)))
+
+    @property
+    def signed_speed(self) -> float | None:
+        """Speed that the edge keeps (m/s), positive from entry to exit; None if none is given."""
+        if self.velocity is None:
+            return self.speed
+        return math.copysign(math.hypot(*self.velocity), self.velocity[0])
 
 
 class RollerControl(Table):
@@ -626,7 +637,8 @@ class StageSpec(Table):
             return given
         own = {key: value for key, value in given.items() if key in cls.model_fields}
         others = {key: value for key, value in given.items() if key not in own}
-        moved = any("velocity" in edge for edge in others.values() if isinstance(edge, dict))
+        moving = {"velocity", "speed"}
+        moved = any(moving & {*edge} for edge in others.values() if isinstance(edge, dict))
         if own.get("steady") is True or (own.get("friction") is False and not moved):
             own.setdefault("duration", 1.0)
         return {**own, "edges": {**edges, **others}}

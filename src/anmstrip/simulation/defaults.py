@@ -105,7 +105,7 @@ def line_speed(scene: SceneSpec) -> float:
             speeds.append(abs(roller.surface_speed or turning))
             ways.append(float(np.linalg.norm(roller.move or 0.0)))
         for edge in stage.edges.values():
-            speeds.append(float(np.linalg.norm(edge.velocity or 0.0)))
+            speeds.append(abs(edge.signed_speed or 0.0))
             ways.append(float(np.linalg.norm(edge.move or 0.0)))
     if max(speeds) > 0.0:
         return max(speeds)

@@ -371,8 +371,7 @@ def carried(
     else:
         for edge in held:
             controls = [stage.edges.get(edge) for stage in scene.stages]
-            given = [None if c is None else c.velocity for c in controls]
-            speeds = [None if v is None else np.copysign(np.linalg.norm(v), v[0]) for v in given]
+            speeds = [None if c is None else c.signed_speed for c in controls]
             ways.append(_travel(scene, speeds))
     return max((b for b, _ in ways), default=0.0), max((a for _, a in ways), default=0.0)
 

@@ -336,6 +336,8 @@ class Course:
         begin, control = self.speeds.get(name, np.zeros(3)), stage.edges.get(name)
         if stage.steady or (control is not None and control.move is not None):
             return np.zeros(3), np.zeros(3)
+        if control is not None and control.speed is not None:
+            return begin, control.speed * self._directions[name]
         if control is None or control.velocity is None:
             return begin, begin
         return begin, np.array(control.velocity, dtype=float)
