@@ -52,10 +52,12 @@ def speed(*stages: dict[str, Any], **tables: dict[str, Any]) -> float:
 
 
 def test_slip_speed_is_a_tenth_of_the_elastic_creep() -> None:
-    """V f T/(E t)/10, by the least tension; a typed one stays."""
+    """V f T/(E t)/10, by the least tension of note; a typed one stays."""
     assert speed() == pytest.approx(0.1 * 2.0 * 0.2 * 1e4 / 2e8, rel=1e-12)
     stop = {"duration": 1.0, "rollers": {"r1": {"angular_speed": 8.0}}, "exit": {"tension": 5e3}}
     assert speed(stop) == pytest.approx(0.1 * 4.0 * 0.2 * 5e3 / 2e8, rel=1e-12)
+    broken = {"duration": 1.0, "rollers": {"r1": {"angular_speed": 4.0}}, "exit": {"tension": 10.0}}
+    assert speed(broken) == pytest.approx(0.1 * 2.0 * 0.2 * 1e3 / 2e8, rel=1e-12)
     assert speed(friction={"speed": 1e-3}) == 1e-3
     assert speed(friction={"coefficient": 0.0}) > 0.0
 
