@@ -484,7 +484,11 @@ def threading_partners(
         return
     if not wrapped:
         hint = 'wrap = "over" in a table of [[rollers]]'
-        yield Mistake("", "threading", None, "a roller that says its side", hint)
+        expected = (
+            "a roller that says its side; or no table: strip that begins straight has strip.length, "
+            f"and a first stage with exit.force = [{threading.tension:g}, 0.0, 0.0]"
+        )
+        yield Mistake("", "threading", None, expected, hint)
     if contact is None:
         yield Mistake("", "contact", None, "a table, since there is [threading]", CONTACT)
 
