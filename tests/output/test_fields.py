@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from anmstrip.pictures.views import FIELDS, choices, scalars, title
+from anmstrip.pictures.drawing import FIELDS, choices, scalars, title
 
 
 @pytest.mark.parametrize(

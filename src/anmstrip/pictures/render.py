@@ -15,15 +15,21 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from anmstrip.arrays import Array, Index
 from anmstrip.errors import InputError, Mistake
-from anmstrip.pictures.plot import draw_plot, draw_side
-from anmstrip.pictures.views import Eye, Frame, Job, choices, labelled
+from anmstrip.pictures.drawing import (
+    Eye,
+    Frame,
+    Job,
+    choices,
+    draw_side,
+    draw_with_matplotlib,
+    labelled,
+)
 from anmstrip.results.files import atomic_write
-from anmstrip.results.vtk import Points, SurfaceMesh, read_collection, read_surface
+from anmstrip.results.vtk import SurfaceMesh, read_collection, read_surface
 
 RENDERER = "ANMSTRIP_RENDERER"
 """Environment variable; `matplotlib` draws without OpenGL."""
@@ -38,7 +44,7 @@ CAPPED = 2.0
 """End of the scale of pressures, over the pressure that bears half of the force: the peaks where a
 strip lifts off grow with every refinement of the mesh, the force that they bear does not."""
 SECONDS_TO_START, SECONDS_PER_FRAME = 120.0, 20.0
-DRAWING = sys.executable, "-P", "-m", "anmstrip.pictures.draw"
+DRAWING = sys.executable, "-P", "-m", "anmstrip.pictures.drawing"
 State = tuple[float, Path, Path | None]
 """Time, file of the strip, and file of the rollers if there is one."""
 
@@ -173,7 +179,7 @@ def plan_job(states: Sequence[State], field: str, size: tuple[int, int], scratch
     return Job(frames, field, (low, high), eye, size, labels)
 
 
-def bearing_pressure(points: Points, cells: Index, pressure: Array) -> float:
+def bearing_pressure(points: Array, cells: Index, pressure: Array) -> float:
     """Pressure below which half of the force acts (Pa); peaks where a strip lifts off bear little.
 
     Parameters
@@ -189,7 +195,7 @@ def bearing_pressure(points: Points, cells: Index, pressure: Array) -> float:
     return float(mean[order][np.searchsorted(force, 0.5 * force[-1])])
 
 
-def scale_limits(values: NDArray[np.float64]) -> tuple[float, float]:
+def scale_limits(values: Array) -> tuple[float, float]:
     """Return the ends of a scale: from zero, or even about it, unless the values stay far away."""
     finite = values[np.isfinite(values)]
     if not np.any(finite):
@@ -220,7 +226,7 @@ def quantize(picture: Path) -> Image.Image:
 def draw_in_space(job: Job) -> None:
     """Draw with pyvista in a process of its own, or with matplotlib where that fails."""
     if os.environ.get(RENDERER) == "matplotlib":
-        return draw_plot(job)
+        return draw_with_matplotlib(job)
     seconds = SECONDS_TO_START + SECONDS_PER_FRAME * len(job.frames)
     try:
         done = subprocess.run(
@@ -243,4 +249,4 @@ def draw_in_space(job: Job) -> None:
         "apt install libegl1 libgl1-mesa-dri",
         reason,
     )
-    return draw_plot(job)
+    return draw_with_matplotlib(job)
