@@ -85,7 +85,7 @@ def write_shape(
     path: Path, roof: Equilibrium, u: np.ndarray, mode: np.ndarray | None = None
 ) -> None:
     """Write a deformed roof with its displacement, and a mode."""
-    surface = FieldSampler(roof.model.strip, None, None)
+    surface = FieldSampler(roof.model.strip)
     fields = {"displacement": surface.interpolate(roof.supports.full(u, 0.0))}
     if mode is not None:
         fields["mode"] = surface.interpolate(roof.supports.change(mode, 0.0))

@@ -97,7 +97,7 @@ def main(cells: tuple[int, int], directory: Path) -> None:
         assert abs(wave / formula - 1.0) < 0.08
     height = abs(float(profile(sheet, u, "exit", 1)(0.0))) / THICKNESS
     print(f"{height:.2f} t high, {cost.factorisations} tangents")
-    surface = FieldSampler(sheet.model.strip, None, None)
+    surface = FieldSampler(sheet.model.strip)
     moved = surface.interpolate(sheet.supports.full(u, 0.0))
     mode = surface.interpolate(sheet.supports.change(point.mode, 0.0))
     directory.mkdir(parents=True, exist_ok=True)

@@ -272,7 +272,7 @@ FIELDS = (
     ),
     Mutant(
         "moments of the imperfection",
-        "bending = curvature - self._geometry(self.membrane.imperfection)[2]",
+        "bending = curvature - self._geometry(sheet.imperfection)[2]",
         "bending = curvature",
         "fields",
     ),

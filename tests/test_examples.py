@@ -208,7 +208,7 @@ def test_profile_makes_the_middle_carry_more(scene: str, tensions: dict[float, f
     """On the roller more in the middle than at the edges; symmetric; nothing rubs."""
     run, last = ended(f"{scene}.toml")
     strip, state = run.assembly.strip, last.state
-    surface = FieldSampler(strip, run.assembly.membrane, run.assembly.contact_operator)
+    surface = FieldSampler(strip)
     force = surface.sample(state)["membrane_force"][:, 0]
     x, y, _ = surface.reference
     on = np.abs(x) < 0.1

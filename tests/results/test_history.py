@@ -70,14 +70,14 @@ def test_a_line_that_was_cut_is_not_read_and_not_kept(path, half):
     with path.open("a") as file:
         file.write(half)
     assert list(read_history(path)["step"]) == [0, 1, 2, 3]
-    History.reopen(path, COLUMNS, 4).append({"step": 9})
+    History(path, COLUMNS, 4).append({"step": 9})
     assert list(read_history(path)["step"]) == [0, 1, 2, 3, 9]
 
 
 @pytest.mark.parametrize("rows", [0, 2, 4])
 def test_reopening_keeps_the_first_rows_as_they_were(path, rows):
     before = path.read_text().splitlines()
-    history = History.reopen(path, COLUMNS, rows)
+    history = History(path, COLUMNS, rows)
     assert path.read_text().splitlines() == before[: rows + 1]
     history.append({"step": 7})
     assert list(read_history(path)["step"]) == [*range(rows), 7]
@@ -90,13 +90,13 @@ def test_reopening_keeps_the_first_rows_as_they_were(path, rows):
 def test_a_history_of_another_run_is_refused(path, columns, rows, about):
     before = path.read_text()
     with pytest.raises(InputError, match=about):
-        History.reopen(path, columns, rows)
+        History(path, columns, rows)
     assert path.read_text() == before
 
 
 def test_an_unknown_column_is_refused(path):
     before = path.read_text()
-    history = History.reopen(path, COLUMNS, 4)
+    history = History(path, COLUMNS, 4)
     with pytest.raises(ValueError, match="r2_drag"):
         history.append({"r2_drag": 1.0})
     assert path.read_text() == before

@@ -115,7 +115,7 @@ def test_explain_names_the_imperfection_and_solves_nothing():
 def test_moments_count_from_the_imperfect_strip():
     """N times the height in the middle, of a strip that is bent without moments."""
     run, state = ended(pressed(0.6, imperfection=bent()))
-    surface = FieldSampler(run.assembly.strip, run.assembly.membrane, None)
+    surface = FieldSampler(run.assembly.strip)
     moments = np.abs(surface.sample(state)["bending_moment"][:, 0])
     assert moments.max() == pytest.approx(0.6 * EULER * HEIGHT / 0.4, rel=0.02)
 

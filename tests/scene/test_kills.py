@@ -168,7 +168,7 @@ def check_readable(directory: Path) -> None:
                 assert np.isfinite(surface.points).all()
     if (directory / "checkpoint.npz").exists():
         _, facts = checkpoint.load_checkpoint(directory / "checkpoint.npz")
-        assert facts["rows"] == facts["steps"] <= rows
+        assert facts["rows"]["history.csv"] == facts["steps"] <= rows
     if (directory / "summary.json").exists():
         summary = summary_of(directory)
         assert summary["status"]

@@ -114,7 +114,7 @@ def test_reported_moment_is_that_of_the_curvature_left() -> None:
         stage = {"strip": {"coil_set": curvature, "temperature": warm}, **load}
         scene = flat("section", stage, {"exit": {"fixed": ["z"]}}, cells=(40, 1))
         run, state = ended(softer(scene, expansion=0.0))
-        fields = FieldSampler(run.assembly.strip, run.assembly.membrane, None).sample(state)
+        fields = FieldSampler(run.assembly.strip).sample(state)
         assert fields["bending_moment"][:, 0] == pytest.approx(-moment, abs=1e-5 * bending)
         stress = 6.0 * moment / T**2 * np.sqrt(1.0 - 0.3 + 0.09)
         assert fields["von_mises"] == pytest.approx(stress, rel=1e-3, abs=1e4)

@@ -7,7 +7,7 @@ import json
 import platform
 import shlex
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -91,36 +91,28 @@ class Recorder:
         feed = FEED_COLUMNS if assembly.conveyed else ()
         columns = (*STEP_COLUMNS, "entry_tension", "exit_tension", *feed, *names)
         contents = directory / "strip.pvd", directory / "rollers.pvd"
-        kept: Mapping[str, Any] = resumed or {"rows": 0, "time": -1.0, "turned": {}}
-        self.rows, self.event_rows = kept["rows"], kept.get("event_rows", 0)
-        self.profile_rows = kept.get("profile_rows", 0)
+        kept: Mapping[str, Any] = resumed or {"rows": {}, "time": -1.0, "turned": {}}
         if resumed is None:
             for stale in (*directory.glob("*.pvd"), *map(directory.joinpath, STALE)):
                 stale.unlink(missing_ok=True)
             self.strip, self.rollers = map(Collection, contents)
         else:
             self.strip, self.rollers = (Collection.reopen(c, kept["time"]) for c in contents)
-        self.history = self.table("history.csv", columns, self.rows)
-        self.events: History | None = None
+        tables = {"history.csv": columns, "profile.csv": PROFILE_COLUMNS}
+        if assembly.flow is not None:
+            tables["profile.csv"] += YIELD_COLUMNS
         if assembly.scene.output.events:
-            self.events = self.table("events.csv", EVENT_COLUMNS, self.event_rows)
+            tables["events.csv"] = EVENT_COLUMNS
         else:
             (directory / "events.csv").unlink(missing_ok=True)
-        yields = () if assembly.flow is None else YIELD_COLUMNS
-        columns = (*PROFILE_COLUMNS, *yields)
-        self.profile_table = self.table("profile.csv", columns, self.profile_rows)
-        self.states = self.strip.count
+        self.tables = {
+            name: History(directory / name, names, kept["rows"].get(name, 0))
+            for name, names in tables.items()
+        }
         self.due = [t for t in assembly.scene.output.times or () if t > kept["time"]]
-        touching = None if assembly.contact is None else assembly.contact_operator
-        parts = assembly.strip, assembly.membrane, touching, assembly.bending is not None
-        self.surface, self.profile = FieldSampler(*parts), Profile(*parts)
+        self.surface, self.profile = FieldSampler(assembly.strip), Profile(assembly.strip)
         self.turned = dict.fromkeys((r.name for r in assembly.rollers), 0.0) | kept["turned"]
         self.last_checkpoint = 0.0
-
-    def table(self, name: str, columns: Sequence[str], rows: int) -> History:
-        """Return a table that begins, or goes on after so many rows."""
-        path = self.directory / name
-        return History.reopen(path, columns, rows) if rows else History(path, columns)
 
     def record(self, step: Step, before: State) -> None:
         """Write what is wanted of an accepted step: history, events, its end or instants inside."""
@@ -128,12 +120,9 @@ class Recorder:
         self.lock.check()
         if output.times is None and not self.strip.count:
             self.write_state(state.at(state.plan.start, before))
-        self.history.append(history_row(step, self.assembly.conveyed))
-        self.rows += 1
+        self.tables["history.csv"].append(history_row(step, self.assembly.conveyed))
         for event in step.events:
-            assert self.events is not None
-            self.events.append(asdict(event))
-            self.event_rows += 1
+            self.tables["events.csv"].append(asdict(event))
         while self.due and self.due[0] <= state.time:
             inside = state.at(self.due.pop(0), before)
             self._turn(inside, before)
@@ -147,17 +136,15 @@ class Recorder:
         """Whether the end of a step is one of the states to write."""
         if (every := self.assembly.scene.output.every) is not None:
             return step.step % every == 0
-        parts = [
-            int(WRITTEN * time / step.end_time) for time in (self.strip.last or 0.0, step.time)
-        ]
-        return parts[1] > parts[0] or step.state.control > 1.0 - 1e-9
+        times = self.strip.last or 0.0, step.time
+        before, now = (int(WRITTEN * time / step.end_time) for time in times)
+        return now > before or step.state.control > 1.0 - 1e-9
 
     def write_state(self, state: State) -> None:
         """Write the profile, the surface and the rollers, and list them."""
-        columns = self.profile.columns(state)
-        self.profile_table.extend(columns)
-        self.profile_rows += len(columns["time"])
-        strip, rollers = (f"{name}_{self.states:05d}.vtu" for name in ("strip", "rollers"))
+        self.tables["profile.csv"].extend(self.profile.columns(state))
+        number = self.strip.count
+        strip, rollers = (f"{name}_{number:05d}.vtu" for name in ("strip", "rollers"))
         fields = self.surface.sample(state)
         origin, flat_origin = self.assembly.origin, np.append(self.assembly.flat_origin, 0.0)
         points = self.surface.reference.T + fields["displacement"] + origin
@@ -175,7 +162,6 @@ class Recorder:
             angles = [roller.sense * self.turned[roller.name] / roller.radius for roller in moved]
             write_rollers(self.directory / rollers, moved, angles, self.assembly.strip.width)
             self.rollers.add(state.time, rollers)
-        self.states += 1
 
     def _turn(self, state: State, before: State) -> None:
         """Add the surface's travel since a state, for the rollers' pictures."""
@@ -191,8 +177,8 @@ class Recorder:
             return
         self.last_checkpoint = now
         self.lock.check()
-        names = ("rows", "states", "turned", "event_rows", "profile_rows")
-        kept = {**facts, **{name: getattr(self, name) for name in names}}
+        rows = {name: table.rows for name, table in self.tables.items()}
+        kept = {**facts, "rows": rows, "turned": self.turned}
         kept["signature"] = signature(arrays, kept)
         save_checkpoint(self.directory / "checkpoint.npz", arrays, kept)
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, replace
+from functools import reduce
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +21,7 @@ from anmstrip.driver.recorder import Recorder, history_row, identity, kept_value
 from anmstrip.driver.warnings import coarse_mesh, warnings
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import SHELL
-from anmstrip.results.files import read_history
+from anmstrip.results.files import ERROR_WORDS, read_history
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import WrinkleWatch, Wrinkling
 from anmstrip.scene.schema import SceneSpec, StageSpec
@@ -38,31 +40,35 @@ WRINKLE_WORDS = {
 """What is said of the kinds of :class:`~anmstrip.results.wrinkles.Onset`."""
 
 
+KEPT = {
+    "stage": "first_stage",
+    "steps": "steps",
+    "expansions": "cost.expansions",
+    "factorisations": "cost.factorisations",
+    "seconds": "spent",
+    "reached": "march.reached",
+    "course_time": "march.course.time",
+    "stages": "stages",
+    "effects": "effects",
+    "snaps": "snaps",
+    "wrinkles": "wrinkles",
+    "slack": "march.slack",
+    "conveyed": "march.conveyed",
+    "looked": "budget.time",
+}
+"""Facts of a checkpoint, and the attributes of a run that they are."""
+
+
 def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
     """Return arrays and plain facts from which :func:`unpack` restores a run."""
     march, memory, pace = run.march, run.march.memory, run.march.pace
     kept = (kept_values(march.course) | {"load": run.budget.loads}).items()
     arrays = {f"{kind}.{name}": x for kind, values in kept for name, x in values.items()}
     arrays |= {"full": march.full, "velocity": march.velocity}
-    facts: dict[str, Any] = {
-        "input": run.identity,
-        "stage": run.first_stage,
-        "steps": run.steps,
-        "expansions": run.cost.expansions,
-        "factorisations": run.cost.factorisations,
-        "seconds": run.seconds,
-        "reached": march.reached,
-        "time": 0.0 if run.state is None else run.state.time,
-        "course_time": march.course.time,
-        "released": sorted(march.course.released),
-        "stages": run.stages,
-        "effects": run.effects,
-        "snaps": run.snaps,
-        "wrinkles": run.wrinkles,
-        "slack": march.slack,
-        "conveyed": march.conveyed,
-        "looked": run.budget.time,
-    }
+    facts = {key: attrgetter(attribute)(run) for key, attribute in KEPT.items()}
+    facts |= {"input": run.identity, "seconds": run.seconds}
+    facts |= {"time": 0.0 if run.state is None else run.state.time}
+    facts |= {"released": sorted(march.course.released)}
     if run.budget.error is not None:
         arrays["mesh_error"] = run.budget.error
     if memory is not None:
@@ -80,15 +86,13 @@ def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
 
 def unpack(run: Run, arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> None:
     """Bring a new run to where a packed one was."""
-    march, cost = run.march, run.cost
+    march = run.march
+    for key, attribute in KEPT.items():
+        *owners, name = attribute.split(".")
+        setattr(reduce(getattr, owners, run), name, facts[key])
     march.full, march.velocity = arrays["full"], arrays["velocity"]
-    run.first_stage, run.steps, march.reached = facts["stage"], facts["steps"], facts["reached"]
-    cost.expansions, cost.factorisations = facts["expansions"], facts["factorisations"]
-    run.spent, run.stages, run.effects = facts["seconds"], facts["stages"], facts["effects"]
-    run.snaps, run.wrinkles = facts["snaps"], facts["wrinkles"]
-    march.slack, march.conveyed = facts["slack"], facts["conveyed"]
-    march.course.time, march.course.released = facts["course_time"], set(facts["released"])
-    run.budget.time, run.budget.error = facts["looked"], arrays.get("mesh_error")
+    march.course.released = set(facts["released"])
+    run.budget.error = arrays.get("mesh_error")
     kept = kept_values(march.course) | {"load": run.budget.loads}
     for name, value in arrays.items():
         kind, _, key = name.partition(".")
@@ -147,13 +151,10 @@ class Run:
         effects: Iterable[EffectMaker] = (),
     ) -> None:
         self.directory = None if directory is None else Path(directory)
-        imperfection = None
-        if scene.strip.imperfection is not None:
-            imperfection = imperfection_of(scene)
-        self.assembly = Assembly(scene, imperfection, tuple(effects))
-        self.scene = self.assembly.scene
-        self.march, self.identity = March(self.assembly), identity(self.assembly)
-        self.budget = Budget(self.assembly)
+        bent = None if scene.strip.imperfection is None else imperfection_of(scene)
+        a = self.assembly = Assembly(scene, bent, tuple(effects))
+        self.scene, self.march, self.identity = a.scene, March(a), identity(a)
+        self.budget = Budget(a)
         self.steps, self.first_stage = 0, 0
         self.effects: dict[str, dict[str, Any]] = {}
         self.stages: dict[str, dict[str, Any]] = {}
@@ -171,7 +172,6 @@ class Run:
             arrays, resumed = read_checkpoint(self.directory / "checkpoint.npz", self.march)
             unpack(self, arrays, resumed)
         self.watch: EventWatch | None = None
-        a = self.assembly
         if scene.output.events and a.contact is not None:
             from anmstrip.results.events import EventWatch
 
@@ -181,7 +181,7 @@ class Run:
             self.onsets = WrinkleWatch(self.cost)
         self.recorder: Recorder | None = None
         if self.directory is not None:
-            self.recorder = Recorder(self.assembly, self.directory, resumed)
+            self.recorder = Recorder(a, self.directory, resumed)
 
     @property
     def cost(self) -> Cost:
@@ -303,13 +303,9 @@ class Run:
         self.march.accept(step)
         self.steps += 1
         self._count(plan)
-        step = replace(
-            step,
-            step=self.steps,
-            tangents=self.cost.expansions,
-            end_time=self.end_time,
-            events=self._events(before, state),
-        )
+        counts: dict[str, Any] = {"step": self.steps, "tangents": self.cost.expansions}
+        counts |= {"end_time": self.end_time, "events": self._events(before, state)}
+        step = replace(step, **counts)
         if self.recorder is not None:
             self.recorder.record(step, before)
             self._checkpoint()
@@ -362,10 +358,9 @@ class Run:
             chosen = self.scene.output.times is not None or self.outcome is Outcome.INTERRUPTED
             if written is None or (not chosen and written < state.time):
                 self.recorder.write_state(state)
-            by_rule = set()
-            if self.fine_enough:
-                by_rule = set(coarse_mesh(Preview(self.assembly, (), ())))
-            told = [words for words in self.forewarnings() if words not in by_rule]
+            coarse = coarse_mesh(Preview(self.assembly, (), ()))
+            settled = set(coarse) if self.fine_enough else set[str]()
+            told = [words for words in self.forewarnings() if words not in settled]
             self.warnings = [*told, *self.budget.warnings]
             elastic = state.plan.model.coupled == state.plan.model.unknowns
             if state.plan.steady and self.outcome.done and elastic:
@@ -392,10 +387,8 @@ class Run:
             ``tension`` (N/m), of a roller's ``force`` (N) and of a ``position`` (m), or None: of
             ``time`` where nothing rubs, of ``mesh`` if it is not known.
         """
-        parts = dict[str, Part | None].fromkeys(("path", "time", "mesh", "regularisation"))
-        if self.state is None:
-            return parts
-        return parts | (self.budget.parts if self.budget.time == self.state.time else {})
+        known = self.state is not None and self.budget.time == self.state.time
+        return dict.fromkeys(ERROR_WORDS) | (self.budget.parts if known else {})
 
     @property
     def fine_enough(self) -> bool:
@@ -411,7 +404,7 @@ class Run:
         return {
             "status": "done" if self.outcome.done else self.outcome.name.lower(),
             "message": self.message,
-            "unknowns": self.assembly.strip.unknowns,
+            "unknowns": strip.unknowns,
             "steps": self.steps,
             "tangents": self.cost.expansions,
             "factorisations": self.cost.factorisations,

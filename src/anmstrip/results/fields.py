@@ -9,7 +9,7 @@ import numpy as np
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.sampling import ContactOperator, contact_points, patches, shape_of, unit_grid
 from anmstrip.fem.strip import Strip
-from anmstrip.mechanics.shell import Membrane, eigencurvature, moduli
+from anmstrip.mechanics.shell import eigencurvature, moduli
 from anmstrip.results.plastic import COLUMNS as YIELD_COLUMNS
 from anmstrip.results.plastic import YieldedStrip
 from anmstrip.results.rollers import Readable
@@ -29,11 +29,6 @@ class FieldSampler:
     Parameters
     ----------
     strip : Strip
-    membrane : Membrane or None
-        A plate has none.
-    contact : ContactOperator or None
-    bends : bool
-        Whether the strip resists bending.
     local : ndarray, shape (dimensions, points of one), optional
         Other points of the reference element; of a section then along one line only.
 
@@ -45,15 +40,8 @@ class FieldSampler:
         Reference positions.
     """
 
-    def __init__(
-        self,
-        strip: Strip,
-        membrane: Membrane | None,
-        contact: ContactOperator | None,
-        bends: bool = True,
-        local: Array | None = None,
-    ) -> None:
-        self.strip, self.membrane, self.contact, self.bends = strip, membrane, contact, bends
+    def __init__(self, strip: Strip, local: Array | None = None) -> None:
+        self.strip = strip
         self.kind, self.kinematics = shape_of(strip), strip.kinematics
         self.local = POINTS[self.kind] if local is None else local
         self.lines = 4 if self.kind == "line" and local is None else 1
@@ -136,8 +124,8 @@ class FieldSampler:
             scalars = dict.fromkeys(("normal_pressure", "gap", "contact_status"), nothing)
             vectors = "friction_traction", "slip_velocity"
             return scalars | dict.fromkeys(vectors, np.zeros((len(nothing), 3)))
-        assert self.contact is not None
-        gap, points = state.gaps, self.contact.points
+        operator, gap = found[0].contact.operator.whole, state.gaps
+        points = operator.points
         pressure, found_status = np.zeros((2, points))
         traction, slip = np.zeros((2, 3, points))
         for f in found:
@@ -149,7 +137,7 @@ class FieldSampler:
             slip[:, chosen[nearest]] = f.slip[:, nearest]
         values = {"normal_pressure": pressure, "friction_traction": traction}
         values |= {"slip_velocity": slip, "gap": gap}
-        cells, status = self.contact.cells, np.zeros(len(self.shared))
+        cells, status = operator.cells, np.zeros(len(self.shared))
         fields = {n: self._average(v[..., cells] @ self.from_contact.T) for n, v in values.items()}
         np.maximum.at(status, self.own, found_status[cells[:, self.nearest]])
         return {**fields, "contact_status": np.repeat(status, self.lines)}
@@ -157,15 +145,15 @@ class FieldSampler:
     def _stress(self, state: Readable) -> dict[str, Array]:
         """Membrane forces, moments, von Mises stress of the top surface, curvature, normal."""
         tangents, normal, curvature = self._geometry(state.full)
-        bending = curvature
-        if self.membrane is not None and self.membrane.imperfection is not None:
-            bending = curvature - self._geometry(self.membrane.imperfection)[2]
+        bending, sheet = curvature, state.membrane
+        if sheet is not None and sheet.imperfection is not None:
+            bending = curvature - self._geometry(sheet.imperfection)[2]
         if (own := eigencurvature(state.controls)) is not None:
             bending = bending - own[:, :, None]
         layers = self._layers(state)
         membrane = self._membrane_forces(state) + layers["force"]
-        stretch = np.linalg.norm(tangents[:, 0], axis=0) if self.membrane is not None else 1.0
-        stiffness = moduli(self.strip) if self.bends else np.zeros((3, 3))
+        stretch = np.linalg.norm(tangents[:, 0], axis=0) if sheet is not None else 1.0
+        stiffness = moduli(self.strip) if state.bends else np.zeros((3, 3))
         moments = np.einsum("xy,yep->xep", stiffness, bending)
         if (loss := state.controls.get("strip.softening")) is not None:
             moments = moments * (1.0 - self._recovered(loss[None]))
@@ -211,10 +199,10 @@ class FieldSampler:
         Meth. Engng. 24, 1987).
         """
         shape = (3, *self.own.shape)
-        if self.membrane is None:
+        if state.membrane is None:
             pull = state.controls.get("exit.force", np.zeros(3))[0]
             return np.multiply.outer([pull, 0.0, 0.0], np.ones(shape[1:]))
-        return self._recovered(_components(self.membrane.at(state.full, state.controls)))
+        return self._recovered(_components(state.membrane.at(state.full, state.controls)))
 
     def _recovered(self, values: Array) -> Array:
         """Values at quadrature points (m, points) as recovered, shape (m, elements, points)."""
@@ -278,23 +266,12 @@ class Profile:
     Parameters
     ----------
     strip : Strip
-    membrane : Membrane or None
-    contact : ContactOperator or None
-    bends : bool
-        All as of :class:`~anmstrip.results.fields.FieldSampler`.
     """
 
-    def __init__(
-        self,
-        strip: Strip,
-        membrane: Membrane | None,
-        contact: ContactOperator | None,
-        bends: bool = True,
-    ) -> None:
+    def __init__(self, strip: Strip) -> None:
         kind = shape_of(strip)
-        points = contact_points(kind)
-        self.fields = FieldSampler(strip, membrane, contact, bends, points)
-        self.areas = (contact or ContactOperator(strip)).weights
+        self.fields = FieldSampler(strip, contact_points(kind))
+        self.areas = ContactOperator(strip).weights
         x, sizes = self.fields.reference[0], strip.cell_sizes[0]
         unit = float(sizes.mean() if kind == "triangle" else 1e-6 * sizes.min())
         places = np.round((x - x.min()) / unit)

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path, PurePath
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -286,39 +286,36 @@ class History:
     Parameters
     ----------
     path : path
-        The `.csv`; replaced by the header and the first rows.
+        The `.csv`; replaced by the header and the rows that are kept.
     columns : sequence of str
         Names, in the order of the file.
-    rows : iterable of sequence of str
-        Cells of the first rows.
+    rows : int
+        How many rows of an existing file are kept.
+
+    Attributes
+    ----------
+    rows : int
+        How many it has.
+
+    Raises
+    ------
+    InputError
+        The existing file has other columns or fewer rows.
+    OSError
+        The file cannot be read or written.
     """
 
-    def __init__(
-        self, path: AnyPath, columns: Sequence[str], rows: Iterable[Sequence[str]] = ()
-    ) -> None:
-        self.path, self.columns = Path(path), tuple(columns)
-        with atomic_write(path) as temporary:
-            temporary.write_bytes(_encode([self.columns, *rows]))
-
-    @classmethod
-    def reopen(cls, path: AnyPath, columns: Sequence[str], rows: int) -> Self:
-        """Go on after the first rows of an existing file; the others are dropped.
-
-        Raises
-        ------
-        InputError
-            The file has other columns or fewer rows.
-        OSError
-            The file cannot be read or written.
-        """
-        header, *kept = _records(path)
+    def __init__(self, path: AnyPath, columns: Sequence[str], rows: int = 0) -> None:
+        self.path, self.columns, self.rows = Path(path), tuple(columns), rows
+        header, *kept = _records(path) if rows else [list(columns)]
         given, expected = ", ".join(header), f"the columns {', '.join(columns)}"
         if header == list(columns):
             given, expected = f"{len(kept)} rows", f"at least {rows} rows"
         if header != list(columns) or len(kept) < rows:
             hint = "the same command without --resume"
             raise InputError([Mistake(str(path), "", given, expected, hint)])
-        return cls(path, columns, kept[:rows])
+        with atomic_write(path) as temporary:
+            temporary.write_bytes(_encode([columns, *kept[:rows]]))
 
     def append(self, row: Mapping[str, Any]) -> None:
         """Add numbers or text by column; a column left out, or None, stays empty.
@@ -336,12 +333,14 @@ class History:
         """Add several rows in one piece, by columns; NaN in an array makes an empty cell."""
         if unknown := table.keys() - set(self.columns):
             raise ValueError(f"no such columns: {', '.join(sorted(unknown))}")
-        empty = [None] * max(map(len, table.values()), default=0)
+        count = max(map(len, table.values()), default=0)
+        empty = [None] * count
         cells = (_cells(table.get(name, empty)) for name in self.columns)
         lines = _encode(zip(*cells, strict=True))
         with named_errors(self.path), self.path.open("rb+") as file:  # not made anew
             file.seek(0, os.SEEK_END)
             file.write(lines)
+        self.rows += count
 
 
 def write_table(path: AnyPath, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:

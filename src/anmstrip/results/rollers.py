@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from anmstrip.arrays import Array, Index
 from anmstrip.mechanics.plasticity import Plasticity
 from anmstrip.mechanics.roller import Roller
+from anmstrip.mechanics.shell import Membrane
 
 if TYPE_CHECKING:
     from anmstrip.mechanics.contact import Contact
@@ -469,6 +470,14 @@ class Readable(Protocol):
     @property
     def rollers(self) -> Mapping[str, RollerReading]:
         """Roller → what is read off."""
+
+    @property
+    def bends(self) -> bool:
+        """Whether the strip resists bending."""
+
+    @property
+    def membrane(self) -> Membrane | None:
+        """Membrane of the strip; a plate has none."""
 
     @property
     def plasticity(self) -> Plasticity | None:

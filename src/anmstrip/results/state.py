@@ -152,13 +152,15 @@ class State:
     @cached_property
     def profile(self) -> dict[str, Array]:
         """All columns along the strip, see :meth:`along`."""
-        effects, membrane = self.plan.model.effects, self.membrane
-        touching = next((c.contact.operator.whole for c in self.contacts.values()), None)
-        bends = any(e.name == "bending" for e in effects)
-        return Profile(self.plan.model.strip, membrane, touching, bends).columns(self)
+        return Profile(self.plan.model.strip).columns(self)
 
     def __repr__(self) -> str:
         return f"<State of {self.plan.name!r} at t = {self.time:.6g} s>"
+
+    @property
+    def bends(self) -> bool:
+        """Whether the strip resists bending."""
+        return any(e.name == "bending" for e in self.plan.model.effects)
 
     @property
     def membrane(self) -> Membrane | None:
@@ -310,9 +312,8 @@ class State:
     @cached_property
     def rollers(self) -> dict[str, RollerReading]:
         """Roller → what is read off, in the order of the scene."""
-        strip, effects = self.plan.model.strip, self.plan.model.effects
-        bends = any(e.name == "bending" for e in effects)
-        edges, bending = strip.edges, bends * strip.bending_stiffness
+        strip = self.plan.model.strip
+        edges, bending = strip.edges, self.bends * strip.bending_stiffness
         incoming = self.edge_force("entry") if "entry" in edges else np.zeros(3)
         readings = {}
         for name in sorted(self.contacts, key=lambda n: self.contacts[n].middle):

@@ -156,7 +156,7 @@ class Wrinkling:
         strip = self.state.plan.model.strip
         if shape_of(strip) != "quad":
             return []
-        sampler = FieldSampler(strip, None, None) if sampler is None else sampler
+        sampler = sampler or FieldSampler(strip)
         reference = sampler.reference
         points = reference.T + sampler.interpolate(self.state.full)
         rows = np.round(reference[0] / (1e-3 * strip.cell_sizes[0].min())).astype(np.int64)
