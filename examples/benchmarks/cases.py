@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from anmstrip.continuation.equations import PathStopped
-from anmstrip.paper.cases import ROWS, distances
+from anmstrip.paper.cases import ROWS, distances, solve_case
 from anmstrip.paper.mass_spring import CASES, MassSpring, Reference, reference_solution
-from anmstrip.paper.schemes import solve_case
 from figures import Measured, crossed, curves, measured, patiently, plotted, sheet, work_precision
 from harness import Report, main
 

@@ -19,8 +19,8 @@ import numpy as np
 
 from anmstrip.continuation.equations import PathStopped
 from anmstrip.driver.scene import Scene
+from anmstrip.paper.cases import solve_case
 from anmstrip.paper.mass_spring import CASES
-from anmstrip.paper.schemes import solve_case
 from harness import Cell, Report, Sheet, main
 
 EXAMPLES = Path(__file__).resolve().parents[1]

@@ -23,7 +23,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 if TYPE_CHECKING:
     from distributed import Client
 
-    from anmstrip.driver.operating_map import MapStep
+    from anmstrip.driver.stationary import MapStep
     from anmstrip.simulation.march import Step
     from anmstrip.sweep.study import Ended, Sweep
 
@@ -317,8 +317,8 @@ def map_command(
 
     Exit status: 0 done, 1 stopped before both ends (what was computed is there), 2 wrong input.
     """
-    from anmstrip.driver.operating_map import OperatingMap
     from anmstrip.driver.scene import Scene
+    from anmstrip.driver.stationary import OperatingMap
 
     loaded = Scene.load(scene, settings)
     made = OperatingMap(loaded, along, directory or Path("results", f"{loaded.name}-map"))
@@ -349,8 +349,8 @@ def response_command(
 
     Exit status: 0 done, 1 stopped before the stationary state, 2 wrong input.
     """
-    from anmstrip.driver.response import respond
     from anmstrip.driver.scene import Scene
+    from anmstrip.driver.stationary import respond
 
     loaded = Scene.load(scene, settings)
     target = directory or Path("results", f"{loaded.name}-response")

@@ -16,8 +16,8 @@ from anmstrip.continuation.follow import Settings, follow
 from anmstrip.continuation.path import Path
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.mechanics.laws import FrictionLaw, NortonHoff, RepulsiveSignorini, Signorini
+from anmstrip.paper.cases import solve_case
 from anmstrip.paper.mass_spring import RotatingCircle, coulomb, slip_at
-from anmstrip.paper.schemes import solve_case
 from anmstrip.timestepping.index_one import instabilities
 from function_equations import FunctionEquations
 from motions import Motion, Trial, moved

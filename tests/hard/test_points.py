@@ -13,8 +13,8 @@ from anmstrip.continuation.equations import PathStopped
 from anmstrip.continuation.follow import Settings
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.mechanics.laws import NortonHoff, Tanh
+from anmstrip.paper.cases import solve_case
 from anmstrip.paper.mass_spring import RotatingCircle
-from anmstrip.paper.schemes import solve_case
 from anmstrip.timestepping import formulas as backward_differences
 from anmstrip.timestepping import implicit as implicit_dae
 from anmstrip.timestepping.formulas import TimeStep

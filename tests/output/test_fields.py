@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from anmstrip.pictures.drawing import FIELDS, choices, scalars, title
+from anmstrip.pictures.render import FIELDS, choices, scalars, title
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,7 @@ from PIL.ImageSequence import Iterator
 
 from anmstrip.errors import InputError
 from anmstrip.pictures import render as pictures
-from anmstrip.pictures.drawing import HEAD, Eye, labelled, title
-from anmstrip.pictures.render import render
+from anmstrip.pictures.render import HEAD, Eye, labelled, render, title
 from anmstrip.results.vtk import FIELDS, Collection, read_surface, subdivide, write_surface
 from wrapped_strip import lattice, tensor_grids, wrapped, write_state
 

@@ -12,7 +12,14 @@ import pytest
 from anmstrip.continuation.equations import Cost
 from anmstrip.errors import InputError
 from anmstrip.mechanics.laws import NortonHoff, Tanh, cone_speed, corner_speed
-from anmstrip.paper.cases import COLUMNS, PAPER_STEPS, run_case
+from anmstrip.paper.cases import (
+    COLUMNS,
+    PAPER_STEPS,
+    events_of,
+    explicit_scheme,
+    run_case,
+    solve_case,
+)
 from anmstrip.paper.mass_spring import (
     CASES,
     Parameters,
@@ -20,7 +27,6 @@ from anmstrip.paper.mass_spring import (
     coulomb,
     reference_solution,
 )
-from anmstrip.paper.schemes import events_of, explicit_scheme, solve_case
 from anmstrip.results import files as history
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

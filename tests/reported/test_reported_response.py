@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from anmstrip import Scene
 from anmstrip.cli import main
-from anmstrip.driver.response import response
+from anmstrip.driver.sensitivities import response
 from anmstrip.results.files import read_history
 from anmstrip.results.state import State
 

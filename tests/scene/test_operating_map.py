@@ -16,7 +16,7 @@ from threaded import ended, scene_of
 from anmstrip import InputError, Scene
 from anmstrip.cli import main
 from anmstrip.continuation.path import Branch
-from anmstrip.driver.operating_map import Along, Curve, Piece
+from anmstrip.driver.stationary import Along, Curve, Piece
 from anmstrip.results.files import read_history
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

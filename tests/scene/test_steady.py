@@ -14,9 +14,9 @@ from scipy.integrate import quad, solve_ivp
 from threaded import ONE, ended, roller, scene_of
 
 from anmstrip.driver.explain import explain
-from anmstrip.driver.response import response
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
+from anmstrip.driver.sensitivities import response
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.fem.sampling import SlopeOperator
 from anmstrip.linalg.bordered import Bordered

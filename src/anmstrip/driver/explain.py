@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +17,6 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import InputError, Mistake, printable
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
 from anmstrip.results.files import error_rows
-from anmstrip.results.plastic import RollerBend, YieldedStrip
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import FieldSpec
 from anmstrip.simulation.defaults import elastic_creep
@@ -322,8 +321,8 @@ def report(run: Run) -> str:
     if state is not None:
         if state.rollers:
             console.print(roller_table(state))
-            if (layers := YieldedStrip.of(state)) is not None:
-                console.print(bend_table(layers.rollers()))
+            if state.plasticity is not None:
+                console.print(bend_table(state))
         console.print(tensions(state), markup=False)
         console.print(error_table(run))
     for warning in run.warnings:
@@ -339,28 +338,29 @@ def roller_table(state: State) -> Table:
     for name, r in state.rollers.items():
         used = "–" if r.capacity_used is None else f"{100.0 * r.capacity_used:.3g} %"
         values = (np.degrees(r.wrap), r.tension_in, r.tension_out, r.normal_force, r.torque)
-        loads = (f"{load:.3g}" for load in (r.line_load_in, r.line_load_out))
-        table.add_row(name, *(f"{v:.4g}" for v in values), f"{r.max_slip:.3g}", used, *loads)
+        slip, *loads = (f"{v:.3g}" for v in (r.max_slip, r.line_load_in, r.line_load_out))
+        table.add_row(name, *map(number, values), slip, used, *loads)
     return table
 
 
-def bend_table(bends: Mapping[str, RollerBend]) -> Table:
+def bend_table(state: State) -> Table:
     """Return the sharpest bend at every roller of strip that can yield, and what it leaves."""
+    from anmstrip.results.plastic import YieldedStrip
+
+    title = "Bends, and the curl and crossbow that they leave in unloaded strip"
     heads = ("curvature\n(1/m)", "moment\n(N)", "plastic\nshare", "curl\n(1/m)", "crossbow\n(1/m)")
-    more = ("elongation\n(1)", "power\n(W)")
-    table = plain_table(
-        "Bends, and the curl and crossbow that they leave in unloaded strip",
-        "\nroller",
-        *heads,
-        *more,
-    )
-    for name, b in bends.items():
-        share, values = f"{100.0 * b.plastic_share:.3g} %", (b.elongation, b.yield_power)
-        bent = (f"{v:.4g}" for v in (b.curvature, b.moment))
-        across = "–" if b.residual_crossbow is None else f"{b.residual_crossbow:.4g}"
-        left = f"{b.residual_curvature:.4g}", across
-        table.add_row(name, *bent, share, *left, *(f"{v:.4g}" for v in values))
+    table = plain_table(title, "\nroller", *heads, "elongation\n(1)", "power\n(W)")
+    layers = YieldedStrip.of(state)
+    for name, b in layers.rollers().items() if layers else ():
+        values = b.residual_curvature, b.residual_crossbow, b.elongation, b.yield_power
+        share, told = f"{100.0 * b.plastic_share:.3g} %", [number(value) for value in values]
+        table.add_row(name, number(b.curvature), number(b.moment), share, *told)
     return table
+
+
+def number(value: float | None, form: str = ".4g") -> str:
+    """Return a number of a table, a dash where there is none."""
+    return "–" if value is None else format(value, form)
 
 
 def tensions(state: State) -> str:

@@ -30,8 +30,6 @@ from anmstrip.results.files import (
     write_summary,
     write_table,
 )
-from anmstrip.results.plastic import COLUMNS as YIELD_COLUMNS
-from anmstrip.results.plastic import LAYER_COLUMNS, YieldedStrip
 from anmstrip.results.state import State
 from anmstrip.results.vtk import Collection, subdivide, write_rollers, write_surface
 from anmstrip.simulation.march import March, Step
@@ -100,7 +98,9 @@ class Recorder:
             self.strip, self.rollers = (Collection.reopen(c, kept["time"]) for c in contents)
         tables = {"history.csv": columns, "profile.csv": PROFILE_COLUMNS}
         if assembly.flow is not None:
-            tables["profile.csv"] += YIELD_COLUMNS
+            from anmstrip.results import plastic
+
+            tables["profile.csv"] += plastic.COLUMNS
         if assembly.scene.output.events:
             tables["events.csv"] = EVENT_COLUMNS
         else:
@@ -201,9 +201,13 @@ class Recorder:
                     "penetration": cost.penetration,
                     "regularisation_effect": {**effect, "total": cost.effect},
                 }
-            if (layers := YieldedStrip.of(state)) is not None:
+            if state.plasticity is not None:
+                from anmstrip.results import plastic
+
+                layers = plastic.YieldedStrip(state, state.plasticity)
                 if len(layers.stress) == 1:
-                    write_table(self.directory / "layers.csv", LAYER_COLUMNS, layers.rows())
+                    path = self.directory / "layers.csv"
+                    write_table(path, plastic.LAYER_COLUMNS, layers.rows())
                 for name, bend in layers.rollers().items():
                     rollers[name]["bend"] = asdict(bend)
         written = {"rollers": rollers, "edges": edges, "input": self.assembly.scene.to_dict()}

@@ -17,7 +17,7 @@ from anmstrip.simulation.march import Step
 from anmstrip.simulation.problem import EffectMaker
 
 if TYPE_CHECKING:
-    from anmstrip.driver.operating_map import OperatingMap
+    from anmstrip.driver.stationary import OperatingMap
 
 
 class Scene(SceneSpec):
@@ -93,7 +93,7 @@ class Scene(SceneSpec):
         OperatingMap
             It has been followed to its end.
         """
-        from anmstrip.driver.operating_map import OperatingMap
+        from anmstrip.driver.stationary import OperatingMap
 
         made = OperatingMap(self, along, directory, effects)
         for _ in made:

@@ -1,19 +1,25 @@
-"""First orders of stationary states in controls and in the data of a line, by one tangent."""
+"""First orders of stationary states in controls and in the data of a line, at rest or oscillating.
+
+All of them by one tangent.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import splu
 
 from anmstrip.arrays import Array
 from anmstrip.equilibrium import Equilibrium
+from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.fem.sampling import quadrature_points
-from anmstrip.linalg.direct import Factors
+from anmstrip.linalg.bordered import Bordered
+from anmstrip.linalg.direct import Factors, equilibrated
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.contact import Contact
 from anmstrip.mechanics.effects import EffectSeries, LawEffect, LawSeries, LoadEffect
@@ -33,6 +39,9 @@ STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 
 SMALL = 1e-2
 """Change of gaps over the onset of contact, and of slip over V_c, in a difference: its error is of
 the order SMALL⁴/30 and, by round-off, 1e-16/SMALL of radii over onsets."""
+
+POWERS = {"membrane": 1.0, "bending": 3.0}
+"""Powers of the thickness to which elastic effects are proportional."""
 
 
 class StationaryTangent:
@@ -99,29 +108,29 @@ class StationaryTangent:
         part = self.law_part(name)
         return part.orders.derivative(part.operator.apply(change)) + explicit.get(name, 0.0)
 
-    def on_rollers(self, name: str) -> csc_matrix:
-        """Areas of the points of contact or friction, (points, rollers), by what they see."""
-        part, rollers = self.law_part(name), self.friction.roller.members
-        which = part.effect.roller.seen_by(part.effect.points)  # type: ignore[attr-defined]
-        places, operator = (np.arange(len(which)), which), cast(Any, part.operator)
-        return csc_matrix((operator.weights, places), shape=(len(which), len(rollers)))
-
     @cached_property
     def areas(self) -> dict[str, csc_matrix]:
-        """Matrices of the areas of points of contact, and of those of friction, on the rollers."""
-        return {name: self.on_rollers(name) for name in ("contact", "friction")}
+        """Areas of the points of contact, and of those of friction, (points, rollers) each."""
+        rollers, areas = self.friction.roller.members, {}
+        for name in ("contact", "friction"):
+            effect: Any = self.law_part(name).effect
+            which = effect.roller.seen_by(effect.points)
+            places = np.arange(len(which)), which
+            shape = len(which), len(rollers)
+            areas[name] = csc_matrix((effect.operator.weights, places), shape=shape)
+        return areas
 
     @cached_property
-    def order(self) -> list[int]:
-        """Numbers of the rollers from the entry on."""
-        contacts = [self.state.contacts[r.name] for r in self.friction.roller.members]
-        return sorted(range(len(contacts)), key=lambda number: contacts[number].middle)
+    def order(self) -> dict[str, int]:
+        """Rollers and their numbers, from the entry on."""
+        numbers = {roller.name: n for n, roller in enumerate(self.friction.roller.members)}
+        contacts = self.state.contacts
+        return {name: numbers[name] for name in sorted(numbers, key=lambda n: contacts[n].middle)}
 
     @cached_property
     def arcs(self) -> Array:
         """Reference x where contact begins and ends, (rollers, 2), from the entry on."""
-        names = [self.friction.roller.members[number].name for number in self.order]
-        return np.array([self.state.contacts[name].arc for name in names])
+        return np.array([self.state.contacts[name].arc for name in self.order])
 
     @cached_property
     def weights(self) -> Array:
@@ -131,8 +140,7 @@ class StationaryTangent:
     @cached_property
     def pulls(self) -> Array:
         """Forces (N) on the strip there, (rollers, 2, 3)."""
-        names = [self.friction.roller.members[number].name for number in self.order]
-        gained = np.array([self.state.rollers[name].resultant for name in names])
+        gained = np.array([self.state.rollers[name].resultant for name in self.order])
         return cumulated(self.state.edge_force("entry"), gained) + self.weights
 
 
@@ -199,14 +207,14 @@ class Partials:
         unit = replace(friction, coefficients=[0.0 if own else 1.0 for own in self.own])
         x = tangent.law_part("friction").operator.apply(state.full)
         yield "friction.coefficient", {"friction": np.asarray(unit.law(x, None, state.controls))}
-        elastic: dict[str, Array] = {}
-        for name in ("membrane", "bending"):
-            if (part := tangent.parts.get(name)) is None:
-                continue
-            elastic[name] = part.orders.value if isinstance(part, LawSeries) else part.residual()
+        parts = {name: tangent.parts[name] for name in POWERS if name in tangent.parts}
+        elastic = {
+            name: part.orders.value if isinstance(part, LawSeries) else part.residual()
+            for name, part in parts.items()
+        }
         yield "material.young", {n: e / strip.material.young for n, e in elastic.items()}
-        t, powers = strip.thickness, {"membrane": 1.0, "bending": 3.0}
-        thicker = {n: powers[n] / t * e for n, e in elastic.items()}
+        t = strip.thickness
+        thicker = {n: POWERS[n] / t * e for n, e in elastic.items()}
         if "weight" in tangent.parts:
             thicker["weight"] = tangent.parts["weight"].residual() / t
         if any(roller.half for roller in friction.roller.members):
@@ -340,18 +348,18 @@ class Readings:
             for name in ("contact", "friction")
         )
         count, order = model.strip.kinematics.count, tangent.order
-        gained = -model.strip.kinematics.embed(pushes + drags[:count]).T[order]
+        gained = -model.strip.kinematics.embed(pushes + drags[:count]).T[list(order.values())]
         rises = cumulated(self.edge_force("entry"), gained) + self.heavier * tangent.weights
         sizes = np.linalg.norm(tangent.pulls, axis=2) * model.strip.width
         tensions = (tangent.pulls * rises).sum(axis=2) / sizes
         free = dict(zip(model.turning, change[model.strip.unknowns :], strict=False))
         offsets = replace(state, full=change).offset(tangent.arcs[:, 0])
-        for place, number in enumerate(order):
-            roller = tangent.friction.roller.members[number]
-            name, given = roller.name, float(self.key == f"rollers.{roller.name}.surface_speed")
+        for place, (name, number) in enumerate(order.items()):
+            radius = tangent.friction.roller.members[number].radius
+            given = float(self.key == f"rollers.{name}.surface_speed")
             for word, tension in zip(("in", "out"), tensions[place], strict=True):
                 found[f"{name}_tension_{word}"] = float(tension)
-            found[f"{name}_torque"] = roller.radius * float(drags[-1, number])
+            found[f"{name}_torque"] = radius * float(drags[-1, number])
             found[f"{name}_surface_speed"] = float(free.get(name, given))
             if count == 3:
                 found[f"{name}_offset"] = float(offsets[place])
@@ -401,3 +409,131 @@ def sensitivities(state: State, own: Iterable[bool]) -> dict[str, dict[str, floa
         key: Readings(tangent, key, explicit, tangent.change(explicit)).read()
         for key, explicit in Partials(tangent, tuple(own))
     }
+
+
+@dataclass(frozen=True)
+class Oscillation:
+    """Small oscillations about a stationary state: (K + i ω C) u = −b.
+
+    K is the tangent of the stationary state, and C = ∂R/∂v.  Material moves with c ∂r/∂X + ∂r/∂t,
+    so that friction sees a velocity ∂r/∂t as it sees a change ∂r/∂t / c of the slope ∂r/∂X.
+
+    Parameters
+    ----------
+    tangent : StationaryTangent
+    key : str
+        Of the parameter that oscillates, as in the sensitivities.
+    explicit : mapping
+        Derivatives of the effects with respect to it.
+    """
+
+    tangent: StationaryTangent
+    key: str
+    explicit: Explicit
+
+    @property
+    def speed(self) -> float:
+        """c (m/s)."""
+        return float(self.tangent.state.strip_speed or 0.0)
+
+    @cached_property
+    def by_velocity(self) -> Array:
+        """Derivative of friction at its points by ∂r/∂t, (count, count + 1, points)."""
+        part, count = self.tangent.law_part("friction"), self.tangent.model.strip.count
+        inputs, points = part.shape
+        unit = np.broadcast_to(np.eye(inputs)[count : 2 * count, :, None], (count, inputs, points))
+        return part.orders.derivative(unit) / self.speed
+
+    @cached_property
+    def rate(self) -> Array:
+        """Derivative of friction at its points by the rate of the parameter, (count + 1, points).
+
+        A roller that is yawed moves its surface with w × (r − c), w the vertical.
+        """
+        tangent, state = self.tangent, self.tangent.state
+        operator = tangent.friction.contact.operator
+        moved = operator.apply(state.full)
+        surface = np.zeros_like(moved)
+        for number, roller in enumerate(tangent.friction.roller.members):
+            if self.key == f"rollers.{roller.name}.yaw":
+                seen = tangent.areas["friction"][:, [number]].indices
+                centre = state.controls[f"rollers.{roller.name}.centre"]
+                x, y, _ = operator.reference + moved - centre[:, None]
+                surface[:2, seen] = -y[seen], x[seen]
+        return -np.einsum("ijp,ip->jp", self.by_velocity, surface)
+
+    @cached_property
+    def matrices(self) -> tuple[csc_matrix, csc_matrix, Array]:
+        """K and C over the free unknowns, and factors that equilibrate them."""
+        tangent, model = self.tangent, self.tangent.model
+        part, count = tangent.law_part("friction"), model.strip.count
+        derivative = np.zeros((part.shape[0], *self.by_velocity.shape[1:]))
+        derivative[:count] = self.by_velocity
+        blocks = model.pattern.zeros(model.others)
+        part.operator.add_tangent(derivative, model.pattern, blocks)
+        resistance = tangent.series.restricted(model.closed_rows(blocks), tangent.free)
+        both = tangent.matrix, resistance
+        k, c = (m.assembled() if isinstance(m, Bordered) else m for m in both)
+        return k, c, equilibrated(k)
+
+    def at(self, omega: float) -> dict[str, complex]:
+        """Complex amplitudes of what is read off, for an amplitude of one of the parameter.
+
+        Parameters
+        ----------
+        omega : float
+            Angular frequency ω (rad/s).
+        """
+        tangent, (k, c, d) = self.tangent, self.matrices
+        rate = {"friction": self.rate}
+        forces = [tangent.gathered(e) for e in (self.explicit, rate)]
+        supports = tangent.state.plan.supports
+        static, moving = (supports.gathered(tangent.model.closed(f)) for f in forces)
+        matrix = csc_matrix((k + 1j * omega * c).multiply(d[:, None]).multiply(d))
+        u = -splu(matrix).solve((static + 1j * omega * moving) * d) * d
+        full = supports.change(u.real, 0.0) + 1j * supports.change(u.imag, 0.0)
+        moved = tangent.friction.contact.operator
+        velocity = 1j * omega * (moved.apply(full.real) + 1j * moved.apply(full.imag))
+        rubbing = np.einsum("ijp,ip->jp", self.by_velocity, velocity) + 1j * omega * self.rate
+        real = {**self.explicit, "friction": self.explicit.get("friction", 0.0) + rubbing.real}
+        first = Readings(tangent, self.key, real, full.real).read()
+        second = Readings(tangent, "", {"friction": rubbing.imag}, full.imag).read()
+        return {name: complex(first[name], second[name]) for name in first}
+
+
+def response(state: State, own: Sequence[bool], key: str, omegas: Array) -> dict[str, Array]:
+    """Complex amplitudes of what is read off a stationary state over the frequency.
+
+    Parameters
+    ----------
+    state : State
+        Of a steady stage.
+    own : sequence of bool
+        Rollers that have a coefficient of friction of their own.
+    key : str
+        Parameter that oscillates: a key of the sensitivities, such as ``rollers.r1.yaw``.
+    omegas : ndarray, shape (n,)
+        Angular frequencies (rad/s).
+
+    Returns
+    -------
+    dict
+        Reading → amplitudes for an amplitude of one of the parameter, shape (n,).
+
+    Raises
+    ------
+    InputError
+        The state depends on no such parameter.
+    """
+    tangent = StationaryTangent(state)
+    found = dict(Partials(tangent, tuple(own)))
+    if key not in found:
+        raise unknown_name("--to", key, "what the stationary state depends on", found)
+    oscillation = Oscillation(tangent, key, found[key])
+    rows = [oscillation.at(float(omega)) for omega in omegas]
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+def unknown_name(option: str, key: str, expected: str, known: Iterable[str]) -> InputError:
+    """Return the error of a name that is not among the known ones."""
+    return InputError([Mistake(f"{option} {key}", key, key, expected, nearest(key, known))])

@@ -16,7 +16,7 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from anmstrip.arrays import Array
-from anmstrip.pictures.drawing import GREYS, OUTLINE, STEEL
+from anmstrip.pictures.render import GREYS, OUTLINE, STEEL
 from anmstrip.results.files import atomic_write
 
 PANELS = {

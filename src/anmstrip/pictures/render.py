@@ -1,4 +1,9 @@
-"""Pictures of a run, with or without a display, with or without OpenGL."""
+"""Pictures of a run, with or without a display, with or without OpenGL.
+
+    python -m anmstrip.pictures.render < job
+
+draws a pickled :class:`Job` with pyvista, in a process of its own that OpenGL may take down.
+"""
 
 from __future__ import annotations
 
@@ -8,28 +13,39 @@ import pickle
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize, to_rgb
+from matplotlib.figure import Figure
 from PIL import Image
 
 from anmstrip.arrays import Array, Index
 from anmstrip.errors import InputError, Mistake
-from anmstrip.pictures.drawing import (
-    Eye,
-    Frame,
-    Job,
-    choices,
-    draw_side,
-    draw_with_matplotlib,
-    labelled,
-)
 from anmstrip.results.files import atomic_write
-from anmstrip.results.vtk import SurfaceMesh, read_collection, read_surface
+from anmstrip.results.vtk import (
+    FIELDS,
+    TENSOR,
+    Field,
+    SurfaceMesh,
+    read_collection,
+    read_surface,
+    scalars,
+    sector_tones,
+    subdivide,
+)
+
+if TYPE_CHECKING:
+    import pyvista
 
 RENDERER = "ANMSTRIP_RENDERER"
 """Environment variable; `matplotlib` draws without OpenGL."""
@@ -44,7 +60,7 @@ CAPPED = 2.0
 """End of the scale of pressures, over the pressure that bears half of the force: the peaks where a
 strip lifts off grow with every refinement of the mesh, the force that they bear does not."""
 SECONDS_TO_START, SECONDS_PER_FRAME = 120.0, 20.0
-DRAWING = sys.executable, "-P", "-m", "anmstrip.pictures.drawing"
+DRAWING = sys.executable, "-P", "-m", "anmstrip.pictures.render"
 State = tuple[float, Path, Path | None]
 """Time, file of the strip, and file of the rollers if there is one."""
 
@@ -96,9 +112,9 @@ def render(
         draw_side(last)
         pictures.append(save_picture(last, folder / "picture_side.png"))
         if vector is not None:
-            aside = last.frames[0].picture.with_suffix(f".{vector}")
-            drawn = replace(last, frames=(replace(last.frames[0], picture=aside),))
-            draw_side(drawn)
+            (frame,) = last.frames
+            frame = replace(frame, picture=frame.picture.with_suffix(f".{vector}"))
+            draw_side(drawn := replace(last, frames=(frame,)))
             pictures.append(save_picture(drawn, folder / f"picture_side.{vector}"))
         if movie:
             count = min(len(states), MOST_FRAMES)
@@ -137,10 +153,9 @@ def read_state(path: Path) -> SurfaceMesh:
     """Read the surface of a state, or refuse a file that is missing or damaged."""
     try:
         return read_surface(path)
-    except FileNotFoundError as error:
-        raise refuse_results(path, "no such file") from error
-    except ValueError as error:
-        raise refuse_results(path, str(error)) from error
+    except (FileNotFoundError, ValueError) as error:
+        missing = isinstance(error, FileNotFoundError)
+        raise refuse_results(path, "no such file" if missing else str(error)) from error
 
 
 def refuse_results(path: Path, found: str) -> InputError:
@@ -250,3 +265,421 @@ def draw_in_space(job: Job) -> None:
         reason,
     )
     return draw_with_matplotlib(job)
+
+
+PREFIXES = {-6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+
+
+def choices(names: Iterable[str]) -> list[str]:
+    """List what can be asked for: every field, and its components after a dot.
+
+    Examples
+    --------
+    >>> choices(["gap", "velocity"])
+    ['gap', 'velocity', 'velocity.x', 'velocity.y', 'velocity.z']
+    """
+    found = []
+    for name in names:
+        components = FIELDS[name].components if name in FIELDS else ()
+        found += [name, *(f"{name}.{component}" for component in components)]
+    return found
+
+
+def title(name: str, largest: float) -> tuple[str, float]:
+    """Write the title of a scale whose numbers stay between 1 and 1000.
+
+    Parameters
+    ----------
+    name : str
+        A field, or a field and a component.
+    largest : float
+        Largest absolute value to show, in SI.
+
+    Returns
+    -------
+    title : str
+        Label and prefixed unit.
+    factor : float
+        Factor of values in SI.
+
+    Examples
+    --------
+    >>> title("normal_pressure", 2.0e4)
+    ('normal pressure [kPa]', 0.001)
+    >>> title("bending_moment", 0.02)[0]
+    'bending moment, xx [0.001 N]'
+    """
+    base, _, component = name.partition(".")
+    field = FIELDS.get(base, Field(base.replace("_", " "), ""))
+    component = component or ("xx" if field.components == TENSOR else "")
+    label = f"{field.label}, {component}" if component else field.label
+    power = 0
+    if field.unit and not field.unit.startswith("1") and 0.0 < largest < np.inf:
+        power = 3 * int(np.floor(np.log10(largest) / 3.0))
+        power = min(max(power, min(PREFIXES)), max(PREFIXES))
+    prefixed = f"{PREFIXES[power]}{field.unit}"
+    if power == -3 and field.unit.startswith("N"):
+        prefixed = f"0.001 {field.unit}"  # mN might be m N; VTK has no raised minus
+    unit = f" [{prefixed}]" if field.unit not in ("", "1") else ""
+    return label + unit, 10.0**-power
+
+
+DIRECTION = np.array([-0.32, -0.80, 0.50])
+"""Vector from the scene towards the eye: the side, the top and the entry are all seen."""
+GREYS = "#8d9197", "#a9adb2"
+"""The two tones of a roller, whose sectors show its turning."""
+LIGHT = np.array([-0.15, 0.5, 0.85])
+"""Vector towards the lamp, in the axes of the eye."""
+AMBIENT = 0.45
+"""Share of light that comes from everywhere."""
+OUTLINE = "#3b4046"
+NO_VALUE = "#d9d9d9"
+STEEL = "#c4ced8", "#9fc3d4", "#f2c14e", "#e4652c", "#8c1c2b"
+SIGNED = "#2a5d9f", "#e8e8e6", "#b0303a"
+MARGIN = 1.06
+HEAD = 0.2
+"""Share of a picture, at its top, that the time and the scale have for themselves."""
+STEPS = 1.0, 2.0, 2.5, 5.0
+"""Distances of the labels of a scale, times powers of ten."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One picture to draw."""
+
+    strip: Path  # .vtu file
+    rollers: Path | None  # .vtu file, if there are any
+    time: float
+    picture: Path  # .png file to write
+
+    def read_strip(self, field: str) -> tuple[Array, Index, Array]:
+        """Read the points, the plain quadrilaterals and the values that colour them.
+
+        A triangle is a quadrilateral whose last two corners coincide.  The values are NaN in a
+        state without that field (no slip without friction).
+        """
+        surface = read_surface(self.strip)
+        cells = subdivide(surface.cells)
+        if cells.shape[1] == 3:
+            cells = cells[:, [0, 1, 2, 2]]
+        values = surface.fields.get(field.partition(".")[0])
+        if values is None:
+            values = np.full(len(surface.points), np.nan)
+        return surface.points, cells, scalars(field, values)
+
+    def read_rollers(self) -> tuple[Array, Index, Index] | None:
+        """Read the points, the quadrilaterals and the tone, 0 or 1, of each of them."""
+        if self.rollers is None:
+            return None
+        surface = read_surface(self.rollers)
+        return surface.points, surface.cells, sector_tones(surface)
+
+
+@dataclass(frozen=True)
+class Eye:
+    """A parallel projection."""
+
+    axes: Array  # rows: to the right, upwards, towards the eye
+    focus: Array  # the point in the middle of the picture (m)
+    half_height: float  # half of what is seen from bottom to top (m)
+
+    @classmethod
+    def seeing(cls, low: Array, high: Array, size: tuple[int, int]) -> Self:
+        """Look at a box so that it fits into a picture of a size in pixels, below its head."""
+        towards = DIRECTION / np.linalg.norm(DIRECTION)
+        right = np.cross([0.0, 0.0, 1.0], towards)
+        right /= np.linalg.norm(right)
+        axes = np.array([right, np.cross(towards, right), towards])
+        corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
+        seen = corners @ axes.T
+        middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
+        width, height, _ = np.ptp(seen, axis=0)
+        tallest = max(height / (1.0 - HEAD), width * size[1] / size[0])
+        half_height = max(0.5 * MARGIN * tallest, np.finfo(float).tiny)
+        middle[1] += HEAD * half_height
+        return cls(axes, middle @ axes, half_height)
+
+    def projected(self, points: Array) -> Array:
+        """Return coordinates to the right, upwards and towards the eye; (..., 3) in metres."""
+        return (points - self.focus) @ self.axes.T
+
+
+def labelled(low: float, high: float) -> tuple[float, float, int]:
+    """Widen a scale to round ends with round labels between them.
+
+    Returns
+    -------
+    low, high : float
+    labels : int
+        Number of evenly spaced labels, both ends included: four to eight.
+
+    Examples
+    --------
+    >>> labelled(0.0, 47.5)
+    (0.0, 50.0, 6)
+    >>> labelled(-3.0, 3.0)
+    (-3.0, 3.0, 7)
+    """
+    power = np.floor(np.log10(high - low))
+    for step in [s * 10.0**p for p in (power - 1.0, power) for s in STEPS]:
+        first, last = np.floor(low / step + 1e-9), np.ceil(high / step - 1e-9)
+        if last - first <= 7.0:
+            break
+    return float(first * step), float(last * step) + 0.0, int(last - first) + 1
+
+
+@dataclass(frozen=True)
+class Job:
+    """Pictures with the same field, scale, eye and size."""
+
+    frames: tuple[Frame, ...]  # in the order of time
+    field: str  # a field of the strip, or a field and a component
+    limits: tuple[float, float]  # ends of the colour scale, in SI
+    eye: Eye
+    size: tuple[int, int]  # width and height of a picture, in pixels
+    labels: int  # of the colour scale, evenly spaced
+
+    @property
+    def colours(self) -> Colormap:
+        """Colours of the scale: two-sided if the values are of both signs."""
+        signed = self.limits[0] < 0.0 < self.limits[1]
+        return LinearSegmentedColormap.from_list("strip", SIGNED if signed else STEEL)
+
+    @property
+    def scale(self) -> tuple[str, float, tuple[float, float]]:
+        """Title of the scale, factor of values in SI, and its ends in the unit of the title."""
+        low, high = self.limits
+        label, factor = title(self.field, max(abs(low), abs(high)))
+        return label, factor, (low * factor, high * factor)
+
+
+NEARER = 0.02
+"""Shift of the strip to the eye, over half the height seen: a parallel projection stays the same,
+and the roller does not shine through where both coincide."""
+JOINED = 1e-6
+"""Largest distance, over the size of the surface, of points of neighbours that are one: VTK finds
+them in single precision, a triangle's from either end of the side."""
+BAR = {
+    **{"color": "black", "vertical": False, "title_font_size": 22, "label_font_size": 18},
+    **{"width": 0.34, "height": 0.11, "position_x": 0.62, "position_y": 0.84, "fmt": "%.3g"},
+}
+SHADING = {"smooth_shading": True, "ambient": AMBIENT, "diffuse": 1.0 - AMBIENT}
+
+
+def draw_with_pyvista(job: Job) -> None:
+    """Draw every frame of a job."""
+    import pyvista
+
+    eye = job.eye
+    for frame in job.frames:
+        plotter = pyvista.Plotter(off_screen=True, window_size=list(job.size), lighting="none")
+        plotter.set_background("white")
+        plotter.enable_anti_aliasing("msaa", multi_samples=8)
+        add_strip(plotter, job, frame)
+        if rollers := frame.read_rollers():
+            points, cells, tones = rollers
+            surface = pyvista.PolyData(points, np.insert(cells, 0, 4, axis=1))
+            for tone, grey in enumerate(GREYS):
+                sectors = surface.extract_cells(tones == tone)
+                sectors = sectors.extract_surface(algorithm="dataset_surface")
+                plotter.add_mesh(sectors, color=grey, **SHADING)
+        place = 24, job.size[1] - 46
+        plotter.add_text(f"t = {frame.time:.4g} s", position=place, color="black", font_size=11)
+        camera = plotter.camera
+        camera.parallel_projection = True
+        camera.focal_point = eye.focus
+        camera.position = eye.focus + 10.0 * eye.half_height * eye.axes[2]
+        camera.up = eye.axes[1]
+        camera.parallel_scale = eye.half_height
+        plotter.renderer.reset_camera_clipping_range()
+        lamp = pyvista.Light(position=eye.focus + LIGHT @ eye.axes, focal_point=eye.focus)
+        lamp.positional = False
+        plotter.add_light(lamp)
+        plotter.screenshot(frame.picture)
+        plotter.close()
+
+
+def add_strip(plotter: pyvista.Plotter, job: Job, frame: Frame) -> None:
+    """Add the strip with its field, its outline and the scale."""
+    import pyvista
+
+    label, factor, limits = job.scale
+    grid = pyvista.read(frame.strip)
+    grid.clear_data()
+    grid[label] = frame.read_strip(job.field)[2] * factor
+    surface = grid.extract_surface(nonlinear_subdivision=3, algorithm="dataset_surface")
+    surface = surface.clean(tolerance=JOINED, absolute=False)
+    nearer = NEARER * job.eye.half_height * job.eye.axes[2]
+    surface.translate(nearer, inplace=True)
+    plotter.add_mesh(
+        surface,
+        scalars=label,
+        cmap=job.colours,
+        clim=list(limits),
+        nan_color=NO_VALUE,
+        specular=0.1,
+        scalar_bar_args={"title": label + "\n", "n_labels": job.labels, **BAR},
+        **SHADING,
+    )
+    outline = surface.extract_feature_edges(feature_edges=False, manifold_edges=False)
+    outline.translate(0.2 * nearer, inplace=True)
+    plotter.add_mesh(outline, color=OUTLINE, line_width=2.0, lighting=False)
+
+
+DOTS_PER_INCH = 100
+IN_FRONT = 0.06
+"""The same where facets are sorted by the distances of their middles, which takes more."""
+FACET = 0.03
+"""Longest side of a facet, over half the height seen."""
+MOST_PIECES = 64
+"""Most pieces along a side of a facet."""
+ROOM = 0.06
+"""Room around strip and rollers in the view from the side, over their extent."""
+PIECES = 6
+"""Pieces of a segment of the middle line, each of one colour."""
+
+
+def draw_with_matplotlib(job: Job) -> None:
+    """Draw every frame of a job as seen in space, the farthest facets first."""
+    eye, height = job.eye, job.eye.half_height
+    greys = np.array([to_rgb(grey) for grey in GREYS])
+    for frame in job.frames:
+        points, cells, values = frame.read_strip(job.field)
+        quads, levels = cut_facets(points[cells], values[cells], FACET * height)
+        corners, towards, light = project_facets(eye, quads)
+        colours = colours_of(job, levels.mean(axis=1)) * light[:, None]
+        polygons = [(corners, towards + IN_FRONT * height, colours)]
+        if rollers := frame.read_rollers():
+            points, cells, tones = rollers
+            quads = points[cells]
+            seen = normals_of(quads) @ eye.axes[2] > 0.0
+            tone = np.repeat(tones[seen, None], 4, axis=1).astype(float)
+            quads, tone = cut_facets(quads[seen], tone, FACET * height)
+            corners, towards, light = project_facets(eye, quads)
+            colours = greys[np.rint(tone[:, 0]).astype(int)] * light[:, None]
+            polygons.append((corners, towards, colours))
+        corners, towards, colours = map(np.concatenate, zip(*polygons, strict=True))
+        order = np.argsort(towards)
+        figure = blank_figure(job, frame)
+        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), zorder=-1)
+        axes.set_axis_off()
+        add_polygons(axes, corners[order], colours[order], 0.8)
+        width = height * job.size[0] / job.size[1]
+        axes.set(xlim=(-width, width), ylim=(-height, height))
+        FigureCanvasAgg(figure).print_png(frame.picture)
+
+
+def draw_side(job: Job) -> None:
+    """Draw every frame of a job seen along y: the middle line of the strip, and the rollers."""
+    for frame in job.frames:
+        figure = blank_figure(job, frame)
+        axes = figure.add_axes((0.07, 0.09, 0.9, 0.72))
+        segments, values = middle_line(*frame.read_strip(job.field))
+        seen = segments.reshape(-1, 2)
+        if rollers := frame.read_rollers():
+            points, cells, tones = rollers
+            faces = points[:, [0, 2]]
+            seen = np.concatenate([seen, faces])
+            add_polygons(axes, faces[cells], np.array([to_rgb(grey) for grey in GREYS])[tones], 0.4)
+        colours = colours_of(job, values)
+        axes.add_collection(LineCollection(list(segments), colors=colours, lw=3, capstyle="round"))
+        # a box around everything, and some room, with the same scale in both directions
+        share = axes.get_position()
+        sheet = np.array([share.width * job.size[0], share.height * job.size[1]])
+        low, high = seen.min(axis=0), seen.max(axis=0)
+        middle, reach = 0.5 * (low + high), 0.5 * (1.0 + ROOM) * (high - low)
+        left, right = (middle + side * sheet * max(reach / sheet) for side in (-1, 1))
+        axes.set(xlim=(left[0], right[0]), ylim=(left[1], right[1]))
+        axes.set(xlabel="x [m]", ylabel="z [m]")
+        axes.spines[["top", "right"]].set_visible(False)
+        figure.savefig(frame.picture)
+
+
+def add_polygons(axes: Axes, corners: Array, colours: Array, edge: float) -> None:
+    """Add polygons (n, 4, 2) in colours (n, 3), edges of a width (points) included."""
+    shapes = list(corners)
+    axes.add_collection(
+        PolyCollection(shapes, facecolors=colours, edgecolors=colours, linewidths=edge)
+    )
+
+
+def blank_figure(job: Job, frame: Frame) -> Figure:
+    """Return a white sheet with the time and the scale."""
+    inches = job.size[0] / DOTS_PER_INCH, job.size[1] / DOTS_PER_INCH
+    figure = Figure(figsize=inches, dpi=DOTS_PER_INCH, facecolor="white")
+    figure.text(0.017, 0.945, f"t = {frame.time:.4g} s", fontsize=14)
+    label, _, limits = job.scale
+    bar = figure.colorbar(
+        ScalarMappable(Normalize(*limits), job.colours),
+        cax=figure.add_axes((0.62, 0.845, 0.34, 0.04)),
+        orientation="horizontal",
+        ticks=np.linspace(*limits, job.labels),
+        format="%.3g",
+    )
+    bar.outline.set_visible(False)
+    bar.ax.xaxis.tick_top()
+    bar.ax.tick_params(length=0, labelsize=12)
+    bar.ax.set_title(label, fontsize=15, pad=24)
+    return figure
+
+
+def colours_of(job: Job, values: Array) -> Array:
+    """Return the colours (n, 3) of values (n,) in SI."""
+    low, high = job.limits
+    colours = job.colours((values - low) / (high - low))[:, :3]
+    colours[~np.isfinite(values)] = to_rgb(NO_VALUE)
+    return colours
+
+
+def cut_facets(quads: Array, values: Array, longest: float) -> tuple[Array, Array]:
+    """Cut facets (n, 4, 3) and values (n, 4) into pieces small enough to be sorted by distance."""
+    corners = np.concatenate([quads, values[..., None]], axis=-1)
+    edges = np.linalg.norm(np.roll(quads, -1, axis=1) - quads, axis=2).max(axis=0)
+    counts = np.ceil(np.maximum(edges[:2], edges[2:]) / longest).astype(int).clip(1, MOST_PIECES)
+    u, v = (np.linspace(0.0, 1.0, count + 1) for count in counts)
+    weights = np.stack(
+        [np.outer(a, b) for a, b in ((1 - u, 1 - v), (u, 1 - v), (u, v), (1 - u, v))]
+    )
+    nodes = np.einsum("kuv,nkc->nuvc", weights, corners)
+    turns = nodes[:, :-1, :-1], nodes[:, 1:, :-1], nodes[:, 1:, 1:], nodes[:, :-1, 1:]
+    pieces = np.stack(turns, axis=3).reshape(-1, 4, 4)
+    return pieces[..., :3], pieces[..., 3]
+
+
+def project_facets(eye: Eye, quads: Array) -> tuple[Array, Array, Array]:
+    """Return corners (n, 4, 2), distances towards the eye (n,), and light (n,) of facets."""
+    seen = eye.projected(quads)
+    normals = normals_of(quads) @ eye.axes.T
+    normals *= np.where(normals[:, 2:] < 0.0, -1.0, 1.0)
+    lamp = LIGHT / np.linalg.norm(LIGHT)
+    light = AMBIENT + (1.0 - AMBIENT) * np.clip(normals @ lamp, 0.0, 1.0)
+    return seen[..., :2], seen[..., 2].mean(axis=1), light
+
+
+def normals_of(quads: Array) -> Array:
+    """Return the unit normals (n, 3) of facets (n, 4, 3)."""
+    normals = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    return normals / np.maximum(lengths, np.finfo(float).tiny)
+
+
+def middle_line(points: Array, cells: Index, values: Array) -> tuple[Array, Array]:
+    """Cut the surface along the middle of its width: segments (n, 2, 2) in x, z and values (n,)."""
+    across = points[:, 1]
+    middle = 0.5 * (across.min() + across.max())
+    near, far = cells, np.roll(cells, -1, axis=1)
+    cut = (across[near] >= middle) != (across[far] >= middle)
+    whole = cut.sum(axis=1) == 2
+    near, far = near[whole][cut[whole]], far[whole][cut[whole]]
+    share = (middle - across[near]) / (across[far] - across[near])
+    ends = points[near] + share[:, None] * (points[far] - points[near])
+    levels = values[near] + share * (values[far] - values[near])
+    line = np.column_stack([ends[:, [0, 2]], levels]).reshape(-1, 2, 3)
+    along = np.linspace(0.0, 1.0, PIECES + 1)[:, None]
+    nodes = line[:, None, 0] + along * (line[:, None, 1] - line[:, None, 0])
+    pieces = np.stack([nodes[:, :-1], nodes[:, 1:]], axis=2).reshape(-1, 2, 3)
+    return pieces[..., :2], pieces[..., 2].mean(axis=1)
+
+
+if __name__ == "__main__":
+    draw_with_pyvista(pickle.load(sys.stdin.buffer))

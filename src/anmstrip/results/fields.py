@@ -10,8 +10,6 @@ from anmstrip.arrays import Array, Index
 from anmstrip.fem.sampling import ContactOperator, contact_points, patches, shape_of, unit_grid
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.shell import eigencurvature, moduli
-from anmstrip.results.plastic import COLUMNS as YIELD_COLUMNS
-from anmstrip.results.plastic import YieldedStrip
 from anmstrip.results.rollers import Readable
 from anmstrip.results.vtk import FIELDS, facing, triangle_lattice
 
@@ -174,9 +172,11 @@ class FieldSampler:
 
     def _layers(self, state: Readable) -> dict[str, Array]:
         """Return N and M (xx, yy, xy) of plastic strains, and what is read off the layers."""
-        layers = YieldedStrip.of(state)
-        if layers is None:
+        if state.plasticity is None:
             return {"force": np.zeros((3, 1, 1)), "moment": np.zeros((3, 1, 1))}
+        from anmstrip.results.plastic import YieldedStrip
+
+        layers = YieldedStrip(state, state.plasticity)
         d = len(layers.curvature)
         parts = [layers.plastic_share, layers.face_strain, layers.flow.mises(layers.stress[:, -1])]
         found = self._recovered(np.vstack([*layers.added, layers.residual_curvature, *parts]))
@@ -283,8 +283,13 @@ class Profile:
         What belongs to contact is NaN where no point of the station touches a roller.
         """
         fields, flat = self.fields.sample(state), self.fields.reference
-        layers = YieldedStrip.of(state)
-        yielded = {} if layers is None else layers.columns(fields["arc_length"])
+        names: tuple[str, ...] = COLUMNS
+        yielded: dict[str, Array] = {}
+        if state.plasticity is not None:
+            from anmstrip.results import plastic
+
+            names = (*COLUMNS, *plastic.COLUMNS)
+            yielded = plastic.YieldedStrip(state, state.plasticity).columns(fields["arc_length"])
         position = flat.T + fields["displacement"] + self.fields.strip.origin
         columns = {name: self._mean(position[:, k]) for k, name in enumerate("xyz")}
         columns |= {
@@ -305,7 +310,6 @@ class Profile:
                 if contact.touching.any():
                     loads[place] = np.nan_to_num(loads[place]) + load
         table = {"time": np.full(len(loads), state.time), **columns, "line_load": loads}
-        names = COLUMNS if layers is None else (*COLUMNS, *YIELD_COLUMNS)
         return {name: table[name] for name in names}
 
     def _mean(self, values: Array, weights: Array | None = None) -> Array:

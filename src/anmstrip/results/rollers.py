@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.arrays import Array, Index
-from anmstrip.mechanics.plasticity import Plasticity
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.shell import Membrane
 
 if TYPE_CHECKING:
     from anmstrip.mechanics.contact import Contact
+    from anmstrip.mechanics.plasticity import Plasticity
 
 
 TOUCHING = 0.1

@@ -13,7 +13,6 @@ from anmstrip.continuation.path import Branch
 from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import nearest
 from anmstrip.mechanics.loads import FollowerLoad
-from anmstrip.mechanics.plasticity import Plasticity
 from anmstrip.mechanics.shell import Membrane, principal_values
 from anmstrip.results.fields import Profile
 from anmstrip.results.rollers import (
@@ -26,6 +25,7 @@ from anmstrip.results.rollers import (
 
 if TYPE_CHECKING:
     from anmstrip.mechanics.contact import Contact, Friction
+    from anmstrip.mechanics.plasticity import Plasticity
 
 
 @dataclass(frozen=True, repr=False)
@@ -170,7 +170,8 @@ class State:
     @property
     def plasticity(self) -> Plasticity | None:
         """Plastic strains, of strip that can yield."""
-        return next((e for e in self.plan.model.effects if isinstance(e, Plasticity)), None)
+        effects: Any = self.plan.model.effects
+        return next((e for e in effects if e.name == "plasticity"), None)
 
     @cached_property
     def principal_forces(self) -> Array:

@@ -1,4 +1,4 @@
-"""Maps of how a line works: stationary states along a control, from the series of their path."""
+"""Studies of stationary states: maps along a control, from series, and frequency responses."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -17,6 +17,7 @@ from anmstrip.continuation.equations import PathStopped
 from anmstrip.continuation.path import Branch
 from anmstrip.driver.diagnosis import Failure, diagnosis
 from anmstrip.driver.run import Run
+from anmstrip.driver.sensitivities import response, unknown_name
 from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import InputError, Mistake
 from anmstrip.results.files import write_summary, write_table
@@ -33,6 +34,14 @@ READINGS = (
     "tension_in", "tension_out", "torque", "surface_speed", "slip_arc", "capacity_used", "wrap",
 )  # fmt: skip
 """Columns of every roller, besides its ``offset``."""
+
+
+def require_steady_end(scene: SceneSpec, why: str) -> None:
+    """Refuse a scene that does not end in a stationary state."""
+    last = scene.stages[-1]
+    if not last.steady:
+        key, expected = f"stages.{last.name}.steady", f"true in the last stage: {why}"
+        raise scene.refused(key, False, expected, "steady = true")
 
 
 @dataclass(frozen=True)
@@ -66,7 +75,7 @@ class Along:
             low = high = math.nan
         if not (key and math.isfinite(high - low) and low != high and 2 <= number <= 100_000):
             expected = "KEY=first:last, or KEY=first:last:number, with two different numbers"
-            raise InputError([_mistake(text, key, given or None, expected)])
+            raise wrong_control(text, key, expected, given or None)
         return cls(text, key, np.linspace(low, high, number))
 
     def stage(self, scene: SceneSpec, value: float) -> StageSpec:
@@ -86,16 +95,16 @@ class Along:
             given = [f"{begin}{self.key}={float(value)!r}"]
             made = SceneSpec.from_tables(tables, scene.source or "scene", given)
         except InputError as error:
-            mistakes = (
-                replace(m, file=f"--along {self.text}", key=m.key.removeprefix(begin))
-                for m in error.mistakes
-            )
-            raise InputError(mistakes) from None
+            place = f"--along {self.text}"
+            found = [replace(m, file=place, key=m.key.removeprefix(begin)) for m in error.mistakes]
+            raise InputError(found) from None
         return made.stages[-1]
 
 
-def _mistake(text: str, key: str, value: object, expected: str) -> Mistake:
-    return Mistake(f"--along {text}", key, value, expected, "--along strip.speed=0.99:1.01")
+def wrong_control(text: str, key: str, expected: str, value: object = None) -> InputError:
+    """Return the error of an option ``--along`` that is not as expected."""
+    hint = "--along strip.speed=0.99:1.01"
+    return InputError([Mistake(f"--along {text}", key, value, expected, hint)])
 
 
 @dataclass(frozen=True)
@@ -107,14 +116,9 @@ class Piece:
     ends: tuple[float, float]  # values of the typed control at λ = 0 and λ = 1
     backwards: bool  # whether the curve runs from the branch's end to its beginning
 
-    @property
-    def length(self) -> float:
-        """Range of the branch's parameter."""
-        return self.branch.length
-
     def parameter(self, s: float) -> float:
         """Parameter of the branch at a way along the piece."""
-        return self.length - s if self.backwards else s
+        return self.branch.length - s if self.backwards else s
 
     def value(self, s: float) -> float:
         """Value of the typed control."""
@@ -138,14 +142,14 @@ class Piece:
         def missed(s: float, value: float) -> float:
             return self.value(s) - value
 
-        for begin, end in pairwise([0.0, *self.folds, self.length]):
+        for begin, end in pairwise([0.0, *self.folds, self.branch.length]):
             before, after = self.value(begin), self.value(end)
             sense = 1.0 if after > before else -1.0
             ahead = sense * (values - before)
             inside = (ahead > slack) & (ahead <= sense * (after - before) + slack)
             for v in sense * np.sort(sense * values[inside]):
                 at_end = sense * (after - v) <= slack
-                found.append(end if at_end else brentq(missed, begin, end, args=(v,)))
+                found.append(end if at_end else brentq(missed, begin, end, (v,)))
         return found
 
 
@@ -159,7 +163,7 @@ class Curve:
     @property
     def knots(self) -> Array:
         """Ways to the ends of the pieces, beginning with 0."""
-        return np.cumsum([0.0, *(piece.length for piece in self.pieces)])
+        return np.cumsum([0.0, *(piece.branch.length for piece in self.pieces)])
 
     def piece(self, s: float) -> tuple[Piece, float]:
         """The piece at a way along the curve, and the way within it."""
@@ -217,8 +221,7 @@ class Curve:
                     yield at, "grip lost" if after[name] > 0.0 else "grip regained", name
 
 
-@dataclass(frozen=True)
-class MapStep:
+class MapStep(NamedTuple):
     """Progress of a map, in words and as a share."""
 
     words: str
@@ -268,16 +271,13 @@ class OperatingMap:
         directory: str | Path | None = None,
         effects: Iterable[EffectMaker] = (),
     ) -> None:
-        last = scene.stages[-1]
-        if not last.steady:
-            expected = "true in the last stage: a map is made of stationary states"
-            raise scene.refused(f"stages.{last.name}.steady", False, expected, "steady = true")
+        require_steady_end(scene, "a map is made of stationary states")
         if not 1 <= len(along) <= 2:
-            raise InputError([_mistake(" ".join(along), "", len(along), "one control or two")])
+            raise wrong_control(" ".join(along), "", "one control or two", len(along))
         self.along = [Along.parse(t, n) for t, n in zip(along, (POINTS, CURVES), strict=False)]
         self.stages = [[a.stage(scene, v) for v in a.values[[0, -1]]] for a in self.along]
         if len({a.key for a in self.along}) < len(along):
-            raise InputError([_mistake(along[1], self.along[1].key, None, "another control")])
+            raise wrong_control(along[1], self.along[1].key, "another control")
         self.directory = None if directory is None else Path(directory)
         self.run = Run(scene, effects=effects)
         self.curves: list[Curve] = []
@@ -334,7 +334,7 @@ class OperatingMap:
         names = [name for name in first if np.any(first[name] != last[name])]
         if not names:
             text, key = self.along[0].text, self.along[0].key
-            raise InputError([_mistake(text, key, None, "a control of a steady stage")])
+            raise wrong_control(text, key, "a control of a steady stage")
         now, first_, last_ = (
             np.concatenate([np.ravel(at[name]) for name in names])
             for at in (plans[0].controls.start, first, last)
@@ -377,7 +377,7 @@ class OperatingMap:
             second = dict.fromkeys(others, curve.second)
             ways = curve.places(self.along[0].values)
             states = {s: curve.state(s) for s in np.union1d(ways, curve.knots).tolist()}
-            self.rows += [{first: curve.value(s), **second, **readings(states[s])} for s in ways]
+            self.rows += [{first: curve.value(s), **second, **map_row(states[s])} for s in ways]
             for at, kind, roller in curve.events(states, tolerance):
                 found = {"kind": kind, "roller": roller, first: curve.value(at), **second}
                 self.events.append(found)
@@ -409,7 +409,7 @@ class OperatingMap:
         write_summary(directory / "map.json", summary)
 
 
-def readings(state: State) -> dict[str, Any]:
+def map_row(state: State) -> dict[str, Any]:
     """Return the columns of ``map.csv`` for a state, those of the controls left out."""
     row: dict[str, Any] = {f"{edge}_tension": state.tension(edge) for edge in ("entry", "exit")}
     row["strip_speed"] = state.strip_speed
@@ -417,3 +417,61 @@ def readings(state: State) -> dict[str, Any]:
         row |= {f"{name}_{column}": getattr(reading, column) for column in READINGS}
         row[f"{name}_offset"] = state.offset(state.contacts[name].arc[0])
     return row
+
+
+DECADES, FREQUENCIES = (-2.0, 2.0), 41
+"""Frequencies by default: powers of ten of V/L with the length L of the strip, and how many."""
+
+
+def respond(scene: SceneSpec, of: str, to: str, directory: Path) -> str:
+    """Run a scene, and write the response of its last state: ``response.csv`` and ``.png``.
+
+    Parameters
+    ----------
+    scene : SceneSpec
+        Its last stage is steady.
+    of : str
+        A reading of the sensitivities; one of the roller that `to` names goes without its name.
+    to : str
+        A parameter of the sensitivities.
+    directory : Path
+
+    Returns
+    -------
+    str
+        What was found, in a sentence; it begins with "Done" if the state was reached.
+
+    Raises
+    ------
+    InputError
+        The scene does not end in a steady stage, or has no such reading or parameter.
+    """
+    from anmstrip.pictures.curves import response_figure, save_figure
+
+    require_steady_end(scene, "a response is that of a stationary state")
+    run = Run(scene)
+    if run.assembly.coupled < run.assembly.unknowns:
+        expected = "a strip that stays elastic: what oscillates is not followed into yielding"
+        raise scene.refused("material", None, expected, "the same scene without plasticity")
+    for _ in run:
+        pass
+    state = run.state
+    if state is None or state.strip_speed is None or not run.outcome.done:
+        return run.message
+    unit = state.strip_speed / run.assembly.strip.length
+    omega = unit * np.logspace(*DECADES, FREQUENCIES)
+    found = response(state, [r.friction is not None for r in scene.rollers], to, omega)
+    name = of if of in found else f"{to.removeprefix('rollers.').partition('.')[0]}_{of}"
+    if name not in found:
+        raise unknown_name("--of", of, "what is read off a stationary state", found)
+    gain, phase = np.abs(found[name]), np.degrees(np.unwrap(np.angle(found[name])))
+    columns = "omega", "gain", "phase"
+    rows = (dict(zip(columns, row, strict=True)) for row in zip(omega, gain, phase, strict=True))
+    directory.mkdir(parents=True, exist_ok=True)
+    write_table(directory / "response.csv", columns, rows)
+    figure = response_figure(omega, gain, phase, f"{name} to {to}")
+    save_figure(figure, directory / "response.png")
+    return (
+        f"Done: {name} answers to {to} with {gain[0]:.6g} at {omega[0]:.3g} rad/s and with "
+        f"{gain[-1]:.6g} at {omega[-1]:.3g} rad/s."
+    )
