@@ -485,8 +485,8 @@ def threading_partners(
     if not wrapped:
         hint = 'wrap = "over" in a table of [[rollers]]'
         expected = (
-            "a roller that says its side; or no table: strip that begins straight has strip.length, "
-            f"and a first stage with exit.force = [{threading.tension:g}, 0.0, 0.0]"
+            "a roller that says its side; or no table: strip that begins straight has "
+            f"strip.length, and a first stage with exit.force = [{threading.tension:g}, 0.0, 0.0]"
         )
         yield Mistake("", "threading", None, expected, hint)
     if contact is None:
