@@ -70,8 +70,8 @@ STATE = (
     ),
     Mutant(
         "nothing holds a plate in its plane",
-        "np.array([-pull, 0.0, 0.0])",
-        "np.array([0.0, 0.0, 0.0])",
+        'if name == "entry" and 0 not in',
+        'if name == "" and 0 not in',
         "rollers",
     ),
     Mutant(
@@ -114,12 +114,15 @@ READINGS = (
         "rollers",
     ),
     Mutant(
-        "the surface stands", "surface_speed=state.surface_speed", "surface_speed=0.0", "rollers"
+        "the surface stands",
+        'return float(self.controls[f"rollers.{name}.surface_speed"]), 0.0',
+        "return 0.0, 0.0",
+        "rollers",
     ),
     Mutant(
         "bearings drive",
-        "bearing_torque=state.bearing_torque",
-        "bearing_torque=-state.bearing_torque",
+        "float(drives.drag(speeds)[number])",
+        "-float(drives.drag(speeds)[number])",
         "rollers",
         "test_turning_rollers.py",
     ),
@@ -133,7 +136,12 @@ READINGS = (
     Mutant(
         "where the strip passes is turned", '"above" if z > 0.0', '"above" if z < 0.0', "explain"
     ),
-    Mutant("drag has the other sign", "drag=state.drag", "drag=-state.drag", "rollers"),
+    Mutant(
+        "drag has the other sign",
+        "float(self.friction_forces.sum())",
+        "-float(self.friction_forces.sum())",
+        "rollers",
+    ),
     Mutant(
         "cone violation is always 0",
         "max(0.0, float(state.cone_share.max()) - 1.0)",
@@ -338,12 +346,12 @@ FILES = (
 )
 
 ENDS = (
-    Mutant("wrap from point to point", "_roots(gap)], axis=1)", "_roots(gap + 1e9)], axis=1)",
+    Mutant("wrap from point to point", "parabola_roots(gap)", "parabola_roots(gap + 1e9)",
            "profile"),
     Mutant("a parabola through two points", "4 * s * (1 - s), s * (2 * s - 1)",
            "2 * s * (1 - s), s * (2 * s - 1)", "profile"),
-    Mutant("capacity by the contact's angle", "angles[np.abs(angles - wrap).argmin()]", "wrap",
-           "profile"),
+    Mutant("capacity by the contact's angle", "angles[np.abs(angles - state.wrap).argmin()]",
+           "state.wrap", "profile"),
     Mutant("capacity without a bound", "return float(min(used, 1.0))", "return float(used)",
            "profile"),
     Mutant("line load without its moment", "held**2 - 2.0 * here", "held**2 - 1.0 * here",

@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, nullcontext
+from functools import wraps
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO, TypeVar, cast
@@ -23,6 +24,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 if TYPE_CHECKING:
     from distributed import Client
 
+    from anmstrip.driver.scene import Scene
     from anmstrip.driver.stationary import MapStep
     from anmstrip.simulation.march import Step
     from anmstrip.sweep.study import Ended, Sweep
@@ -59,12 +61,38 @@ scene_argument = click.argument("scene", metavar="SCENE.toml", type=click.Path(p
 quiet_option = click.option(
     "--quiet", is_flag=True, help="Show no progress; what is said at the end still comes."
 )
-workers_option = click.option(
-    "--workers", type=click.IntRange(1), metavar="N", help="Processes (default: cores)."
-)
-scheduler_option = click.option(
-    "--scheduler", metavar="ADDRESS", help="Use a dask cluster that runs already."
-)
+result_argument = click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+
+
+def takes_scene(ending: str | None = None) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command the scene that was typed, and a directory that by default ends in a word."""
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        @wraps(command)
+        def loaded(
+            scene: Path, settings: tuple[str, ...], directory: Path | None = None, **options: Any
+        ) -> None:
+            from anmstrip.driver.scene import Scene
+
+            made = Scene.load(scene, settings)
+            if ending is not None:
+                options["directory"] = directory or Path("results", f"{made.name}-{ending}")
+            command(made, **options)
+
+        options = loaded if ending is None else directory_option(loaded)
+        return scene_argument(settings_option(options))
+
+    return decorate
+
+
+def on_workers(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options of :func:`run_study`."""
+    number = click.IntRange(1)
+    workers = click.option(
+        "--workers", type=number, metavar="N", help="Processes (default: cores)."
+    )
+    told = "Use a dask cluster that runs already."
+    return workers(click.option("--scheduler", metavar="ADDRESS", help=told)(quiet_option(command)))
 
 
 def describe_step(step: Step) -> str:
@@ -243,27 +271,24 @@ def new_command(kind: str, target: Path | None) -> None:
 
 
 @main.command("explain", short_help="Say what a run would do, and warn.")
-@scene_argument
-@settings_option
+@takes_scene()
 @click.option(
     "--picture",
     metavar="FILE",
     type=click.Path(path_type=Path, dir_okay=False),
     help="Also draw the line from the side: a .png, .svg or .pdf.",
 )
-def explain_command(scene: Path, settings: tuple[str, ...], picture: Path | None) -> None:
+def explain_command(scene: Scene, picture: Path | None) -> None:
     """Say what a run of a scene would do, and warn; nothing is solved or written.
 
     Effects with their points and memory, what is left out, rollers with their wraps, stages,
     and which level of kinematics the numbers justify. Keys of --set as for run.
     """
     from anmstrip.driver.explain import draw_line, explain
-    from anmstrip.driver.scene import Scene
 
-    loaded = Scene.load(scene, settings)
-    click.echo(explain(loaded))
+    click.echo(explain(scene))
     if picture is not None:
-        draw_line(loaded, picture)
+        draw_line(scene, picture)
         click.echo(f"Picture in {picture}.")
 
 
@@ -283,23 +308,15 @@ def schema_command() -> None:
 
 
 @main.command("map", short_help="Follow the stationary state of a line along a control.")
-@scene_argument
 @click.option(
     "--along",
     metavar="KEY=a:b[:n]",
     multiple=True,
     help="Control and range; a second one goes from value to value, the first is followed.",
 )
-@settings_option
-@directory_option
+@takes_scene("map")
 @quiet_option
-def map_command(
-    scene: Path,
-    along: tuple[str, ...],
-    settings: tuple[str, ...],
-    directory: Path | None,
-    quiet: bool,
-) -> None:
+def map_command(scene: Scene, along: tuple[str, ...], directory: Path, quiet: bool) -> None:
     """Follow the stationary state of a line along a control.
 
     The scene's last stage is steady. From its stationary state the control is followed to both
@@ -317,11 +334,9 @@ def map_command(
 
     Exit status: 0 done, 1 stopped before both ends (what was computed is there), 2 wrong input.
     """
-    from anmstrip.driver.scene import Scene
     from anmstrip.driver.stationary import OperatingMap
 
-    loaded = Scene.load(scene, settings)
-    made = OperatingMap(loaded, along, directory or Path("results", f"{loaded.name}-map"))
+    made = OperatingMap(scene, along, directory)
     for _ in made if quiet else show_progress(made, lambda step: step.words):
         pass
     click.echo(made.message)
@@ -331,14 +346,10 @@ def map_command(
 
 
 @main.command("response", short_help="Frequency response of a stationary state.")
-@scene_argument
 @click.option("--of", metavar="READING", required=True, help="What answers, e.g. offset.")
 @click.option("--to", metavar="KEY", required=True, help="What oscillates, e.g. rollers.r1.yaw.")
-@settings_option
-@directory_option
-def response_command(
-    scene: Path, of: str, to: str, settings: tuple[str, ...], directory: Path | None
-) -> None:
+@takes_scene("response")
+def response_command(scene: Scene, of: str, to: str, directory: Path) -> None:
     """Frequency response of a stationary state to small oscillating changes.
 
     \b
@@ -349,16 +360,13 @@ def response_command(
 
     Exit status: 0 done, 1 stopped before the stationary state, 2 wrong input.
     """
-    from anmstrip.driver.scene import Scene
     from anmstrip.driver.stationary import respond
 
-    loaded = Scene.load(scene, settings)
-    target = directory or Path("results", f"{loaded.name}-response")
-    message = respond(loaded, of, to, target)
+    message = respond(scene, of, to, directory)
     click.echo(message)
     if not message.startswith("Done"):
         sys.exit(STOPPED)
-    click.echo(f"Table and figure in {target}.")
+    click.echo(f"Table and figure in {directory}.")
 
 
 @main.command("case", short_help="Run a mass-spring case of the paper.")
@@ -388,14 +396,7 @@ def response_command(
     help="The paper's scheme, explicit in time, or the implicit one.",
 )
 @directory_option
-def case_command(
-    name: str,
-    order: int,
-    tolerance: float,
-    settings: tuple[str, ...],
-    scheme: str,
-    directory: Path | None,
-) -> None:
+def case_command(name: str, settings: tuple[str, ...], directory: Path | None, **how: Any) -> None:
     """Run a mass-spring case of the paper.
 
     NAME is pressed-plane, moving-plane or rotating-circle. The table shows the steps beside
@@ -408,14 +409,8 @@ def case_command(
     from anmstrip.paper.cases import run_case
 
     try:
-        report = run_case(
-            name,
-            order=order,
-            tolerance=tolerance,
-            settings=parse_numbers(settings),
-            scheme=scheme,
-            directory=directory or Path("results", name),
-        )
+        symbols, directory = parse_numbers(settings), directory or Path("results", name)
+        report = run_case(name, settings=symbols, directory=directory, **how)
     except PathStopped as stopped:
         click.echo(f"Stopped: {stopped}.", err=True)
         sys.exit(STOPPED)
@@ -446,7 +441,7 @@ def parse_numbers(settings: Iterable[str]) -> dict[str, float]:
 
 
 @main.command("render")
-@click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+@result_argument
 @click.option(
     "--field",
     metavar="NAME",
@@ -468,7 +463,7 @@ def render_command(directory: Path, field: str | None, movie: bool, vector: str 
 
 
 @main.command("report")
-@click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+@result_argument
 def report_command(directory: Path) -> None:
     """Write report.html of a run or a study, also of one that goes on or was interrupted.
 
@@ -492,17 +487,13 @@ def report_command(directory: Path) -> None:
 )
 @settings_option
 @directory_option
-@workers_option
-@scheduler_option
-@quiet_option
+@on_workers
 def sweep_command(
     scene: Path,
     variations: tuple[str, ...],
     settings: tuple[str, ...],
     directory: Path | None,
-    workers: int | None,
-    scheduler: str | None,
-    quiet: bool,
+    **how: Any,
 ) -> None:
     """Run a scene with many values of a few keys, several at once.
 
@@ -524,11 +515,10 @@ def sweep_command(
         sys.exit(WRONG)
     from anmstrip.sweep.study import Sweep
 
-    study = Sweep(
-        scene, variations, settings, directory=directory or Path("results", f"{scene.stem}-sweep")
-    )
+    directory = directory or Path("results", f"{scene.stem}-sweep")
+    study = Sweep(scene, variations, settings, directory=directory)
     before = len(study.variants) - len(study.waiting)
-    interrupted = run_study(study, workers, scheduler, quiet)
+    interrupted = run_study(study, **how)
     done, total = len(study.rows) - len(study.stopped), len(study.rows)
     earlier = f", {before} of them ended before" if before else ""
     click.echo(f"{done} of {total} scenes done{earlier}.")
@@ -570,7 +560,6 @@ def end_study(study: Sweep, interrupted: str) -> None:
 
 
 @main.command("accuracy", short_help="Measure what accuracy costs on a scene.")
-@scene_argument
 @click.option(
     "--along",
     metavar="AXIS",
@@ -578,20 +567,9 @@ def end_study(study: Sweep, interrupted: str) -> None:
     help="tolerance, newton, order, mesh, speed or kinematics; several give several options "
     "(default: all that apply).",
 )
-@settings_option
-@directory_option
-@workers_option
-@scheduler_option
-@quiet_option
-def accuracy_command(
-    scene: Path,
-    along: tuple[str, ...],
-    settings: tuple[str, ...],
-    directory: Path | None,
-    workers: int | None,
-    scheduler: str | None,
-    quiet: bool,
-) -> None:
+@takes_scene("accuracy")
+@on_workers
+def accuracy_command(scene: Scene, along: tuple[str, ...], directory: Path, **how: Any) -> None:
     """Measure what accuracy costs on a scene: true errors against seconds and tangents.
 
     \b
@@ -609,14 +587,11 @@ def accuracy_command(
 
     Exit status: 0 all done, 1 interrupted or a scene stopped early, 2 wrong input.
     """
-    from anmstrip.driver.scene import Scene
     from anmstrip.sweep.accuracy import Accuracy
 
-    loaded = Scene.load(scene, settings)
-    target = directory or Path("results", f"{loaded.name}-accuracy")
-    study = Accuracy(loaded, along, directory=target)
+    study = Accuracy(scene, along, directory=directory)
     click.echo(study.plan)
-    interrupted = run_study(study, workers, scheduler, quiet)
+    interrupted = run_study(study, **how)
     click.echo(study.report())
     end_study(study, interrupted)
 

@@ -339,7 +339,7 @@ def roller_table(state: State) -> Table:
         used = "–" if r.capacity_used is None else f"{100.0 * r.capacity_used:.3g} %"
         values = (np.degrees(r.wrap), r.tension_in, r.tension_out, r.normal_force, r.torque)
         slip, *loads = (f"{v:.3g}" for v in (r.max_slip, r.line_load_in, r.line_load_out))
-        table.add_row(name, *map(number, values), slip, used, *loads)
+        table.add_row(name, *map(cell, values), slip, used, *loads)
     return table
 
 
@@ -353,12 +353,12 @@ def bend_table(state: State) -> Table:
     layers = YieldedStrip.of(state)
     for name, b in layers.rollers().items() if layers else ():
         values = b.residual_curvature, b.residual_crossbow, b.elongation, b.yield_power
-        share, told = f"{100.0 * b.plastic_share:.3g} %", [number(value) for value in values]
-        table.add_row(name, number(b.curvature), number(b.moment), share, *told)
+        share, told = f"{100.0 * b.plastic_share:.3g} %", [cell(value) for value in values]
+        table.add_row(name, cell(b.curvature), cell(b.moment), share, *told)
     return table
 
 
-def number(value: float | None, form: str = ".4g") -> str:
+def cell(value: float | None, form: str = ".4g") -> str:
     """Return a number of a table, a dash where there is none."""
     return "–" if value is None else format(value, form)
 

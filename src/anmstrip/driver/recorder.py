@@ -30,6 +30,7 @@ from anmstrip.results.files import (
     write_summary,
     write_table,
 )
+from anmstrip.results.rollers import STEP_READINGS
 from anmstrip.results.state import State
 from anmstrip.results.vtk import Collection, subdivide, write_rollers, write_surface
 from anmstrip.simulation.march import March, Step
@@ -52,8 +53,6 @@ EVENT_COLUMNS = ("time", "stage", "kind", "roller", "point", "x", "y", "gap", "s
 
 FEED_COLUMNS = ("strip_speed", "conveyed")
 
-ROLLER_COLUMNS = ("normal_force", "drag", "wrap", "max_slip", "surface_speed", "torque")
-
 
 def history_row(step: Step, conveyed: bool) -> dict[str, Any]:
     """Return the row of a step in ``history.csv``, of strip that has a speed of its own or not."""
@@ -64,7 +63,7 @@ def history_row(step: Step, conveyed: bool) -> dict[str, Any]:
         fed = state.strip_speed or 0.0, state.conveyed
         values |= dict(zip(FEED_COLUMNS, fed, strict=True))
     for name, contact in state.contacts.items():
-        values |= {f"{name}_{column}": getattr(contact, column) for column in ROLLER_COLUMNS}
+        values |= {f"{name}_{column}": getattr(contact, column) for column in STEP_READINGS}
     return values
 
 
@@ -85,7 +84,7 @@ class Recorder:
         self.assembly, self.directory = assembly, directory
         directory.mkdir(parents=True, exist_ok=True)
         self.lock = DirectoryLock(directory)
-        names = [f"{r.name}_{column}" for r in assembly.rollers for column in ROLLER_COLUMNS]
+        names = [f"{r.name}_{column}" for r in assembly.rollers for column in STEP_READINGS]
         feed = FEED_COLUMNS if assembly.conveyed else ()
         columns = (*STEP_COLUMNS, "entry_tension", "exit_tension", *feed, *names)
         contents = directory / "strip.pvd", directory / "rollers.pvd"

@@ -39,6 +39,9 @@ LINES = {
 }
 """Lines of three contact points on elements of a section, on squares both ways, on triangles."""
 
+STEP_READINGS = ("normal_force", "drag", "wrap", "max_slip", "surface_speed", "torque")
+"""Attributes of a :class:`ContactState` that are read off after every step."""
+
 FIBRES = 16
 """Stripes of the width, along each of which gaps are averaged."""
 
@@ -188,12 +191,13 @@ class ContactState:
         along, across, _ = np.abs(np.diff(operator.reference[:, lines[:, ::2]], axis=2))[..., 0]
         lines = lines[along > 1e-6 * across]
         gap = self.gap[lines] - float(self.contact.signorini.gap(self.least + self.contact.least))
-        places = np.concatenate([np.tile([0.0, 0.5, 1.0], (len(lines), 1)), _roots(gap)], axis=1)
+        inner = parabola_roots(gap)
+        places = np.concatenate([np.tile([0.0, 0.5, 1.0], (len(lines), 1)), inner], axis=1)
         s = places[:, :, None]
         quadratic = np.concatenate(
             [(1 - s) * (1 - 2 * s), 4 * s * (1 - s), s * (2 * s - 1)], axis=2
         )
-        found = np.concatenate([gap < 0.0, np.isfinite(places[:, 3:])], axis=1)
+        found = np.concatenate([gap < 0.0, np.isfinite(inner)], axis=1)
         values = np.stack([self.angle[lines], operator.reference[0, lines]])
         return np.einsum("lsk,vlk->vls", quadratic, values)[:, found]
 
@@ -209,9 +213,8 @@ class ContactState:
     @cached_property
     def arc(self) -> tuple[float, float]:
         """Reference x where contact begins and ends; of the nearest point if there is none."""
-        x = self.ends[1]
-        if not x.size:
-            x = self.contact.operator.reference[0, [self.gap.argmin()]]
+        nearest = self.contact.operator.reference[0, [self.gap.argmin()]]
+        x = self.ends[1] if self.ends.size else nearest
         return float(x.min()), float(x.max())
 
     @property
@@ -236,7 +239,7 @@ class ContactState:
         return self.contact.operator.width
 
 
-def _roots(values: Array) -> Array:
+def parabola_roots(values: Array) -> Array:
     """Return the roots in ]0, 1[ of parabolas with values (n, 3) at 0, 1/2, 1; NaN else, (n, 2)."""
     c, middle, end = values.T
     a, b = 2.0 * (c + end) - 4.0 * middle, 4.0 * middle - 3.0 * c - end
@@ -299,26 +302,19 @@ def reading_of(
     tensions = [float(np.linalg.norm(v) / state.width) for v in (before, after)]
     loads = line_loads(state, tensions, bending)
     return RollerReading(
-        normal_force=state.normal_force,
-        drag=state.drag,
-        surface_speed=state.surface_speed,
-        torque=state.torque,
-        bearing_torque=state.bearing_torque,
-        wrap=state.wrap,
+        **{name: getattr(state, name) for name in (*STEP_READINGS, "bearing_torque", "slip_arc")},
         tension_in=tensions[0],
         tension_out=tensions[1],
-        max_slip=state.max_slip,
         creep_speed=-float((along * force).sum() / force.sum()) if force.any() else 0.0,
         cone_violation=max(0.0, float(state.cone_share.max()) - 1.0),
-        capacity_used=capacity_used(state, before, after, state.wrap),
-        slip_arc=state.slip_arc,
+        capacity_used=capacity_used(state, before, after),
         line_load_in=loads[0],
         line_load_out=loads[1],
         resultant=resultant,
     )
 
 
-def capacity_used(state: ContactState, before: Array, after: Array, wrap: float) -> float | None:
+def capacity_used(state: ContactState, before: Array, after: Array) -> float | None:
     """Share |ln(T1/T2)| / (f θ) of what friction can bear, between 0 and 1.
 
     θ is the angle by which the roller turns the strip, between the directions of its forces (N)
@@ -326,12 +322,12 @@ def capacity_used(state: ContactState, before: Array, after: Array, wrap: float)
     contact is smaller by √(D/T)/r at both ends, where the line loads do as much as it lacks.
     """
     tensions = np.linalg.norm(before), np.linalg.norm(after)
-    if not state.coefficient or wrap == 0.0 or min(tensions) == 0.0:
+    if not state.coefficient or state.wrap == 0.0 or min(tensions) == 0.0:
         return None
     axis = state.roller.unit_axis
     turn = np.arctan2(axis @ np.cross(before, after), before @ after)
     angles = np.abs(turn + 2.0 * np.pi * np.array([-1.0, 0.0, 1.0]))
-    angle = angles[np.abs(angles - wrap).argmin()]
+    angle = angles[np.abs(angles - state.wrap).argmin()]
     used = abs(np.log(tensions[0] / tensions[1])) / max(state.coefficient * angle, 1e-300)
     return float(min(used, 1.0))
 
@@ -355,28 +351,20 @@ def line_loads(state: ContactState, tensions: Sequence[float], bending: float) -
     places = np.round(state.contact.operator.reference[0, near], 9)
     x, station = np.unique(places, return_inverse=True)
     share = state.area[near] / state.width
-    rub = (state.traction * state.turning).sum(axis=0)[near]
-    force, rubbed = (
-        np.bincount(station, v * share).astype(float) for v in (state.pressure[near], rub)
-    )
+    parts = state.pressure[near], (state.traction * state.turning).sum(axis=0)[near]
+    force, rubbed = (np.bincount(station, part * share).astype(float) for part in parts)
     loads = []
     for sense, tension, other in ((1.0, *tensions), (-1.0, *tensions[::-1])):
-        first, last = (float((sense * np.array(state.arc)).min()), sense * state.middle)
+        first, last = float((sense * np.array(state.arc)).min()), sense * state.middle
         point = min(first + BEYOND * np.sqrt(bending / tension), last)
         u = np.maximum(point - sense * x, 0.0)
-        held = np.interp(point, np.sort(sense * x), _up_to(force, sense))
-        lost = np.interp(point, np.sort(sense * x), _up_to(rubbed, sense))
+        ordered = np.stack([force, rubbed])[:, :: int(sense)]  # summed up to the middle of each
+        sums = np.cumsum(ordered, axis=1) - 0.5 * ordered
+        held, lost = (np.interp(point, np.sort(sense * x), values) for values in sums)
         here = tension + 0.5 * np.sign(other - tension) * abs(lost)
-        loads.append(
-            float(np.sqrt(max(held**2 - 2.0 * here / state.roller.radius * (force @ u), 0.0)))
-        )
+        square = held**2 - 2.0 * here / state.roller.radius * (force @ u)
+        loads.append(float(np.sqrt(max(square, 0.0))))
     return loads
-
-
-def _up_to(values: Array, sense: float) -> Array:
-    """Sums up to the middle of each value, from the first or from the last on."""
-    ordered = values[:: int(sense)]
-    return np.asarray(np.cumsum(ordered) - 0.5 * ordered)
 
 
 @dataclass(frozen=True)

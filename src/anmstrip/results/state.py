@@ -186,12 +186,14 @@ class State:
 
     def edge_force(self, name: str) -> Array:
         """Total force on an edge, reaction and dead load (N), shape (3,)."""
-        edge = self.plan.model.strip.edges[name]
         strip = self.plan.model.strip
+        edge = strip.edges[name]
         given = self.controls.get(f"{name}.force", np.zeros(3)) * edge.length
-        given += self.following_force(name)
+        given = given + self.following_force(name)
+        if name == "entry" and 0 not in strip.kinematics.components:  # what holds a plate along
+            given[0] -= self.controls.get("exit.force", np.zeros(3))[0] * edge.length
         values = strip.nodal(self.imbalance)[edge.values].sum(axis=0)
-        return strip.kinematics.embed(values) + given + self._outside(name, edge.length)
+        return strip.kinematics.embed(values) + given
 
     def following_force(self, name: str) -> Array:
         """Total of the load that follows the strip at an edge (N), shape (3,)."""
@@ -201,13 +203,6 @@ class State:
                 stress = effect.law(operator.apply(self.full), None, self.controls)
                 return self.plan.model.strip.kinematics.embed(-stress[:, 0] @ operator.weights)
         return np.zeros(3)
-
-    def _outside(self, name: str, length: float) -> Array:
-        """Return the force (N) that holds a plate in its own plane, shape (3,)."""
-        if name != "entry" or 0 in self.plan.model.strip.kinematics.components:
-            return np.zeros(3)
-        pull = self.controls.get("exit.force", np.zeros(3))[0] * length
-        return np.array([-pull, 0.0, 0.0])
 
     def tension(self, name: str) -> float:
         """Mean force per length of an edge along the strip's own direction there (N/m)."""
