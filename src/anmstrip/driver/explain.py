@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -41,64 +41,64 @@ def explain(scene: SceneSpec) -> str:
     InputError
         Mistakes that only the mesh shows.
     """
+    return text_of(explanation(scene))
+
+
+def text_of(parts: Iterable[str | Table], width: int = 100) -> str:
+    """Return sentences and tables as text, so many characters wide."""
+    stream = StringIO()
+    console = Console(file=stream, width=width, no_color=True, highlight=False)
+    for part in parts:
+        console.print(part, markup=False)
+    return stream.getvalue().rstrip()
+
+
+def explanation(scene: SceneSpec) -> Iterator[str | Table]:
+    """Yield sentences and tables of what a run would do."""
     assembly = Assembly(scene)
     preview = Preview.of(assembly)
     strip, found = assembly.strip, levels(preview)
     h, own = strip.cell_sizes[0], assembly.kinematics.name
-    stream = StringIO()
-    console = Console(file=stream, width=100, no_color=True, highlight=False)
-
-    def say(line: str) -> None:
-        console.print(line, markup=False)
-
-    say(printable(scene.title or scene.name))
-    say(
+    yield printable(scene.title or scene.name)
+    yield (
         f"Strip {strip.length:g} m × {strip.width:g} m × {strip.thickness:g} m, "
         f"{strip.mesh.t.shape[1]} elements {h.min():.3g} to {h.max():.3g} m long, "
         f"{strip.unknowns} unknowns, kinematics {scene.strip.kinematics}"
         f"{', fed: fresh strip follows what has left' if scene.strip.feed else ''}."
     )
-    console.print(effect_table(preview))
+    yield effect_table(preview)
     if (bent := scene.strip.imperfection) is not None:
         words = f"by mode {bent.mode} of buckling at the end of stage {scene.course[0].name}"
-        say(f"Bent without stress by {bent.amplitude:g} m, {words}.")
-    for line in shape_lines(scene):
-        say(f"Unstressed: {line}.")
-    for line in left_out(preview):
-        say(f"Left out: {line}")
+        yield f"Bent without stress by {bent.amplitude:g} m, {words}."
+    yield from (f"Unstressed: {line}." for line in shape_lines(scene))
+    yield from (f"Left out: {line}" for line in left_out(preview))
     if scene.rollers:
-        console.print(geometry_table(preview))
-    console.print(stage_table(preview.plans))
-    console.print(level_table(found, own))
-    for level in found:
-        if level.against:
-            say(f"Not {level.kinematics.name}: {'; '.join(level.against)}.")
+        yield geometry_table(preview)
+    yield stage_table(preview.plans)
+    yield level_table(found, own)
+    against = {level.kinematics.name: "; ".join(level.against) for level in found if level.against}
+    yield from (f"Not {name}: {reasons}." for name, reasons in against.items())
     best = justified_level(found)
-    name = best.kinematics.name
-    chosen = ", as chosen" if name == own else ""
-    say(f"These numbers justify: {name}{chosen}. {best.lost}.")
+    chosen = ", as chosen" if best.kinematics.name == own else ""
+    yield f"These numbers justify: {best.kinematics.name}{chosen}. {best.lost}."
     if scene.contact is not None and scene.rollers:
         law, given = assembly.signorini, scene.contact.constants or scene.contact.onset
         resolved = "" if given else ", as the mesh resolves"
-        say(f"Contact: {law.words}, setting in over {law.width:.3g} m{resolved}.")
+        yield f"Contact: {law.words}, setting in over {law.width:.3g} m{resolved}."
     if scene.friction is not None and assembly.friction is not None:
         given = scene.friction.speed is not None
         why = "" if given else f", a tenth of the elastic creep of {elastic_creep(scene):.2g} m/s"
-        say(f"Friction: {scene.friction.law}, V_c = {assembly.friction.speed:.3g} m/s{why}.")
+        yield f"Friction: {scene.friction.law}, V_c = {assembly.friction.speed:.3g} m/s{why}."
     scales = assembly.scales
-    say(
+    yield (
         f"Errors are relative to {scales.length:g} m (positions), {scales.force:g} N (imbalance) "
         f"and {scales.tension:g} N/m (membrane forces); tolerance {scene.solver.tolerance:g}, "
         f"order {assembly.order}{', the cheapest' if scene.solver.order is None else ''}."
     )
-    for line in unusual(scene):
-        say(line)
-    for level in found:
-        if level.kinematics.name == own and level.against:
-            say(f"Warning: kinematics {own} does not see that {'; '.join(level.against)}.")
-    for line in warnings(preview):
-        say(f"Warning: {line}")
-    return stream.getvalue().rstrip()
+    yield from unusual(scene)
+    if own in against:
+        yield f"Warning: kinematics {own} does not see that {against[own]}."
+    yield from (f"Warning: {line}" for line in warnings(preview))
 
 
 def unusual(scene: SceneSpec) -> Iterator[str]:
@@ -315,19 +315,14 @@ def level_table(found: Sequence[Level], own: str) -> Table:
 
 def report(run: Run) -> str:
     """Describe the last state of a run by roller, its ends, what it may be wrong by, and warn."""
-    stream = StringIO()
-    console = Console(file=stream, width=100, no_color=True, highlight=False)
-    state = run.state
-    if state is not None:
+    parts: list[str | Table] = []
+    if (state := run.state) is not None:
         if state.rollers:
-            console.print(roller_table(state))
+            parts.append(roller_table(state))
             if state.plasticity is not None:
-                console.print(bend_table(state))
-        console.print(tensions(state), markup=False)
-        console.print(error_table(run))
-    for warning in run.warnings:
-        console.print(f"Warning: {warning}", markup=False)
-    return stream.getvalue().rstrip()
+                parts.append(bend_table(state))
+        parts += [tensions(state), error_table(run)]
+    return text_of([*parts, *(f"Warning: {warning}" for warning in run.warnings)])
 
 
 def roller_table(state: State) -> Table:

@@ -141,13 +141,14 @@ def plates(
     """Yield what needs a strip that moves along, or is bent far."""
     if strip.kinematics != "plate":
         return
-    key, hint = "strip.kinematics", OTHER["plate"]
-    if threading is not None:
-        expected = '"shell" or "section": a plate stays nearly flat, so it is not threaded'
-        yield Mistake("", key, "plate", expected, hint)
-    if friction is not None:
-        expected = '"shell" or "section": a plate does not move along, so nothing rubs'
-        yield Mistake("", key, "plate", expected, hint)
+    why = {
+        "stays nearly flat, so it is not threaded": threading,
+        "does not move along, so nothing rubs": friction,
+    }
+    for reason, given in why.items():
+        if given is not None:
+            expected = f'"shell" or "section": a plate {reason}'
+            yield Mistake("", "strip.kinematics", "plate", expected, OTHER["plate"])
     if strip.feed:
         yield Mistake("", "strip.feed", True, "false: a plate does not move along", "feed = false")
 
@@ -186,23 +187,23 @@ def directions(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
             yield Mistake("", key, vector, expected, f"{short} = {kept}, or {OTHER[level]}")
 
 
-def tension_of_a_plate(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
-    """Yield tensions that a plate does not look at: its own is that of exit.force."""
-    for key, _, control in edge_controls(stages):
-        if strip.kinematics == "plate" and control.tension is not None:
+def tensions_and_moments(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
+    """Yield tensions that a plate does not look at, and moments where nothing bends or turns far.
+
+    A plate's own tension is that of ``exit.force``.
+    """
+    plate = strip.kinematics == "plate"
+    for key, name, control in edge_controls(stages):
+        if plate and control.tension is not None:
             expected = 'nothing: the tension of a "plate" is the x of exit.force (N/m)'
             hint = f"exit.force = [{control.tension:g}, 0.0, 0.0]"
             yield Mistake("", f"{key}.tension", control.tension, expected, hint)
-
-
-def moments(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
-    """Yield moments on a strip that does not resist bending, or does not turn far."""
-    if strip.bending and strip.kinematics != "plate":
-        return
-    expected = 'nothing: a strip without bending has no moments, a "plate" takes none'
-    hint = OTHER["plate"] if strip.bending else "bending = true"
-    for key, _, control in edge_controls(stages):
-        if control.moment is not None:
+        elif control.tension is not None and name not in ENDS:
+            expected = "entry or exit, the ends of the strip"
+            yield Mistake("", f"{key}.tension", control.tension, expected, "exit.tension = 1.0e4")
+        if control.moment is not None and (plate or not strip.bending):
+            expected = 'nothing: a strip without bending has no moments, a "plate" takes none'
+            hint = OTHER["plate"] if strip.bending else "bending = true"
             yield Mistake("", f"{key}.moment", control.moment, expected, hint)
 
 
@@ -229,14 +230,6 @@ def held_components(edges: Mapping[str, EdgeSpec], stages: Stages) -> Iterator[M
         if control.tension and {"x", "z"} <= set(fixed) and place not in conveyed:
             expected = "0: x and z are held, which take it; their reaction follows"
             yield Mistake("", f"{place}.tension", control.tension, expected, release)
-
-
-def tensions_at_ends(stages: Stages) -> Iterator[Mistake]:
-    """Yield tensions that are not at an end of the strip."""
-    for key, name, control in edge_controls(stages):
-        if control.tension is not None and name not in ENDS:
-            expected = "entry or exit, the ends of the strip"
-            yield Mistake("", f"{key}.tension", control.tension, expected, "exit.tension = 1.0e4")
 
 
 def speeds_at_ends(
@@ -299,10 +292,10 @@ def natural_shapes(strip: StripSpec, material: MaterialSpec, stages: Stages) -> 
             hint = f"along = [[0.0, 1.0], [{strip.length:g}, 1.0]]"
             yield Mistake("", f"{where}.along", list(along), expected, hint)
         elif not curved:
-            yield from _moderate(where, key, given, strip, material)
+            yield from moderate_strain(where, key, given, strip, material)
 
 
-def _moderate(
+def moderate_strain(
     where: str, key: str, given: Any, strip: StripSpec, material: MaterialSpec
 ) -> Iterator[Mistake]:
     """Yield an eigenstrain that no metal has, most often in another unit."""
@@ -360,15 +353,9 @@ def gravity_has_density(material: MaterialSpec, stages: Stages) -> Iterator[Mist
 def friction_has_contact(
     friction: FrictionSpec | None, contact: ContactSpec | None
 ) -> Iterator[Mistake]:
-    """Yield the contact that friction lacks."""
+    """Yield the contact that friction lacks, and laws of one's own that "auto" cannot sharpen."""
     if friction is not None and contact is None:
         yield Mistake("", "contact", None, "a table, since there is [friction]", CONTACT)
-
-
-def sharpened_laws_are_built_in(
-    friction: FrictionSpec | None, contact: ContactSpec | None
-) -> Iterator[Mistake]:
-    """Yield laws of one's own that ``regularisation = "auto"`` could not sharpen."""
     own = (friction is not None and ":" in friction.law) or (contact and contact.law)
     if friction is not None and friction.regularisation == "auto" and own:
         expected = '"fixed": only the built-in laws are known well enough to be sharpened'
@@ -381,13 +368,13 @@ def refined_mesh_is_estimated(
     """Yield what keeps ``refined = "auto"`` from its goal."""
     if strip.refined != "auto":
         return
-    hint = "refined = 0.025"
+    why = []
     if material.plasticity is not None:
-        expected = "a length: what the mesh changes is not estimated of strip that can yield"
-        yield Mistake("", "strip.refined", "auto", expected, hint)
+        why.append(": what the mesh changes is not estimated of strip that can yield")
     if friction is not None and friction.regularisation == "auto":
-        expected = 'a length, since friction.regularisation = "auto" repeats the run as well'
-        yield Mistake("", "strip.refined", "auto", expected, hint)
+        why.append(', since friction.regularisation = "auto" repeats the run as well')
+    for reason in why:
+        yield Mistake("", "strip.refined", "auto", f"a length{reason}", "refined = 0.025")
 
 
 def rollers_have_friction(friction: FrictionSpec | None, rollers: Rollers) -> Iterator[Mistake]:
@@ -533,9 +520,9 @@ def closed_strip(
         if name in edges:
             expected = "no such table beside threading.closed = true: an endless strip has no ends"
             yield Mistake("", f"edges.{name}", "a table", expected, "take it out")
-    for place, name, _ in edge_controls(stages):
+    for key, name, _ in edge_controls(stages):
         expected = "nothing beside threading.closed = true: an endless strip has no ends"
-        yield Mistake("", place, name, expected, "take it out")
+        yield Mistake("", key, name, expected, "take it out")
     if strip.kinematics != "section":
         expected = '"section" beside threading.closed = true'
         yield Mistake("", "strip.kinematics", strip.kinematics, expected, 'kinematics = "section"')
@@ -634,16 +621,13 @@ RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     plates,
     rollers_of_a_section,
     directions,
-    tension_of_a_plate,
-    moments,
+    tensions_and_moments,
     held_components,
-    tensions_at_ends,
     speeds_at_ends,
     natural_shapes,
     ends_of_a_fed_strip,
     gravity_has_density,
     friction_has_contact,
-    sharpened_laws_are_built_in,
     refined_mesh_is_estimated,
     rollers_have_friction,
     stages_have_friction,

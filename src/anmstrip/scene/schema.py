@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Self, TypeVar, get_args, get_origin
+from typing import Annotated, Any, NamedTuple, Self, cast, get_args, get_origin
 
 from pydantic import BaseModel, Field, PrivateAttr, TypeAdapter, ValidationError, model_validator
 from pydantic.fields import FieldInfo
@@ -142,7 +142,26 @@ class SceneSpec(Table):
         cls, tables: Mapping[str, Any], source: str | Path, overrides: Iterable[str] = ()
     ) -> Self:
         """Return the scene of tables as they would stand in a file; see :meth:`load`."""
-        scene = validate_scene(cls, tables, Path(source), overrides)
+        data, applied, mistakes = with_default_names(tables), list[Override](), list[Mistake]()
+        for text in overrides:
+            try:
+                override = Override.parse(text)
+                data = override.applied_to(data)
+            except InputError as error:
+                mistakes += error.mistakes
+            else:
+                applied.append(override)
+        strip = data.get("strip")
+        if isinstance(strip, Mapping) and isinstance(mesh := strip.get("mesh"), str):
+            data["strip"] = {**strip, "mesh": str((Path(source).parent / mesh).absolute())}
+        try:
+            scene = cls(**data)
+        except InputError as error:
+            for m in error.mistakes:
+                set_by = [override.text for override in applied if override.covers(m.key)]
+                mistakes.append(replace(m, file=f"--set {set_by[-1]}" if set_by else str(source)))
+        if mistakes:
+            raise InputError(mistakes)
         scene._source = Path(source)
         return scene
 
@@ -206,9 +225,6 @@ def json_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
-S = TypeVar("S", bound=BaseModel)
-
-
 @dataclass(frozen=True)
 class Override:
     """One value to put into a scene."""
@@ -244,13 +260,13 @@ class Override:
             inside = inside[path[-1]]
         if not equals or not path:
             wrong = (name, "a dotted key") if equals else (text, "KEY=VALUE")
-            raise _refused(text, wrong[0], None, wrong[1], "--set friction.coefficient=0.2")
+            raise wrong_override(text, wrong[0], None, wrong[1], "--set friction.coefficient=0.2")
         key = ".".join(path)
         try:
             (value,) = tomllib.loads(f"value = {typed}").values()
         except (ValueError, RecursionError):
             hint = f"""a number, true, [1.0, 0.0, 0.0], or text in quotes: '{key}="{typed}"'"""
-            raise _refused(text, key, typed, "a value in TOML syntax", hint) from None
+            raise wrong_override(text, key, typed, "a value in TOML syntax", hint) from None
         return cls(text, tuple(path), value)
 
     def covers(self, key: str) -> bool:
@@ -279,18 +295,19 @@ class Override:
             return {**tables, head: self.applied_to(tables.get(head, {}), depth + 1)}
         if not isinstance(tables, list | tuple):
             key = ".".join(self.path[:depth])
-            raise _refused(self.text, key, tables, "a table", f"--set {key}=… with a value")
+            raise wrong_override(self.text, key, tables, "a table", f"--set {key}=… with a value")
         names = [table.get("name") if isinstance(table, Mapping) else None for table in tables]
         if head not in names:
             key, known = ".".join(self.path), [name for name in names if isinstance(name, str)]
-            raise _refused(self.text, key, head, "a known name", nearest(head, known))
+            raise wrong_override(self.text, key, head, "a known name", nearest(head, known))
         return [
             self.applied_to(table, depth + 1) if name == head else table
             for table, name in zip(tables, names, strict=True)
         ]
 
 
-def _refused(text: str, key: str, value: object, expected: str, hint: str) -> InputError:
+def wrong_override(text: str, key: str, value: object, expected: str, hint: str) -> InputError:
+    """Return the error of an option ``--set``."""
     return InputError([Mistake(f"--set {text}", key, value, expected, hint)])
 
 
@@ -358,59 +375,16 @@ def parse_scene(text: str, source: str) -> dict[str, Any]:
     raise InputError([Mistake(source, key, value, expected, hint)])
 
 
-def validate_scene(
-    model: type[S], tables: Mapping[str, Any], source: Path, overrides: Iterable[str] = ()
-) -> S:
-    """Return the scene of tables as they stand in a file.
-
-    Parameters
-    ----------
-    model : type
-        The model of a scene.
-    tables : mapping
-    source : Path
-        The file; paths in the tables are relative to it.
-    overrides : iterable of str, optional
-        Texts ``KEY=VALUE``, see :meth:`Override.parse`.
-
-    Raises
-    ------
-    InputError
-        With all mistakes at once, each with the place where it was typed.
-    """
-    data, applied, mistakes = with_default_names(tables), list[Override](), list[Mistake]()
-    for text in overrides:
-        try:
-            override = Override.parse(text)
-            data = override.applied_to(data)
-        except InputError as error:
-            mistakes += error.mistakes
-        else:
-            applied.append(override)
-    strip = data.get("strip")
-    if isinstance(strip, Mapping) and isinstance(mesh := strip.get("mesh"), str):
-        data["strip"] = {**strip, "mesh": str((source.parent / mesh).absolute())}
-    try:
-        scene = model(**data)
-    except InputError as error:
-        for mistake in error.mistakes:
-            set_by = [override.text for override in applied if override.covers(mistake.key)]
-            mistakes.append(replace(mistake, file=f"--set {set_by[-1]}" if set_by else str(source)))
-    if mistakes:
-        raise InputError(mistakes)
-    return scene
-
-
 def all_mistakes(
     error: ValidationError, model: type[BaseModel], tables: Mapping[str, Any]
 ) -> InputError:
     """Return as one error what pydantic found in the tables of a scene, and what it hid."""
     data = with_default_names(tables)
-    found = (*mistakes_of(error, model, data), *_hidden_mistakes(error, model, data))
+    found = (*mistakes_of(error, model, data), *hidden_mistakes(error, model, data))
     return InputError(replace(mistake, file=mistake.file or "Scene") for mistake in found)
 
 
-def _hidden_mistakes(
+def hidden_mistakes(
     error: ValidationError, model: type[BaseModel], data: Mapping[str, Any]
 ) -> Iterable[Mistake]:
     """Return what is wrong between those tables that are right in themselves.
@@ -423,7 +397,7 @@ def _hidden_mistakes(
     right = {name: field for name, field in model.model_fields.items() if name not in broken}
     return check_scene(
         {
-            name: _adapter(model, name).validate_python(data[name])
+            name: table_adapter(cast("Any", field.annotation)).validate_python(data[name])
             if name in data
             else field.get_default()
             for name, field in right.items()
@@ -432,9 +406,8 @@ def _hidden_mistakes(
 
 
 @cache
-def _adapter(model: type[BaseModel], name: str) -> TypeAdapter[Any]:
+def table_adapter(annotation: Any) -> TypeAdapter[Any]:
     """Return what validates one table of a scene; to make it takes longer than to use it."""
-    annotation: Any = model.model_fields[name].annotation
     return TypeAdapter(annotation)
 
 
@@ -490,8 +463,7 @@ def mistakes_of(
             yield Mistake("", key, value, expected, example_of(place.name, field))
 
 
-@dataclass(frozen=True)
-class Place:
+class Place(NamedTuple):
     """A place in the tables of a scene at which pydantic found something."""
 
     keys: tuple[str, ...]  # as `--set` takes them

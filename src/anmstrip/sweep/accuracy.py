@@ -6,15 +6,13 @@ import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache, partial
-from io import StringIO
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.console import Console
 
-from anmstrip.driver.explain import plain_table
+from anmstrip.driver.explain import cell, plain_table, text_of
 from anmstrip.driver.preview import Preview, free_motions
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
@@ -324,8 +322,6 @@ class Accuracy(Sweep):
 
     def report(self) -> str:
         """Return the table in words, what stopped, and the advice."""
-        stream = StringIO()
-        console = Console(file=stream, width=110, no_color=True, highlight=False)
         heads = ("T, true\n(N/m)", "estimated\n(N/m)", "force, true\n(N)", "estimated\n(N)")
         more = ("position, true\n(m)", "estimated\n(m)", "\nseconds", "\ntangents")
         table = plain_table("Errors and what they cost", "\nalong", "\nvalue", *heads, *more)
@@ -333,11 +329,10 @@ class Accuracy(Sweep):
             value = f"{row['element']:.3g} m" if row["along"] == "mesh" else row["value"]
             told = value if isinstance(value, str) else f"{value:.3g}"
             errors = [row.get(f"{of}_{kind}") for kind in KINDS for of in ("true", "estimated")]
-            cells = ["–" if error is None else f"{error:.2g}" for error in errors]
+            cells = [cell(error, ".2g") for error in errors]
             spent = f"{row['seconds']:.2f}" if "seconds" in row else row["status"]
             table.add_row(row["along"], told, *cells, spent, str(row.get("tangents") or "–"))
-        console.print(table)
-        return f"{stream.getvalue().rstrip()}\n{self.advice()}"
+        return f"{text_of([table], width=110)}\n{self.advice()}"
 
     def advice(self) -> str:
         """Return what the scene's own tolerance and mesh give at what cost, and a tenth of it."""
