@@ -15,7 +15,7 @@ from scipy.sparse import csc_matrix
 from anmstrip.arrays import Array, Index
 from anmstrip.continuation.path import Branch
 from anmstrip.fem.constraints import Scales, Supports
-from anmstrip.fem.operators import Blocks, Chained, Eliminated, Pattern, Restriction
+from anmstrip.fem.operators import Blocks, Chained, Eliminated, Pattern
 from anmstrip.fem.strip import Strip
 from anmstrip.linalg.bordered import Bordered, Condensed, Joined
 from anmstrip.mechanics.effects import (
@@ -86,7 +86,6 @@ class Model:
         self.units = np.append(np.repeat(strip.dof_lengths, strip.count), np.ones(self.others))
         self.units = np.append(self.units, self.internal)
         self.laws = RecordedLaws(self.unknowns)
-        self._restrictions: dict[bytes, Restriction] = {}
 
     @property
     def rate_dependent(self) -> bool:
@@ -127,7 +126,7 @@ class Model:
     def wider(self) -> Model:
         """The same for laws of other widths, whose programs are others."""
         model = self.with_effects(self.effects)
-        model.seconds, model._restrictions = self.seconds, self._restrictions
+        model.seconds = self.seconds
         return model
 
     def sharpening(self, full: Array, velocity: Array | None, controls: Mapping[str, Any]) -> Array:
@@ -137,13 +136,6 @@ class Model:
             if (change := effect.sharpening(full, velocity, controls)) is not None:
                 total[: len(change)] += change
         return self.closed(total)
-
-    def restriction(self, free: Index) -> Restriction:
-        """Assembler over the free unknowns, remembered."""
-        key = free.tobytes()
-        if key not in self._restrictions:
-            self._restrictions[key] = self.pattern.restricted(free)
-        return self._restrictions[key]
 
     def force(
         self, full: Array, velocity: Array | None, controls: Controls, control: float
@@ -367,9 +359,9 @@ class EquilibriumSeries:
     def restricted(self, blocks: Blocks, coupled: Index) -> Any:
         """Return a tangent over free unknowns, from its blocks."""
         if (joint := self.equations.supports.joint) is None:
-            return self.model.restriction(coupled).matrix(blocks)
+            return self.model.pattern.restricted(coupled).matrix(blocks)
         chosen, n = np.union1d(coupled, joint.exit), self.model.strip.unknowns
-        matrix = self.model.restriction(chosen).matrix(blocks)
+        matrix = self.model.pattern.restricted(chosen).matrix(blocks)
         return joint.folded(matrix, chosen[chosen < n], coupled[coupled < n])
 
     def _joined(self, matrix: Any, part: Chained, coupled: Index) -> Joined:

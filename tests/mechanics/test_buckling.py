@@ -45,7 +45,7 @@ def matrices(along: float, across: float):
     equations = Equilibrium(model, supports, Controls({}))
     tangent = equations.recurrence(full[supports.free], 0.0, 1).tangent()
     blocks = compressive_stiffness(membrane, membrane.at(full), pattern)
-    return strip, supports, tangent, model.restriction(supports.free).matrix(blocks)
+    return strip, supports, tangent, model.pattern.restricted(supports.free).matrix(blocks)
 
 
 def bearable(strip: Strip, tension: float, waves: tuple[int, int]) -> float:

@@ -280,11 +280,14 @@ def held_still(state: State) -> StageProblem:
     return replace(state.plan, supports=supports, controls=Controls(state.controls))
 
 
-REMAINS = 1e-4
+REMAINS = 1e-5
 """Imbalance that is left of the one that is taken away: the change is known to a few per cent."""
 
 ROUND_OFF = 1e-10
 """Least imbalance that is asked for, over the force scale, where displacements are small."""
+
+KEPT = 0.03
+"""Part of the imbalance: a tangent is kept while an iteration leaves less of it."""
 
 MOST_CORRECTIONS, HALVINGS = 12, 8
 """Iterations of Newton's method, each with a line search: contact that moves by an element takes
@@ -415,7 +418,7 @@ def balanced(
     first = equations.imbalance(equations.residual(zero, 0.0))
     floor = equations.round_off(zero, 0.0)
     wanted, solver = max(REMAINS * first, ROUND_OFF, floor), SparseSolver()
-    corrections = Corrections(wanted, most=MOST_CORRECTIONS, least=1, halvings=HALVINGS)
+    corrections = Corrections(wanted, MOST_CORRECTIONS, 1, KEPT, HALVINGS)
     found = Newton(equations, solver, corrections, Cost()).corrected(zero, 0.0)
     if found is None:
         settings = Settings(

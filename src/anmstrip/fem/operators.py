@@ -54,6 +54,7 @@ class Pattern:
         self.cells = np.ascontiguousarray(local.transpose(2, 0, 1)).reshape(local.shape[2], -1)
         self.places = self.cells.ravel()
         self.column, self.row = np.divmod(keys, self.scalars)
+        self.restrictions: dict[bytes, Restriction] = {}
 
     @property
     def couplings(self) -> int:
@@ -73,8 +74,11 @@ class Pattern:
         return np.ravel(np.stack(columns, axis=1))
 
     def restricted(self, free: Index) -> Restriction:
-        """Maker of sparse matrices over the free unknowns."""
-        return Restriction(self, free)
+        """Maker of sparse matrices over the free unknowns, remembered."""
+        key = free.tobytes()
+        if key not in self.restrictions:
+            self.restrictions[key] = Restriction(self, free)
+        return self.restrictions[key]
 
 
 class Restriction:
@@ -84,13 +88,15 @@ class Restriction:
         m = pattern.count
         n = m * pattern.scalars
         self.chosen, free = free, free[free < n]
+        place = np.full(n, -1)
+        place[free] = np.arange(len(free))
         i, j = np.mgrid[:m, :m][:, :, :, None]
-        rows, columns = m * pattern.row + i, m * pattern.column + j
-        numbers = np.arange(1, m * m * pattern.couplings + 1, dtype=float)
-        full = coo_matrix((numbers, (rows.ravel(), columns.ravel())), shape=(n, n)).tocsc()
-        part = full[:, free].tocsr()[free].tocsc()
-        part.sort_indices()
-        self.part, self.source = part, part.data.astype(np.int64) - 1
+        rows, columns = place[m * pattern.row + i].ravel(), place[m * pattern.column + j].ravel()
+        numbers = np.flatnonzero((rows >= 0) & (columns >= 0))
+        entries = numbers, (rows[numbers], columns[numbers])
+        self.part = coo_matrix(entries, shape=(len(free), len(free))).tocsc()
+        self.part.sort_indices()
+        self.source = self.part.data
 
     def matrix(self, blocks: Blocks) -> csc_matrix | Bordered:
         """Tangent over the free unknowns, shape (free, free)."""

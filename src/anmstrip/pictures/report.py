@@ -180,9 +180,12 @@ def study_tables(path: Path, rows: Columns) -> Iterable[str]:
 
 def rounded(values: ArrayLike) -> list[float | None]:
     """Return numbers with few digits, None for those that are not finite."""
-    flat = np.asarray(values, dtype=float).ravel().tolist()
-    written = map(float, (f"%.{DIGITS}g " * len(flat) % tuple(flat)).split())
-    return [v if isfinite(v) else None for v in written]
+    x = np.asarray(values, dtype=float).ravel()
+    with np.errstate(all="ignore"):
+        power = np.clip(DIGITS - 1.0 - np.floor(np.log10(np.abs(x))), -300.0, 300.0)
+        unit = 10.0 ** np.abs(power)  # of few digits, which one over it need not be
+        found = np.where(power > 0.0, np.round(x * unit) / unit, np.round(x / unit) * unit)
+    return [v if isfinite(v) else None for v in found.tolist()]
 
 
 def spread(count: int, most: int) -> np.ndarray[Any, np.dtype[np.int64]]:

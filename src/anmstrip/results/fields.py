@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.sampling import ContactOperator, contact_points, patches, shape_of, unit_grid
@@ -45,7 +46,8 @@ class FieldSampler:
         self.lines = 4 if self.kind == "line" and local is None else 1
         patch = patches(strip, self.local)
         self.own = patch.cells
-        self.shared = np.bincount(self.own.ravel())
+        flat, count = self.own.ravel(), np.bincount(self.own.ravel())
+        self.mean = csr_matrix((1.0 / count[flat], (flat, np.arange(len(flat)))))
         parts = [(np.asarray(f), f.grad, f.hess) for f in patch.functions]
         self.value, self.grad, self.hess = (
             np.ascontiguousarray(np.moveaxis(np.stack(part), (-2, 0), (0, -1)))
@@ -82,10 +84,9 @@ class FieldSampler:
 
     def _average(self, values: Array) -> Array:
         """Mean over the elements that share a point, (..., elements, 16) → (points, ...)."""
-        flat = values.reshape(-1, self.own.size)
-        mean = [np.bincount(self.own.ravel(), v) / self.shared for v in flat]
-        points = np.stack(mean, axis=-1).reshape(-1, *values.shape[:-2])
-        return np.repeat(points, self.lines, axis=0)
+        mean = self.mean @ values.reshape(-1, self.own.size).T
+        points = mean.reshape(-1, *values.shape[:-2])
+        return np.repeat(points, self.lines, axis=0) if self.lines > 1 else points
 
     def _at_points(self, table: Array, full: Array) -> Array:
         """Sum of the basis functions in a table, shape (components, ..., elements, points)."""
@@ -135,7 +136,7 @@ class FieldSampler:
             slip[:, chosen[nearest]] = f.slip[:, nearest]
         values = {"normal_pressure": pressure, "friction_traction": traction}
         values |= {"slip_velocity": slip, "gap": gap}
-        cells, status = operator.cells, np.zeros(len(self.shared))
+        cells, status = operator.cells, np.zeros(self.mean.shape[0])
         fields = {n: self._average(v[..., cells] @ self.from_contact.T) for n, v in values.items()}
         np.maximum.at(status, self.own, found_status[cells[:, self.nearest]])
         return {**fields, "contact_status": np.repeat(status, self.lines)}

@@ -13,7 +13,6 @@ from html import escape
 from pathlib import Path
 from typing import Self
 from xml.etree import ElementTree
-from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,6 +37,11 @@ RINGS = 49
 
 SECTORS = 12
 """Sectors of a roller, of two tones in turn."""
+
+PROBE, WORTH = 2048, 0.8
+"""Bytes of an array that are compressed first, and what is to be left of them: arrays of which more
+is left are stored as they are.  States of a shell are 8 % larger and take two thirds of the time;
+level 1 makes files 1 % larger than the default, in half the time."""
 
 _KINDS = {
     3: (5, "triangle", np.arange(3)),
@@ -129,48 +133,58 @@ def write_surface(
             raise ValueError(f"{name} has shape {values.shape} for {len(positions)} points")
     number, _, order = _KINDS[indices.shape[1]]
     count, size = indices.shape
-    root = Element(
-        "VTKFile",
-        type="UnstructuredGrid",
-        version="1.0",
-        byte_order="LittleEndian",
-        header_type="UInt64",
-        compressor="vtkZLibDataCompressor",
+    kinds = np.full(count, number)
+    corners = indices[:, order].ravel(), size * np.arange(1, count + 1), kinds
+    text = TEMPLATE.format(
+        points=len(positions),
+        cells=count,
+        shading=' Normals="normal"' if "normal" in data else "",
+        positions=_array("Points", positions),
+        corners="".join(map(_array, ("connectivity", "offsets", "types"), corners)),
+        data="".join(map(_array, data, data.values())),
     )
-    grid = SubElement(root, "UnstructuredGrid")
-    piece = SubElement(grid, "Piece", NumberOfPoints=f"{len(positions)}", NumberOfCells=f"{count}")
-    _add_array(SubElement(piece, "Points"), "Points", positions)
-    corners = SubElement(piece, "Cells")
-    _add_array(corners, "connectivity", indices[:, order].ravel())
-    _add_array(corners, "offsets", size * np.arange(1, count + 1))
-    _add_array(corners, "types", np.full(count, number))
-    shading = {"Normals": "normal"} if "normal" in data else {}
-    point_data = SubElement(piece, "PointData", shading)
-    for name, values in data.items():
-        _add_array(point_data, name, values)
     with atomic_write(path) as temporary:
-        ElementTree.ElementTree(root).write(temporary, "utf-8", xml_declaration=True)
+        temporary.write_text(text, encoding="utf-8")
 
 
-def _add_array(parent: Element, name: str, values: NDArray[np.generic]) -> None:
-    """Add an array to a file of VTK's."""
+TEMPLATE = """<?xml version='1.0' encoding='utf-8'?>
+<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" header_type="UInt64" \
+compressor="vtkZLibDataCompressor">
+<UnstructuredGrid><Piece NumberOfPoints="{points}" NumberOfCells="{cells}">
+<Points>{positions}</Points>
+<Cells>{corners}</Cells>
+<PointData{shading}>{data}</PointData>
+</Piece></UnstructuredGrid></VTKFile>
+"""
+"""Contents of a file of VTK's."""
+
+
+def _array(name: str, values: NDArray[np.generic]) -> str:
+    """Return an array as a file of VTK's has it."""
     kind = "Float64" if values.dtype.kind == "f" else "Int64"
     content = values.astype("<f8" if kind == "Float64" else "<i8").tobytes()
     encoded = _encoded if kind == "Float64" else _encoded_once
-    array = SubElement(parent, "DataArray", type=kind, Name=name, format="binary")
+    given, unit, field = "", "", FIELDS.get(name)
     if values.ndim > 1:
-        array.set("NumberOfComponents", f"{values.shape[1]}")
-    array.text = encoded(content)
-    if field := FIELDS.get(name):
-        for number, component in enumerate(field.components):
-            array.set(f"ComponentName{number}", component)
-        unit = SubElement(array, "InformationKey", name="UNITS_LABEL", location="vtkDataArray")
-        unit.text = field.unit
+        given = f' NumberOfComponents="{values.shape[1]}"'
+    if field:
+        named = enumerate(field.components)
+        given += "".join(f' ComponentName{number}="{component}"' for number, component in named)
+        unit = (
+            '<InformationKey name="UNITS_LABEL" location="vtkDataArray">'
+            f"{escape(field.unit)}</InformationKey>"
+        )
+    return (
+        f'<DataArray type="{kind}" Name="{escape(name)}" format="binary"{given}>'
+        f"{encoded(content)}{unit}</DataArray>\n"
+    )
 
 
 def _encoded(content: bytes) -> str:
     """Return content as one compressed block, its three sizes before it."""
-    squeezed = zlib.compress(content, 1)  # 1 % larger than by default, in half the time
+    probe = content[:PROBE]
+    worth = len(zlib.compress(probe, 1)) < WORTH * len(probe)
+    squeezed = zlib.compress(content, 1 if worth else 0)
     sizes = np.array([1, len(content), len(content), len(squeezed)], dtype="<u8").tobytes()
     return (base64.b64encode(sizes) + base64.b64encode(squeezed)).decode()
 

@@ -335,7 +335,7 @@ def buckling(state: State, count: int, solver: LinearSolver | None = None) -> tu
     blocks = compressive_stiffness(state.membrane, forces, model.pattern, model.others)
     if not blocks.pairs.any():  # nothing is compressed
         return np.zeros(0), np.zeros((len(free), 0))
-    compressive = model.restriction(free).matrix(blocks)
+    compressive = model.pattern.restricted(free).matrix(blocks)
     return buckling_modes(tangent, compressive, solver or SparseSolver(), count)
 
 

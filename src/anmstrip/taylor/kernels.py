@@ -337,7 +337,16 @@ def derivatives(
 def lift(starts, columns, entries, places, x, found, rows, count, stride):
     """Set found[places[r] + c stride] to Σ M_rn x[n count + c], M in compressed rows."""
     for r in range(rows):
-        for c in range(count):
+        for c in range(0, count - 2, 3):  # three components at once
+            first, second, third = 0.0, 0.0, 0.0
+            for e in range(starts[r], starts[r + 1]):
+                entry, n = entries[e], columns[e] * count + c
+                first += entry * x[n]
+                second += entry * x[n + 1]
+                third += entry * x[n + 2]
+            place = places[r] + c * stride
+            found[place], found[place + stride], found[place + 2 * stride] = first, second, third
+        for c in range(count - count % 3, count):
             total = 0.0
             for e in range(starts[r], starts[r + 1]):
                 total += entries[e] * x[columns[e] * count + c]
@@ -348,7 +357,17 @@ def lift(starts, columns, entries, places, x, found, rows, count, stride):
 def gather(starts, places, entries, forces, total, rows, count, stride):
     """Add Σ M_nr forces[places of r + c stride] to total[n count + c], M in compressed rows."""
     for n in range(rows):
-        for c in range(count):
+        for c in range(0, count - 2, 3):
+            first, second, third = 0.0, 0.0, 0.0
+            for e in range(starts[n], starts[n + 1]):
+                entry, place = entries[e], places[e] + c * stride
+                first += entry * forces[place]
+                second += entry * forces[place + stride]
+                third += entry * forces[place + 2 * stride]
+            total[n * count + c] += first
+            total[n * count + c + 1] += second
+            total[n * count + c + 2] += third
+        for c in range(count - count % 3, count):
             added = 0.0
             for e in range(starts[n], starts[n + 1]):
                 added += entries[e] * forces[places[e] + c * stride]
