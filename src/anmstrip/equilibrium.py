@@ -15,9 +15,9 @@ from scipy.sparse import csc_matrix
 from anmstrip.arrays import Array, Index
 from anmstrip.continuation.path import Branch
 from anmstrip.fem.constraints import Scales, Supports
-from anmstrip.fem.operators import Blocks, Chained, Eliminated, Pattern
+from anmstrip.fem.operators import Blocks, Chain, Chained, Eliminated, Pattern
 from anmstrip.fem.strip import Strip
-from anmstrip.linalg.bordered import Bordered, Condensed, Joined
+from anmstrip.linalg.bordered import Bordered, Condensed, Joined, Joining
 from anmstrip.mechanics.effects import (
     WIDTH,
     Controls,
@@ -86,6 +86,7 @@ class Model:
         self.units = np.append(np.repeat(strip.dof_lengths, strip.count), np.ones(self.others))
         self.units = np.append(self.units, self.internal)
         self.laws = RecordedLaws(self.unknowns)
+        self._joinings: dict[bytes, Joining] = {}
 
     @property
     def rate_dependent(self) -> bool:
@@ -136,6 +137,19 @@ class Model:
             if (change := effect.sharpening(full, velocity, controls)) is not None:
                 total[: len(change)] += change
         return self.closed(total)
+
+    def joining(self, chain: Chain, matrix: csc_matrix, free: Index) -> Joining:
+        """Assembler over the free unknowns and those that are carried along, remembered."""
+        key = free.tobytes()
+        if key not in self._joinings:
+            n = self.strip.unknowns
+            every = np.concatenate([free, np.arange(n, len(chain.reached))])
+            place = np.full(len(chain.reached), -1)
+            place[every] = np.arange(len(every))
+            order = np.lexsort((every < n, chain.reached[every]))
+            rows, columns = place[chain.rows], place[chain.columns]
+            self._joinings[key] = Joining(matrix, rows, columns, order)
+        return self._joinings[key]
 
     def force(
         self, full: Array, velocity: Array | None, controls: Controls, control: float
@@ -366,10 +380,15 @@ class EquilibriumSeries:
 
     def _joined(self, matrix: Any, part: Chained, coupled: Index) -> Joined:
         """Return the tangent whose points' own unknowns are carried along the strip."""
-        on_forces, by_strip, own = part.blocks()
-        free, pull = coupled[coupled < self.model.strip.unknowns], self.model.pull
-        row = np.zeros(own.shape[0]) if pull is None else pull @ on_forces
-        return Joined.of(matrix, on_forces[free], by_strip[:, free], own, row)
+        model, chain, values = self.model, part.operator.chain, part.values
+        inner = matrix.inner if isinstance(matrix, Bordered) else matrix
+        strip, pull = model.strip.unknowns, np.zeros(len(chain.reached))
+        if model.pull is not None:
+            first = slice(part.on_forces.size)  # entries of forces
+            pulled = model.pull[chain.rows[first]] * values[first]
+            pull[:] = np.bincount(chain.columns[first], pulled, len(pull))
+        joining = model.joining(chain, inner, coupled[coupled < strip])
+        return joining.joined(matrix, values, pull[strip:])
 
     def _condensed(self, matrix: Any, part: Eliminated, coupled: Index) -> Condensed:
         """Return the tangent whose points have unknowns of their own."""

@@ -5,7 +5,7 @@ import pytest
 from scipy.sparse import csc_matrix, csr_matrix, diags
 
 from anmstrip.linalg import solvers as linear_solvers
-from anmstrip.linalg.bordered import WIDEST_BORDER, Bordered
+from anmstrip.linalg.bordered import WIDEST_BORDER, Bordered, Joining
 from anmstrip.linalg.direct import (
     BandPlan,
     NonFiniteTangentError,
@@ -329,3 +329,30 @@ def test_a_border_that_is_singular_or_not_finite_is_refused():
     with pytest.raises(NonFiniteTangentError) as caught:
         SparseSolver().factorise(Bordered(matrix.inner, matrix.columns, matrix.rows, corner))
     assert caught.value.unknown == 61
+
+
+@pytest.mark.parametrize("others", [0, 2])
+@pytest.mark.parametrize("seed", range(3))
+def test_unknowns_that_are_carried_along_are_eliminated_in_their_order(others, seed):
+    """Of a strip with a border, then twice as many own unknowns, each behind the one before."""
+    rng, n, m = np.random.default_rng(seed), 30, 60
+    inner = 9.0 * np.eye(n) + np.tri(n, k=3) - np.tri(n, k=-3)
+    on, by = (np.where(rng.random((n, m)) < 0.1, rng.standard_normal((n, m)), 0.0) for _ in "ab")
+    own = 9.0 * np.eye(m) - np.eye(m, k=-1)
+    size, last = n + others, np.zeros((others, m))
+    last[-1:] = rng.standard_normal(m) if others else 0.0
+    strip = np.block([[inner, np.ones((n, others))], [np.ones((others, n)), 9.0 * np.eye(others)]])
+    sides = np.vstack([on, last]), np.hstack([by.T, np.zeros((m, others))])
+    full = np.block([[strip, sides[0]], [sides[1], own]])
+    part = np.block([[np.zeros((n, n)), on], [by.T, own]])
+    rows, columns = np.nonzero(part)
+    left_out = np.append(rows, -1), np.append(columns, 3)  # one of an unknown that is not free
+    order = np.argsort(np.concatenate([2.0 * np.arange(n) + 1.5, np.arange(m)]))
+    joining = Joining(csc_matrix(inner), *left_out, order)
+    assert np.array_equal(joining.place[order], np.arange(n + m))
+    strips = csc_matrix(inner)
+    matrix = Bordered(strips, strip[:n, n:], strip[n:, :n], strip[n:, n:]) if others else strips
+    values, pull = np.append(part[rows, columns], np.nan), last[-1] if others else np.zeros(m)
+    factors = SparseSolver().factorise(joining.joined(matrix, values, pull))
+    right = full @ rng.standard_normal(size + m)
+    assert backward_error(full, factors.solve(right), right) < 1e-12

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial.legendre import Legendre
-from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, eye, kron, vstack
+from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, eye, kron
+from scipy.sparse.linalg import spsolve
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.strip import Strip
@@ -407,11 +408,9 @@ class InternalOperator:
         return np.vstack([strains, np.hstack([np.zeros((len(shapes), self.strains)), shapes])])
 
     @cached_property
-    def matrix(self) -> csr_matrix:
-        """Derivatives from the unknowns of the strip, (strains · points, unknowns)."""
-        (part,), _ = self.cells.matrices
-        each = [kron(part.matrix, row[None]) for row in np.eye(part.count)]
-        return csr_matrix(vstack(each))
+    def chain(self) -> Chain:
+        """Where what is carried along the strip stands in a tangent."""
+        return Chain(self)
 
     @cached_property
     def matrices(self) -> tuple[list[Part], list[Part]]:
@@ -520,6 +519,7 @@ class Chained:
     """The same where the own unknowns of a point depend on those of the point before.
 
     Nothing can be eliminated point by point: what flows at a point is carried along the strip.
+    The equations are the slopes of the own unknowns, less a law of all but these.
 
     Parameters
     ----------
@@ -527,26 +527,75 @@ class Chained:
         With slopes.
     derivative : ndarray
         J[j, i] of change j and result i, points last.
+
+    Attributes
+    ----------
+    on_forces, by_strip : ndarray, shape (elements, per element, own, count, local)
+        ∂(forces)/∂z and ∂g/∂u.
+    own : ndarray, shape (variables, variables, layers, points)
+        ∂g/∂z at a point, by change and result.
     """
 
     def __init__(self, operator: InternalOperator, derivative: Array) -> None:
-        self.operator, self.derivative = operator, derivative
+        self.operator, q, m = operator, operator.strains, operator.own
+        cells, v = operator.cells, operator.variables
+        changed = (
+            derivative[:q, q:].transpose(2, 1, 0),
+            derivative[q : q + m, :q].transpose(2, 0, 1),
+        )
+        table = cells.table.reshape(cells.elements, cells.components, cells.per_element, -1)
+        each = np.ascontiguousarray(table.transpose(0, 2, 1, 3)).reshape(-1, *table.shape[1::2])
+        shape = cells.elements, cells.per_element, m, cells.count, cells.local
+        by_strip, on_forces = (
+            (part.reshape(len(each), -1, cells.components) @ each).reshape(shape)
+            for part in changed
+        )
+        weights = cells.weights.reshape(cells.elements, -1, 1, 1, 1)
+        self.by_strip, self.on_forces = by_strip, on_forces * weights
+        own = derivative[q : q + m, q:].reshape(v, m // v, v, m // v, -1)
+        same = np.eye(v)[..., None, None] * operator.slopes.diagonal()
+        self.own = np.einsum("jlilp->jilp", own) + same
 
-    def blocks(self) -> tuple[csr_matrix, csr_matrix, csr_matrix]:
-        """Return ∂(forces)/∂z, ∂g/∂u and ∂g/∂z, over the unknowns of the strip and z."""
-        operator, q, m = self.operator, self.operator.strains, self.operator.own
-        by_strain, by_own, by_slope = np.split(self.derivative, [q, q + m])
-        gradient, weights = operator.matrix, np.tile(operator.cells.weights, q)
-        on_forces = gradient.T @ (_diagonals(by_own[:, :q]).multiply(weights[:, None]))
-        along = kron(eye(m), operator.slopes)
-        own = _diagonals(by_own[:, q:]) + _diagonals(by_slope[:, q:]) @ along
-        return on_forces.tocsr(), (_diagonals(by_strain[:, q:]) @ gradient).tocsr(), own.tocsr()
+    @property
+    def values(self) -> Array:
+        """Return all entries, in the order of :meth:`InternalOperator.chain`."""
+        chain = self.operator.chain.carried
+        return np.concatenate([x.ravel() for x in (self.on_forces, self.by_strip, self.own, chain)])
 
 
-def _diagonals(derivative: Array) -> csr_matrix:
-    """Return the matrix of J[j, i] at points, (results · points, changes · points)."""
-    changes, results, points = derivative.shape
-    j, i, p = np.mgrid[:changes, :results, :points]
-    index = (i * points + p).ravel(), (j * points + p).ravel()
-    shape = results * points, changes * points
-    return csr_matrix((derivative.ravel(), index), shape=shape)
+class Chain:
+    """Where the entries of :class:`Chained` stand, and an order that fills little.
+
+    Strip is eliminated from the entry on: own unknowns of a point, then the strip's own once all
+    points that they reach have been.  What is carried then joins the front one way only.
+
+    Attributes
+    ----------
+    rows, columns : ndarray of int
+        By numbers of the strip's unknowns, own ones after them.
+    carried : ndarray
+        Entries of the points before.
+    reached : ndarray, shape (unknowns of the strip + own unknowns,)
+        Distance (m) from the entry at which an unknown can be eliminated.
+    """
+
+    def __init__(self, operator: InternalOperator) -> None:
+        cells, m, points = operator.cells, operator.own, operator.points
+        n = cells.count * cells.sum.shape[0]
+        numbers = n + np.arange(m * points).reshape(m, cells.elements, 1, 1, -1)
+        own, on = np.moveaxis(numbers, (0, 4), (2, 1)), cells.dofs[:, None, None, None]
+        strip = cells.count * on.astype(np.int64) + np.arange(cells.count)[:, None]
+        strip, own = (x.ravel() for x in np.broadcast_arrays(strip, own))
+        slopes = operator.slopes.tocoo()
+        before = slopes.row != slopes.col
+        all_layers = n + points * np.arange(m)[:, None]
+        to, of = ((all_layers + x[before]).ravel() for x in (slopes.row, slopes.col))
+        self.carried = np.tile(slopes.data[before], m)
+        each = n + np.arange(m * points).reshape(operator.variables, -1, points)
+        given, result = (x.ravel() for x in np.broadcast_arrays(each[:, None], each[None]))
+        self.rows = np.concatenate([strip, own, result, to])
+        self.columns = np.concatenate([own, strip, given, of])
+        x = spsolve(operator.slopes.tocsc(), np.ones(points))
+        last = np.zeros(cells.sum.shape[0])
+        np.maximum.at(last, cells.dofs, x.reshape(cells.elements, -1).max(axis=1)[:, None])
+        self.reached = np.concatenate([np.repeat(last, cells.count), np.tile(x, m)])

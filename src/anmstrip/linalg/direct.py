@@ -111,14 +111,11 @@ def equilibrated(matrix: csc_matrix) -> Array:
     return d
 
 
-def symmetric_lu(matrix: csc_matrix) -> SuperLU:
+def symmetric_lu(matrix: csc_matrix, order: str = "MMD_AT_PLUS_A") -> SuperLU:
     """Sparse LU in a symmetric order that keeps the diagonal as pivots."""
     try:
         return splu(
-            matrix,
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
+            matrix, permc_spec=order, diag_pivot_thresh=0.0, options={"SymmetricMode": True}
         )
     except RuntimeError as error:
         raise SingularTangentError(str(error)) from error
@@ -259,7 +256,7 @@ class BandPlan(Plan):
 class SuperLUPlan(Plan):
     """SuperLU in the symmetric mode, with pivoting where that does not solve the system."""
 
-    name = "sparse LU"
+    name, order = "sparse LU", "MMD_AT_PLUS_A"
 
     def factorise(self, matrix: csc_matrix) -> Factors:
         """LU factors of the equilibrated matrix, refined."""
@@ -277,8 +274,14 @@ class SuperLUPlan(Plan):
 
     def unpivoted(self, scaled: csc_matrix) -> Solve:
         """Solver with factors of a scaled matrix whose pivots are its diagonal."""
-        solve: Solve = symmetric_lu(scaled).solve
+        solve: Solve = symmetric_lu(scaled, self.order).solve
         return solve
+
+
+class GivenOrderPlan(SuperLUPlan):
+    """The same for unknowns that are to be eliminated in the order in which they come."""
+
+    order = "NATURAL"
 
 
 PARDISO_CHOICES = {1: 1, 2: 2, 8: 0, 10: 13, 11: 0, 12: 2, 13: 0}
