@@ -205,7 +205,7 @@ def plate_against_shell(quick: bool) -> Sheet:
     )
 
 
-LAYERS = {"section": (11, 21), "shell": (5, 11)}
+LAYERS = {"section": (11, 21), "shell": (5, 11), "steady shell": (5, 11)}
 """Numbers of layers that yielding strip is tried with."""
 
 YIELD_STRESS = 1.0e8
@@ -221,7 +221,12 @@ def yielding_against_elastic(quick: bool) -> Sheet:
     rows: list[tuple[Cell, ...]] = []
     for level, numbers in LAYERS.items():
         changes = {"strip.bending": '"kirchhoff-love"', "solver.order": "15"}
-        elastic = altered(threaded(level, across, refined, 1e-3), changes)
+        steady, kind = "steady" in level, level.split()[-1]
+        elastic = altered(threaded(kind, 2 if steady else across, refined, 1e-3), changes)
+        if steady:
+            elastic = altered(
+                elastic, {"stages.turn.steady": "true", "stages.turn.strip.speed": "1.0"}
+            )
         yields = [altered(elastic, _yielding(number)) for number in numbers]
         costs = np.array(
             [[_run_with_costs(scene)[1] for scene in (elastic, *yields)] for _ in range(2)]

@@ -146,7 +146,7 @@ class Model:
             every = np.concatenate([free, np.arange(n, len(chain.reached))])
             place = np.full(len(chain.reached), -1)
             place[every] = np.arange(len(every))
-            order = np.lexsort((every < n, chain.reached[every]))
+            order: Index = np.lexsort((every < n, chain.reached[every]))
             rows, columns = place[chain.rows], place[chain.columns]
             self._joinings[key] = Joining(matrix, rows, columns, order)
         return self._joinings[key]

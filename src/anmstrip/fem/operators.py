@@ -537,6 +537,7 @@ class Chained:
     """
 
     def __init__(self, operator: InternalOperator, derivative: Array) -> None:
+        assert operator.slopes is not None
         self.operator, q, m = operator, operator.strains, operator.own
         cells, v = operator.cells, operator.variables
         changed = (
@@ -580,6 +581,7 @@ class Chain:
     """
 
     def __init__(self, operator: InternalOperator) -> None:
+        assert operator.slopes is not None
         cells, m, points = operator.cells, operator.own, operator.points
         n = cells.count * cells.sum.shape[0]
         numbers = n + np.arange(m * points).reshape(m, cells.elements, 1, 1, -1)
