@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import copy
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from anmstrip.driver.physics import slack_edge
 from anmstrip.driver.preview import Preview, free_motions
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.warnings import serious, warnings
@@ -215,6 +217,14 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
             "a": {"torque": -2500.0}, "b": {"surface_speed": 1.0}})],
         "torque = -2500 N m is more than friction can take", "stages.run.rollers.a.torque=-",
     ),
+    (
+        [("strip", {"width": 1.0, "thickness": 1e-3, "cells": [16, 2], "refined": 0.04}),
+         ("edges.entry.centred", True), ("rollers", [{"name": "a", "radius": 0.3,
+          "centre": [0.0, 0.0, 0.0], "wrap": "over", "axis": [0.01, 1.0, 0.0]}]),
+         ("stages", [{"name": "run", "steady": True, "entry": {"tension": 1e4},
+                      "rollers": {"a": {"surface_speed": 1.0}}}])],
+        "roller a is out of line by 10 mrad", "rollers.a.axis=[0.00016",
+    ),
     ([("strip.width", 1200.0)], "strip.width = 1200 is in m", "strip.width=1.2"),
     (
         [("material.young", 2e5), ("threading.tension", 5.0)],
@@ -311,6 +321,27 @@ FIELD = sorted((Path(__file__).parents[1] / "field").glob("*.toml"))
 @pytest.mark.parametrize("path", FIELD, ids=lambda path: path.stem)
 def test_lines_of_the_field_raise_no_false_alarm(path: Path) -> None:
     assert warnings(Preview.of(Assembly(Scene.load(path)))) == []
+
+
+def test_an_edge_is_slack_from_the_angle_that_is_told() -> None:
+    """At half of it the edge, where it is guided, has half of the tension, to 2 % of it."""
+
+    def turned(angle: float) -> Scene:
+        path = Path(__file__).parents[2] / "examples" / "steering.toml"
+        return Scene.load(path, [f"rollers.r1.axis=[{angle}, 1.0, 0.0]"])
+
+    (told,) = slack_edge(Preview.of(Assembly(turned(0.1))))
+    found = re.search(r"from ([\d.]+) mrad", told)
+    assert found is not None
+    run = turned(0.5e-3 * float(found[1])).run()
+    for _ in run:
+        pass
+    assert run.outcome.done and run.state is not None
+    forces = run.state.membrane.at(run.state.full, run.state.controls)[0, 0]
+    x, y = quadrature_points(run.assembly.strip)[:2]
+    guided = x < x.min() + 0.02
+    edge = np.polyval(np.polyfit(y[guided], forces[guided], 1), -0.05)
+    assert edge / 4.4e4 == pytest.approx(0.5, abs=0.02)
 
 
 def free(changed: dict[str, Any] | None = None, last: dict[str, Any] | None = None) -> list[str]:

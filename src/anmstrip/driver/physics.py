@@ -17,7 +17,7 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS, RollerSpec
-from anmstrip.simulation.defaults import bending_stiffness, boundary_layer
+from anmstrip.simulation.defaults import bending_stiffness, boundary_layer, largest_force
 from anmstrip.simulation.meshing import carried, carrying_sense, surface_speed
 from anmstrip.simulation.problem import distributed_load
 from anmstrip.simulation.stages import ALIGNED, Course
@@ -42,6 +42,12 @@ UNEQUAL = 0.01
 
 UNLOADED = 0.1
 """Share of its tension to which rollers may brake a strip, unsaid."""
+
+BORNE = 0.8
+"""Share of the angle at which an edge is slack that is proposed for a roller out of line."""
+
+SLENDER = 2.0
+"""Least length of a run, in widths of the strip, that bends in its plane as a beam."""
 
 LARGEST = {"m": 20.0, "m/s": 100.0}
 """Widths, radii and speeds in a line beyond which another unit was meant."""
@@ -475,8 +481,45 @@ def nip(preview: Preview) -> Iterator[str]:
             )
 
 
+def slack_edge(preview: Preview) -> Iterator[str]:
+    """Rollers so far out of line that an edge of the strip that they steer bears no tension.
+
+    Strip that sticks to a roller comes to it at right angles, and bends in its plane between the
+    roller and what guides it a length L before.  Out of line by θ, its curvature there is
+    θ K coth(K L/2) with K² = 12 T/(E t W²), that of Shelton's beam (Lateral dynamics of a moving
+    web, 1968); the inner edge, W/2 away, is slack where that is more than 2 T/(E t W).
+    """
+    assembly, thread = preview.assembly, preview.assembly.thread
+    scene = assembly.scene
+    runs = scene.strip.feed or any(stage.steady for stage in scene.stages)
+    if thread is None or scene.friction is None or scene.strip.kinematics != "shell" or not runs:
+        return
+    width, path = assembly.strip.width, thread.middle
+    strain = largest_force(scene) / (scene.material.young * assembly.strip.thickness)
+    k = np.sqrt(12.0 * strain) / width
+    before, since = np.array([0.0, 1.0, 0.0]), 0.0
+    guided = not any(end.release for stage in scene.stages for end in stage.edges.values())
+    for roller, start, end in zip(thread.rollers, *path.arcs[:2], strict=True):
+        axis = roller.unit_axis / roller.unit_axis[1]
+        heading = path.at(start[0], 0)[1]
+        angle = abs(float((axis - before)[[0, 2]] @ heading))
+        bearable = 2.0 * strain / (width * k) * np.tanh(0.5 * k * (start[0] - since))
+        slender = start[0] - since > SLENDER * width
+        if guided and slender and angle > bearable:
+            nearer = before + BORNE * bearable / angle * (axis - before)
+            typed = ", ".join(f"{component:.2g}" for component in nearer)
+            yield (
+                f"roller {roller.name} is out of line by {1e3 * angle:.3g} mrad with what guides "
+                f"the strip {start[0] - since:.3g} m before. Strip that it steers has a slack edge "
+                f"from {1e3 * bearable:.2g} mrad on, and wrinkles. "
+                f"Try --set 'rollers.{roller.name}.axis=[{typed}]'"
+            )
+        before, since, guided = axis, end[0], True
+
+
 RULES = (
     nip,
+    slack_edge,
     untouched_roller,
     sideways_entry,
     beyond_yield,
