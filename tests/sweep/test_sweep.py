@@ -24,7 +24,7 @@ from anmstrip.errors import InputError
 from anmstrip.pictures.curves import save_figure, sweep_figure
 from anmstrip.results import files as history
 from anmstrip.sweep import study as scenes
-from anmstrip.sweep.study import Sweep, Variation, folder, row_of
+from anmstrip.sweep.study import Sweep, folder, parse_variation, row_of
 
 CAPSTAN = Path(__file__).parents[2] / "examples" / "capstan.toml"
 
@@ -114,9 +114,9 @@ def direct(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_values(text: str, values: tuple[Any, ...]) -> None:
-    found = Variation.parse(text)
-    assert found == Variation(text.partition("=")[0], values)
-    assert [type(v) for v in found.values] == [type(v) for v in values]
+    key, found = parse_variation(text)
+    assert (key, found) == (text.partition("=")[0], values)
+    assert [type(v) for v in found] == [type(v) for v in values]
 
 
 @pytest.mark.parametrize(
@@ -126,7 +126,7 @@ def test_values(text: str, values: tuple[Any, ...]) -> None:
 )  # fmt: skip
 def test_values_that_are_none(text: str) -> None:
     with pytest.raises(InputError) as refused:
-        Variation.parse(text)
+        parse_variation(text)
     (mistake,) = refused.value.mistakes
     assert mistake.file == f"--vary {text}"
 

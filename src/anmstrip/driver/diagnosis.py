@@ -335,7 +335,7 @@ def low_order(failure: Failure) -> str | None:
 
 
 def asked_too_much(failure: Failure) -> str:
-    """What has changed last, in this stage or before it, is more than the strip can follow."""
+    """The last change, in this stage or before it, is more than the strip can follow."""
     course = failure.scene.course
     until = [stage.name for stage in course].index(failure.stage.name)
     for stage in reversed(course[: until + 1]):

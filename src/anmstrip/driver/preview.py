@@ -104,16 +104,15 @@ def string_estimate(course: Course) -> StringEstimate:
     load, length = float(weight + abs(values.get("pressure", 0.0))), a.strip.length
     stiffness = 2.0 * largest_force(a.scene) / length + 6.0 * bending_stiffness(a.scene) / length**3
     sag = float(np.arctan(load / stiffness if stiffness else np.inf)) if load else 0.0
-    entry, exit = (_end(course, name) for name in ENDS)
+    entry, exit = (end_of(course, name) for name in ENDS)
     crossing = {spec.name for spec in a.scene.rollers if spec.crossing}
     rollers: list[tuple[Roller, float]] = []
     if a.scene.contact is not None and a.thread is not None:
         rollers = list(zip(a.thread.rollers, a.thread.senses, strict=True))
     elif a.scene.contact is not None:
         across = [roller for roller in a.rollers if abs(roller.unit_axis[1]) > 0.1]
-        for roller in sorted(across, key=lambda roller: roller.centre[0]):
-            below = roller.centre[2] < 0.0
-            rollers.append((roller, 1.0 if below else -1.0))
+        across.sort(key=lambda roller: roller.centre[0])
+        rollers = [(roller, 1.0 if roller.centre[2] < 0.0 else -1.0) for roller in across]
     while rollers:
         centres, radii = [], []
         for roller, _ in rollers:
@@ -121,9 +120,10 @@ def string_estimate(course: Course) -> StringEstimate:
             s = -centre[1] / axis[1]
             centres.append((centre + s * axis)[[0, 2], None])
             radii.append([float(roller.radius_at(s) + roller.half)])
+        names = [roller.name for roller, _ in rollers]
+        senses = [float(sense) for _, sense in rollers]
         try:
-            senses = [float(sense) for _, sense in rollers]
-            crossed = [roller.name in crossing for roller, _ in rollers]
+            crossed = [name in crossing for name in names]
             path = string_path(centres, radii, senses, entry, exit, crossed)
         except (NotTouchedError, NoTangentError) as error:
             del rollers[min(error.index, len(rollers) - 1)]
@@ -134,14 +134,12 @@ def string_estimate(course: Course) -> StringEstimate:
         ways = middles - np.array(centres)[:, :, 0]
         least = min(float(roller.radius) for roller in a.rollers)
         looks = max(LOOKS, int(20.0 * float(path.length[0]) / least))  # chords cut in by r/3200
-        return StringEstimate(
-            {r.name: float(t) for (r, _), t in zip(rollers, path.arcs.turn[:, 0], strict=True)},
-            {r.name: "over" if sense > 0.0 else "under" for r, sense in rollers},
-            float(np.abs(slopes).max()) + sag,
-            {r.name: way for (r, _), way in zip(rollers, ways, strict=True)},
-            path,
-            gaps_to(course, path.at(np.linspace(0.0, float(path.length[0]), looks), 0)[0]),
-        )
+        sides = ["over" if sense > 0.0 else "under" for sense in senses]
+        kept = path.arcs.turn[:, 0].tolist(), sides, ways
+        turns, sides_of, places = (dict(zip(names, values, strict=True)) for values in kept)
+        gaps = gaps_to(course, path.at(np.linspace(0.0, float(path.length[0]), looks), 0)[0])
+        slope = float(np.abs(slopes).max()) + sag
+        return StringEstimate(turns, sides_of, slope, places, path, gaps)
     x, moved = a.strip.mesh.p[0], [course.moved.get(name, np.zeros(3)) for name in ENDS]
     straight = np.array([[x.min(), 0.0], [x.max(), 0.0]]) + np.array(moved)[:, [0, 2]]
     gaps = gaps_to(course, straight.T)
@@ -169,7 +167,7 @@ def gaps_to(course: Course, places: Array) -> dict[str, float]:
     return gaps
 
 
-def _end(course: Course, name: str) -> End:
+def end_of(course: Course, name: str) -> End:
     """Place of an end, or the direction in which it is pulled."""
     x, edges = course.assembly.strip.mesh.p[0], course.assembly.scene.edges
     if course.assembly.closed and course.assembly.thread is not None:
@@ -307,10 +305,10 @@ def motions_at(
         moved[free] = motion
         moved /= np.abs(moved[model.value_unknowns]).max()
         indifferent = bool(abs(moved[free] @ series.residual) < WORK * force)
-        yield from _words(assembly, plan, moved, indifferent)
+        yield from motion_words(assembly, plan, moved, indifferent)
 
 
-def _words(
+def motion_words(
     assembly: Assembly, plan: StageProblem, moved: Array, indifferent: bool
 ) -> Iterator[str]:
     """Yield the sentence for one motion, of size 1.

@@ -41,20 +41,11 @@ WRINKLE_WORDS = {
 
 
 KEPT = {
-    "stage": "first_stage",
-    "steps": "steps",
-    "expansions": "cost.expansions",
-    "factorisations": "cost.factorisations",
-    "seconds": "spent",
-    "reached": "march.reached",
+    **{name: name for name in ("steps", "stages", "effects", "snaps", "wrinkles")},
+    **{name: f"march.{name}" for name in ("reached", "slack", "conveyed")},
+    **{name: f"cost.{name}" for name in ("expansions", "factorisations")},
+    **{"stage": "first_stage", "seconds": "spent", "looked": "budget.time"},
     "course_time": "march.course.time",
-    "stages": "stages",
-    "effects": "effects",
-    "snaps": "snaps",
-    "wrinkles": "wrinkles",
-    "slack": "march.slack",
-    "conveyed": "march.conveyed",
-    "looked": "budget.time",
 }
 """Facts of a checkpoint, and the attributes of a run that they are."""
 
@@ -228,7 +219,7 @@ class Run:
         try:
             for stage in course[self.first_stage :]:
                 yield from self._run_stage(stage)
-            self.outcome, self.message = Outcome.DONE, self._success()
+            self.outcome, self.message = Outcome.DONE, self.words_of_success()
         except PathStopped as stopped:
             from anmstrip.driver.diagnosis import Failure, diagnosis
 
@@ -251,7 +242,7 @@ class Run:
 
     def _run_stage(self, stage: StageSpec) -> Iterator[Step]:
         """Take the steps of a stage, from its beginning or from where it was interrupted."""
-        march = self.march
+        march, course = self.march, self.scene.course
         with unbroken():
             plan = march.planned(stage, self.state)
         self.counted = (time.perf_counter(), self.steps, self.cost.expansions)
@@ -267,17 +258,14 @@ class Run:
                 self._count(plan)
         with unbroken():
             self._checkpoint(force=True)
-        if not self._passed_over():
+        both = course[self.first_stage : self.first_stage + 2]
+        errors_last = any(map(self.assembly.frictional, both))  # or strip is let go
+        errors_last |= any(end.release for end in both[-1].edges.values())
+        if len(both) < 2 or errors_last:
             self._look_at_errors(stage)
         with unbroken():
             march.finish(stage, plan)
             self.first_stage += 1
-
-    def _passed_over(self) -> bool:
-        """Whether what comes next does not depend on the errors at the end of this stage."""
-        both = self.scene.course[self.first_stage : self.first_stage + 2]
-        loads = any(end.release for end in both[-1].edges.values())
-        return len(both) == 2 and not (loads or any(map(self.assembly.frictional, both)))
 
     def _look_at_errors(self, stage: StageSpec) -> None:
         """Estimate the errors of the present state, of a run that is written."""
@@ -418,7 +406,7 @@ class Run:
             **({"feed": fed} if self.scene.strip.feed else {}),
         }
 
-    def _success(self) -> str:
+    def words_of_success(self) -> str:
         """Return what is said of a run that has come to its end."""
         snaps = "".join(
             f" At t = {snap['time']:.6g} s the strip ran away by {snap['distance']:.2g} m: "

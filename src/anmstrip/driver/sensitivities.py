@@ -160,13 +160,13 @@ class Partials:
 
     def __iter__(self) -> Iterator[tuple[str, Explicit]]:
         """Yield parameters by their keys, with the explicit derivative of every effect."""
-        yield from self._speeds()
-        yield from self._loads()
-        yield from self._data()
+        yield from self.by_speeds()
+        yield from self.by_loads()
+        yield from self.by_data()
         if self.tangent.model.strip.kinematics.count == 3:
-            yield from self._shapes()
+            yield from self.by_shapes()
 
-    def _speeds(self) -> Iterator[tuple[str, Explicit]]:
+    def by_speeds(self) -> Iterator[tuple[str, Explicit]]:
         """Speeds enter as those of the strip and of free surfaces do, which are unknowns."""
         tangent, model = self.tangent, self.tangent.model
         part = tangent.law_part("friction")
@@ -183,7 +183,7 @@ class Partials:
                 points = tangent.areas["friction"][:, [number]].indices
                 yield f"rollers.{roller.name}.surface_speed", moved(-2, points)
 
-    def _loads(self) -> Iterator[tuple[str, Explicit]]:
+    def by_loads(self) -> Iterator[tuple[str, Explicit]]:
         """A vector is changed by its length."""
         controls = self.tangent.state.controls
         for name, part in self.tangent.parts.items():
@@ -200,7 +200,7 @@ class Partials:
                 for roller, row in zip(effect.names, np.diag(-1.0 / effect.radii), strict=True):
                     yield f"rollers.{roller}.torque", {name: row[None]}
 
-    def _data(self) -> Iterator[tuple[str, Explicit]]:
+    def by_data(self) -> Iterator[tuple[str, Explicit]]:
         """Friction is proportional to f, the membrane to E t, bending to E t³, weight to t."""
         tangent, state = self.tangent, self.tangent.state
         strip, friction = tangent.model.strip, tangent.friction
@@ -221,7 +221,7 @@ class Partials:
             thicker |= self._changed(lambda roller, h: replace(roller, half=roller.half + 0.5 * h))
         yield "strip.thickness", thicker
 
-    def _shapes(self) -> Iterator[tuple[str, Explicit]]:
+    def by_shapes(self) -> Iterator[tuple[str, Explicit]]:
         """Crowns c₂ s², and angles about the vertical through a roller's centre."""
 
         def crowned(roller: Roller, h: float) -> Roller:

@@ -294,19 +294,19 @@ class OperatingMap:
         self.message, self.done = run.message, run.outcome.done
         for number, second in enumerate(seconds if self.done else []):
             words = "" if second is None else f"{self.along[1].key} = {second:.6g}, "
-            for way, value in self._curve(second):
+            for way, value in self.follow_curve(second):
                 told = f"{words}{self.along[0].key} = {value:.6g}, {run.cost.expansions} tangents"
                 yield MapStep(told, share * (1 + number + way))
         self._read()
         if self.directory is not None:
             self._write(self.directory)
 
-    def _curve(self, second: float | None) -> Iterator[tuple[float, float]]:
+    def follow_curve(self, second: float | None) -> Iterator[tuple[float, float]]:
         """Add a curve; yield the share of it that is done, and the value of the control."""
         run, march, values = self.run, self.run.march, self.along[0].values[[0, -1]]
         if second is not None and not self._moved(self.along[1].stage(run.scene, second)):
             return
-        here = self._share_of_range()
+        here = self.share_of_range()
         inside = 0.0 < here < 1.0
         if not 0.0 <= here <= 1.0:
             here = float(here > 1.0)
@@ -327,7 +327,7 @@ class OperatingMap:
             march.reached = march.pace = None
         self.curves.append(Curve((*legs[0][::-1], *legs[1]), second))
 
-    def _share_of_range(self) -> float:
+    def share_of_range(self) -> float:
         """Return the place of the first control between its first and last value, 0 to 1."""
         plans = [self.run.march.planned(stage, self.run.state) for stage in self.stages[0]]
         first, last = (plan.controls.at(1.0) for plan in plans)

@@ -66,21 +66,18 @@ def map_figure(
     lines = (len(panels) + 1) // 2
     figure, grid = paneled_figure(lines, 2, (10.0, 3.2 * lines), sharex=True)
     curves = list(dict.fromkeys(row[keys[1]] if len(keys) == 2 else 0.0 for row in rows))
+    strengths = np.linspace(1.0, 0.3, max(len(curves), 1))[::-1]
     colours = colormaps["turbo"](np.linspace(0.08, 0.92, max(len(rollers), 2)))
     for axes, column in zip(grid, panels, strict=False):
         title, unit = PANELS[column]
-        for strength, second in zip(
-            np.linspace(1.0, 0.3, max(len(curves), 1))[::-1], curves, strict=False
-        ):
+        for strength, second in zip(strengths, curves, strict=False):
             chosen = [row for row in rows if len(keys) == 1 or row[keys[1]] == second]
             x = [row[keys[0]] for row in chosen]
             if column == "tension_out":
-                y = [unit * row["entry_tension"] for row in chosen]
+                y = unit * np.array([row["entry_tension"] for row in chosen])
                 axes.plot(x, y, color="black", alpha=strength, label="entry")
             for name, colour in zip(rollers, colours, strict=False):
-                y = [
-                    np.nan if (v := row[f"{name}_{column}"]) is None else unit * v for row in chosen
-                ]
+                y = unit * np.array([row[f"{name}_{column}"] for row in chosen], dtype=float)
                 axes.plot(x, y, color=colour, alpha=strength, label=name)
         for event in events:
             style = ":" if event["kind"] == "fold" else "--"
@@ -94,9 +91,8 @@ def map_figure(
     for axes in grid[len(panels) :]:
         axes.remove()
     if len(keys) == 2 and curves:
-        figure.suptitle(
-            f"{keys[1]} from {min(curves):.6g} (pale) to {max(curves):.6g}", fontsize=10
-        )
+        told = f"{keys[1]} from {min(curves):.6g} (pale) to {max(curves):.6g}"
+        figure.suptitle(told, fontsize=10)
     return figure
 
 
@@ -170,14 +166,14 @@ def sweep_figure(rows: Sequence[Mapping[str, Any]], varied: Sequence[str]) -> Fi
     second = {json.dumps(row[varied[1]]) for row in rows} if len(varied) == 2 else set()
     draw = draw_map if len(second) > CURVES else draw_curves
     for axes, name in zip(panels, columns, strict=True):
-        values = [np.nan if row.get(name) is None else row[name] for row in rows]
+        values = np.array([row.get(name) for row in rows], dtype=float)
         draw(axes, rows, varied, values)
         axes.set_title(name.replace("_", " "))
     return figure
 
 
 def draw_curves(
-    axes: Axes, rows: Sequence[Mapping[str, Any]], varied: Sequence[str], values: Sequence[float]
+    axes: Axes, rows: Sequence[Mapping[str, Any]], varied: Sequence[str], values: Array
 ) -> None:
     """Draw values against the first key, a curve for each choice of the others."""
     first, *others = varied
@@ -192,7 +188,7 @@ def draw_curves(
 
 
 def draw_map(
-    axes: Axes, rows: Sequence[Mapping[str, Any]], varied: Sequence[str], values: Sequence[float]
+    axes: Axes, rows: Sequence[Mapping[str, Any]], varied: Sequence[str], values: Array
 ) -> None:
     """Draw values by colour over two keys."""
     x, i = np.unique(axis_places(axes.xaxis, rows, varied[0]), return_inverse=True)
@@ -313,15 +309,9 @@ def draw_wheel(axes: Axes, wheel: Wheel, line: Array, small: bool) -> None:
             across = "left" if away[0] > 0.0 else "right"
         else:
             upright = "bottom" if away[1] > 0.0 else "top"
-    axes.annotate(
-        wheel.caption,
-        tuple(place),
-        (float(shift[0]), float(shift[1])),
-        textcoords="offset points",
-        ha=across,
-        va=upright,
-        fontsize=9,
-    )
+    how: dict[str, Any] = {"ha": across, "va": upright, "textcoords": "offset points"}
+    by = float(shift[0]), float(shift[1])
+    axes.annotate(wheel.caption, tuple(place), by, fontsize=9, **how)
 
 
 def draw_travel(axes: Axes, line: Array) -> None:

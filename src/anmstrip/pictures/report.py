@@ -7,7 +7,6 @@ from base64 import b64encode
 from collections.abc import Iterable, Mapping
 from html import escape
 from importlib.resources import files
-from itertools import chain
 from math import isfinite
 from pathlib import Path
 from string import Template
@@ -105,17 +104,16 @@ def write_report(directory: AnyPath) -> Path:
     folder = Path(directory)
     history = folder / "history.csv"
     study = next((p for name in STUDIES if (p := folder / f"{name}.csv").is_file()), None)
-    found: dict[str, Any]
+    found: dict[str, Any] = {"units": UNITS}
     if history.is_file():
         known = read_json(folder / "summary.json") or {}
         body = tables(known)
-        found = {"along": along(folder / "profile.csv"), "over": over_time(history)}
-        found["space"] = in_space(folder)
+        found |= {"along": along(folder / "profile.csv"), "over": over_time(history)}
+        found |= {"space": in_space(folder)}
     elif study is not None:
-        known = read_json(study.with_suffix(".json")) or {}
-        rows = read_history(study)
+        known, rows = read_json(study.with_suffix(".json")) or {}, read_history(study)
         body = study_tables(study, rows)
-        found = {"study": study_plots(study, rows)}
+        found |= {"study": study_plots(study, rows)}
     else:
         expected = "the history of a run, or the table of a sweep or another study"
         hint = "anmstrip run SCENE.toml -o DIR, then anmstrip report DIR"
@@ -127,7 +125,7 @@ def write_report(directory: AnyPath) -> Path:
         outcome=escape(known.get("message", "" if study else "The run has not ended.")),
         tables="\n".join(body),
         scene=escape(scene) if "input" in known else "",
-        data=json.dumps({**found, "units": UNITS}, ensure_ascii=False).replace("</", "<\\/"),
+        data=json.dumps(found, ensure_ascii=False).replace("</", "<\\/"),
         plotly=(files("plotly") / "package_data" / "plotly.min.js").read_text("utf-8"),
     )
     target = folder / "report.html"
@@ -146,8 +144,8 @@ def study_plots(path: Path, rows: Columns) -> dict[str, Any]:
         first; and for every row a label, and the group whose points a line joins.
     """
     varied = list(rows)[: list(rows).index(STUDIES[path.stem])]
-    known = {name: rounded(c) for name, c in rows.items() if not isinstance(c, list)}
-    known = {name: column for name, column in known.items() if any(v is not None for v in column)}
+    numbers = {name: rounded(c) for name, c in rows.items() if not isinstance(c, list)}
+    known = {name: c for name, c in numbers.items() if any(v is not None for v in c)}
     found = [name for name in known if name not in varied]
     first = [name for end in DRAWN for name in found if name.endswith(end)]
     over, joined = varied[0], varied[1:]
@@ -252,10 +250,10 @@ def tables(summary: Mapping[str, Any]) -> Iterable[str]:
         yield f'<p class="warning">{escape(warning)}</p>'
     rollers = summary.get("rollers") or {}
     if rollers:
-        yield readings("Rollers", rollers, SHOWN)
+        yield rows_by_roller("Rollers", rollers, SHOWN)
     if bends := {name: r["bend"] for name, r in rollers.items() if r.get("bend")}:
         title = "Sharpest bends, and the curl and crossbow that they leave in unloaded strip"
-        yield readings(title, bends, BENDS)
+        yield rows_by_roller(title, bends, BENDS)
     if edges := summary.get("edges"):
         rows = ([name, number(e["tension"]), *map(number, e["force"])] for name, e in edges.items())
         yield table("Ends", ["end", "tension (N/m)", "force x (N)", "y (N)", "z (N)"], rows)
@@ -267,7 +265,7 @@ def tables(summary: Mapping[str, Any]) -> Iterable[str]:
         yield table("Stages", ["stage", "steps", "tangents", "seconds"], rows)
 
 
-def readings(
+def rows_by_roller(
     title: str,
     rollers: Mapping[str, Mapping[str, Any]],
     shown: Mapping[str, tuple[str, str, float]],
@@ -288,8 +286,7 @@ def number(value: float | None, factor: float = 1.0) -> str:
 
 def table(title: str, heads: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
     """Return a table as HTML, its first column as it is and the others to the right."""
-    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
-    lines = ("".join(f"<td>{escape(str(cell))}</td>" for cell in row) for row in rows)
-    body = chain((f"<tr>{head}</tr>",), (f"<tr>{line}</tr>" for line in lines))
-    rows_of = "\n".join(body)
-    return f'<h2>{escape(title)}</h2>\n<div class="wide"><table>\n{rows_of}\n</table></div>'
+    lines = ["".join(f"<th>{escape(text)}</th>" for text in heads)]
+    lines += ["".join(f"<td>{escape(str(cell))}</td>" for cell in row) for row in rows]
+    body = "\n".join(f"<tr>{line}</tr>" for line in lines)
+    return f'<h2>{escape(title)}</h2>\n<div class="wide"><table>\n{body}\n</table></div>'

@@ -69,8 +69,8 @@ class FieldSampler:
             "displacement": self.interpolate(state.full),
             "velocity": self.interpolate(state.material_velocity),
             "arc_length": self.reference[0] - self.reference[0].min(),
-            **self._contact(state),
-            **self._stress(state),
+            **self.contact_fields(state),
+            **self.stress_fields(state),
         }
 
     def interpolate(self, full: Array) -> Array:
@@ -115,7 +115,7 @@ class FieldSampler:
         apart = self.local[:, :, None] - contact_points(self.kind)[:, None]
         return np.asarray((apart**2).sum(axis=0).argmin(axis=1))
 
-    def _contact(self, state: Readable) -> dict[str, Array]:
+    def contact_fields(self, state: Readable) -> dict[str, Array]:
         """Sums over the rollers of what they do; gap and slip of the nearest one."""
         found = list(state.contacts.values())
         if not found:
@@ -141,7 +141,7 @@ class FieldSampler:
         np.maximum.at(status, self.own, found_status[cells[:, self.nearest]])
         return {**fields, "contact_status": np.repeat(status, self.lines)}
 
-    def _stress(self, state: Readable) -> dict[str, Array]:
+    def stress_fields(self, state: Readable) -> dict[str, Array]:
         """Membrane forces, moments, von Mises stress of the top surface, curvature, normal."""
         tangents, normal, curvature = self._geometry(state.full)
         bending, sheet = curvature, state.membrane
@@ -149,8 +149,8 @@ class FieldSampler:
             bending = curvature - self._geometry(sheet.imperfection)[2]
         if (own := eigencurvature(state.controls)) is not None:
             bending = bending - own[:, :, None]
-        layers = self._layers(state)
-        membrane = self._membrane_forces(state) + layers["force"]
+        layers = self.layer_fields(state)
+        membrane = self.membrane_forces(state) + layers["force"]
         stretch = np.linalg.norm(tangents[:, 0], axis=0) if sheet is not None else 1.0
         stiffness = moduli(self.strip) if state.bends else np.zeros((3, 3))
         moments = np.einsum("xy,yep->xep", stiffness, bending)
@@ -171,7 +171,7 @@ class FieldSampler:
             "normal": self._average(normal),
         }
 
-    def _layers(self, state: Readable) -> dict[str, Array]:
+    def layer_fields(self, state: Readable) -> dict[str, Array]:
         """Return N and M (xx, yy, xy) of plastic strains, and what is read off the layers."""
         if state.plasticity is None:
             return {"force": np.zeros((3, 1, 1)), "moment": np.zeros((3, 1, 1))}
@@ -189,7 +189,7 @@ class FieldSampler:
         scalars = dict(zip(names, found[3 * d :], strict=True))
         return {"force": force, "moment": moment, "residual_curvature": left, **scalars}
 
-    def _membrane_forces(self, state: Readable) -> Array:
+    def membrane_forces(self, state: Readable) -> Array:
         """Membrane forces (xx, yy, xy) (N/m), recovered, shape (3, elements, points).
 
         Within an element on a roller those of the strains swing about the force that is in
@@ -207,14 +207,14 @@ class FieldSampler:
 
     def _recovered(self, values: Array) -> Array:
         """Values at quadrature points (m, points) as recovered, shape (m, elements, points)."""
-        from_quadrature, to_points = self._recovery
+        from_quadrature, to_points = self.recovery
         corners = values.reshape(len(values), len(self.own), -1) @ from_quadrature.T
         nodes = self.strip.mesh.t.T
         sums = [np.bincount(nodes.ravel(), component.ravel()) for component in corners]
         return np.asarray((sums / np.bincount(nodes.ravel()))[:, nodes] @ to_points.T)
 
     @cached_property
-    def _recovery(self) -> tuple[Array, Array]:
+    def recovery(self) -> tuple[Array, Array]:
         """Matrices from quadrature points to an element's corners, and from these to its points."""
         basis, square = self.strip.basis, self.kind == "quad"
         at, root = _monomials(basis.X, square), np.sqrt(basis.W)
@@ -292,6 +292,9 @@ class Profile:
             names = (*COLUMNS, *plastic.COLUMNS)
             yielded = plastic.YieldedStrip(state, state.plasticity).columns(fields["arc_length"])
         position = flat.T + fields["displacement"] + self.fields.strip.origin
+        low, high = (np.full(self.station.max() + 1, end) for end in (np.inf, -np.inf))
+        np.minimum.at(low, self.station, fields["tension"])
+        np.maximum.at(high, self.station, fields["tension"])
         columns = {name: self._mean(position[:, k]) for k, name in enumerate("xyz")}
         columns |= {
             "arc_length": self._mean(fields["arc_length"]),
@@ -300,8 +303,9 @@ class Profile:
             "curvature": self._mean(self.fields.curvature(state.full)[:, 0]),
             "moment": self._mean(fields["bending_moment"][:, 0]),
             **{name: self._mean(values) for name, values in yielded.items()},
-            **self._extremes(fields["tension"]),
-            **self._friction(state, fields["normal"]),
+            "tension_min": low,
+            "tension_max": high,
+            **self.friction_columns(state, fields["normal"]),
         }
         loads = np.full(len(columns["x"]), np.nan)
         for name, reading in state.rollers.items():
@@ -320,14 +324,7 @@ class Profile:
         with np.errstate(invalid="ignore"):
             return np.asarray(total / np.bincount(self.station, weights))
 
-    def _extremes(self, tension: Array) -> dict[str, Array]:
-        """Smallest and largest tension of each station."""
-        low, high = (np.full(self.station.max() + 1, sign * np.inf) for sign in (1.0, -1.0))
-        np.minimum.at(low, self.station, tension)
-        np.maximum.at(high, self.station, tension)
-        return {"tension_min": low, "tension_max": high}
-
-    def _friction(self, state: Readable, normal: Array) -> dict[str, Array]:
+    def friction_columns(self, state: Readable, normal: Array) -> dict[str, Array]:
         """Slip along the strip, positive where it runs ahead of the roller, and share of the cone.
 
         Of the points in contact; the share is that of all forces of a station.

@@ -157,21 +157,24 @@ class State:
     def __repr__(self) -> str:
         return f"<State of {self.plan.name!r} at t = {self.time:.6g} s>"
 
+    def _effect(self, name: str) -> Any:
+        """Return an effect by its name, None if it does not act."""
+        return next((e for e in self.plan.model.effects if e.name == name), None)
+
     @property
     def bends(self) -> bool:
         """Whether the strip resists bending."""
-        return any(e.name == "bending" for e in self.plan.model.effects)
+        return self._effect("bending") is not None
 
     @property
     def membrane(self) -> Membrane | None:
         """Membrane of the strip; a plate has none."""
-        return next((e for e in self.plan.model.effects if isinstance(e, Membrane)), None)
+        return self._effect("membrane")
 
     @property
     def plasticity(self) -> Plasticity | None:
         """Plastic strains, of strip that can yield."""
-        effects: Any = self.plan.model.effects
-        return next((e for e in effects if e.name == "plasticity"), None)
+        return self._effect("plasticity")
 
     @cached_property
     def principal_forces(self) -> Array:
@@ -233,20 +236,19 @@ class State:
         """Roller → what it does to the strip."""
         if (contact := self.contact) is None:
             return {}
-        found: list[Any] = [e for e in self.plan.model.effects if e.name == "friction"]
-        frictions = {name: part for effect in found for name, part in effect.by_roller.items()}
-        near = contact.elements_near(self.full, self.controls)
-        parts = zip(contact.by_roller.items(), near, strict=True)
+        friction = self._effect("friction")
+        rubbing = {} if friction is None else friction.by_roller
+        near = zip(contact.by_roller, contact.elements_near(self.full, self.controls), strict=True)
         return {
-            name: self._contact(part, frictions.get(name), elements)
-            for (name, part), elements in parts
+            name: self._contact(contact.by_roller[name], rubbing.get(name), elements)
+            for name, elements in near
         }
 
     @property
     def contact(self) -> Contact | None:
         """Normal contact with all rollers."""
-        effects: Any = self.plan.model.effects
-        return next((e for e in effects if e.name == "contact" and e.by_roller), None)
+        contact = self._effect("contact")
+        return contact if contact is not None and contact.by_roller else None
 
     @cached_property
     def gaps(self) -> Array:

@@ -613,36 +613,14 @@ def apart(rollers: Rollers) -> Iterator[Mistake]:
 
 
 RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
-    unique_rollers,
-    unique_stages,
-    known_edges,
-    known_rollers,
-    drives,
-    plates,
-    rollers_of_a_section,
-    directions,
-    tensions_and_moments,
-    held_components,
-    speeds_at_ends,
+    unique_rollers, unique_stages, known_edges, known_rollers, drives, plates,
+    rollers_of_a_section, directions, tensions_and_moments, held_components, speeds_at_ends,
     natural_shapes,
-    ends_of_a_fed_strip,
-    gravity_has_density,
-    friction_has_contact,
-    refined_mesh_is_estimated,
-    rollers_have_friction,
-    stages_have_friction,
-    closed_strip,
-    steady_stages,
-    yielding_strip,
-    threading_partners,
-    one_length,
-    held_entry,
-    own_name,
-    threading_ends,
-    bearable,
-    wrapped_axes,
+    ends_of_a_fed_strip, gravity_has_density, friction_has_contact, refined_mesh_is_estimated,
+    rollers_have_friction, stages_have_friction, closed_strip, steady_stages, yielding_strip,
+    threading_partners, one_length, held_entry, own_name, threading_ends, bearable, wrapped_axes,
     apart,
-)
+)  # fmt: skip
 """Rules between the tables of a scene; their parameters are the names of the tables they need.
 
 Where two find fault with the same key the first one is told, so what a level of kinematics

@@ -99,6 +99,19 @@ def check_refined(value: object) -> float | str:
     raise ValueError
 
 
+def is_file(path: Path) -> bool:
+    """Return whether there is a file, whatever keeps from looking."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name too long, a directory that may not be read
+        return False
+
+
+Refined = Annotated[
+    float | str, PlainValidator(check_refined, json_schema_input_type=Positive | Literal["auto"])
+]
+
+
 class ImperfectionSpec(Table):
     """A shape of the strip, without stress, that is not flat.
 
@@ -211,13 +224,7 @@ class StripSpec(NaturalShape):
     """thickness, a number above 0 (m)"""
     cells: tuple[Count, Count] | None = Field(None, examples=["[16, 2]"])
     """elements along and across, two integers from 1 to 100000; left out: by the rollers (1)"""
-    refined: (
-        Annotated[
-            float | str,
-            PlainValidator(check_refined, json_schema_input_type=Positive | Literal["auto"]),
-        ]
-        | None
-    ) = Field(None, examples=["0.025"])
+    refined: Refined | None = Field(None, examples=["0.025"])
     """element length over the rollers, "auto", to mesh_tolerance, or a number above 0 (m)"""
     finer: Annotated[Number, Field(ge=0.05, le=64.0)] | None = Field(None, examples=["2.0"])
     """all elements so many times shorter, along and across, from 0.05 to 64 (1)"""
@@ -245,11 +252,19 @@ class StripSpec(NaturalShape):
 
     def find_mistakes(self) -> Iterator[Mistake]:
         """Yield neither or both of rectangle and mesh file, and an imperfection that cannot be."""
-        if self.mesh is None:
-            if self.width is None:
-                yield missing(type(self), "width")
-        else:
-            yield from self._mistakes_beside_mesh(self.mesh)
+        if self.mesh is None and self.width is None:
+            yield missing(type(self), "width")
+        if self.mesh is not None and (self.kinematics == "section" or self.feed):
+            key = "feed" if self.feed else "kinematics"
+            expected = "a strip by length, width and cells, not by a mesh file"
+            yield Mistake("", key, getattr(self, key), expected, "cells = [16, 2]")
+        for key in ("length", "width", "cells", "refined", "finer") if self.mesh else ():
+            if (value := getattr(self, key)) is not None:
+                expected = "nothing, since the mesh file says it"
+                yield Mistake("", key, value, expected, f"either {key} or mesh; take one out")
+        if self.mesh is not None and not is_file(self.mesh):
+            hint = "the path of a file, relative to the scene's own file"
+            yield Mistake("", "mesh", str(self.mesh), "a file that exists", hint)
         if self.imperfection is None:
             return
         bent = "with an imperfection"
@@ -262,23 +277,6 @@ class StripSpec(NaturalShape):
         if self.feed:
             expected = f"false {bent}: fresh strip is flat"
             yield Mistake("", "feed", self.feed, expected, "feed = false")
-
-    def _mistakes_beside_mesh(self, mesh: Path) -> Iterator[Mistake]:
-        if self.kinematics == "section" or self.feed:
-            key = "feed" if self.feed else "kinematics"
-            expected = "a strip by length, width and cells, not by a mesh file"
-            yield Mistake("", key, getattr(self, key), expected, "cells = [16, 2]")
-        for key in ("length", "width", "cells", "refined", "finer"):
-            if (value := getattr(self, key)) is not None:
-                expected = "nothing, since the mesh file says it"
-                yield Mistake("", key, value, expected, f"either {key} or mesh; take one out")
-        try:
-            is_file = mesh.is_file()
-        except (OSError, ValueError):  # a name too long, a directory that may not be read
-            is_file = False
-        if not is_file:
-            hint = "the path of a file, relative to the scene's own file"
-            yield Mistake("", "mesh", str(mesh), "a file that exists", hint)
 
 
 class PlasticitySpec(Table):
@@ -402,20 +400,15 @@ class ContactSpec(Table):
                     expected = f"no {key} beside a law of one's own, which has its parameters"
                     yield Mistake("", key, value, expected, "parameters = { … }, or no law")
             return
-        if given:
-            for key, example in penalty.items():
-                if key not in given:
-                    expected = "stiffness, eta and delta together, or none of them"
-                    yield Mistake("", key, None, expected, f"{key} = {example}")
-            for key in ("onset", "pressure"):
-                if (value := getattr(self, key)) is not None:
-                    expected = f"no {key} beside stiffness, eta and delta, which are another law"
-                    yield Mistake("", key, value, expected, f"either {key} or {', '.join(given)}")
-        if self.constants is None:
-            return
-        stiffness, eta, delta = self.constants
-        bound = stiffness * delta
-        if not eta < bound:
+        for key in [key for key in penalty if given and key not in given]:
+            expected = "stiffness, eta and delta together, or none of them"
+            yield Mistake("", key, None, expected, f"{key} = {penalty[key]}")
+        for key in ("onset", "pressure"):
+            if given and (value := getattr(self, key)) is not None:
+                expected = f"no {key} beside stiffness, eta and delta, which are another law"
+                yield Mistake("", key, value, expected, f"either {key} or {', '.join(given)}")
+        stiffness, eta, delta = self.constants or (np.inf, 0.0, np.inf)
+        if not eta < (bound := stiffness * delta):
             expected = f"eta below stiffness × delta = {bound:g} (Pa)"
             yield Mistake("", "eta", eta, expected, f"eta = {bound / 1e6:g}")
 

@@ -34,45 +34,38 @@ MOST = 100_000
 RANGE = re.compile(r"([^:\[\]\"',]+):([^:]+):([^:]+)")
 
 
-@dataclass(frozen=True)
-class Variation:
-    """A dotted key and the values that it takes: numbers, text, or lists of them.
+def parse_variation(text: str) -> tuple[str, tuple[Any, ...]]:
+    """Return the dotted key of ``KEY=a:b:n`` or ``KEY=v1,v2,v3`` and the values that it takes.
+
+    These are n values evenly spaced, or numbers, texts and lists in TOML syntax.
+
+    Raises
+    ------
+    InputError
+        It is not of this form, or a value comes twice.
 
     Examples
     --------
-    >>> Variation.parse("friction.coefficient=0.1:0.3:3").values
-    (0.1, 0.2, 0.3)
-    >>> Variation.parse("strip.cells=[16, 2],[32, 2]").values
-    ([16, 2], [32, 2])
+    >>> parse_variation("friction.coefficient=0.1:0.3:3")
+    ('friction.coefficient', (0.1, 0.2, 0.3))
+    >>> parse_variation("strip.cells=[16, 2],[32, 2]")
+    ('strip.cells', ([16, 2], [32, 2]))
     """
-
-    key: str
-    values: tuple[Any, ...]
-
-    @classmethod
-    def parse(cls, text: str) -> Variation:
-        """Read ``KEY=a:b:n``, n values evenly spaced, or ``KEY=v1,v2,v3`` in TOML syntax.
-
-        Raises
-        ------
-        InputError
-            If it is not of this form, or a value comes twice.
-        """
-        key, _, given = (part.strip() for part in text.partition("="))
-        values: Any = ()
-        try:
-            if spaced := RANGE.fullmatch(given):
-                values = spaced_values(*spaced.groups())
-            elif "\n" not in given:
-                (values,) = tomllib.loads(f"values = [{given}]").values()
-            texts = {json.dumps(value) for value in values}
-        except (ValueError, TypeError, RecursionError):
-            values = ()
-        if not key or not values or not isinstance(values, list):
-            raise variation_error(text, given or None, "KEY=first:last:number, or KEY=value,value")
-        if len(texts) < len(values):
-            raise variation_error(text, given, "every value once")
-        return cls(key, tuple(values))
+    key, _, given = (part.strip() for part in text.partition("="))
+    values: Any = ()
+    try:
+        if spaced := RANGE.fullmatch(given):
+            values = spaced_values(*spaced.groups())
+        elif "\n" not in given:
+            (values,) = tomllib.loads(f"values = [{given}]").values()
+        texts = {json.dumps(value) for value in values}
+    except (ValueError, TypeError, RecursionError):
+        values = ()
+    if not key or not values or not isinstance(values, list):
+        raise variation_error(text, given or None, "KEY=first:last:number, or KEY=value,value")
+    if len(texts) < len(values):
+        raise variation_error(text, given, "every value once")
+    return key, tuple(values)
 
 
 def spaced_values(first: str, last: str, number: str) -> list[float]:
@@ -116,7 +109,7 @@ def variants(
     path : Path
         The scene's file.
     variations : iterable of str
-        See :meth:`Variation.parse`; the last varies fastest.
+        See :func:`parse_variation`; the last varies fastest.
     settings : iterable of str
         ``KEY=VALUE`` for all scenes.
     directory : Path
@@ -156,11 +149,11 @@ def parse_variations(texts: Iterable[str]) -> dict[str, tuple[Any, ...]]:
     mistakes: list[Mistake] = []
     for text in texts:
         try:
-            variation = Variation.parse(text)
-            Override.parse(f"{variation.key}=0")
-            if variation.key in varied:
-                raise variation_error(text, variation.key, "every key once, with all its values")
-            varied[variation.key] = variation.values
+            key, values = parse_variation(text)
+            Override.parse(f"{key}=0")
+            if key in varied:
+                raise variation_error(text, key, "every key once, with all its values")
+            varied[key] = values
         except InputError as error:
             mistakes += [replace(mistake, file=f"--vary {text}") for mistake in error.mistakes]
     if not texts:
@@ -186,9 +179,8 @@ def refuse_both(varied: Mapping[str, tuple[Any, ...]], settings: Iterable[str]) 
             override = Override.parse(text)
             for key in filter(override.covers, varied):
                 expected = f"nothing, since {key} varies"
-                mistakes.append(
-                    Mistake(f"--set {text}", "", override.value, expected, "--vary alone")
-                )
+                place, given = f"--set {text}", override.value
+                mistakes.append(Mistake(place, "", given, expected, "--vary alone"))
     if mistakes:
         raise InputError(mistakes)
 
@@ -224,19 +216,16 @@ def local_workers(workers: int) -> Iterator[Client]:
     """Yield a client of so many processes of one thread each; dask replaces those that die."""
     from distributed import Client, LocalCluster
 
-    with (
-        LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            memory_limit=0,
-            silence_logs=logging.ERROR,
-            preload=IGNORE_INTERRUPT,
-            dashboard_address=":0",  # a free port: 8787 may be another cluster's
-            worker_dashboard_address=None,
-        ) as cluster,
-        Client(cluster) as client,
-    ):
+    cluster = LocalCluster(
+        n_workers=workers,
+        threads_per_worker=1,
+        memory_limit=0,
+        silence_logs=logging.ERROR,
+        preload=IGNORE_INTERRUPT,
+        dashboard_address=":0",  # a free port: 8787 may be another cluster's
+        worker_dashboard_address=None,
+    )
+    with cluster, Client(cluster) as client:
         yield client
 
 
@@ -398,11 +387,9 @@ class Sweep:
         self.waiting: list[int] = []
         for number, variant in enumerate(self.variants):
             row = {**variant.values, "status": "waiting", "directory": variant.directory.name}
-            self.rows.append(row)
             if (summary := ended_summary(variant.scene, variant.directory)) is None:
                 self.waiting.append(number)
-            else:
-                row.update(row_of(summary))
+            self.rows.append(row | ({} if summary is None else row_of(summary)))
 
     @property
     def stopped(self) -> list[dict[str, Any]]:
@@ -423,7 +410,7 @@ class Sweep:
         self.directory.mkdir(parents=True, exist_ok=True)
         self.write_table()
         total = len(self.variants)
-        for number, found in self._here() if client is None else self._shared(client):
+        for number, found in self.run_here() if client is None else self.run_on(client):
             row = self.rows[number]
             if isinstance(found, dict):
                 row.update(row_of(found))
@@ -434,7 +421,7 @@ class Sweep:
             self.write_table()
             yield Ended(row, total - len(self.waiting), total)
 
-    def _here(self) -> Iterator[tuple[int, dict[str, Any] | BaseException]]:
+    def run_here(self) -> Iterator[tuple[int, dict[str, Any] | BaseException]]:
         """Yield summaries of scenes, or why there is none, run by this process."""
         for number in tuple(self.waiting):
             variant = self.variants[number]
@@ -443,15 +430,15 @@ class Sweep:
             except (ArithmeticError, ValueError, RuntimeError) as error:
                 yield number, error
 
-    def _shared(self, client: Client) -> Iterator[tuple[int, dict[str, Any] | BaseException]]:
+    def run_on(self, client: Client) -> Iterator[tuple[int, dict[str, Any] | BaseException]]:
         """Yield the same from the workers of a cluster, as they end."""
         from distributed import as_completed
 
-        jobs = {}
-        for number in self.waiting:
-            variant = self.variants[number]
-            job = client.submit(self.job, variant.scene, variant.directory, pure=False)
-            jobs[job] = number
+        each = {number: self.variants[number] for number in self.waiting}
+        jobs = {
+            client.submit(self.job, variant.scene, variant.directory, pure=False): number
+            for number, variant in each.items()
+        }
         try:
             for job in as_completed(list(jobs)):
                 if job.cancelled():
