@@ -6,11 +6,19 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, Self, cast, get_args, get_origin
+from typing import Annotated, Any, NamedTuple, Self, get_args, get_origin
 
-from pydantic import BaseModel, Field, PrivateAttr, TypeAdapter, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    Field,
+    PrivateAttr,
+    ValidationError,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    field_validator,
+    model_validator,
+)
 from pydantic.fields import FieldInfo
 
 from anmstrip.errors import InputError, Mistake, nearest
@@ -87,10 +95,18 @@ class SceneSpec(Table):
     _source: Path | None = PrivateAttr(None)
 
     def __init__(self, /, **tables: Any) -> None:
+        right: dict[str, Any] = {}  # tables without mistakes of their own
+        found: list[Mistake] = []
         try:
-            super().__init__(**tables)
+            self.__pydantic_validator__.validate_python(tables, self_instance=self, context=right)
         except ValidationError as error:
-            raise all_mistakes(error, type(self), tables) from None
+            found += mistakes_of(error, type(self), with_default_names(tables))
+        for name, field in type(self).model_fields.items():
+            if name not in tables and not field.is_required():
+                right[name] = field.get_default()
+        found += check_scene(right)
+        if found:
+            raise InputError(replace(mistake, file=mistake.file or "Scene") for mistake in found)
 
     def __repr__(self) -> str:
         kind = f"{type(self).__name__} {self.title or self.name!r}"
@@ -101,16 +117,22 @@ class SceneSpec(Table):
     def _name_rollers_and_stages(cls, given: Any) -> Any:
         return with_default_names(given) if isinstance(given, Mapping) else given
 
+    @field_validator("*", mode="wrap")
+    @classmethod
+    def _keep_what_is_right(
+        cls, given: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo
+    ) -> Any:
+        """Keep tables that are right for the checks between them, whatever the others are like."""
+        right: Any = info.context
+        right[info.field_name] = handler(given)
+        return right[info.field_name]
+
     @model_validator(mode="after")
     def _strict_for_small_shapes(self) -> Self:
         """Ask for more of a strip that is bent a little, unless its tolerance was typed."""
         if self.strip.imperfection is not None and "tolerance" not in self.solver.model_fields_set:
             self.__dict__["solver"] = self.solver.model_copy(update={"tolerance": 1e-6})
         return self
-
-    def find_mistakes(self) -> Iterator[Mistake]:
-        """Yield what is wrong between the tables."""
-        return check_scene({name: getattr(self, name) for name in type(self).model_fields})
 
     @classmethod
     def load(cls, path: str | Path, overrides: Iterable[str] = ()) -> Self:
@@ -373,42 +395,6 @@ def parse_scene(text: str, source: str) -> dict[str, Any]:
             value = lines[int(number) - 1] if int(number) <= len(lines) else None
             hint = "valid TOML: key = value, text in quotes, each key once"
     raise InputError([Mistake(source, key, value, expected, hint)])
-
-
-def all_mistakes(
-    error: ValidationError, model: type[BaseModel], tables: Mapping[str, Any]
-) -> InputError:
-    """Return as one error what pydantic found in the tables of a scene, and what it hid."""
-    data = with_default_names(tables)
-    found = (*mistakes_of(error, model, data), *hidden_mistakes(error, model, data))
-    return InputError(replace(mistake, file=mistake.file or "Scene") for mistake in found)
-
-
-def hidden_mistakes(
-    error: ValidationError, model: type[BaseModel], data: Mapping[str, Any]
-) -> Iterable[Mistake]:
-    """Return what is wrong between those tables that are right in themselves.
-
-    Pydantic checks the whole once every table is right; the user wants to hear of all at once.
-    """
-    broken = {found["loc"][0] for found in error.errors() if found["loc"]}
-    if not broken:  # the whole has been checked
-        return ()
-    right = {name: field for name, field in model.model_fields.items() if name not in broken}
-    return check_scene(
-        {
-            name: table_adapter(cast("Any", field.annotation)).validate_python(data[name])
-            if name in data
-            else field.get_default()
-            for name, field in right.items()
-        }
-    )
-
-
-@cache
-def table_adapter(annotation: Any) -> TypeAdapter[Any]:
-    """Return what validates one table of a scene; to make it takes longer than to use it."""
-    return TypeAdapter(annotation)
 
 
 def mistakes_of(
