@@ -51,14 +51,14 @@ def test_times_are_kept_to_the_last_bit(tmp_path):
 
 
 def test_a_resumed_run_forgets_what_came_after_its_checkpoint(run):
-    contents = Collection.reopen(run / "strip.pvd", until_time=0.5)
+    contents = Collection(run / "strip.pvd", until_time=0.5)
     assert [entry.time for entry in read_collection(run / "strip.pvd")] == [0.0, 0.5]
     contents.add(0.75, "strip_9.vtu")
     assert [entry.time for entry in read_collection(run / "strip.pvd")] == [0.0, 0.5, 0.75]
 
 
 def test_a_run_killed_before_its_first_state_can_be_resumed(tmp_path):
-    contents = Collection.reopen(tmp_path / "strip.pvd", until_time=0.5)
+    contents = Collection(tmp_path / "strip.pvd", until_time=0.5)
     assert (contents.count, contents.last) == (0, None)
     assert read_collection(tmp_path / "strip.pvd") == ()
 
@@ -67,7 +67,7 @@ def test_a_run_killed_before_its_first_state_can_be_resumed(tmp_path):
 def test_a_damaged_list_is_an_input_error(tmp_path, content):
     (tmp_path / "strip.pvd").write_text(content)
     with pytest.raises(InputError, match="without --resume"):
-        Collection.reopen(tmp_path / "strip.pvd", until_time=1.0)
+        Collection(tmp_path / "strip.pvd", until_time=1.0)
 
 
 def test_a_list_is_extended_by_its_line_alone(tmp_path, monkeypatch):

@@ -87,14 +87,12 @@ class Recorder:
         names = [f"{r.name}_{column}" for r in assembly.rollers for column in STEP_READINGS]
         feed = FEED_COLUMNS if assembly.conveyed else ()
         columns = (*STEP_COLUMNS, "entry_tension", "exit_tension", *feed, *names)
-        contents = directory / "strip.pvd", directory / "rollers.pvd"
         kept: Mapping[str, Any] = resumed or {"rows": {}, "time": -1.0, "turned": {}}
         if resumed is None:
             for stale in (*directory.glob("*.pvd"), *map(directory.joinpath, STALE)):
                 stale.unlink(missing_ok=True)
-            self.strip, self.rollers = map(Collection, contents)
-        else:
-            self.strip, self.rollers = (Collection.reopen(c, kept["time"]) for c in contents)
+        until, contents = None if resumed is None else kept["time"], ("strip.pvd", "rollers.pvd")
+        self.strip, self.rollers = (Collection(directory / name, until) for name in contents)
         tables = {"history.csv": columns, "profile.csv": PROFILE_COLUMNS}
         if assembly.flow is not None:
             from anmstrip.results import plastic

@@ -19,6 +19,9 @@ from anmstrip.arrays import Array
 from anmstrip.pictures.render import GREYS, OUTLINE, STEEL
 from anmstrip.results.files import atomic_write
 
+Rows = Sequence[Mapping[str, Any]]
+"""Rows of a table, by columns."""
+
 PANELS = {
     "tension_out": ("tension behind the roller [kN/m]", 1e-3),
     "torque": ("torque on the strip [N m]", 1.0),
@@ -43,12 +46,7 @@ def paneled_figure(
     return figure, panels
 
 
-def map_figure(
-    rows: Sequence[Mapping[str, Any]],
-    keys: Sequence[str],
-    rollers: Sequence[str],
-    events: Sequence[Mapping[str, Any]],
-) -> Figure:
+def map_figure(rows: Rows, keys: Sequence[str], rollers: Sequence[str], events: Rows) -> Figure:
     """Draw what every roller does over the first control.
 
     Parameters
@@ -108,7 +106,7 @@ def response_figure(omega: Array, gain: Array, phase: Array, title: str) -> Figu
     return figure
 
 
-def accuracy_figure(rows: Sequence[Mapping[str, Any]], tension: float) -> Figure:
+def accuracy_figure(rows: Rows, tension: float) -> Figure:
     """Draw true errors of tensions against seconds and tangents, and the estimates as crosses.
 
     Parameters
@@ -152,7 +150,7 @@ CURVES = 7
 """Most values of a second key that are drawn as curves; more of them make a map."""
 
 
-def sweep_figure(rows: Sequence[Mapping[str, Any]], varied: Sequence[str]) -> Figure:
+def sweep_figure(rows: Rows, varied: Sequence[str]) -> Figure:
     """Draw a panel for every roller: tension ratio against the first key.
 
     A second key makes curves, or a map if it has many values; further keys more curves.
@@ -172,9 +170,7 @@ def sweep_figure(rows: Sequence[Mapping[str, Any]], varied: Sequence[str]) -> Fi
     return figure
 
 
-def draw_curves(
-    axes: Axes, rows: Sequence[Mapping[str, Any]], varied: Sequence[str], values: Array
-) -> None:
+def draw_curves(axes: Axes, rows: Rows, varied: Sequence[str], values: Array) -> None:
     """Draw values against the first key, a curve for each choice of the others."""
     first, *others = varied
     curves: dict[str, list[tuple[float, float]]] = {}
@@ -187,9 +183,7 @@ def draw_curves(
         axes.legend(frameon=False, fontsize=7)
 
 
-def draw_map(
-    axes: Axes, rows: Sequence[Mapping[str, Any]], varied: Sequence[str], values: Array
-) -> None:
+def draw_map(axes: Axes, rows: Rows, varied: Sequence[str], values: Array) -> None:
     """Draw values by colour over two keys."""
     x, i = np.unique(axis_places(axes.xaxis, rows, varied[0]), return_inverse=True)
     y, j = np.unique(axis_places(axes.yaxis, rows, varied[1]), return_inverse=True)
@@ -200,7 +194,7 @@ def draw_map(
     axes.get_figure(root=True).colorbar(mesh, ax=axes)  # type: ignore[union-attr]
 
 
-def axis_places(axis: Axis, rows: Sequence[Mapping[str, Any]], key: str) -> list[float]:
+def axis_places(axis: Axis, rows: Rows, key: str) -> list[float]:
     """Prepare an axis for a key and return the place of every row on it.
 
     Values that are no numbers stand side by side; decades get a logarithmic axis.

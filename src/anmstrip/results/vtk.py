@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from html import escape
 from pathlib import Path
-from typing import Self
 from xml.etree import ElementTree
 
 import numpy as np
@@ -410,9 +409,10 @@ class Collection:
     Parameters
     ----------
     path : path
-        The `.pvd`.  Nothing is written until the first addition, which replaces what was there.
-    entries : sequence of Entry
-        What it lists from the beginning.
+        The `.pvd`.  Without a time nothing is written until the first addition, which replaces
+        what was there.
+    until_time : float, optional
+        Go on with an existing file from this time on; what came later is dropped from it.
 
     Attributes
     ----------
@@ -420,26 +420,20 @@ class Collection:
         How many it lists.
     last : float or None
         Time of the last one.
+
+    Raises
+    ------
+    InputError
+        The file is there but damaged.
     """
 
-    def __init__(self, path: AnyPath, entries: Sequence[Entry] = ()) -> None:
-        self.path, self.count = Path(path), len(entries)
-        self.last = entries[-1].time if entries else None
+    def __init__(self, path: AnyPath, until_time: float | None = None) -> None:
+        self.path, kept = Path(path), list[Entry]()
         self._end: int | None = None
-
-    @classmethod
-    def reopen(cls, path: AnyPath, until_time: float) -> Self:
-        """Go on with an existing file from a time on; what came later is dropped from it.
-
-        Raises
-        ------
-        InputError
-            The file is there but damaged.
-        """
-        kept = [entry for entry in read_collection(path) if entry.time <= until_time]
-        collection = cls(path, kept)
-        collection._write(kept)
-        return collection
+        if until_time is not None:
+            kept = [entry for entry in read_collection(path) if entry.time <= until_time]
+            self._write(kept)
+        self.count, self.last = len(kept), kept[-1].time if kept else None
 
     def add(self, time: float, file: AnyPath) -> None:
         """Add a state, not before the last one, that is on disk in the directory of the `.pvd`."""

@@ -33,6 +33,10 @@ from anmstrip.scene.tables import (
 
 Rollers = tuple[RollerSpec, ...]
 Stages = tuple[StageSpec, ...]
+Edges = Mapping[str, EdgeSpec]
+Friction = FrictionSpec | None
+Contact = ContactSpec | None
+Threading = ThreadingSpec | None
 
 SEEN = {"shell": "xyz", "section": "xz", "plate": "z"}
 """Displacements that a level has; holding another one is harmless, moving or loading it is not."""
@@ -86,9 +90,7 @@ def duplicates(key: str, names: list[str]) -> Iterator[Mistake]:
             yield Mistake("", f"{key}.{name}.name", name, expected, f'name = "{free}"')
 
 
-def known_edges(
-    strip: StripSpec, edges: Mapping[str, EdgeSpec], stages: Stages
-) -> Iterator[Mistake]:
+def known_edges(strip: StripSpec, edges: Edges, stages: Stages) -> Iterator[Mistake]:
     """Yield names of edges that a strip without mesh file does not have."""
     if strip.mesh is not None:  # its own names; checked when it is read
         return
@@ -116,7 +118,7 @@ def known_rollers(rollers: Rollers, stages: Stages) -> Iterator[Mistake]:
                 yield Mistake("", key, name, "the name of a roller", nearest(name, known))
 
 
-def drives(rollers: Rollers, stages: Stages, friction: FrictionSpec | None) -> Iterator[Mistake]:
+def drives(rollers: Rollers, stages: Stages, friction: Friction) -> Iterator[Mistake]:
     """Yield controls that a roller's drive does not have, and rollers that nothing turns."""
     drive = {roller.name: roller.drive for roller in rollers}
     for name, kind in drive.items():
@@ -135,9 +137,7 @@ def drives(rollers: Rollers, stages: Stages, friction: FrictionSpec | None) -> I
                     yield Mistake("", place, value, expected, f'drive = "{needed}"')
 
 
-def plates(
-    strip: StripSpec, friction: FrictionSpec | None, threading: ThreadingSpec | None
-) -> Iterator[Mistake]:
+def plates(strip: StripSpec, friction: Friction, threading: Threading) -> Iterator[Mistake]:
     """Yield what needs a strip that moves along, or is bent far."""
     if strip.kinematics != "plate":
         return
@@ -207,7 +207,7 @@ def tensions_and_moments(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
             yield Mistake("", f"{key}.moment", control.moment, expected, hint)
 
 
-def held_components(edges: Mapping[str, EdgeSpec], stages: Stages) -> Iterator[Mistake]:
+def held_components(edges: Edges, stages: Stages) -> Iterator[Mistake]:
     """Yield motion of free components and force on held ones; a release frees them all."""
     released: set[str] = set()
     conveyed = {f"stages.{stage.name}.entry" for stage in stages if stage.steady}
@@ -232,9 +232,7 @@ def held_components(edges: Mapping[str, EdgeSpec], stages: Stages) -> Iterator[M
             yield Mistake("", f"{place}.tension", control.tension, expected, release)
 
 
-def speeds_at_ends(
-    strip: StripSpec, edges: Mapping[str, EdgeSpec], stages: Stages
-) -> Iterator[Mistake]:
+def speeds_at_ends(strip: StripSpec, edges: Edges, stages: Stages) -> Iterator[Mistake]:
     """Yield speeds of what is no held end of the strip, and of a plate, which stays in place."""
     released: set[str] = set()
     for key, name, control in edge_controls(stages):
@@ -312,7 +310,7 @@ def moderate_strain(
 
 
 def moved_ends(
-    edges: Mapping[str, EdgeSpec], stages: Stages
+    edges: Edges, stages: Stages
 ) -> Iterator[tuple[str, float | tuple[float, ...]]]:
     """Yield motions, key and value, by which the strip between its ends moves or stretches.
 
@@ -331,9 +329,7 @@ def moved_ends(
                     yield f"stages.{stage.name}.{name}.{key}", value
 
 
-def ends_of_a_fed_strip(
-    strip: StripSpec, edges: Mapping[str, EdgeSpec], stages: Stages
-) -> Iterator[Mistake]:
+def ends_of_a_fed_strip(strip: StripSpec, edges: Edges, stages: Stages) -> Iterator[Mistake]:
     """Yield motions of ends of a fed strip that material cannot pass."""
     for key, value in moved_ends(edges, stages) if strip.feed else ():
         expected = "nothing beside strip.feed: a fed strip passes ends that stay, one of them free"
@@ -350,9 +346,7 @@ def gravity_has_density(material: MaterialSpec, stages: Stages) -> Iterator[Mist
         yield replace(mistake, key="material.density", expected=expected)
 
 
-def friction_has_contact(
-    friction: FrictionSpec | None, contact: ContactSpec | None
-) -> Iterator[Mistake]:
+def friction_has_contact(friction: Friction, contact: Contact) -> Iterator[Mistake]:
     """Yield the contact that friction lacks, and laws of one's own that "auto" cannot sharpen."""
     if friction is not None and contact is None:
         yield Mistake("", "contact", None, "a table, since there is [friction]", CONTACT)
@@ -363,7 +357,7 @@ def friction_has_contact(
 
 
 def refined_mesh_is_estimated(
-    strip: StripSpec, material: MaterialSpec, friction: FrictionSpec | None
+    strip: StripSpec, material: MaterialSpec, friction: Friction
 ) -> Iterator[Mistake]:
     """Yield what keeps ``refined = "auto"`` from its goal."""
     if strip.refined != "auto":
@@ -377,7 +371,7 @@ def refined_mesh_is_estimated(
         yield Mistake("", "strip.refined", "auto", f"a length{reason}", "refined = 0.025")
 
 
-def rollers_have_friction(friction: FrictionSpec | None, rollers: Rollers) -> Iterator[Mistake]:
+def rollers_have_friction(friction: Friction, rollers: Rollers) -> Iterator[Mistake]:
     """Yield rollers with a coefficient of their own in a scene without friction."""
     for roller in rollers:
         if friction is None and roller.friction is not None:
@@ -386,7 +380,7 @@ def rollers_have_friction(friction: FrictionSpec | None, rollers: Rollers) -> It
             yield Mistake("", f"rollers.{roller.name}.friction", roller.friction, expected, hint)
 
 
-def stages_have_friction(friction: FrictionSpec | None, stages: Stages) -> Iterator[Mistake]:
+def stages_have_friction(friction: Friction, stages: Stages) -> Iterator[Mistake]:
     """Yield stages that ask for friction in a scene without."""
     for stage in stages:
         if friction is None and stage.friction and "friction" in stage.model_fields_set:
@@ -396,11 +390,7 @@ def stages_have_friction(friction: FrictionSpec | None, stages: Stages) -> Itera
 
 
 def steady_stages(
-    friction: FrictionSpec | None,
-    rollers: Rollers,
-    edges: Mapping[str, EdgeSpec],
-    stages: Stages,
-    threading: ThreadingSpec | None,
+    friction: Friction, rollers: Rollers, edges: Edges, stages: Stages, threading: Threading
 ) -> Iterator[Mistake]:
     """Yield what a stationary state cannot be without, and what cannot be in it."""
     speed, held = None, edges["entry"].fixed if "entry" in edges else ()
@@ -420,9 +410,8 @@ def steady_stages(
             yield Mistake("", f"{key}.steady", True, expected, hint)
         if not closed and not {"x", "z"} <= set(held):
             expected = "x and z held: a stationary state counts its labels from the entry"
-            yield Mistake(
-                "", "edges.entry.fixed", list(held) or None, expected, 'fixed = ["x", "z"]'
-            )
+            hint = 'fixed = ["x", "z"]'
+            yield Mistake("", "edges.entry.fixed", list(held) or None, expected, hint)
         if given is not None and tension is not None:
             expected = "either the strip's speed or the tension at the entry: the other follows"
             yield Mistake("", f"{key}.entry.tension", tension, expected, "one; take the other out")
@@ -441,7 +430,7 @@ def steady_stages(
                     yield Mistake("", f"{key}.{name}.{word}", value, expected, "take it out")
 
 
-def yielding_strip(material: MaterialSpec, strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
+def yielding_strip(material: MaterialSpec, strip: StripSpec) -> Iterator[Mistake]:
     """Yield plastic flow of what has no layers, or whose layers could not be followed."""
     if material.plasticity is None:
         return
@@ -460,7 +449,7 @@ def yielding_strip(material: MaterialSpec, strip: StripSpec, stages: Stages) -> 
 
 
 def threading_partners(
-    threading: ThreadingSpec | None, contact: ContactSpec | None, rollers: Rollers
+    threading: Threading, contact: Contact, rollers: Rollers
 ) -> Iterator[Mistake]:
     """Yield what is missing: the table, a side for some roller, or contact."""
     wrapped = [roller for roller in rollers if roller.wrap is not None]
@@ -480,7 +469,7 @@ def threading_partners(
         yield Mistake("", "contact", None, "a table, since there is [threading]", CONTACT)
 
 
-def one_length(threading: ThreadingSpec | None, strip: StripSpec) -> Iterator[Mistake]:
+def one_length(threading: Threading, strip: StripSpec) -> Iterator[Mistake]:
     """Yield a length that is missing, or given besides both ends from which it follows."""
     both = threading is not None and None not in (threading.entry, threading.exit)
     both |= threading is not None and threading.closed
@@ -493,7 +482,7 @@ def one_length(threading: ThreadingSpec | None, strip: StripSpec) -> Iterator[Mi
         yield replace(missing(StripSpec, "length"), key="strip.length")
 
 
-def held_entry(threading: ThreadingSpec | None, edges: Mapping[str, EdgeSpec]) -> Iterator[Mistake]:
+def held_entry(threading: Threading, edges: Edges) -> Iterator[Mistake]:
     """Yield an entry that gives way when the exit is pulled."""
     fixed = edges["entry"].fixed if "entry" in edges else ()
     if threading is not None and not threading.closed and not {"x", "z"} <= set(fixed):
@@ -503,11 +492,11 @@ def held_entry(threading: ThreadingSpec | None, edges: Mapping[str, EdgeSpec]) -
 
 
 def closed_strip(
-    threading: ThreadingSpec | None,
+    threading: Threading,
     strip: StripSpec,
     material: MaterialSpec,
     rollers: Rollers,
-    edges: Mapping[str, EdgeSpec],
+    edges: Edges,
     stages: Stages,
 ) -> Iterator[Mistake]:
     """Yield what an endless strip cannot have: ends, a width that bends, stages in time."""
@@ -545,14 +534,14 @@ def closed_strip(
             yield Mistake("", f"{key}.rollers", None, expected, 'drive = "speed"')
 
 
-def own_name(threading: ThreadingSpec | None, stages: Stages) -> Iterator[Mistake]:
+def own_name(threading: Threading, stages: Stages) -> Iterator[Mistake]:
     """Yield a stage that has the name of the threading."""
     if threading is not None and any(stage.name == THREADING for stage in stages):
         key = f"stages.{THREADING}.name"
         yield Mistake("", key, THREADING, "another name: [threading] has this one", 'name = "run"')
 
 
-def threading_ends(threading: ThreadingSpec | None) -> Iterator[Mistake]:
+def threading_ends(threading: Threading) -> Iterator[Mistake]:
     """Yield ends to one side: the way lies in the plane y = 0."""
     ends = (threading.entry, threading.exit) if threading else ()
     for name, place in zip(ENDS, ends, strict=False):
@@ -562,9 +551,7 @@ def threading_ends(threading: ThreadingSpec | None) -> Iterator[Mistake]:
             yield Mistake("", f"threading.{name}", place, expected, hint)
 
 
-def bearable(
-    threading: ThreadingSpec | None, strip: StripSpec, material: MaterialSpec
-) -> Iterator[Mistake]:
+def bearable(threading: Threading, strip: StripSpec, material: MaterialSpec) -> Iterator[Mistake]:
     """Yield a tension that no metal strip bears, most often in another unit."""
     stiffness = material.young * strip.thickness
     if threading is None or threading.closed:  # belts of rubber are stretched more
