@@ -441,7 +441,19 @@ class Collection:
         if self._end is None:
             self._write([entry])
         else:
-            self._append(entry)
+            line = _line(entry)
+            with named_errors(self.path), self.path.open("rb+", buffering=0) as stream:
+                stream.seek(self._end)
+                try:
+                    if stream.write(line + TAIL) < len(line + TAIL):
+                        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+                    os.fsync(stream.fileno())
+                except OSError:  # a full disk leaves the list as it was
+                    stream.seek(self._end)
+                    stream.write(TAIL)
+                    stream.truncate()
+                    raise
+            self._end += len(line)
         self.count, self.last = self.count + 1, entry.time
 
     def _write(self, entries: Iterable[Entry]) -> None:
@@ -450,23 +462,6 @@ class Collection:
         with atomic_write(self.path) as temporary:
             temporary.write_bytes(content + TAIL)
         self._end = len(content)
-
-    def _append(self, entry: Entry) -> None:
-        """Write a line over the end of the list; a full disk leaves it as it was."""
-        assert self._end is not None
-        line = _line(entry)
-        with named_errors(self.path), self.path.open("rb+", buffering=0) as file:
-            file.seek(self._end)
-            try:
-                if file.write(line + TAIL) < len(line + TAIL):
-                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-                os.fsync(file.fileno())
-            except OSError:
-                file.seek(self._end)
-                file.write(TAIL)
-                file.truncate()
-                raise
-        self._end += len(line)
 
 
 HEAD = b"""<?xml version='1.0' encoding='utf-8'?>
