@@ -120,29 +120,18 @@ class DirectoryLock:
         with named_errors(self.path):
             while True:
                 self.file = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666)
-                self.release = weakref.finalize(self, _unlock, self.path, self.file)
-                self._lock()
+                if not take_lock(self.file):
+                    given = os.read(self.file, 200).decode(errors="replace")
+                    os.close(self.file)
+                    expected = "a directory to which no other run writes"
+                    hint = "-o with another directory, or the same command when that run has ended"
+                    raise InputError([Mistake(str(self.path.parent), "", given, expected, hint)])
                 if _is_file(self.path, self.file):  # no other run has ended just now
                     break
-                self.release()
+                os.close(self.file)
+            self.release = weakref.finalize(self, _unlock, self.path, self.file)
             os.truncate(self.file, 0)
             os.write(self.file, f"in use by process {os.getpid()} on {platform.node()}".encode())
-
-    def _lock(self) -> None:
-        """Take the lock; file systems without locks, and Windows, let everybody in."""
-        try:
-            import fcntl
-
-            fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            given = os.read(self.file, 200).decode(errors="replace")
-            self.release.detach()
-            os.close(self.file)
-            expected = "a directory to which no other run writes"
-            hint = "-o with another directory, or the same command when that run has ended"
-            raise InputError([Mistake(str(self.path.parent), "", given, expected, hint)]) from error
-        except (ImportError, OSError):
-            return
 
     def check(self) -> None:
         """Refuse to go on writing to a directory that was emptied or replaced.
@@ -155,6 +144,20 @@ class DirectoryLock:
         if self.release.alive and not _is_file(self.path, self.file):
             words = "the files of this run were taken away"
             raise FileNotFoundError(errno.ENOENT, words, str(self.path.parent))
+
+
+def take_lock(file: int) -> bool:
+    """Return whether an open file could be locked, or cannot be where there are no locks.
+
+    Some file systems have none, nor has Windows.
+    """
+    try:
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except (ImportError, OSError) as error:
+        return not isinstance(error, BlockingIOError)
+    return True
 
 
 def _is_file(path: Path, file: int) -> bool:

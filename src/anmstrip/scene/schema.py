@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -14,8 +14,6 @@ from pydantic import (
     Field,
     PrivateAttr,
     ValidationError,
-    ValidationInfo,
-    ValidatorFunctionWrapHandler,
     field_validator,
     model_validator,
 )
@@ -119,13 +117,10 @@ class SceneSpec(Table):
 
     @field_validator("*", mode="wrap")
     @classmethod
-    def _keep_what_is_right(
-        cls, given: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo
-    ) -> Any:
+    def _keep_what_is_right(cls, given: Any, validate: Callable[[Any], Any], info: Any) -> Any:
         """Keep tables that are right for the checks between them, whatever the others are like."""
-        right: Any = info.context
-        right[info.field_name] = handler(given)
-        return right[info.field_name]
+        info.context[info.field_name] = right = validate(given)
+        return right
 
     @model_validator(mode="after")
     def _strict_for_small_shapes(self) -> Self:
