@@ -68,7 +68,7 @@ def load_steps(equations: Equilibrium, u: np.ndarray, cost: Cost) -> np.ndarray:
 
     They grow and shrink with the iterations that they take; one that fails is halved.
     """
-    newton = Newton(equations, SparseSolver(), Corrections(), cost)
+    newton = Newton(equations, SparseSolver(), Corrections(halvings=0), cost)
     load, size = 0.0, 0.1
     while load < 1.0:
         aim = min(1.0, load + size)

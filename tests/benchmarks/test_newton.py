@@ -85,6 +85,6 @@ def test_the_study(tmp_path: Path) -> None:
 
 def test_a_spent_allowance_of_tangents_ends_the_iteration():
     equations, cost = FunctionEquations(cubic), Cost(most=2)
-    newton = Newton(equations, DenseSolver(), Corrections(tolerance=1e-12), cost)
+    newton = Newton(equations, DenseSolver(), Corrections(tolerance=1e-12, halvings=0), cost)
     assert newton.corrected(np.zeros(1), 2.0) is None
     assert cost.factorisations == 2

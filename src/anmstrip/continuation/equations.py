@@ -132,9 +132,10 @@ class Cost:
 LOOSEST_BALANCE = 1e-2
 """Largest imbalance on a rate-free path; at 0.1 some paths stall."""
 
-RESIDUAL_SHARE = 0.01
-"""Residual of a branch in time over the error in time, in which it must not be seen.  With 0.1
-levelling takes 46 tangents instead of 50, and its residual a tenth of the error."""
+NEGLIGIBLE = 0.01
+"""Share of a quantity that is not seen in it: a residual in an error in time, an order of a series
+in a residual, the instant in which a start settles in the first step, and the last digit of the
+time in the shortest one."""
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,7 @@ class Tolerances:
     @property
     def time_residual(self) -> float:
         """Largest imbalance at the end of a branch within a time step."""
-        return RESIDUAL_SHARE * self.tolerance
+        return NEGLIGIBLE * self.tolerance
 
     @property
     def correction(self) -> float:

@@ -19,9 +19,6 @@ SMOOTHEST = 1e5
 the default V_c, 1e-6 of the speed of a line or so, they are as wide as the speeds of slip.
 With 1e7 a dancer takes a third more tangents in a step; with 1e3 the first path stalls as well."""
 
-MOST_CORRECTIONS, HALVINGS = 20, 8
-"""Iterations that correct a state that was found so, and halvings of each in its line search."""
-
 
 @dataclass(frozen=True)
 class Corrections:
@@ -31,7 +28,7 @@ class Corrections:
     most: int = 20  # iterations after which a guess is given up
     least: int = 0  # iterations at least, after which the factors are those of a state nearby
     kept: float = 0.0  # part of the imbalance: while an iteration leaves less, the tangent is kept
-    halvings: int = 0  # of a correction that makes the imbalance grow (line search)
+    halvings: int = 8  # of a correction that makes the imbalance grow (line search)
     growth: float = 1.0  # of the imbalance that a correction may make
     near: float = 0.0  # imbalance of a state that is returned if its correction makes it grow
 
@@ -142,8 +139,7 @@ def narrowed(
         if stopped.outcome is Outcome.TOO_MANY_TANGENTS:
             raise
         return None
-    net = Corrections(tolerance, MOST_CORRECTIONS, least=1, halvings=HALVINGS)
-    return Newton(equations, solver, net, cost).corrected(u, 1.0)
+    return Newton(equations, solver, Corrections(tolerance, least=1), cost).corrected(u, 1.0)
 
 
 @dataclass(frozen=True)
@@ -151,6 +147,7 @@ class LoadSteps(Corrections):
     """Choices of Newton's method in steps of load; every part can be switched off."""
 
     first: float = 0.1  # load step, as a fraction of the whole way
+    halvings: int = 0
     wanted: int = 8  # iterations for which the next step stays as long
     growth: float = 2.0  # largest ratio of successive steps
     shortest: float = 1e-6  # load step, as a fraction of the whole way

@@ -289,7 +289,7 @@ ROUND_OFF = 1e-10
 KEPT = 0.03
 """Part of the imbalance: a tangent is kept while an iteration leaves less of it."""
 
-MOST_CORRECTIONS, HALVINGS = 12, 8
+MOST_CORRECTIONS = 12
 """Iterations of Newton's method, each with a line search: contact that moves by an element takes
 four to eight."""
 
@@ -418,7 +418,7 @@ def balanced(
     first = equations.imbalance(equations.residual(zero, 0.0))
     floor = equations.round_off(zero, 0.0)
     wanted, solver = max(REMAINS * first, ROUND_OFF, floor), SparseSolver()
-    corrections = Corrections(wanted, MOST_CORRECTIONS, 1, KEPT, HALVINGS)
+    corrections = Corrections(wanted, most=MOST_CORRECTIONS, least=1, kept=KEPT)
     found = Newton(equations, solver, corrections, Cost()).corrected(zero, 0.0)
     if found is None:
         settings = Settings(

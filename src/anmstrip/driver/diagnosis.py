@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import RESIDUAL_SHARE, Evidence, Outcome, PathStopped
+from anmstrip.continuation.equations import NEGLIGIBLE, Evidence, Outcome, PathStopped
 from anmstrip.driver.physics import two_digits
 from anmstrip.driver.preview import Preview, motions_at
 from anmstrip.driver.warnings import below_round_off, finer_mesh, serious
@@ -195,7 +195,7 @@ def round_off(failure: Failure) -> str | None:
     if plan.in_time and state.velocity is not None:
         rates = AffineVelocity(1.0, state.velocity[free] - u, np.zeros_like(u))
     equations = Equilibrium(plan.model, plan.supports, plan.controls, rates, state.velocity)
-    share = RESIDUAL_SHARE if plan.in_time else 1.0
+    share = NEGLIGIBLE if plan.in_time else 1.0
     told = below_round_off(failure.scene, equations.round_off(u, state.control), share)
     return f"The value {told}" if told else None
 

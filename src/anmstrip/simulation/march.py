@@ -330,7 +330,7 @@ class March:
         what each of them makes its way longer: this is a path along the rollers, not straight.
         """
         aim = self.tolerances.correction
-        settings = Corrections(aim, MOST_CORRECTIONS, halvings=8, growth=GUESS_GROWTH, near=SLIDING)
+        settings = Corrections(aim, MOST_CORRECTIONS, growth=GUESS_GROWTH, near=SLIDING)
         found = Newton(equations, self.solver, settings, self.cost).corrected(guess, 0.0)
         if found is None:
             return None

@@ -11,7 +11,14 @@ from typing import Any
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import Cost, Equations, Evidence, Outcome, PathStopped
+from anmstrip.continuation.equations import (
+    NEGLIGIBLE,
+    Cost,
+    Equations,
+    Evidence,
+    Outcome,
+    PathStopped,
+)
 from anmstrip.continuation.follow import PathStep, Settings
 from anmstrip.continuation.newton import Corrected, narrowed
 from anmstrip.continuation.path import predicted
@@ -61,13 +68,6 @@ stretch of λ it asks for fast motion there, so that the stretches shrank for go
 not stop so take as many tangents without it.
 """
 
-BRIEF, SHORTEST = 1e-9, 1e-13
-"""Shortest steps, as fractions of the whole: before a snap is looked for, and at all, which is what
-is left of the digits of t."""
-
-DIGITS_OF_TIME = 8.0
-"""Shortest steps in units of the last digit of t: a short stage may come late."""
-
 LEAST_SHARE = 1e-6
 """Of the tolerance, that any step may add: a layer at the start of a long stage, in which the
 velocity changes at once and hardly anything moves, need not be resolved.  Without it the capstan at
@@ -77,30 +77,22 @@ ROUGH = 1e-4
 """Least error in time of a snap: its way depends on the drag, only where it rests does not."""
 
 MOST_BRANCHES = 60
-"""Of one path: a shorter step is cheaper."""
-
-FEW_BRANCHES = 30
-"""Of the path of a step, after which smoother laws lead to its end, which takes 5 to 25 tangents,
-unless the path gets there within MOST_BRANCHES at its pace so far.
-With 12 plastic strip takes half as many tangents again for a reversal at n = 101; with 60 the
-capstan at V_c = 1e-8 m/s takes more than its test allows.  Given up at 30 whatever their pace, the
-steps of strip that slips under a dancer that falls cost 1342 tangents, not 819."""
+"""Of the path of a step, which takes 5 to 25 tangents: a shorter step is cheaper.  It is given up
+from half of them on, for smoother laws to lead to its end, unless it gets there within all of them
+at its pace so far.  With 24 plastic strip takes half as many tangents again for a reversal at
+n = 101, with 120 the capstan at V_c = 1e-8 m/s takes more than its test allows.  Given up at half
+of them whatever their pace, the steps of strip that slips under a dancer cost 1342 tangents, not
+819."""
 
 NARROW = 1e-3
 """Shortest branch of a step in time, as a fraction of it.  Slip that comes to rest under sharp
 friction turns a corner there; branches would shrink towards it and grow again, and the error in
 time then ask for a shorter step.  Without it sharp friction takes a strip twice the tangents."""
 
-NARROWEST = 1e-6
-"""The same of the path to rest, for which there is no shorter step."""
-
 LONGER = 10.0
-"""Length of the second trial of a first step in which slip turns round, over the first one.  A
-roller that is moved at a standstill takes 144 tangents, with 3 and 30 it takes 159 and 1921."""
-
-SETTLING = 0.01
-"""First instant after a start, as a fraction of the first step.  With the whole of it conveying
-takes 330 tangents instead of 296, and the bridle 211 instead of 243."""
+"""Largest change of a step that is tried again: the shortest trial over the one before, and the
+other way round the second trial of a first step in which slip turns round.  A roller that is moved
+at a standstill takes 144 tangents, with 3 and 30 it takes 159 and 1921."""
 
 
 def integrate(
@@ -186,9 +178,9 @@ class _Integrator:
         A snap is looked for early where the series fail in brief steps, and last of all where only
         the error in time asks for steps as short as can be.
         """
-        brief = BRIEF * self.stepping.whole
+        brief = self.settings.shortest * self.stepping.whole
         try:
-            return self.tried(memory, end, BRIEF if memory.step > brief else SHORTEST)
+            return self.tried(memory, end, brief if memory.step > brief else 0.0)
         except PathStopped as stopped:
             if stopped.outcome is not Outcome.STALLED or self.stepping.fixed is not None:
                 raise
@@ -211,8 +203,8 @@ class _Integrator:
         A second step that is refused twice begins anew: the mean velocity of a first step that
         has passed such a change is not that at its end, and would be mended by no step.
         """
-        t, (whole, fixed) = memory.times[0], (self.stepping.whole, self.stepping.fixed)
-        least = max(shortest * whole, DIGITS_OF_TIME * np.spacing(t))
+        t, fixed = memory.times[0], self.stepping.fixed
+        least = max(shortest, told_apart(max(t, self.stepping.whole)))
         h, barred = min(fixed or max(memory.step, 2.0 * least), end - t), False
         rising = memory.order if fixed is None else self.stepping.order
         order = min(rising, self.stepping.order, memory.available)
@@ -253,7 +245,11 @@ class _Integrator:
                         raise
                 else:
                     return self.tried(begin, end, shortest)
-            h, shorter, since = shorter or max(0.1, min(ratio, 0.9)) * (new - t), 0.0, memory
+            h, shorter, since = (
+                shorter or max(1.0 / LONGER, min(ratio, 0.9)) * (new - t),
+                0.0,
+                memory,
+            )
             if turns and not barred and new < end:
                 h, shorter = min(LONGER * (new - t), end - t), h
                 since = replace(memory, v=trial.v)
@@ -279,9 +275,7 @@ class _Integrator:
         t, u = memory.times[0], memory.states[0]
         velocity = AffineVelocity(1.0 / self.stepping.whole, memory.v, np.zeros_like(u))
         try:
-            _, rest, *_ = self.ended(
-                t, 0.0, velocity, u, rational=False, shortest=NARROWEST, few=MOST_BRANCHES
-            )
+            _, rest, *_ = self.ended(t, 0.0, velocity, u, rational=False)
             return self.begun(replace(memory, states=(u + rest,)))
         except PathStopped:
             return memory
@@ -289,30 +283,28 @@ class _Integrator:
     def begun(self, memory: Memory) -> Memory:
         """After the first instant, with the velocity there."""
         t = memory.times[0]
-        after = t + max(SETTLING * memory.step, DIGITS_OF_TIME * np.spacing(t))
+        after = t + max(NEGLIGIBLE * memory.step, told_apart(t))
         first = self.trial(memory, after, 1)
         return start_memory(after, first.u, first.v, memory.step, memory.errors)
 
-    def followed(
-        self, path: Equations, u: Array, *, rational: bool, shortest: float, few: int
-    ) -> PathStep:
+    def followed(self, path: Equations, u: Array, *, rational: bool) -> PathStep:
         """Last step of the path of the increment from λ = 0 to 1.
 
-        After `few` branches it is given up unless it gets to its end within MOST_BRANCHES at the
-        pace so far.
+        From half of MOST_BRANCHES on it is given up unless all of them lead to its end at the pace
+        so far.
         """
         settings = replace(
             self.settings,
             tolerance=self.balance(path, u),
             max_steps=MOST_BRANCHES,
-            shortest=shortest,
+            shortest=NARROW,
             give_way=False,
             rational=rational,
             unhurried=UNHURRIED,
         )
         steps = self.stepping.follow(path, u, solver=self.solver, settings=settings, cost=self.cost)
         for taken, last in enumerate(steps, 1):
-            if taken >= few and last.pace.control < taken / MOST_BRANCHES:
+            if taken >= MOST_BRANCHES // 2 and last.pace.control < taken / MOST_BRANCHES:
                 raise PathStopped(Outcome.TOO_MANY_STEPS, last.pace.control)
         return last
 
@@ -324,24 +316,21 @@ class _Integrator:
         for weight, state in zip(past[1:], memory.states[1:], strict=False):
             w += weight * (state - u)
         velocity = AffineVelocity(rate, memory.v, w - memory.v)
-        path, increment, imbalance, tangent = self.ended(
-            t, new - t, velocity, u,
-            rational=self.settings.rational, shortest=NARROW, few=FEW_BRANCHES,
-        )  # fmt: skip
+        given = self.ended(t, new - t, velocity, u, rational=self.settings.rational)
+        path, increment, imbalance, tangent = given
         v, spent = velocity(increment, 1.0), self.cost.expansions - before
         return _Trial(u + increment, v, imbalance, spent, path, increment, rate, tangent)
 
     def ended(
-        self, t: float, h: float, velocity: AffineVelocity, u: Array, **path: Any
+        self, t: float, h: float, velocity: AffineVelocity, u: Array, *, rational: bool
     ) -> tuple[StepEquations, Array, float, tuple[Array, float]]:
         """Equations of a step, increment and imbalance at its end, and where its last factors are.
 
-        Where its path stalls the way to the end is one of smoother laws.  The further arguments are
-        those of :meth:`followed`.
+        Where its path stalls the way to the end is one of smoother laws.
         """
         equations = self.equations.during(t, h, velocity, u)
         try:
-            last = self.followed(equations, np.zeros_like(u), **path)
+            last = self.followed(equations, np.zeros_like(u), rational=rational)
             return equations, last.branch.end[0], last.imbalance, last.branch(last.tangent)
         except PathStopped as stopped:
             if stopped.outcome is Outcome.TOO_MANY_TANGENTS:
@@ -355,7 +344,7 @@ class _Integrator:
         """End of a step by way of smoother laws, None if they do not lead there."""
 
         def path(laws: Equations, u: Array, start: float) -> PathStep:
-            return self.followed(laws, u, rational=True, shortest=NARROW, few=MOST_BRANCHES)
+            return self.followed(laws, u, rational=True)
 
         given: dict[str, Any] = {"solver": self.solver, "cost": self.cost}
         start = np.zeros(size)
@@ -482,7 +471,7 @@ class _Integrator:
         tolerance = max(self.stepping.tolerance, ROUGH)
         for lasting in (share * self.stepping.whole for share in LASTING):
             dragged = self.equations.dragged(t, u, v, lasting)
-            if dragged is None or DIGITS_OF_TIME * np.spacing(t) > FIRST * lasting:
+            if dragged is None or told_apart(t) > FIRST * lasting:
                 continue
             stepping = replace(self.stepping, tolerance=tolerance)
             other = replace(self, equations=dragged, stepping=stepping)
@@ -506,7 +495,7 @@ class _Integrator:
         """
         t, u, v, branches = memory.times[0], memory.states[0], memory.v, 0
         for _ in range(MOST):
-            step = self.tried(memory, end, SHORTEST)
+            step = self.tried(memory, end, 0.0)
             memory, branches = step.memory, branches + step.branches
             way, spent = np.abs(step.u - u).max(), step.end - t
             ran = way > RAN * np.abs(step.v).max() * spent
@@ -517,8 +506,8 @@ class _Integrator:
                 return None
         else:
             return None
-        told_apart = [a > b for a, b in pairwise(memory.times)]
-        known = [*told_apart, False].index(False) + 1  # instants that differ
+        differ = [a > b for a, b in pairwise(memory.times)]
+        known = [*differ, False].index(False) + 1  # instants
         times, states = memory.times[:known], memory.states[:known]
         past = replace(memory, times=times, states=states, order=1, errors=None)
         return replace(step, start=t, branches=branches, memory=past, snap=True)
@@ -527,3 +516,8 @@ class _Integrator:
 def _ratio(error: float, order: int) -> float:
     """Ratio of the next step to this one with which three tenths of what is allowed are used."""
     return GROWTH[0] if error == 0.0 else float((0.3 / error) ** (1.0 / order))
+
+
+def told_apart(t: float) -> float:
+    """Length of a step from t in which round-off of the time is negligible."""
+    return float(np.spacing(t)) / NEGLIGIBLE
