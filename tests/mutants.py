@@ -558,8 +558,8 @@ ESTIMATES = (
     ),
     Mutant(
         "end of a stage is its duration",
-        'f"{plan.start + plan.duration:g}"',
-        'f"{plan.duration:g}"',
+        "for time in (plan.start, plan.start + plan.duration)",
+        "for time in (plan.start, plan.duration)",
         "explain",
     ),
     Mutant(

@@ -276,7 +276,7 @@ ELSEWHERE = {
     "coarse": "of the line pulled a hundred times as much",
     "warnings": "the budget, of a mesh that is too coarse",
     "motions_at": "test_freedom.py",
-    "_words": "test_freedom.py",
+    "motion_words": "test_freedom.py",
     "differences": "test_resume.py",
     "finer_mesh": "coarse_mesh",
     "running_loose": "released_strip",

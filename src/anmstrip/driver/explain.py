@@ -220,15 +220,12 @@ def geometry_table(preview: Preview) -> Table:
         wrap = f"{np.degrees(turn):.4g}°, {sides[0]}" if sides else "not touched"
         drive = f", {kinds[roller.name]}" if kinds[roller.name] != "speed" else ""
         clockwise = roller.sense * roller.unit_axis[1] >= 0.0
-        table.add_row(
-            roller.name,
-            radius,
-            ", ".join(f"{c:g}" for c in np.add(roller.centre, strip.origin)),
-            ", ".join(f"{c:.3g}" for c in roller.unit_axis),
-            preview.passes(roller),
-            ("" if clockwise else "anti") + "clockwise" + drive,
-            wrap if thread is not None else f"{flat_gap(strip, roller):.3g} m, {wrap}",
-        )
+        centre = ", ".join(f"{c:g}" for c in np.add(roller.centre, strip.origin))
+        axis = ", ".join(f"{c:.3g}" for c in roller.unit_axis)
+        turns = ("" if clockwise else "anti") + "clockwise" + drive
+        wrap = wrap if thread is not None else f"{flat_gap(strip, roller):.3g} m, {wrap}"
+        passed = preview.passes(roller)
+        table.add_row(roller.name, radius, centre, axis, passed, turns, wrap)
     return table
 
 
@@ -281,14 +278,9 @@ def stage_table(plans: Sequence[StageProblem]) -> Table:
         moving += ["held edges"] if np.any(plan.supports.slope) else []
         held = plan.controls.at(1.0).items()
         moving += [k for k, v in held if k.endswith("speed") and np.any(v) and k not in moving]
-        table.add_row(
-            plan.name,
-            f"{plan.start:g}",
-            f"{plan.start + plan.duration:g}",
-            str(len(plan.supports.free)),
-            path_of(plan),
-            ",\n".join(moving) or "nothing",
-        )
+        times = (f"{time:g}" for time in (plan.start, plan.start + plan.duration))
+        free, what = str(len(plan.supports.free)), ",\n".join(moving) or "nothing"
+        table.add_row(plan.name, *times, free, path_of(plan), what)
     return table
 
 

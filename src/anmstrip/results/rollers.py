@@ -436,10 +436,6 @@ class Readable(Protocol):
         """Displacements, shape (unknowns,)."""
 
     @property
-    def velocity(self) -> Array | None:
-        """Rates of the unknowns, shape (unknowns,)."""
-
-    @property
     def material_velocity(self) -> Array:
         """Velocity of the material, shape (unknowns of the strip,)."""
 

@@ -61,11 +61,9 @@ def check_flat(points: ArrayLike, cells: ArrayLike) -> None:
         raise MeshError(f"nodes at finite places, at most {LARGEST:g} m away")
     farthest, size = float(np.abs(used).max()), float(np.ptp(used, axis=0).max())
     if farthest > FARTHEST * size:
-        raise MeshError(
-            f"nodes of which digits are left: they are {farthest:.3g} m from the origin, "
-            f"{farthest / size:.2g} times the size of the mesh",
-            "the mesh with its origin near it",
-        )
+        found = f"they are {farthest:.3g} m from the origin, {farthest / size:.2g} times the size"
+        expected = f"nodes of which digits are left: {found} of the mesh"
+        raise MeshError(expected, "the mesh with its origin near it")
     height = np.abs(used[:, 2:]).max(initial=0.0)
     if height > NEARLY * size:
         raise MeshError(f"a flat mesh in the plane z = 0 (a node is {height:g} m off)")
@@ -82,8 +80,8 @@ def check_shapes(mesh: Mesh) -> None:
     if isinstance(mesh, MeshQuad):
         low, high = corners.min(axis=1), corners.max(axis=1)
         room = NEARLY * (high - low)
-        near = np.abs(corners - low[:, None]) <= room[:, None]
-        near |= np.abs(corners - high[:, None]) <= room[:, None]
+        aside = np.minimum(np.abs(corners - low[:, None]), np.abs(corners - high[:, None]))
+        near = aside <= room[:, None]
         bent = np.abs(corners[:, 0] - corners[:, 1] + corners[:, 2] - corners[:, 3]) > 4.0 * room
         wrong = ~near.all(axis=(0, 1)) | bent.any(axis=0) | (high <= low).any(axis=0)
         kind, more = "rectangles with sides along x and y", "are none"
@@ -100,28 +98,23 @@ def check_shapes(mesh: Mesh) -> None:
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=0)
     pairs = cKDTree(mesh.p.T).query_pairs(NEARLY * lengths.min(), output_type="ndarray")
     if len(pairs):
-        raise MeshError(
-            f"neighbours that share their nodes ({len(pairs)} pairs of nodes lie at one place, "
-            f"the first at {point_text(mesh.p[:, pairs[:, 0]])})",
-            "merge nodes at the same place, in Gmsh: Coherence Mesh",
-        )
+        place = point_text(mesh.p[:, pairs[:, 0]])
+        found = f"{len(pairs)} pairs of nodes lie at one place, the first at {place}"
+        hint = "merge nodes at the same place, in Gmsh: Coherence Mesh"
+        raise MeshError(f"neighbours that share their nodes ({found})", hint)
     hanging = hanging_nodes(ends, lengths)
     if hanging.size:
-        raise MeshError(
-            f"neighbours that share whole sides ({hanging.shape[1]} nodes lie inside the side of "
-            f"another element, the first at {point_text(hanging)})",
-            "refine without hanging nodes, or use triangles",
-        )
+        found = f"{hanging.shape[1]} nodes lie inside the side of another element"
+        found = f"{found}, the first at {point_text(hanging)}"
+        hint = "refine without hanging nodes, or use triangles"
+        raise MeshError(f"neighbours that share whole sides ({found})", hint)
     inner = mesh.f2t[:, mesh.f2t[1] >= 0]
     joined = coo_array((np.ones(inner.shape[1]), tuple(inner)), shape=2 * (mesh.nelements,))
     count, island = connected_components(joined, directed=False)
     if count > 1:
         place = point_text(corners.mean(axis=1)[:, island != island[0]])
-        raise MeshError(
-            f"one strip, joined by whole sides ({count} parts were found, another begins at "
-            f"{place})",
-            "one scene for each part",
-        )
+        found = f"{count} parts were found, another begins at {place}"
+        raise MeshError(f"one strip, joined by whole sides ({found})", "one scene for each part")
 
 
 def hanging_nodes(ends: Array, lengths: Array) -> Array:
@@ -180,16 +173,10 @@ def read_mesh(scene: SceneSpec) -> Mesh:
     wanted = [(f"edges.{name}", name) for name in scene.edges]
     wanted += [(f"stages.{s.name}.{name}", name) for s in scene.stages for name in s.edges]
     expected = "an edge on the boundary that the mesh names"
-    mistakes = [
-        scene.mistake(key, name, expected, nearest(name, known) if known else NAMING)
-        for key, name in wanted
-        if name not in known
-    ]
-    mistakes += [
-        scene.mistake("strip.mesh", name, "edges named entry and exit", NAMING)
-        for name in ENDS
-        if name not in known
-    ]
+    hints = {name: nearest(name, known) if known else NAMING for _, name in wanted}
+    told = [(key, name, expected, hints[name]) for key, name in wanted]
+    told += [("strip.mesh", name, "edges named entry and exit", NAMING) for name in ENDS]
+    mistakes = [scene.mistake(*words) for words in told if words[1] not in known]
     if mistakes:
         raise InputError(mistakes)
     return mesh
