@@ -309,9 +309,7 @@ def moderate_strain(
         yield Mistake("", where, largest, expected, f"{key} = {0.01 * STRETCHED / unit:.2g}")
 
 
-def moved_ends(
-    edges: Edges, stages: Stages
-) -> Iterator[tuple[str, float | tuple[float, ...]]]:
+def moved_ends(edges: Edges, stages: Stages) -> Iterator[tuple[str, float | tuple[float, ...]]]:
     """Yield motions, key and value, by which the strip between its ends moves or stretches.
 
     That is where an end is moved to a place, and where both are held and one has a velocity.
