@@ -377,7 +377,7 @@ PROFILE = (
            "self.cone_share >= 0.0, 2.0, 1.0", "fields"),
     Mutant("cells seen from below", "= first[0] * second[1] <", "= first[0] * second[1] >",
            "fields"),
-    Mutant("components without names", 'array.set(f"ComponentName{number}", component)', "pass",
+    Mutant("components without names", "f' ComponentName{number}=", "f' Component{number}=",
            "fields"),
     Mutant("slip runs the other way", "slip[near] += (contact.slip", "slip[near] -= (contact.slip",
            "profile"),
