@@ -47,6 +47,9 @@ STIFF = 0.3
 FAR = 1e7
 """Distance (m) of a point in whose direction an end is pulled."""
 
+CREEPING = 0.9
+"""What Norton and Hoff's law holds of f with an exponent of 0.02, at 1/200 of V_c."""
+
 STRAINED = 5e-3
 """Largest strain of strip bent onto a roller."""
 
@@ -87,6 +90,11 @@ class Course:
     def most(self) -> float:
         """Largest coefficient that acts."""
         return self.excess * self.friction
+
+    @property
+    def least(self) -> float:
+        """Coefficient that acts at least where strip slips: it creeps at a rest if that grows."""
+        return self.friction if self.excess == 1.0 else CREEPING * self.friction
 
     def way(self, tension: float, moved: dict[str, np.ndarray]) -> Belt:
         """Tangents to the rollers where they are; ends that are pulled go on in their direction."""
@@ -354,7 +362,7 @@ def _overloaded(rng: np.random.Generator, course: Course, tension: float, strain
 
 def _trimmed(rng: np.random.Generator, course: Course, tension: float, strain: float) -> bool:
     """A standing line whose exit tension changes, and which rests."""
-    hold = course.most * _turns(course, tension)
+    holds = np.array([course.least, course.most]) * _turns(course, tension)
     pull, low, high = tension, tension, tension
     for k in range(int(rng.integers(1, 4))):
         what = "trim" if k == 0 else str(rng.choice(["trim", "rest"]))
@@ -363,8 +371,8 @@ def _trimmed(rng: np.random.Generator, course: Course, tension: float, strain: f
             pull *= float(rng.uniform(0.7, 1.4))
             stage["exit"] = {"tension": pull}
         _stage(course, f"{what}{k}", float(10.0 ** rng.uniform(-1.0, 1.0)), **stage)
-        low, high = max(low, pull * np.exp(-hold)), min(high, pull * np.exp(hold))
-        low, high = min(low, high), max(low, high)
+        ends = [np.clip(t, *(pull * np.exp([-h, h]))) for t in (low, high) for h in holds]
+        low, high = min(ends), max(ends)
         spread = 0.15 * abs(pull - tension)
         course.expected[f"{what}{k}"] = Expected((low - spread, high + spread), pull)
     return True
