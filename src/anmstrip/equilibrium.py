@@ -233,11 +233,13 @@ class Equilibrium:
             return None
         return -self.velocity.slope / self.velocity.rate
 
-    def smoother(self, width: float) -> tuple[Equilibrium, Equilibrium]:
+    def smoother(self, width: float) -> tuple[Equilibrium, Equilibrium] | None:
         """The same with corners so many times as wide in velocity, and their narrowing at λ = 1.
 
-        The logarithm of the width falls evenly.
+        The logarithm of the width falls evenly.  None where no law has such corners.
         """
+        if not any(effect.has_corners for effect in self.model.effects):
+            return None
         model, wide = self.model.wider, np.array(np.log(width))
         before = replace(self.controls, start={**self.controls.start, WIDTH: wide})
         controls = Controls(before.at(1.0), {WIDTH: -wide})

@@ -48,13 +48,16 @@ def misses(run: Run) -> float:
     return float(np.abs(found / expected - 1.0))
 
 
-@pytest.mark.parametrize("law", LAWS)
-def test_sharp_friction_ends_where_statics_says(tmp_path: Path, law: str) -> None:
-    """Measured at 1, 1e-2 and 1e-4 m/s: 24 to 74 tangents."""
-    run = capstan(tmp_path, law, 1e-4)
+@pytest.mark.parametrize(("law", "most"), [("algebraic", 90), ("tanh", 100), ("norton-hoff", 140)])
+def test_sharp_friction_ends_where_statics_says(tmp_path: Path, law: str, most: int) -> None:
+    """At 1e-6 m/s 57, 75 and 116 tangents; 103, 127 and 210 where paths are slow up to their ends.
+
+    That of Norton and Hoff's law took 144 where smoother laws had less friction in full slip.
+    """
+    run = capstan(tmp_path, law, 1e-6)
     assert run.outcome.done, run.message
     assert misses(run) < 2e-3
-    assert run.cost.expansions < 150
+    assert run.cost.expansions < most
 
 
 @pytest.mark.slow
@@ -93,13 +96,11 @@ def test_all_points_begin_to_slip_within_one_step() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("law", "most"), [("algebraic", 1000), ("tanh", 1000), ("norton-hoff", 2500)]
-)
+@pytest.mark.parametrize(("law", "most"), [("algebraic", 250), ("tanh", 180), ("norton-hoff", 380)])
 def test_very_sharp_friction_does_not_stall(tmp_path: Path, law: str, most: int) -> None:
     """Where the paths of steps stall, smoother laws lead to their ends; without them this stops.
 
-    The laws take 499, 215 and 1 317 tangents; at 1e-4 m/s 37, 40 and 68 do.
+    The laws take 178, 113 and 264 tangents; at 1e-4 m/s 33, 36 and 67 do.
     """
     run = capstan(tmp_path, law, 1e-8)
     assert run.outcome.done, run.message

@@ -12,7 +12,7 @@ import numpy as np
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.geometry import SHELL, Kinematics
 from anmstrip.fem.sampling import ContactOperator, remembered
-from anmstrip.mechanics.effects import LawEffect, Moment, slowed
+from anmstrip.mechanics.effects import WIDTH, LawEffect, Moment, slowed
 from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
 from anmstrip.mechanics.roller import Projection, Roller
 
@@ -338,6 +338,7 @@ class Friction(LawEffect):
 
     name = "friction"
     rate_dependent = True
+    has_corners = True
 
     @property
     def roller(self) -> Roller:
@@ -448,8 +449,16 @@ class Friction(LawEffect):
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Residual per area: minus the traction of the roller, (components, points)."""
         place, tangents, slip = self.sliding(x, v, controls)
-        traction = self.acting(self.contact.pressure(place), slowed(slip, controls))
-        return self.on_strip(tangents, traction)
+        return self.on_strip(tangents, self.traction(place, slip, controls))
+
+    def traction(self, place: Projection, slip: Any, controls: Mapping[str, Any]) -> Any:
+        """Traction of points that slip, by a law whose corner is as wide as controls tell.
+
+        It is that of the slip over the width, times what this takes off in full slip.
+        """
+        found = self.acting(self.contact.pressure(place), slowed(slip, controls))
+        growth = self.law_of_slip.growth
+        return found * np.exp(growth * controls[WIDTH]) if growth and WIDTH in controls else found
 
     def on_strip(self, tangents: Any, traction: Any) -> Any:
         """Residual per area of a traction along the tangents, (components, points)."""

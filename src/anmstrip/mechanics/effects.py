@@ -74,12 +74,14 @@ class Effect:
        feel may end with the unknowns of the strip.
     3. ``rate_dependent`` says that the residual depends on v; stages with such an effect run
        in time.
-    4. The remaining methods matter to contact and friction; others keep the defaults.
+    4. ``has_corners`` says that its law has corners in velocity, which ``WIDTH`` widens.
+    5. The remaining methods matter to contact and friction; others keep the defaults.
     """
 
     name: str
     points: int
     rate_dependent: bool = False
+    has_corners: bool = False
 
     def force(self, full: Array, velocity: Array | None, controls: Values) -> Array:
         """Return the residual of all unknowns, shape (unknowns,)."""

@@ -201,6 +201,11 @@ class FrictionLaw:
     coefficient: Any
     speed: float
 
+    @property
+    def growth(self) -> float:
+        """Power of the speed with which the reaction grows in full slip: 0 where it is bounded."""
+        return 0.0
+
     def __call__(self, normal: Any, slip: Any) -> Any:
         """Return the tangential reaction, components on the first axis."""
         raise NotImplementedError
@@ -236,6 +241,11 @@ class NortonHoff(FrictionLaw):
     exponent: float  # q in (0, 1]; 0 would be Coulomb's law
     omega: float  # ω, width of the smoothed corner in units of V_c
     speed: float  # V_c (m/s)
+
+    @property
+    def growth(self) -> float:
+        """q: power of the speed with which the reaction grows in full slip."""
+        return self.exponent
 
     def __call__(self, normal: Any, slip: Any) -> Any:
         """Tangential reaction, components on the first axis."""

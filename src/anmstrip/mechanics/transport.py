@@ -126,7 +126,7 @@ class TurningFriction(Friction):
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Residual per area of the strip and of the surface, (components + 1, points)."""
         place, tangents, slip = self.sliding(x, v, controls)
-        traction = self.acting(self.contact.pressure(place), slowed(slip, controls))
+        traction = self.traction(place, slip, controls)
         turned = traction[0] if place.ratio is None else place.ratio * traction[0]
         return np.stack([*self.on_strip(tangents, traction), turned * self.roller.sense])
 
@@ -159,6 +159,7 @@ class Drives(LawEffect):
 
     name = "drives"
     rate_dependent = True
+    has_corners = True
 
     @cached_property
     def operator(self) -> GivenOperator:  # type: ignore[override]

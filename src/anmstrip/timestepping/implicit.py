@@ -19,7 +19,7 @@ from anmstrip.continuation.equations import (
     Outcome,
     PathStopped,
 )
-from anmstrip.continuation.follow import PathStep, Settings
+from anmstrip.continuation.follow import Pace, PathStep, Settings
 from anmstrip.continuation.newton import Corrected, narrowed
 from anmstrip.continuation.path import predicted
 from anmstrip.linalg.solvers import LinearSolver, Remembering
@@ -77,12 +77,9 @@ ROUGH = 1e-4
 """Least error in time of a snap: its way depends on the drag, only where it rests does not."""
 
 MOST_BRANCHES = 60
-"""Of the path of a step, which takes 5 to 25 tangents: a shorter step is cheaper.  It is given up
-from half of them on, for smoother laws to lead to its end, unless it gets there within all of them
-at its pace so far.  With 24 plastic strip takes half as many tangents again for a reversal at
-n = 101, with 120 the capstan at V_c = 1e-8 m/s takes more than its test allows.  Given up at half
-of them whatever their pace, the steps of strip that slips under a dancer cost 1342 tangents, not
-819."""
+"""Of the path of a step: a shorter step is cheaper.  Where it would take more than a quarter of
+them at its pace so far, smoother laws lead to its end, which takes 8 to 10 tangents: the capstan
+at V_c = 1e-8 m/s takes 178 tangents so, and 434 where half of them are waited for."""
 
 NARROW = 1e-3
 """Shortest branch of a step in time, as a fraction of it.  Slip that comes to rest under sharp
@@ -287,26 +284,19 @@ class _Integrator:
         first = self.trial(memory, after, 1)
         return start_memory(after, first.u, first.v, memory.step, memory.errors)
 
-    def followed(self, path: Equations, u: Array, *, rational: bool) -> PathStep:
-        """Last step of the path of the increment from λ = 0 to 1.
-
-        From half of MOST_BRANCHES on it is given up unless all of them lead to its end at the pace
-        so far.
-        """
+    def path(self, equations: Equations, u: Array, *, rational: bool) -> Iterator[PathStep]:
+        """Steps of the path of the increment from λ = 0 to 1."""
         settings = replace(
             self.settings,
-            tolerance=self.balance(path, u),
+            tolerance=self.balance(equations, u),
             max_steps=MOST_BRANCHES,
             shortest=NARROW,
             give_way=False,
             rational=rational,
             unhurried=UNHURRIED,
         )
-        steps = self.stepping.follow(path, u, solver=self.solver, settings=settings, cost=self.cost)
-        for taken, last in enumerate(steps, 1):
-            if taken >= MOST_BRANCHES // 2 and last.pace.control < taken / MOST_BRANCHES:
-                raise PathStopped(Outcome.TOO_MANY_STEPS, last.pace.control)
-        return last
+        ways: dict[str, Any] = {"solver": self.solver, "settings": settings, "cost": self.cost}
+        return self.stepping.follow(equations, u, **ways)
 
     def trial(self, memory: Memory, new: float, order: int) -> _Trial:
         """Solve a step."""
@@ -326,25 +316,35 @@ class _Integrator:
     ) -> tuple[StepEquations, Array, float, tuple[Array, float]]:
         """Equations of a step, increment and imbalance at its end, and where its last factors are.
 
-        Where its path stalls the way to the end is one of smoother laws.
+        Where its path is slow or stalls the way to the end is one of smoother laws; it goes on
+        where these are as slow.
         """
         equations = self.equations.during(t, h, velocity, u)
+        steps, found, tried = self.path(equations, np.zeros_like(u), rational=rational), None, False
         try:
-            last = self.followed(equations, np.zeros_like(u), rational=rational)
-            return equations, last.branch.end[0], last.imbalance, last.branch(last.tangent)
+            for last in steps:
+                if not tried and _slow(last.pace):
+                    found, tried = self.narrowed(equations, len(u), quick=True), True
+                    if found is not None:
+                        break
+            else:
+                return equations, last.branch.end[0], last.imbalance, last.branch(last.tangent)
         except PathStopped as stopped:
             if stopped.outcome is Outcome.TOO_MANY_TANGENTS:
                 raise
-            found = self.narrowed(equations, len(u))
+            found = self.narrowed(equations, len(u), quick=False)
             if found is None:
                 raise
-            return equations, found.u, found.imbalance, (found.u, 1.0)
+        return equations, found.u, found.imbalance, (found.u, 1.0)
 
-    def narrowed(self, equations: StepEquations, size: int) -> Corrected | None:
-        """End of a step by way of smoother laws, None if they do not lead there."""
+    def narrowed(self, equations: StepEquations, size: int, *, quick: bool) -> Corrected | None:
+        """End of a step by way of smoother laws, None if they do not lead there, or not quickly."""
 
         def path(laws: Equations, u: Array, start: float) -> PathStep:
-            return self.followed(laws, u, rational=True)
+            for last in self.path(laws, u, rational=True):
+                if quick and _slow(last.pace):
+                    raise PathStopped(Outcome.TOO_MANY_STEPS, last.pace.control)
+            return last
 
         given: dict[str, Any] = {"solver": self.solver, "cost": self.cost}
         start = np.zeros(size)
@@ -511,6 +511,14 @@ class _Integrator:
         times, states = memory.times[:known], memory.states[:known]
         past = replace(memory, times=times, states=states, order=1, errors=None)
         return replace(step, start=t, branches=branches, memory=past, snap=True)
+
+
+def _slow(pace: Pace) -> bool:
+    """Whether a path would take more than a quarter of MOST_BRANCHES at its pace so far.
+
+    The first branch has none: friction may turn its corner there.
+    """
+    return pace.taken > 1 and pace.control < 4.0 * pace.taken / MOST_BRANCHES
 
 
 def _ratio(error: float, order: int) -> float:
