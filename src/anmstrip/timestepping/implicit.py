@@ -403,18 +403,26 @@ class _Integrator:
         time, and what the residual leaves of them does not last.  Where slip turns round in a
         step, its end does not tell what resisted in between: the error of the formula itself
         counts then, but in the first step of a start: it begins with the velocity of the first
-        instant, and is short.
+        instant, and is short.  Where slip spreads over a roller, points that it has just reached
+        hardly resist at the end of the step: the answer by the resistance of the last tangent,
+        which is part of it, is looked at as well.
         """
         tolerance, answer = self.stepping.tolerance, local
         share = max((new - memory.times[0]) / self.stepping.whole, LEAST_SHARE)
         if memory.available == 1 or trial.turned <= tolerance:
-            self.cost.solves += 1
-            with self.cost.timed("error in time"):
-                answer = self.solver.factors.solve(trial.resistance(trial.rate * local))
+            answer = self.answer(trial.resistance(trial.rate * local))
+        spreading = self.answer(trial.resistance_in_tangent(trial.rate * local))
         fading = max(
-            self.equations.error(trial.u, local), self.equations.fading_error(trial.u, answer)
+            self.equations.error(trial.u, local),
+            *(self.equations.fading_error(trial.u, each) for each in (answer, spreading)),
         )
         return max(self.equations.error(trial.u, answer) / share, fading) / tolerance
+
+    def answer(self, force: Array) -> Array:
+        """Change of state that a force makes, by the last factors."""
+        self.cost.solves += 1
+        with self.cost.timed("error in time"):
+            return self.solver.factors.solve(force)
 
     def errors(self, memory: Memory, trial: _Trial, local: Array) -> Errors:
         """Errors of the state, carried on from those at the start of a step.
