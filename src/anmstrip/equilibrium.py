@@ -17,7 +17,7 @@ from anmstrip.continuation.path import Branch
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Blocks, Chain, Chained, Eliminated, Pattern
 from anmstrip.fem.strip import Strip
-from anmstrip.linalg.bordered import Bordered, Condensed, Joined, Joining
+from anmstrip.linalg.solvers import Bordered, Condensed, Joined, Joining
 from anmstrip.mechanics.effects import (
     WIDTH,
     Controls,

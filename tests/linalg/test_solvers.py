@@ -5,7 +5,6 @@ import pytest
 from scipy.sparse import csc_matrix, csr_matrix, diags
 
 from anmstrip.linalg import solvers as linear_solvers
-from anmstrip.linalg.bordered import WIDEST_BORDER, Bordered, Joining
 from anmstrip.linalg.direct import (
     BandPlan,
     NonFiniteTangentError,
@@ -15,7 +14,7 @@ from anmstrip.linalg.direct import (
     equilibrated,
     pardiso_is_there,
 )
-from anmstrip.linalg.solvers import DenseSolver, SparseSolver
+from anmstrip.linalg.solvers import WIDEST_BORDER, Bordered, DenseSolver, Joining, SparseSolver
 
 
 def banded(n, width, rng, kind):

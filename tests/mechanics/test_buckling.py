@@ -11,8 +11,7 @@ from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.sampling import l2_projection, quadrature_points
 from anmstrip.fem.strip import Material, Strip, grid
-from anmstrip.linalg.bordered import Bordered
-from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.linalg.solvers import Bordered, SparseSolver
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.shell import Membrane, isometric_bending
 from anmstrip.results.wrinkles import buckling_modes, compressive_stiffness

@@ -10,7 +10,7 @@ from threaded import ONE, roller, scene_of
 
 from anmstrip.arrays import Array
 from anmstrip.equilibrium import Equilibrium
-from anmstrip.linalg.bordered import Bordered
+from anmstrip.linalg.solvers import Bordered
 from anmstrip.mechanics import effects
 from anmstrip.mechanics.effects import CompiledSeries
 from anmstrip.results.state import State

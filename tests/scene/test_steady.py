@@ -19,7 +19,7 @@ from anmstrip.driver.scene import Scene
 from anmstrip.driver.sensitivities import response
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.fem.sampling import SlopeOperator
-from anmstrip.linalg.bordered import Bordered
+from anmstrip.linalg.solvers import Bordered
 from anmstrip.results.state import State
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course

@@ -19,8 +19,7 @@ from anmstrip.continuation.bifurcations import Kind, watched
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.driver.scene import Scene
 from anmstrip.equilibrium import Equilibrium
-from anmstrip.linalg.bordered import Bordered
-from anmstrip.linalg.solvers import Remembering, SparseSolver
+from anmstrip.linalg.solvers import Bordered, Remembering, SparseSolver
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import DATED, NEAR
 from claims import Claim

@@ -18,9 +18,8 @@ from anmstrip.arrays import Array
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.fem.sampling import quadrature_points
-from anmstrip.linalg.bordered import Bordered
 from anmstrip.linalg.direct import Factors, equilibrated
-from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.linalg.solvers import Bordered, SparseSolver
 from anmstrip.mechanics.contact import Contact
 from anmstrip.mechanics.effects import EffectSeries, LawEffect, LawSeries, LoadEffect
 from anmstrip.mechanics.loads import FollowerLoad

@@ -10,7 +10,7 @@ from scipy.sparse import csc_matrix
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.strip import Strip
-from anmstrip.linalg.bordered import Bordered
+from anmstrip.linalg.solvers import Bordered
 
 
 @dataclass(frozen=True)

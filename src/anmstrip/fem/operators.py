@@ -17,7 +17,7 @@ from scipy.sparse.linalg import spsolve
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.strip import Strip
-from anmstrip.linalg.bordered import WIDEST_BORDER, Bordered
+from anmstrip.linalg.solvers import WIDEST_BORDER, Bordered
 
 
 @dataclass

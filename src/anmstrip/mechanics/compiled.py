@@ -151,7 +151,7 @@ class CompiledLaw:
 
     @cached_property
     def add_force(self) -> Callable[[int], None]:
-        """What adds forces of order 0 alone."""
+        """Return what adds forces of order 0 alone."""
         self.spare = np.empty((self.program.blocks, self.program.kept, 2, self.program.lanes))
         return self.adding_forces(self.spare)
 

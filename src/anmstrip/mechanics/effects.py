@@ -504,12 +504,12 @@ class CompiledSeries(EffectSeries):
 
     @cached_property
     def add_derivative(self) -> Callable[[int], None]:
-        """What adds the changes of forces."""
+        """Return what adds the changes of forces."""
         return self.law.adding_derivatives(self.w)
 
     @cached_property
     def add_order(self) -> Callable[[int], None]:
-        """What adds the forces of an order."""
+        """Return what adds the forces of an order."""
         return self.law.adding_orders(self.w)
 
     def advance(self, k: int, total: Array) -> None:

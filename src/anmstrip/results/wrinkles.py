@@ -25,8 +25,7 @@ from anmstrip.continuation.equations import Cost
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.fem.operators import Blocks, CellOperator, Pattern
 from anmstrip.fem.sampling import l2_projection, quadrature_points, shape_of
-from anmstrip.linalg.bordered import Bordered
-from anmstrip.linalg.solvers import LinearSolver, SparseSolver
+from anmstrip.linalg.solvers import Bordered, LinearSolver, SparseSolver
 from anmstrip.mechanics.shell import Membrane, eigenstrain, principal
 from anmstrip.results.fields import FieldSampler
 from anmstrip.results.state import State

@@ -278,7 +278,7 @@ class _Integrator:
             return memory
 
     def begun(self, memory: Memory) -> Memory:
-        """After the first instant, with the velocity there."""
+        """Return the memory after the first instant, with the velocity there."""
         t = memory.times[0]
         after = t + max(NEGLIGIBLE * memory.step, told_apart(t))
         first = self.trial(memory, after, 1)
