@@ -1,11 +1,19 @@
 """Tension below which strip wrinkles while it is conveyed, over crown and over misalignment.
 
 The stationary path of a line is followed to lower tensions, until a mode of the strip with its
-friction is within 1 % of being unstable; no march through time.  A strip of 1 m × 0.2 mm over a
-crowned roller, without friction and with f = 0.3: without it the onset is that of the strip that
-stands.  A strip of 0.5 m × 0.2 mm over a roller out of line, to which friction steers it: it
-bends in its plane as a beam, and its inner edge is slack at W θ E t/L, near which it wrinkles.
-Without friction it stays where it is threaded, and smooth.
+friction is within 1 % of being unstable; no march through time.
+
+1. A strip of 1 m × 0.2 mm over a crowned roller.  Without friction the onset is that of the strip
+   that stands: what presses it across is in proportion to the crown whatever the tension T, what it
+   bears is in proportion to √T, so that the limit is in proportion to the square of the crown.
+   With f = 0.3 the middle of the roller runs ahead and draws the strip together the more, the
+   harder it is pulled: what presses it then grows with T as well, up to a crown over which strip
+   wrinkles at any tension.
+2. A strip of 0.5 m × 0.2 mm, guided straight 0.6 m before a roller out of line by θ.  Friction
+   steers it, and it bends in its plane: the shear N_xy that this takes is in proportion to θ
+   whatever the tension, and presses the strip aslant by N_xy²/T.  What it bears being in proportion
+   to √T, the limit is about in proportion to θ^(4/3), near the tension W θ E t/L below which the
+   inner edge of a beam is slack.  Without friction it stays where it is threaded, and smooth.
 
 Writes ``conveyed_wrinkles.csv`` and ``.png``.
 """
@@ -20,12 +28,20 @@ from typing import Any
 import numpy as np
 
 from anmstrip import Scene
+from anmstrip.results.wrinkles import Wrinkling
 
 CONTACT = {"stiffness": 1e9, "eta": 10.0, "delta": 1e-3}
 YOUNG, FRICTION = 2e11, 0.3
+Mesh = tuple[tuple[int, int], float]
 COARSE, FINE = ((6, 12), 0.02), ((8, 16), 0.0125)
 
-Mesh = tuple[tuple[int, int], float]
+BEGINS = 2.8e10
+"""Onset over a crown without friction, over the square of the crown (N/m³)."""
+
+CROWNS = {0.0: (6e-4, 8e-4, 1e-3), FRICTION: (4e-4, 5e-4, 6e-4, 7e-4, 8e-4)}
+YAWS = {0.0: (1e-3,), FRICTION: (5e-4, 7.5e-4, 1e-3, 1.25e-3)}
+AGAIN = {"crown (m)": (4e-4, 6e-4, 8e-4), "yaw (rad)": (5e-4, 1e-3)}
+"""Values of which the coarse mesh is run as well."""
 
 
 def slack(yaw: Any) -> Any:
@@ -53,7 +69,7 @@ def crowned(crown: float, friction: float, mesh: Mesh) -> Scene:
     radius, free, half, width = 0.4, 0.8, np.radians(5.0), 1.0
     x = radius * np.sin(half) + free * np.cos(half)
     z = radius * (np.cos(half) - 1.0) - free * np.sin(half)
-    high, low = (crown / 8e-4) ** 2 * np.array([4e4, 2.4e4] if friction else [2.2e4, 1.5e4])
+    high, low = BEGINS * crown**2 * np.array([3.0, 0.7] if friction else [1.25, 0.85])
     tables: dict[str, Any] = {
         "strip": {"width": width, "thickness": 2e-4, "cells": mesh[0], "refined": mesh[1]},
         "material": {"young": YOUNG, "poisson": 0.3},
@@ -70,39 +86,62 @@ def skewed(yaw: float, friction: float, mesh: Mesh) -> Scene:
     radius, before, behind, wrap, width = 0.2, 0.6, 0.3, np.radians(40.0), 0.5
     x = radius * np.sin(wrap) + behind * np.cos(wrap)
     z = radius * (np.cos(wrap) - 1.0) - behind * np.sin(wrap)
-    high, low = slack(yaw) * np.array([3.0, 0.7])
+    high, low = slack(yaw) * np.array([1.2, 0.3])
     tables: dict[str, Any] = {
         "strip": {"width": width, "thickness": 2e-4, "cells": mesh[0], "refined": mesh[1]},
-        "material": {"young": YOUNG, "poisson": 0.3},
+        "material": {"young": YOUNG, "poisson": 0.0},
         "rollers": [{"name": "r1", "centre": [0.0, 0.0, -radius], "wrap": "over",
                      "radius": radius, "axis": [yaw, 1.0, 0.0]}],
         "threading": {"tension": high, "entry": [-before, 0.0, 0.0], "exit": [x, 0.0, z]},
-        "edges": {"entry": {"fixed": ["x", "z"], "centred": True}},
+        "edges": {"entry": {"fixed": ["x", "y", "z"]}},
     }  # fmt: skip
     return line(friction, high, low, tables)
 
 
-def onset(scene: Scene) -> tuple[float, int]:
-    """Return the tension of the first onset (N/m), and the tangents up to it."""
-    run = scene.run()
-    step = next(step for step in run if run.wrinkles)
-    return float(run.wrinkles[0]["exit_tension"]), step.tangents
+def limit(scene: Scene) -> dict[str, Any]:
+    """Return what the path to lower tensions meets: an onset, or that there is none."""
+    run, before = scene.run(), None
+    for step in run:
+        if run.wrinkles:
+            break
+        before = step.state
+    assert run.wrinkles or run.outcome.done, run.message
+    first = run.wrinkles[0] if run.wrinkles else {"stage": "ease", "time": step.time}
+    state = step.state.at(first["time"], before)
+    span = max(Wrinkling(state).spans, key=lambda span: span.compression)
+    word = "below" if run.wrinkles else "smooth down to"
+    return {
+        "wrinkles": word if first["stage"] == "ease" else "throughout, up to",
+        "tension": state.tension("exit"),
+        "compression": span.compression,
+        "bearable": span.bearable,
+        "wavelength": first.get("wavelength"),
+        "offset": state.offset(state.contacts["r1"].arc[0]),
+        "tangents": step.tangents,
+    }
 
 
-def limits(
-    mesh: Mesh, crowns: list[tuple[float, float]], yaws: list[float]
-) -> list[dict[str, Any]]:
+def limits(cases: list[tuple[str, float, float, Mesh]]) -> list[dict[str, Any]]:
     """Return the rows of the table."""
-    cases = [("crown (m)", crowned, crown, friction) for crown, friction in crowns]
-    cases += [("yaw (rad)", skewed, yaw, FRICTION) for yaw in yaws]
     rows = []
-    for name, make, value, friction in cases:
-        tension, tangents = onset(make(value, friction, mesh))
-        print(f"{name} {value:g}, f = {friction:g}: wrinkles below {tension:.0f} N/m "
-              f"({tangents} tangents)")  # fmt: skip
-        rows.append({"of": name, "value": value, "friction": friction, "tension": tension,
-                     "tangents": tangents})  # fmt: skip
+    for name, value, friction, mesh in cases:
+        found = limit((crowned if name == "crown (m)" else skewed)(value, friction, mesh))
+        print(f"{name} {value:g}, f = {friction:g}, {mesh[0][1]} across: "
+              f"{found['wrinkles']} {found['tension']:.0f} N/m ({found['tangents']} tangents)",
+              flush=True)  # fmt: skip
+        rows.append({"of": name, "value": value, "friction": friction, "across": mesh[0][1]})
+        rows[-1] |= found
     return rows
+
+
+def cases() -> list[tuple[str, float, float, Mesh]]:
+    """Return what is run: roller, crown (m) or yaw (rad), friction, mesh."""
+    made = []
+    for name, values in (("crown (m)", CROWNS), ("yaw (rad)", YAWS)):
+        for friction, chosen in values.items():
+            for mesh, some in ((FINE, chosen), (COARSE, AGAIN[name])):
+                made += [(name, value, friction, mesh) for value in some if value in chosen]
+    return made
 
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
@@ -114,19 +153,28 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
     labels = {"crown (m)": "crown (mm)", "yaw (rad)": "roller out of line (mrad)"}
     for axis, (name, label) in zip(axes, labels.items(), strict=True):
         for friction, colour in ((0.0, "tab:blue"), (FRICTION, "tab:red")):
-            mine = [row for row in rows if (row["of"], row["friction"]) == (name, friction)]
-            if mine:
+            for mesh, line, word in ((FINE, "o-", ""), (COARSE, "x:", ", coarse")):
+                mine = [row for row in rows if (row["of"], row["friction"], row["across"]) ==
+                        (name, friction, mesh[0][1]) and row["wrinkles"] == "below"]  # fmt: skip
                 points = [(1e3 * row["value"], 1e-3 * row["tension"]) for row in mine]
-                axis.plot(*zip(*points, strict=True), "o-", color=colour, label=f"f = {friction:g}")
+                if points:
+                    given = {"color": colour, "label": f"f = {friction:g}{word}"}
+                    axis.plot(*zip(*points, strict=True), line, **given)
         axis.set(xlabel=label, ylabel="wrinkles below (kN/m)", xlim=(0.0, None), ylim=(0.0, None))
         axis.grid(alpha=0.3)
-    if yawed := [row["value"] for row in rows if row["of"] == "yaw (rad)"]:
-        ends = np.array([0.0, max(yawed)])
-        axes[1].plot(1e3 * ends, 1e-3 * slack(ends), "k--", label="inner edge slack, beam")
+    for row in rows:
+        x, y = 1e3 * row["value"], 1e-3 * row["tension"]
+        word = f"f = {row['friction']:g}: {row['wrinkles']} {y:.0f} kN/m"
+        if row["across"] == FINE[0][1] and row["wrinkles"] == "smooth down to":
+            axes[1].plot(x, y, "v", color="tab:blue", label=word)
+        elif row["across"] == FINE[0][1] and row["wrinkles"] == "throughout, up to":
+            axes[0].axvspan(x, axes[0].get_xlim()[1], alpha=0.1, lw=0.0, color="r", label=word)
+    yaws = np.linspace(0.0, max((r["value"] for r in rows if r["of"] == "yaw (rad)"), default=0.0))
+    axes[1].plot(1e3 * yaws, 1e-3 * slack(yaws), "k--", label="inner edge slack, beam")
     for axis in axes:
         if axis.lines:
             axis.legend(frameon=False)
-    figure.savefig(path, dpi=150)
+    figure.savefig(path, dpi=110)
 
 
 if __name__ == "__main__":
@@ -135,11 +183,7 @@ if __name__ == "__main__":
     parser.add_argument("-o", type=Path, default=Path("results/conveyed_wrinkles"), help="where to")
     given = parser.parse_args()
     given.o.mkdir(parents=True, exist_ok=True)
-    if given.quick:
-        found = limits(COARSE, [(8e-4, 0.0)], [])
-    else:
-        crowns = [(crown, f) for f in (0.0, FRICTION) for crown in (6e-4, 8e-4, 1e-3)]
-        found = limits(FINE, crowns, [5e-4, 1e-3, 1.5e-3])
+    found = limits([("crown (m)", 8e-4, 0.0, COARSE)] if given.quick else cases())
     with (given.o / "conveyed_wrinkles.csv").open("w", newline="") as file:
         table = csv.DictWriter(file, list(found[0]))
         table.writeheader()

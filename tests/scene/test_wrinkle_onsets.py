@@ -146,3 +146,31 @@ def test_strip_wrinkles_as_it_is_conveyed_where_it_does_as_it_stands(claim: Clai
           moving[0], standing[0], 1e-4, "the same strip as it stands")  # fmt: skip
     end, time = ends[0]
     assert sign(end.at(time - 2e-3, None)) == -sign(end.at(time + 2e-3, None))
+
+
+@pytest.mark.slow
+def test_limits_of_conveyed_strip_over_crown_and_misalignment(claim: Claim) -> None:
+    """Friction raises the one, and makes the other, which grows like θ^(4/3); coarse meshes.
+
+    What a roller out of line shears the strip by, N_xy ∝ θ, presses it by N_xy²/T, and strip bears
+    ∝ √T.
+    """
+    functions = runpy.run_path(str(EXAMPLES / "conveyed_wrinkles.py"))
+    coarse, cases = functions["COARSE"], {}
+    for name, value, friction in (("crowned", 6e-4, 0.3), ("skewed", 5e-4, 0.3),
+                                  ("skewed", 1e-3, 0.3), ("skewed", 1e-3, 0.0)):  # fmt: skip
+        found = functions["limit"](functions[name](value, friction, coarse))
+        smooth = (name, friction) == ("skewed", 0.0)
+        assert found["wrinkles"] == ("smooth down to" if smooth else "below")
+        cases[name, value, friction] = found
+    gripped = cases["crowned", 6e-4, 0.3]["tension"]
+    claim("tension at the onset of conveyed strip, crown of 0.6 mm, f = 0.3 (N/m)", gripped,
+          15057.0, 0.025, "8 × 16 elements")  # fmt: skip
+    assert gripped > 1.4 * 9604.0  # without friction
+    half, whole = (cases["skewed", yaw, 0.3]["tension"] for yaw in (5e-4, 1e-3))
+    claim("the same 1 mrad out of line (N/m)", whole, 35061.0, 0.015, "8 × 16 elements")
+    assert np.log2(whole / half) == pytest.approx(4.0 / 3.0, abs=0.08)
+    rests = cases["skewed", 1e-3, 0.0]
+    assert abs(rests["offset"]) < 1e-6
+    assert abs(cases["skewed", 1e-3, 0.3]["offset"]) > 1e-4
+    assert rests["compression"] < 0.01 * rests["bearable"]
