@@ -38,7 +38,8 @@ def test_belt_has_the_tensions_and_speeds_of_a_string(claim: Claim) -> None:
     claim("tight strand of a belt (N)", values["tight"], theory["tight"], 1e-3, "string")
     claim("slack strand of a belt (N)", values["slack"], theory["slack"], 1e-3, "string")
     assert values["ratio"] == pytest.approx(theory["ratio"], rel=2e-5)
-    assert values["arc"] == pytest.approx(theory["arc"], rel=0.05)  # of 0.95 of the limit
+    assert values["arc"] == pytest.approx(theory["arc"], rel=2e-3)
+    assert driving.slip_arc == pytest.approx(theory["arc"], rel=0.05)  # of 0.95 of the limit
     assert driven.torque == pytest.approx(-47.617, rel=1e-6)
     assert driving.torque == pytest.approx(47.617, rel=1e-4)
     flow = [r.surface_speed / stretch(r.tension_in * strip.width) for r in (driving, driven)]
