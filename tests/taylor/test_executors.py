@@ -7,7 +7,7 @@ pytest.importorskip("numba")
 
 from anmstrip.taylor import program
 from anmstrip.taylor.compiled import CompiledExecutor
-from anmstrip.taylor.numpy_kernels import NumpyExecutor
+from anmstrip.taylor.program import NumpyExecutor
 from anmstrip.taylor.series import record
 
 ORDER, POINTS = 12, 150

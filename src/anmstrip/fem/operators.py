@@ -409,7 +409,7 @@ class InternalOperator:
 
     @cached_property
     def chain(self) -> Chain:
-        """Where what is carried along the strip stands in a tangent."""
+        """Places in a tangent of what is carried along the strip."""
         return Chain(self)
 
     @cached_property
@@ -565,7 +565,7 @@ class Chained:
 
 
 class Chain:
-    """Where the entries of :class:`Chained` stand, and an order that fills little.
+    """Places of the entries of :class:`Chained`, and an order of elimination that fills little.
 
     Strip is eliminated from the entry on: own unknowns of a point, then the strip's own once all
     points that they reach have been.  What is carried then joins the front one way only.

@@ -5,7 +5,6 @@ A law is a plain function of arrays.  :func:`anmstrip.taylor.series.record` call
 :class:`~anmstrip.taylor.tape.Tape`.  The result is a :class:`~anmstrip.taylor.program.Program`:
 scalar instructions on rows, where a row is one component at all points.  Started at a state, it
 gives order after order, and the derivative.  Two executors run the same instructions: loops
-that numba compiles (:mod:`~anmstrip.taylor.kernels`), and numpy
-(:mod:`~anmstrip.taylor.numpy_kernels`).  What depends on polynomials alone, values and roots, is
-in :mod:`~anmstrip.taylor.polynomials`.
+that numba compiles (:mod:`~anmstrip.taylor.kernels`), and numpy.  What depends on polynomials
+alone, values and roots, is in :mod:`~anmstrip.taylor.polynomials`.
 """
