@@ -220,7 +220,7 @@ STOPS: dict[str, tuple[dict[str, Any], str, list[str]]] = {
         "Contact sets in over 1e-11 m", [],
     ),
     "stiff_friction": (
-        merged(SHORT, friction={"coefficient": 0.3, "speed": 1e-13, "law": "tanh"}),
+        merged(SHORT, friction={"coefficient": 0.3, "speed": 1e-15, "law": "tanh"}),
         "Friction turns round", [],
     ),
     "low_order": (

@@ -186,7 +186,7 @@ def test_a_path_without_rates_is_off_by_what_the_last_step_left(tmp_path: Path) 
     """Newton's method finds it to all digits."""
     scene = scenes.PLATE
     loose = run(scene, tmp_path / "loose", "solver.tolerance=1e-3")
-    best = run(scene, tmp_path / "best", "solver.tolerance=1e-8")
+    best = run(scene, tmp_path / "best", "solver.tolerance=1e-10")
     true, found = truth(loose, best), loose.summary["errors"]
     assert found["time"] is None
     assert found["path"]["force"] == pytest.approx(true["force"], rel=0.05)

@@ -249,6 +249,8 @@ def speeds_at_ends(strip: StripSpec, edges: Edges, stages: Stages) -> Iterator[M
         elif not {"x", "z"} & {*held}:
             expected = "nothing: this end is not held, so that the strip's speed follows"
             hint = f'[edges.{name}]\nfixed = ["x", "z"]'
+            if name in released:
+                hint = f"{name}.force = […], for it was released"
         else:
             continue
         yield Mistake("", f"{key}.speed", control.speed, expected, hint)
