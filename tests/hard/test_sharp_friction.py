@@ -108,7 +108,7 @@ def test_very_sharp_friction_does_not_stall(tmp_path: Path, law: str, most: int)
     assert run.cost.expansions < most
 
 
-def steady_line(law: str, slip_speed: float, *given: Any, tolerance: float = 1e-3) -> Run:
+def steady_line(law: str, slip_speed: float, *given: Any) -> Run:
     """Two driven rollers, of which the second is 30 ppm faster, and two idle ones with bearings.
 
     Return the run, not begun.
@@ -126,7 +126,6 @@ def steady_line(law: str, slip_speed: float, *given: Any, tolerance: float = 1e-
         ],
         "threading": {"tension": 1e4, "entry": (-0.4, 0.0, 0.0), "exit": (2.8, 0.0, 0.5)},
         "edges": {"entry": {"fixed": ["x", "z"]}},
-        "solver": {"tolerance": tolerance},
         "stages": [
             {
                 "name": "run", "steady": True, "entry": {"tension": 1.05e4},
@@ -149,7 +148,7 @@ def test_many_stationary_states_end_by_way_of_smoother_laws(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """At the state of the whole path and of statics, also of a run that is killed just before."""
-    whole = steady_line("algebraic", 1e-6, tolerance=1e-4)
+    whole = steady_line("algebraic", 1e-6)
     expected = settled(whole)
     monkeypatch.setattr(march, "FEW_STATES", 6)
     short = steady_line("algebraic", 1e-6)

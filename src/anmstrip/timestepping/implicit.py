@@ -86,6 +86,10 @@ NARROW = 1e-3
 friction turns a corner there; branches would shrink towards it and grow again, and the error in
 time then ask for a shorter step.  Without it sharp friction takes a strip twice the tangents."""
 
+NARROWEST = 1e-6
+"""The same of the path to rest, for which there is no shorter step.  With NARROW strip that yields
+takes a quarter more tangents for ten cycles."""
+
 LONGER = 10.0
 """Largest change of a step that is tried again: the shortest trial over the one before, and the
 other way round the second trial of a first step in which slip turns round.  A roller that is moved
@@ -272,7 +276,7 @@ class _Integrator:
         t, u = memory.times[0], memory.states[0]
         velocity = AffineVelocity(1.0 / self.stepping.whole, memory.v, np.zeros_like(u))
         try:
-            _, rest, *_ = self.ended(t, 0.0, velocity, u, rational=False)
+            _, rest, *_ = self.ended(t, 0.0, velocity, u, rational=False, shortest=NARROWEST)
             return self.begun(replace(memory, states=(u + rest,)))
         except PathStopped:
             return memory
@@ -284,13 +288,15 @@ class _Integrator:
         first = self.trial(memory, after, 1)
         return start_memory(after, first.u, first.v, memory.step, memory.errors)
 
-    def path(self, equations: Equations, u: Array, *, rational: bool) -> Iterator[PathStep]:
+    def path(
+        self, equations: Equations, u: Array, *, rational: bool, shortest: float = NARROW
+    ) -> Iterator[PathStep]:
         """Steps of the path of the increment from λ = 0 to 1."""
         settings = replace(
             self.settings,
             tolerance=self.balance(equations, u),
             max_steps=MOST_BRANCHES,
-            shortest=NARROW,
+            shortest=shortest,
             give_way=False,
             rational=rational,
             unhurried=UNHURRIED,
@@ -312,15 +318,15 @@ class _Integrator:
         return _Trial(u + increment, v, imbalance, spent, path, increment, rate, tangent)
 
     def ended(
-        self, t: float, h: float, velocity: AffineVelocity, u: Array, *, rational: bool
+        self, t: float, h: float, velocity: AffineVelocity, u: Array, **path: Any
     ) -> tuple[StepEquations, Array, float, tuple[Array, float]]:
         """Equations of a step, increment and imbalance at its end, and where its last factors are.
 
         Where its path is slow or stalls the way to the end is one of smoother laws; it goes on
-        where these are as slow.
+        where these are as slow.  The further arguments are those of :meth:`path`.
         """
         equations = self.equations.during(t, h, velocity, u)
-        steps, found, tried = self.path(equations, np.zeros_like(u), rational=rational), None, False
+        steps, found, tried = self.path(equations, np.zeros_like(u), **path), None, False
         try:
             for last in steps:
                 if not tried and _slow(last.pace):
