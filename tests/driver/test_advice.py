@@ -246,12 +246,14 @@ def test_a_run_that_stops_is_done_with_what_is_typed(rule: str) -> None:
 
 @pytest.mark.slow
 def test_long_elements_are_what_stops_a_line_pulled_a_hundred_times_as_much() -> None:
-    """Its boundary layer becomes shorter than its elements."""
-    run = ended(PULLED, most=10_000)
+    """Its boundary layer becomes shorter than elements of 40 mm; those by default are done."""
+    coarse = merged(PULLED, strip={"refined": 0.04})
+    run = ended(coarse, most=10_000)
     assert "Elements of" in run.message
-    assert ended(PULLED, typed(run.message)).outcome.done
+    assert ended(coarse, typed(run.message)).outcome.done
     less = ["stages.run.entry.tension=1.5e5", "stages.run.exit.tension=1.5e5"]  # a smaller change
-    assert ended(PULLED, less).outcome.done
+    assert ended(coarse, less).outcome.done
+    assert ended(PULLED).outcome.done
 
 
 def test_a_mesh_that_is_too_coarse_is_cured(tmp_path: Path) -> None:
