@@ -148,13 +148,16 @@ def refined(solve: Solve, matrix: Any, norm: float, least: int = 0) -> Solve:
     b = np.cos(np.arange(matrix.shape[0]))
 
     def backward_error(x: Array) -> float:
-        with np.errstate(over="ignore", invalid="ignore"):  # of factors that overflow
-            scale = norm * np.abs(x).max() + np.abs(b).max()
-            return float(np.abs(b - matrix @ x).max() / scale)
+        scale = norm * np.abs(x).max() + np.abs(b).max()
+        return float(np.abs(b - matrix @ x).max() / scale)
 
-    x, left, steps = solve(b), np.inf, 0
-    while (error := backward_error(x)) > ENOUGH and steps < MOST_REFINEMENTS and error < left / 2:
-        x, left, steps = x + solve(b - matrix @ x), error, steps + 1
+    left, steps = np.inf, 0
+    with np.errstate(over="ignore", invalid="ignore"):  # of factors that are no solver
+        x = solve(b)
+        while (error := backward_error(x)) > ENOUGH and steps < MOST_REFINEMENTS:
+            if not error < left / 2:
+                break
+            x, left, steps = x + solve(b - matrix @ x), error, steps + 1
     steps = max(steps, least)
     if not error < TOO_MUCH:
         raise SingularTangentError(f"the factors leave a residual of {error:.1g}")
