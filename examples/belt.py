@@ -33,7 +33,7 @@ from anmstrip.mechanics.shell import Membrane
 SCENE = Path(__file__).parent / "belt.toml"
 
 PUBLISHED = {"tight": 664.52, "slack": 186.27, "arc": 2.544, "ratio": 1.06155}
-"""Of the example ``beltDrivesComparison`` of Exudyn (N, N, rad, 1), after 245 000 time steps."""
+"""For the model of Exudyn's example ``beltDriveALE`` (N, N, rad, 1), after 245 000 time steps."""
 
 
 class LinearStretch(LawEffect):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import harness
+import peer_belt
 import peers
 from peer_capstan import BENDING, answer, formula, solved
 from peers import COLUMNS, Program, row
@@ -80,3 +81,28 @@ def test_a_peer(name: str) -> None:
     assert found["outcome"] == "done"
     assert abs(found["off (%)"]) < 3e-2
     assert float(found["ratio"]) == pytest.approx(1.2519, rel=3e-4)
+
+
+def test_oval_of_the_belt() -> None:
+    """Unit directions, along the chords, and an even spacing that closes on itself."""
+    rows, length = peer_belt.oval(240)
+    places, directions = rows[:, :2], rows[:, 2:]
+    assert length == pytest.approx(0.4 * np.pi)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
+    chords = (np.roll(places, -1, axis=0) - places) / (length / 240)
+    np.testing.assert_allclose(np.linalg.norm(chords, axis=1), 1.0, atol=2e-4)
+    np.testing.assert_allclose(
+        chords, 0.5 * (directions + np.roll(directions, -1, axis=0)), atol=0.02
+    )
+
+
+@pytest.mark.slow
+def test_belt_by_a_peer() -> None:
+    """With steps ten times as long as published, within 1 %: what sticks gives way elastically."""
+    if find_spec("exudyn") is None:
+        pytest.skip("exudyn is not installed")
+    found = peer_belt.Belt().run(10.0 * peer_belt.STEP)
+    assert found["tight"] == pytest.approx(664.52, rel=5e-3)
+    assert found["slack"] == pytest.approx(186.27, rel=1e-2)
+    assert found["arc"] == pytest.approx(2.544, rel=5e-3)
+    assert found["ratio"] == pytest.approx(1.06155, rel=5e-3)
