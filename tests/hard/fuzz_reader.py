@@ -319,7 +319,7 @@ def read_mesh_of(seed: int) -> object:
 
 def _number_changed(text: str, dice: random.Random) -> str:
     """Another number in some line: a node elsewhere, or a cell of other nodes."""
-    lines = text.splitlines()
+    lines = text.splitlines() or [""]
     i = dice.randrange(len(lines))
     words = lines[i].split()
     if words:

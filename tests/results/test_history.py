@@ -40,6 +40,13 @@ def test_other_programs_read_the_file(path):
     }
 
 
+def test_some_rows_are_those_of_all(path):
+    """Numbers and text, in the order of the file."""
+    table, some = read_history(path), read_history(path, {3, 1})
+    assert some["stage"] == table["stage"][1::2]
+    np.testing.assert_array_equal(some["time"], table["time"][[1, 3]])
+
+
 def test_missing_values_are_empty(tmp_path):
     history = History(tmp_path / "history.csv", COLUMNS)
     history.append({"stage": "wrap", "step": np.int64(1), "time": None})

@@ -193,13 +193,24 @@ def spread(count: int, most: int) -> np.ndarray[Any, np.dtype[np.int64]]:
 
 def along(path: Path) -> list[dict[str, Any]]:
     """Return profiles at some of the written times: the time, and columns by name."""
-    table = read_history(path) if path.is_file() else {}
-    times, found = np.asarray(table.pop("time", [])), []
+    if not path.is_file():
+        return []
+    with path.open(encoding="utf-8") as file:  # of a long line most rows are left out
+        lines = (line for line in file if line.endswith("\n"))
+        next(lines, None)
+        times = np.array([float(line.partition(",")[0]) for line in lines])
     instants = np.unique(times)
-    for time in instants[spread(len(instants), MOST_TIMES)]:
-        rows = np.flatnonzero(times == time)
-        rows = rows[spread(len(rows), MOST_STATIONS)]
-        columns = {name: rounded(np.asarray(column)[rows]) for name, column in table.items()}
+    shown = instants[spread(len(instants), MOST_TIMES)]
+    parts = [
+        rows[spread(len(rows), MOST_STATIONS)]
+        for rows in map(np.flatnonzero, times == shown[:, None])
+    ]
+    table = read_history(path, set(np.concatenate([np.zeros(0, dtype=int), *parts]).tolist()))
+    table.pop("time", None)
+    begin, found = 0, []
+    for time, rows in zip(shown, parts, strict=True):
+        part = slice(begin, begin := begin + len(rows))
+        columns = {name: rounded(np.asarray(column)[part]) for name, column in table.items()}
         found.append({"time": float(f"{time:.{DIGITS}g}"), "columns": columns})
     return found
 

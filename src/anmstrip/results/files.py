@@ -10,7 +10,7 @@ import math
 import os
 import platform
 import weakref
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path, PurePath
@@ -353,8 +353,16 @@ def write_table(path: AnyPath, columns: Sequence[str], rows: Iterable[Mapping[st
         temporary.write_bytes(_encode([columns, *cells]))
 
 
-def read_history(path: AnyPath) -> dict[str, NDArray[np.float64] | list[str]]:
+def read_history(
+    path: AnyPath, rows: Container[int] | None = None
+) -> dict[str, NDArray[np.float64] | list[str]]:
     """Read the columns of a table, even while it grows.
+
+    Parameters
+    ----------
+    path : path
+    rows : container of int, optional
+        Numbers of the rows to read, instead of all; cells hold no line breaks then.
 
     Returns
     -------
@@ -367,18 +375,22 @@ def read_history(path: AnyPath) -> dict[str, NDArray[np.float64] | list[str]]:
         The file cannot be read.
     """
     with Path(path).open(encoding="utf-8", newline="") as file:
-        records = csv.reader(line for line in file if line.endswith("\n"))
-        header = next(records, [])
+        lines = (line for line in file if line.endswith("\n"))
+        header = next(csv.reader(lines), [])
+        records = csv.reader(
+            line for number, line in enumerate(lines) if rows is None or number in rows
+        )
         parts: list[list[Any]] = [[] for _ in header]
-        while rows := list(islice(records, AT_ONCE)):
-            for part, cells in zip(parts, zip(*rows, strict=True), strict=True):
+        while some := list(islice(records, AT_ONCE)):
+            for part, cells in zip(parts, zip(*some, strict=True), strict=True):
                 part.append(_numbers(cells))
     table: dict[str, NDArray[np.float64] | list[str]] = {}
     for place, (name, part) in enumerate(zip(header, parts, strict=True)):
         if all(isinstance(cells, np.ndarray) for cells in part):
             table[name] = np.concatenate([np.zeros(0), *part])
         else:
-            table[name] = [row[place] for row in _records(path)[1:]]
+            kept = (r for n, r in enumerate(_records(path)[1:]) if rows is None or n in rows)
+            table[name] = [row[place] for row in kept]
     return table
 
 
