@@ -98,6 +98,7 @@ BILLY = merged(  # an idle roller below the strip is pushed up
     stages=[{"name": "push", "duration": 1.0, "rollers": {"billy": {"move": [0.0, 0.0, 0.08]}}}],
 )
 MORE: list[tuple[dict[str, Any], str, list[str]]] = [
+    (changed(("strip.kinematics", None)), "nothing varies across the strip", []),
     (merged(FLAT, strip={"refined": 0.25}), "cannot follow its radius", []),
     (merged(FLAT, contact={"stiffness": 1e5}), "the strip sinks 0.36 m into roller r1", []),
     (merged(FLAT, contact={"stiffness": None, "eta": None, "delta": None, "onset": 0.1,
@@ -138,7 +139,7 @@ FOLLOWED = {
     "a stress of 600 MPa, beyond 500 MPa": [
         "stages.run.entry.tension=1.5e5", "stages.run.exit.tension=1.5e5",
     ],
-    "in stage run the strip weighs": ["threading.tension=2e4"],
+    "in stage run a span of the strip weighs": ["threading.tension=2e4"],
 }  # fmt: skip
 """The same of the lines of ``test_forewarnings.py``."""
 

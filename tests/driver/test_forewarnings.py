@@ -119,7 +119,12 @@ def test_graded_contact_is_made_harder_by_its_onset(pressure: float | None, hint
             "stages.last.exit.force below",
         ),
         ({"exit": {"force": [0.0, 0.0, 0.0]}}, True, "without tension", "exit.force=[1.1e+03"),
-        ({"gravity": [0.0, 0.0, -981.0]}, True, "the strip weighs 3.1e+04 N/m", "larger tension"),
+        (
+            {"gravity": [0.0, 0.0, -981.0]},
+            True,
+            "a span of the strip weighs 1.5e+04 N/m",
+            "larger tension",
+        ),
     ],
 )
 def test_what_has_no_equilibrium(
@@ -185,6 +190,20 @@ def changed(*changes: tuple[str, Any]) -> dict[str, Any]:
 def told(*changes: tuple[str, Any]) -> list[str]:
     """All warnings of the bridle with some of its values changed."""
     return warnings(preview_of(changed(*changes)))
+
+
+TORQUES = changed(
+    ("rollers.0.drive", "torque"), ("stages.1.rollers.a", {"torque": -1500.0}),
+    ("stages.1.entry.tension", 7e3), ("stages.1.exit", {"tension": 1.5e4}),
+)  # fmt: skip
+
+
+def test_torques_hold_what_friction_alone_could_not() -> None:
+    """A roller that brakes with M/(r W), as far as its own friction goes, before a driven one."""
+    assert not [line for line in warnings(preview_of(TORQUES)) if "runs away" in line]
+    tables = copy.deepcopy(TORQUES)
+    tables["stages"][1]["rollers"]["a"]["torque"] = 0.0
+    assert any("runs away" in line for line in warnings(preview_of(tables)))
 
 
 def test_an_ordinary_bridle_gives_no_cause() -> None:
@@ -290,8 +309,8 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
         "travels 10 m, and after 4 m its entry", "strip.feed=true",
     ),
     (
-        [("stages.1.gravity", [0.0, 0.0, -196.2])],
-        "in stage run the strip weighs", "larger tension",
+        [("stages.1.gravity", [0.0, 0.0, -392.4])],
+        "in stage run a span of the strip weighs", "larger tension",
     ),
     (
         [("strip.cells", [20, 1]), ("strip.refined", 0.068)],

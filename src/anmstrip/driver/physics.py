@@ -6,7 +6,7 @@ sentences, each with what to type.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from itertools import combinations
 
 import numpy as np
@@ -249,17 +249,18 @@ def two_digits(value: float, towards: Callable[[float], float]) -> float:
 
 
 def beyond_capacity(preview: Preview) -> Iterator[str]:
-    """Stages that pull at both free ends by more than friction on the rollers can hold."""
-    scene = preview.assembly.scene
+    """Stages that pull at both free ends by more than the rollers can hold."""
+    scene, assembly = preview.assembly.scene, preview.assembly
     held = {name for name in ENDS if name in scene.edges and "x" in scene.edges[name].fixed}
     first = 0.0 if scene.threading is None else scene.threading.tension
-    pulls = dict.fromkeys(ENDS, first)
-    assembly = preview.assembly
+    pulls, torques, weight = dict.fromkeys(ENDS, first), dict[str, float](), 0.0
     driven = [roller for roller in assembly.rollers if roller.name not in assembly.turning]
     turn = sum(preview.turn(roller) for roller in driven)
-    capacity = float(np.prod([holding(preview, roller) for roller in driven]))
     for stage in scene.stages:
         before = max(pulls.values())
+        torques |= {n: c.torque for n, c in stage.rollers.items() if c.torque is not None}
+        if stage.gravity is not None:
+            weight = -assembly.material.density * assembly.strip.thickness * stage.gravity[2]
         for name in ENDS:
             edge = stage.edges.get(name)
             if edge is None:
@@ -270,22 +271,72 @@ def beyond_capacity(preview: Preview) -> Iterator[str]:
             if edge.tension is not None or edge.force is not None:
                 force = 0.0 if edge.force is None else float(np.linalg.norm(edge.force))
                 pulls[name] = force if edge.tension is None else edge.tension
-        low, high = sorted(pulls.values())
-        if held or not preview.assembly.frictional(stage) or high <= capacity * low * 1.001:
+        if held or not preview.assembly.frictional(stage):
             continue
-        end = max(pulls, key=lambda name: pulls[name])
-        changed = stage.edges.get(end)
-        key = "force" if changed is not None and changed.force is not None else "tension"
-        f = np.log(high / low) / turn if low and turn else np.inf
-        more = f", or a friction coefficient above {two_digits(f, np.ceil):g}" if f < 2.0 else ""
-        bound = two_digits(capacity * low, np.floor) if low else 0.0
-        yield (
-            f"only friction holds the strip in x in stage {stage.name}, which pulls at its {end} "
-            f"by {high:.3g} N/m against {low:.3g} N/m, and on {np.degrees(turn):.0f}° of wrap "
-            f"friction holds {capacity:.3g} times as much at most: the strip runs away. "
-            f"Try stages.{stage.name}.{end}.{key} below "
-            f"{bound:.2g} N/m{more}."
-        )
+        for end, other in (ENDS, ENDS[::-1]):
+            high, low = pulls[end], pulls[other]
+            most = most_held(preview, end, low, torques, weight)
+            if high <= most * 1.001:
+                continue
+            changed = stage.edges.get(end)
+            key = "force" if changed is not None and changed.force is not None else "tension"
+            plain = not (weight or any(torques.values()) or any(s.bearing for s in scene.rollers))
+            f = np.log(high / low) / turn if plain and low and turn else np.inf
+            more = (
+                f", or a friction coefficient above {two_digits(f, np.ceil):g}" if f < 2.0 else ""
+            )
+            bound = two_digits(most, np.floor) if most else 0.0
+            held_by = f"friction, torques, bearings and weight hold {most:.3g} N/m there"
+            if plain:
+                held_by = f"friction holds {most / low if low else 1.0:.3g} times as much"
+            yield (
+                f"only friction holds the strip in x in stage {stage.name}, which pulls at its "
+                f"{end} by {high:.3g} N/m against {low:.3g} N/m, and on {np.degrees(turn):.0f}° of "
+                f"wrap {held_by} at most: the strip runs away. "
+                f"Try stages.{stage.name}.{end}.{key} below {bound:.2g} N/m{more}."
+            )
+
+
+def most_held(
+    preview: Preview, end: str, pull: float, torques: Mapping[str, float], weight: float
+) -> float:
+    """Largest tension (N/m) at an end that rollers, bearings and weight hold against the other's.
+
+    Parameters
+    ----------
+    preview : Preview
+    end : {"entry", "exit"}
+    pull : float
+        Tension at the other end (N/m).
+    torques : mapping
+        Torques (N m) of the rollers that have one.
+    weight : float
+        Of the strip (N/m²), by which a tension grows with height.
+    """
+    assembly, forth = preview.assembly, end == ENDS[-1]
+    thread, specs = assembly.thread, {spec.name: spec for spec in assembly.scene.rollers}
+    order = sorted(assembly.rollers, key=lambda roller: float(roller.centre[0]))
+    if thread is not None:
+        rollers = {roller.name: roller for roller in assembly.rollers}
+        order = [rollers[roller.name] for roller in thread.rollers]
+    given = assembly.scene.threading
+    heights = [float(roller.centre[2]) for roller in order]
+    if given is not None:
+        entry, exit = given.entry or order[0].centre, given.exit or order[-1].centre
+        heights = [float(entry[2]), *heights, float(exit[2])]
+    else:  # flat
+        heights = [0.0] * (len(order) + 2)
+    if not forth:
+        order, heights = order[::-1], heights[::-1]
+    for roller, rise in zip(order, np.diff(heights), strict=False):
+        pull = max(pull + weight * float(rise), 0.0)
+        most = pull * holding(preview, roller)
+        if roller.name in assembly.turning:
+            carried = torques.get(roller.name, 0.0) * roller.sense * carrying_sense(roller, thread)
+            gained = specs[roller.name].bearing + (-carried if forth else carried)
+            most = min(most, pull + gained / (roller.radius * assembly.strip.width))
+        pull = max(most, 0.0)
+    return max(pull + weight * (heights[-1] - heights[-2]), 0.0)
 
 
 def sharpest_curvature(preview: Preview, roller: Roller) -> float:

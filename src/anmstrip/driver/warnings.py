@@ -173,15 +173,19 @@ def slack_end(preview: Preview) -> Iterator[str]:
 
 
 def heavy_strip(preview: Preview) -> Iterator[str]:
-    """Stages whose weight is more than the tension can carry without a deep sag."""
+    """Stages in which a span weighs more than its tension can carry without a deep sag."""
     strip, largest = preview.assembly.strip, preview.tension
-    for plan in preview.plans:
+    for plan, string in zip(preview.plans, preview.strings, strict=True):
         gravity = np.linalg.norm(plan.controls.at(1.0).get("gravity", np.zeros(3)))
-        weight = gravity * strip.material.density * strip.thickness * strip.length
+        span = strip.length
+        if string.path is not None:  # straight runs lie between arcs; upright ones do not sag
+            pieces = np.diff(string.path.starts[:, 0]) * np.abs(np.cos(string.path.angles[:, 0]))
+            span = float(pieces[::2].max())
+        weight = gravity * strip.material.density * strip.thickness * span
         if weight > largest:
             yield (
-                f"in stage {plan.name} the strip weighs {weight:.2g} N/m, {weight / largest:.2g} "
-                "times its tension, and sags deeply. Try a larger tension."
+                f"in stage {plan.name} a span of the strip weighs {weight:.2g} N/m, "
+                f"{weight / largest:.2g} times its tension, and sags deeply. Try a larger tension."
             )
 
 
@@ -317,7 +321,25 @@ SERIOUS_RULES = (
     heavy_strip,
     strict_tolerance,
 )
-OTHER_RULES = (free_motions, coarse_mesh, slipping_friction, *physics.RULES)
+MANY = 5000
+"""Unknowns of a shell from which on it is told that a section would do."""
+
+
+def needless_shell(preview: Preview) -> Iterator[str]:
+    """Large shells, by default, of scenes in which nothing varies across the strip."""
+    assembly = preview.assembly
+    count, typed = assembly.strip.unknowns, assembly.scene.strip.model_fields_set
+    if count < MANY or "kinematics" in typed or any(against_section(preview)):
+        return
+    size = size_of(assembly, KINEMATICS["section"])
+    if size is not None:
+        yield (
+            f"nothing varies across the strip, which is a shell of {count} unknowns: a section "
+            f"has {size.unknowns}. Try --set 'strip.kinematics=\"section\"'"
+        )
+
+
+OTHER_RULES = (free_motions, coarse_mesh, slipping_friction, needless_shell, *physics.RULES)
 
 
 def element_over(assembly: Assembly, roller: Roller) -> float:
