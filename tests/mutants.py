@@ -626,7 +626,7 @@ ESTIMATES = (
     ),
     Mutant(
         "weight of a metre",
-        "gravity * strip.material.density * strip.thickness * strip.length",
+        "gravity * strip.material.density * strip.thickness * span",
         "gravity * strip.material.density * strip.thickness",
         "explain",
     ),
