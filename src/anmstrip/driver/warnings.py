@@ -303,24 +303,6 @@ def acts_as(coefficient: float, share: float, slip: float) -> str:
     )
 
 
-SERIOUS_RULES = (
-    physics.other_units,
-    physics.roller_in_the_way,
-    physics.meeting_rollers,
-    physics.roller_over_an_end,
-    physics.driven_without_friction,
-    sharp_roller,
-    soft_contact,
-    slack_start,
-    released_strip,
-    physics.beyond_capacity,
-    physics.torque_beyond_friction,
-    physics.strip_without_tension,
-    physics.strip_runs_out,
-    slack_end,
-    heavy_strip,
-    strict_tolerance,
-)
 MANY = 5000
 """Unknowns of a shell from which on it is told that a section would do."""
 
@@ -339,6 +321,24 @@ def needless_shell(preview: Preview) -> Iterator[str]:
         )
 
 
+SERIOUS_RULES = (
+    physics.other_units,
+    physics.roller_in_the_way,
+    physics.meeting_rollers,
+    physics.roller_over_an_end,
+    physics.driven_without_friction,
+    sharp_roller,
+    soft_contact,
+    slack_start,
+    released_strip,
+    physics.beyond_capacity,
+    physics.torque_beyond_friction,
+    physics.strip_without_tension,
+    physics.strip_runs_out,
+    slack_end,
+    heavy_strip,
+    strict_tolerance,
+)
 OTHER_RULES = (free_motions, coarse_mesh, slipping_friction, needless_shell, *physics.RULES)
 
 
