@@ -76,8 +76,8 @@ STATE = (
     ),
     Mutant(
         "weight behind a roller for that before it",
-        "area = (x - begin) / (end - begin)",
-        "area = (end - x) / (end - begin)",
+        "area = float(self.unstressed_length(x)) / (end - begin)",
+        "area = 1.0 - float(self.unstressed_length(x)) / (end - begin)",
         "rollers",
     ),
     Mutant(
@@ -381,8 +381,8 @@ PROFILE = (
            "fields"),
     Mutant("slip runs the other way", "slip[near] += (contact.slip", "slip[near] -= (contact.slip",
            "profile"),
-    Mutant("curvature across for along", "self.fields.curvature(state.full)[:, 0]",
-           "self.fields.curvature(state.full)[:, 1]", "profile"),
+    Mutant("curvature across for along", "self.fields.curvature(state)[:, 0]",
+           "self.fields.curvature(state)[:, 1]", "profile"),
     Mutant("moment has the other sign", 'self._mean(fields["bending_moment"][:, 0])',
            '-self._mean(fields["bending_moment"][:, 0])', "profile"),
     Mutant("means without areas", "weights = self.areas if weights is None",

@@ -164,7 +164,9 @@ class Model:
             self.seconds[effect.name] += time.perf_counter() - begin
         return self.closed(total)
 
-    def tension_error(self, full: Array, change: Array) -> float:
+    def tension_error(
+        self, full: Array, change: Array, controls: Mapping[str, Any] | None = None
+    ) -> float:
         """Root mean square of the membrane forces of a change, over the tension scale.
 
         Or of the moments of layers that can yield, over that of first yield, if it is larger.
@@ -172,7 +174,7 @@ class Model:
         error = 0.0
         for effect in self.effects:
             if isinstance(effect, Membrane):
-                forces = effect.change(full, change)
+                forces = effect.change(full, change, controls)
                 weights = effect.operator.weights
                 mean = np.einsum("abp,abp,p->", forces, forces, weights) / weights.sum()
                 error = max(error, float(np.sqrt(mean)) / self.scales.tension)
@@ -510,7 +512,7 @@ class Motion:
         """Error in membrane force over the tension scale: slip lets it relax."""
         full, moved = self.supports.start.copy(), np.zeros(self.model.unknowns)
         full[self.supports.free], moved[self.supports.free] = u, change
-        return self.model.tension_error(full, moved)
+        return self.model.tension_error(full, moved, self.controls.start)
 
 
 @dataclass(frozen=True)
@@ -553,7 +555,7 @@ class StageProblem:
         velocity = self.carried(full, self.strip_speed(full, control))
         return np.concatenate([velocity, full[self.model.strip.unknowns : -1], [0.0]])
 
-    def carried(self, full: Array, speed: float) -> Array:
+    def carried(self, full: Array, speed: Any) -> Array:
         """Velocity c ∂r/∂X of strip that moves through its own shape, (unknowns of the strip,)."""
         from anmstrip.mechanics.transport import transport_velocity
 
@@ -584,7 +586,7 @@ class StageProblem:
     def before(self, past: StageProblem | None) -> dict[str, Array]:
         """Velocities of rollers that jump as this stage begins, with their values before."""
         then = past.controls.start if past is not None and past.in_time else {}
-        now = {n: v for n, v in self.controls.start.items() if n.endswith(".velocity")}
+        now = {n: v for n, v in self.controls.start.items() if n.endswith((".velocity", ".drift"))}
         velocities = {name: then.get(name, np.zeros_like(v)) for name, v in now.items()}
         return {name: v for name, v in velocities.items() if np.any(v != now[name])}
 

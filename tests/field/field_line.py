@@ -157,11 +157,15 @@ class Line:
         return self.pulled(time)
 
     def pulled(self, time: float = np.inf) -> float:
-        """How far the exit has gone up to a time (m), or in all."""
+        """How far the strip at the exit has gone up to a time (m), or in all.
+
+        At the end without what the runs have taken up, which came from there.
+        """
         _, exit = self.ends
         heading = np.exp(1j * self.string().headings[-1])
         x, _, z = self.state(None if time == np.inf else time).end("exit")
-        return float(((complex(x, z) - exit) * np.conj(heading)).real)
+        held = self.summary.get("feed", {}).get("taken_up", 0.0) if time == np.inf else 0.0
+        return float(((complex(x, z) - exit) * np.conj(heading)).real) - held
 
     def expect_speed(self, expected: float) -> None:
         """Both ends move at that speed (m/s); 0.5 % as for the travel."""

@@ -118,11 +118,15 @@ def test_a_roller_that_moves_has_fine_elements_where_it_goes() -> None:
         "threading": {"tension": 1e4, "entry": [-2.0, 0.0, -0.3], "exit": [3.0, 0.0, -0.3]},
         "stages": [{"duration": 1.0, "rollers": {"b": {"move": [0.0, 0.0, 0.5]}}}],
     }
-    given = Assembly(Scene.model_validate(scene))
+    carried = scene | {"strip": {**scene["strip"], "feed": False}}
+    given, fed = (Assembly(Scene.model_validate(each)) for each in (carried, scene))
     assert given.thread is not None
     middles, lengths = cells(given)
     _, off = given.thread.arcs["c"]
     assert lengths[(middles > off) & (middles < off + 1.0)].max() < 1.05 * 0.25 * LAYER
+    count, (middles, lengths) = len(lengths), cells(fed)  # labels follow the carriage
+    assert lengths[(middles > off) & (middles < off + 1.0)].max() > 0.3 * LAYER
+    assert len(lengths) < 0.8 * count
 
 
 def test_elements_across_are_even_and_more_where_the_profile_varies() -> None:

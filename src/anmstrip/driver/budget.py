@@ -32,6 +32,7 @@ from anmstrip.timestepping.formulas import AffineVelocity, Errors, Memory
 
 if TYPE_CHECKING:
     from anmstrip.mechanics.laws import ContactLaw
+    from anmstrip.simulation.growth import Growth
 
 
 Part = dict[str, float]
@@ -307,6 +308,12 @@ class Halved(Assembly):
 
     given: Assembly | None = None
 
+    @property
+    def growth(self) -> Growth | None:
+        """That of the given mesh."""
+        assert self.given is not None
+        return self.given.growth
+
     @classmethod
     def of(cls, given: Assembly) -> Halved:
         """Return the assembly on elements of half the length of a given one."""
@@ -387,6 +394,7 @@ class Halved(Assembly):
         values |= {key: values[key] + more[key] for key in more}
         course = Course(self, released=set(released))
         course.values = {**values, **course.values}
+        values |= course.growing(stage, values)
         plan = course.plan(stage, {}, start)
         supports = replace(plan.supports, start=start, slope=np.zeros_like(start), bow=None)
         return replace(plan, supports=supports, controls=Controls(values))

@@ -274,7 +274,7 @@ def stage_table(plans: Sequence[StageProblem]) -> Table:
     columns = ("from (s)", "to (s)", "free unknowns", "path", "what moves")
     table = plain_table("Stages", "stage", *columns)
     for plan in plans:
-        moving = sorted(plan.controls.slope)
+        moving = sorted(set(plan.controls.slope) - {"strip.held", "strip.growth"})
         moving += ["held edges"] if np.any(plan.supports.slope) else []
         held = plan.controls.at(1.0).items()
         moving += [k for k, v in held if k.endswith("speed") and np.any(v) and k not in moving]

@@ -146,7 +146,8 @@ class Recorder:
         origin, flat_origin = self.assembly.origin, np.append(self.assembly.flat_origin, 0.0)
         points = self.surface.reference.T + fields["displacement"] + origin
         fields["displacement"] += origin - flat_origin
-        fields["displacement"][:, 0] += state.conveyed
+        labels = self.surface.reference[0] - self.surface.reference[0].min()
+        fields["displacement"][:, 0] += state.conveyed + labels - fields["arc_length"]
         smooth = self.assembly.scene.output.smooth
         cells = self.surface.cells if smooth else subdivide(self.surface.cells)
         write_surface(self.directory / strip, points, cells, fields)

@@ -388,7 +388,11 @@ class Run:
         """Return the counters of the run, as in ``summary.json``."""
         march, strip = self.march, self.assembly.strip
         section = strip.material.density * strip.thickness * strip.width
+        held = march.course.values.get("strip.held", np.zeros(1))
+        if self.state is not None:
+            held = self.state.controls.get("strip.held", held)
         fed = {"length": march.conveyed, "mass": section * march.conveyed}
+        fed["taken_up"] = float(held.sum())
         return {
             "status": "done" if self.outcome.done else self.outcome.name.lower(),
             "message": self.message,

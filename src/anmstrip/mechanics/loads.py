@@ -31,6 +31,29 @@ def weight(strip: Strip) -> LoadEffect:
     return LoadEffect("weight", "gravity", load, strip.kinematics)
 
 
+class GrownWeight(LawEffect):
+    """Weight of strip whose labels hold more of it, or less: −ρ t g per area of the reference.
+
+    Controls: ``gravity`` (m/s²) and ``strip.growth``, g (points,).
+
+    Parameters
+    ----------
+    strip : Strip
+    """
+
+    name = "weight"
+
+    def __init__(self, strip: Strip) -> None:
+        self.strip, self.operator = strip, CellOperator(strip, (0,))
+
+    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+        """Minus the weight, on the value, (components, 1, points)."""
+        density = self.strip.material.density * self.strip.thickness
+        held = (x[0, 0] * 0.0 + density) * controls["strip.growth"]
+        pull = np.einsum("ij,j->i", self.strip.kinematics.chosen, controls["gravity"])
+        return np.einsum("i,...->i...", pull * -1.0, held)[:, None]
+
+
 @dataclass(frozen=True)
 class FollowerLoad(LawEffect):
     """A load that follows the strip: residual −control × stress(tangent vectors)."""

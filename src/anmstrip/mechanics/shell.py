@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,9 @@ from anmstrip.fem.geometry import dot, normal_vector, normal_work
 from anmstrip.fem.operators import CellOperator, Pattern
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.effects import LawEffect, LinearEffect
+
+FIRST, SECOND = (1, 0), (2, 0, 1)
+"""How many times the first derivatives (x, y) and the second ones (xx, yy, xy) go along x."""
 
 
 def plane_stress(strip: Strip) -> Array:
@@ -70,6 +73,36 @@ def kept(values: Any, controls: Mapping[str, Any], loss: str = "strip.softening"
     return values * (1.0 - controls[loss]) if loss in controls else values
 
 
+def of_material(derivatives: Any, controls: Mapping[str, Any], powers: Sequence[int]) -> Any:
+    """Return derivatives along unstressed strip, from those along labels that hold more of it.
+
+    Parameters
+    ----------
+    derivatives : array or Series, shape (components, derivatives, points)
+    controls : mapping
+        ``strip.growth``, g = ∂S/∂X, the unstressed length at a label over that of the reference,
+        (points,); without it labels are material.
+    powers : sequence of int
+        How many times each one is a derivative along X.
+    """
+    if "strip.growth" not in controls:
+        return derivatives
+    factor = 1.0 / controls["strip.growth"]
+    factors = (1.0, factor, factor * factor)
+    parts = [derivatives[:, k] * factors[power] for k, power in enumerate(powers)]
+    return np.stack(parts, axis=1)
+
+
+def on_labels(forces: Any, controls: Mapping[str, Any], powers: Sequence[int]) -> Any:
+    """Return what does work with the derivatives along labels, see :func:`of_material`.
+
+    Per area of the reference, g times what it is per area of unstressed strip.
+    """
+    if "strip.growth" not in controls:
+        return forces
+    return of_material(forces * controls["strip.growth"], controls, powers)
+
+
 class Membrane(LawEffect):
     """Membrane forces of a strip.
 
@@ -93,6 +126,7 @@ class Membrane(LawEffect):
         self.stiffness = plane_stress(strip)
         self.flat = strip.frames().tangents
         self.metric = np.eye(strip.kinematics.directions)[:, :, None]
+        self.powers = FIRST[: strip.kinematics.directions]
         self.imperfection = imperfection
         if imperfection is not None:
             natural = self.flat + self.operator.apply(imperfection)
@@ -111,22 +145,29 @@ class Membrane(LawEffect):
 
     def at(self, full: Array, controls: Mapping[str, Any] | None = None) -> Array:
         """N (N/m) of a state at the quadrature points, shape (d, d, points)."""
-        tangents = self.operator.apply(full) + self.flat
+        tangents = self.tangents(self.operator.apply(full), controls or {})
         return np.asarray(self.forces(tangents, controls))
+
+    def tangents(self, x: Any, controls: Mapping[str, Any]) -> Any:
+        """Tangent vectors along unstressed strip, (components, d, points)."""
+        return of_material(x + self.flat, controls, self.powers)
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """First Piola stress (N/m) from the displacement gradient, (components, d, points)."""
-        tangents = x + self.flat
-        return np.einsum("ia...,ab...->ib...", tangents, self.forces(tangents, controls))
+        tangents = self.tangents(x, controls)
+        stress = np.einsum("ia...,ab...->ib...", tangents, self.forces(tangents, controls))
+        return on_labels(stress, controls, self.powers)
 
     def change(
         self, full: Array, change: Array, controls: Mapping[str, Any] | None = None
     ) -> Array:
         """Membrane forces that a small change of state makes, shape (d, d, points)."""
-        tangents = self.operator.apply(full) + self.flat
-        product = np.einsum("ia...,ib...->ab...", tangents, self.operator.apply(change))
+        controls = controls or {}
+        tangents = self.tangents(self.operator.apply(full), controls)
+        moved = of_material(self.operator.apply(change), controls, self.powers)
+        product = np.einsum("ia...,ib...->ab...", tangents, moved)
         forces = np.einsum("abcd,cd...->ab...", self.stiffness, product)
-        return np.asarray(kept(forces, controls or {}))
+        return np.asarray(kept(forces, controls))
 
 
 def uniaxial_stretches(
@@ -257,6 +298,7 @@ class KirchhoffLove(LawEffect):
         self.operator = CellOperator(strip, (1, 2))
         self.directions = strip.kinematics.directions
         self.stiffness = stiffness(strip)
+        self.powers = FIRST[: self.directions] + SECOND[: len(self.stiffness)]
         self.reference = np.concatenate([frames.tangents, frames.seconds], axis=1)
         natural = 0.0 if imperfection is None else self.operator.apply(imperfection)
         self.curvature = self.bent(self.reference + natural)
@@ -274,10 +316,10 @@ class KirchhoffLove(LawEffect):
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Forces against the derivatives, (components, directions + pairs, points)."""
-        derivatives = x + self.reference
+        derivatives = of_material(x + self.reference, controls, self.powers)
         change = self.change(derivatives, controls)
         moments = np.einsum("kl,l...->k...", self.stiffness, change)
-        return self.work(derivatives, kept(moments, controls))
+        return on_labels(self.work(derivatives, kept(moments, controls)), controls, self.powers)
 
     def work(self, derivatives: Any, moments: Any) -> Any:
         """Forces of moments against δ(n · r,ab), (components, directions + pairs, points).

@@ -278,7 +278,10 @@ class CarriedFriction(TurningFriction):
     def rates(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Any, Any, Any]:
         """Return ∂r/∂t against the roller in its frame, speeds of free surfaces, and c (m/s)."""
         own = transform(self.frame, control_of(self.roller, controls, "velocity"))
-        return transform(self.view, v[: self.contact.kinematics.count]) - own, v[-2], v[-1]
+        passing = v[-1]
+        if f"rollers.{self.roller.members[0].name}.drift" in controls:
+            passing = passing + control_of(self.roller, controls, "drift")
+        return transform(self.view, v[: self.contact.kinematics.count]) - own, v[-2], passing
 
 
 @dataclass(frozen=True)
@@ -339,8 +342,10 @@ class Passage(LawEffect):
         return np.stack([(moving - controls["strip.passing"]) * self.stiffness])
 
 
-def transport_velocity(strip: Strip, pattern: Pattern, full: Array, speed: float) -> Array:
-    """Velocity c ∂r/∂X of a stationary state, on the strip's functions, (unknowns of the strip,).
+def transport_velocity(strip: Strip, pattern: Pattern, full: Array, speed: Any) -> Array:
+    """Velocity c ∂r/∂X of strip that passes labels, on the strip's functions.
+
+    Shape (unknowns of the strip,).
 
     Parameters
     ----------
@@ -348,11 +353,12 @@ def transport_velocity(strip: Strip, pattern: Pattern, full: Array, speed: float
     pattern : Pattern
     full : ndarray, shape (unknowns,)
         Displacements.
-    speed : float
-        c (m of unstressed strip per second).
+    speed : float or ndarray, shape (points,)
+        c (m of unstressed strip per second), at the quadrature points where labels hold more of it
+        or less: over g then.
     """
     tangents = strip.frames().tangents + CellOperator(strip, [1]).apply(full)
-    return speed * l2_projection(strip, pattern, strip.kinematics.embed(tangents[:, 0]))
+    return l2_projection(strip, pattern, speed * strip.kinematics.embed(tangents[:, 0]))
 
 
 def strip_speed(strip: Strip, full: Array, velocity: Array) -> float:

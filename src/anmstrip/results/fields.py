@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -68,7 +69,7 @@ class FieldSampler:
         return {
             "displacement": self.interpolate(state.full),
             "velocity": self.interpolate(state.material_velocity),
-            "arc_length": self.reference[0] - self.reference[0].min(),
+            "arc_length": state.unstressed_length(self.reference[0]),
             **self.contact_fields(state),
             **self.stress_fields(state),
         }
@@ -78,9 +79,14 @@ class FieldSampler:
         own = self._average(self._at_points(self.value, full))
         return self.kinematics.embed(own.T).T
 
-    def curvature(self, full: Array) -> Array:
+    def curvature(self, state: Readable) -> Array:
         """Curvatures (xx, yy, xy) (1/m), positive where the top is stretched, (points, 3)."""
-        return self._average(self._geometry(full)[2])
+        return self._average(self._geometry(state.full, self._growth(state))[2])
+
+    def _growth(self, state: Readable) -> Any:
+        """Unstressed length at a label over that of the reference, 1 or (elements, points)."""
+        growth = state.controls.get("strip.growth")
+        return 1.0 if growth is None else self._recovered(growth[None])[0]
 
     def _average(self, values: Array) -> Array:
         """Mean over the elements that share a point, (..., elements, 16) → (points, ...)."""
@@ -143,7 +149,7 @@ class FieldSampler:
 
     def stress_fields(self, state: Readable) -> dict[str, Array]:
         """Membrane forces, moments, von Mises stress of the top surface, curvature, normal."""
-        tangents, normal, curvature = self._geometry(state.full)
+        tangents, normal, curvature = self._geometry(state.full, self._growth(state))
         bending, sheet = curvature, state.membrane
         if sheet is not None and sheet.imperfection is not None:
             bending = curvature - self._geometry(sheet.imperfection)[2]
@@ -222,10 +228,11 @@ class FieldSampler:
         coefficients = np.linalg.lstsq(root[:, None] * at, np.diag(root), rcond=None)[0]
         return corners @ coefficients, _monomials(self.local, square) @ np.linalg.inv(corners)
 
-    def _geometry(self, full: Array) -> tuple[Array, Array, Array]:
+    def _geometry(self, full: Array, growth: Any = 1.0) -> tuple[Array, Array, Array]:
         """Tangent vectors r,a, normal n, and curvature −n · r,ab, positive with a stretched top.
 
         Shapes (components, directions, elements, points) and twice (3, elements, points).
+        Derivatives are by unstressed length along the strip.
         """
         level = self.kinematics
         tangents = level.flat[..., None] + self._at_points(self.grad, full)
@@ -235,7 +242,11 @@ class FieldSampler:
         normal = np.cross(in_space[:, 0], in_space[:, 1], axis=0)
         normal /= np.linalg.norm(normal, axis=0)
         hessian = level.embed(self._at_points(self.hess, full))
-        return tangents, normal, _components(-np.einsum("cep,cabep->abep", normal, hessian))
+        curvature = _components(-np.einsum("cep,cabep->abep", normal, hessian))
+        tangents[:, 0] /= growth
+        curvature[0] /= growth**2
+        curvature[2] /= growth
+        return tangents, normal, curvature
 
 
 def _monomials(points: Array, square: bool) -> Array:
@@ -300,7 +311,7 @@ class Profile:
             "arc_length": self._mean(fields["arc_length"]),
             "tension": self._mean(fields["tension"]),
             "pressure": self._mean(fields["normal_pressure"]),
-            "curvature": self._mean(self.fields.curvature(state.full)[:, 0]),
+            "curvature": self._mean(self.fields.curvature(state)[:, 0]),
             "moment": self._mean(fields["bending_moment"][:, 0]),
             **{name: self._mean(values) for name, values in yielded.items()},
             "tension_min": low,

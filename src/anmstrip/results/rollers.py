@@ -443,6 +443,9 @@ class Readable(Protocol):
     def controls(self) -> Mapping[str, Array]:
         """Values of the controls."""
 
+    def unstressed_length(self, x: Array) -> Array:
+        """Length of unstressed strip (m) between the entry and labels."""
+
     @property
     def gaps(self) -> Array:
         """Gap (m) of every contact point from the roller that it is nearest to."""

@@ -12,6 +12,7 @@ from anmstrip.arrays import Array, Index
 from anmstrip.continuation.path import Branch
 from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import nearest
+from anmstrip.fem.sampling import quadrature_points
 from anmstrip.mechanics.loads import FollowerLoad
 from anmstrip.mechanics.shell import Membrane, principal_values
 from anmstrip.results.fields import Profile
@@ -124,7 +125,10 @@ class State:
         moving, speed = self.velocity[:unknowns], self.strip_speed
         if not self.plan.fed or speed is None:
             return moving
-        return moving + self.plan.carried(self.full, speed)
+        passing: Any = speed
+        if "strip.drift" in self.controls:
+            passing = (speed + self.controls["strip.drift"]) / self.controls["strip.growth"]
+        return moving + self.plan.carried(self.full, passing)
 
     def along(self, name: str) -> Array:
         """Values along the strip, from the entry to the exit.
@@ -334,6 +338,19 @@ class State:
             for name, reading in self.rollers.items()
         }
 
+    def unstressed_length(self, x: Any) -> Any:
+        """Length of unstressed strip (m) between the entry and labels x, shape of x."""
+        strip = self.plan.model.strip
+        begin, end = strip.span
+        growth = self.controls.get("strip.growth")
+        if growth is None:
+            return x - begin
+        places, lines = np.unique(quadrature_points(strip)[0], return_inverse=True)
+        weights = strip.weights().ravel() * (end - begin) / strip.areas.sum()
+        held = np.bincount(lines, weights * growth)
+        up_to = [0.0, *(np.cumsum(held) - 0.5 * held), held.sum()]
+        return np.interp(x, [begin, *places, end], up_to)
+
     def weight_before(self, x: float) -> Array:
         """Weight of the strip up to a reference position (N), shape (3,)."""
         gravity = self.controls.get("gravity")
@@ -341,5 +358,5 @@ class State:
             return np.zeros(3)
         strip = self.plan.model.strip
         begin, end = strip.span
-        area = (x - begin) / (end - begin) * strip.areas.sum()
+        area = float(self.unstressed_length(x)) / (end - begin) * strip.areas.sum()
         return strip.material.density * strip.thickness * area * np.asarray(gravity)

@@ -52,6 +52,15 @@ def goes_on(scene: SceneSpec) -> bool:
     return not any(moved_ends(scene.edges, scene.stages))
 
 
+def follows_rollers(scene: SceneSpec) -> bool:
+    """Return whether labels of a fed strip follow rollers that move, and runs take strip up."""
+    threading, wrapped = scene.threading, {r.name for r in scene.rollers if r.wrap is not None}
+    if not scene.strip.feed or scene.strip.mesh or threading is None or threading.closed:
+        return False
+    moved = {name for stage in scene.stages for name, c in stage.rollers.items() if c.move}
+    return not wrapped.isdisjoint(moved)
+
+
 def elastic_creep(scene: SceneSpec) -> float:
     """Return the speed (m/s) at which a driven strip slips because tension stretches it.
 

@@ -17,7 +17,7 @@ from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import RollerControl
-from anmstrip.simulation.defaults import boundary_layer
+from anmstrip.simulation.defaults import boundary_layer, follows_rollers
 
 if TYPE_CHECKING:
     from anmstrip.simulation.threading import Thread
@@ -134,10 +134,9 @@ class Lines:
         back, ahead = carried(scene, self.rollers, thread)
         if stands(scene):
             back = ahead = 0.0
-        arcs = () if thread is None else _arcs_in_stages(scene, thread)
+        arcs = () if thread is None else arcs_in_stages(scene, thread)
         for roller in self.rollers if scene.contact is not None else ():
-            size = wanted_size(scene, roller.radius)
-            margin = float(np.clip(NEAR_LIFT * boundary_layer(scene), 2.0 * size, 16.0 * size))
+            size, margin = wanted_size(scene, roller.radius), fine_beside(scene, roller.radius)
             lifts = np.array([arc[roller.name] for arc in arcs if roller.name in arc])
             if not len(lifts):  # anywhere near where the strip passes the roller
                 moves = [stage.rollers.get(roller.name) for stage in scene.stages]
@@ -223,8 +222,17 @@ def wanted_size(scene: SceneSpec, radius: float) -> float:
     return radius * float(np.clip(QUARTER * boundary_layer(scene) / radius, STRING, FOLLOWS))
 
 
-def _arcs_in_stages(scene: SceneSpec, thread: Thread) -> list[dict[str, tuple[float, float]]]:
-    """Arcs of a threaded strip at the beginning and, where rollers move, after each stage."""
+def fine_beside(scene: SceneSpec, radius: float) -> float:
+    """Length (m) of fine strip on both sides of a place where it lifts off a roller."""
+    size = wanted_size(scene, radius)
+    return float(np.clip(NEAR_LIFT * boundary_layer(scene), 2.0 * size, 16.0 * size))
+
+
+def arcs_in_stages(scene: SceneSpec, thread: Thread) -> list[dict[str, tuple[float, float]]]:
+    """Arcs of a threaded strip at the beginning and, where rollers move, after each stage.
+
+    Where labels follow rollers, the middle of an arc stays where it was.
+    """
     arcs, rollers, given = [thread.arcs], list(thread.rollers), {r.name: r for r in thread.rollers}
     for stage in scene.stages:
         ways = {name: control.move for name, control in stage.rollers.items() if control.move}
@@ -234,6 +242,11 @@ def _arcs_in_stages(scene: SceneSpec, thread: Thread) -> list[dict[str, tuple[fl
                 rollers[k] = replace(roller, centre=tuple(centre))
         with suppress(NotTouchedError, NoTangentError):
             arcs.append(replace(thread, rollers=tuple(rollers), given=thread.length).arcs)
+    if follows_rollers(scene):
+        for each in arcs[1:]:
+            for name, (first, last) in each.items():
+                shift = 0.5 * (sum(thread.arcs[name]) - first - last)
+                each[name] = first + shift, last + shift
     return arcs
 
 
@@ -253,7 +266,8 @@ def lines_of_nodes(
 def stands(scene: SceneSpec) -> bool:
     """Whether the strip lifts on and off at the same labels throughout."""
     moves = [c.move for stage in scene.stages for c in stage.edges.values()]
-    moves += [c.move for stage in scene.stages for c in stage.rollers.values()]
+    if not follows_rollers(scene):
+        moves += [c.move for stage in scene.stages for c in stage.rollers.values()]
     steady = all(stage.steady or not stage.friction for stage in scene.stages)
     return bool(steady or scene.strip.feed) and not any(moves)
 

@@ -27,6 +27,7 @@ from anmstrip.fem.sampling import (
 from anmstrip.fem.strip import Material, Strip, renumbered
 from anmstrip.mechanics.effects import Effect
 from anmstrip.mechanics.loads import (
+    GrownWeight,
     Pretension,
     edge_force,
     edge_moment,
@@ -39,7 +40,7 @@ from anmstrip.mechanics.roller import RepeatedRollers, Roller, Sides
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
 from anmstrip.scene.tables import I_UNIT, THREADING, FieldSpec, NaturalShape
-from anmstrip.simulation.defaults import largest_force, line_speed, with_defaults
+from anmstrip.simulation.defaults import follows_rollers, largest_force, line_speed, with_defaults
 from anmstrip.simulation.meshing import carrying_sense, cells_across, strip_mesh, surface_speed
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
     from anmstrip.mechanics.transport import CarriedFriction, Drives
     from anmstrip.scene.tables import ContactSpec, FrictionSpec, PlasticitySpec
+    from anmstrip.simulation.growth import Growth
     from anmstrip.simulation.threading import Thread
 
 GENTLE = {
@@ -267,6 +269,15 @@ class Assembly:
         return thread_of(self.scene, rollers, self.origin, length)
 
     @cached_property
+    def growth(self) -> Growth | None:
+        """What the runs between rollers take up, if labels follow rollers that move."""
+        if self.thread is None or not follows_rollers(self.scene):
+            return None
+        from anmstrip.simulation.growth import Growth
+
+        return Growth.of(self.scene, self.thread, np.unique(self.strip.mesh.p[0]))
+
+    @cached_property
     def strip(self) -> Strip:
         """Mesh and basis."""
         spec = self.scene.strip
@@ -329,6 +340,7 @@ class Assembly:
         turns = spec.bending == "kirchhoff-love" or spec.imperfection is not None
         turns = turns or bool(self.scene.material.plasticity or self.scene.material.young_at)
         turns = turns or not naturals(self.scene).isdisjoint(("coil_set", "crossbow"))
+        turns = turns or self.growth is not None  # the other one counts along labels
         if turns and self.kinematics is not PLATE:
             return KirchhoffLove(self.strip, self.imperfection)
         return isometric_bending(self.strip, self.pattern)
@@ -570,8 +582,10 @@ class Assembly:
             edge, _, kind = control.rpartition(".")
             if kind in makers:
                 effects.append(makers[kind](self.strip, edge))
-            elif kind in ("gravity", "pressure"):
-                effects.append((weight if kind == "gravity" else pressure)(self.strip))
+            elif kind == "gravity":
+                effects.append((weight if self.growth is None else GrownWeight)(self.strip))
+            elif kind == "pressure":
+                effects.append(pressure(self.strip))
         rates = stage.friction and not stage.steady
         return effects + [e for e in self.added_effects if rates or not e.rate_dependent]
 

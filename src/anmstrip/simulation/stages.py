@@ -77,6 +77,8 @@ class Course:
             self.values.setdefault(key, value)
         if self.assembly.conveyed:
             self.values.setdefault("strip.speed", np.array(0.0))
+        if thread is not None and self.assembly.growth is not None:
+            self.values.setdefault("strip.held", np.zeros(len(thread.rollers) + 1))
         for roller in self.assembly.rollers:
             key = f"rollers.{roller.name}"
             self.values.setdefault(f"{key}.centre", np.array(roller.centre, dtype=float))
@@ -110,6 +112,13 @@ class Course:
             key = f"rollers.{roller.name}"
             rate = slope.get(f"{key}.centre", np.zeros(3)) / stage.duration
             start[f"{key}.velocity"] = rate
+        if self.assembly.growth is not None:
+            held = start["strip.held"]
+            start["strip.taking_up"] = slope.get("strip.held", 0.0 * held) / stage.duration
+            start |= self.growing(stage, start)
+            if "strip.held" in slope:
+                ended = self.growing(stage, start | {"strip.held": held + slope["strip.held"]})
+                slope["strip.growth"] = ended["strip.growth"] - start["strip.growth"]
         effects = self.assembly.effects(stage, start)
         a, pull = self.assembly, self._pull(full) if self.pulled(stage) else None
         goes_on = "exit" in self.outward and not (a.closed or self._held().get("exit"))
@@ -135,6 +144,32 @@ class Course:
             steady=stage.steady,
             fed=self.fed(stage),
         )
+
+    def growing(self, stage: StageSpec, values: Mapping[str, Array]) -> dict[str, Array]:
+        """What labels hold, g, and the speed (m/s) that this adds to what passes them.
+
+        At the quadrature points, ``strip.growth`` and ``strip.drift``, and at rollers; nothing
+        unless labels follow rollers that move.
+
+        Parameters
+        ----------
+        stage : StageSpec
+        values : mapping
+            ``strip.held`` (m) and ``strip.taking_up`` (m/s) of the runs.
+        """
+        a = self.assembly
+        if (growth := a.growth) is None:
+            return {}
+        x, rates = quadrature_points(a.strip)[0], values["strip.taking_up"]
+        last = float(rates.sum()) if self.passing(stage)[0] == "exit" else 0.0
+        found = {
+            "strip.growth": growth.at(x, values["strip.held"]),
+            "strip.drift": last - growth.up_to(x, rates),
+        }
+        for roller in a.rollers:
+            label = np.array(growth.label(roller))
+            found[f"rollers.{roller.name}.drift"] = last - growth.up_to(label, rates)
+        return found
 
     def fed(self, stage: StageSpec) -> bool:
         """Whether material passes labels that stay, in time."""
@@ -294,6 +329,9 @@ class Course:
                 end[f"{key}.torque"] = np.array(control.torque)
             if control is not None and control.move is not None:
                 end[f"{key}.centre"] = np.array(roller.centre) + np.array(control.move)
+        if (growth := self.assembly.growth) is not None:
+            centres = {r.name: end[f"rollers.{r.name}.centre"] for r in growth.thread.rollers}
+            end["strip.held"] = growth.held(centres, start["strip.held"])
         return end
 
     def _held(self) -> dict[str, tuple[str, ...]]:

@@ -1,0 +1,109 @@
+"""Strip that the runs between rollers take up and give off where rollers move.
+
+Labels of a fed strip that stay on rollers which move apart come to hold more of it (an arbitrary
+Lagrangian-Eulerian description whose mesh moves as it is told): S(X, t), with g = ∂S/∂X = 1 on
+rollers.  Material passes a label with c − ∂S/∂t, and v = ∂r/∂t + (c − ∂S/∂t)/g ∂r/∂X.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.integrate import trapezoid
+
+from anmstrip.arrays import Array
+from anmstrip.mechanics.roller import Roller
+from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError
+from anmstrip.scene.schema import SceneSpec
+from anmstrip.simulation.meshing import arcs_in_stages, crossing, fine_beside
+from anmstrip.simulation.threading import Thread
+
+RAMP = 0.25
+"""Share of a run over which what its labels hold grows, at both ends."""
+
+LEAST, MOST = 0.1, 10.0
+"""Bounds of g; beyond, labels are carried off their rollers."""
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Shapes of g between rollers.
+
+    Attributes
+    ----------
+    thread : Thread
+        The way of the strip at the beginning, with n rollers.
+    x : ndarray, shape (nodes,)
+        Labels of the lines of nodes (m), between which g is linear, as r,X may be.
+    shapes : ndarray, shape (nodes, n + 1)
+        Of which each has the integral 1; 0 for a run without a node away from its rollers.
+    """
+
+    thread: Thread
+    x: Array
+    shapes: Array
+
+    @classmethod
+    def of(cls, scene: SceneSpec, thread: Thread, x: Array) -> Growth:
+        """Return the shapes on given lines of nodes, away from where the strip lifts off."""
+        arcs, ends = arcs_in_stages(scene, thread), [[x[0], x[0]]]
+        for roller in thread.rollers:
+            first, last = np.transpose([each[roller.name] for each in arcs])
+            beside = fine_beside(scene, roller.radius)
+            ends.append([float(first.min()) - beside, float(last.max()) + beside])
+        ends.append([x[-1], x[-1]])
+        shapes = []
+        for (_, begin), (end, _) in pairwise(ends):
+            inside = np.minimum(x - begin, end - x) / (RAMP * abs(end - begin) or 1.0)
+            shape = np.clip(inside, 0.0, 1.0)
+            whole = float(trapezoid(shape, x))
+            shapes.append(shape / whole if whole > 0.0 else 0.0 * x)
+        return cls(thread, x, np.stack(shapes, axis=1))
+
+    def held(self, centres: Mapping[str, Array], before: Array) -> Array:
+        """Unstressed strip (m) that runs hold beyond that of the beginning, (n + 1,).
+
+        Parameters
+        ----------
+        centres : mapping
+            Roller → centre (m).
+        before : ndarray, shape (n + 1,)
+            What it is where the taut strip does not touch all rollers.
+        """
+        thread = self.thread
+        moved = [replace(r, centre=tuple(map(float, centres[r.name]))) for r in thread.rollers]
+        with suppress(NotTouchedError, NoTangentError):
+            now = replace(thread, rollers=moved, given=thread.length)
+            longer = (_runs(now) - _runs(thread)) / thread.along
+            peaks = self.shapes.max(axis=0)
+            bounded = np.clip(peaks * longer, LEAST - 1.0, MOST - 1.0)
+            return np.divide(bounded, peaks, out=np.zeros_like(peaks), where=peaks > 0.0)
+        return before
+
+    def label(self, roller: Roller) -> float:
+        """Label (m) in the middle of the arc on a roller, or next to one that is not wrapped."""
+        arc = self.thread.arcs.get(roller.name)
+        return self.thread.passing(crossing(roller))[0] if arc is None else 0.5 * sum(arc)
+
+    def at(self, x: Array, held: Array) -> Array:
+        """g at labels, shape of x."""
+        return 1.0 + np.interp(x, self.x, self.shapes @ held)
+
+    def up_to(self, x: Array, held: Array) -> Array:
+        """∂S between the entry and labels, S − X (m), or its rate, shape of x."""
+        nodal = self.shapes @ held
+        steps = 0.5 * np.diff(self.x) * (nodal[1:] + nodal[:-1])
+        place = np.clip(np.searchsorted(self.x, x, side="right") - 1, 0, len(self.x) - 1)
+        here = 0.5 * (x - self.x[place]) * (nodal[place] + np.interp(x, self.x, nodal))
+        return np.append(0.0, np.cumsum(steps))[place] + here
+
+
+def _runs(thread: Thread) -> Array:
+    """Lengths of the path (m) between the middles of its arcs, and from and to its ends."""
+    arcs = thread.middle.arcs
+    middles = 0.5 * (arcs.start[:, 0] + arcs.end[:, 0])
+    return np.diff([0.0, *middles, float(thread.middle.length[0])])

@@ -1,0 +1,136 @@
+"""Lines of which rollers move while strip runs: dancers and loopers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import trapezoid
+
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from claims import Claim
+
+TENSION, SPEED, STROKE, DRAG = 3000.0, 1.0, 0.4, 2.0
+
+
+def dancer(kinematics: str = "section", **others: Any) -> dict[str, Any]:
+    """Three idlers, of which the middle one is lowered while the line runs."""
+    idler = {"radius": 0.15, "drive": "idle", "bearing": DRAG}
+    places = {
+        "top1": (0.0, 0.0, "over"),
+        "dancer": (0.3, -1.0, "under"),
+        "top2": (0.6, 0.0, "over"),
+    }
+    scene = {
+        "strip": {"kinematics": kinematics, "width": 1.0, "thickness": 3e-4},
+        "material": {"young": 2.1e11, "poisson": 0.3, "density": 7850.0},
+        "contact": {},
+        "friction": {"coefficient": 0.2},
+        "threading": {
+            "tension": TENSION, "entry": [-2.0, 0.0, 0.15], "exit": [2.6, 0.0, 0.15],
+        },
+        "rollers": [
+            {**idler, "name": name, "centre": [x, 0.0, z], "wrap": wrap}
+            for name, (x, z, wrap) in places.items()
+        ],
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [
+            {"name": "start", "duration": 1.0, "entry": {"speed": SPEED}},
+            {"name": "run", "duration": 1.0},
+            {"name": "stroke", "duration": 2.0, "rollers": {"dancer": {"move": [0, 0, -STROKE]}}},
+            {"name": "after", "duration": 2.0},
+        ],
+    }  # fmt: skip
+    return {**scene, **others}
+
+
+def ends(scene: dict[str, Any]) -> tuple[Run, dict[str, Any]]:
+    """The run, and the last state of every stage."""
+    run = Run(Scene.model_validate(scene))
+    found = {step.stage: step.state for step in run}
+    assert run.outcome.done, run.message
+    return run, found
+
+
+def test_dancer_is_lowered_while_the_line_runs(claim: Claim) -> None:
+    """The way grows by twice the stroke, so that every strand in turn runs slower."""
+    run, found = ends(dancer())
+    rate = STROKE / 2.0
+    for k, (name, reading) in enumerate(found["stroke"].rollers.items()):
+        claim(f"{name} (m/s)", reading.surface_speed, SPEED - k * rate, 2e-3, "kinematics")
+    for k, (name, reading) in enumerate(found["after"].rollers.items()):
+        claim(f"{name} after (m/s)", reading.surface_speed, SPEED, 1e-4, "kinematics")
+        before = TENSION - (3 - k) * DRAG / 0.15
+        claim(f"{name} T in (N/m)", reading.tension_in, before, 1e-4, "statics")
+    assert run.cost.expansions < 80
+    feed = run.facts()["feed"]
+    left = feed["length"] - feed["taken_up"]
+    claim("left at the exit (m)", left, 0.5 + 1.0 + 2.0 * 0.6 + 2.0, 0.003, "kinematics")
+
+
+def test_what_is_read_along_strip_that_runs_hold() -> None:
+    """Tension is even between rollers, and arc length counts unstressed strip."""
+    _, found = ends(dancer())
+    state = found["stroke"]
+    x, z, length, tension = (state.along(n) for n in ("x", "z", "arc_length", "tension"))
+    steps = np.hypot(np.diff(x), np.diff(z))
+    free = (np.abs(x - 0.15) < 0.01) & (z > -1.2) & (z < -0.2)
+    assert tension[free] == pytest.approx(TENSION - 2.0 * DRAG / 0.15, rel=1e-3)
+    stretch = steps.sum() / length[-1] - 1.0
+    assert stretch == pytest.approx(TENSION / 2.1e11 / 3e-4, rel=0.2)
+    places = state.material_velocity[
+        state.plan.model.strip.unknowns_of(state.plan.model.strip.node_values)
+    ].reshape(-1, 2)
+    speeds = np.hypot(*places.T)
+    rate = STROKE / 2.0
+    assert speeds[0] == pytest.approx(SPEED, rel=1e-3)
+    assert speeds[-1] == pytest.approx(SPEED - 2.0 * rate, rel=1e-3)
+
+
+def test_labels_that_are_carried_along_come_to_the_same() -> None:
+    """The same line with labels that are material, and so with all of the strip that passes."""
+    stages = [
+        {"name": "down", "duration": 1.0, "rollers": {"dancer": {"move": [0.0, 0.0, -0.02]}}},
+        {"name": "rest", "duration": 1.0},
+    ]
+    scene = dancer(stages=stages)
+    _, fed = ends(scene)
+    _, carried = ends({**scene, "strip": {**scene["strip"], "feed": False}})
+    for name, reading in carried["rest"].rollers.items():
+        own = fed["rest"].rollers[name]
+        assert own.tension_in == pytest.approx(reading.tension_in, rel=1e-3)
+        assert own.wrap == pytest.approx(reading.wrap, rel=5e-3)
+
+
+def test_weight_of_what_runs_hold_counts() -> None:
+    """Tension falls by ρ g t per height, also where labels hold half as much again."""
+    gravity = {"name": "weigh", "friction": False, "gravity": [0.0, 0.0, -9.81]}
+    _, found = ends(dancer(stages=[gravity, *dancer()["stages"]]))
+    rollers = found["after"].rollers
+    low, high = rollers["dancer"].tension_in, rollers["top1"].tension_out
+    assert high - low == pytest.approx(7850.0 * 3e-4 * 9.81 * (1.0 + STROKE), rel=0.02)
+
+
+def test_shapes_hold_what_the_way_grows_by() -> None:
+    run = Run(Scene.model_validate(dancer()))
+    growth = run.assembly.growth
+    assert growth is not None
+    centres = {r.name: np.array(r.centre) for r in growth.thread.rollers}
+    still = np.zeros(len(centres) + 1)
+    assert growth.held(centres, still) == pytest.approx(still, abs=1e-12)
+    centres["dancer"] = centres["dancer"] - np.array([0.0, 0.0, STROKE])
+    held = growth.held(centres, still)
+    x = np.linspace(growth.x[0], growth.x[-1], 200_001)
+    g = growth.at(x, held)
+    assert trapezoid(g - 1.0, x) == pytest.approx(held.sum(), rel=1e-6)
+    assert growth.up_to(x[-1], held) == pytest.approx(held.sum(), rel=1e-12)
+    middle = 0.5 * sum(growth.thread.arcs["dancer"])
+    until = x <= middle
+    expected = trapezoid(g[until] - 1.0, x[until])
+    assert growth.up_to(np.array(middle), held) == pytest.approx(expected, rel=1e-4)
+    for first, last in growth.thread.arcs.values():
+        assert growth.at(np.linspace(first, last, 9), held) == pytest.approx(1.0, abs=1e-12)
+    centres["dancer"] = centres["dancer"] + np.array([0.0, 0.0, 50.0])
+    assert growth.held(centres, held) is held
