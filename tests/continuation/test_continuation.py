@@ -8,7 +8,7 @@ from dense import DenseEquations, coupled, followed, one
 
 from anmstrip.continuation.equations import Cost, Outcome, PathStopped
 from anmstrip.continuation.expansion import Parameter, expand
-from anmstrip.continuation.follow import Settings, _nears_limit_point, follow
+from anmstrip.continuation.follow import Pace, Settings, _nears_limit_point, follow
 from anmstrip.continuation.path import Branch
 from anmstrip.continuation.validity import validated
 from anmstrip.linalg.solvers import DenseSolver
@@ -198,6 +198,15 @@ def test_initial_imbalance_is_gone_at_the_target(start):
     steps = followed(DenseEquations(coupled), [start, -start], tolerance=1e-8)
     assert steps[-1].imbalance <= 1e-8
     direct = followed(DenseEquations(coupled), [0.0, 0.0], tolerance=1e-10)
+    np.testing.assert_allclose(steps[-1].branch.end[0], direct[-1].branch.end[0], atol=1e-7)
+
+
+def test_imbalance_is_gone_at_a_target_that_a_step_along_the_arc_reaches_too_soon():
+    given = {"target": 0.2, "tolerance": 1e-8}
+    steps = followed(DenseEquations(coupled), [0.1, -0.1], pace=Pace(0.0, 3.0, (), True), **given)
+    assert steps[-1].branch.end[1] == 0.2
+    assert steps[-1].imbalance <= 1e-8
+    direct = followed(DenseEquations(coupled), [0.0, 0.0], **given)
     np.testing.assert_allclose(steps[-1].branch.end[0], direct[-1].branch.end[0], atol=1e-7)
 
 

@@ -360,3 +360,52 @@ pressure = 8.0e3
 tolerance = 1.0e-4
 """
 """A strip under a tension that follows it, blown to an arc of radius T/p."""
+
+
+IDLER = """
+[strip]
+kinematics = "section"
+width = 1.0
+thickness = 1.0e-3
+
+[material]
+young = 2.1e11
+poisson = 0.3
+
+[contact]
+
+[friction]
+coefficient = 0.3
+
+[threading]
+tension = 1.0e4
+entry = [-2.0, 0.0, 0.4]
+exit = [4.0, 0.0, 0.0]
+
+[[rollers]]
+name = "driven"
+radius = 0.4
+centre = [0.0, 0.0, 0.0]
+wrap = "over"
+
+[[rollers]]
+name = "idle"
+radius = 0.4
+centre = [2.0, 0.0, 0.0]
+wrap = "under"
+drive = "idle"
+bearing = 10.0
+
+[edges.entry]
+fixed = ["x", "z"]
+
+[[stages]]
+name = "run"
+steady = true
+entry.tension = 9.5e3
+rollers.driven.surface_speed = 2.0
+
+[solver]
+tolerance = 1.0e-4
+"""
+"""Friction stands between given tensions, a driven roller and one that bearings brake."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from bisect import bisect_left
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,8 @@ import reported_scenes as scenes
 from reported_files import Results, ran
 
 from anmstrip import Scene
+from anmstrip.continuation.equations import Tolerances
+from anmstrip.driver.run import Run
 from anmstrip.results.state import State
 
 COARSE = "strip.refined=0.2"
@@ -309,6 +313,42 @@ def test_the_budget_is_printed_and_in_the_page(name: str, request: pytest.Fixtur
         values = ["–"] * 3 if part is None else [f"{part[kind]:.2g}" for kind in KINDS]
         assert " ".join([WORDS[key], *values]) in told
         assert "".join(f"<td>{cell}</td>" for cell in (WORDS[key], *values)) in page
+
+
+@pytest.fixture
+def idler(tmp_path: Path) -> Callable[[], Run]:
+    """Run a driven and an idle roller, to the end."""
+
+    def ended() -> Run:
+        scene = Scene.from_tables(tomllib.loads(scenes.IDLER), "idler.toml")
+        run = scene.run(tmp_path / "results")
+        for _ in run:
+            pass
+        assert run.outcome.done
+        return run
+
+    return ended
+
+
+def test_a_run_that_ends_far_from_balance_says_so(
+    idler: Callable[[], Run], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was called done, and rollers without drag braked their strip."""
+    words = "this is not the state that was asked for"
+    assert not [told for told in idler().warnings if words in told]
+    monkeypatch.setattr(Tolerances, "path", property(lambda _: 0.2))
+    run = idler()
+    (told,) = (told for told in run.warnings if words in told)
+    assert run.errors()["path"]["tension"] > 10.0 * 1e-4 * run.assembly.scales.tension
+    assert told.endswith("Try --set solver.tolerance=1e-05")
+
+
+def test_an_error_of_the_path_that_is_not_found_is_not_none_at_all(
+    idler: Callable[[], Run], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was told as 0."""
+    monkeypatch.setattr("anmstrip.driver.budget.balanced", lambda *_: None)
+    assert idler().errors()["path"] is None
 
 
 def test_an_interrupted_run_has_the_same_budget(coarse: Results, tmp_path: Path) -> None:

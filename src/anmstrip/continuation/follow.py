@@ -181,6 +181,8 @@ class _Follower:
         elif arclength and (a := branch.reaches(self.target)) is not None:
             branch = branch.cut(a).landed(self.target)
             imbalance = residual_error(self.equations, branch, a, self.cost)[1]
+            if imbalance > settings.tolerance:  # too soon: in the control it is gone by then
+                return self.step(u, Pace(pace.control, abs(remaining), taken=pace.taken))
         return PathStep(branch, imbalance, self._next_pace(branch, parameter, pace))
 
     def _accepted(self, series: Branch, reach: float) -> tuple[Branch, float]:

@@ -373,7 +373,7 @@ class Run:
         dict
             ``path``, ``time``, ``mesh`` and ``regularisation``, each with the largest error of a
             ``tension`` (N/m), of a roller's ``force`` (N) and of a ``position`` (m), or None: of
-            ``time`` where nothing rubs, of ``mesh`` if it is not known.
+            ``time`` where nothing rubs, of ``path`` and ``mesh`` if it is not known.
         """
         known = self.state is not None and self.budget.time == self.state.time
         return dict.fromkeys(ERROR_WORDS) | (self.budget.parts if known else {})
