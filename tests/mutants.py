@@ -651,7 +651,7 @@ ESTIMATES = (
 )
 
 BUDGET = (
-    Mutant("the path is off by nothing", "exact.full - state.full)", "0.0 * exact.full)", "errors"),
+    Mutant("the path is off by nothing", "found.full - state.full)", "0.0 * found.full)", "errors"),
     Mutant(
         "errors in time fade at once",
         "after = np.array([self.solver.factors.solve(each) for each in right])",
@@ -733,10 +733,17 @@ ADVICE = (
     ),
     Mutant(
         "rollers squeeze by their sum",
-        "overlap = a.radius + b.radius - distance",
-        "overlap = a.radius - distance",
+        "float(np.linalg.norm(across)) - a.radius - b.radius)",
+        "float(np.linalg.norm(across)) - a.radius)",
         "advice",
         "test_diagnosis.py",
+    ),
+    Mutant(
+        "both sides of a nip give way to all of its squeeze",
+        "curvature * x**2 - 0.5 * squeeze",
+        "curvature * x**2 - squeeze",
+        "advice",
+        "test_nip.py",
     ),
     Mutant(
         "friction too steep by its width",

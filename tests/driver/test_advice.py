@@ -273,7 +273,7 @@ def test_a_mesh_that_is_too_coarse_is_cured(tmp_path: Path) -> None:
 # all of them -------------------------------------------------------------------------------------
 
 ELSEWHERE = {
-    "squeezed": "test_diagnosis.py",
+    "squeezed": "test_diagnosis.py, test_nip.py",
     "asked_too_much": "test_diagnosis.py",
     "more_tension": "slack",
     "coarse": "of the line pulled a hundred times as much",
@@ -286,6 +286,7 @@ ELSEWHERE = {
     "running_loose": "released_strip",
     "acts_as": "slipping_friction",
     "below_round_off": "round_off, strict_tolerance",
+    "typed_place": "closer, in test_nip.py",
     "shorter_move": "meeting_rollers, roller_over_an_end",
 }
 """Functions that propose something and have another name or place."""

@@ -60,10 +60,11 @@ def test_a_strip_does_not_go_through_a_gap_that_is_too_narrow() -> None:
     [
         (1.0 * THICKNESS, False, ""),
         (0.5 * THICKNESS, False, "leave a gap of 0.002 m to a strip of 0.004 m, and touch its"),
-        (1.0 * THICKNESS, True, ""),
+        (1.0 * THICKNESS, True, "leave a gap of 0.004 m to a strip of 0.004 m, and press it"),
+        (1.1 * THICKNESS, True, ""),
     ],
 )
-def test_a_nip_narrower_than_the_strip_is_told(gap: float, faces: bool, words: str) -> None:
+def test_a_nip_no_wider_than_the_strip_is_told(gap: float, faces: bool, words: str) -> None:
     told = [w for w in warnings(Preview.of(Assembly(pinch(0.4 + gap, faces)))) if "gap" in w]
     assert bool(told) == bool(words)
     assert words in "".join(told)

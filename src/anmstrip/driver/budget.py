@@ -131,12 +131,12 @@ class Budget:
 
     @property
     def warnings(self) -> list[str]:
-        """Sentences about a state that is not the asked one, or a mesh that is too coarse."""
+        """Sentences about the last state of a run that is done."""
         return [*self.of_path, *self.of_mesh]
 
     @property
     def of_path(self) -> list[str]:
-        """A sentence if the state is far from the balance near it, over the tolerance."""
+        """A sentence if it is far from the balance near it, over the tolerance."""
         tolerance, found = self.assembly.scene.solver.tolerance, self.parts.get("path")
         allowed = tolerance * self.assembly.scales.tension
         if found is None or found["tension"] <= FAR * allowed:

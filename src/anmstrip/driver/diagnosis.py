@@ -14,14 +14,14 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import NEGLIGIBLE, Evidence, Outcome, PathStopped
-from anmstrip.driver.physics import two_digits
+from anmstrip.driver.physics import closer, two_digits
 from anmstrip.driver.preview import Preview, motions_at
 from anmstrip.driver.warnings import below_round_off, finer_mesh, serious
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.results.state import ContactState, State
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import THREADING
-from anmstrip.simulation.meshing import QUARTER
+from anmstrip.simulation.meshing import QUARTER, Nip
 from anmstrip.simulation.problem import Assembly, cheapest_order, size_of
 from anmstrip.timestepping.formulas import AffineVelocity
 
@@ -162,27 +162,27 @@ def not_held(failure: Failure) -> str | None:
 
 
 def squeezed(failure: Failure) -> str | None:
-    """Two rollers overlap, or press on the same points."""
+    """Two rollers overlap, or press on the same points while friction can hold the strip."""
     contacts, controls = failure.state.contacts, failure.state.controls
-    for a, b in combinations(failure.assembly.rollers, 2):
-        if not {a.name, b.name} <= set(contacts):
+    assembly, thickness = failure.assembly, failure.assembly.strip.thickness
+    for pair in combinations(assembly.rollers, 2):
+        if not {roller.name for roller in pair} <= set(contacts):
             continue
-        centre = np.array(controls[f"rollers.{b.name}.centre"])
-        across = centre - controls[f"rollers.{a.name}.centre"]
+        a, b = (
+            replace(r, centre=tuple(np.array(controls[f"rollers.{r.name}.centre"]))) for r in pair
+        )
+        across = np.subtract(b.centre, a.centre)
         across -= (across @ a.unit_axis) * a.unit_axis
-        distance = float(np.linalg.norm(across))
-        overlap = a.radius + b.radius - distance
-        first, second = (contacts[r.name].pressed for r in (a, b))
-        if overlap > 0.0 or np.isin(first, second).any():
-            away = 1.1 * max(overlap, failure.assembly.strip.thickness) / distance * across
-            key, value = f"rollers.{b.name}.centre", centre + away + failure.assembly.origin
-            control = failure.stage.rollers.get(b.name)
-            if control is not None and control.move is not None:
-                key = f"stages.{failure.stage.name}.rollers.{b.name}.move"
-                value -= np.add(b.centre, failure.assembly.origin)
+        nip = Nip(a, b, float(np.linalg.norm(across)) - a.radius - b.radius)
+        first, second = (contacts[r.name].pressed for r in pair)
+        pressed = np.isin(first, second).any() and (nip.squeeze > 0.0 or not a.half)
+        if nip.gap < 0.0 or (pressed and not forewarned(failure)):
+            least = (
+                0.0 if a.half and nip.gap >= 0.0 else nip.squeeze - 1.1 * max(-nip.gap, thickness)
+            )
             return (
-                f"Rollers {a.name} and {b.name} are {-overlap:.3g} m apart and squeeze the strip. "
-                f"Try --set '{key}={_vector(value)}'"
+                f"Rollers {a.name} and {b.name} are {nip.gap:.3g} m apart and squeeze the strip. "
+                f"Try {closer(assembly, failure.stage.name, nip, least)}"
             )
     return None
 

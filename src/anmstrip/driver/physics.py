@@ -6,10 +6,11 @@ sentences, each with what to type.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
+from scipy.optimize import brentq
 
 from anmstrip.arrays import Array
 from anmstrip.driver.preview import Preview
@@ -18,8 +19,15 @@ from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS, RollerSpec
 from anmstrip.simulation.defaults import bending_stiffness, boundary_layer, largest_force
-from anmstrip.simulation.meshing import carried, carrying_sense, surface_speed
-from anmstrip.simulation.problem import distributed_load
+from anmstrip.simulation.meshing import (
+    PARALLEL,
+    Nip,
+    carried,
+    carrying_sense,
+    nips_in_stages,
+    surface_speed,
+)
+from anmstrip.simulation.problem import Assembly, distributed_load
 from anmstrip.simulation.stages import ALIGNED, Course
 
 PLASTIC = 5e-3
@@ -27,9 +35,6 @@ PLASTIC = 5e-3
 
 METAL = 1e10
 """Young's modulus (Pa) from which a strip is taken for metal; film and paper have less."""
-
-PARALLEL = 0.99
-"""Least cosine of the angle between axes of rollers that face each other."""
 
 CLEAR = 1.01
 """Distance of axes over the sum of radii that is proposed of rollers that move into one another."""
@@ -48,6 +53,12 @@ BORNE = 0.8
 
 SLENDER = 2.0
 """Least length of a run, in widths of the strip, that bends in its plane as a beam."""
+
+FADES, LOOKS = 80.0, 1001
+"""Onsets of contact over which the pressure of a nip is summed up, and points of that sum."""
+
+SURE = 1.2
+"""Force of a nip that is proposed, over the one that friction needs to hold the strip."""
 
 LARGEST = {"m": 20.0, "m/s": 100.0}
 """Widths, radii and speeds in a line beyond which another unit was meant."""
@@ -256,7 +267,9 @@ def beyond_capacity(preview: Preview) -> Iterator[str]:
     pulls, torques, weight = dict.fromkeys(ENDS, first), dict[str, float](), 0.0
     driven = [roller for roller in assembly.rollers if roller.name not in assembly.turning]
     turn = sum(preview.turn(roller) for roller in driven)
-    for stage in scene.stages:
+    found = nips_in_stages(scene, assembly.rollers, assembly.thread)
+    next(found)
+    for stage, nips in zip(scene.stages, found, strict=True):
         before = max(pulls.values())
         torques |= {n: c.torque for n, c in stage.rollers.items() if c.torque is not None}
         if stage.gravity is not None:
@@ -275,18 +288,25 @@ def beyond_capacity(preview: Preview) -> Iterator[str]:
             continue
         for end, other in (ENDS, ENDS[::-1]):
             high, low = pulls[end], pulls[other]
-            most = most_held(preview, end, low, torques, weight)
+            most = most_held(preview, end, low, torques, weight, nips)
             if high <= most * 1.001:
                 continue
             changed = stage.edges.get(end)
             key = "force" if changed is not None and changed.force is not None else "tension"
-            plain = not (weight or any(torques.values()) or any(s.bearing for s in scene.rollers))
+            others = any(torques.values()) or any(s.bearing for s in scene.rollers)
+            plain = not (weight or others or nips)
             f = np.log(high / low) / turn if plain and low and turn else np.inf
             more = (
                 f", or a friction coefficient above {two_digits(f, np.ceil):g}" if f < 2.0 else ""
             )
             bound = two_digits(most, np.floor) if most else 0.0
-            held_by = f"friction, torques, bearings and weight hold {most:.3g} N/m there"
+            by_nips = ", that of nips" * bool(nips)
+            held_by = f"friction{by_nips}, torques, bearings and weight hold {most:.3g} N/m there"
+            if by := [nip for nip in nips if nip.first.half and rubbing(assembly, nip)]:
+                lacking = (high - most) * assembly.strip.width / rubbing(assembly, by[0])
+                force = SURE * (nip_force(assembly, by[0], by[0].squeeze) + lacking)
+                squeeze = needed_squeeze(assembly, by[0], force)
+                more = f", or {closer(assembly, stage.name, by[0], squeeze)}"
             if plain:
                 held_by = f"friction holds {most / low if low else 1.0:.3g} times as much"
             yield (
@@ -298,7 +318,12 @@ def beyond_capacity(preview: Preview) -> Iterator[str]:
 
 
 def most_held(
-    preview: Preview, end: str, pull: float, torques: Mapping[str, float], weight: float
+    preview: Preview,
+    end: str,
+    pull: float,
+    torques: Mapping[str, float],
+    weight: float,
+    nips: Sequence[Nip] = (),
 ) -> float:
     """Largest tension (N/m) at an end that rollers, bearings and weight hold against the other's.
 
@@ -312,6 +337,8 @@ def most_held(
         Torques (N m) of the rollers that have one.
     weight : float
         Of the strip (N/m²), by which a tension grows with height.
+    nips : sequence of Nip
+        By whose force friction holds as well.
     """
     assembly, forth = preview.assembly, end == ENDS[-1]
     thread, specs = assembly.thread, {spec.name: spec for spec in assembly.scene.rollers}
@@ -328,15 +355,21 @@ def most_held(
         heights = [0.0] * (len(order) + 2)
     if not forth:
         order, heights = order[::-1], heights[::-1]
+    passed = {roller.name for roller in order}
+    pressed = dict[str, float]()
+    for nip in nips if assembly.scene.contact and assembly.rollers[0].half else ():
+        force = nip_force(assembly, nip, nip.squeeze) / assembly.strip.width
+        first = nip.first.name if nip.first.name in passed else nip.second.name
+        pressed[first] = pressed.get(first, 0.0) + rubbing(assembly, nip) * force
     for roller, rise in zip(order, np.diff(heights), strict=False):
-        pull = max(pull + weight * float(rise), 0.0)
+        pull = max(pull + weight * float(rise), 0.0) + pressed.pop(roller.name, 0.0)
         most = pull * holding(preview, roller)
         if roller.name in assembly.turning:
             carried = torques.get(roller.name, 0.0) * roller.sense * carrying_sense(roller, thread)
             gained = specs[roller.name].bearing + (-carried if forth else carried)
             most = min(most, pull + gained / (roller.radius * assembly.strip.width))
         pull = max(most, 0.0)
-    return max(pull + weight * (heights[-1] - heights[-2]), 0.0)
+    return max(pull + sum(pressed.values()) + weight * (heights[-1] - heights[-2]), 0.0)
 
 
 def sharpest_curvature(preview: Preview, roller: Roller) -> float:
@@ -510,26 +543,83 @@ def strip_runs_out(preview: Preview) -> Iterator[str]:
 
 
 def nip(preview: Preview) -> Iterator[str]:
-    """Parallel rollers on both sides of the strip, closer to each other than it is thick."""
+    """Rollers that nip the strip: their force follows from the gap, where they touch its faces."""
     assembly, thickness = preview.assembly, preview.assembly.strip.thickness
-    rollers = assembly.rollers if assembly.scene.contact else ()
-    centres = np.array([roller.centre for roller in rollers]).reshape(-1, 3)
-    axes = np.array([roller.unit_axis for roller in rollers]).reshape(-1, 3)
-    radii = np.array([roller.radius for roller in rollers])
-    side = np.array([carrying_sense(r, assembly.thread) * np.sign(r.unit_axis[1]) for r in rollers])
-    for i, a in enumerate(rollers):
-        way = centres[i + 1 :] - a.centre
-        across = np.linalg.norm(way - np.outer(way @ axes[i], axes[i]), axis=1)
-        gaps = across - radii[i + 1 :] - a.radius
-        faced = (side[i + 1 :] * side[i] < 0.0) & (np.abs(axes[i + 1 :] @ axes[i]) > PARALLEL)
-        close = faced & (gaps < thickness * (1.0 - 1e-9))
-        for j in np.flatnonzero(close):
-            b, gap = rollers[i + 1 + j], gaps[j]
-            told = "squeeze it" if a.half else "touch its mid-surface alone (contact.faces)"
+    narrowest = dict[tuple[str, str], Nip]()
+    for found in nips_in_stages(assembly.scene, assembly.rollers, assembly.thread):
+        for each in found:
+            names = each.first.name, each.second.name
+            narrowest[names] = min(narrowest.get(names, each), each, key=lambda nip: nip.gap)
+    for (a, b), each in narrowest.items() if assembly.scene.contact else ():
+        told = (
+            f"rollers {a} and {b} leave a gap of {each.gap:.3g} m to a strip of {thickness:.3g} m"
+        )
+        if each.first.half:
+            closer = assembly.signorini.width
+            force, more = (nip_force(assembly, each, each.squeeze + s) for s in (0.0, closer))
             yield (
-                f"rollers {a.name} and {b.name} leave a gap of {gap:.3g} m to a strip of "
-                f"{thickness:.3g} m, and {told}."
+                f"{told}, and press it with about {force:.2g} N. The force of a nip cannot be "
+                "given: it follows from the gap by the law of contact, and is "
+                f"{more:.2g} N with a gap smaller by {closer:.1g} m."
             )
+        elif each.gap < thickness * (1.0 - 1e-9):
+            yield f"{told}, and touch its mid-surface alone (contact.faces)."
+
+
+def nip_force(assembly: Assembly, nip: Nip, squeeze: float) -> float:
+    """Return the force (N) of rollers on straight strip that is squeezed by so much (m)."""
+    law, curvature = assembly.signorini, 0.5 / nip.first.radius + 0.5 / nip.second.radius
+    reach = np.sqrt((max(squeeze, 0.0) + FADES * law.width) / curvature)
+    x = np.linspace(-reach, reach, LOOKS)
+    pressure = np.asarray(law(0.5 * curvature * x**2 - 0.5 * squeeze))
+    return float(np.trapezoid(pressure, x)) * assembly.strip.width
+
+
+def needed_squeeze(assembly: Assembly, nip: Nip, force: float) -> float:
+    """Return by how much rollers squeeze a strip (m) that they press with a force (N)."""
+    most = nip.squeeze + assembly.signorini.width
+    while nip_force(assembly, nip, most) < force:
+        most += assembly.signorini.width
+    return float(brentq(lambda s: nip_force(assembly, nip, s) - force, nip.squeeze, most))
+
+
+def rubbing(assembly: Assembly, nip: Nip) -> float:
+    """Return the sum of the friction coefficients of those of its rollers that are driven."""
+    rollers = {nip.first.name, nip.second.name} - set(assembly.turning)
+    specs = (spec for spec in assembly.scene.rollers if spec.name in rollers)
+    return sum(coefficient_on(assembly.scene, spec) for spec in specs)
+
+
+def typed_place(assembly: Assembly, stage: str, roller: Roller, centre: Array) -> str:
+    """Return what to type for a roller that is at a place (m) in a stage: moves are from the first.
+
+    By the last stage until then that moves it, else by where it is drawn.
+    """
+    key, value = f"rollers.{roller.name}.centre", np.asarray(centre + assembly.origin)
+    for each in assembly.scene.course:
+        control = each.rollers.get(roller.name)
+        if control is not None and control.move is not None:
+            key = f"stages.{each.name}.rollers.{roller.name}.move"
+            value = centre - np.asarray(roller.centre)
+        if each.name == stage:
+            break
+    return f"--set '{key}=[{', '.join(f'{x:.6g}' for x in value + 0.0)}]'"
+
+
+def closer(assembly: Assembly, stage: str, nip: Nip, squeeze: float) -> str:
+    """Return what to type for a nip that squeezes the strip by so much in a stage.
+
+    Of its rollers the one that moves, else the second.
+    """
+    moved = {name for each in assembly.scene.stages for name, c in each.rollers.items() if c.move}
+    here, other = nip.second, nip.first
+    if other.name in moved and here.name not in moved:
+        here, other = other, here
+    way = np.subtract(other.centre, here.centre)
+    way -= (way @ here.unit_axis) * here.unit_axis
+    centre = np.asarray(here.centre) + (squeeze - nip.squeeze) / np.linalg.norm(way) * way
+    (drawn,) = (roller for roller in assembly.rollers if roller.name == here.name)
+    return typed_place(assembly, stage, drawn, centre)
 
 
 def slack_edge(preview: Preview) -> Iterator[str]:

@@ -349,7 +349,8 @@ class Run:
             coarse = coarse_mesh(Preview(self.assembly, (), ()))
             settled = set(coarse) if self.fine_enough else set[str]()
             told = [words for words in self.forewarnings() if words not in settled]
-            self.warnings = [*told, *self.budget.warnings]
+            found = self.budget.warnings if self.outcome.done else self.budget.of_mesh
+            self.warnings = [*told, *found]
             elastic = state.plan.model.coupled == state.plan.model.unknowns
             if state.plan.steady and self.outcome.done and elastic:
                 from anmstrip.driver.sensitivities import sensitivities

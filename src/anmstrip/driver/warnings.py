@@ -24,6 +24,7 @@ from anmstrip.simulation.meshing import (
     QUARTER,
     finer,
     most_unknowns,
+    nipping_rollers,
     stands,
     surface_speed,
     wanted_size,
@@ -198,7 +199,10 @@ def coarse_mesh(preview: Preview) -> Iterator[str]:
     layer = boundary_layer(scene)
     coarse: dict[str, list[str]] = {}
     if scene.strip.cells is None and scene.strip.mesh is None:
-        wanted = min((wanted_size(scene, r.radius) for r in preview.assembly.rollers), default=0.0)
+        rollers, thread = preview.assembly.rollers, preview.assembly.thread
+        nipping = nipping_rollers(scene, rollers, thread)
+        sizes = (wanted_size(scene, r.radius, r.name in nipping) for r in rollers)
+        wanted = min(sizes, default=0.0)
         finest, most = float(strip.cell_sizes[0].min()), most_unknowns(len(scene.rollers))
         if finest * finer(scene) > 1.2 * wanted > 0.0:
             yield (

@@ -19,7 +19,7 @@ from anmstrip.arrays import Array
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.simulation.meshing import arcs_in_stages, crossing, fine_beside
+from anmstrip.simulation.meshing import arcs_in_stages, crossing, fine_beside, wanted_size
 from anmstrip.simulation.threading import Thread
 
 RAMP = 0.25
@@ -53,7 +53,7 @@ class Growth:
         arcs, ends = arcs_in_stages(scene, thread), [[x[0], x[0]]]
         for roller in thread.rollers:
             first, last = np.transpose([each[roller.name] for each in arcs])
-            beside = fine_beside(scene, roller.radius)
+            beside = fine_beside(scene, wanted_size(scene, roller.radius))
             ends.append([float(first.min()) - beside, float(last.max()) + beside])
         ends.append([x[-1], x[-1]])
         shapes = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -50,6 +50,17 @@ STRING, FOLLOWS = 1.0 / 64.0, 1.0 / 8.0
 
 On foil in full slip over half a turn, with √(D/T) a 440th of the radius, the ratio of tensions is
 off by 5e-5, 1e-5 and 2e-5 of itself with a 64th, a 32nd and a 16th."""
+
+NIPPED = 1.0 / 12.0
+"""The same at most of rollers that nip the strip.  Of 21 pinch rolls that close by up to 0.05 mm
+more than the strip is thick, at seven places between its nodes, an eighth of the radius stops 15
+when they begin to turn, a twelfth none."""
+
+PARALLEL = 0.99
+"""Least cosine of the angle between axes of rollers that face each other."""
+
+TOUCHES = 1.0 + 1e-6
+"""Gap, in thicknesses of the strip, up to which facing rollers nip it: round-off of centres."""
 
 COARSEST = 20
 """Least number of elements along a strip by default."""
@@ -135,8 +146,10 @@ class Lines:
         if stands(scene):
             back = ahead = 0.0
         arcs = () if thread is None else arcs_in_stages(scene, thread)
+        nipping = nipping_rollers(scene, self.rollers, thread)
         for roller in self.rollers if scene.contact is not None else ():
-            size, margin = wanted_size(scene, roller.radius), fine_beside(scene, roller.radius)
+            size = wanted_size(scene, roller.radius, roller.name in nipping)
+            margin = fine_beside(scene, size)
             lifts = np.array([arc[roller.name] for arc in arcs if roller.name in arc])
             if not len(lifts):  # anywhere near where the strip passes the roller
                 moves = [stage.rollers.get(roller.name) for stage in scene.stages]
@@ -211,20 +224,77 @@ def most_unknowns(rollers: int) -> int:
     return max(MOST_UNKNOWNS, PER_ROLLER * rollers)
 
 
-def wanted_size(scene: SceneSpec, radius: float) -> float:
+def wanted_size(scene: SceneSpec, radius: float, nips: bool = False) -> float:
     """Length (m) of elements where the strip lifts off a roller.
 
     A quarter of the boundary layer, but no finer than a share of the radius from which on the
-    strip is as good as a string, and no longer than it takes to follow the roller.
+    strip is as good as a string, and no longer than it takes to follow the roller, or to be held
+    by one that nips it.
     """
     if (typed := scene.strip.element_length) is not None:
         return typed
-    return radius * float(np.clip(QUARTER * boundary_layer(scene) / radius, STRING, FOLLOWS))
+    longest = NIPPED if nips else FOLLOWS
+    return radius * float(np.clip(QUARTER * boundary_layer(scene) / radius, STRING, longest))
 
 
-def fine_beside(scene: SceneSpec, radius: float) -> float:
-    """Length (m) of fine strip on both sides of a place where it lifts off a roller."""
-    size = wanted_size(scene, radius)
+@dataclass(frozen=True)
+class Nip:
+    """Parallel rollers on both sides of the strip, no farther apart than it is thick."""
+
+    first: Roller
+    second: Roller
+    gap: float  # m
+
+    @property
+    def squeeze(self) -> float:
+        """Way (m) by which both are closer than they may be without pressing the strip."""
+        return float(self.first.half + self.second.half) - self.gap
+
+
+def nips(rollers: Sequence[Roller], thread: Thread | None, thickness: float) -> list[Nip]:
+    """Return the rollers that nip a strip, at their centres."""
+    if len(rollers) < 2:
+        return []
+    centres = np.array([roller.centre for roller in rollers])
+    axes = np.array([roller.unit_axis for roller in rollers])
+    radii = np.array([roller.radius for roller in rollers])
+    side = np.array([carrying_sense(r, thread) * np.sign(r.unit_axis[1]) for r in rollers])
+    found = []
+    for i, first in enumerate(rollers):
+        way = centres[i + 1 :] - centres[i]
+        across = np.linalg.norm(way - np.outer(way @ axes[i], axes[i]), axis=1)
+        gaps = across - radii[i + 1 :] - radii[i]
+        faced = (side[i + 1 :] * side[i] < 0.0) & (np.abs(axes[i + 1 :] @ axes[i]) > PARALLEL)
+        for j in map(int, np.flatnonzero(faced & (gaps <= TOUCHES * thickness))):
+            found.append(Nip(first, rollers[i + 1 + j], float(gaps[j])))
+    return found
+
+
+def nips_in_stages(
+    scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None
+) -> Iterator[list[Nip]]:
+    """Yield the nips at the beginning and at the end of each stage."""
+    places = {roller.name: roller for roller in rollers}
+    found = nips(rollers, thread, scene.strip.thickness)
+    yield found
+    for stage in scene.stages:
+        ways = {name: control.move for name, control in stage.rollers.items() if control.move}
+        for roller in (roller for roller in rollers if roller.name in ways):
+            centre = np.add(roller.centre, ways[roller.name])
+            places[roller.name] = replace(roller, centre=tuple(centre))
+        if ways:
+            found = nips(list(places.values()), thread, scene.strip.thickness)
+        yield found
+
+
+def nipping_rollers(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> set[str]:
+    """Return the names of rollers that nip the strip in any stage."""
+    found = (nip for nips in nips_in_stages(scene, rollers, thread) for nip in nips)
+    return {roller.name for nip in found for roller in (nip.first, nip.second)}
+
+
+def fine_beside(scene: SceneSpec, size: float) -> float:
+    """Length (m) of strip with elements of a size on both sides of a place where it lifts off."""
     return float(np.clip(NEAR_LIFT * boundary_layer(scene), 2.0 * size, 16.0 * size))
 
 

@@ -1,0 +1,146 @@
+"""Rollers that nip the strip: meshed so that it is held, and told of before and after a run."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import pytest
+from test_advice import typed
+from test_diagnosis import stalled
+
+from anmstrip.driver.diagnosis import Failure, diagnosis
+from anmstrip.driver.physics import closer, nip_force
+from anmstrip.driver.preview import Preview
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.driver.warnings import warnings
+from anmstrip.simulation.meshing import nips_in_stages
+from anmstrip.simulation.problem import Assembly
+
+THICKNESS, RADIUS, TENSION = 1e-3, 0.15, 2000.0
+
+PINCH: dict[str, Any] = {
+    "strip": {"kinematics": "section", "width": 1.0, "thickness": THICKNESS},
+    "material": {"young": 2.1e11, "poisson": 0.3},
+    "contact": {"faces": True},
+    "friction": {"coefficient": 0.3},
+    "threading": {"tension": TENSION, "entry": [-1.0, 0.0, 0.0], "exit": [2.0, 0.0, -0.1]},
+    "rollers": [
+        {"name": "bottom", "radius": RADIUS, "centre": [0.0, 0.0, -0.1505], "wrap": "over"},
+        {"name": "top", "radius": RADIUS, "centre": [0.0, 0.0, 0.1555]},
+    ],
+    "edges": {"entry": {"fixed": ["x", "z"]}},
+    "stages": [
+        {"name": "close", "duration": 1.0, "rollers": {"top": {"move": [0.0, 0.0, -0.005]}}},
+        {
+            "name": "start",
+            "duration": 1.0,
+            "entry": {"release": True, "tension": TENSION},
+            "rollers": {"bottom": {"surface_speed": 1.0}, "top": {"surface_speed": 1.0}},
+        },
+        {"name": "run", "duration": 3.0},
+    ],
+    "solver": {"max_tangents": 400},
+}
+"""As engineers draw it: the bottom roller passed over, the top one closed on the strip."""
+
+FASTER = ["stages.start.entry.tension=5000"]
+"""A tension at the entry that the closed rollers do not hold."""
+
+
+def pinch(squeeze: float = 0.0, at: float = 0.0, *settings: str) -> Scene:
+    """Pinch rolls at an x (m), closed by so much more (m) than the strip is thick."""
+    tables = copy.deepcopy(PINCH)
+    for roller in tables["rollers"]:
+        roller["centre"][0] = at
+    tables["stages"][0]["rollers"]["top"]["move"][2] -= squeeze
+    return Scene.from_tables(tables, "pinch.toml", settings)
+
+
+def ended(scene: Scene) -> Run:
+    """A run to its end."""
+    run = Run(scene)
+    for _ in run:
+        pass
+    return run
+
+
+@pytest.mark.parametrize("at", [0.0, 0.004])
+@pytest.mark.parametrize("squeeze", [0.0, 1e-5, 5e-5])
+def test_pinch_rolls_start(squeeze: float, at: float) -> None:
+    """They stopped at the first turn: the strip at their nip was held at single points."""
+    run = ended(pinch(squeeze, at))
+    assert run.outcome.done, run.message
+    assert run.state is not None
+    assert run.state.tension("entry") == pytest.approx(TENSION, rel=1e-3)
+    assert all(r.surface_speed == 1.0 for r in run.state.rollers.values())
+
+
+def told(scene: Scene) -> list[str]:
+    """All warnings before a run."""
+    return warnings(Preview.of(Assembly(scene)))
+
+
+def test_the_force_of_a_nip_follows_from_its_gap() -> None:
+    (words,) = (line for line in told(pinch(1e-5)) if "nip" in line)
+    assert "rollers bottom and top leave a gap of 0.00099 m to a strip of 0.001 m" in words
+    assert "The force of a nip cannot be given: it follows from the gap" in words
+    assert not any("nip" in line for line in told(pinch(-1e-4)))
+    assert not any("nip" in line for line in told(pinch(0.0, 0.0, "contact.faces=false")))
+
+
+@pytest.mark.parametrize("squeeze", [0.0, 4e-5])
+def test_the_force_that_is_told_is_the_one_of_a_run(squeeze: float) -> None:
+    """On elements that resolve the onset, of flat strip that hangs in nothing else."""
+    tables = copy.deepcopy(PINCH)
+    del tables["threading"], tables["rollers"][0]["wrap"]
+    tables["strip"] |= {"length": 1.0, "refined": 1e-3}
+    tables["contact"] |= {"onset": 2e-5, "pressure": 1e4}
+    tables["edges"] = {end: {"fixed": ["x", "z"][i:]} for i, end in enumerate(("entry", "exit"))}
+    pull = {"name": "pull", "duration": 1.0, "friction": False, "exit": {"force": [2e3, 0.0, 0.0]}}
+    close = {**tables["stages"][0], "friction": False}
+    close["rollers"]["top"]["move"][2] -= squeeze
+    tables["stages"] = [pull, close]
+    run = ended(Scene.from_tables(tables, "pinch.toml"))
+    assert run.outcome.done, run.message
+    assert run.state is not None
+    *_, (nip,) = nips_in_stages(run.assembly.scene, run.assembly.rollers, None)
+    assert nip.squeeze == pytest.approx(squeeze, abs=1e-12)
+    expected = nip_force(run.assembly, nip, nip.squeeze)
+    assert run.state.rollers["top"].normal_force == pytest.approx(expected, rel=0.02)
+
+
+def test_a_nip_that_does_not_hold_the_strip_is_told_with_one_that_does() -> None:
+    scene = pinch(0.0, 0.0, *FASTER)
+    first = told(scene)[0]
+    assert "that of nips" in first and "the strip runs away" in first
+    run = ended(scene)
+    assert not run.outcome.done
+    assert "the strip runs away" in run.message and "squeeze" not in run.message
+    (setting,) = typed(run.message.removesuffix("."))
+    assert setting.startswith("stages.close.rollers.top.move=")
+    assert setting in first
+    cured = pinch(0.0, 0.0, *FASTER, setting)
+    assert not any("runs away" in line for line in told(cured))
+    assert ended(cured).outcome.done
+
+
+def test_a_nip_that_stops_a_run_is_opened_by_the_move_that_has_closed_it() -> None:
+    """Its roller is told by its move, from where it is drawn: typed as a centre it moved again."""
+    run = Run(pinch(2e-5))
+    for step in run:
+        if step.stage == "start":
+            break
+    assert run.state is not None
+    message = diagnosis(Failure(run.assembly, run.scene.course[2], run.state, stalled()))
+    assert "Rollers bottom and top are 0.00098 m apart and squeeze the strip." in message
+    assert typed(message) == ["stages.close.rollers.top.move=[0, 0, -0.005]"]
+
+
+def test_a_nip_of_rollers_that_do_not_move_is_closed_where_they_are_drawn() -> None:
+    tables = copy.deepcopy(PINCH)
+    tables["rollers"][1]["centre"][2], tables["stages"][0]["rollers"] = 0.1505, {}
+    assembly = Assembly(Scene.from_tables(tables, "pinch.toml"))
+    *_, (nip,) = nips_in_stages(assembly.scene, assembly.rollers, assembly.thread)
+    assert typed(closer(assembly, "run", nip, 1e-5)) == ["rollers.top.centre=[0, 0, 0.15049]"]
