@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
+from scipy.integrate import trapezoid
 from scipy.optimize import brentq
 
 from anmstrip.arrays import Array
@@ -572,7 +573,7 @@ def nip_force(assembly: Assembly, nip: Nip, squeeze: float) -> float:
     reach = np.sqrt((max(squeeze, 0.0) + FADES * law.width) / curvature)
     x = np.linspace(-reach, reach, LOOKS)
     pressure = np.asarray(law(0.5 * curvature * x**2 - 0.5 * squeeze))
-    return float(np.trapezoid(pressure, x)) * assembly.strip.width
+    return float(trapezoid(pressure, x)) * assembly.strip.width
 
 
 def needed_squeeze(assembly: Assembly, nip: Nip, force: float) -> float:
