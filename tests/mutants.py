@@ -626,8 +626,8 @@ ESTIMATES = (
     ),
     Mutant(
         "weight of a metre",
-        "gravity * strip.material.density * strip.thickness * span",
-        "gravity * strip.material.density * strip.thickness",
+        "weight_of(preview, plan) * longest_span(preview, string)",
+        "weight_of(preview, plan)",
         "explain",
     ),
     Mutant(

@@ -135,6 +135,28 @@ def test_what_has_no_equilibrium(
     assert hint in found
 
 
+def test_a_stiff_strip_lies_on_its_rollers_by_its_weight() -> None:
+    """It needs no tension there, and comes to rest without; thin strip hangs down between them."""
+    tables = copy.deepcopy(TABLES)
+    tables["strip"] |= {"thickness": 2e-3, "cells": None, "refined": None}
+    tables["contact"] = {}
+    tables["rollers"] = [
+        {"name": f"t{k}", "radius": 0.15, "centre": [x, 0.0, -0.15]}
+        for k, x in enumerate((-1.2, -0.4, 0.4, 1.2))
+    ]
+    rest = {"name": "rest", "duration": 1.0, "friction": False}
+    weight = {**rest, "name": "weight", "gravity": [0.0, 0.0, -9.81]}
+    let_go = {**rest, "exit": {"force": [0.0, 0.0, 0.0]}}
+    tables["stages"] = [{**PULL, "exit": {"force": [6e4, 0.0, 0.0]}}, weight, let_go]
+    assert serious(preview_of(tables)) == []
+    run = Scene.model_validate(tables).run()
+    *_, last = run
+    assert run.outcome.done
+    assert last.state.rollers["t3"].normal_force > 100.0
+    tables["strip"]["thickness"] = 3e-4
+    assert "without tension" in serious(preview_of(tables))[0]
+
+
 def test_a_slack_strip_is_pulled_before_it_rubs() -> None:
     rubbing = {**PULL, "friction": True}
     tables = {**copy.deepcopy(TABLES), "stages": [rubbing, LAY]}
