@@ -594,8 +594,8 @@ ESTIMATES = (
     ),
     Mutant(
         "sag of a string twice",
-        "2.0 * largest_force(a.scene) / length",
-        "1.0 * largest_force(a.scene) / length",
+        "2.0 * largest_force(a.scene) / span",
+        "1.0 * largest_force(a.scene) / span",
         "explain",
     ),
     Mutant(

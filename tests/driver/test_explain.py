@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +64,39 @@ def justified(found: dict[str, Level]) -> str:
 def judged(tables: dict[str, Any]) -> tuple[str, dict[str, Level]]:
     found = levels_of(Scene.model_validate(tables))
     return justified(found), found
+
+
+def test_a_plate_without_tension_lies_flat_on_its_rollers() -> None:
+    """Where nothing pulls, an end goes on as it is laid; a roller beyond it is not touched."""
+    places = (-3.5, -2.5, -1.5, -0.5, 0.5, 1.5, 2.5, 3.5, 4.5)
+    tables = {
+        "strip": {"kinematics": "section", "length": 8.0, "width": 2.5, "thickness": 0.02},
+        "material": {"young": 2.1e11, "poisson": 0.3, "density": 7850.0},
+        "contact": {},
+        "rollers": [
+            {"name": f"t{k}", "radius": 0.15, "centre": [x, 0.0, -0.15]}
+            for k, x in enumerate(places)
+        ],
+        "edges": {"entry": {"fixed": ["x"]}},
+        "stages": [{"name": "settle", "duration": 1.0, "gravity": [0.0, 0.0, -9.81]}],
+    }
+    scene = Scene.model_validate(tables)
+    text, preview = explain(scene), Preview.of(Assembly(scene))
+    rows = [line for line in text.splitlines() if re.match(r"t\d ", line)]
+    assert [row.rsplit("m, ", 1)[1] for row in rows] == ["0°, over"] * 8 + ["not touched"]
+    assert "to the left" not in text
+    # q L³/6D of the 2 m beyond the last roller, which is the longest span
+    stiffness = 2.1e11 * 0.02**3 / 12.0 / 0.91
+    sag = 7850.0 * 9.81 * 0.02 * 2.0**3 / 6.0 / stiffness
+    assert preview.steepest.slope == pytest.approx(np.arctan(sag), rel=1e-6)
+
+
+def test_a_line_whose_tension_is_gone_keeps_the_direction_of_its_end() -> None:
+    tables = bridle()
+    tables["threading"]["exit"] = [3.0, 0.0, -1.0]
+    tables["stages"].append({"duration": 1.0, "exit": {"force": [0.0, 0.0, 0.0]}})
+    wraps = [string.turns for string in Preview.of(Assembly(Scene.model_validate(tables))).strings]
+    assert wraps[-1] == pytest.approx(wraps[0], abs=1e-9)
 
 
 def test_capstan_justifies_a_section() -> None:

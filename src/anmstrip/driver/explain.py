@@ -217,7 +217,8 @@ def geometry_table(preview: Preview) -> Table:
         turn = preview.turn(roller) if thread is None else thread.turns.get(roller.name)
         turn = preview.turn(roller) if turn is None else turn
         sides = [s.senses[roller.name] for s in preview.strings if roller.name in s.senses]
-        wrap = f"{np.degrees(turn):.4g}°, {sides[0]}" if sides else "not touched"
+        touched = sides and (thread or turn > 0.0 or flat_gap(strip, roller) <= 0.0)
+        wrap = f"{np.degrees(turn):.4g}°, {sides[0]}" if touched else "not touched"
         drive = f", {kinds[roller.name]}" if kinds[roller.name] != "speed" else ""
         clockwise = roller.sense * roller.unit_axis[1] >= 0.0
         centre = ", ".join(f"{c:g}" for c in np.add(roller.centre, strip.origin))

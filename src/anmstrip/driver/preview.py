@@ -97,13 +97,17 @@ def string_estimate(course: Course) -> StringEstimate:
 
     An end that is held is where it was moved to, a free one runs in the direction of its
     force.  Rollers that a taut string would not touch are left out, and those that lie along
-    the strip.  A string sags by q L / 2 T, a beam by at most q L³ / 6 D; both carry together.
+    the strip.  Between rollers L apart a string sags by q L / 2 T, a beam by at most q L³ / 6 D;
+    both carry together.
     """
     a, values = course.assembly, course.values
     weight = a.material.density * a.strip.thickness * abs(values.get("gravity", np.zeros(3))[2])
-    load, length = float(weight + abs(values.get("pressure", 0.0))), a.strip.length
-    stiffness = 2.0 * largest_force(a.scene) / length + 6.0 * bending_stiffness(a.scene) / length**3
-    sag = float(np.arctan(load / stiffness if stiffness else np.inf)) if load else 0.0
+    load = float(weight + abs(values.get("pressure", 0.0)))
+
+    def sag(span: float) -> float:
+        stiffness = 2.0 * largest_force(a.scene) / span + 6.0 * bending_stiffness(a.scene) / span**3
+        return float(np.arctan(load / stiffness if stiffness else np.inf)) if load else 0.0
+
     entry, exit = (end_of(course, name) for name in ENDS)
     crossing = {spec.name for spec in a.scene.rollers if spec.crossing}
     rollers: list[tuple[Roller, float]] = []
@@ -138,7 +142,7 @@ def string_estimate(course: Course) -> StringEstimate:
         kept = path.arcs.turn[:, 0].tolist(), sides, ways
         turns, sides_of, places = (dict(zip(names, values, strict=True)) for values in kept)
         gaps = gaps_to(course, path.at(np.linspace(0.0, float(path.length[0]), looks), 0)[0])
-        slope = float(np.abs(slopes).max()) + sag
+        slope = float(np.abs(slopes).max()) + sag(float(np.diff(path.starts[:, 0])[::2].max()))
         return StringEstimate(turns, sides_of, slope, places, path, gaps)
     x, moved = a.strip.mesh.p[0], [course.moved.get(name, np.zeros(3)) for name in ENDS]
     straight = np.array([[x.min(), 0.0], [x.max(), 0.0]]) + np.array(moved)[:, [0, 2]]
@@ -148,7 +152,7 @@ def string_estimate(course: Course) -> StringEstimate:
         slope = float(abs(np.arctan2(along[1], along[0])))
     else:
         slope = max(abs(end.angle) for end in (entry, exit) if isinstance(end, StraightEnd))
-    return StringEstimate({}, {}, float(slope) + sag, gaps=gaps)
+    return StringEstimate({}, {}, float(slope) + sag(a.strip.length), gaps=gaps)
 
 
 def gaps_to(course: Course, places: Array) -> dict[str, float]:
@@ -168,7 +172,7 @@ def gaps_to(course: Course, places: Array) -> dict[str, float]:
 
 
 def end_of(course: Course, name: str) -> End:
-    """Place of an end, or the direction in which it is pulled."""
+    """Place of an end, or the direction in which it is pulled, or else in which it was laid."""
     x, edges = course.assembly.strip.mesh.p[0], course.assembly.scene.edges
     if course.assembly.closed and course.assembly.thread is not None:
         end: End = course.assembly.thread.ends[0]
@@ -177,8 +181,10 @@ def end_of(course: Course, name: str) -> End:
         moved = course.moved.get(name, np.zeros(3))
         return FixedEnd([(x.max() if name == "exit" else x.min()) + moved[0], moved[2]])
     force = np.asarray(course.values.get(f"{name}.force", np.zeros(3)))
-    force = force if name == "exit" else -force
-    return StraightEnd(0.25 * float(np.ptp(x)), float(np.arctan2(force[2], force[0])))
+    outward = np.array([1.0 if name == "exit" else -1.0, 0.0, 0.0])
+    way = force if force.any() else course.outward.get(name, outward)
+    way = way if name == "exit" else -way
+    return StraightEnd(0.25 * float(np.ptp(x)), float(np.arctan2(way[2], way[0])))
 
 
 FREE = 1e-4
