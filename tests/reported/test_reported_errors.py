@@ -371,8 +371,53 @@ def test_an_interrupted_run_has_the_same_budget(coarse: Results, tmp_path: Path)
         assert again[key] == pytest.approx(part, rel=1e-3), key
 
 
-def test_what_can_yield_has_no_part_of_the_mesh_yet(tmp_path: Path) -> None:
-    """Its own unknowns belong to the points of its mesh."""
+LEVELLER = """
+strip = { kinematics = "section", width = 1.0, thickness = 1.5e-3 }
+material = { young = 2.1e11, poisson = 0.3, yield_stress = 2.8e8%s }
+contact = {}
+friction.coefficient = 0.1
+threading = { tension = 3e4, entry = [-0.2, 0.0, 0.0], exit = [0.32, 0.0, 0.0] }
+rollers = [
+    { radius = 0.025, centre = [0.00, 0.0, -0.0250], wrap = "over", drive = "idle" },
+    { radius = 0.025, centre = [0.03, 0.0, 0.0237], wrap = "under", drive = "idle" },
+    { radius = 0.025, centre = [0.06, 0.0, -0.0250], wrap = "over", drive = "idle" },
+    { radius = 0.025, centre = [0.09, 0.0, 0.0243], wrap = "under", drive = "idle" },
+    { radius = 0.025, centre = [0.12, 0.0, -0.0250], wrap = "over", drive = "idle" },
+]
+edges.entry.fixed = ["x", "z"]
+stages = [{ name = "level", steady = true, strip.speed = 0.5 }]
+"""
+"""Arcs are shorter than elements of r/8."""
+
+
+def test_the_part_of_the_mesh_is_none_where_contact_is_too_sharp_for_it(tmp_path: Path) -> None:
+    """Points that only the finer mesh has begin 50 onsets deep: 1e-5 of their forces is much."""
+    given = "strip.refined=2e-3", "contact.onset=1e-7"
+    found = run(LEVELLER % "", tmp_path / "sharp", *given)
+    assert found.summary["errors"]["mesh"] is None
+    (warning,) = found.summary["warnings"]
+    assert "elements of half the length have no such state nearby" in warning
+    usual = run(LEVELLER % "", tmp_path / "usual")
+    finer = run(LEVELLER % "", tmp_path / "finer", "strip.finer=4.0")
+    part, exact = usual.summary["errors"]["mesh"], truth(usual, finer)
+    assert 0.3 * exact["tension"] < part["tension"] < 3.0 * exact["tension"]
+
+
+@pytest.mark.slow
+def test_the_part_of_the_mesh_of_a_steady_section_that_yields(tmp_path: Path) -> None:
+    """By elements of r/8 against those of the default mesh, which is right to 0.3 %."""
+    yielding = LEVELLER % ", plasticity = {}"
+    coarse = run(yielding, tmp_path / "coarse", "strip.refined=3.125e-3")
+    usual = run(yielding, tmp_path / "usual")
+    entry = usual.summary["edges"]["entry"]["tension"]
+    assert entry == pytest.approx(25682.0, rel=0.005)  # with strip.finer=4
+    found, exact = coarse.summary["errors"]["mesh"], truth(coarse, usual)
+    assert 0.2 * exact["tension"] < found["tension"] < 5.0 * exact["tension"]
+    assert usual.summary["errors"]["mesh"]["tension"] < 0.005 * entry
+
+
+def test_what_yields_in_time_has_no_part_of_the_mesh_yet(tmp_path: Path) -> None:
+    """Its own unknowns belong to the points of its mesh, each with its own past."""
     yielding = scenes.STRIP + scenes.PULL_AND_WRAP.split('[[stages]]\nname = "wrap"')[0]
     yielding = yielding.replace(
         "poisson = 0.3", "poisson = 0.3\nyield_stress = 2.0e8\nplasticity = {}", 1

@@ -107,6 +107,41 @@ def test_elements_are_a_quarter_of_the_boundary_layer_where_the_strip_lifts_off(
     assert len(lengths) < 120
 
 
+def test_elements_resolve_a_plastic_hinge() -> None:
+    """Rollers 60 mm apart bend strip of 1 mm beyond κ_e = 3.15 1/m: a quarter of 0.2 of 30 mm."""
+    rollers = [
+        {"name": n, "radius": 0.05, "centre": [0.06 * k, 0.0, z], "wrap": w, "drive": "idle"}
+        for k, (n, z, w) in enumerate(
+            [("a", -0.05, "over"), ("b", 0.047, "under"), ("c", -0.05, "over")]
+        )
+    ]
+    scene = copy.deepcopy(LINE) | {
+        "rollers": rollers,
+        "threading": {"tension": 1e4, "entry": [-0.2, 0.0, 0.0], "exit": [0.32, 0.0, 0.0]},
+        "stages": [{"steady": True, "strip": {"speed": 1.0}}],
+    }
+
+    def longest(**material: Any) -> float:
+        given = Assembly(Scene.model_validate(scene | {"material": LINE["material"] | material}))
+        assert given.thread is not None
+        middles, lengths = cells(given)
+        first, last = given.thread.arcs["b"]
+        return float(lengths[(middles > first) & (middles < last)].max())
+
+    assert longest() > 0.005
+    yields = {"yield_stress": 3e8, "plasticity": {}}
+    assert longest(**yields) < 0.0016
+    assert longest(yield_stress=3e9, plasticity={}) == longest()
+
+
+def test_the_onset_is_not_that_of_an_arc_shorter_than_an_element() -> None:
+    """Taut strip touches this roller over 1 mm; elements beside it are of r/8 = 62.5 mm."""
+    flat = {"threading": {"entry": [-4.0, 0.0, 0.0], "exit": [4.0, 0.0, -0.008]}}
+    given = assembly({"duration": 1.0}, strip={"refined": 0.0625}, **flat)
+    assert given.strip.cell_sizes[0].min() < 0.01
+    assert given.signorini.width == pytest.approx((0.25 * 0.5 * 0.0625) ** 2 / 1.0, rel=1e-9)
+
+
 def test_a_roller_that_moves_has_fine_elements_where_it_goes() -> None:
     """A carriage that rises shifts the labels on the next roller by twice as much."""
     scene = copy.deepcopy(LINE) | {

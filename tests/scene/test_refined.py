@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from anmstrip import InputError, Scene
+from anmstrip.driver.budget import Budget
 from anmstrip.driver.explain import explain
 from anmstrip.driver.scene import RefinedRun
+from anmstrip.simulation.problem import Assembly
 
 PRESS = Path(__file__).parents[2] / "examples" / "press.toml"
 COARSE = ['strip.kinematics="section"', "solver.tolerance=1e-5"]
@@ -82,10 +84,15 @@ def test_it_is_said_before_and_not_resumed(tmp_path: Path) -> None:
         (["friction.coefficient=0.2", 'friction.regularisation="auto"'], "repeats the run as well"),
         (
             ["material.yield_stress=2e8", "material.plasticity.layers=21"],
-            "not estimated of strip that can yield",
+            "estimated in steady stages of a section alone",
         ),
     ],
 )
 def test_what_it_does_not_go_with_is_refused(more: list[str], words: str) -> None:
     with pytest.raises(InputError, match=words):
         Scene.load(PRESS, [*AUTO, *more])
+
+
+def test_steady_strip_that_yields_is_refined() -> None:
+    scene = Scene.load(PRESS.parent / "leveller.toml", ['strip.refined="auto"'])
+    assert Budget(Assembly(scene)).can_halve

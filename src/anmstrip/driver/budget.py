@@ -18,7 +18,7 @@ from anmstrip.continuation.equations import Cost, PathStopped
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.continuation.newton import Corrections, Newton
 from anmstrip.equilibrium import Equilibrium, StageProblem
-from anmstrip.fem.geometry import SHELL
+from anmstrip.fem.geometry import SECTION, SHELL
 from anmstrip.fem.sampling import l2_projection
 from anmstrip.fem.strip import Strip, line, renumbered
 from anmstrip.linalg.solvers import SparseSolver
@@ -119,14 +119,19 @@ class Budget:
 
     @property
     def can_halve(self) -> bool:
-        """Whether elements of half the length are few enough, of strip that cannot yield."""
-        strip = self.assembly.strip
-        few = int(2 ** strip.mesh.dim()) * strip.unknowns <= MOST_UNKNOWNS
-        return few and self.assembly.flow is None
+        """Whether elements of half the length are few enough, of strip whose flow is known there.
+
+        Layers that flow are taken to the finer mesh of a section, and in stationary states, whose
+        past is all upstream; in time it would be that of every point.
+        """
+        assembly, strip = self.assembly, self.assembly.strip
+        few = int(2 ** strip.mesh.dim()) * assembly.unknowns <= MOST_UNKNOWNS
+        steady = assembly.kinematics is SECTION and all(s.steady for s in assembly.scene.stages)
+        return few and (assembly.flow is None or steady)
 
     @cached_property
     def halved(self) -> Halved | None:
-        """The scene on elements of half the length; None if it is too large, or can yield."""
+        """The scene on elements of half the length; None if :attr:`can_halve` says no."""
         return Halved.of(self.assembly) if self.can_halve else None
 
     @property
@@ -313,6 +318,10 @@ UNSURE = 4.0
 """Least imbalance that is asked for, over what the last digits of one state are worth: corrections
 of a line of thirteen rollers stay at 1.1 to 2.4 times that."""
 
+ROUGH = 1e-3
+"""Largest imbalance that is left, over the force scale: contact that a finer mesh finds deep inside
+a roller begins with any."""
+
 KEPT = 0.03
 """Part of the imbalance: a tangent is kept while an iteration leaves less of it."""
 
@@ -374,7 +383,19 @@ class Halved(Assembly):
         values = np.einsum("nep,nec->cep", functions, old.nodal(full)[dofs])
         displacement = old.kinematics.embed(values.reshape(old.count, -1))
         own = l2_projection(self.strip, self.pattern, displacement)
-        return np.append(own, full[old.unknowns :])
+        free = full[old.unknowns : self.coarse.coupled]
+        return np.concatenate([own, free, self.inherited_flow(full)])
+
+    @cached_property
+    def children(self) -> tuple[Index, Array]:
+        """Parents of this mesh's elements, and the places of its points in them.
+
+        Shapes (elements,) and (dimensions, elements, points).
+        """
+        old, points = self.coarse.strip, np.asarray(self.strip.basis.global_coordinates())
+        numbers: Index = np.arange(points.shape[1])  # as scikit-fem numbers them
+        parents = numbers // 2 if old.mesh.dim() == 1 else numbers % old.mesh.nelements
+        return parents, old.basis.mapping.invF(points, tind=parents)
 
     @cached_property
     def inherited(self) -> tuple[Array, Index]:
@@ -382,16 +403,27 @@ class Halved(Assembly):
 
         Shapes (functions of one element, elements, points) and (functions of one, elements).
         """
-        old, basis = self.coarse.strip, self.coarse.strip.basis
-        points = np.asarray(self.strip.basis.global_coordinates())
-        children: Index = np.arange(points.shape[1])  # as scikit-fem numbers them
-        parents = children // 2 if old.mesh.dim() == 1 else children % old.mesh.nelements
-        local = basis.mapping.invF(points, tind=parents)
+        basis, (parents, local) = self.coarse.strip.basis, self.children
         fields = [
             np.asarray(basis.elem.gbasis(basis.mapping, local, number, tind=parents)[0])
             for number in range(basis.Nbfun)
         ]
         return np.array(fields), basis.element_dofs[:, parents]
+
+    def inherited_flow(self, full: Array) -> Array:
+        """Return what the layers of a section have flown, on this mesh, (internal unknowns,).
+
+        By the polynomials through the points of every element: strains jump between them.
+        """
+        if (layers := self.coarse.frozen) is None:
+            return np.zeros(0)
+        own, (parents, local) = self.coarse.strip.basis.X[0], self.children
+        powers = np.vander(local.ravel(), len(own)) @ np.linalg.inv(np.vander(own))
+        values = layers.operator.values(full).reshape(
+            -1, self.coarse.strip.mesh.nelements, len(own)
+        )
+        functions = powers.reshape(len(parents), -1, len(own))
+        return np.einsum("epq,leq->lep", functions, values[:, parents]).ravel()
 
     def problem(
         self, stage: StageSpec, state: State, released: Iterable[str], more: Mapping[str, Array]
@@ -451,7 +483,7 @@ def balanced(
     zero = np.zeros(len(free))
     first = equations.imbalance(equations.residual(zero, 0.0))
     floor = UNSURE * equations.round_off(zero, 0.0)
-    wanted, solver = max(REMAINS * first, ROUND_OFF, floor), SparseSolver()
+    wanted, solver = max(min(max(REMAINS * first, floor), ROUGH), ROUND_OFF), SparseSolver()
     corrections = Corrections(wanted, most=MOST_CORRECTIONS, least=1, kept=KEPT)
     found = Newton(equations, solver, corrections, Cost()).corrected(zero, 0.0)
     if found is None:

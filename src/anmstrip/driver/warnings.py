@@ -24,10 +24,9 @@ from anmstrip.simulation.meshing import (
     QUARTER,
     finer,
     most_unknowns,
-    nipping_rollers,
+    shortest_wanted,
     stands,
     surface_speed,
-    wanted_size,
 )
 from anmstrip.simulation.problem import Assembly, Size, naturals, size_of
 
@@ -219,10 +218,7 @@ def coarse_mesh(preview: Preview) -> Iterator[str]:
     layer = boundary_layer(scene)
     coarse: dict[str, list[str]] = {}
     if scene.strip.cells is None and scene.strip.mesh is None:
-        rollers, thread = preview.assembly.rollers, preview.assembly.thread
-        nipping = nipping_rollers(scene, rollers, thread)
-        sizes = (wanted_size(scene, r.radius, r.name in nipping) for r in rollers)
-        wanted = min(sizes, default=0.0)
+        wanted = shortest_wanted(scene, preview.assembly.rollers, preview.assembly.thread)
         finest, most = float(strip.cell_sizes[0].min()), most_unknowns(len(scene.rollers))
         if finest * finer(scene) > 1.2 * wanted > 0.0:
             yield (

@@ -357,14 +357,15 @@ def friction_has_contact(friction: Friction, contact: Contact) -> Iterator[Mista
 
 
 def refined_mesh_is_estimated(
-    strip: StripSpec, material: MaterialSpec, friction: Friction
+    strip: StripSpec, material: MaterialSpec, friction: Friction, stages: Stages
 ) -> Iterator[Mistake]:
     """Yield what keeps ``refined = "auto"`` from its goal."""
     if strip.refined != "auto":
         return
     why = []
-    if material.plasticity is not None:
-        why.append(": what the mesh changes is not estimated of strip that can yield")
+    steady = strip.kinematics == "section" and all(stage.steady for stage in stages)
+    if material.plasticity is not None and not steady:
+        why.append(": of strip that can yield it is estimated in steady stages of a section alone")
     if friction is not None and friction.regularisation == "auto":
         why.append(', since friction.regularisation = "auto" repeats the run as well')
     for reason in why:

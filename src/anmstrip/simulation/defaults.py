@@ -108,6 +108,15 @@ def boundary_layer(scene: SceneSpec) -> float:
     return float(np.sqrt(bending_stiffness(scene) / tension)) if tension > 0.0 else np.inf
 
 
+def first_yield(scene: SceneSpec) -> float | None:
+    """κ_e (1/m), at which the faces of a strip that is held across begin to flow; None if none."""
+    m = scene.material
+    if m.plasticity is None or m.yield_stress is None:
+        return None
+    held = 2.0 / np.sqrt(3.0) * m.yield_stress
+    return float(2.0 * held * (1.0 - m.poisson**2) / (m.young * scene.strip.thickness))
+
+
 def line_speed(scene: SceneSpec) -> float:
     """Return the largest speed (m/s) of rollers' surfaces and of edges.
 

@@ -19,6 +19,7 @@ from anmstrip.arrays import Array
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError
 from anmstrip.scene.schema import SceneSpec
+from anmstrip.simulation.defaults import boundary_layer
 from anmstrip.simulation.meshing import arcs_in_stages, crossing, fine_beside, wanted_size
 from anmstrip.simulation.threading import Thread
 
@@ -50,10 +51,10 @@ class Growth:
     @classmethod
     def of(cls, scene: SceneSpec, thread: Thread, x: Array) -> Growth:
         """Return the shapes on given lines of nodes, away from where the strip lifts off."""
-        arcs, ends = arcs_in_stages(scene, thread), [[x[0], x[0]]]
+        arcs, ends, layer = arcs_in_stages(scene, thread), [[x[0], x[0]]], boundary_layer(scene)
         for roller in thread.rollers:
             first, last = np.transpose([each[roller.name] for each in arcs])
-            beside = fine_beside(scene, wanted_size(scene, roller.radius))
+            beside = fine_beside(layer, wanted_size(scene, roller.radius, layer))
             ends.append([float(first.min()) - beside, float(last.max()) + beside])
         ends.append([x[-1], x[-1]])
         shapes = []

@@ -41,7 +41,14 @@ from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
 from anmstrip.scene.tables import I_UNIT, THREADING, FieldSpec, NaturalShape
 from anmstrip.simulation.defaults import follows_rollers, largest_force, line_speed, with_defaults
-from anmstrip.simulation.meshing import carrying_sense, cells_across, strip_mesh, surface_speed
+from anmstrip.simulation.meshing import (
+    carrying_sense,
+    cells_across,
+    finer,
+    shortest_wanted,
+    strip_mesh,
+    surface_speed,
+)
 
 if TYPE_CHECKING:
     from skfem import Mesh
@@ -125,6 +132,11 @@ def size_of(assembly: Assembly, level: Kinematics) -> Size | None:
 
 
 EffectMaker = Callable[[Strip], Effect]
+
+SHORT = 0.5
+"""Share of the usual length of elements over rollers that the onset of contact counts with at
+least: arcs that are shorter are single elements, with longer ones beside them that touch as well.
+With 0 a leveller of nine rollers takes 330 tangents instead of 119."""
 
 UNSEEN = 0.01
 """Stretch that the onset of contact may make, over the elastic one."""
@@ -533,7 +545,11 @@ class Assembly:
         if tension == load == 0.0:
             tension = self.scales.tension
         pressure = c.pressure or max(tension / radius, load)
-        half_spacing = 0.25 * float(self.strip.cell_sizes[0].min())  # two points to an element
+        element = float(self.strip.cell_sizes[0].min())
+        if self.scene.strip.cells is None and self.scene.strip.mesh is None:
+            usual = shortest_wanted(self.scene, self.rollers, self.thread) / finer(self.scene)
+            element = max(element, SHORT * usual)
+        half_spacing = 0.25 * element  # two points to an element
         onset = half_spacing**2 / (2.0 * radius)
         if load:
             onset = min(onset, FLOATS * thickness / max(1.0, float(np.log(pressure / load))))
