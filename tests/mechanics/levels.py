@@ -6,7 +6,7 @@ from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.geometry import KINEMATICS
 from anmstrip.fem.operators import Pattern
-from anmstrip.fem.sampling import ContactOperator
+from anmstrip.fem.sampling import ContactOperator, SlopeOperator
 from anmstrip.fem.strip import Material, Strip, grid, line
 from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.effects import Controls
@@ -14,6 +14,7 @@ from anmstrip.mechanics.laws import NortonHoff, RepulsiveSignorini
 from anmstrip.mechanics.loads import Pretension, edge_moment, edge_tension, pressure
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
+from anmstrip.mechanics.transport import DRIVEN, AlignedFriction
 from anmstrip.timestepping.formulas import AffineVelocity
 from orders import orders
 
@@ -71,6 +72,7 @@ def effect_of(name, strip):
         "pretension": lambda: Pretension(strip),
         "contact": lambda: contact,
         "friction": lambda: Friction(contact, HOFF),
+        "aligned": lambda: AlignedFriction(contact, HOFF, None, (DRIVEN,), 0, SlopeOperator(strip)),
     }
     return made[name]()
 
@@ -78,7 +80,7 @@ def effect_of(name, strip):
 CASES = [
     *((level, name) for level in ("shell", "section") for name in (
         "membrane", "bending", "kirchhoff-love", "moment", "pressure", "entry", "exit", "contact",
-        "friction")),
+        "friction", "aligned")),
     *(("plate", name) for name in ("bending", "pressure", "pretension", "contact")),
 ]  # fmt: skip
 
@@ -101,7 +103,7 @@ def free_equations(strip, effects, controls=CONTROLS, rate=None):
 def equations_of(level, name):
     """One effect alone, and a state in which it does something."""
     strip = strip_of(level)
-    rate = 3.0 if name == "friction" else None
+    rate = 3.0 if name in ("friction", "aligned") else None
     equations = free_equations(strip, [effect_of(name, strip)], rate=rate)
     return equations, 5e-3 * random_unknowns(strip, 12)
 

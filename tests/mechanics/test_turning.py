@@ -1,16 +1,18 @@
 """Rollers that turn freely: moments of friction, drives, and the border of the tangent."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Pattern
-from anmstrip.fem.sampling import ContactOperator
+from anmstrip.fem.sampling import ContactOperator, SlopeOperator
 from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.roller import Roller, combine
-from anmstrip.mechanics.transport import DRIVEN, Drives, TurningFriction
+from anmstrip.mechanics.transport import DRIVEN, AlignedFriction, Drives, TurningFriction
 from anmstrip.timestepping.formulas import AffineVelocity
 from levels import HOFF, LAW, roller_of, strip_of
 
@@ -75,6 +77,31 @@ def test_friction_on_a_strip_is_that_of_driven_rollers_as_fast(line):
     found = line.friction.force(line.full, line.velocity, CONTROLS)
     assert np.abs(expected).max() > 1.0
     np.testing.assert_allclose(found[:n], expected, atol=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("level", ["section", "shell"])
+def test_strip_that_lies_flat_does_not_slip_beside_the_top_of_a_roller_as_fast(level):
+    strip, speed = strip_of(level), 2.0
+    contact = Contact(Roller("r", 0.4, (0.0, 0.0, -0.4)), LAW, ContactOperator(strip), 0.1)
+    contact = replace(contact, kinematics=strip.kinematics)
+    moving = np.zeros((strip.scalars, strip.count))
+    moving[strip.node_values, 0] = speed
+    controls = {
+        "rollers.r.centre": np.array([0.0, 0.0, -0.4]),
+        "rollers.r.velocity": np.zeros(3),
+        "rollers.r.surface_speed": np.array(speed),
+    }
+    slips = []
+    for friction in (
+        AlignedFriction(contact, HOFF, None, (DRIVEN,), 0, SlopeOperator(strip)),
+        Friction(contact, HOFF),
+    ):
+        x, v = (friction.operator.apply(u) for u in (np.zeros(strip.unknowns), moving.ravel()))
+        slips.append(friction.sliding(x, v, controls)[2])
+    x = contact.operator.reference[0]
+    assert np.abs(slips[0]).max() < 1e-12
+    lag = 1.0 - 0.4 / np.hypot(0.4, x)
+    assert -slips[1][0] == pytest.approx(speed * lag, abs=1e-9)
 
 
 def test_a_free_roller_balances_moments_about_its_axis(line):

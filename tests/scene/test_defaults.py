@@ -71,6 +71,19 @@ def test_slip_speed_where_nothing_turns_is_a_displacement_over_the_time() -> Non
     assert speed(step) == pytest.approx(0.1 * strain * 0.5 / 5.0, rel=1e-12)
 
 
+def test_slip_speed_of_strip_that_nothing_pulls_is_that_at_a_usual_strain() -> None:
+    laid = {
+        **{key: LINE[key] for key in ("material", "contact", "friction")},
+        "strip": {**LINE["strip"], "length": 4.0},
+        "rollers": [{"radius": 0.5, "centre": [0.0, 0.0, -0.5]}],
+        "edges": {"entry": {"fixed": ["x"]}},
+        "stages": [{"duration": 1.0, "rollers": {"r1": {"surface_speed": 2.0}}}],
+    }
+    law = Assembly(Scene.model_validate(laid)).friction
+    assert law is not None
+    assert law.speed == pytest.approx(0.1 * 2.0 * 0.2 * 1e-4, rel=1e-12)
+
+
 def test_slip_speed_is_among_what_was_used() -> None:
     scene = assembly().scene
     assert scene.to_dict()["friction"] == {

@@ -19,7 +19,7 @@ from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffe
 from anmstrip.results.files import error_rows
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import FieldSpec
-from anmstrip.simulation.defaults import elastic_creep
+from anmstrip.simulation.defaults import elastic_creep, pulls
 from anmstrip.simulation.problem import Assembly, flat_gap, naturals
 from anmstrip.taylor.series import record
 
@@ -86,8 +86,10 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
         resolved = "" if given else ", as the mesh resolves"
         yield f"Contact: {law.words}, setting in over {law.width:.3g} m{resolved}."
     if scene.friction is not None and assembly.friction is not None:
-        given = scene.friction.speed is not None
-        why = "" if given else f", a tenth of the elastic creep of {elastic_creep(scene):.2g} m/s"
+        creep = f"{elastic_creep(scene):.2g} m/s" + " under a usual strain" * (
+            not any(pulls(scene))
+        )
+        why = "" if scene.friction.speed else f", a tenth of the elastic creep of {creep}"
         yield f"Friction: {scene.friction.law}, V_c = {assembly.friction.speed:.3g} m/s{why}."
     scales = assembly.scales
     yield (

@@ -194,6 +194,77 @@ class SteadyDrives(Drives):
         return super().law(x, x, controls)
 
 
+@dataclass(frozen=True)
+class AlignedFriction(TurningFriction):
+    """Friction whose slip is that along the strip's own direction, not along the roller's tangent.
+
+    The slip is v·s − V ρ/r along the strip, with its direction s across the roller's axis, the
+    roller's surface speed V and its profile ρ/r; v·m along the meridian m.  A strip that bends onto
+    a roller meets it at an angle α ~ √(D/T)/r, and one that lies flat on it at x/r where contact
+    begins at a distance x: with v·t along the roller's tangent t it would seem to slip by
+    −v α²/2, which is a thousand times the elastic creep.
+
+    Attributes
+    ----------
+    slopes : SlopeOperator
+        At all points of the strip.
+    """
+
+    slopes: SlopeOperator | None = None
+
+    @property
+    def points(self) -> int:  # type: ignore[override]
+        """Number of points of the contact, as the operator to all of them need not be there."""
+        return self.contact.points
+
+    @cached_property
+    def operator(self) -> SurfaceOperator:  # type: ignore[override]
+        """Operator to the points of the contact, and to the surfaces that they see."""
+        assert self.slopes is not None
+        slopes = self.slopes.restricted(self.contact.operator.chosen)
+        which = np.array(self.numbers)[self.roller.seen_by(slopes.points)]
+        return self.operator_type(slopes, which, self.rollers)
+
+    operator_type = SurfaceOperator
+
+    def sliding(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Projection, Any, Any]:
+        """Return where the points are on the roller, its tangents there, and their slip.
+
+        Parameters
+        ----------
+        x, v : array or Series, shape (inputs of the operator, points)
+            Of the unknowns and of their rates.
+        controls : mapping
+        """
+        count = self.contact.kinematics.count
+        place = self.contact.seen(x[:count], controls)
+        tangents = self.tangents(place)
+        flat = self.contact.kinematics.pick([1.0, 0.0, 0.0])[:, None]
+        along = transform(self.view, x[count : 2 * count] + flat)
+        parts = np.einsum("ki...,i...->k...", tangents, along)
+        length = np.sqrt(along[0] * along[0] + along[1] * along[1])
+        forward = np.where(parts[0] > 0.0, length, -length)
+        others = range(1, len(self.frame) - 1)
+        change, turning, speed = self.rates(x, v, controls)
+        moving = self.turned(place) * (turning * self.roller.sense) * -1.0
+        moving = moving - self.surface(place, controls)
+        if speed is not None:
+            moving = moving + np.stack([forward, *(parts[k] for k in others)]) * speed
+        if change is not None:
+            changing = np.einsum("ki...,i...->k...", tangents, change)
+            shifted = (along[0] * change[0] + along[1] * change[1]) / forward
+            moving = moving + np.stack([shifted, *(changing[k] for k in others)])
+        return place, tangents, moving
+
+    def rates(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Any, Any, Any]:
+        """Return ∂r/∂t against the roller in its frame, speeds of free surfaces, and c (m/s).
+
+        None for what is not there.
+        """
+        own = transform(self.frame, control_of(self.roller, controls, "velocity"))
+        return transform(self.view, v[: self.contact.kinematics.count]) - own, v[-1], None
+
+
 class TransportOperator(SurfaceOperator):
     """Displacements, their derivatives along X, speeds of free surfaces, and the strip's own.
 
@@ -218,70 +289,22 @@ class TransportOperator(SurfaceOperator):
 
 
 @dataclass(frozen=True)
-class CarriedFriction(TurningFriction):
-    """Friction on strip of which material passes labels that hardly move.
+class CarriedFriction(AlignedFriction):
+    """The same on strip of which material passes labels that hardly move.
 
-    The slip is v·s − V ρ/r along the strip, with its own direction s across the roller's axis, the
-    roller's surface speed V and its profile ρ/r; v·m along the meridian m.  A strip that bends onto
-    a roller meets it at an angle α ~ √(D/T)/r: with v·t along the roller's tangent t it would seem
-    to slip by −c α²/2, which is a thousand times the elastic creep.  The last unknown is the length
-    (m) that has passed, of which c is the rate.
-
-    Attributes
-    ----------
-    slopes : SlopeOperator
-        At all points of the strip.
+    The last unknown is the length (m) that has passed, of which c is the rate.  Where runs before a
+    roller take strip up, less passes it: control ``rollers.NAME.drift`` (m/s), added to c.
     """
 
-    slopes: SlopeOperator | None = None
-
-    @property
-    def points(self) -> int:  # type: ignore[override]
-        """Number of points of the contact, as the operator to all of them need not be there."""
-        return self.contact.points
-
-    @cached_property
-    def operator(self) -> TransportOperator:  # type: ignore[override]
-        """Operator to the points of the contact, and to the surfaces that they see."""
-        assert self.slopes is not None
-        slopes = self.slopes.restricted(self.contact.operator.chosen)
-        which = np.array(self.numbers)[self.roller.seen_by(slopes.points)]
-        return TransportOperator(slopes, which, self.rollers)
-
-    def sliding(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Projection, Any, Any]:
-        """Return where the points are on the roller, its tangents there, and their slip.
-
-        Parameters
-        ----------
-        x, v : array or Series, shape (2 components + 2, points)
-            Of the unknowns and of their rates.
-        controls : mapping
-        """
-        count = self.contact.kinematics.count
-        place = self.contact.seen(x[:count], controls)
-        tangents = self.tangents(place)
-        flat = self.contact.kinematics.pick([1.0, 0.0, 0.0])[:, None]
-        along = transform(self.view, x[count : 2 * count] + flat)
-        parts = np.einsum("ki...,i...->k...", tangents, along)
-        length = np.sqrt(along[0] * along[0] + along[1] * along[1])
-        forward = np.where(parts[0] > 0.0, length, -length)
-        others = range(1, len(self.frame) - 1)
-        change, turning, speed = self.rates(x, v, controls)
-        moving = np.stack([forward, *(parts[k] for k in others)]) * speed
-        if change is not None:
-            changing = np.einsum("ki...,i...->k...", tangents, change)
-            shifted = (along[0] * change[0] + along[1] * change[1]) / forward
-            moving = moving + np.stack([shifted, *(changing[k] for k in others)])
-        turned = self.turned(place) * (turning * self.roller.sense)
-        return place, tangents, moving - (self.surface(place, controls) + turned)
+    operator_type = TransportOperator
 
     def rates(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Any, Any, Any]:
         """Return ∂r/∂t against the roller in its frame, speeds of free surfaces, and c (m/s)."""
-        own = transform(self.frame, control_of(self.roller, controls, "velocity"))
+        change, _, _ = super().rates(x, v, controls)
         passing = v[-1]
         if f"rollers.{self.roller.members[0].name}.drift" in controls:
             passing = passing + control_of(self.roller, controls, "drift")
-        return transform(self.view, v[: self.contact.kinematics.count]) - own, v[-2], passing
+        return change, v[-2], passing
 
 
 @dataclass(frozen=True)

@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 
     from anmstrip.mechanics.contact import Contact, Friction
     from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
-    from anmstrip.mechanics.transport import CarriedFriction, Drives
+    from anmstrip.mechanics.transport import Drives
     from anmstrip.scene.tables import ContactSpec, FrictionSpec, PlasticitySpec
     from anmstrip.simulation.growth import Growth
     from anmstrip.simulation.threading import Thread
@@ -498,15 +498,21 @@ class Assembly:
         given = self.turning, radii, bearings, self.friction.speed, self.strip.unknowns
         return SteadyDrives(*given) if steady else Drives(*given)
 
-    def carrying(self, steady: bool) -> CarriedFriction | None:
-        """Friction on strip that moves through its own shape."""
-        if (rubbing := self.rubbing) is None:
-            return None
-        from anmstrip.mechanics.transport import CarriedFriction, SteadyFriction
+    def friction_in(self, stage: StageSpec) -> Friction | None:
+        """Friction in a stage: of strip that moves through its own shape, or lies on its rollers.
 
+        A strip that nothing pulls is aligned with all that moves it.
+        """
+        rubbing = self.rubbing
+        through = stage.steady or self.scene.strip.feed
+        if rubbing is None or not (through or largest_force(self.scene) == 0.0):
+            return rubbing
+        from anmstrip.mechanics.transport import AlignedFriction, CarriedFriction, SteadyFriction
+
+        kind = CarriedFriction if through else AlignedFriction
+        kind = SteadyFriction if stage.steady else kind
         given = rubbing.contact, rubbing.law_of_slip, rubbing.coefficients, self._numbers
-        free = len(self.turning), self.slope_operator
-        return SteadyFriction(*given, *free) if steady else CarriedFriction(*given, *free)
+        return kind(*given, len(self.turning), self.slope_operator)
 
     @cached_property
     def slope_operator(self) -> SlopeOperator:
@@ -585,8 +591,7 @@ class Assembly:
         if self.membrane is None and "exit.force" in given:
             own.insert(0, Pretension(self.strip))
         if stage.friction:
-            carried = stage.steady or self.scene.strip.feed
-            own.append(self.carrying(stage.steady) if carried else self.rubbing)
+            own.append(self.friction_in(stage))
             own.append(self.drives(stage.steady))
         if (stiffness := self.scene.strip.foundation) is not None:
             from anmstrip.mechanics.foundation import Foundation
