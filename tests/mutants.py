@@ -55,6 +55,34 @@ class Mutant:
 
 
 STATE = (
+    Mutant(
+        "runs give off what they take up",
+        'fed["taken_up"] = float(held.sum())',
+        'fed["taken_up"] = -float(held.sum())',
+        "summary",
+        "test_dancer.py",
+    ),
+    Mutant(
+        "material passes labels as if runs took nothing up",
+        '(speed + self.controls["strip.drift"])',
+        "(speed)",
+        "fields",
+        "test_dancer.py",
+    ),
+    Mutant(
+        "tension of strip that runs hold is that along labels",
+        "tangents[:, 0] /= growth",
+        "tangents[:, 0] /= 1.0",
+        "profile",
+        "test_dancer.py",
+    ),
+    Mutant(
+        "arc length along labels",
+        '"arc_length": state.unstressed_length(self.reference[0])',
+        '"arc_length": self.reference[0] - self.reference[0].min()',
+        "profile",
+        "test_dancer.py",
+    ),
     Mutant("tension of an edge is its force", "@ outward) / edge.length", "@ outward)", "rollers"),
     Mutant(
         "force of an edge without its load",
