@@ -157,6 +157,10 @@ class Commands(click.Group):
                 raise  # click's own: the reader of our output has gone
             click.echo(f"Stopped: {error.filename or 'writing'}: {error.strerror}.", err=True)
             ctx.exit(STOPPED)
+        except MemoryError:
+            told = "there is not enough memory for the strip's tangent: type longer elements"
+            click.echo(f"Stopped: {told} (strip.refined), or a section.", err=True)
+            ctx.exit(STOPPED)
 
 
 @click.group(

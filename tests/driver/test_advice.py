@@ -274,6 +274,7 @@ def test_a_mesh_that_is_too_coarse_is_cured(tmp_path: Path) -> None:
 
 ELSEWHERE = {
     "squeezed": "test_diagnosis.py, test_nip.py",
+    "too_large": "test_diagnosis.py",
     "asked_too_much": "test_diagnosis.py",
     "more_tension": "slack",
     "coarse": "of the line pulled a hundred times as much",

@@ -288,3 +288,24 @@ def test_every_end_leaves_files_to_go_on_from(
     assert again.outcome.done
     files = [e.file for e in listed(tmp_path / "strip.pvd")]
     assert len(set(files)) == len(files) >= 2
+
+
+@pytest.mark.parametrize("across", [True, False])
+def test_a_tangent_that_does_not_fit_into_memory(
+    across: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was computed is kept, and what is typed has fewer unknowns."""
+    roller = TABLES["rollers"][0] | ({"crown": [0.0, -1e-4]} if across else {})
+    tables = copy.deepcopy({**TABLES, "strip": SHELL, "rollers": [roller]})
+
+    def full(*_: Any) -> None:
+        raise MemoryError
+
+    run = Scene.from_tables(tables, "line.toml").run(tmp_path / "results")
+    with monkeypatch.context() as patched:
+        patched.setattr("anmstrip.linalg.direct.BandPlan.factorise", full)
+        assert not list(run)
+    assert "do not fit into memory" in run.message
+    assert (tmp_path / "results" / "summary.json").exists()
+    again = Scene.from_tables(tables, "line.toml", typed(run.message)).run()
+    assert 1.2 * again.assembly.unknowns < run.assembly.unknowns

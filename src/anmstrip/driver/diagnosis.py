@@ -16,7 +16,7 @@ from anmstrip.arrays import Array
 from anmstrip.continuation.equations import NEGLIGIBLE, Evidence, Outcome, PathStopped
 from anmstrip.driver.physics import closer, two_digits
 from anmstrip.driver.preview import Preview, motions_at
-from anmstrip.driver.warnings import below_round_off, finer_mesh, serious
+from anmstrip.driver.warnings import against_section, below_round_off, finer_mesh, serious
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.results.state import ContactState, State
 from anmstrip.scene.schema import SceneSpec, StageSpec
@@ -140,6 +140,17 @@ def too_many_steps(failure: Failure) -> str | None:
     doubt = forewarned(failure) or slack(failure) or low_order(failure)
     more = f"Try --resume --set solver.{key}={2 * getattr(failure.scene.solver, key)}"
     return more if doubt is None else f"{more} but {doubt[0].lower()}{doubt[1:]}"
+
+
+def too_large(failure: Failure) -> str | None:
+    """The factors of the tangent do not fit into memory."""
+    if failure.stopped.outcome is not Outcome.TOO_LARGE:
+        return None
+    assembly, kinematics = failure.assembly, failure.scene.strip.kinematics
+    if kinematics == "shell" and not any(against_section(Preview(assembly, (), ()))):
+        return "Nothing varies across the strip. Try --set 'strip.kinematics=\"section\"'"
+    longer = 2.0 * float(assembly.strip.cell_sizes[0].min())
+    return f"Try longer elements: --set strip.refined={two_digits(longer, np.ceil):g}"
 
 
 def not_held(failure: Failure) -> str | None:
@@ -359,6 +370,7 @@ def _vector(values: Array) -> str:
 
 CAUSES: tuple[Callable[[Failure], str | None], ...] = (
     too_many_steps,
+    too_large,
     not_held,
     squeezed,
     forewarned,

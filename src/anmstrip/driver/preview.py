@@ -294,6 +294,8 @@ def motions_at(
     series, force = equations.recurrence(u, 1.0, 1), model.scales.force
     try:
         factors = SparseSolver().factorise(series.tangent())
+    except MemoryError:  # the run will say so
+        return
     except SingularTangentError as error:
         number = -1 if error.unknown is None else int(free[error.unknown]) - model.strip.unknowns
         if 0 <= number < len(model.turning):

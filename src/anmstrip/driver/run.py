@@ -220,9 +220,10 @@ class Run:
             for stage in course[self.first_stage :]:
                 yield from self._run_stage(stage)
             self.outcome, self.message = Outcome.DONE, self.words_of_success()
-        except PathStopped as stopped:
+        except (PathStopped, MemoryError) as error:
             from anmstrip.driver.diagnosis import Failure, diagnosis
 
+            stopped = error if isinstance(error, PathStopped) else self.too_large()
             self.outcome = stopped.outcome
             stage = course[min(self.first_stage, len(course) - 1)]
             state = self.march.here(self.march.course.plan(stage, {}))
@@ -231,6 +232,11 @@ class Run:
                 self._checkpoint(force=True)
             self._look_at_errors(stage)
         self._finish()
+
+    def too_large(self) -> PathStopped:
+        """Return why a run stopped for which there is not enough memory."""
+        reached = self.march.reached or 0.0
+        return PathStopped(Outcome.TOO_LARGE, reached, f"{self.assembly.unknowns} unknowns")
 
     def interrupted(self) -> None:
         """Write checkpoint and summary after an interruption."""

@@ -260,7 +260,8 @@ def bending_layer(scene: SceneSpec, thread: Thread | None) -> float:
     """
     layer, yields = boundary_layer(scene), first_yield(scene)
     typed = scene.strip.element_length is not None
-    if thread is None or yields is None or typed or not stands(scene):
+    shell = scene.strip.kinematics != "section"  # whose layers would be too many
+    if thread is None or yields is None or typed or shell or not stands(scene):
         return layer
     runs = np.diff(thread.middle.starts[:, 0])[::2]
     falls = np.minimum(0.5 * np.minimum(runs[:-1], runs[1:]), np.sqrt(3.0) * layer)
