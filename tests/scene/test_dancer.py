@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
+from anmstrip.driver.explain import explain
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from claims import Claim
@@ -115,6 +116,7 @@ def test_weight_of_what_runs_hold_counts() -> None:
 
 def test_shapes_hold_what_the_way_grows_by() -> None:
     run = Run(Scene.model_validate(dancer()))
+    assert "The mesh follows rollers that move" in explain(run.scene)
     growth = run.assembly.growth
     assert growth is not None
     centres = {r.name: np.array(r.centre) for r in growth.thread.rollers}
