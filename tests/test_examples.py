@@ -220,6 +220,22 @@ def test_profile_makes_the_middle_carry_more(scene: str, tensions: dict[float, f
     assert state.tension("entry") == pytest.approx(state.tension("exit"), rel=1e-5)
 
 
+def test_looper_gives_off_strip(claim: Claim) -> None:
+    """Every run gets shorter by the stroke; idlers follow, and take M/(r W) each."""
+    run, last = ended("looper.toml")
+    readings, rate = last.state.rollers, 1.5 / 5.0
+    for k, reading in enumerate(readings.values()):
+        assert reading.surface_speed == pytest.approx(k * rate, abs=1e-4)
+        expected = 8e3 - 40.0 * (4 - max(k - 1, 0)) if k else 8e3 - 160.0
+        assert reading.tension_in == pytest.approx(expected, abs=2.0)
+    strip = last.state.plan.model.strip
+    edge = strip.nodal(last.state.material_velocity)[strip.edges["exit"].values]
+    claim("strip that leaves `looper.toml` (m/s)", edge[0, 0], 4.0 * rate, 2e-3, "kinematics")
+    given_off = -run.facts()["feed"]["taken_up"]
+    claim("strip that `looper.toml` gives off (m)", given_off, 6.0, 2e-3, "kinematics")
+    assert run.cost.expansions < 110
+
+
 def test_line_settles_with_the_torques_of_its_bearings(claim: Claim) -> None:
     """Stick on the drives, M/(r W) on every idler, and together the drag of all bearings."""
     run, last = ended("line.toml")
