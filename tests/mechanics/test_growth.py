@@ -10,6 +10,7 @@ from anmstrip.mechanics.effects import Controls, RecordedLaws, force_of
 from anmstrip.mechanics.loads import GrownWeight, weight
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane
 from anmstrip.mechanics.transport import transport_velocity
+from anmstrip.results.wrinkles import compressive_stiffness
 from levels import (
     XS,
     YS,
@@ -69,6 +70,29 @@ def test_labels_that_hold_more_strip_feel_what_it_feels(level, name):
     work = forces[0] @ by_labels(strip, change, whole=False)
     assert work == pytest.approx(forces[1] @ change, rel=1e-9)
     assert abs(work) > 1e-6 * np.linalg.norm(forces[1]) * np.linalg.norm(change)
+
+
+def test_compression_of_labels_that_hold_more_is_that_of_the_strip():
+    strip = strip_of("shell")
+    material = longer(strip)
+    growth = np.full(len(quadrature_points(strip)[0]), TIMES)
+    full, change = (5e-3 * random_unknowns(material, seed) for seed in (14, 15))
+    found = []
+    for each, at, moved, held in (
+        (
+            strip,
+            *(by_labels(strip, u, whole=w) for u, w in ((full, True), (change, False))),
+            growth,
+        ),
+        (material, full, change, 1.0),
+    ):
+        membrane, pattern = Membrane(each), Pattern(each)
+        controls = {"strip.growth": held} if np.ndim(held) else {}
+        blocks = compressive_stiffness(membrane, membrane.at(at, controls), pattern, growth=held)
+        matrix = pattern.restricted(np.arange(each.unknowns)).matrix(blocks)
+        found.append(moved @ (matrix @ moved))
+    assert found[0] == pytest.approx(found[1], rel=1e-9)
+    assert found[1] > 0.0
 
 
 @pytest.mark.parametrize("level", ["section", "shell"])

@@ -11,6 +11,7 @@ from scipy.integrate import trapezoid
 from anmstrip.driver.explain import explain
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
+from anmstrip.results.wrinkles import free_spans
 from claims import Claim
 
 TENSION, SPEED, STROKE, DRAG = 3000.0, 1.0, 0.4, 2.0
@@ -136,3 +137,18 @@ def test_shapes_hold_what_the_way_grows_by() -> None:
         assert growth.at(np.linspace(first, last, 9), held) == pytest.approx(1.0, abs=1e-12)
     centres["dancer"] = centres["dancer"] + np.array([0.0, 0.0, 50.0])
     assert growth.held(centres, held) is held
+
+
+def test_a_span_that_has_grown_wrinkles_as_one_of_its_length() -> None:
+    down = {"name": "down", "duration": 1.0, "friction": False}
+    scene = dancer("shell", stages=[{**down, "rollers": {"dancer": {"move": [0, 0, -STROKE]}}}])
+    _, found = ends({**scene, "strip": {**scene["strip"], "cells": (48, 2)}})
+    spans = [list(free_spans(found[stage])) for stage in ("threading", "down")]
+    for before, after in zip(*spans, strict=True):
+        length = before.end - before.start
+        assert after.end - after.start == pytest.approx(length, rel=2e-3)  # of its labels
+        grown = length + STROKE * ("dancer" in (before.before, before.after))
+        for span, long in ((before, length), (after, grown)):
+            q, d = np.pi / long, 2.1e11 * 3e-4**3 / 12.0 / 0.91
+            expected = 2.0 * q * np.sqrt(d * (d * q**2 + TENSION)) + 2.0 * d * q**2
+            assert span.bearable == pytest.approx(expected, rel=5e-3)

@@ -93,7 +93,8 @@ def free_spans(state: State) -> Iterator[Span]:
             yield Span(before, after, float(start), float(end), 0.0, np.inf, 0.0)
             continue
         x, area, (low, high) = positions[inside], weights[inside], state.principal_forces[inside].T
-        worst, q = int(low.argmin()), np.pi / (end - start)
+        length = float(np.diff(state.unstressed_length(np.array([start, end])))[0])
+        worst, q = int(low.argmin()), np.pi / length
         beside = np.abs(x - x[worst]) <= 0.5 * strip.cell_sizes[0].max()
         compressed = beside & (low < PART * low[worst])
         bearable = 2.0 * q * np.sqrt(d * (d * q**2 + max(high[worst], 0.0))) + 2.0 * d * q**2
@@ -263,16 +264,19 @@ by less than this in the cases of ``examples/conveyed_wrinkles.py``."""
 
 
 def compressive_stiffness(
-    membrane: Membrane, forces: Array, pattern: Pattern, others: int = 0
+    membrane: Membrane, forces: Array, pattern: Pattern, others: int = 0, growth: Any = 1.0
 ) -> Blocks:
     """Blocks of G, see :class:`~anmstrip.fem.operators.Pattern`, from N (d, d, points).
 
-    Of a model with so many other unknowns besides those of the strip.
+    Of a model with so many other unknowns besides those of the strip, whose labels hold g times
+    their length of it.
     """
     values, vectors = principal(forces)
     part = np.einsum("pak,pk,pbk->abp", vectors, -np.minimum(values, 0.0), vectors)
+    part[0] /= growth
+    part[:, 0] /= growth
     m, blocks = pattern.count, pattern.zeros(others)
-    derivative = np.einsum("ij,bap->jbiap", np.eye(m), part)
+    derivative = np.einsum("ij,bap->jbiap", np.eye(m), part * growth)
     membrane.operator.add_tangent(derivative, pattern, blocks)
     return blocks
 
@@ -331,7 +335,8 @@ def buckling(state: State, count: int, solver: LinearSolver | None = None) -> tu
     tangent = equations.recurrence(state.full[free], state.control, 1).tangent()
     assert state.membrane is not None
     forces = state.membrane.at(state.full, state.controls)
-    blocks = compressive_stiffness(state.membrane, forces, model.pattern, model.others)
+    growth = state.controls.get("strip.growth", 1.0)
+    blocks = compressive_stiffness(state.membrane, forces, model.pattern, model.others, growth)
     if not blocks.pairs.any():  # nothing is compressed
         return np.zeros(0), np.zeros((len(free), 0))
     compressive = model.pattern.restricted(free).matrix(blocks)
