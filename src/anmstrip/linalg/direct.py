@@ -126,7 +126,7 @@ def negative_pivots(matrix: csc_matrix) -> int:
     return int((symmetric_lu(matrix).U.diagonal() < 0.0).sum())
 
 
-def refined(solve: Solve, matrix: Any, norm: float, least: int = 0) -> Solve:
+def refined(solve: Solve, matrix: Any, norm: float) -> Solve:
     """Solver with as many steps of iterative refinement as a trial asks for.
 
     Parameters
@@ -136,9 +136,6 @@ def refined(solve: Solve, matrix: Any, norm: float, least: int = 0) -> Solve:
         Anything with a ``shape`` and a product with a vector, of entries of order one.
     norm : float
         Largest sum of the sizes of a row's entries.
-    least : int, optional
-        Steps that are made in any case: one makes the solver stable for every component, if it
-        is not too bad (Skeel 1980).
 
     Raises
     ------
@@ -158,7 +155,6 @@ def refined(solve: Solve, matrix: Any, norm: float, least: int = 0) -> Solve:
             if not error < left / 2:
                 break
             x, left, steps = x + solve(b - matrix @ x), error, steps + 1
-    steps = max(steps, least)
     if not error < TOO_MUCH:
         raise SingularTangentError(f"the factors leave a residual of {error:.1g}")
 

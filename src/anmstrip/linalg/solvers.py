@@ -77,7 +77,7 @@ class Bordered:
             scaled = self._scaled(d)
             inner = factorise(scaled.inner)
             eliminated, schur = scaled._eliminated(inner)
-            solve = refined(eliminated, scaled, scaled._norm(), least=1)
+            solve = refined(eliminated, scaled, scaled._norm())
         except SingularTangentError:
             whole = self.assembled()
             return SuperLUPlan(whole).factorise(whole)
