@@ -72,6 +72,21 @@ def test_dancer_is_lowered_while_the_line_runs(claim: Claim) -> None:
     claim("left at the exit (m)", left, 0.5 + 1.0 + 2.0 * 0.6 + 2.0, 0.003, "kinematics")
 
 
+def test_dancer_of_a_line_that_is_held_at_its_exit() -> None:
+    """What it takes up comes from the entry then, where the strip runs faster."""
+    held = {"fixed": ["x", "z"]}
+    stages = dancer()["stages"]
+    stages[0] = {
+        "name": "start", "duration": 1.0,
+        "entry": {"release": True, "tension": TENSION}, "exit": {"speed": SPEED},
+    }  # fmt: skip
+    run, found = ends(dancer(edges={"entry": held, "exit": held}, stages=stages))
+    rate = STROKE / 2.0
+    for k, reading in enumerate(found["stroke"].rollers.values()):
+        assert reading.surface_speed == pytest.approx(SPEED + (2 - k) * rate, abs=2e-3)
+    assert run.cost.expansions < 90
+
+
 def test_what_is_read_along_strip_that_runs_hold() -> None:
     """Tension is even between rollers, and arc length counts unstressed strip."""
     _, found = ends(dancer())
