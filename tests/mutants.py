@@ -57,8 +57,8 @@ class Mutant:
 STATE = (
     Mutant(
         "runs give off what they take up",
-        'fed["taken_up"] = float(held.sum())',
-        'fed["taken_up"] = -float(held.sum())',
+        'fed["taken_up"] = float(',
+        'fed["taken_up"] = -float(',
         "summary",
         "test_dancer.py",
     ),

@@ -230,7 +230,8 @@ class Run:
             self.message = diagnosis(Failure(self.assembly, stage, state, stopped))
             with unbroken():
                 self._checkpoint(force=True)
-            self._look_at_errors(stage)
+            if self.outcome is not Outcome.TOO_LARGE:
+                self._look_at_errors(stage)
         self._finish()
 
     def too_large(self) -> PathStopped:
@@ -265,9 +266,9 @@ class Run:
         with unbroken():
             self._checkpoint(force=True)
         both = course[self.first_stage : self.first_stage + 2]
-        # What sticks keeps errors from stage to stage; of a shell they count from the last look on:
-        # a look takes as long as ten to thirty of its tangents, and a fifth of the mesh's part is
-        # not what is asked for (a billy roller: 57 s instead of 143, 28 N instead of 29).
+        # What sticks keeps errors from stage to stage.  Those of a shell are estimated over all
+        # stages at once, as an estimate takes as long as ten to thirty of its tangents: a line of a
+        # billy roller takes 57 s instead of 143, and its mesh's part is 28 N instead of 29.
         kept = self.assembly.kinematics is not SHELL and any(map(self.assembly.frictional, both))
         let_go = any(end.release for end in both[-1].edges.values())
         if len(both) < 2 or kept or let_go:
@@ -398,11 +399,9 @@ class Run:
         """Return the counters of the run, as in ``summary.json``."""
         march, strip = self.march, self.assembly.strip
         section = strip.material.density * strip.thickness * strip.width
-        held = march.course.values.get("strip.held", np.zeros(1))
-        if self.state is not None:
-            held = self.state.controls.get("strip.held", held)
+        held = {} if self.state is None else self.state.controls
         fed = {"length": march.conveyed, "mass": section * march.conveyed}
-        fed["taken_up"] = float(held.sum())
+        fed["taken_up"] = float(np.sum(held.get("strip.held", 0.0)))
         return {
             "status": "done" if self.outcome.done else self.outcome.name.lower(),
             "message": self.message,

@@ -24,10 +24,12 @@ from anmstrip.simulation.meshing import arcs_in_stages, crossing, fine_beside, w
 from anmstrip.simulation.threading import Thread
 
 RAMP = 0.25
-"""Share of a run over which what its labels hold grows, at both ends."""
+"""Share of a run over which g leaves 1 at both of its ends; with 0.05, 0.25 and 0.5 a dancer takes
+45 tangents to the same tensions."""
 
 LEAST, MOST = 0.1, 10.0
-"""Bounds of g; beyond, labels are carried off their rollers."""
+"""Bounds of g, so that elements neither vanish nor become more than ten times as long; beyond,
+labels are carried off their rollers, and points of contact pass again."""
 
 
 @dataclass(frozen=True)
