@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import splu
 
 from anmstrip.arrays import Array
@@ -28,6 +28,7 @@ from anmstrip.mechanics.shell import principal
 from anmstrip.mechanics.transport import Drives, SteadyFriction
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import free_spans
+from anmstrip.scene.tables import ENDS
 
 Explicit = Mapping[str, Array]
 """Effect → derivative of its law at its points, or of its residual if it has no law."""
@@ -73,6 +74,22 @@ class StationaryTangent:
     def factors(self) -> Factors:
         """Factors of the tangent."""
         return SparseSolver().factorise(self.matrix)
+
+    @cached_property
+    def edge_rows(self) -> dict[str, Any]:
+        """Rows of the residual summed over entry and exit, and of the tangent over all unknowns."""
+        model, chosen = self.model, {}
+        blocks = model.pattern.zeros(model.others)
+        for part in self.series.parts:
+            part.add_tangent(model.pattern, blocks, 0.0)
+        whole = model.pattern.restricted(np.arange(model.unknowns)).matrix(blocks)
+        matrix = whole.assembled() if isinstance(whole, Bordered) else whole
+        for name in ENDS:
+            sums = np.zeros((model.strip.count, model.unknowns))
+            for component, row in enumerate(sums):
+                row[model.strip.count * model.strip.edges[name].values + component] = 1.0
+            chosen[name] = csr_matrix(sums), csr_matrix(sums) @ matrix
+        return chosen
 
     def law_part(self, name: str) -> LawSeries:
         """Series of contact or friction."""
@@ -140,7 +157,12 @@ class StationaryTangent:
     def pulls(self) -> Array:
         """Forces (N) on the strip there, (rollers, 2, 3)."""
         gained = np.array([self.state.rollers[name].resultant for name in self.order])
-        return cumulated(self.state.edge_force("entry"), gained) + self.weights
+        return cumulated(self.edge_forces["entry"], gained) + self.weights
+
+    @cached_property
+    def edge_forces(self) -> dict[str, Array]:
+        """Forces on entry and exit (N), (3,) each."""
+        return {name: self.state.edge_force(name) for name in ENDS}
 
 
 @dataclass(frozen=True)
@@ -295,20 +317,15 @@ class Readings:
     change: Array
 
     @cached_property
-    def residual(self) -> Array:
-        """Change of all internal less external forces, shape (unknowns,)."""
-        total = self.tangent.gathered(self.explicit)
-        for part in self.tangent.parts.values():
-            if (force := part.derivative(self.change, None, 0.0)) is not None:
-                total[: len(force)] += force
-        return total
+    def edge_forces(self) -> dict[str, Array]:
+        """Changes of the forces on entry and exit (N), (3,) each; see :meth:`State.edge_force`."""
+        return {name: self._edge_force(name) for name in ENDS}
 
-    def edge_force(self, name: str) -> Array:
-        """Change of the force on an edge (N), shape (3,); see :meth:`State.edge_force`."""
+    def _edge_force(self, name: str) -> Array:
         tangent, state = self.tangent, self.tangent.state
         strip = tangent.model.strip
-        edge = strip.edges[name]
-        force = strip.kinematics.embed(strip.nodal(self.residual)[edge.values].sum(axis=0))
+        edge, (sums, rows) = strip.edges[name], tangent.edge_rows[name]
+        force = strip.kinematics.embed(sums @ tangent.gathered(self.explicit) + rows @ self.change)
         if self.key == f"{name}.force":
             given = state.controls[self.key]
             force = force + given / np.linalg.norm(given) * edge.length
@@ -326,7 +343,7 @@ class Readings:
         turn = strip.edge_tangent(name, self.change) - [1.0, 0.0, 0.0]
         size = np.linalg.norm(slope)
         along, turned = slope / size, turn / size - slope * (slope @ turn) / size**3
-        found = self.edge_force(name) @ along + state.edge_force(name) @ turned
+        found = self.edge_forces[name] @ along + self.tangent.edge_forces[name] @ turned
         return sign * float(found) / edge.length
 
     @property
@@ -348,11 +365,11 @@ class Readings:
         )
         count, order = model.strip.kinematics.count, tangent.order
         gained = -model.strip.kinematics.embed(pushes + drags[:count]).T[list(order.values())]
-        rises = cumulated(self.edge_force("entry"), gained) + self.heavier * tangent.weights
+        rises = cumulated(self.edge_forces["entry"], gained) + self.heavier * tangent.weights
         sizes = np.linalg.norm(tangent.pulls, axis=2) * model.strip.width
         tensions = (tangent.pulls * rises).sum(axis=2) / sizes
         free = dict(zip(model.turning, change[model.strip.unknowns :], strict=False))
-        offsets = replace(state, full=change).offset(tangent.arcs[:, 0])
+        offsets = replace(state, full=change).offset(tangent.arcs[:, 0]) if count == 3 else None
         for place, (name, number) in enumerate(order.items()):
             radius = tangent.friction.roller.members[number].radius
             given = float(self.key == f"rollers.{name}.surface_speed")
@@ -360,7 +377,7 @@ class Readings:
                 found[f"{name}_tension_{word}"] = float(tension)
             found[f"{name}_torque"] = radius * float(drags[-1, number])
             found[f"{name}_surface_speed"] = float(free.get(name, given))
-            if count == 3:
+            if offsets is not None:
                 found[f"{name}_offset"] = float(offsets[place])
         if count == 3:
             found["least_membrane_force"] = self.least_membrane_force()
