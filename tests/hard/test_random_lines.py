@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from pathlib import Path
 
 import pytest
 
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
 from random_lines import drawn, ending_of, varied
 
 
@@ -43,3 +46,21 @@ def test_forty_varied_lines_settle(tmp_path: Path) -> None:
     endings = [ending_of(line) for line in lines]
     wrong = [(seed, ending) for seed, ending in enumerate(endings) if ending.kind != "right"]
     assert not wrong
+
+
+@pytest.mark.slow
+def test_a_line_of_slack_edges_is_done_with_the_tensions_that_are_told() -> None:
+    """On a coarse mesh, under half of its tension: pressed before a roller, it stops."""
+    tables = varied(30547, Path()).tables
+    tables["strip"]["finer"] = 0.4
+    tables["threading"]["tension"] *= 0.5
+    tables["stages"][0]["entry"]["tension"] *= 0.5
+    endings, settings = [], list[str]()
+    for _ in range(2):
+        run = Run(Scene.from_tables(tables, "line.toml", settings))
+        for _ in run:
+            pass
+        endings.append(run)
+        settings = re.findall(r"--set (\S+)", run.message)
+    assert "The strip is pressed at" in endings[0].message
+    assert endings[1].outcome.done, endings[1].message

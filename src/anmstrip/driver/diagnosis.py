@@ -259,10 +259,14 @@ def slack(failure: Failure) -> str | None:
 
 
 def more_tension(failure: Failure) -> str:
-    """Say what to type to pull more: twice as much, or at least to a strain of 5e-5."""
+    """Say what to type to pull more: twice as much all along, or at least to a strain of 5e-5."""
     scene, stage = failure.scene, failure.stage.name
-    if scene.threading is not None and stage == THREADING:
-        return f"Try --set threading.tension={2.0 * scene.threading.tension:.3g}"
+    if scene.threading is not None:
+        pulls = [("threading.tension", scene.threading.tension)]
+        for each in scene.stages if stage != THREADING else ():
+            ends = ((f"stages.{each.name}.{n}.tension", c.tension) for n, c in each.edges.items())
+            pulls += [(key, tension) for key, tension in ends if tension]
+        return "Try " + " ".join(f"--set {key}={2.0 * tension:.3g}" for key, tension in pulls)
     held, least = scene.edges.get("exit"), 5e-5 * failure.assembly.strip.tensile_stiffness
     force = np.asarray(failure.plan.controls.at(1.0).get("exit.force", np.zeros(3)))
     if force[0] > 0.0:

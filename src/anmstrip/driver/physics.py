@@ -350,8 +350,10 @@ def most_held(
     given = assembly.scene.threading
     heights = [float(roller.centre[2]) for roller in order]
     if given is not None:
-        entry, exit = given.entry or order[0].centre, given.exit or order[-1].centre
-        heights = [float(entry[2]), *heights, float(exit[2])]
+        low = float(assembly.origin[2])
+        start = heights[0] if given.entry is None else given.entry[2] - low
+        stop = heights[-1] if given.exit is None else given.exit[2] - low
+        heights = [start, *heights, stop]
     else:  # flat
         heights = [0.0] * (len(order) + 2)
     if not forth:

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from anmstrip.arrays import Array
 from anmstrip.equilibrium import Equilibrium, StageProblem
@@ -157,13 +158,12 @@ def string_estimate(course: Course) -> StringEstimate:
 
 def gaps_to(course: Course, places: Array) -> dict[str, float]:
     """Return the least gap (m) between every roller and straight pieces between places, (2, n)."""
-    gaps, step = {}, np.diff(places)
+    gaps, step, tree = {}, np.diff(places), KDTree(places[:, :-1].T)
     longest = float(np.hypot(*step).max(initial=0.0))
     for roller in course.assembly.rollers:
         at = np.asarray(course.values[f"rollers.{roller.name}.centre"])
         centre = crossing(roller) + (at - np.asarray(roller.centre))[[0, 2]]
-        apart = np.hypot(*(centre[:, None] - places))
-        near = np.flatnonzero(apart[:-1] <= apart.min() + longest)  # the nearest piece begins there
+        near = tree.query_ball_point(centre, tree.query(centre)[0] + longest)  # of nearest pieces
         way, piece = centre[:, None] - places[:, near], step[:, near]
         square = np.maximum((piece**2).sum(axis=0), np.finfo(float).tiny)
         nearest = way - np.clip((way * piece).sum(axis=0) / square, 0.0, 1.0) * piece

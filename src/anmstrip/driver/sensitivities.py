@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse import csc_matrix, csr_matrix, vstack
 from scipy.sparse.linalg import splu
 
 from anmstrip.arrays import Array
@@ -123,6 +123,34 @@ class StationaryTangent:
         """Whole derivative of a law at its points for a change of the unknowns."""
         part = self.law_part(name)
         return part.orders.derivative(part.operator.apply(change)) + explicit.get(name, 0.0)
+
+    def on_rollers(self, name: str, change: Array, explicit: Explicit) -> Array:
+        """The same of contact or friction, summed over the areas of rollers, (values, rollers)."""
+        areas, rows = self.areas[name], self.roller_rows[name]
+        found = (rows @ change[: rows.shape[1]]).reshape(-1, areas.shape[1])
+        return found + explicit[name] @ areas if name in explicit else found
+
+    @cached_property
+    def roller_rows(self) -> dict[str, csr_matrix]:
+        """Rows of those sums by all unknowns, (values · rollers, unknowns)."""
+        chosen = {}
+        for name, areas in self.areas.items():
+            part, entries, rows = self.law_part(name), 0, 0
+            count, points = int(np.prod(part.shape[:-1])), part.shape[-1]
+            unit = np.broadcast_to(
+                np.eye(count).reshape(-1, *part.shape[:-1], 1), (count, *part.shape)
+            )
+            slopes = part.orders.derivative(unit).reshape(count, -1, points)
+            operator: Any = part.operator
+            for given in operator.matrices[0]:
+                m = given.matrix
+                for component in range(given.count):
+                    places = given.first + component + given.count * m.indices
+                    at = csr_matrix((m.data, places, m.indptr), (points, self.model.unknowns))
+                    by = [areas.T.multiply(slope) @ at for slope in slopes[entries]]
+                    rows, entries = rows + vstack(by, "csr"), entries + 1
+            chosen[name] = rows
+        return chosen
 
     @cached_property
     def areas(self) -> dict[str, csc_matrix]:
@@ -360,8 +388,7 @@ class Readings:
         found = {f"{name}_tension": self.tension(name) for name in ("entry", "exit")}
         found["strip_speed"] = float(change[model.coupled - 1]) + (self.key == "strip.speed")
         pushes, drags = (
-            tangent.at_points(name, change, self.explicit) @ tangent.areas[name]
-            for name in ("contact", "friction")
+            tangent.on_rollers(name, change, self.explicit) for name in ("contact", "friction")
         )
         count, order = model.strip.kinematics.count, tangent.order
         gained = -model.strip.kinematics.embed(pushes + drags[:count]).T[list(order.values())]

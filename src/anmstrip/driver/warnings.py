@@ -164,7 +164,7 @@ def slack_end(preview: Preview) -> Iterator[str]:
 
     It does where the strip lies on rollers by its weight, and hardly sags between them.
     """
-    strip, largest = preview.assembly.strip, preview.tension
+    strip, largest, stages = preview.assembly.strip, preview.tension, preview.assembly.scene.stages
     stiff = preview.assembly.scene.strip.bending
     bearable = strip.bending_stiffness * (np.pi / strip.length) ** 2 if stiff else 0.0
     for plan, string in zip(preview.plans, preview.strings, strict=True):
@@ -175,11 +175,16 @@ def slack_end(preview: Preview) -> Iterator[str]:
         weight, span = weight_of(preview, plan), longest_span(preview, string)
         if stiff and 0.0 < weight * span**3 < 6.0 * RESTS * strip.bending_stiffness:
             continue
-        before = np.linalg.norm(plan.controls.at(0.0)["exit.force"])
-        if np.linalg.norm(force) < SLACK * largest < before:
+        before = plan.controls.at(0.0)["exit.force"]
+        if np.linalg.norm(force) < SLACK * largest < (pulled := np.linalg.norm(before)):
+            kept = ", ".join(f"{pull:.2g}" for pull in 0.1 * largest / pulled * before)
+            key = f"'stages.{plan.name}.exit.force=[{kept}]'"
+            typed = next(stage.edges.get("exit") for stage in stages if stage.name == plan.name)
+            if typed is not None and typed.tension is not None:
+                key = f"stages.{plan.name}.exit.tension={0.1 * largest:.2g}"
             yield (
                 f"stage {plan.name} leaves the strip without tension, which is what holds it in "
-                f"shape. Try --set 'stages.{plan.name}.exit.force=[{0.1 * largest:.2g}, 0.0, 0.0]'"
+                f"shape. Try --set {key}"
             )
 
 
@@ -193,6 +198,30 @@ def heavy_strip(preview: Preview) -> Iterator[str]:
                 f"in stage {plan.name} a span of the strip weighs {weight:.2g} N/m, "
                 f"{weight / largest:.2g} times its tension, and sags deeply. Try a larger tension."
             )
+
+
+def heavy_pass(preview: Preview) -> Iterator[str]:
+    """Stages in which strip from an end down to the next roller weighs more than pulls it."""
+    given = preview.assembly.scene.threading
+    for plan, string in zip(preview.plans, preview.strings, strict=True):
+        end, path = plan.controls.at(1.0), string.path
+        if given is None or path is None or "gravity" not in end:
+            continue
+        upright = -end["gravity"][2] / (np.linalg.norm(end["gravity"]) or 1.0)
+        ends = (given.entry, path.points[1, 1, 0]), (given.exit, path.points[1, -1, 0])
+        for name, (place, low) in zip(ENDS, ends, strict=True):
+            force = end.get(f"{name}.tension", end.get(f"{name}.force"))
+            if place is None or force is None:
+                continue
+            pull = float(np.linalg.norm(force))
+            rise = float(place[2] - preview.assembly.origin[2] - low)
+            if (weight := float(weight_of(preview, plan) * upright * rise)) > pull > 0.0:
+                yield (
+                    f"in stage {plan.name} the strip between its {name} and the next roller, "
+                    f"{rise:.3g} m below, weighs {weight:.3g} N/m, and {pull:.3g} N/m pull it: it "
+                    "slides down. "
+                    f"Try --set stages.{plan.name}.{name}.tension={2.0 * weight:.2g}"
+                )
 
 
 def weight_of(preview: Preview, plan: StageProblem) -> float:
@@ -357,6 +386,7 @@ SERIOUS_RULES = (
     physics.strip_runs_out,
     slack_end,
     heavy_strip,
+    heavy_pass,
     strict_tolerance,
 )
 OTHER_RULES = (free_motions, coarse_mesh, slipping_friction, needless_shell, *physics.RULES)
