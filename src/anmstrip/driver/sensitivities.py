@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix, vstack
 from scipy.sparse.linalg import splu
 
-from anmstrip.arrays import Array
+from anmstrip.arrays import Array, Index
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.fem.sampling import quadrature_points
@@ -170,6 +170,13 @@ class StationaryTangent:
         numbers = {roller.name: n for n, roller in enumerate(self.friction.roller.members)}
         contacts = self.state.contacts
         return {name: numbers[name] for name in sorted(numbers, key=lambda n: contacts[n].middle)}
+
+    @cached_property
+    def turning(self) -> Index:
+        """Unknowns that are their speeds, −1 of rollers that do not turn freely, (rollers,)."""
+        first, turning = self.model.strip.unknowns, self.model.turning
+        places = {name: first + number for number, name in enumerate(turning)}
+        return np.array([places.get(name, -1) for name in self.order])
 
     @cached_property
     def arcs(self) -> Array:
@@ -390,22 +397,20 @@ class Readings:
         pushes, drags = (
             tangent.on_rollers(name, change, self.explicit) for name in ("contact", "friction")
         )
-        count, order = model.strip.kinematics.count, tangent.order
-        gained = -model.strip.kinematics.embed(pushes + drags[:count]).T[list(order.values())]
+        count, places = model.strip.kinematics.count, list(tangent.order.values())
+        gained = -model.strip.kinematics.embed(pushes + drags[:count]).T[places]
         rises = cumulated(self.edge_forces["entry"], gained) + self.heavier * tangent.weights
         sizes = np.linalg.norm(tangent.pulls, axis=2) * model.strip.width
         tensions = (tangent.pulls * rises).sum(axis=2) / sizes
-        free = dict(zip(model.turning, change[model.strip.unknowns :], strict=False))
-        offsets = replace(state, full=change).offset(tangent.arcs[:, 0]) if count == 3 else None
-        for place, (name, number) in enumerate(order.items()):
-            radius = tangent.friction.roller.members[number].radius
-            given = float(self.key == f"rollers.{name}.surface_speed")
-            for word, tension in zip(("in", "out"), tensions[place], strict=True):
-                found[f"{name}_tension_{word}"] = float(tension)
-            found[f"{name}_torque"] = radius * float(drags[-1, number])
-            found[f"{name}_surface_speed"] = float(free.get(name, given))
-            if offsets is not None:
-                found[f"{name}_offset"] = float(offsets[place])
+        radii = np.array([roller.radius for roller in tangent.friction.roller.members])
+        given = [float(self.key == f"rollers.{name}.surface_speed") for name in tangent.order]
+        speeds = np.where(tangent.turning < 0, given, change[tangent.turning])
+        columns = [*tensions.T, (radii * drags[-1])[places], speeds]
+        if count == 3:
+            columns.append(replace(state, full=change).offset(tangent.arcs[:, 0]))
+        words = ("tension_in", "tension_out", "torque", "surface_speed", "offset")[: len(columns)]
+        names = (f"{name}_{word}" for name in tangent.order for word in words)
+        found |= zip(names, np.transpose(columns).ravel().tolist(), strict=True)
         if count == 3:
             found["least_membrane_force"] = self.least_membrane_force()
         return found

@@ -108,6 +108,11 @@ class Roller:
         return self.sides is None and not self.crown
 
     @property
+    def is_across(self) -> bool:
+        """Whether it is a cylinder along y, of which every section looks the same."""
+        return self.is_cylinder and not (self.axis[0] or self.axis[2])
+
+    @property
     def rows(self) -> int:
         """Number of directions of the frame that the gap depends on."""
         return 2 if self.is_cylinder else 3

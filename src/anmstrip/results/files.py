@@ -185,6 +185,8 @@ def plain(value: Any, *, keep_nonfinite: bool = False) -> Any:
     >>> plain({"drag": np.float64(2.5), "wrap": np.array([1, np.inf])})
     {'drag': 2.5, 'wrap': [1.0, None]}
     """
+    if type(value) is float:  # a subclass is told by the test of numpy's
+        return value if keep_nonfinite or math.isfinite(value) else None
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, Mapping):
