@@ -110,6 +110,14 @@ LET_GO = merged(
     threading={"tension": 1e3, "entry": [-1.0, 0.0, 0.0], "exit": [1.0, 0.0, -0.5]},
     stages=[{"name": "last", "duration": 1.0, "friction": False, "exit": {"tension": 0.0}}],
 )
+CAPSTAN = merged(  # of which a steady stage asks more than e^(fπ/2)
+    BRIDLE,
+    friction={"coefficient": 0.15},
+    rollers=[{"name": "a", "radius": 0.4, "centre": [0.0, 0.0, 0.0], "wrap": "over"}],
+    threading={"tension": 1.4e4, "entry": [-3.0, 0.0, 0.4], "exit": [0.4, 0.0, -3.0]},
+    stages=[{"name": "run", "steady": True, "entry": {"tension": 1.4e4},
+             "exit": {"tension": 7e3}, "rollers": {"a": {"surface_speed": 3.0}}}],
+)  # fmt: skip
 MORE: list[tuple[dict[str, Any], str, list[str]]] = [
     (changed(("strip.kinematics", None)), "nothing varies across the strip", []),
     (merged(FLAT, strip={"refined": 0.25}), "cannot follow its radius", []),
@@ -139,6 +147,8 @@ MORE: list[tuple[dict[str, Any], str, list[str]]] = [
      "acts as 0.283", ['friction.law="algebraic"']),
     (changed(("rollers.0.centre", [0.0, 0.0, 0.4]), ("stages.1.entry.tension", 4e4)),
      "the strip runs away", ["friction.coefficient=0.5"]),
+    (CAPSTAN, "and on 90° of wrap friction holds 1.27 times", ["friction.coefficient=0.45"]),
+    (CAPSTAN, "there is no stationary state", ["stages.run.entry.tension=8.8e3"]),
 ]  # fmt: skip
 """Scenes, words of what is told of them, and what is typed of advice that leaves a choice."""
 

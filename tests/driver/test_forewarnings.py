@@ -253,6 +253,26 @@ def test_what_holds_a_strip_does_not_depend_on_where_heights_count_from() -> Non
     assert found[0] == found[1]
 
 
+def test_steady_strip_is_held_by_rollers_where_the_tension_of_its_entry_is_given() -> None:
+    """By its entry where its speed is given; by bending as well where it yields."""
+    run = {"name": "run", "steady": True, "entry": {"tension": 1e4}, "exit": {"tension": 3e4}}
+    run["rollers"] = {"a": {"surface_speed": 1.0}, "b": {"surface_speed": 1.0}}
+    (found,) = [line for line in told(("stages", [run])) if "runs away" in line]
+    assert "which pulls at its exit by 3e+04 N/m against 1e+04 N/m" in found
+    assert "holds 2.17 times as much at most: there is no stationary state" in found
+    later = [run | {"exit": {"tension": 1e4}}, {"name": "more", "steady": True,
+             "exit": {"tension": 3e4}}]  # fmt: skip
+    assert any("in x in stage more, which pulls" in line for line in told(("stages", later)))
+    by_speed = run | {"entry": {}, "strip": {"speed": 0.9999}}
+    flows = {"young": 2e11, "poisson": 0.3, "yield_stress": 3e8, "plasticity": {}}
+    for changes in (
+        [("stages", [run | {"exit": {"tension": 2.1e4}}])],
+        [("stages", [by_speed])],
+        [("stages", [run]), ("material", flows)],
+    ):
+        assert not any("runs away" in line for line in told(*changes))
+
+
 def test_an_ordinary_bridle_gives_no_cause() -> None:
     assert told() == []
     assert told(("stages.1.entry.tension", 1.9e4)) == []

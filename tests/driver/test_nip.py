@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 from typing import Any
 
 import pytest
@@ -138,9 +139,74 @@ def test_a_nip_that_stops_a_run_is_opened_by_the_move_that_has_closed_it() -> No
     assert typed(message) == ["stages.close.rollers.top.move=[0, 0, -0.005]"]
 
 
+def test_a_nip_that_is_needed_is_not_opened() -> None:
+    """Closed by 0.1 mm it holds what would run away if it only just touched."""
+    run = Run(pinch(1e-4, 0.0, "stages.start.entry.tension=2100"))
+    for step in run:
+        if step.stage == "start":
+            break
+    assert run.state is not None
+    assert not any("runs away" in line for line in run.forewarnings())
+    message = diagnosis(Failure(run.assembly, run.scene.course[2], run.state, stalled()))
+    assert "squeeze" not in message
+
+
+STEADY: dict[str, Any] = {
+    "strip": {"kinematics": "section", "width": 1.0, "thickness": 3e-3},
+    "material": {"young": 2e11, "poisson": 0.3},
+    "contact": {"faces": True},
+    "friction": {"coefficient": 0.15},
+    "threading": {"tension": 1.2e4, "entry": [-2.0, 0.0, -0.1], "exit": [2.0, 0.0, -0.1]},
+    "rollers": [
+        {"name": "low", "radius": RADIUS, "centre": [0.0, 0.0, -0.15], "wrap": "over"},
+        {"name": "up", "radius": RADIUS, "centre": [0.0, 0.0, 0.153]},
+    ],
+    "edges": {"entry": {"fixed": ["x", "z"]}},
+    "stages": [
+        {"name": "close", "friction": False, "rollers": {"up": {"move": [0.0, 0.0, -2e-5]}}},
+        {
+            "name": "run",
+            "steady": True,
+            "entry": {"tension": 1.2e4},
+            "exit": {"tension": 6e3},
+            "rollers": {"low": {"surface_speed": 1.5}, "up": {"surface_speed": 1.5}},
+        },
+    ],
+    "solver": {"max_tangents": 400},
+}
+"""Thick strip that comes off the upper roller where its tension lays it on the lower one."""
+
+
+@pytest.mark.parametrize(
+    ("tension", "words"),
+    [(1.2e4, "there is no stationary state, and the strip runs away"), (6.2e3, "nearly runs away")],
+)
+def test_a_nip_that_does_not_hold_strip_at_speed(tension: float, words: str) -> None:
+    """With 6.2e3 N/m it stops just before its end: the sum of both forces is 2√(F² + T²θ²/4)."""
+    key = f"stages.run.entry.tension={tension}"
+    run = ended(Scene.from_tables(STEADY, "pinch.toml", [key]))
+    assert not run.outcome.done
+    assert words in run.message and "squeeze" not in run.message
+    assert any(words in line for line in run.forewarnings())
+    (setting,) = typed(run.message.removesuffix("."))
+    assert setting.startswith("stages.close.rollers.up.move=")
+    below = re.search(r"entry\.tension below (\S+) N/m", run.message)
+    assert below is not None
+    for cure in (setting, f"stages.run.entry.tension={below[1]}"):
+        cured = ended(Scene.from_tables(STEADY, "pinch.toml", [key, cure]))
+        assert cured.outcome.done, cured.message
+        assert not any("runs away" in line for line in cured.forewarnings())
+
+
 def test_a_nip_of_rollers_that_do_not_move_is_closed_where_they_are_drawn() -> None:
     tables = copy.deepcopy(PINCH)
     tables["rollers"][1]["centre"][2], tables["stages"][0]["rollers"] = 0.1505, {}
     assembly = Assembly(Scene.from_tables(tables, "pinch.toml"))
     *_, (nip,) = nips_in_stages(assembly.scene, assembly.rollers, assembly.thread)
     assert typed(closer(assembly, "run", nip, 1e-5)) == ["rollers.top.centre=[0, 0, 0.15049]"]
+
+
+def test_a_place_that_is_typed_has_no_round_off() -> None:
+    assembly = Assembly(Scene.from_tables(STEADY, "pinch.toml"))
+    *_, (nip,) = nips_in_stages(assembly.scene, assembly.rollers, assembly.thread)
+    assert typed(closer(assembly, "run", nip, 0.0)) == ["stages.close.rollers.up.move=[0, 0, 0]"]

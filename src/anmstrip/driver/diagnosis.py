@@ -14,7 +14,7 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import NEGLIGIBLE, Evidence, Outcome, PathStopped
-from anmstrip.driver.physics import closer, two_digits
+from anmstrip.driver.physics import closer, held_by_nip, two_digits
 from anmstrip.driver.preview import Preview, motions_at
 from anmstrip.driver.warnings import against_section, below_round_off, finer_mesh, serious
 from anmstrip.equilibrium import Equilibrium, StageProblem
@@ -187,7 +187,8 @@ def squeezed(failure: Failure) -> str | None:
         nip = Nip(a, b, float(np.linalg.norm(across)) - a.radius - b.radius)
         first, second = (contacts[r.name].pressed for r in pair)
         pressed = np.isin(first, second).any() and (nip.squeeze > 0.0 or not a.half)
-        if nip.gap < 0.0 or (pressed and not forewarned(failure)):
+        doubt = pressed and (forewarned(failure) or held_by_nip(seen_before(failure), nip))
+        if nip.gap < 0.0 or (pressed and not doubt):
             least = (
                 0.0 if a.half and nip.gap >= 0.0 else nip.squeeze - 1.1 * max(-nip.gap, thickness)
             )
@@ -213,12 +214,16 @@ def round_off(failure: Failure) -> str | None:
 
 def forewarned(failure: Failure) -> str | None:
     """It could be told before the run, of this stage and those before it."""
+    found = serious(seen_before(failure))
+    return f"{found[0][0].upper()}{found[0][1:]}" if found else None
+
+
+def seen_before(failure: Failure) -> Preview:
+    """Return what could be seen before the run, of this stage and those before it."""
     preview = Preview.of(failure.assembly)
     names = [plan.name for plan in preview.plans]  # a map goes on after the last of them
     until = 1 + names.index(failure.stage.name) if failure.stage.name in names else None
-    plans, strings = preview.plans[:until], preview.strings[:until]
-    found = serious(replace(preview, plans=plans, strings=strings))
-    return f"{found[0][0].upper()}{found[0][1:]}" if found else None
+    return replace(preview, plans=preview.plans[:until], strings=preview.strings[:until])
 
 
 def stiff_strip(failure: Failure) -> str | None:

@@ -7,6 +7,7 @@ sentences, each with what to type.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -17,7 +18,7 @@ from anmstrip.arrays import Array
 from anmstrip.driver.preview import Preview
 from anmstrip.equilibrium import StageProblem
 from anmstrip.mechanics.roller import Roller
-from anmstrip.scene.schema import SceneSpec
+from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, RollerSpec
 from anmstrip.simulation.defaults import bending_stiffness, boundary_layer, largest_force
 from anmstrip.simulation.meshing import (
@@ -59,7 +60,10 @@ FADES, LOOKS = 80.0, 1001
 """Onsets of contact over which the pressure of a nip is summed up, and points of that sum."""
 
 SURE = 1.2
-"""Force of a nip that is proposed, over the one that friction needs to hold the strip."""
+"""Force of a nip, an estimate, over the one by which friction would just hold the strip."""
+
+NANOMETRES = 9
+"""Decimals of a place (m) that is typed: the rest is round-off."""
 
 LARGEST = {"m": 20.0, "m/s": 100.0}
 """Widths, radii and speeds in a line beyond which another unit was meant."""
@@ -260,15 +264,38 @@ def two_digits(value: float, towards: Callable[[float], float]) -> float:
     return round(float(towards(scaled)) * 10.0**-decimals, 9)
 
 
-def beyond_capacity(preview: Preview) -> Iterator[str]:
-    """Stages that pull at both free ends by more than the rollers can hold."""
+@dataclass(frozen=True)
+class Pulled:
+    """What pulls at both ends of a strip that rollers alone hold along itself."""
+
+    stage: StageSpec
+    ends: Mapping[str, float]  # tension (N/m) at the entry and at the exit
+    torques: Mapping[str, float]  # of the rollers that have one (N m)
+    weight: float  # of the strip (N/m²), by which a tension grows with height
+    nips: Sequence[Nip]  # by whose force friction holds as well
+
+    def with_squeeze(self, nip: Nip, squeeze: float) -> Pulled:
+        """Return the same with a nip that squeezes the strip by so much (m)."""
+        other = replace(nip, gap=nip.gap + nip.squeeze - squeeze)
+        both = nip.first.name, nip.second.name
+        same = [(each.first.name, each.second.name) == both for each in self.nips]
+        nips = [other if is_it else each for is_it, each in zip(same, self.nips, strict=True)]
+        return replace(self, nips=nips)
+
+
+def pulled_at_both_ends(preview: Preview) -> Iterator[Pulled]:
+    """Yield the stages in which rollers alone hold the strip along itself, at their ends.
+
+    No edge holds it there, or it is a steady stage with the tension of its entry given: that edge
+    stands, but the strip passes it as fast as that tension wants.  Steady strip that yields is
+    left out, as bending it takes up tension as well.
+    """
     scene, assembly = preview.assembly.scene, preview.assembly
     held = {name for name in ENDS if name in scene.edges and "x" in scene.edges[name].fixed}
     first = 0.0 if scene.threading is None else scene.threading.tension
     pulls, torques, weight = dict.fromkeys(ENDS, first), dict[str, float](), 0.0
-    driven = [roller for roller in assembly.rollers if roller.name not in assembly.turning]
-    turn = sum(preview.turn(roller) for roller in driven)
     found = nips_in_stages(scene, assembly.rollers, assembly.thread)
+    course, known = Course(assembly), {plan.name for plan in preview.plans}
     next(found)
     for stage, nips in zip(scene.stages, found, strict=True):
         before = max(pulls.values())
@@ -285,61 +312,93 @@ def beyond_capacity(preview: Preview) -> Iterator[str]:
             if edge.tension is not None or edge.force is not None:
                 force = 0.0 if edge.force is None else float(np.linalg.norm(edge.force))
                 pulls[name] = force if edge.tension is None else edge.tension
-        if held or not preview.assembly.frictional(stage):
-            continue
+        free = not held and assembly.frictional(stage)
+        if stage.steady:
+            answers = course.pulled(stage) and not assembly.closed
+            free = answers and "exit" not in held and not assembly.yields(stage)
+        if free and stage.name in known:
+            yield Pulled(stage, dict(pulls), dict(torques), weight, nips)
+
+
+def beyond_capacity(preview: Preview) -> Iterator[str]:
+    """Stages that pull at both ends by more than the rollers can hold, which alone hold there."""
+    assembly = preview.assembly
+    turn = sum(preview.turn(r) for r in assembly.rollers if r.name not in assembly.turning)
+    for pulled in pulled_at_both_ends(preview):
         for end, other in (ENDS, ENDS[::-1]):
-            high, low = pulls[end], pulls[other]
-            most = most_held(preview, end, low, torques, weight, nips)
-            if high <= most * 1.001:
+            high, low, stage = pulled.ends[end], pulled.ends[other], pulled.stage
+            most = most_held(preview, end, pulled)
+            bound = most_held(preview, end, pulled, SURE)
+            if high <= bound * 1.001:
                 continue
+            others = any(pulled.torques.values()) or any(s.bearing for s in assembly.scene.rollers)
+            by_nips = ", that of nips" * bool(pulled.nips)
+            held_by = f"friction{by_nips}, torques, bearings and weight hold {most:.3g} N/m there"
+            if plain := not (pulled.weight or others or pulled.nips):
+                held_by = f"friction holds {most / low if low else 1.0:.3g} times as much"
+            none = "there is no stationary state, and " * (stage.steady and high > most)
+            runs = "runs away" if high > most else "nearly runs away"
             changed = stage.edges.get(end)
             key = "force" if changed is not None and changed.force is not None else "tension"
-            others = any(torques.values()) or any(s.bearing for s in scene.rollers)
-            plain = not (weight or others or nips)
-            f = np.log(high / low) / turn if plain and low and turn else np.inf
-            more = (
-                f", or a friction coefficient above {two_digits(f, np.ceil):g}" if f < 2.0 else ""
-            )
-            bound = two_digits(most, np.floor) if most else 0.0
-            by_nips = ", that of nips" * bool(nips)
-            held_by = f"friction{by_nips}, torques, bearings and weight hold {most:.3g} N/m there"
-            if by := [nip for nip in nips if nip.first.half and rubbing(assembly, nip)]:
-                lacking = (high - most) * assembly.strip.width / rubbing(assembly, by[0])
-                force = SURE * (nip_force(assembly, by[0], by[0].squeeze) + lacking)
-                squeeze = needed_squeeze(assembly, by[0], force)
-                more = f", or {closer(assembly, stage.name, by[0], squeeze)}"
-            if plain:
-                held_by = f"friction holds {most / low if low else 1.0:.3g} times as much"
+            less = two_digits(bound, np.floor) if bound else 0.0
             yield (
                 f"only friction holds the strip in x in stage {stage.name}, which pulls at its "
                 f"{end} by {high:.3g} N/m against {low:.3g} N/m, and on {np.degrees(turn):.0f}° of "
-                f"wrap {held_by} at most: the strip runs away. "
-                f"Try stages.{stage.name}.{end}.{key} below {bound:.2g} N/m{more}."
+                f"wrap {held_by} at most: {none}the strip {runs}. "
+                f"Try stages.{stage.name}.{end}.{key} below {less:.2g} N/m"
+                f"{held_better(preview, end, pulled, turn * plain)}."
             )
 
 
-def most_held(
-    preview: Preview,
-    end: str,
-    pull: float,
-    torques: Mapping[str, float],
-    weight: float,
-    nips: Sequence[Nip] = (),
-) -> float:
+def held_better(preview: Preview, end: str, pulled: Pulled, turn: float) -> str:
+    """Return what else to type so that rollers hold what pulls more than they hold, at an end.
+
+    A nip that is closed farther, or the friction coefficient with which wraps of a turn (rad) in
+    all hold it alone.
+    """
+    assembly, high = preview.assembly, pulled.ends[end]
+    for nip in pulled.nips if assembly.rollers[0].half else ():
+        if not rubbing(assembly, nip):
+            continue
+        squeeze = holding_squeeze(preview, end, pulled, nip)
+        return f", or {closer(assembly, pulled.stage.name, nip, squeeze)}"
+    low = min(pulled.ends.values())
+    f = np.log(high / low) / turn if low and turn else np.inf
+    return f", or a friction coefficient above {two_digits(f, np.ceil):g}" if f < 2.0 else ""
+
+
+def held_by_nip(preview: Preview, nip: Nip) -> bool:
+    """Whether the strip would run away in any stage if a nip only just touched it."""
+    return any(
+        pulled.ends[end] > most_held(preview, end, pulled.with_squeeze(nip, 0.0))
+        for pulled in pulled_at_both_ends(preview)
+        for end in ENDS
+    )
+
+
+def holding_squeeze(preview: Preview, end: str, pulled: Pulled, nip: Nip) -> float:
+    """Return by how much a nip squeezes the strip (m) that surely holds what pulls at an end."""
+
+    def spare(squeeze: float) -> float:
+        held = most_held(preview, end, pulled.with_squeeze(nip, squeeze), SURE)
+        return held - pulled.ends[end]
+
+    least, further = nip.squeeze, preview.assembly.signorini.width
+    while spare(least + further) < 0.0:
+        further *= 2.0
+    return float(brentq(spare, least, least + further))
+
+
+def most_held(preview: Preview, end: str, pulled: Pulled, sure: float = 1.0) -> float:
     """Largest tension (N/m) at an end that rollers, bearings and weight hold against the other's.
 
     Parameters
     ----------
     preview : Preview
     end : {"entry", "exit"}
-    pull : float
-        Tension at the other end (N/m).
-    torques : mapping
-        Torques (N m) of the rollers that have one.
-    weight : float
-        Of the strip (N/m²), by which a tension grows with height.
-    nips : sequence of Nip
-        By whose force friction holds as well.
+    pulled : Pulled
+    sure : float, optional
+        By which the forces of nips, which are estimates, are divided.
     """
     assembly, forth = preview.assembly, end == ENDS[-1]
     thread, specs = assembly.thread, {spec.name: spec for spec in assembly.scene.rollers}
@@ -358,21 +417,25 @@ def most_held(
         heights = [0.0] * (len(order) + 2)
     if not forth:
         order, heights = order[::-1], heights[::-1]
-    passed = {roller.name for roller in order}
-    pressed = dict[str, float]()
-    for nip in nips if assembly.scene.contact and assembly.rollers[0].half else ():
-        force = nip_force(assembly, nip, nip.squeeze) / assembly.strip.width
+    passed, pressed = {roller.name for roller in order}, dict[str, list[Nip]]()
+    for nip in pulled.nips if assembly.scene.contact and assembly.rollers[0].half else ():
         first = nip.first.name if nip.first.name in passed else nip.second.name
-        pressed[first] = pressed.get(first, 0.0) + rubbing(assembly, nip) * force
+        pressed.setdefault(first, []).append(nip)
+    pull, weight = pulled.ends[ENDS[0] if forth else ENDS[-1]], pulled.weight
     for roller, rise in zip(order, np.diff(heights), strict=False):
-        pull = max(pull + weight * float(rise), 0.0) + pressed.pop(roller.name, 0.0)
+        pull = max(pull + weight * float(rise), 0.0)
+        load = pull * preview.turn(roller)
+        pull += sum(nip_friction(assembly, nip, load, sure) for nip in pressed.pop(roller.name, ()))
         most = pull * holding(preview, roller)
         if roller.name in assembly.turning:
-            carried = torques.get(roller.name, 0.0) * roller.sense * carrying_sense(roller, thread)
+            torque = pulled.torques.get(roller.name, 0.0) * roller.sense
+            carried = torque * carrying_sense(roller, thread)
             gained = specs[roller.name].bearing + (-carried if forth else carried)
             most = min(most, pull + gained / (roller.radius * assembly.strip.width))
         pull = max(most, 0.0)
-    return max(pull + sum(pressed.values()) + weight * (heights[-1] - heights[-2]), 0.0)
+    others = (nip for each in pressed.values() for nip in each)
+    pull += sum(nip_friction(assembly, nip, 0.0, sure) for nip in others)
+    return max(pull + weight * (heights[-1] - heights[-2]), 0.0)
 
 
 def sharpest_curvature(preview: Preview, roller: Roller) -> float:
@@ -578,12 +641,15 @@ def nip_force(assembly: Assembly, nip: Nip, squeeze: float) -> float:
     return float(trapezoid(pressure, x)) * assembly.strip.width
 
 
-def needed_squeeze(assembly: Assembly, nip: Nip, force: float) -> float:
-    """Return by how much rollers squeeze a strip (m) that they press with a force (N)."""
-    most = nip.squeeze + assembly.signorini.width
-    while nip_force(assembly, nip, most) < force:
-        most += assembly.signorini.width
-    return float(brentq(lambda s: nip_force(assembly, nip, s) - force, nip.squeeze, most))
+def nip_friction(assembly: Assembly, nip: Nip, load: float, sure: float) -> float:
+    """Return what friction holds by a nip (N/m), beyond that of what loads one roller (N/m).
+
+    Strip that is laid on one roller by its tension comes off the other one: by an exponential law
+    the product of both forces stays, so that from F each they become
+    √(F² + load²/4) ± load/2.
+    """
+    force = nip_force(assembly, nip, nip.squeeze) / (sure * assembly.strip.width)
+    return rubbing(assembly, nip) * (float(np.hypot(force, 0.5 * load)) - 0.5 * load)
 
 
 def rubbing(assembly: Assembly, nip: Nip) -> float:
@@ -606,7 +672,8 @@ def typed_place(assembly: Assembly, stage: str, roller: Roller, centre: Array) -
             value = centre - np.asarray(roller.centre)
         if each.name == stage:
             break
-    return f"--set '{key}=[{', '.join(f'{x:.6g}' for x in value + 0.0)}]'"
+    rounded = np.round(value, NANOMETRES) + 0.0
+    return f"--set '{key}=[{', '.join(f'{x:.6g}' for x in rounded)}]'"
 
 
 def closer(assembly: Assembly, stage: str, nip: Nip, squeeze: float) -> str:
