@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from threaded import BRIDLE, LEVELLER, ONE, TOWER, ended, roller, scene_of, turned, values
+from threaded import BRIDLE, DENSITY, LEVELLER, ONE, TOWER, ended, roller, scene_of, turned, values
 
 from anmstrip import Scene
 from anmstrip.continuation.newton import Newton
@@ -164,6 +164,45 @@ def test_roller_that_a_taut_string_just_passes(cells: tuple[int, int] | None) ->
     share = runs[0] / sum(runs)
     turn = height * share / (share * runs[1] - 0.5 * layer)  # by a kink that bending rounds
     assert state.rollers["beside"].resultant[2] == pytest.approx(-1e4 * 0.5 * turn, rel=5e-3)
+
+
+def furnace(z: float, **support: Any) -> dict[str, Any]:
+    """Three rollers 4 m apart, of which the one in the middle stands at a height (m)."""
+    rolls = [roller(name, x, 0.0, 0.3, "over") for name, x in (("a", 0.0), ("b", 4.0), ("c", 8.0))]
+    rolls[1] |= {"centre": (4.0, 0.0, z), **support}
+    ends = {"tension": 5e3, "entry": (-2.0, 0.0, -1.0), "exit": (10.0, 0.0, -1.0)}
+    default = dict.fromkeys(("stiffness", "eta", "delta"))
+    weight = {"name": "weigh", "gravity": (0.0, 0.0, -9.81), "friction": False}
+    return {"threading": ends, "rollers": rolls, "stages": [weight],
+            "contact": default, "strip": {"cells": None}}  # fmt: skip
+
+
+def load_of_weight(z: float, **support: Any) -> float:
+    """What weight lays on the middle roller, over what statics give with bending.
+
+    Strip that bends onto the other two passes D/2TR above a roller at pass line.
+    """
+    run, state = ended(scene_of(furnace(z, **support)))
+    below = run.assembly.strip.bending_stiffness / (2.0 * 5e3 * 0.3) - z
+    expected = 4.0 * 0.5 * 1e-3 * DENSITY * 9.81 - 0.5 * 2.0 * 5e3 / 4.0 * below
+    return float(state.rollers["b"].normal_force / expected)
+
+
+def test_a_roller_at_pass_line_carries_the_weight_of_its_spans() -> None:
+    assert load_of_weight(0.0) == pytest.approx(1.0, rel=0.02)
+
+
+def test_a_roller_just_below_the_string_carries_as_much_without_wrap() -> None:
+    with pytest.raises(InputError, match="or no wrap: weight or its move then brings it there"):
+        load_of_weight(-1e-3)
+    assert load_of_weight(-1e-3, wrap=None) == pytest.approx(1.0, rel=0.02)
+
+
+def test_some_fibres_may_pass_a_roller_out_of_line() -> None:
+    skewed = furnace(0.0, axis=(0.0, 1.0, 1e-3))
+    assembly = Assembly(scene_of(skewed, "shell"))
+    guess = assembly.thread.guess(assembly.strip, assembly.pattern)
+    assert np.isfinite(guess).all()
 
 
 def test_guess_contracts_across() -> None:

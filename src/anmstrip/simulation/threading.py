@@ -138,6 +138,28 @@ class Thread:
         entry, exit = self.ends
         return string_path(*circles, entry, exit, self.crossing)
 
+    def touching(self, y: Array, heights: Array) -> tuple[StringPath, Array]:
+        """Paths of fibres at y around the rollers that they touch, larger by half of heights (m).
+
+        Strip that bends onto its rollers comes off one that a string only just touches, and so do
+        some of the fibres over a roller out of line.
+
+        Returns
+        -------
+        path : StringPath
+        heights : ndarray
+            Of the rollers that are touched, on the left of the path (m).
+        """
+        thread = replace(self, depths=self.depths + 0.5 * heights)
+        while True:
+            try:
+                return thread.string_path(y), heights * thread.senses
+            except NotTouchedError as error:
+                kept = np.arange(len(heights)) != error.index
+                rollers = [r for r, touched in zip(thread.rollers, kept, strict=True) if touched]
+                each = {k: getattr(thread, k)[kept] for k in ("senses", "crossing", "depths")}
+                thread, heights = replace(thread, rollers=rollers, **each), heights[kept]
+
     @property
     def heights(self) -> Array:
         """ℓ²/R (m) of the layers ℓ in which the strip bends onto rollers, shape (rollers,).
@@ -208,11 +230,10 @@ class Thread:
         lines, fibre = np.unique(y, return_inverse=True)
         s, heights = (x - begin) * self.along, self.heights
         if finest < ROOM * self.layer and heights.any():
-            larger = replace(self, depths=self.depths + 0.5 * heights)
-            path, signed = larger.string_path(lines), heights * self.senses
+            path, signed = self.touching(lines, heights)
             position = path.stiff(s, fibre, self.layer, signed)
         else:
-            position, _ = self.string_path(lines).at(s, fibre)
+            position, _ = self.touching(lines, 0.0 * heights)[0].at(s, fibre)
         return np.stack([position[0], y * self.across, position[1]])
 
 
@@ -316,7 +337,9 @@ def _refused(scene: SceneSpec, rollers: Sequence[Roller], error: ValueError) -> 
             f"there it would have to turn by {np.degrees(turn):.3g} degrees"
         )
         other = OTHER_SIDE[side or "over"]
-        hint = f'wrap = "{other}", another centre, or no wrap'
+        hint = (
+            f'wrap = "{other}", another centre, or no wrap: weight or its move then brings it there'
+        )
         hint += "; crossing = true if the strip crosses itself there"
         return scene.refused(f"rollers.{names[index]}.wrap", side, expected, hint)
     before = names[index - 1] if index else "the entry"
