@@ -13,9 +13,11 @@ from typing import Any
 import pytest
 import test_diagnosis
 import test_forewarnings
+from test_diagnosis import stalled
 from test_forewarnings import BRIDLE, LAY, PULL, WRONG, changed
 
 import anmstrip
+from anmstrip.driver.diagnosis import Failure, diagnosis
 from anmstrip.driver.preview import Preview
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
@@ -118,6 +120,20 @@ CAPSTAN = merged(  # of which a steady stage asks more than e^(fπ/2)
     stages=[{"name": "run", "steady": True, "entry": {"tension": 1.4e4},
              "exit": {"tension": 7e3}, "rollers": {"a": {"surface_speed": 3.0}}}],
 )  # fmt: skip
+PLACES = (-1.6, -0.8, 0.0, 0.8, 1.6, 2.4)
+PLATE = {  # which nothing holds but the rollers that carry it on
+    "strip": {"kinematics": "section", "length": 4.0, "width": 2.0, "thickness": 0.02},
+    "material": {"young": 2e11, "poisson": 0.3, "density": 7850.0},
+    "contact": {},
+    "friction": {"coefficient": 0.3},
+    "rollers": [{"radius": 0.15, "centre": [x, 0.0, -0.15]} for x in PLACES],
+    "stages": [
+        {"name": "settle", "duration": 1.0, "gravity": [0.0, 0.0, -9.81]},
+        {"name": "carry", "duration": 0.5,
+         "rollers": {f"r{k + 1}": {"surface_speed": 1.0} for k in range(len(PLACES))}},
+    ],
+}  # fmt: skip
+ABOVE = merged(PLATE, rollers=[{"radius": 0.15, "centre": [x, 0.0, -0.1505]} for x in PLACES])
 MORE: list[tuple[dict[str, Any], str, list[str]]] = [
     (changed(("strip.kinematics", None)), "nothing varies across the strip", []),
     (merged(FLAT, strip={"refined": 0.25}), "cannot follow its radius", []),
@@ -148,6 +164,7 @@ MORE: list[tuple[dict[str, Any], str, list[str]]] = [
     (changed(("rollers.0.centre", [0.0, 0.0, 0.4]), ("stages.1.entry.tension", 4e4)),
      "the strip runs away", ["friction.coefficient=0.5"]),
     (CAPSTAN, "and on 90° of wrap friction holds 1.27 times", ["friction.coefficient=0.45"]),
+    (PLATE, "in stage settle nothing holds the strip in x", []),
     (CAPSTAN, "there is no stationary state", ["stages.run.entry.tension=8.8e3"]),
 ]  # fmt: skip
 """Scenes, words of what is told of them, and what is typed of advice that leaves a choice."""
@@ -270,6 +287,26 @@ def test_a_run_that_stops_is_done_with_what_is_typed(rule: str) -> None:
     assert again.outcome.done, again.message
 
 
+def test_a_plate_that_is_held_to_settle_is_let_go_where_rollers_turn() -> None:
+    """It then is carried as they turn, 0.25 m, and slips on none of those that it lies on."""
+    advice = ['edges.entry.fixed=["x"]', "stages.carry.entry.release=true"]
+    for tables in (PLATE, ABOVE):  # where it touches its rollers, and where not yet
+        begun = ended(tables, most=20)
+        assert begun.state is not None
+        stopped = Failure(begun.assembly, begun.scene.course[0], begun.state, stalled())
+        assert typed(diagnosis(stopped)) == advice
+    for tables in (PLATE, ABOVE):
+        run = ended(tables, advice)
+        assert run.outcome.done and run.state is not None
+        lying = [r for r in run.state.rollers.values() if r.normal_force > 100.0]
+        assert len(lying) > 2 and max(r.max_slip for r in lying) < 1e-3
+    together = merged(PLATE, stages=[{**PLATE["stages"][1], **PLATE["stages"][0]}])
+    (found,) = [line for line in told(together) if "nothing holds" in line]
+    assert "turn the rollers in a later stage, with entry.release = true there" in found
+    (found,) = [line for line in told(merged(PLATE, stages=PLATE["stages"][:1])) if "holds" in line]
+    assert found.endswith("""Try --set 'edges.entry.fixed=["x"]'""")
+
+
 @pytest.mark.slow
 def test_long_elements_are_what_stops_a_line_pulled_a_hundred_times_as_much() -> None:
     """Its boundary layer becomes shorter than elements of 40 mm; those by default are done."""
@@ -309,6 +346,7 @@ ELSEWHERE = {
     "motion_words": "test_freedom.py",
     "differences": "test_resume.py",
     "finer_mesh": "coarse_mesh",
+    "unheld": "unheld_strip, not_held",
     "running_loose": "released_strip",
     "acts_as": "slipping_friction",
     "below_round_off": "round_off, strict_tolerance",

@@ -15,7 +15,7 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import NEGLIGIBLE, Evidence, Outcome, PathStopped
 from anmstrip.driver.physics import closer, held_by_nip, two_digits
-from anmstrip.driver.preview import Preview, motions_at
+from anmstrip.driver.preview import Preview, motions_at, unheld
 from anmstrip.driver.warnings import against_section, below_round_off, finer_mesh, serious
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.results.state import ContactState, State
@@ -155,7 +155,7 @@ def too_large(failure: Failure) -> str | None:
 
 def not_held(failure: Failure) -> str | None:
     """No edge holds a component, and no roller the strip lies on."""
-    strip, edges = failure.plan.model.strip, failure.scene.edges
+    strip = failure.plan.model.strip
     held = np.ones(failure.plan.model.unknowns, dtype=bool)
     held[failure.plan.supports.free] = False
     rubbed = "xy" if failure.plan.in_time else ""
@@ -164,11 +164,8 @@ def not_held(failure: Failure) -> str | None:
         name = "xyz"[component]
         if held[strip.count * strip.node_values + place].any() or name in by_rollers:
             continue
-        edge = next(iter(edges), "entry")
-        fixed = sorted({*(edges[edge].fixed if edge in edges else ()), name})
-        listed = ", ".join(f'"{c}"' for c in fixed)
-        key = f"'edges.{edge}.fixed=[{listed}]'" if name != "y" else f"edges.{edge}.centred=true"
-        return f"Nothing holds the strip in {name}. Try --set {key}"
+        told = unheld(failure.scene, failure.stage.name, name)
+        return f"{told[0].upper()}{told[1:]}"
     return None
 
 

@@ -27,6 +27,7 @@ from anmstrip.mechanics.string_path import (
     StringPath,
     string_path,
 )
+from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS, EdgeSpec
 from anmstrip.simulation.defaults import bending_stiffness, largest_force
 from anmstrip.simulation.meshing import crossing
@@ -335,13 +336,14 @@ def motion_words(
     component = "xyz"[strip.kinematics.components[place]]
     end = ENDS[int(sizes[:, place].argmax())]
     if shifted:
-        end = next((name for name in edges if name in ENDS), ENDS[0])
+        end = edge_to_hold(assembly.scene)
     fixed = edges.get(end, EdgeSpec()).fixed
     advice = f"try --set 'edges.{end}.fixed={json.dumps(sorted({*fixed, component}))}'"
     if component in fixed:
         advice = f"try it without {end}.release."
-    elif shifted and component == "y":
-        advice = f"try --set edges.{end}.centred=true"
+    elif shifted:
+        yield unheld(assembly.scene, plan.name, component)
+        return
     loose = f"nothing holds the strip in {component}"
     if not shifted:
         pulled, way = np.any(plan.controls.at(1.0).get(f"{end}.tension", 0.0)), "free"
@@ -353,3 +355,35 @@ def motion_words(
             "is what came before"
         )
     yield f"{loose}. {advice[0].upper()}{advice[1:]}"
+
+
+def edge_to_hold(scene: SceneSpec) -> str:
+    """Return the edge that is proposed to be held: one that is, an end first, or the entry."""
+    return min(scene.edges, key=lambda name: name not in ENDS, default=ENDS[0])
+
+
+def unheld(scene: SceneSpec, stage: str, component: str) -> str:
+    """Say that nothing holds a strip in a component in a stage, and what to type.
+
+    What is held in x is let go in the first stage after that one in which rollers turn, so that
+    they carry it.
+    """
+    edge = edge_to_hold(scene)
+    fixed = sorted({*scene.edges.get(edge, EdgeSpec()).fixed, component})
+    key = f"'edges.{edge}.fixed={json.dumps(fixed)}'"
+    if component == "y":
+        key = f"edges.{edge}.centred=true"
+    names = [each.name for each in scene.course]
+    turning = [
+        each.name
+        for each in scene.course[names.index(stage) if stage in names else len(names) :]
+        if any(c.surface_speed or c.angular_speed or c.torque for c in each.rollers.values())
+    ]
+    if component == "x" and edge in ENDS and turning:
+        later = [name for name in turning if name != stage]
+        key += (
+            f" --set stages.{later[0]}.{edge}.release=true"
+            if later
+            else (f" and turn the rollers in a later stage, with {edge}.release = true there.")
+        )
+    return f"nothing holds the strip in {component}. Try --set {key}"

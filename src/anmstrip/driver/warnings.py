@@ -13,7 +13,7 @@ import numpy as np
 
 from anmstrip.driver import physics
 from anmstrip.driver.budget import Budget
-from anmstrip.driver.preview import UNSEEN, Preview, StringEstimate, free_motions
+from anmstrip.driver.preview import UNSEEN, Preview, StringEstimate, free_motions, unheld
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.mechanics.roller import Roller
@@ -62,13 +62,14 @@ UNLIKE = 0.1
 
 def warnings(preview: Preview) -> list[str]:
     """Return all warnings, the serious ones first."""
-    return [*serious(preview), *(told for rule in OTHER_RULES for told in rule(preview))]
+    others = (told for rule in OTHER_RULES for told in rule(preview))
+    return list(dict.fromkeys([*serious(preview), *others]))
 
 
 def serious(preview: Preview) -> list[str]:
     """Return the warnings for which a run may stop."""
-    if preview.tension == 0.0:
-        return []
+    if preview.tension == 0.0:  # the others compare with it
+        return list(unheld_strip(preview))
     return [told for rule in SERIOUS_RULES for told in rule(preview)]
 
 
@@ -126,6 +127,19 @@ def slack_start(preview: Preview) -> Iterator[str]:
             f"stage {first.name} pulls a slack strip, which has no stiffness across, while it may "
             f"rub. To pull it before, try --set stages.{first.name}.friction=false"
         )
+
+
+def unheld_strip(preview: Preview) -> Iterator[str]:
+    """A flat strip that no edge holds along itself, in a first stage in time.
+
+    Friction does not hold it there even where it touches rollers: loads, which press it on them,
+    grow from zero.
+    """
+    scene, first = preview.assembly.scene, preview.plans[0]
+    along = 0 in preview.assembly.kinematics.components
+    held = preview.assembly.thread is not None or any("x" in e.fixed for e in scene.edges.values())
+    if first.in_time and along and not held:
+        yield f"in stage {first.name} {unheld(scene, first.name, 'x')}"
 
 
 def released_strip(preview: Preview) -> Iterator[str]:
@@ -379,6 +393,7 @@ SERIOUS_RULES = (
     sharp_roller,
     soft_contact,
     slack_start,
+    unheld_strip,
     released_strip,
     physics.beyond_capacity,
     physics.torque_beyond_friction,
