@@ -6,6 +6,7 @@ import copy
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from test_forewarnings import BRIDLE
+
 from anmstrip.continuation.equations import Evidence, NO_EVIDENCE, Outcome, PathStopped
-from anmstrip.driver.diagnosis import Failure, diagnosis
+from anmstrip.driver.diagnosis import Failure, diagnosis, slack
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.results import files as checkpoint
@@ -136,6 +139,26 @@ def test_stage_time_node_and_roller_are_named() -> None:
     far = told(run, stalled(imbalance_at(run, 2.0, 0)))
     assert "worst at x = 2 m (in x)." in far
     assert "stages.turn.rollers.r1.surface_speed: try a smaller change" in far
+
+
+def test_a_place_of_a_threaded_line_is_the_one_that_is_drawn() -> None:
+    """Also of an element that is pressed; labels count from the middle of the strip."""
+    tables = copy.deepcopy(BRIDLE)
+    places = [roller["centre"] for roller in tables["rollers"]]
+    for place in (*places, tables["threading"]["entry"], tables["threading"]["exit"]):
+        place[0], place[2] = place[0] + 50.0, place[2] + 7.0
+    run = Scene.model_validate(tables).run()
+    next(iter(run))
+    middle = 0.5 * sum(run.assembly.thread.arcs["a"])
+    message = told(run, stalled(imbalance_at(run, middle, 1)))
+    at = re.search(r"worst at x = (\S+) m, z = (\S+) m \(in z, at roller a\)", message)
+    assert at is not None, message
+    distance = np.hypot(float(at[1]) - 50.0, float(at[2]) - 7.0)
+    assert distance == pytest.approx(0.3, abs=0.01)
+    squeezed = replace(run.state, full=0.99 * run.state.full)
+    pressed = slack(Failure(run.assembly, run.scene.course[0], squeezed, stalled()))
+    at = re.search(r"pressed at x = (\S+) m, z = (\S+) m with", pressed or "")
+    assert at is not None and 45.0 < float(at[1]) < 55.0, pressed
 
 
 def test_derivatives_are_compared_as_forces_and_lengths() -> None:

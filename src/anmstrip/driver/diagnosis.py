@@ -14,7 +14,7 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import NEGLIGIBLE, Evidence, Outcome, PathStopped
-from anmstrip.driver.physics import closer, held_by_nip, two_digits
+from anmstrip.driver.physics import NANOMETRES, closer, held_by_nip, two_digits
 from anmstrip.driver.preview import Preview, motions_at, unheld
 from anmstrip.driver.warnings import against_section, below_round_off, finer_mesh, serious
 from anmstrip.equilibrium import Equilibrium, StageProblem
@@ -45,18 +45,32 @@ SHARE, DIGITS = 0.01, 1e3
 class Location:
     """A node of the strip at which a path has failed."""
 
-    position: tuple[float, ...]  # in the flat strip, x of a section or x and y (m)
+    place: str  # see :func:`place_of`
     component: str  # x, y or z: which displacement failed
     element: float  # length of the elements there along the strip (m)
     roller: str  # name of the nearest roller, empty if none is near
 
     def __str__(self) -> str:
-        at = ", ".join(f"{n} = {v:.4g} m" for n, v in zip("xy", self.position, strict=False))
         roller = f", at roller {self.roller}" if self.roller else ""
-        return f"{at} (in {self.component}{roller})"
+        return f"{self.place} (in {self.component}{roller})"
 
 
-def locate(evidence: Evidence, state: State) -> Location | None:
+def place_of(nodes: Array, state: State, threaded: bool) -> str:
+    """Say where nodes are in the mean: in space of a threaded line, else in the flat strip."""
+    strip = state.plan.model.strip
+    point, names = strip.mesh.p[:, nodes].mean(axis=1), "xy"
+    point = point + strip.flat_origin[: len(point)]
+    if threaded:
+        moved = strip.kinematics.embed(strip.nodal(state.full)[strip.node_values[nodes]].T)
+        names = "".join("xyz"[component] for component in strip.kinematics.components)
+        point = (strip.nodes[:, nodes] + moved).mean(axis=1) + strip.origin
+        point = point[list(strip.kinematics.components)]
+    return ", ".join(
+        f"{n} = {v + 0.0:.4g} m" for n, v in zip(names, np.round(point, NANOMETRES), strict=False)
+    )
+
+
+def locate(evidence: Evidence, state: State, threaded: bool) -> Location | None:
     """Return the node that has most to do with a failure, None if nothing shows it.
 
     A residual times the unit of its unknown is a force, a motion over it a length.
@@ -81,13 +95,13 @@ def locate(evidence: Evidence, state: State) -> Location | None:
     gaps = [(np.inf, "")]
     if (contact := state.contact) is not None:
         x, look = contact.operator.whole.reference, contact.look(state.full, state.controls)
-        place = np.array([np.abs(x[: len(point)] - point[:, None]).sum(axis=0).argmin()])
+        near = np.array([np.abs(x[: len(point)] - point[:, None]).sum(axis=0).argmin()])
         for name, part in contact.by_roller.items():
-            gaps.append((float(part.restricted(place).gap(look, state.controls)[0]), name))
+            gaps.append((float(part.restricted(near).gap(look, state.controls)[0]), name))
     gap, roller = min(gaps)
     name = "xyz"[strip.kinematics.components[component]]
-    point = point + strip.flat_origin[: len(point)]
-    return Location(tuple(point), name, element, roller if gap < NEAR * element else "")
+    place = place_of(np.array([node]), state, threaded)
+    return Location(place, name, element, roller if gap < NEAR * element else "")
 
 
 @dataclass(frozen=True)
@@ -112,7 +126,7 @@ class Failure:
     @cached_property
     def location(self) -> Location | None:
         """Node of the strip that shows it."""
-        return locate(self.stopped.evidence, self.state)
+        return locate(self.stopped.evidence, self.state, self.assembly.thread is not None)
 
     @cached_property
     def touched(self) -> list[ContactState]:
@@ -251,8 +265,9 @@ def slack(failure: Failure) -> str | None:
     bearable = euler / (4.0 * strip.cell_sizes[0]) ** 2
     worst = int(np.argmin(least + bearable))
     if least[worst] < -max(bearable[worst], 1e-3 * failure.assembly.scales.tension):
-        x = strip.mesh.p[0, strip.mesh.t[:, worst]].mean() + strip.flat_origin[0]
-        found = f"pressed at x = {x:.3g} m with {-least[worst]:.3g} N/m, and buckles"
+        nodes, threaded = strip.mesh.t[:, worst], failure.assembly.thread is not None
+        at = place_of(nodes, failure.state, threaded)
+        found = f"pressed at {at} with {-least[worst]:.3g} N/m, and buckles"
     elif mean[0, 0].max() < euler / strip.length**2:
         found = "under no tension, which is what holds a thin strip in shape"
     else:
