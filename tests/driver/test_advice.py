@@ -244,6 +244,10 @@ STOPS: dict[str, tuple[dict[str, Any], str, list[str]]] = {
         merged(SHORT, stages=[{**LIFT, "exit": {"force": [1e-3, 0.0, 0.0]}}]),
         "under no tension", [],
     ),
+    "slack, by a tension": (
+        merged(SHORT, stages=[{**LIFT, "exit": {"tension": 1e-3}}]),
+        "Try --set stages.lift.exit.tension=1e+04", [],
+    ),
     "slack, rubbing": (
         merged(SHORT, stages=[{**LIFT, "friction": True}], solver={"tolerance": 1e-7}),
         "under no tension", [],

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anmstrip.driver.explain import explain
+from anmstrip.driver.explain import explain, stage_table
 from anmstrip.driver.preview import Preview
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.warnings import Level, justified_level, levels, warnings
@@ -64,6 +64,35 @@ def justified(found: dict[str, Level]) -> str:
 def judged(tables: dict[str, Any]) -> tuple[str, dict[str, Level]]:
     found = levels_of(Scene.model_validate(tables))
     return justified(found), found
+
+
+def test_what_moves_is_told_by_the_keys_that_were_typed() -> None:
+    """Also of tensions that act as forces, of strip that passes a held end, and of places."""
+    line = bridle(kinematics="section")
+    line["friction"] = {"coefficient": 0.2}
+    line["stages"] = [
+        {"name": "draw", "duration": 0.1, "entry": {"speed": 1.0}, "exit": {"tension": 2e4}},
+        {"name": "turn", "duration": 0.1, "rollers": {"b": {"angular_speed": -2.0}}},
+        {"name": "pull", "duration": 0.1, "entry": {"release": True, "tension": 2e4},
+         "rollers": {"c": {"move": [0.0, 0.0, 0.01]}}},
+    ]  # fmt: skip
+    flat = pressed(30.0)
+    flat["stages"].append({"name": "swing", "duration": 1.0, "exit": {"move": [0.0, 0.0, 0.1]}})
+    flat["stages"][0]["exit"] = {"tension": 1e4}
+    expected = {
+        "draw": ["exit.tension", "entry.speed"],
+        "turn": ["entry.speed", "rollers.b.angular_speed"],
+        "pull": ["entry.tension", "rollers.c.move", "rollers.b.angular_speed"],
+        "tension": ["exit.tension"],
+        "press": ["rollers.r1.move"],
+        "swing": ["exit.move"],
+    }
+    for tables in (line, flat):
+        table = stage_table(Preview.of(Assembly(Scene.model_validate(tables))))
+        rows = zip(*(column.cells for column in table.columns), strict=True)
+        found = {name: what.split(",\n") for name, *_, what in rows}
+        for name in found.keys() & expected.keys():
+            assert sorted(found[name]) == sorted(expected[name]), name
 
 
 def test_a_plate_without_tension_lies_flat_on_its_rollers() -> None:

@@ -285,7 +285,10 @@ def more_tension(failure: Failure) -> str:
             pulls += [(key, tension) for key, tension in ends if tension]
         return "Try " + " ".join(f"--set {key}={2.0 * tension:.3g}" for key, tension in pulls)
     held, least = scene.edges.get("exit"), 5e-5 * failure.assembly.strip.tensile_stiffness
-    force = np.asarray(failure.plan.controls.at(1.0).get("exit.force", np.zeros(3)))
+    end = failure.plan.controls.at(1.0)
+    if (tension := float(end.get("exit.tension", 0.0))) > 0.0:
+        return f"Try --set stages.{stage}.exit.tension={max(2.0 * tension, least):.3g}"
+    force = np.asarray(end.get("exit.force", np.zeros(3)))
     if force[0] > 0.0:
         larger = max(2.0, least / float(np.linalg.norm(force))) * force
         return f"Try --set 'stages.{stage}.exit.force={_vector(larger)}'"

@@ -17,7 +17,7 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import InputError, Mistake, printable
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
 from anmstrip.results.files import error_rows
-from anmstrip.scene.schema import SceneSpec
+from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import FieldSpec
 from anmstrip.simulation.defaults import elastic_creep, pulls
 from anmstrip.simulation.problem import Assembly, flat_gap, naturals
@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from anmstrip.results.state import State
 
 MEGABYTE = 2.0**20
+
+INTERNAL = {"strip.held", "strip.growth", "strip.softening", "strip.weakening", "yielding"}
+"""Controls that follow from others, and are typed by nobody."""
 
 POINTS = 400
 """Of a drawn strip, and of each of its wraps."""
@@ -76,7 +79,7 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
     yield from (f"Left out: {line}" for line in left_out(preview))
     if scene.rollers:
         yield geometry_table(preview)
-    yield stage_table(preview.plans)
+    yield stage_table(preview)
     yield level_table(found, own)
     against = {level.kinematics.name: "; ".join(level.against) for level in found if level.against}
     yield from (f"Not {name}: {reasons}." for name, reasons in against.items())
@@ -274,19 +277,45 @@ def draw_line(scene: SceneSpec, picture: Path) -> None:
     draw_layout(picture, scene.title or scene.name, line + origin[:, None], wheels)
 
 
-def stage_table(plans: Sequence[StageProblem]) -> Table:
+def stage_table(preview: Preview) -> Table:
     """Return the stages with their times, free unknowns and paths, and what moves in them."""
     columns = ("from (s)", "to (s)", "free unknowns", "path", "what moves")
     table = plain_table("Stages", "stage", *columns)
-    for plan in plans:
-        moving = sorted(set(plan.controls.slope) - {"strip.held", "strip.growth"})
-        moving += ["held edges"] if np.any(plan.supports.slope) else []
+    typed, strip = dict[str, str](), preview.assembly.strip
+    for plan, stage in zip(preview.plans, preview.assembly.scene.course, strict=True):
+        typed |= typed_keys(stage)
+        moving = sorted(set(plan.controls.slope) - INTERNAL)
+        for name in preview.assembly.scene.edges:
+            unknowns = strip.unknowns_of(strip.edges[name].trace)
+            moving += [f"{name}.move"] * bool(np.any(plan.supports.slope[unknowns]))
         held = plan.controls.at(1.0).items()
-        moving += [k for k, v in held if k.endswith("speed") and np.any(v) and k not in moving]
+        moving += [k for k, v in held if k.endswith(("speed", "passing")) and np.any(v)]
+        shown = dict.fromkeys(typed.get(key, key) for key in moving)
         times = (f"{time:g}" for time in (plan.start, plan.start + plan.duration))
-        free, what = str(len(plan.supports.free)), ",\n".join(moving) or "nothing"
+        free, what = str(len(plan.supports.free)), ",\n".join(shown) or "nothing"
         table.add_row(plan.name, *times, free, path_of(plan), what)
     return table
+
+
+def typed_keys(stage: StageSpec) -> dict[str, str]:
+    """Return the keys by which a stage gives controls that are not called so themselves.
+
+    A tension of a threaded line is a force in the direction in which it goes on; the speed of strip
+    that passes a held end is that of its labels, or of the end itself.
+    """
+    typed = dict[str, str]()
+    for name, edge in stage.edges.items():
+        if edge.force is not None or edge.tension is not None:
+            typed[f"{name}.force"] = f"{name}.{'tension' if edge.force is None else 'force'}"
+        for word in ("move", "velocity", "speed"):
+            if getattr(edge, word) is not None:
+                typed["strip.passing"] = typed[f"{name}.move"] = f"{name}.{word}"
+    for name, roller in stage.rollers.items():
+        if roller.surface_speed is not None or roller.angular_speed is not None:
+            word = "surface" if roller.angular_speed is None else "angular"
+            typed[f"rollers.{name}.surface_speed"] = f"rollers.{name}.{word}_speed"
+        typed[f"rollers.{name}.centre"] = f"rollers.{name}.move"
+    return typed
 
 
 def path_of(plan: StageProblem) -> str:
