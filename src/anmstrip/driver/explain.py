@@ -70,7 +70,10 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
         f"{', fed: fresh strip follows what has left' if scene.strip.feed else ''}."
     )
     if assembly.growth is not None:
-        yield "The mesh follows rollers that move: the runs between them take strip up."
+        yield (
+            "The mesh follows rollers that move, and stays on them where strip hangs through: "
+            "the runs between them take strip up."
+        )
     yield effect_table(preview)
     if (bent := scene.strip.imperfection) is not None:
         words = f"by mode {bent.mode} of buckling at the end of stage {scene.course[0].name}"

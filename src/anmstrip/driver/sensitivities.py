@@ -22,7 +22,7 @@ from anmstrip.linalg.direct import Factors, equilibrated
 from anmstrip.linalg.solvers import Bordered, SparseSolver
 from anmstrip.mechanics.contact import Contact
 from anmstrip.mechanics.effects import EffectSeries, LawEffect, LawSeries, LoadEffect
-from anmstrip.mechanics.loads import FollowerLoad
+from anmstrip.mechanics.loads import FollowerLoad, GrownWeight
 from anmstrip.mechanics.roller import Roller, combine
 from anmstrip.mechanics.shell import principal
 from anmstrip.mechanics.transport import Drives, SteadyFriction
@@ -252,6 +252,9 @@ class Partials:
                 given = controls[effect.control]
                 if (size := float(np.linalg.norm(given))) > 0.0:
                     yield effect.control, {name: effect.load_vector(given / size)}
+            elif isinstance(effect, GrownWeight):
+                size = float(np.linalg.norm(controls["gravity"]))
+                yield "gravity", {name: self._of_law(name) / size}
             elif isinstance(effect, Drives):
                 for roller, row in zip(effect.names, np.diag(-1.0 / effect.radii), strict=True):
                     yield f"rollers.{roller}.torque", {name: row[None]}
@@ -264,18 +267,20 @@ class Partials:
         x = tangent.law_part("friction").operator.apply(state.full)
         yield "friction.coefficient", {"friction": np.asarray(unit.law(x, None, state.controls))}
         parts = {name: tangent.parts[name] for name in POWERS if name in tangent.parts}
-        elastic = {
-            name: part.orders.value if isinstance(part, LawSeries) else part.residual()
-            for name, part in parts.items()
-        }
+        elastic = {name: self._of_law(name) for name in parts}
         yield "material.young", {n: e / strip.material.young for n, e in elastic.items()}
         t = strip.thickness
         thicker = {n: POWERS[n] / t * e for n, e in elastic.items()}
         if "weight" in tangent.parts:
-            thicker["weight"] = tangent.parts["weight"].residual() / t
+            thicker["weight"] = self._of_law("weight") / t
         if any(roller.half for roller in friction.roller.members):
             thicker |= self._changed(lambda roller, h: replace(roller, half=roller.half + 0.5 * h))
         yield "strip.thickness", thicker
+
+    def _of_law(self, name: str) -> Array:
+        """What a law says at its points, or the residual of an effect that has none."""
+        part = self.tangent.parts[name]
+        return part.orders.value if isinstance(part, LawSeries) else part.residual()
 
     def by_shapes(self) -> Iterator[tuple[str, Explicit]]:
         """Crowns c₂ s², and angles about the vertical through a roller's centre."""

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
 
 from anmstrip.arrays import Array
 
@@ -79,6 +80,51 @@ class StraightEnd:
 
 
 End = FixedEnd | StraightEnd
+
+
+LIGHT = 1e-6
+"""Weight of a run over its tension, below which it is straight."""
+
+DEEP = 2.4
+"""Chord over H/w of the catenary whose ends are pulled least, between level ends: 2 · 1.1997."""
+
+
+def hanging(run: Array, weight: float, pull: float) -> tuple[float, float, float]:
+    """Length of a catenary beyond its chord (m), and its angles to this at start and end (rad).
+
+    With a = H/w it is as long as √(h² + (2 a sinh(L/2a))²), and slopes by sinh(x/a) at x from its
+    lowest point.  All are 0 of an upright or light run, or where no catenary is pulled so little.
+
+    Parameters
+    ----------
+    run : ndarray, shape (2,)
+        Chord from start to end (m), across and upwards.
+    weight : float
+        N/m per length.
+    pull : float
+        At the end (N/m).
+
+    Examples
+    --------
+    >>> [round(float(x), 5) for x in hanging(np.array([30.0, 0.0]), 38.5, 2600.0)]
+    [0.26039, 0.22596, 0.22596]
+    """
+    across, rise = abs(float(run[0])), float(run[1])
+    angle = np.arctan2(rise, across)
+
+    def shape(a: float) -> tuple[float, float, float]:
+        length = float(np.hypot(rise, 2.0 * a * np.sinh(0.5 * across / a)))
+        low = 0.5 * across - a * np.arctanh(rise / length)
+        return length, -float(np.sinh(low / a)), float(np.sinh((across - low) / a))
+
+    def missing(a: float) -> float:
+        return weight * a * float(np.hypot(1.0, shape(a)[2])) - pull
+
+    if not LIGHT * pull < weight * across or missing(across / DEEP) >= 0.0:
+        return 0.0, 0.0, 0.0
+    length, first, last = shape(brentq(missing, across / DEEP, pull / weight))
+    longer = length - float(np.hypot(across, rise))
+    return longer, float(angle - np.arctan(first)), float(np.arctan(last) - angle)
 
 
 class Arcs(NamedTuple):

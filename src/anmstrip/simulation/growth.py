@@ -1,8 +1,9 @@
-"""Strip that the runs between rollers take up and give off where rollers move.
+"""Strip that the runs between rollers take up and give off where rollers move or weight acts.
 
-Labels of a fed strip that stay on rollers which move apart come to hold more of it (an arbitrary
-Lagrangian-Eulerian description whose mesh moves as it is told): S(X, t), with g = ∂S/∂X = 1 on
-rollers.  Material passes a label with c − ∂S/∂t, and v = ∂r/∂t + (c − ∂S/∂t)/g ∂r/∂X.
+Labels of a fed strip that stay on rollers come to hold more of it where these move apart or where
+it hangs through (an arbitrary Lagrangian-Eulerian description whose mesh moves as it is told):
+S(X, t), with g = ∂S/∂X = 1 on rollers.  Material passes a label with c − ∂S/∂t, and
+v = ∂r/∂t + (c − ∂S/∂t)/g ∂r/∂X.
 """
 
 from __future__ import annotations
@@ -20,7 +21,14 @@ from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.simulation.defaults import boundary_layer
-from anmstrip.simulation.meshing import arcs_in_stages, crossing, fine_beside, wanted_size
+from anmstrip.simulation.meshing import (
+    Loads,
+    arcs_in_stages,
+    crossing,
+    fine_beside,
+    hanging_runs,
+    wanted_size,
+)
 from anmstrip.simulation.threading import Thread
 
 RAMP = 0.25
@@ -67,7 +75,9 @@ class Growth:
             shapes.append(shape / whole if whole > 0.0 else 0.0 * x)
         return cls(thread, x, np.stack(shapes, axis=1))
 
-    def held(self, centres: Mapping[str, Array], before: Array) -> Array:
+    def held(
+        self, centres: Mapping[str, Array], before: Array, loads: Loads | None = None
+    ) -> Array:
         """Unstressed strip (m) that runs hold beyond that of the beginning, (n + 1,).
 
         Parameters
@@ -76,12 +86,15 @@ class Growth:
             Roller → centre (m).
         before : ndarray, shape (n + 1,)
             What it is where the taut strip does not touch all rollers.
+        loads : Loads, optional
+            By which runs hang.
         """
         thread = self.thread
         moved = [replace(r, centre=tuple(map(float, centres[r.name]))) for r in thread.rollers]
         with suppress(NotTouchedError, NoTangentError):
             now = replace(thread, rollers=moved, given=thread.length)
-            longer = (_runs(now) - _runs(thread)) / thread.along
+            hung = 0.0 if loads is None else hanging_runs(now, loads)[:, 0]
+            longer = (_runs(now) - _runs(thread) + hung) / thread.along
             peaks = self.shapes.max(axis=0)
             bounded = np.clip(peaks * longer, LEAST - 1.0, MOST - 1.0)
             return np.divide(bounded, peaks, out=np.zeros_like(peaks), where=peaks > 0.0)

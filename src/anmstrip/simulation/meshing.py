@@ -14,7 +14,7 @@ from skfem import MeshLine, MeshQuad
 from anmstrip.arrays import Array
 from anmstrip.fem.strip import grid, line
 from anmstrip.mechanics.roller import Roller
-from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError
+from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError, hanging
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import RollerControl
 from anmstrip.simulation.defaults import boundary_layer, first_yield, follows_rollers
@@ -332,25 +332,130 @@ def fine_beside(layer: float, size: float) -> float:
 
 
 def arcs_in_stages(scene: SceneSpec, thread: Thread) -> list[dict[str, tuple[float, float]]]:
-    """Arcs of a threaded strip at the beginning and, where rollers move, after each stage.
+    """Arcs of a threaded strip at the beginning and, where rollers move or weight acts, later on.
 
     Where labels follow rollers, the middle of an arc stays where it was.
     """
     arcs, rollers, given = [thread.arcs], list(thread.rollers), {r.name: r for r in thread.rollers}
-    for stage in scene.stages:
+    taut = thread
+    for stage, loads in zip(scene.stages, loads_in_stages(scene), strict=True):
         ways = {name: control.move for name, control in stage.rollers.items() if control.move}
         for k, roller in enumerate(rollers):
             if roller.name in ways:
                 centre = np.add(given[roller.name].centre, ways[roller.name])
                 rollers[k] = replace(roller, centre=tuple(centre))
         with suppress(NotTouchedError, NoTangentError):
-            arcs.append(replace(thread, rollers=tuple(rollers), given=thread.length).arcs)
-    if follows_rollers(scene):
-        for each in arcs[1:]:
-            for name, (first, last) in each.items():
-                shift = 0.5 * (sum(thread.arcs[name]) - first - last)
-                each[name] = first + shift, last + shift
+            if ways:
+                taut = replace(thread, rollers=tuple(rollers), given=thread.length)
+            now = dict(taut.arcs)
+            if follows_rollers(scene):
+                for name, (first, last) in now.items():
+                    shift = 0.5 * (sum(thread.arcs[name]) - first - last)
+                    now[name] = first + shift, last + shift
+            arcs.append(now)
+            if (runs := hanging_runs(taut, loads))[:, 1:].any():
+                arcs.append(hung(taut, now, runs))
     return arcs
+
+
+def hung(
+    thread: Thread, arcs: dict[str, tuple[float, float]], runs: Array
+) -> dict[str, tuple[float, float]]:
+    """Return arcs between runs that hang: longer where these are over their roller."""
+    forth = np.sign(np.cos(thread.middle.angles[::2, 0]))
+    found = {}
+    for k, (roller, sense) in enumerate(zip(thread.rollers, thread.senses, strict=True)):
+        on = sense * forth[k] * roller.radius * runs[k, 2]
+        off = sense * forth[k + 1] * roller.radius * runs[k + 1, 1]
+        first, last = arcs[roller.name]
+        first, last = first - on, last + off
+        found[roller.name] = (first, last) if first < last else (0.5 * (first + last),) * 2
+    return found
+
+
+@dataclass(frozen=True)
+class Loads:
+    """What a stage pulls a strip with, and how much its rollers add.
+
+    Attributes
+    ----------
+    weight : float
+        Of the strip, downwards (N/m²).
+    exit, entry : float or None
+        Tensions (N/m); None of an entry whose tension follows.
+    gains : mapping
+        Roller → what the tension gains over it (N/m); those that are driven by speed have none.
+    """
+
+    weight: float
+    exit: float
+    entry: float | None
+    gains: dict[str, float]
+
+
+def loads_in_stages(scene: SceneSpec) -> Iterator[Loads]:
+    """Yield the loads at the end of each stage of a threaded strip, as far as they are given."""
+    assert scene.threading is not None and scene.strip.width is not None
+    pulls: dict[str, float | None] = {"exit": scene.threading.tension, "entry": None}
+    mass = (scene.material.density or 0.0) * scene.strip.thickness
+    weight, torques = 0.0, dict[str, float]()
+    for stage in scene.stages:
+        if stage.gravity is not None:
+            weight = -mass * stage.gravity[2]
+        for name, control in stage.edges.items():
+            if name in pulls and control.tension is not None:
+                pulls[name] = control.tension
+            elif name in pulls and control.force is not None:
+                pulls[name] = float(np.linalg.norm(control.force))
+        torques |= {n: c.torque for n, c in stage.rollers.items() if c.torque is not None}
+        gains = {}
+        for roller in scene.rollers:
+            if roller.drive != "speed":
+                turned = roller.bearing - torques.get(roller.name, 0.0)
+                gains[roller.name] = turned / (roller.radius * scene.strip.width)
+        yield Loads(weight, pulls["exit"] or 0.0, pulls["entry"], gains)
+
+
+def hanging_runs(thread: Thread, loads: Loads) -> Array:
+    """Lengths of the runs beyond their chords (m) and their angles to these, (rollers + 1, 3).
+
+    Tensions are those of the ends, with the weight of what is between; beyond rollers that are
+    driven by speed they are known from the other end, or taken to be the same.
+    """
+    path, n = thread.middle, len(thread.rollers)
+    found = np.zeros((n + 1, 3))
+    if loads.weight <= 0.0:
+        return found
+    starts = path.points[:, ::2, 0]
+    ends = np.stack([path.at(s, 0)[0] for s in path.starts[1::2, 0]], axis=1)
+    gains = [loads.gains.get(roller.name) for roller in thread.rollers]
+    level, known = loads.exit - loads.weight * ends[1, -1], list[float]()
+    if loads.entry is not None:  # tensions less weight times height, up to the first drive
+        first = gains.index(None) if None in gains else n
+        gained = np.cumsum([0.0, *gains[:first]])
+        known = list(loads.entry - loads.weight * starts[1, 0] + gained)
+    for k in reversed(range(n + 1)):
+        if k < n and gains[k] is not None:
+            level -= gains[k]
+        elif k < len(known):
+            level = known[k]
+        pull = level + loads.weight * ends[1, k]
+        if pull > 0.0:
+            found[k] = hanging(ends[:, k] - starts[:, k], loads.weight, pull)
+    return found
+
+
+HANGS = 0.25
+"""Strip that runs take up by hanging, over the boundary layer √(D/T), from which labels follow."""
+
+
+def follows_weight(scene: SceneSpec, thread: Thread) -> bool:
+    """Return whether labels of a fed strip stay on their rollers where its runs hang through."""
+    threading = scene.threading
+    if not scene.strip.feed or scene.strip.mesh or threading is None or threading.closed:
+        return False
+    runs = [hanging_runs(thread, loads)[:, 0] for loads in loads_in_stages(scene)]
+    return bool(np.sum(runs, axis=-1).max() > HANGS * boundary_layer(scene))
 
 
 def lines_of_nodes(

@@ -42,9 +42,12 @@ from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
 from anmstrip.scene.tables import I_UNIT, THREADING, FieldSpec, NaturalShape
 from anmstrip.simulation.defaults import follows_rollers, largest_force, line_speed, with_defaults
 from anmstrip.simulation.meshing import (
+    Loads,
     carrying_sense,
     cells_across,
     finer,
+    follows_weight,
+    loads_in_stages,
     shortest_wanted,
     strip_mesh,
     surface_speed,
@@ -282,12 +285,22 @@ class Assembly:
 
     @cached_property
     def growth(self) -> Growth | None:
-        """What the runs between rollers take up, if labels follow rollers that move."""
-        if self.thread is None or not follows_rollers(self.scene):
+        """What runs between rollers take up, if labels follow rollers that move, or weight."""
+        if self.thread is None:
+            return None
+        if not (follows_rollers(self.scene) or follows_weight(self.scene, self.thread)):
             return None
         from anmstrip.simulation.growth import Growth
 
         return Growth.of(self.scene, self.thread, np.unique(self.strip.mesh.p[0]))
+
+    @cached_property
+    def loads(self) -> dict[str, Loads]:
+        """Stage → what a threaded strip is pulled with at its end."""
+        if self.scene.threading is None:
+            return {}
+        names = (stage.name for stage in self.scene.stages)
+        return dict(zip(names, loads_in_stages(self.scene), strict=True))
 
     @cached_property
     def strip(self) -> Strip:

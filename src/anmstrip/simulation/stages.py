@@ -114,7 +114,8 @@ class Course:
             start[f"{key}.velocity"] = rate
         if self.assembly.growth is not None:
             held = start["strip.held"]
-            start["strip.taking_up"] = slope.get("strip.held", 0.0 * held) / stage.duration
+            taken = 0.0 * held if stage.steady else slope.get("strip.held", 0.0 * held)
+            start["strip.taking_up"] = taken / stage.duration
             start |= self.growing(stage, start)
             if "strip.held" in slope:
                 ended = self.growing(stage, start | {"strip.held": held + slope["strip.held"]})
@@ -331,7 +332,8 @@ class Course:
                 end[f"{key}.centre"] = np.array(roller.centre) + np.array(control.move)
         if (growth := self.assembly.growth) is not None:
             centres = {r.name: end[f"rollers.{r.name}.centre"] for r in growth.thread.rollers}
-            end["strip.held"] = growth.held(centres, start["strip.held"])
+            loads = self.assembly.loads.get(stage.name)
+            end["strip.held"] = growth.held(centres, start["strip.held"], loads)
         return end
 
     def _held(self) -> dict[str, tuple[str, ...]]:
