@@ -552,7 +552,8 @@ class StageProblem:
         """
         if not self.steady:
             return None
-        velocity = self.carried(full, self.strip_speed(full, control))
+        growth = self.controls.at(control).get("strip.growth", 1.0)
+        velocity = self.carried(full, self.strip_speed(full, control) / growth)
         return np.concatenate([velocity, full[self.model.strip.unknowns : -1], [0.0]])
 
     def carried(self, full: Array, speed: Any) -> Array:

@@ -366,7 +366,8 @@ class Run:
                 from anmstrip.driver.sensitivities import sensitivities
 
                 own = (roller.friction is not None for roller in self.scene.rollers)
-                facts["sensitivities"] = sensitivities(state, own)
+                hanging = self.assembly.hanging(state.plan)
+                facts["sensitivities"] = sensitivities(state, own, hanging)
             if self.assembly.kinematics is SHELL:
                 wrinkling = Wrinkling(state)
                 self.warnings += wrinkling.warnings

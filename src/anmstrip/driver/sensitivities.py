@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,7 @@ from anmstrip.mechanics.transport import Drives, SteadyFriction
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import free_spans
 from anmstrip.scene.tables import ENDS
+from anmstrip.simulation.growth import Hanging
 
 Explicit = Mapping[str, Array]
 """Effect → derivative of its law at its points, or of its residual if it has no law."""
@@ -51,10 +53,12 @@ class StationaryTangent:
     ----------
     state : State
         Of a steady stage.
+    hanging : Hanging, optional
+        How labels follow strip that hangs between its rollers.
     """
 
-    def __init__(self, state: State) -> None:
-        self.state, self.model = state, state.plan.model
+    def __init__(self, state: State, hanging: Hanging | None = None) -> None:
+        self.state, self.model, self.hanging = state, state.plan.model, hanging
         self.free = state.plan.supports.free
         self.equations = Equilibrium(self.model, state.plan.supports, state.plan.controls)
         self.series = self.equations.recurrence(state.full[self.free], state.control, 1)
@@ -91,8 +95,19 @@ class StationaryTangent:
             chosen[name] = csr_matrix(sums), csr_matrix(sums) @ matrix
         return chosen
 
+    def held(self, key: str) -> Array:
+        """Strip (m) that runs take up where a parameter grows by one, (rollers + 1,)."""
+        return np.zeros(0) if self.hanging is None else self.hanging.changed(key)
+
+    def grown(self, key: str) -> Array:
+        """Change of ∂S/∂X by that at the quadrature points, (points,)."""
+        held, x = self.held(key), quadrature_points(self.model.strip)[0]
+        if self.hanging is None or not held.any():
+            return np.zeros_like(x)
+        return self.hanging.growth.at(x, held) - 1.0
+
     def law_part(self, name: str) -> LawSeries:
-        """Series of contact or friction."""
+        """Series of a law."""
         part = self.parts[name]
         assert isinstance(part, LawSeries)
         return part
@@ -216,11 +231,31 @@ class Partials:
 
     def __iter__(self) -> Iterator[tuple[str, Explicit]]:
         """Yield parameters by their keys, with the explicit derivative of every effect."""
-        yield from self.by_speeds()
-        yield from self.by_loads()
-        yield from self.by_data()
-        if self.tangent.model.strip.kinematics.count == 3:
-            yield from self.by_shapes()
+        shapes = self.by_shapes() if self.tangent.model.strip.kinematics.count == 3 else ()
+        for key, explicit in chain(self.by_speeds(), self.by_loads(), self.by_data(), shapes):
+            more = self.by_labels(key)
+            both = {name: explicit[name] + more[name] for name in explicit.keys() & more.keys()}
+            yield key, {**explicit, **more, **both}
+
+    def by_labels(self, key: str) -> Explicit:
+        """Derivatives of elastic effects and weight, of strip that runs take up to hang deeper."""
+        tangent, state = self.tangent, self.tangent.state
+        if not (change := tangent.grown(key)).any():
+            return {}
+        step = SMALL / float(np.abs(change).max())
+
+        def law(effect: Any, h: float) -> Array:
+            controls = state.controls | {
+                "strip.growth": state.controls["strip.growth"] + h * change
+            }
+            return np.asarray(effect.law(effect.operator.apply(state.full), None, controls))
+
+        names = (name for name in (*POWERS, "weight") if name in tangent.parts)
+        effects = {name: tangent.law_part(name).effect for name in names}
+        return {
+            name: sum((w / step * law(effect, at * step) for at, w in STENCIL), np.array(0.0))
+            for name, effect in effects.items()
+        }
 
     def by_speeds(self) -> Iterator[tuple[str, Explicit]]:
         """Speeds enter as those of the strip and of free surfaces do, which are unknowns."""
@@ -405,6 +440,9 @@ class Readings:
         count, places = model.strip.kinematics.count, list(tangent.order.values())
         gained = -model.strip.kinematics.embed(pushes + drags[:count]).T[places]
         rises = cumulated(self.edge_forces["entry"], gained) + self.heavier * tangent.weights
+        if (held := tangent.held(self.key)).any() and tangent.hanging is not None:
+            longer = tangent.hanging.growth.up_to(tangent.arcs.ravel(), held)
+            rises += state.weight_of(longer).reshape(rises.shape)
         sizes = np.linalg.norm(tangent.pulls, axis=2) * model.strip.width
         tensions = (tangent.pulls * rises).sum(axis=2) / sizes
         radii = np.array([roller.radius for roller in tangent.friction.roller.members])
@@ -432,6 +470,11 @@ class Readings:
         values, directions = principal(forces)
         worst = int(np.where(free, values[:, 0], np.inf).argmin())
         changed = membrane.change(state.full, self.change, state.controls)[:, :, worst]
+        if (grown := self.tangent.grown(self.key)).any():
+            at, step = state.controls["strip.growth"], SMALL / float(np.abs(grown).max())
+            sides = [state.controls | {"strip.growth": at + h * grown} for h in (-step, step)]
+            before, after = (membrane.at(state.full, c)[:, :, worst] for c in sides)
+            changed = changed + (after - before) / (2.0 * step)
         if self.key in ("material.young", "strip.thickness"):
             data = strip.material.young, strip.thickness
             changed = changed + forces[:, :, worst] / data[self.key == "strip.thickness"]
@@ -445,7 +488,9 @@ def cumulated(first: Array, gained: Array) -> Array:
     return np.stack([behind - gained, behind], axis=1)
 
 
-def sensitivities(state: State, own: Iterable[bool]) -> dict[str, dict[str, float]]:
+def sensitivities(
+    state: State, own: Iterable[bool], hanging: Hanging | None = None
+) -> dict[str, dict[str, float]]:
     """Derivatives of what is read off a stationary state, by parameter and reading.
 
     One factorisation, and one back-substitution for each parameter.
@@ -456,8 +501,10 @@ def sensitivities(state: State, own: Iterable[bool]) -> dict[str, dict[str, floa
         Of a steady stage.
     own : iterable of bool
         Rollers that have a coefficient of friction of their own.
+    hanging : Hanging, optional
+        How labels follow strip that hangs: the ends stay where they are, as in other runs.
     """
-    tangent = StationaryTangent(state)
+    tangent = StationaryTangent(state, hanging)
     return {
         key: Readings(tangent, key, explicit, tangent.change(explicit)).read()
         for key, explicit in Partials(tangent, tuple(own))

@@ -353,10 +353,11 @@ class State:
 
     def weight_before(self, x: float) -> Array:
         """Weight of the strip up to a reference position (N), shape (3,)."""
-        gravity = self.controls.get("gravity")
-        if gravity is None:
-            return np.zeros(3)
-        strip = self.plan.model.strip
+        return self.weight_of(self.unstressed_length(x))
+
+    def weight_of(self, length: Any) -> Array:
+        """Weight (N) of unstressed strip of a length (m), shape (3,) more."""
+        strip, gravity = self.plan.model.strip, self.controls.get("gravity", np.zeros(3))
         begin, end = strip.span
-        area = float(self.unstressed_length(x)) / (end - begin) * strip.areas.sum()
-        return strip.material.density * strip.thickness * area * np.asarray(gravity)
+        area = np.asarray(length)[..., None] / (end - begin) * strip.areas.sum()
+        return np.asarray(strip.material.density * strip.thickness * area * gravity)

@@ -118,6 +118,62 @@ class Growth:
         return np.append(0.0, np.cumsum(steps))[place] + here
 
 
+CHANGE = 1e-4
+"""Of a load, over which a difference tells how strip hangs."""
+
+
+@dataclass(frozen=True)
+class Hanging:
+    """What runs hold at the end of a stage, as its loads change.
+
+    Attributes
+    ----------
+    growth : Growth
+    centres : mapping
+        Roller → centre (m).
+    loads : Loads
+    gravity, thickness, width : float
+        m/s², and of the strip (m).
+    """
+
+    growth: Growth
+    centres: Mapping[str, Array]
+    loads: Loads
+    gravity: float
+    thickness: float
+    width: float
+
+    def changed(self, key: str) -> Array:
+        """Strip (m) that runs take up per unit of a parameter, (n + 1,); 0 if it is no load."""
+        loads, nothing = self.loads, np.zeros(len(self.growth.thread.rollers) + 1)
+        arms = {
+            f"rollers.{r.name}.torque": r.radius * self.width for r in self.growth.thread.rollers
+        }
+        scales = {
+            "gravity": self.gravity,
+            "strip.thickness": self.thickness,
+            "exit.tension": loads.exit,
+            "exit.force": loads.exit,
+            "entry.tension": loads.entry or 0.0,
+        } | {name: arm * loads.exit for name, arm in arms.items()}
+        if not (step := CHANGE * scales.get(key, 0.0)):
+            return nothing
+        sides = []
+        for h in (-step, step):
+            if key in ("gravity", "strip.thickness"):
+                now = replace(loads, weight=loads.weight * (1.0 + h / scales[key]))
+            elif key in arms:
+                name = key.split(".")[1]
+                gains = {n: g - h / arms[key] * (n == name) for n, g in loads.gains.items()}
+                now = replace(loads, gains=gains)
+            elif key == "entry.tension":
+                now = replace(loads, entry=scales[key] + h)
+            else:
+                now = replace(loads, exit=loads.exit + h)
+            sides.append(self.growth.held(self.centres, nothing, now))
+        return np.asarray(sides[1] - sides[0]) / (2.0 * step)
+
+
 def _runs(thread: Thread) -> Array:
     """Lengths of the path (m) between the middles of its arcs, and from and to its ends."""
     arcs = thread.middle.arcs

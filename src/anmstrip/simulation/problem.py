@@ -56,11 +56,12 @@ from anmstrip.simulation.meshing import (
 if TYPE_CHECKING:
     from skfem import Mesh
 
+    from anmstrip.equilibrium import StageProblem
     from anmstrip.mechanics.contact import Contact, Friction
     from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
     from anmstrip.mechanics.transport import Drives
     from anmstrip.scene.tables import ContactSpec, FrictionSpec, PlasticitySpec
-    from anmstrip.simulation.growth import Growth
+    from anmstrip.simulation.growth import Growth, Hanging
     from anmstrip.simulation.threading import Thread
 
 GENTLE = {
@@ -301,6 +302,18 @@ class Assembly:
             return {}
         names = (stage.name for stage in self.scene.stages)
         return dict(zip(names, loads_in_stages(self.scene), strict=True))
+
+    def hanging(self, plan: StageProblem) -> Hanging | None:
+        """How labels follow strip that hangs between its rollers at the end of a stage."""
+        controls, loads = plan.controls.at(1.0), self.loads.get(plan.name)
+        if self.growth is None or loads is None or not loads.weight > 0.0:
+            return None
+        from anmstrip.simulation.growth import Hanging
+
+        centres = {r.name: controls[f"rollers.{r.name}.centre"] for r in self.rollers}
+        size = float(np.linalg.norm(controls["gravity"]))
+        strip = self.strip
+        return Hanging(self.growth, centres, loads, size, strip.thickness, strip.width)
 
     @cached_property
     def strip(self) -> Strip:

@@ -1,0 +1,160 @@
+"""Strip that hangs through under its weight: its labels stay on the rollers, its ends in place."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import numpy as np
+import pytest
+
+from anmstrip.driver.run import Run
+from anmstrip.driver.scene import Scene
+from anmstrip.driver.sensitivities import StationaryTangent, sensitivities
+from anmstrip.mechanics.string_path import hanging
+from anmstrip.results.state import State
+from anmstrip.simulation.problem import Assembly
+
+WEIGHT, TENSION, SPAN = 7850.0 * 5e-4 * 9.81, 2500.0, 30.0
+
+FURNACE: dict[str, Any] = {
+    "strip": {"kinematics": "section", "width": 1.3, "thickness": 5e-4},
+    "material": {"young": 1.4e11, "poisson": 0.3, "density": 7850.0},
+    "contact": {},
+    "friction": {"coefficient": 0.2},
+    "threading": {"tension": TENSION, "entry": (-3.0, 0.0, -2.0), "exit": (SPAN + 3.0, 0.0, -2.0)},
+    "rollers": [
+        {"name": "a", "radius": 0.4, "centre": (0, 0, 0), "wrap": "over", "drive": "idle"},
+        {
+            "name": "b", "radius": 0.4, "centre": (SPAN, 0, 0), "wrap": "over",
+            "drive": "idle", "bearing": 25.0,
+        },
+    ],
+    "edges": {"entry": {"fixed": ("x", "z")}},
+    "stages": [{"name": "run", "steady": True, "gravity": (0, 0, -9.81), "strip": {"speed": 1.0}}],
+}  # fmt: skip
+
+
+STRICT = "solver.tolerance=1e-6"
+
+
+def done(tables: dict[str, Any], *settings: str) -> Run:
+    run = Run(Scene.from_tables(tables, "line.toml", settings))
+    for _ in run:
+        pass
+    assert run.outcome.done, run.message
+    return run
+
+
+@pytest.mark.parametrize("length", [30.0, 100.0, 3000.0])
+@pytest.mark.parametrize("rise", [0.0, 8.0])
+def test_catenary_between_two_points(length: float, rise: float) -> None:
+    """Integrated along the strip from its end: there its slope and tension are as they say."""
+    pull, weight = 2e4 + 38.0 * abs(rise), 38.0 * 30.0 / length
+    longer, first, last = hanging(np.array([length, rise]), weight, pull)
+    chord, angle = np.hypot(length, rise), np.arctan2(rise, length)
+    s = np.linspace(0.0, chord + longer, 20001)
+    along, up = pull * np.cos(angle + last), pull * np.sin(angle + last)
+    slope = np.arctan2(up - weight * (s[-1] - s), along)
+    assert slope[0] == pytest.approx(angle - first, rel=1e-9, abs=1e-12)
+    assert np.trapezoid(np.cos(slope), s) == pytest.approx(length, rel=1e-9)
+    assert np.trapezoid(np.sin(slope), s) == pytest.approx(rise, abs=1e-7 * length)
+
+
+def test_strip_hangs_between_rollers_and_its_ends_stay() -> None:
+    """As the catenary that both rollers leave tangentially; without growth its end slid 0.28 m."""
+    run = done(FURNACE)
+    state = run.state
+    assert state is not None
+    places = np.stack([state.along("x"), state.along("z")])
+    assert places[:, -1] == pytest.approx([SPAN + 3.0, -2.0], abs=0.08)
+    assert places[:, 0] == pytest.approx([-3.0, -2.0], abs=1e-6)
+    tension, height = state.along("tension"), places[1]
+    behind = state.along("x") > SPAN + 1.0
+    expected = TENSION + WEIGHT * (height - height[-1])
+    assert tension[behind] == pytest.approx(expected[behind], rel=1e-3)
+    before = (places[0] > 1.0) & (places[0] < SPAN - 1.0)
+    assert tension[before] == pytest.approx(expected[before] - 25.0 / (0.4 * 1.3), rel=1e-3)
+    # of level spans: T at the lowest point H, w a = H, sag a (cosh(x/a) − 1) from lift-off to it
+    middle = int(np.argmin(np.where(before, height, np.inf)))
+    a, x = tension[middle] / WEIGHT, places[0, before] - places[0, middle]
+    sag = height[before] - height[middle]
+    assert sag == pytest.approx(a * (np.cosh(x / a) - 1.0), abs=2e-3)
+    assert state.rollers["a"].surface_speed == pytest.approx(1.0, abs=1e-4)
+    assert run.cost.expansions < 70
+
+
+def test_strip_that_hangs_passes_its_labels_at_its_own_speed() -> None:
+    """Everywhere, whatever the labels hold: c (1 + ε)."""
+    state = done(FURNACE).state
+    assert state is not None and state.velocity is not None
+    strip = state.plan.model.strip
+    speeds = np.linalg.norm(strip.nodal(state.velocity)[strip.node_values], axis=1)
+    assert np.ptp(state.controls["strip.growth"]) > 0.01
+    assert speeds == pytest.approx(np.ones(len(speeds)), rel=1e-4)
+
+
+def test_a_line_whose_runs_hang_deeply_is_done() -> None:
+    """50 m: without growth 3 236 tangents, 1.1 m of strip drawn from its end."""
+    tables = copy.deepcopy(FURNACE)
+    tables["threading"]["exit"] = (53.0, 0.0, -2.0)
+    tables["rollers"][1]["centre"] = (50.0, 0.0, 0.0)
+    run = done(tables)
+    assert run.state is not None
+    assert run.state.along("x")[-1] == pytest.approx(53.0, abs=0.05)
+    assert run.state.along("z").min() == pytest.approx(-4.77, abs=0.02)
+    assert run.cost.expansions < 600
+
+
+def settled(run: Run) -> State:
+    """The last state, corrected to round-off by Newton's method."""
+    state = run.state
+    assert state is not None
+    for _ in range(3):
+        tangent = StationaryTangent(state)
+        full = state.full.copy()
+        full[tangent.free] -= tangent.factors.solve(tangent.series.residual)
+        state = State(state.plan, state.time, state.control, full, state.plan.transport(full, 1.0))
+    return state
+
+
+def tensions(state: State, arcs: dict[str, tuple[float, float]]) -> dict[str, float]:
+    """At the entry, and at the ends of given arcs."""
+    force, width = state.edge_force("entry"), state.plan.model.strip.width
+    found = {"entry_tension": state.tension("entry")}
+    for name, reading in state.rollers.items():
+        for word, x in zip(("in", "out"), arcs[name], strict=True):
+            force = force + reading.resultant * (word == "out")
+            size = float(np.linalg.norm(force + state.weight_before(x)))
+            found[f"{name}_tension_{word}"] = size / width
+    return found
+
+
+@pytest.mark.parametrize("key", ["gravity", "exit.force", "strip.thickness"])
+def test_sensitivities_are_those_of_lines_whose_ends_stay(
+    key: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Differences of runs, in which strip hangs deeper or less; entry tensions else 20 % off."""
+    run = done(FURNACE, STRICT)
+    state, rows, step = settled(run), [], 5e-4
+    found = sensitivities(state, [False] * 2, run.assembly.hanging(state.plan))[key]
+    arcs = {name: contact.arc for name, contact in state.contacts.items()}
+    mesh, growth = run.assembly.strip.mesh, run.assembly.growth
+    problem, tension = "anmstrip.simulation.problem", run.assembly.scales.tension
+    monkeypatch.setattr(f"{problem}.strip_mesh", lambda *_: mesh)
+    monkeypatch.setattr(f"{problem}.largest_force", lambda _: tension)
+    monkeypatch.setattr(Assembly, "growth", growth)
+    scale = {"gravity": 9.81, "exit.force": TENSION, "strip.thickness": 5e-4}[key]
+    for changed in (scale * (1.0 - step), scale * (1.0 + step)):
+        tables = copy.deepcopy(FURNACE)
+        if key == "gravity":
+            tables["stages"][0]["gravity"] = (0.0, 0.0, -changed)
+        elif key == "exit.force":
+            tables["stages"][0]["exit"] = {"tension": changed}
+        else:
+            tables["strip"]["thickness"] = changed
+        rows.append(tensions(settled(done(tables, STRICT)), arcs))
+    differences = {n: (rows[1][n] - rows[0][n]) / (2.0 * step * scale) for n in rows[0]}
+    largest = max(map(abs, differences.values()))
+    for name, difference in differences.items():
+        assert found[name] == pytest.approx(difference, abs=1e-5 * largest), name
