@@ -104,8 +104,8 @@ STATE = (
     ),
     Mutant(
         "weight behind a roller for that before it",
-        "area = float(self.unstressed_length(x)) / (end - begin)",
-        "area = 1.0 - float(self.unstressed_length(x)) / (end - begin)",
+        "return self.weight_of(self.unstressed_length(x))",
+        "return self.weight_of(np.ptp(self.plan.model.strip.span) - self.unstressed_length(x))",
         "rollers",
     ),
     Mutant(
@@ -641,8 +641,8 @@ ESTIMATES = (
     ),
     Mutant(
         "all of the wrap of a roller that idles holds",
-        "[roller for roller in assembly.rollers if roller.name not in assembly.turning]",
-        "list(assembly.rollers)",
+        "sum(preview.turn(r) for r in assembly.rollers if r.name not in assembly.turning)",
+        "sum(preview.turn(r) for r in assembly.rollers)",
         "explain",
         "test_forewarnings.py",
     ),
