@@ -311,6 +311,33 @@ def test_a_plate_that_is_held_to_settle_is_let_go_where_rollers_turn() -> None:
     assert found.endswith("""Try --set 'edges.entry.fixed=["x"]'""")
 
 
+SUPPORTED = merged(
+    BRIDLE,
+    strip={"width": 1.3, "thickness": 5e-4},
+    material={"young": 1.4e11},
+    threading={"tension": 2500.0, "entry": [-3.0, 0.0, -2.0], "exit": [78.0, 0.0, -2.0]},
+    rollers=[
+        {"radius": 0.4, "centre": [25.0 * k, 0.0, z], "wrap": "over", "drive": "idle", "bearing": m}
+        for k, (z, m) in enumerate(((0.0, 0.0), (0.01, 25.0), (0.01, 25.0), (0.0, 0.0)))
+    ],
+    stages=[{"name": "run", "steady": True, "gravity": [0.0, 0.0, -9.81], "strip": {"speed": 1.0}}],
+)
+
+
+def test_weight_is_put_on_before_strip_runs() -> None:
+    """Supports of a furnace, which only weight presses the strip onto; the drag of two is held."""
+    run = ended(SUPPORTED)
+    found = re.search(r"own with friction = false and gravity = (\[.*\])\.", run.message)
+    assert found, run.message
+    (steady,) = SUPPORTED["stages"]
+    weight = {"name": "weight", "friction": False, "gravity": ast.literal_eval(found[1])}
+    run = ended(merged(SUPPORTED, stages=[weight, {**steady, "gravity": None}]))
+    assert run.outcome.done, run.message
+    assert run.state is not None
+    r2 = run.state.rollers["r2"]
+    assert r2.tension_out - r2.tension_in == pytest.approx(25.0 / (0.4 * 1.3), rel=0.02)
+
+
 @pytest.mark.slow
 def test_long_elements_are_what_stops_a_line_pulled_a_hundred_times_as_much() -> None:
     """Its boundary layer becomes shorter than elements of 40 mm; those by default are done."""

@@ -383,6 +383,12 @@ def asked_too_much(failure: Failure) -> str:
         keys += [key for key in ("gravity", "pressure") if getattr(stage, key) is not None]
         if keys:
             changed = ", ".join(f"stages.{stage.name}.{key}" for key in keys)
+            if stage.steady and stage.gravity is not None:
+                return (
+                    f"Stage {stage.name} puts weight on strip that runs: rollers that it only just "
+                    "touches cannot turn before. Put it on in a stage before, of its own with "
+                    f"friction = false and gravity = {_vector(np.array(stage.gravity))}."
+                )
             return f"Stage {stage.name} changes {changed}: try a smaller change."
     return more_tension(failure)
 
