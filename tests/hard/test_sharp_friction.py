@@ -108,6 +108,46 @@ def test_very_sharp_friction_does_not_stall(tmp_path: Path, law: str, most: int)
     assert run.cost.expansions < most
 
 
+def bridle(law: str, speed: float) -> Run:
+    """Run the two rollers of the example with a law, to the end of the stage that turns them."""
+    tables = Scene.load(README.parent / "examples" / "bridle.toml").to_dict()
+    tables["friction"] = {"law": law, "coefficient": 0.15, "speed": speed, **LAWS[law]}
+    tables["solver"]["tolerance"] = 1e-3
+    run = Run(Scene.model_validate(tables))
+    for _ in run:
+        pass
+    return run
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "law", "most"),
+    [
+        ("capstan", "algebraic", 21), ("capstan", "tanh", 14), ("capstan", "norton-hoff", 32),
+        ("bridle", "algebraic", 38), ("bridle", "tanh", 63), ("bridle", "norton-hoff", 62),
+    ],
+)  # fmt: skip
+def test_tangents_stay_below_a_line_over_the_logarithm(
+    tmp_path: Path, name: str, law: str, most: int
+) -> None:
+    """From 1 to 1e-8 m/s every run is done, and takes at most so many more for each decade."""
+    first = 0
+    for decade in range(9):
+        speed = 10.0**-decade
+        run = capstan(tmp_path, law, speed) if name == "capstan" else bridle(law, speed)
+        assert run.outcome.done, run.message
+        taken = run.cost.expansions
+        first = first or taken
+        assert taken <= first + most * decade, (decade, taken)
+        if name == "bridle" and decade >= 2:  # both slip, in front of the tension that is given
+            assert run.assembly.friction is not None and run.assembly.thread is not None
+            assert run.state is not None
+            f, turn = run.assembly.friction.effective(1.0), run.assembly.thread.turns["lower"]
+            stiff = run.assembly.strip.bending_stiffness / (1e4 * 0.5**2)
+            ratio = run.state.rollers["lower"].tension_ratio
+            assert ratio == pytest.approx(arc_ratio(f, turn, stiff), rel=1e-2)
+
+
 def steady_line(law: str, slip_speed: float, *given: Any) -> Run:
     """Two driven rollers, of which the second is 30 ppm faster, and two idle ones with bearings.
 

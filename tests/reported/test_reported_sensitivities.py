@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from anmstrip import Scene
-from anmstrip.driver.sensitivities import STENCIL, StationaryTangent, sensitivities
+from anmstrip.driver.sensitivities import STENCIL, sensitivities
 from anmstrip.results.state import State
+from stationary import corrected
 
 SIZES = {"tension": 1e4, "torque": 2.5e3, "speed": 2.0, "offset": 1.0}
 """Of readings: tension, and its moment about a roller."""
@@ -117,13 +118,7 @@ def stationary(tables: dict[str, Any], like: State | None, patch: pytest.MonkeyP
     run = Scene.model_validate(tables).run()
     *_, last = run
     assert run.outcome.done, run.message
-    state = last.state
-    for _ in range(3):
-        tangent = StationaryTangent(state)
-        full = state.full.copy()
-        full[tangent.free] -= tangent.factors.solve(tangent.series.residual)
-        state = State(state.plan, state.time, state.control, full, state.plan.transport(full, 1.0))
-    return state
+    return corrected(last.state)
 
 
 def read(state: State, start: State) -> dict[str, float]:

@@ -383,7 +383,8 @@ def asked_too_much(failure: Failure) -> str:
         keys += [key for key in ("gravity", "pressure") if getattr(stage, key) is not None]
         if keys:
             changed = ", ".join(f"stages.{stage.name}.{key}" for key in keys)
-            if stage.steady and stage.gravity is not None:
+            idle = any(roller.drive == "idle" for roller in failure.scene.rollers)
+            if stage.name == failure.stage.name and stage.steady and "gravity" in keys and idle:
                 return (
                     f"Stage {stage.name} puts weight on strip that runs: rollers that it only just "
                     "touches cannot turn before. Put it on in a stage before, of its own with "

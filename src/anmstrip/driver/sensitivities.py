@@ -59,6 +59,7 @@ class StationaryTangent:
 
     def __init__(self, state: State, hanging: Hanging | None = None) -> None:
         self.state, self.model, self.hanging = state, state.plan.model, hanging
+        self.taken_up: dict[str, Array] = {}
         self.free = state.plan.supports.free
         self.equations = Equilibrium(self.model, state.plan.supports, state.plan.controls)
         self.series = self.equations.recurrence(state.full[self.free], state.control, 1)
@@ -97,7 +98,11 @@ class StationaryTangent:
 
     def held(self, key: str) -> Array:
         """Strip (m) that runs take up where a parameter grows by one, (rollers + 1,)."""
-        return np.zeros(0) if self.hanging is None else self.hanging.changed(key)
+        if self.hanging is None:
+            return np.zeros(0)
+        if key not in self.taken_up:
+            self.taken_up[key] = self.hanging.changed(key)
+        return self.taken_up[key]
 
     def grown(self, key: str) -> Array:
         """Change of ∂S/∂X by that at the quadrature points, (points,)."""

@@ -119,7 +119,7 @@ class Growth:
 
 
 CHANGE = 1e-4
-"""Of a load, over which a difference tells how strip hangs."""
+"""Share of a load over which a central difference, wrong by its square, tells how strip hangs."""
 
 
 @dataclass(frozen=True)

@@ -446,7 +446,8 @@ def hanging_runs(thread: Thread, loads: Loads) -> Array:
 
 
 HANGS = 0.25
-"""Strip that runs take up by hanging, over the boundary layer √(D/T), from which labels follow."""
+"""Strip that runs take up by hanging, over the boundary layer √(D/T), from which labels follow: as
+much as the finest elements are long, so that less hardly matters to the mesh."""
 
 
 def follows_weight(scene: SceneSpec, thread: Thread) -> bool:
