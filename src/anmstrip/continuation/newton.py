@@ -30,7 +30,8 @@ class Corrections:
     kept: float = 0.0  # part of the imbalance: while an iteration leaves less, the tangent is kept
     halvings: int = 8  # of a correction that makes the imbalance grow (line search)
     growth: float = 1.0  # of the imbalance that a correction may make
-    near: float = 0.0  # imbalance of a state that is returned if its correction makes it grow
+    near: float = 0.0  # imbalance of a state that is returned if its correction does not help
+    helpful: float = 1.0  # part of the imbalance that a correction by a new tangent may then leave
 
 
 @dataclass(frozen=True)
@@ -62,15 +63,16 @@ class Newton:
                 return here
             if not np.isfinite(imbalance):
                 return None
+            part = 1.0
             if factors is None or imbalance > self.settings.kept * before:
-                factors = self._factors(u, control)
+                factors, part = self._factors(u, control), self.settings.helpful
                 if factors is None:
                     return here if imbalance <= self.settings.tolerance else None
             cost.solves += 1
             with cost.timed("back-substitution"):
                 change = factors.solve(residual)
             residual, found = self._residual(u - change, control)
-            if imbalance < found and imbalance <= self.settings.near:
+            if part * imbalance < found and imbalance <= self.settings.near:
                 return here
             for _ in range(self.settings.halvings):
                 if found < max(self.settings.growth * imbalance, self.settings.tolerance):

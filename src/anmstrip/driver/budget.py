@@ -325,9 +325,20 @@ a roller begins with any."""
 KEPT = 0.03
 """Part of the imbalance: a tangent is kept while an iteration leaves less of it."""
 
+HELPFUL = 0.5
+"""Part of the imbalance: Newton's method turns to a wider law of friction where a tangent leaves
+more.  Where it converges in one to five tangents each leaves 0.4 at most; where corners of friction
+turn it back and forth it takes eight, or thirteen are not enough."""
+
+WIDER = 10.0
+"""Width of that law over the given one: two or three tangents, and three to five from there to the
+given one, for which a width of 100 is too far."""
+
+ROUGHLY = 1e-2
+"""Part of the imbalance that is left with the wider law."""
+
 MOST_CORRECTIONS = 12
-"""Iterations of Newton's method, each with a line search: contact that moves by an element takes
-four to eight."""
+"""Iterations of Newton's method, each with a line search."""
 
 MOST_BRANCHES = 20
 """Of the path on which the imbalance fades away, where friction holds the strip and Newton's method
@@ -463,7 +474,8 @@ def balanced(
 ) -> State | None:
     """Return the state in balance near the start of a problem, or None.
 
-    By Newton's method, else along the path on which the imbalance of the start fades away.
+    By Newton's method, at once or from where a wider law of friction leads, else along the path on
+    which the imbalance of the start fades away.
 
     Parameters
     ----------
@@ -485,7 +497,14 @@ def balanced(
     floor = UNSURE * equations.round_off(zero, 0.0)
     wanted, solver = max(min(max(REMAINS * first, floor), ROUGH), ROUND_OFF), SparseSolver()
     corrections = Corrections(wanted, most=MOST_CORRECTIONS, least=1, kept=KEPT)
-    found = Newton(equations, solver, corrections, Cost()).corrected(zero, 0.0)
+    quick = replace(corrections, near=np.inf, helpful=HELPFUL)
+    found = Newton(equations, solver, quick, Cost()).corrected(zero, 0.0)
+    if found is not None and found.imbalance > wanted:
+        guess = found
+        if (laws := equations.smoother(WIDER)) is not None:
+            rough = replace(corrections, tolerance=max(wanted, ROUGHLY * first), least=0)
+            guess = Newton(laws[0], solver, rough, Cost()).corrected(found.u, 0.0) or found
+        found = Newton(equations, solver, corrections, Cost()).corrected(guess.u, 0.0)
     if found is None:
         settings = Settings(
             tolerance=wanted, max_steps=MOST_BRANCHES, give_way=False, rational=True
