@@ -15,10 +15,11 @@ import reported_scenes as scenes
 from reported_files import Results, ran
 
 from anmstrip import Scene
-from anmstrip.continuation.equations import Tolerances
+from anmstrip.continuation.equations import Cost, Tolerances
 from anmstrip.driver.run import Run
 from anmstrip.results.state import State
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 COARSE = "strip.refined=0.2"
 KINDS = ("tension", "force", "position")
 
@@ -351,6 +352,23 @@ def test_an_error_of_the_path_that_is_not_found_is_not_none_at_all(
     """It was told as 0."""
     monkeypatch.setattr("anmstrip.driver.budget.balanced", lambda *_: None)
     assert idler().errors()["path"] is None
+
+
+def test_a_finer_mesh_takes_few_tangents(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Corners of friction stop Newton's method there; a path took 14 tangents after its 13."""
+    costs: list[Cost] = []
+
+    def counted() -> Cost:
+        costs.append(Cost())
+        return costs[-1]
+
+    monkeypatch.setattr("anmstrip.driver.budget.Cost", counted)
+    monkeypatch.setattr("anmstrip.driver.budget.follow", None)
+    run = Scene.load(EXAMPLES / "steering.toml").run()
+    run.estimates = True
+    *_, _ = run
+    assert run.errors()["mesh"] is not None
+    assert sum(cost.factorisations for cost in costs) <= 12
 
 
 def test_an_interrupted_run_has_the_same_budget(coarse: Results, tmp_path: Path) -> None:

@@ -28,10 +28,10 @@ class Corrections:
     most: int = 20  # iterations after which a guess is given up
     least: int = 0  # iterations at least, after which the factors are those of a state nearby
     kept: float = 0.0  # part of the imbalance: while an iteration leaves less, the tangent is kept
+    helpful: float = 1.0  # part of the imbalance that a correction that helps leaves at most
     halvings: int = 8  # of a correction that makes the imbalance grow (line search)
     growth: float = 1.0  # of the imbalance that a correction may make
     near: float = 0.0  # imbalance of a state that is returned if its correction does not help
-    helpful: float = 1.0  # part of the imbalance that a correction by a new tangent may then leave
 
 
 @dataclass(frozen=True)
@@ -63,23 +63,27 @@ class Newton:
                 return here
             if not np.isfinite(imbalance):
                 return None
-            part = 1.0
-            if factors is None or imbalance > self.settings.kept * before:
-                factors, part = self._factors(u, control), self.settings.helpful
-                if factors is None:
-                    return here if imbalance <= self.settings.tolerance else None
+            anew = factors is None or imbalance > self.settings.kept * before
+            if anew:
+                factors = None  # before the new ones take as much memory
+                factors = self._factors(u, control)
+            if factors is None:
+                return here if imbalance <= self.settings.tolerance else None
             cost.solves += 1
             with cost.timed("back-substitution"):
                 change = factors.solve(residual)
-            residual, found = self._residual(u - change, control)
-            if part * imbalance < found and imbalance <= self.settings.near:
+            after, found = self._residual(u - change, control)
+            if not anew and found > imbalance:
+                factors = None
+                continue
+            if self.settings.helpful * imbalance < found and imbalance <= self.settings.near:
                 return here
             for _ in range(self.settings.halvings):
                 if found < max(self.settings.growth * imbalance, self.settings.tolerance):
                     break
                 change = 0.5 * change
-                residual, found = self._residual(u - change, control)
-            u, before, imbalance = u - change, imbalance, found
+                after, found = self._residual(u - change, control)
+            u, residual, before, imbalance = u - change, after, imbalance, found
         return None
 
     def _residual(self, u: Array, control: float) -> tuple[Array, float]:

@@ -54,7 +54,7 @@ class Pattern:
         local = self.places.reshape(len(dofs), len(dofs), -1)
         self.cells = np.ascontiguousarray(local.transpose(2, 0, 1)).reshape(local.shape[2], -1)
         self.places = self.cells.ravel()
-        self.column, self.row = np.divmod(keys, self.scalars)
+        self.column, self.row = (x.astype(np.int32) for x in np.divmod(keys, self.scalars))
         self.restrictions: dict[bytes, Restriction] = {}
 
     @property
@@ -89,9 +89,9 @@ class Restriction:
         m = pattern.count
         n = m * pattern.scalars
         self.chosen, free = free, free[free < n]
-        place = np.full(n, -1)
+        place = np.full(n, -1, dtype=np.int32)
         place[free] = np.arange(len(free))
-        i, j = np.mgrid[:m, :m][:, :, :, None]
+        i, j = np.mgrid[:m, :m].astype(np.int32)[:, :, :, None]
         rows, columns = place[m * pattern.row + i].ravel(), place[m * pattern.column + j].ravel()
         numbers = np.flatnonzero((rows >= 0) & (columns >= 0))
         entries = numbers, (rows[numbers], columns[numbers])

@@ -174,7 +174,8 @@ class Plan:
 
     def __init__(self, matrix: csc_matrix) -> None:
         self.indptr, self.indices = matrix.indptr, matrix.indices
-        self.columns = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+        columns = np.arange(matrix.shape[0], dtype=matrix.indices.dtype)
+        self.columns = np.repeat(columns, np.diff(matrix.indptr))
 
     def scaled(self, matrix: csc_matrix, d: Array) -> csc_matrix:
         """Matrix of the entries d_i K_ij d_j, in the order of the given one."""

@@ -311,12 +311,13 @@ class March:
         free, u = plan.supports.free, self.full[plan.supports.free]
         if plan.name == THREADING and self.reached is None:
             assert self.assembly.thread is not None
-            thread, shape = self.assembly.thread, (self.assembly.strip, self.assembly.pattern)
             equations = Equilibrium(plan.model, plan.supports, plan.controls)
-            u = thread.guess(*shape)[free]
+            u = self.assembly.laid[free]
             found = self._corrected(equations, u)
             if found is None:  # bent, it may reach into a roller that a taut string just passes
-                found = self._corrected(equations, thread.guess(*shape, bent=False)[free])
+                shape = self.assembly.strip, self.assembly.pattern
+                taut = self.assembly.thread.guess(*shape, bent=False)
+                found = self._corrected(equations, taut[free])
             u = u if found is None else found
         elif tension := self._slack(plan):
             self.slack, u = True, stretched(self.assembly, tension, plan.controls.at(1.0))[free]

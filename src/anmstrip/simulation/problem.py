@@ -285,6 +285,12 @@ class Assembly:
         return thread_of(self.scene, rollers, self.origin, length)
 
     @cached_property
+    def laid(self) -> Array:
+        """Displacements of a threaded strip before equilibrium, shape (unknowns of it,)."""
+        assert self.thread is not None
+        return self.thread.guess(self.strip, self.pattern)
+
+    @cached_property
     def growth(self) -> Growth | None:
         """What runs between rollers take up, if labels follow rollers that move, or weight."""
         if self.thread is None:
