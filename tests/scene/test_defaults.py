@@ -210,6 +210,41 @@ def test_a_plate_does_not_float_on_its_weight_by_a_share_of_its_thickness() -> N
         assert 0.04e-3 < float(law.gap(load)) <= 0.0501e-3
 
 
+@pytest.mark.parametrize(
+    ("thickness", "pitch", "radius", "overhang"),
+    [(0.05, 0.6, 0.3, 0.1), (0.008, 0.4, 0.1, 0.135), (0.03, 1.0, 0.15, 0.175)],
+)
+def test_rollers_bear_a_stiff_plate_as_supports_do(
+    thickness: float, pitch: float, radius: float, overhang: float
+) -> None:
+    """Clapeyron's three moments, to 2 % of a mean load; it was 25, 17 and 15 %."""
+    count, width, load = 5, 2.0, 7850.0 * 9.81 * thickness
+    places = pitch * (np.arange(count) - 0.5 * (count - 1))
+    moments = np.full(count, -0.5 * load * overhang**2)
+    inner = 4.0 * np.eye(count - 2) + np.eye(count - 2, k=1) + np.eye(count - 2, k=-1)
+    right = np.full(count - 2, -0.5 * load * pitch**2)
+    right[[0, -1]] -= moments[[0, -1]]
+    moments[1:-1] = np.linalg.solve(inner, right)
+    lines = np.full(count, load * pitch)
+    lines[[0, -1]] = load * (0.5 * pitch + overhang)
+    steps = np.diff(moments) / pitch
+    lines[:-1] += steps
+    lines[1:] -= steps
+    tables = {
+        "strip": {"kinematics": "section", "length": 2 * (float(places[-1]) + overhang),
+                  "width": width, "thickness": thickness},
+        "material": {"young": 2.05e11, "poisson": 0.3, "density": 7850.0},
+        "contact": {},
+        "friction": {"coefficient": 0.25},
+        "rollers": [{"radius": radius, "centre": [x, 0.0, -radius]} for x in places.tolist()],
+        "edges": {"entry": {"fixed": ["x"]}},
+        "stages": [{"duration": 1.0, "gravity": [0.0, 0.0, -9.81]}],
+    }  # fmt: skip
+    *_, last = Scene.model_validate(tables).run()
+    found = [reading.normal_force / width for reading in last.state.rollers.values()]
+    assert found == pytest.approx(lines, abs=0.02 * lines.mean())
+
+
 def test_elements_are_as_short_as_the_nearest_zones_ask_for() -> None:
     """Whatever is looked at of each: the lengths are the envelope over all of them."""
     rng = np.random.default_rng(5)

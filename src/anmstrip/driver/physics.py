@@ -20,7 +20,12 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, RollerSpec
-from anmstrip.simulation.defaults import bending_stiffness, boundary_layer, largest_force
+from anmstrip.simulation.defaults import (
+    bending_stiffness,
+    boundary_layer,
+    distributed_load,
+    largest_force,
+)
 from anmstrip.simulation.meshing import (
     PARALLEL,
     Nip,
@@ -29,7 +34,7 @@ from anmstrip.simulation.meshing import (
     nips_in_stages,
     surface_speed,
 )
-from anmstrip.simulation.problem import Assembly, distributed_load
+from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import ALIGNED, Course
 
 PLASTIC = 5e-3

@@ -143,3 +143,10 @@ def line_speed(scene: SceneSpec) -> float:
     time = sum(stage.duration for stage in scene.stages if stage.friction)
     way = max(ways) or min((roller.radius for roller in scene.rollers), default=1.0)
     return way / (time or sum(stage.duration for stage in scene.stages))
+
+
+def distributed_load(scene: SceneSpec) -> float:
+    """Return the largest weight of the strip, or pressure on it, in any stage (Pa)."""
+    weight = (scene.material.density or 0.0) * scene.strip.thickness
+    gravity = [float(np.linalg.norm(stage.gravity or (0.0,))) for stage in scene.stages]
+    return max([abs(stage.pressure or 0.0) for stage in scene.stages] + [weight * max(gravity)])

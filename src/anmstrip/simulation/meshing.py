@@ -17,7 +17,14 @@ from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError, hanging
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import RollerControl
-from anmstrip.simulation.defaults import boundary_layer, first_yield, follows_rollers
+from anmstrip.simulation.defaults import (
+    bending_stiffness,
+    boundary_layer,
+    distributed_load,
+    first_yield,
+    follows_rollers,
+    largest_force,
+)
 
 if TYPE_CHECKING:
     from anmstrip.simulation.threading import Thread
@@ -61,6 +68,13 @@ NIPPED = 1.0 / 12.0
 """The same at most of rollers that nip the strip.  Of 21 pinch rolls that close by up to 0.05 mm
 more than the strip is thick, at seven places between its nodes, an eighth of the radius stops 15
 when they begin to turn, a twelfth none."""
+
+SETTLES = 0.015
+"""Depth by which one roller may bear deeper than others, over that which takes all its load off it.
+
+Loads of 39 plates of 4 to 50 mm on three to seven rollers are off by 1.8 % of their mean at most,
+half of them by 0.5 %; with 0.02 by 2.3 %, with 0.01 by 1 %, but a plate that is carried takes half
+as long again.  Where elements were an eighth of the radius long they were off by up to 25 %."""
 
 PARALLEL = 0.99
 """Least cosine of the angle between axes of rollers that face each other."""
@@ -154,8 +168,9 @@ class Lines:
             back = ahead = 0.0
         arcs = () if thread is None else arcs_in_stages(scene, thread)
         nipping = nipping_rollers(scene, self.rollers, thread)
+        deepest = deepest_bearing(scene, self.rollers, thread)
         for roller in self.rollers if scene.contact is not None else ():
-            size = wanted_size(scene, roller.radius, layer, roller.name in nipping)
+            size = wanted_size(scene, roller.radius, layer, deepest, roller.name in nipping)
             margin = fine_beside(layer, size)
             lifts = np.array([arc[roller.name] for arc in arcs if roller.name in arc])
             if not len(lifts):  # anywhere near where the strip passes the roller
@@ -234,21 +249,41 @@ def most_unknowns(rollers: int) -> int:
 def shortest_wanted(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> float:
     """Return the length (m) of elements by default over the roller where it is shortest."""
     layer, nipping = bending_layer(scene, thread), nipping_rollers(scene, rollers, thread)
-    sizes = (wanted_size(scene, r.radius, layer, r.name in nipping) for r in rollers)
+    deepest = deepest_bearing(scene, rollers, thread)
+    sizes = (wanted_size(scene, r.radius, layer, deepest, r.name in nipping) for r in rollers)
     return min(sizes, default=0.0)
 
 
-def wanted_size(scene: SceneSpec, radius: float, layer: float, nips: bool = False) -> float:
+def wanted_size(
+    scene: SceneSpec, radius: float, layer: float, deepest: float = np.inf, nips: bool = False
+) -> float:
     """Length (m) of elements where the strip lifts off a roller.
 
     A quarter of the layer in which it bends, but no finer than a share of the radius from which on
-    the strip is as good as a string, and no longer than it takes to follow the roller, or to be
-    held by one that nips it.
+    the strip is as good as a string, and no longer than it takes to follow the roller, to bear on
+    it no deeper than asked for between two points of contact, or to be held by one that nips it.
     """
     if (typed := scene.strip.element_length) is not None:
         return typed
-    longest = NIPPED if nips else FOLLOWS
+    longest = min(NIPPED if nips else FOLLOWS, 4.0 * np.sqrt(2.0 * deepest / radius))
     return radius * float(np.clip(QUARTER * layer / radius, STRING, longest))
+
+
+def deepest_bearing(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> float:
+    """Depth (m) by which a flat strip that lies on rollers may bear deeper on one of them.
+
+    One support of many, a pitch p apart, that sinks by δ loses (15 D/p³ + 4 T/p) δ of its load q p.
+    Infinite where strip is wound round rollers, resists nothing, or nothing lays it on them.
+    """
+    load, sides = distributed_load(scene), dict[float, list[float]]()
+    for roller in rollers:
+        sides.setdefault(np.sign(roller.centre[2]), []).append(roller.centre[0])
+    pitches = [pitch for xs in sides.values() for pitch in np.diff(np.sort(xs)) if pitch > 0.0]
+    if thread is not None or not load or not pitches:
+        return np.inf
+    p = min(pitches)
+    stiffness = 15.0 * bending_stiffness(scene) / p**3 + 4.0 * largest_force(scene) / p
+    return float(SETTLES * load * p / stiffness) if stiffness else np.inf
 
 
 def bending_layer(scene: SceneSpec, thread: Thread | None) -> float:

@@ -40,7 +40,13 @@ from anmstrip.mechanics.roller import RepeatedRollers, Roller, Sides
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
 from anmstrip.scene.tables import I_UNIT, THREADING, FieldSpec, NaturalShape
-from anmstrip.simulation.defaults import follows_rollers, largest_force, line_speed, with_defaults
+from anmstrip.simulation.defaults import (
+    distributed_load,
+    follows_rollers,
+    largest_force,
+    line_speed,
+    with_defaults,
+)
 from anmstrip.simulation.meshing import (
     Loads,
     carrying_sense,
@@ -760,13 +766,6 @@ def largest_eigenstrain(scene: SceneSpec) -> float:
             values = given.samples if isinstance(given, FieldSpec) else given
             found.append(units[key] * float(np.abs(values).max()))
     return max(found)
-
-
-def distributed_load(scene: SceneSpec) -> float:
-    """Return the largest weight of the strip, or pressure on it, in any stage (Pa)."""
-    weight = (scene.material.density or 0.0) * scene.strip.thickness
-    gravity = [float(np.linalg.norm(stage.gravity or (0.0,))) for stage in scene.stages]
-    return max([abs(stage.pressure or 0.0) for stage in scene.stages] + [weight * max(gravity)])
 
 
 def varies_across(roller: RollerSpec) -> bool:
