@@ -139,6 +139,9 @@ def test_stage_time_node_and_roller_are_named() -> None:
     far = told(run, stalled(imbalance_at(run, 2.0, 0)))
     assert "worst at x = 2 m (in x)." in far
     assert "stages.turn.rollers.r1.surface_speed: try a smaller change" in far
+    let_go = {**TURN, "entry": {"release": True}}  # nothing that could be smaller
+    far = told(run, stalled(imbalance_at(run, 2.0, 0)), scene(stages=[TENSION, WRAP, let_go]))
+    assert "Stage turn changes stages.turn.rollers.r1.surface_speed: try" in far
 
 
 def test_a_place_of_a_threaded_line_is_the_one_that_is_drawn() -> None:

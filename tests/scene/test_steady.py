@@ -14,6 +14,7 @@ from scipy.integrate import quad, solve_ivp
 from threaded import ONE, ended, roller, scene_of
 
 from anmstrip.driver.explain import explain
+from anmstrip.driver.preview import Preview
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.sensitivities import response
@@ -455,6 +456,33 @@ def test_steady_stages_follow_each_other() -> None:
     assert states["speed"].tension("entry") < 1.045e4
     assert states["back"].tension("entry") == pytest.approx(1.05e4, rel=1e-6)
     assert states["back"].strip_speed == pytest.approx(states["run"].strip_speed, rel=1e-8)
+
+
+@pytest.mark.parametrize(("end", "typed"), [("entry", 1.1e4), ("entry", 1.05e4), ("exit", 1.1e4)])
+def test_a_released_end_is_pulled_by_the_tension_that_is_typed(end: str, typed: float) -> None:
+    """Whatever held it before, and without a jump; the exit glided along, held in z."""
+    tables = scene_of(ONE, friction={"coefficient": FRICTION}).to_dict()
+    turning = {"rollers": {"a": {"surface_speed": 1.0}}}
+    held = {"name": "held", "steady": True, "entry": {"tension": 1.05e4}, **turning}
+    if end == "exit":
+        tables["edges"]["exit"] = {"fixed": ["z"]}
+        held["exit"] = {"tension": 1.05e4}
+    let_go = {"name": "free", "duration": 0.1, end: {"release": True, "tension": typed}}
+    run = Scene.model_validate({**tables, "stages": [held, let_go]}).run()
+    states = {stage: [] for stage in ("threading", "held", "free")}
+    for step in run:
+        states[step.stage].append(step.state)
+    assert run.outcome.done, run.message
+    assert states["held"][-1].tension(end) == pytest.approx(1.05e4, rel=1e-4)
+    for state in states["free"]:
+        share = (state.time - states["held"][-1].time) / 0.1
+        expected = 1.05e4 + share * (typed - 1.05e4)
+        assert state.tension(end) == pytest.approx(expected, rel=1e-3)
+    (plan,) = (each for each in Preview.of(run.assembly).plans if each.name == "free")
+    for share, tension in ((0.0, 1.05e4), (1.0, typed)):  # known before the run as well
+        controls = plan.controls.at(share)
+        assert f"{end}.tension" not in controls
+        assert np.linalg.norm(controls[f"{end}.force"]) == pytest.approx(tension)
 
 
 @pytest.mark.parametrize("kinematics", ["section", "shell"])

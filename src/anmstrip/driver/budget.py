@@ -297,8 +297,7 @@ class Budget:
         self.parts["mesh"] = part(state, finer, self.error)
         for name in self.assembly.scene.edges.keys() - set(released):
             length = self.assembly.strip.edges[name].length
-            held, given = (s.edge_force(name) - s.following_force(name) for s in (finer, state))
-            self.loads[name] = (held - given) / length
+            self.loads[name] = (finer.edge_force(name) - state.edge_force(name)) / length
 
 
 def held_still(state: State) -> StageProblem:

@@ -378,7 +378,7 @@ def asked_too_much(failure: Failure) -> str:
         keys = [
             f"{name}.{key}"
             for name, table in {**stage.edges, **rollers}.items()
-            for key in table.model_dump(exclude_defaults=True)
+            for key in table.model_dump(exclude_defaults=True, exclude={"release"})
         ]
         keys += [key for key in ("gravity", "pressure") if getattr(stage, key) is not None]
         if keys:

@@ -181,9 +181,8 @@ class March:
         reactions = {}
         for name, control in stage.edges.items():
             if state is not None and control.release and name not in self.course.released:
-                held = state.edge_force(name) - state.following_force(name)
-                held = held / self.assembly.strip.edges[name].length
-                reactions[name] = held - self.course.values.get(f"{name}.force", np.zeros(3))
+                length = self.assembly.strip.edges[name].length
+                reactions[name] = state.edge_force(name) / length
         if stage.steady and state is not None and state.plan.in_time:
             self.course.take_over(state)
         if stage.steady and self.reached is None:

@@ -94,15 +94,19 @@ class Course:
         ----------
         stage : StageSpec
         reactions : dict
-            Held edge → mean reaction (N/m), for those that the stage releases.
+            Held edge → mean force (N/m), loads included, for those that the stage releases;
+            without, as before a run, what it was loaded with.
         full : ndarray, shape (unknowns,), optional
             State at the beginning, of whose surfaces a stage without friction keeps the travel.
         """
         for name, control in stage.edges.items():
             if control.release and name not in self.released:
                 self.released.add(name)
-                held = self.values.get(f"{name}.force", np.zeros(3))
-                self.values[f"{name}.force"] = held + reactions.get(name, np.zeros(3))
+                force = self.values.get(f"{name}.force", np.zeros(3))
+                if (tension := self.values.pop(f"{name}.tension", None)) is not None:
+                    outward = 1.0 if name == "exit" else -1.0
+                    force = force + outward * tension * self._directions[name]
+                self.values[f"{name}.force"] = reactions.get(name, force)
         start = dict(self.values)
         end = self._targets(stage, start)
         for name in end:
