@@ -333,6 +333,19 @@ def test_a_single_mistake_is_reported_alone(tmp_path: Path) -> None:
     ]
 
 
+def test_what_may_stand_for_a_duration_is_typed(tmp_path: Path) -> None:
+    """In a scene without [friction], whose stages are all frictionless, as the message says."""
+    frictionless = GOOD[:_FRICTION] + GOOD[_ROLLERS:].replace("friction = false\n", "")
+    typed = "\nfriction = false\n"
+    (told,) = mistakes_of(tmp_path, frictionless.replace("duration = 0.6", "")).values()
+    assert typed.strip() in str(told)
+    (tmp_path / "scene.toml").write_text(frictionless.replace("\nduration = 0.6\n", typed))
+    assert Scene.load(tmp_path / "scene.toml").stages[-1].duration == 1.0
+    moving = frictionless.replace("\nduration = 0.6\n", f"{typed}entry.speed = 1.0\n")
+    (told,) = mistakes_of(tmp_path, moving).values()
+    assert "ends at rest" in str(told)
+
+
 def test_the_only_stage_is_wrong(tmp_path: Path) -> None:
     """The mistake inside is told, and not that there is no stage."""
     text = GOOD[: GOOD.index("[[stages]]")] + "[[stages]]\nduraton = 1.0\nduration = 1.0\n"
