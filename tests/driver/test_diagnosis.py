@@ -17,6 +17,7 @@ import pytest
 from test_forewarnings import BRIDLE
 
 from anmstrip.continuation.equations import Evidence, NO_EVIDENCE, Outcome, PathStopped
+from anmstrip.driver import budget
 from anmstrip.driver.diagnosis import Failure, diagnosis, slack
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
@@ -202,6 +203,35 @@ def test_strip_that_may_glide_across() -> None:
     for _ in run:
         pass
     assert typed(told(run, stalled())) == ["edges.entry.centred=true"]
+
+
+@pytest.mark.parametrize("steady", [True, False])
+def test_errors_of_a_strip_that_runs_away_are_not_told(tmp_path: Path, steady: bool) -> None:
+    """It has no state to be wrong by, on any mesh: friction on 222° holds a ratio of 2.17."""
+    surfaces = BRIDLE["stages"][-1]["rollers"]
+    start = {"steady": True} if steady else {"duration": 0.1}
+    entry = {"tension": 1e4} if steady else {"tension": 1e4, "release": True}
+    pull = {"name": "run", **start, "rollers": surfaces, "entry": entry, "exit": {"tension": 3e4}}
+    run = Scene.model_validate({**BRIDLE, "stages": [pull]}).run(tmp_path)
+    for _ in run:
+        pass
+    assert "the strip runs away" in run.message
+    assert run.state.tension("exit") == pytest.approx(1e4 * np.exp(0.773), rel=0.02)
+    assert not any("elements of half the length" in told for told in run.warnings)
+    assert set(run.errors().values()) == {None}
+
+
+def test_no_errors_are_told_where_the_balance_is_not_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its tangent may be singular, which made laws wrong by a hundred times the tension."""
+    monkeypatch.setattr(budget, "balanced", lambda *_: None)
+    run = scene(stages=[TENSION, WRAP]).run(tmp_path)
+    for _ in run:
+        pass
+    assert run.outcome.done, run.message
+    assert set(run.errors().values()) == {None}
+    assert not any("elements of half the length" in told for told in run.warnings)
 
 
 def test_rollers_that_squeeze_the_strip() -> None:

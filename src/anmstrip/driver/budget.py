@@ -193,8 +193,11 @@ class Budget:
         """
         exact, self.parts = state, dict.fromkeys(("path", "time", "mesh", "regularisation"))
         if memory is None or memory.errors is None:
-            if (found := balanced(held_still(state), state)) is not None:
-                exact, self.parts["path"] = found, part(state, found, found.full - state.full)
+            if (found := balanced(held_still(state), state)) is None:
+                self.lost, self.error, self.spans = False, None, []
+                self.time = state.time  # as at a limit point: nothing is known of laws and meshes
+                return
+            exact, self.parts["path"] = found, part(state, found, found.full - state.full)
             self.parts["regularisation"] = self.by_laws(exact)
         else:
             in_time = self.in_time(state, memory.errors)

@@ -14,7 +14,14 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import NEGLIGIBLE, Evidence, Outcome, PathStopped
-from anmstrip.driver.physics import NANOMETRES, closer, held_by_nip, two_digits
+from anmstrip.driver.physics import (
+    NANOMETRES,
+    closer,
+    held_by_nip,
+    pulled_at_both_ends,
+    runs_away,
+    two_digits,
+)
 from anmstrip.driver.preview import Preview, motions_at, unheld
 from anmstrip.driver.warnings import against_section, below_round_off, finer_mesh, serious
 from anmstrip.equilibrium import Equilibrium, StageProblem
@@ -227,6 +234,13 @@ def forewarned(failure: Failure) -> str | None:
     """It could be told before the run, of this stage and those before it."""
     found = serious(seen_before(failure))
     return f"{found[0][0].upper()}{found[0][1:]}" if found else None
+
+
+def ran_away(failure: Failure) -> bool:
+    """Whether statics say that the strip runs away in this stage, on any mesh and by any laws."""
+    preview, stage = seen_before(failure), failure.stage.name
+    pulls = (pulled for pulled in pulled_at_both_ends(preview) if pulled.stage.name == stage)
+    return any(runs_away(preview, pulled) for pulled in pulls)
 
 
 def seen_before(failure: Failure) -> Preview:

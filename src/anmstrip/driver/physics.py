@@ -374,11 +374,13 @@ def held_better(preview: Preview, end: str, pulled: Pulled, turn: float) -> str:
 
 def held_by_nip(preview: Preview, nip: Nip) -> bool:
     """Whether the strip would run away in any stage if a nip only just touched it."""
-    return any(
-        pulled.ends[end] > most_held(preview, end, pulled.with_squeeze(nip, 0.0))
-        for pulled in pulled_at_both_ends(preview)
-        for end in ENDS
-    )
+    loose = (pulled.with_squeeze(nip, 0.0) for pulled in pulled_at_both_ends(preview))
+    return any(runs_away(preview, pulled) for pulled in loose)
+
+
+def runs_away(preview: Preview, pulled: Pulled) -> bool:
+    """Whether an end is pulled by more than rollers, bearings and weight hold."""
+    return any(pulled.ends[end] > most_held(preview, end, pulled) for end in ENDS)
 
 
 def holding_squeeze(preview: Preview, end: str, pulled: Pulled, nip: Nip) -> float:

@@ -221,16 +221,17 @@ class Run:
                 yield from self._run_stage(stage)
             self.outcome, self.message = Outcome.DONE, self.words_of_success()
         except (PathStopped, MemoryError) as error:
-            from anmstrip.driver.diagnosis import Failure, diagnosis
+            from anmstrip.driver.diagnosis import Failure, diagnosis, ran_away
 
             stopped = error if isinstance(error, PathStopped) else self.too_large()
             self.outcome = stopped.outcome
             stage = course[min(self.first_stage, len(course) - 1)]
             state = self.march.here(self.march.course.plan(stage, {}))
-            self.message = diagnosis(Failure(self.assembly, stage, state, stopped))
+            failure = Failure(self.assembly, stage, state, stopped)
+            self.message = diagnosis(failure)
             with unbroken():
                 self._checkpoint(force=True)
-            if self.outcome is not Outcome.TOO_LARGE:
+            if not (self.outcome is Outcome.TOO_LARGE or ran_away(failure)):
                 self._look_at_errors(stage)
         self._finish()
 
