@@ -94,6 +94,39 @@ def test_bent_strip_goes_around_a_larger_roller() -> None:
     assert reading.normal_force == pytest.approx(normal * 0.5, rel=2e-4)
 
 
+@pytest.mark.parametrize(
+    ("kinematics", "fixed"),
+    [("section", ["x", "z"]), ("section", ["x"]), ("shell", ["x", "y", "z"])],
+)
+def test_an_exit_that_is_held_was_pulled_before(kinematics: str, fixed: list[str]) -> None:
+    """By the threading's tension; strip that bends onto rollers is longer than a taut string."""
+    held = {"entry": {"fixed": ["x", "z"], "centred": True}, "exit": {"fixed": fixed}}
+    _, state = ended(scene_of(BRIDLE, kinematics, threading={"tension": 2e3}, edges=held))
+    ends = [state.tension(end) for end in ("entry", "exit")]
+    assert ends == pytest.approx([2e3, 2e3], rel=1e-4)
+
+
+def test_an_exit_that_is_held_moves_from_where_it_was_pulled_to(tmp_path: Path) -> None:
+    """There and back leaves its tension, on the way it is at E ε or less; also of a later run."""
+    both = {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["x", "z"]}}
+    tables = {**BRIDLE, "threading": {"tension": 2e3}, "edges": both}
+    stages = [
+        {"name": name, "duration": 1.0, "exit": {"move": [8.0 * strain, 0.0, 0.0]}}
+        for name, strain in (("there", 1e-4), ("back", 0.0))
+    ]
+    scene = scene_of(tables, stages=stages)
+    begun = scene.run(tmp_path)
+    for step in begun:
+        if step.stage == "there":
+            break
+    begun.interrupted()
+    for run in (scene.run(), scene.run(tmp_path, resume=True)):
+        tensions = {step.stage: step.state.tension("exit") for step in run}
+        assert run.outcome.done, run.message
+        assert 4e3 < tensions["there"] < 2e3 + 1e-4 * run.assembly.strip.tensile_stiffness
+        assert tensions["back"] == pytest.approx(2e3, rel=2e-3)
+
+
 def test_bending_layer_of_a_strip_that_leaves_a_roller() -> None:
     """tan(θ/4) falls like exp(−s/√(D/T)) along the free part, θ the angle to its asymptote."""
     run, state = ended(scene_of({**ONE, "strip": {"refined": 0.004}}))

@@ -237,7 +237,8 @@ def identity(assembly: Assembly) -> dict[str, Any]:
 
 def kept_values(course: Course) -> dict[str, dict[str, Array]]:
     """Return what stages have left, by kind and name, as a checkpoint keeps it."""
-    return {"moved": course.moved, "speed": course.speeds, "value": course.values}
+    ends = {"moved": course.moved, "begun": course.begun, "speed": course.speeds}
+    return {**ends, "value": course.values}
 
 
 def flat_keys(tables: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -217,6 +217,9 @@ class March:
         """Leave a stage."""
         if not plan.steady:
             self.course.finish(stage)
+            if plan.name == THREADING:  # it was pulled there
+                self.course.hold("exit", self.full)
+                self.course.begun["exit"] = self.course.moved["exit"]
         else:
             speed, last = plan.strip_speed(self.full, 1.0), self.assembly.coupled - 1
             self.course.finish(stage, self.full, speed)

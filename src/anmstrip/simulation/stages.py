@@ -16,6 +16,7 @@ from anmstrip.mechanics.loads import Onward
 from anmstrip.mechanics.shell import eigenstrain, uniaxial_stretches
 from anmstrip.results.state import State
 from anmstrip.scene.schema import StageSpec
+from anmstrip.scene.tables import ENDS, THREADING
 from anmstrip.simulation.defaults import HONEST, bending_stiffness, elastic_creep
 from anmstrip.simulation.meshing import surface_speed
 from anmstrip.simulation.problem import Assembly, middle_node
@@ -185,14 +186,9 @@ class Course:
 
         The exit, if it alone is held along the strip, else the entry.
         """
-        directions = self._directions
-        held = {
-            name: any(abs(directions[name]["xyz".index(c)]) > ALONG for c in components)
-            for name, components in self._held().items()
-            if name in directions
-        }
-        edge = "exit" if held.get("exit") and not held.get("entry") else "entry"
-        return edge, directions[edge], held.get(edge, False)
+        entry, exit = (self._holds_along(name, self._held().get(name, ())) for name in ENDS)
+        edge = "exit" if exit and not entry else "entry"
+        return edge, self._directions[edge], entry or exit
 
     def pulled(self, stage: StageSpec) -> bool:
         """Whether a steady stage has the tension of its entry given, and the strip's speed not."""
@@ -249,10 +245,14 @@ class Course:
             speed = strip_speed(self.assembly.strip, state.full, velocity)
         self.released.discard("entry")
         self.values.pop("entry.force", None)
-        strip = self.assembly.strip
-        places = strip.nodal(state.full)[strip.edges["entry"].values]
-        self.moved["entry"] = strip.kinematics.embed(places[0])
+        self.hold("entry", state.full)
         self.values["strip.speed"] = np.array(speed)
+
+    def hold(self, name: str, full: Array) -> None:
+        """Hold an edge where it is in a state, (unknowns,), as far as it is held."""
+        strip = self.assembly.strip
+        places = strip.nodal(full)[strip.edges[name].values]
+        self.moved[name] = strip.kinematics.embed(places[0])
 
     @property
     def may_begin_running(self) -> bool:
@@ -340,14 +340,20 @@ class Course:
             end["strip.held"] = growth.held(centres, start["strip.held"], loads)
         return end
 
-    def _held(self) -> dict[str, tuple[str, ...]]:
+    def _held(self, stage: StageSpec | None = None) -> dict[str, tuple[str, ...]]:
+        """Components that edges hold in a stage; strip that is threaded is pulled at its exit."""
         if self.assembly.closed:  # what labels the strip: the rollers hold the rest
             return {"entry": ("xyz"[int(np.abs(self.outward["entry"]).argmax())],)}
-        return {
-            name: spec.fixed
-            for name, spec in self.assembly.scene.edges.items()
-            if name not in self.released
-        }
+        edges = self.assembly.scene.edges
+        held = {name: spec.fixed for name, spec in edges.items() if name not in self.released}
+        threading = stage is not None and stage.name == THREADING
+        if threading and self._holds_along("exit", held.get("exit", ())):
+            held["exit"] = tuple(c for c in held["exit"] if c == "y")
+        return held
+
+    def _holds_along(self, name: str, components: tuple[str, ...]) -> bool:
+        """Whether components that are held at an end hold it along the strip."""
+        return any(abs(self._directions[name]["xyz".index(c)]) > ALONG for c in components)
 
     def _destination(self, stage: StageSpec, name: str) -> Array:
         now = self.moved.get(name, np.zeros(3))
@@ -400,7 +406,7 @@ class Course:
         if full is not None:
             resting = strip.unknowns + np.flatnonzero(held[strip.unknowns :])
             start[resting] = end[resting] = full[resting]
-        for name, components in self._held().items():
+        for name, components in self._held(stage).items():
             edge, now = strip.edges[name], self.moved.get(name, np.zeros(3))
             destination = self._destination(stage, name)
             before, after = self._label_speeds(stage, name)
