@@ -345,6 +345,7 @@ class Course:
         if self.assembly.closed:  # what labels the strip: the rollers hold the rest
             return {"entry": ("xyz"[int(np.abs(self.outward["entry"]).argmax())],)}
         edges = self.assembly.scene.edges
+        held: dict[str, tuple[str, ...]]
         held = {name: spec.fixed for name, spec in edges.items() if name not in self.released}
         threading = stage is not None and stage.name == THREADING
         if threading and self._holds_along("exit", held.get("exit", ())):
