@@ -421,6 +421,31 @@ def test_the_part_of_the_mesh_is_none_where_contact_is_too_sharp_for_it(tmp_path
     assert 0.3 * exact["tension"] < part["tension"] < 3.0 * exact["tension"]
 
 
+IDLERS = """
+strip = { kinematics = "section", width = 1.0, thickness = 1e-3 }
+material = { young = 2e11, poisson = 0.3 }
+contact = {}
+friction.coefficient = 0.1
+threading = { tension = 2e3, entry = [-0.6, 0.0, 0.06], exit = [1.2, 0.0, -0.06] }
+rollers = [
+    { radius = 0.2, centre = [0.0, 0.0, 0.0], wrap = "over", drive = "idle", bearing = 1.0 },
+    { radius = 0.2, centre = [0.6, 0.0, 0.0], wrap = "under" },
+]
+edges.entry.fixed = ["x", "z"]
+stages = [{ name = "run", duration = 0.02, entry.speed = 5.0, rollers.r2.surface_speed = 5.0 }]
+"""
+
+
+def test_the_part_of_the_mesh_where_friction_is_at_its_corners(tmp_path: Path) -> None:
+    """Points of idlers stick within V_c, from where Newton's method goes back and forth."""
+    usual = run(IDLERS, tmp_path / "usual")
+    finer = run(IDLERS, tmp_path / "finer", "strip.finer=4.0")
+    (here, _), (there, _) = read_off(usual), read_off(finer)
+    exact = max(abs(there[key] - here[key]) for key in here)
+    assert 0.3 * exact < usual.summary["errors"]["mesh"]["tension"] < 3.0 * exact
+    assert usual.summary["warnings"] == []
+
+
 @pytest.mark.slow
 def test_the_part_of_the_mesh_of_a_steady_section_that_yields(tmp_path: Path) -> None:
     """By elements of r/8 against those of the default mesh, which is right to 0.3 %."""
