@@ -119,6 +119,8 @@ def test_without_events_nothing_is_imported_or_written(tmp_path: Path) -> None:
         "assert all(not step.events for step in scene.run(sys.argv[2]))\n"
         "found = [name for name in sys.modules if name.startswith('anmstrip.')]\n"
         "assert not [name for name in found if name.endswith(('.events', '.stretch'))]\n"
+        "unused = ('spatial', 'optimize', 'integrate', 'interpolate', 'special')\n"
+        "assert not {'scipy.' + name for name in unused} & set(sys.modules)\n"
     )
     short = scene(stages=LIFTED["stages"][:1], output={}).model_dump_json(exclude_none=True)
     subprocess.run([sys.executable, "-c", code, short, str(tmp_path)], check=True)

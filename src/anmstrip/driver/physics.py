@@ -11,8 +11,6 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from scipy.integrate import trapezoid
-from scipy.optimize import brentq
 
 from anmstrip.arrays import Array
 from anmstrip.driver.preview import Preview
@@ -390,6 +388,8 @@ def holding_squeeze(preview: Preview, end: str, pulled: Pulled, nip: Nip) -> flo
         held = most_held(preview, end, pulled.with_squeeze(nip, squeeze), SURE)
         return held - pulled.ends[end]
 
+    from scipy.optimize import brentq
+
     least, further = nip.squeeze, preview.assembly.signorini.width
     while spare(least + further) < 0.0:
         further *= 2.0
@@ -641,6 +641,8 @@ def nip(preview: Preview) -> Iterator[str]:
 
 def nip_force(assembly: Assembly, nip: Nip, squeeze: float) -> float:
     """Return the force (N) of rollers on straight strip that is squeezed by so much (m)."""
+    from scipy.integrate import trapezoid
+
     law, curvature = assembly.signorini, 0.5 / nip.first.radius + 0.5 / nip.second.radius
     reach = np.sqrt((max(squeeze, 0.0) + FADES * law.width) / curvature)
     x = np.linspace(-reach, reach, LOOKS)

@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from anmstrip.arrays import Array
 from anmstrip.equilibrium import Equilibrium, StageProblem
@@ -159,13 +158,15 @@ def string_estimate(course: Course) -> StringEstimate:
 
 def gaps_to(course: Course, places: Array) -> dict[str, float]:
     """Return the least gap (m) between every roller and straight pieces between places, (2, n)."""
-    gaps, step, tree = {}, np.diff(places), KDTree(places[:, :-1].T)
+    gaps, step = {}, np.diff(places)
     longest = float(np.hypot(*step).max(initial=0.0))
     for roller in course.assembly.rollers:
         at = np.asarray(course.values[f"rollers.{roller.name}.centre"])
         centre = crossing(roller) + (at - np.asarray(roller.centre))[[0, 2]]
-        near = tree.query_ball_point(centre, tree.query(centre)[0] + longest)  # of nearest pieces
-        way, piece = centre[:, None] - places[:, near], step[:, near]
+        way = centre[:, None] - places[:, :-1]
+        distance = np.hypot(*way)
+        near = distance <= distance.min() + longest  # others are behind these pieces
+        way, piece = way[:, near], step[:, near]
         square = np.maximum((piece**2).sum(axis=0), np.finfo(float).tiny)
         nearest = way - np.clip((way * piece).sum(axis=0) / square, 0.0, 1.0) * piece
         gaps[roller.name] = float(np.hypot(*nearest).min()) - float(roller.radius + roller.half)

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.geometry import SHELL, Kinematics
@@ -222,14 +221,13 @@ class Contact(LawEffect):
     def _looked_up(self, look: Look, controls: Mapping[str, Any], skin: float) -> Neighbours:
         """Pairs that may come within reach while nothing moves farther than the skin (m)."""
         found, farthest = [], STEEPEST * skin
-        embedded = self.kinematics.embed(look[0])
-        tree = KDTree((self.operator.whole.reference + embedded)[[0, 2]].T)
+        places = (self.operator.whole.reference + self.kinematics.embed(look[0]))[[0, 2]]
         for numbers, part in zip(self.numbers, self.by_roller.values(), strict=True):
             roller, points, reach = part.roller, np.arange(part.points), float(np.max(part.reach))
             if roller.is_across and np.isfinite(reach):  # of others gaps alone tell it
                 centre = np.asarray(controls[f"rollers.{roller.name}.centre"])[[0, 2]]
                 reached = roller.radius + roller.half + reach + farthest
-                points = np.array(tree.query_ball_point(centre, reached), dtype=np.int64)
+                points = np.flatnonzero(((places.T - centre) ** 2).sum(axis=1) < reached**2)
             near = part._part(points).gap(look, controls) < part.reaches + farthest
             found.append(numbers[points[near]])
         pairs = np.sort(np.concatenate(found))

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
 from anmstrip.arrays import Array
 
@@ -122,6 +121,8 @@ def hanging(run: Array, weight: float, pull: float) -> tuple[float, float, float
 
     if not LIGHT * pull < weight * across or missing(across / DEEP) >= 0.0:
         return 0.0, 0.0, 0.0
+    from scipy.optimize import brentq
+
     length, first, last = shape(brentq(missing, across / DEEP, pull / weight))
     longer = length - float(np.hypot(across, rise))
     return longer, float(angle - np.arctan(first)), float(np.arctan(last) - angle)
