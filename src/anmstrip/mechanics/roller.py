@@ -102,6 +102,12 @@ class Roller:
         first /= np.linalg.norm(first)
         return np.stack([first, np.cross(a, first), a])
 
+    @cached_property
+    def cross_matrix(self) -> Array:
+        """Matrix of the cross product with the axis, a × v, of one roller; shape (3, 3)."""
+        first, second, _ = self.frame
+        return np.outer(second, first) - np.outer(first, second)
+
     @property
     def is_cylinder(self) -> bool:
         """Whether the radius is the same everywhere."""

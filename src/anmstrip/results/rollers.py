@@ -188,18 +188,16 @@ class ContactState:
         """
         operator = self.contact.operator
         lines = self.cells[:, LINES[self.cells.shape[1]]].reshape(-1, 3)
-        along, across, _ = np.abs(np.diff(operator.reference[:, lines[:, ::2]], axis=2))[..., 0]
+        reference, values = operator.reference, np.stack([self.angle, operator.reference[0]])
+        along, across, _ = np.abs(reference[:, lines[:, 2]] - reference[:, lines[:, 0]])
         lines = lines[along > 1e-6 * across]
         gap = self.gap[lines] - float(self.contact.signorini.gap(self.least + self.contact.least))
         inner = parabola_roots(gap)
-        places = np.concatenate([np.tile([0.0, 0.5, 1.0], (len(lines), 1)), inner], axis=1)
-        s = places[:, :, None]
-        quadratic = np.concatenate(
-            [(1 - s) * (1 - 2 * s), 4 * s * (1 - s), s * (2 * s - 1)], axis=2
-        )
-        found = np.concatenate([gap < 0.0, np.isfinite(inner)], axis=1)
-        values = np.stack([self.angle[lines], operator.reference[0, lines]])
-        return np.einsum("lsk,vlk->vls", quadratic, values)[:, found]
+        line, root = np.nonzero(np.isfinite(inner))
+        s = inner[line, root]
+        quadratic = np.stack([(1 - s) * (1 - 2 * s), 4 * s * (1 - s), s * (2 * s - 1)], axis=1)
+        at_roots = (values[:, lines[line]] * quadratic).sum(axis=2)
+        return np.concatenate([values[:, lines[gap < 0.0]], at_roots], axis=1)
 
     @cached_property
     def angle(self) -> Array:
@@ -207,7 +205,7 @@ class ContactState:
         weight = self.pressure * self.area * self.touching
         middle = self.normal @ weight if weight.any() else self.normal[:, self.gap.argmin()]
         middle = middle / np.linalg.norm(middle)
-        across = np.cross(self.roller.unit_axis, middle)
+        across = self.roller.cross_matrix @ middle
         return np.arctan2(across @ self.normal, middle @ self.normal)
 
     @cached_property
@@ -230,7 +228,7 @@ class ContactState:
     @cached_property
     def turning(self) -> Array:
         """Unit direction of a positive surface speed, ± a × n, shape (3, points)."""
-        across = np.cross(self.roller.sense * self.roller.unit_axis, self.normal, axis=0)
+        across = self.roller.sense * self.roller.cross_matrix @ self.normal
         return across / np.linalg.norm(across, axis=0)
 
     @property
