@@ -23,8 +23,8 @@ class Recurrence(Protocol):
     """The orders R_k of R at one point, found one after the other.
 
     1. ``residual`` is order 0, shape (n,).
-    2. For each order k from 1 on, ``correct(k, u_k, λ_k)`` is called once; for k ≥ 2,
-       ``advance(k)`` comes before it.
+    2. For each order k from 1 on but the last, ``correct(k, u_k, λ_k)`` is called once, and
+       ``advance(k + 1)`` after it.
     3. ``tangent`` and ``control_derivative`` are called before any order is fixed.
     """
 

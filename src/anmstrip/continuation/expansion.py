@@ -114,26 +114,23 @@ def expand(
         share = parameter.unhurried / max(abs(parameter.scale), TINY)
         carried_over = max(1.0, reach if away else share)
     u_orders, control_orders, forces, unseen = [u], [control], [0.0], 0
+    right = recurrence.residual / carried_over
     for k in range(1, order + 1):
-        if k == 1:
-            right = recurrence.residual / carried_over
-        else:
-            with cost.timed("series"):
-                right = recurrence.advance(k)
         free = -solve(right) if right.any() else np.zeros_like(u)
         control_k = parameter.scale if k == 1 else 0.0
         if parameter.arclength:
             control_k = (control_k - inner(equations, t_u, free)) / along
-        u_k = free + control_k * per_control
-        with cost.timed("series"):
-            recurrence.correct(k, u_k, control_k)
+        u_k = free + control_k * per_control if control_k else free
         u_orders.append(u_k)
         control_orders.append(control_k)
         forces.append(equations.imbalance(right) if k > 1 else 0.0)
         seen = k == 1 or _is_seen(forces[k], k, parameter.reach, tolerance)
         unseen = 0 if seen else unseen + 1
-        if unseen == 2 or size(equations, u_k) > LARGEST:
+        if unseen == 2 or k == order or size(equations, u_k) > LARGEST:
             break
+        with cost.timed("series"):
+            recurrence.correct(k, u_k, control_k)
+            right = recurrence.advance(k + 1)
     return Branch(
         u=np.array(u_orders),
         control=np.array(control_orders),

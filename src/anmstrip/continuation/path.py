@@ -40,8 +40,9 @@ class Branch:
 
     def many(self, a: Array) -> tuple[Array, Array]:
         """States (m, n) and controls (m,) at parameters ``a``."""
-        q = np.polynomial.polynomial.polyval(a, self.denominator)
-        powers = np.vander(a, self.order + 1, increasing=True) / q[:, None]
+        powers = np.vander(a, max(len(self.u), len(self.denominator)), increasing=True)
+        q = powers[:, : len(self.denominator)] @ self.denominator
+        powers = powers[:, : len(self.u)] / q[:, None]
         return powers @ self.u, powers @ self.control
 
     @property

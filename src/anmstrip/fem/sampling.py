@@ -190,8 +190,9 @@ class ContactOperator(LinearOperator):
     ) -> None:
         """Add Lᵀ w J M, where the table of M is another one than that of L."""
         owners, flat = self.whole.owners, derivative.reshape(self.count**2, -1)
-        near = np.unique(owners[self.chosen])
-        near = near[near >= 0]
+        touched = np.zeros(len(self.cells) + 1, dtype=bool)  # the last for points with fewer owners
+        touched[owners[self.chosen]] = True
+        near = np.flatnonzero(touched[:-1])
         summed = [np.bincount(self.chosen, each, len(owners)) for each in flat]
         every = np.reshape(summed, (self.count, self.count, -1))
         table, places = inputs[near], pattern.cells[near].ravel()

@@ -90,8 +90,9 @@ def equilibrated(matrix: csc_matrix) -> Array:
     is (multipliers), the iteration of Ruiz (2001) goes on from there.
     """
 
+    filled = np.flatnonzero(matrix.indptr[1:] > matrix.indptr[:-1])
+
     def column_maxima(entries: Array) -> Array:
-        filled = np.flatnonzero(np.diff(matrix.indptr))
         maxima = np.zeros(matrix.shape[1])
         maxima[filled] = np.maximum.reduceat(entries, matrix.indptr[filled])
         return maxima

@@ -62,33 +62,34 @@ class CompiledLaw:
         self.kept: list[Any] = [motion, total, nothing]  # what is known by addresses alone
         given, changes, zero, found = addresses(self.given, self.changes, nothing, self.found)
         starts = self.stops[:inputs] - self.sizes[:inputs]
-        lifting, changing = (
-            [
-                call
-                for first, x in zip(starts, motion, strict=False)
-                for call in self.lifted(matrices[0], first, x.ctypes.data, into)
-            ]
-            for into in (given, changes)
-        )
+        lifting: list[list[int]] = []
+        changing: list[list[int]] = []
+        for first, x in zip(starts, motion, strict=False):
+            for source, numbers in self.lifted(matrices[0], first, x.ctypes.data):
+                lifting.append([*source, given, *numbers])
+                changing.append([*source, changes, *numbers])
         gathering = list(self.gathered(matrices[1], total.ctypes.data))
         first = self.executor.advancing(given, given, found, False)
         others = self.executor.advancing(zero, changes, found, True)
         derivative = self.executor.changing(changes, found, 1)
         self.force_calls = table_of([*lifting, first, *gathering])
-        self.order_calls = table_of([*changing, others, *gathering])
-        self.derivative_calls = table_of([*changing, derivative, *gathering])
+        self.series_calls = (
+            self.force_calls,
+            table_of([*changing, others, *gathering]),
+            table_of([*changing, derivative, *gathering]),
+        )
 
     def places(self, part: Part, first: int) -> Array:
         """Places of the rows of a part in what a program takes or gives."""
         derivatives, points = np.divmod(np.arange(part.matrix.shape[0]), self.program.points)
         return np.asarray((first + part.row + derivatives * part.step) * self.lanes + points)
 
-    def lifted(self, parts: list[Part], first: int, x: int, into: int) -> Iterator[list[int]]:
-        """Yield the calls for L, whose places are in the inputs."""
+    def lifted(self, parts: list[Part], first: int, x: int) -> Iterator[tuple[list[int], ...]]:
+        """Yield the calls for L, before and behind the address of the inputs to set."""
         for part, places in self.merged(parts, first):
             m = part.matrix
             arrays = self.addresses(m.indptr, m.indices, m.data, places)
-            yield [LIFT, *arrays, x + 8 * part.first, into, *self.numbers(part, m.shape[0])]
+            yield [LIFT, *arrays, x + 8 * part.first], list(self.numbers(part, m.shape[0]))
 
     def gathered(self, parts: list[Part], total: int) -> Iterator[list[int]]:
         """Yield the calls for Lᵀ w, whose places are in the outputs."""
@@ -118,6 +119,9 @@ class CompiledLaw:
             alike = (part.count, part.stride, part.first) if part.count > 1 else (1,)
             kinds.setdefault(alike, []).append(part)
         for own in kinds.values():
+            if len(own) == 1:
+                yield own[0], self.places(own[0], first)
+                continue
             begin = min(part.first for part in own)
             size = max(part.first + part.matrix.shape[1] for part in own) - begin
             moved = [
@@ -137,23 +141,18 @@ class CompiledLaw:
                 continue
             into[rows, :points] = np.broadcast_to(value, shape).reshape(rows.stop - rows.start, -1)
 
-    def adding_forces(self, w: Array) -> Callable[[int], None]:
-        """Return what adds forces of order 0."""
-        return self.executor.on(w, self.force_calls)
+    def on(self, w: Array) -> list[Callable[[int], None]]:
+        """Return what adds forces: of order 0; of order k, after completing order k − 1; changes.
 
-    def adding_orders(self, w: Array) -> Callable[[int], None]:
-        """Return what adds forces of order k, after completing order k − 1."""
-        return self.executor.on(w, self.order_calls)
-
-    def adding_derivatives(self, w: Array) -> Callable[[int], None]:
-        """Return what adds the changes of forces that those of unknowns and controls make."""
-        return self.executor.on(w, self.derivative_calls)
+        The last are those that changes of unknowns and controls make.
+        """
+        return self.executor.on(w, *self.series_calls)
 
     @cached_property
     def add_force(self) -> Callable[[int], None]:
         """Return what adds forces of order 0 alone."""
         self.spare = np.empty((self.program.blocks, self.program.kept, 2, self.program.lanes))
-        return self.adding_forces(self.spare)
+        return self.executor.on(self.spare, self.force_calls)[0]
 
     def tangent(self, w: Array, rate: float) -> Array:
         """Return ∂law/∂x + rate ∂law/∂v along the seeds, shape (seeds, *output)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -46,17 +47,18 @@ def deepest(contact: Contact, places: Callable[[Array], Array]) -> float | None:
     """
     shares = np.linspace(0.0, 1.0, 3)
     y = places(shares)
-    while len(shares) < MOST:
-        moved = np.sqrt((np.diff(y, axis=0) ** 2).sum(axis=1))
+    while True:
+        step = y[1:] - y[:-1]
+        moved = np.sqrt((step**2).sum(axis=1))
         more = float((moved / contact.roller.radius).max(initial=0.0)) / CHORD
-        if more <= 1.0:
+        if more <= 1.0 or len(shares) >= MOST:
             break
         shares = np.linspace(0.0, 1.0, min(int(np.ceil(more * (len(shares) - 1))), MOST) + 1)
         y = places(shares)
-    step = np.diff(y[:, :2], axis=0)  # every piece is nearest to the axis at a share of it
-    square = np.maximum((step**2).sum(axis=1), np.finfo(float).tiny)
-    nearest = np.clip(-(y[:-1, :2] * step).sum(axis=1) / square, 0.0, 1.0)
-    looks = np.concatenate([y[[0, -1]], y[:-1] + nearest[:, None] * np.diff(y, axis=0)])
+    across = step[:, :2]  # every piece is nearest to the axis at a share of it
+    square = np.maximum((across**2).sum(axis=1), np.finfo(float).tiny)
+    nearest = np.clip(-(y[:-1, :2] * across).sum(axis=1) / square, 0.0, 1.0)
+    looks = np.concatenate([y[[0, -1]], y[:-1] + nearest[:, None] * step])
     with np.errstate(invalid="ignore"):  # on the axis there is no direction
         first, last, *between = np.asarray(contact.roller.project(looks.swapaxes(0, 1)).gap)
     dip = np.minimum(first, last) - between
@@ -176,7 +178,7 @@ class Contact(LawEffect):
 
         first = looked(np.linspace(0.0, 1.0, 3))
         near = self.neighbours(*first[0])
-        farthest = max(near.moved(look) for look, _ in first)
+        farthest = max(near.moved(look) for look, _ in first[1:])
 
         def places(shares: Array) -> Array:
             nonlocal farthest
@@ -316,8 +318,8 @@ class Neighbours:
     def moved(self, here: Look) -> float:
         """Return the largest distance (m) by which a point and a roller may have come nearer."""
         points, rollers = here[0] - self.displacements, here[1] - self.centres
-        moved = np.linalg.norm(points, axis=0).max(initial=0.0)
-        return float(moved + np.linalg.norm(rollers, axis=1).max(initial=0.0))
+        moved = math.sqrt((points**2).sum(axis=0).max(initial=0.0))
+        return moved + math.sqrt((rollers**2).sum(axis=1).max(initial=0.0))
 
 
 @dataclass(frozen=True)

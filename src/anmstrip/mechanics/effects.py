@@ -349,7 +349,8 @@ class RecordedLaw:
             and self.program.reusable
             and len(self.program.inputs) == inputs + len(self.asked.moving)
             and all(
-                name not in controls.slope and np.array_equal(controls.start[name], value)
+                name not in controls.slope
+                and (controls.start[name] is value or np.array_equal(controls.start[name], value))
                 for name, value in self.asked.constant.items()
             )
         )
@@ -492,25 +493,19 @@ class CompiledSeries(EffectSeries):
         self.slopes = [controls.rate(name) for name in law.asked.moving]
         self.w = np.empty((program.blocks, program.kept, max(order, 1) + 1, program.lanes))
         self.law.move(law.values(controls, state[2]), self.law.given)
-        self.force = self.laws.forces(state[0], state[1], self.law.adding_forces(self.w))
+        add_force, self.add_order, self.add_derivative = self.law.on(self.w)
+        self.force = self.laws.forces(state[0], state[1], add_force)
         self.w[:, :, 1] = 0.0
 
     def residual(self) -> Array:
         return self.force
 
-    def derivative(self, u: Array, v: Array | None, control: float) -> Array:
+    def derivative(self, u: Array, v: Array | None, control: float) -> Array | None:
+        moves = (self.law.inputs > 1 and v is not None) or any(map(np.any, self.slopes))
+        if not (moves or u.any()):
+            return None
         self.correct(1, u, v, control)
         return self.laws.forces(u, v, self.add_derivative)
-
-    @cached_property
-    def add_derivative(self) -> Callable[[int], None]:
-        """Return what adds the changes of forces."""
-        return self.law.adding_derivatives(self.w)
-
-    @cached_property
-    def add_order(self) -> Callable[[int], None]:
-        """Return what adds the forces of an order."""
-        return self.law.adding_orders(self.w)
 
     def advance(self, k: int, total: Array) -> None:
         self.add_order(k)

@@ -13,6 +13,7 @@ import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cache
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -117,7 +118,7 @@ def keep(content: bytes, places: list[Path]) -> None:
 
 def addresses(*arrays: Any) -> list[int]:
     """Return where the entries of arrays are."""
-    return [x.ctypes.data for x in arrays]
+    return [x.__array_interface__["data"][0] for x in arrays]
 
 
 def table_of(calls: Sequence[Sequence[int]]) -> Array:
@@ -157,25 +158,26 @@ class CompiledExecutor:
         """Call that finds first changes of the outputs."""
         return [DERIVATIVES, *self.fixed, 0, 0, seeds, found, self.inside[1], most]
 
-    def on(self, w: Array, table: Array) -> Callable[[int], None]:
-        """Return what makes such calls on coefficients, and others."""
+    def on(self, w: Array, *tables: Array) -> list[Callable[[int], None]]:
+        """Return for each table what makes such calls on coefficients, and others."""
         orders = w.shape[2]
         if orders not in self.of_order:
             self.of_order[orders] = np.where(np.arange(len(self.sizes)) == 7, orders, self.sizes)
-        bound = table.copy()
-        bound[table[:, 0] >= ADVANCE, 7:9] = addresses(self.of_order[orders], w)
-        return script(bound)
+        whole = np.concatenate(tables)
+        whole[whole[:, 0] >= ADVANCE, 7:9] = addresses(self.of_order[orders], w)
+        ends = [0, *accumulate(map(len, tables))]
+        return [script(whole[first:end]) for first, end in pairwise(ends)]
 
     def advance(self, w: Array, k: int, given: Array, changes: Array | None) -> Array:
         """Order k of the outputs, see :class:`anmstrip.taylor.program.Executor`."""
         found, pending = np.empty((len(self.tables.outputs), *given.shape[1:])), changes is not None
         begin, changed, end = addresses(given, given if changes is None else changes, found)
-        self.on(w, table_of([self.advancing(begin, changed, end, pending)]))(k)
+        self.on(w, table_of([self.advancing(begin, changed, end, pending)]))[0](k)
         return found
 
     def derivative(self, w: Array, seeds: Array) -> Array:
         """Changes of the outputs, see :class:`anmstrip.taylor.program.Executor`."""
         found = np.empty((len(seeds), len(self.tables.outputs), *seeds.shape[2:]))
         begin, end = addresses(seeds, found)
-        self.on(w, table_of([self.changing(begin, end, len(seeds))]))(1)
+        self.on(w, table_of([self.changing(begin, end, len(seeds))]))[0](1)
         return found
