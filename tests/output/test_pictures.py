@@ -112,7 +112,7 @@ def test_where_vtk_crashes_one_line_says_what_helps(run, monkeypatch, caplog, pr
 def test_drawing_without_opengl_does_not_import_vtk(run):
     code = (
         "import sys; from anmstrip.pictures.render import render; render(sys.argv[1]);"
-        "assert not {'vtk', 'vtkmodules', 'pyvista'} & set(sys.modules)"
+        "assert not {'vtk', 'vtkmodules', 'pyvista', 'meshio'} & set(sys.modules)"
     )
     environment = {"ANMSTRIP_RENDERER": "matplotlib"}
     subprocess.run([sys.executable, "-c", code, str(run)], env=environment, check=True)

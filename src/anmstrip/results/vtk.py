@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from html import escape
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -43,12 +44,17 @@ is left are stored as they are.  States of a shell are 8 % larger and take two t
 level 1 makes files 1 % larger than the default, in half the time."""
 
 _KINDS = {
-    3: (5, "triangle", np.arange(3)),
-    4: (9, "quad", np.arange(4)),
-    16: (70, "VTK_LAGRANGE_QUADRILATERAL", LAGRANGE_ORDER),
-    21: (69, "VTK_LAGRANGE_TRIANGLE", TRIANGLE_ORDER),
+    3: (5, np.arange(3)),
+    4: (9, np.arange(4)),
+    16: (70, LAGRANGE_ORDER),
+    21: (69, TRIANGLE_ORDER),
 }
-"""For each number of nodes, VTK's number and meshio's name of the cell, and its nodes' order."""
+"""For each number of nodes, VTK's number of the cell, and its nodes' order."""
+
+CELL_ARRAYS = ("connectivity", "offsets", "types")
+
+HEADER = 44
+"""Characters in which the four sizes before a compressed block are written."""
 
 VECTOR, TENSOR = ("x", "y", "z"), ("xx", "yy", "xy")
 
@@ -130,7 +136,7 @@ def write_surface(
     for name, values in data.items():
         if values.ndim not in (1, 2) or len(values) != len(positions):
             raise ValueError(f"{name} has shape {values.shape} for {len(positions)} points")
-    number, _, order = _KINDS[indices.shape[1]]
+    number, order = _KINDS[indices.shape[1]]
     count, size = indices.shape
     kinds = np.full(count, number)
     corners = indices[:, order].ravel(), size * np.arange(1, count + 1), kinds
@@ -139,7 +145,7 @@ def write_surface(
         cells=count,
         shading=' Normals="normal"' if "normal" in data else "",
         positions=_array("Points", positions),
-        corners="".join(map(_array, ("connectivity", "offsets", "types"), corners)),
+        corners="".join(map(_array, CELL_ARRAYS, corners)),
         data="".join(map(_array, data, data.values())),
     )
     with atomic_write(path) as temporary:
@@ -202,20 +208,26 @@ def read_surface(path: AnyPath) -> SurfaceMesh:
     ValueError
         It holds no cells of these kinds, or it is damaged.
     """
-    import meshio
-
     try:
-        mesh = meshio.vtu.read(path)
-        block = mesh.cells[0]
-        cells = np.asarray(block.data, dtype=np.int64)
+        found = {str(a.get("Name")): _decoded(a) for a in ElementTree.parse(path).iter("DataArray")}
+        points, corners, ends, kinds = map(found.pop, ("Points", *CELL_ARRAYS))
+        cells = corners.reshape(len(ends), -1)
     except OSError:
         raise
     except Exception as error:  # damage shows as exceptions of any kind
         raise ValueError(f"{path} is damaged: {error}") from error
-    _, kind, order = _KINDS.get(cells.shape[1], (0, "", np.arange(0)))
-    if block.type != kind:
-        raise ValueError(f"{path} holds cells of another kind: {block.type}")
-    return SurfaceMesh(np.asarray(mesh.points), cells[:, np.argsort(order)], dict(mesh.point_data))
+    number, order = _KINDS.get(cells.shape[1], (0, np.arange(0)))
+    if (kinds != number).any():
+        raise ValueError(f"{path} holds cells of another kind: {kinds[0]}")
+    return SurfaceMesh(points, cells[:, np.argsort(order)], found)
+
+
+def _decoded(array: ElementTree.Element) -> NDArray[Any]:
+    """Return the values of an array that :func:`_array` wrote."""
+    text, columns = array.text or "", array.get("NumberOfComponents")
+    content = bytearray(zlib.decompress(base64.b64decode(text[HEADER:])))  # which can be changed
+    values = np.frombuffer(content, dtype="<f8" if array.get("type") == "Float64" else "<i8")
+    return values.reshape(-1, int(columns)) if columns else values
 
 
 def scalars(name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
