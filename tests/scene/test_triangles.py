@@ -138,8 +138,8 @@ def test_membrane_of_one_triangle_resists_all_but_rigid_motion() -> None:
         1e-3,
         Material(2e11, 0.3),
     )
-    table = CellOperator(strip, [1]).table[0].reshape(2, -1, 21)
-    (along, across), nothing = table, np.zeros_like(table[0])
+    along, across = CellOperator(strip, [1]).by_point.swapaxes(0, 1)
+    nothing = np.zeros_like(along)
     strains = [
         np.hstack([along, nothing]), np.hstack([nothing, across]), np.hstack([across, along]),
     ]  # fmt: skip

@@ -227,10 +227,10 @@ class CellOperator:
         fields = np.array(rows)
         self.count = strip.count
         self.local, self.components, self.elements, self.per_element = fields.shape
-        table = fields.transpose(2, 1, 3, 0).reshape(self.elements, -1, self.local)
-        self.table: Array = np.ascontiguousarray(table)
+        table = fields.transpose(2, 3, 1, 0).reshape(self.elements, -1, self.local)
+        self.table: Array = np.ascontiguousarray(table)  # point by point
         self.weights: Array = strip.weights(quadrature).ravel()
-        each = np.tile(self.weights.reshape(self.elements, -1), self.components)
+        each = np.repeat(self.weights, self.components).reshape(self.elements, -1)
         self.weighted: Array = np.ascontiguousarray(table.swapaxes(1, 2) * each[:, None])
         self.dofs = np.ascontiguousarray(quadrature.element_dofs.T)
         self.cells: Index | None = None if basis is None else np.asarray(basis.tind)
@@ -248,14 +248,18 @@ class CellOperator:
         values = (
             self.table @ full[: self.sum.shape[0] * self.count].reshape(-1, self.count)[self.dofs]
         )
-        values = values.reshape(self.elements, self.components, self.per_element, self.count)
-        return values.transpose(3, 1, 0, 2).reshape(self.count, self.components, -1)
+        by_point = values.reshape(-1, self.components, self.count)
+        return np.ascontiguousarray(by_point.transpose(2, 1, 0))
+
+    @property
+    def by_point(self) -> Array:
+        """Derivatives of the local functions at every point, shape (points, components, local)."""
+        return self.table.reshape(-1, self.components, self.local)
 
     @cached_property
     def matrices(self) -> tuple[list[Part], list[Part]]:
         """L as sparse matrices, and that of which forces are the transposed."""
-        table = self.table.reshape(self.elements, self.components, self.per_element, self.local)
-        rows = table.swapaxes(0, 1).reshape(-1, self.local)
+        rows = self.by_point.swapaxes(0, 1).reshape(-1, self.local)
         columns = np.repeat(self.dofs, self.per_element, axis=0).ravel()
         starts = np.arange(0, rows.size + 1, self.local)
         index = (np.tile(columns, self.components), starts)
@@ -266,8 +270,8 @@ class CellOperator:
 
     def gather(self, forces: Array) -> Array:
         """Generalised forces of point forces, shape (count, components, points) → (unknowns,)."""
-        each = forces.reshape(self.count, self.components, self.elements, -1)
-        columns = each.transpose(2, 1, 3, 0).reshape(self.elements, -1, self.count)
+        each = forces.reshape(self.count, self.components, -1)
+        columns = each.transpose(2, 1, 0).reshape(self.elements, -1, self.count)
         return (self.sum @ (self.weighted @ columns).reshape(-1, self.count)).ravel()
 
     def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
@@ -279,19 +283,17 @@ class CellOperator:
             J[j, b, i, a]: change of force (i, a) with derivative (j, b).
         """
         m, k = self.count, self.components
-        each = derivative.reshape(m, k, m, k, self.elements, -1)
-        table = self.table.reshape(self.elements, k, self.per_element, self.local)
-        for i in range(m):
-            for j in range(m):
-                middle = np.einsum("baeq,ebqn->eaqn", each[j, :, i], table)
-                local = self.weighted @ middle.reshape(self.elements, -1, self.local)
+        for j, each in enumerate(derivative.reshape(m, k, m * k, -1)):
+            middle = np.ascontiguousarray(each.transpose(2, 1, 0)) @ self.by_point
+            middle = middle.reshape(-1, m, k, self.local)
+            for i in range(m):
+                local = self.weighted @ middle[:, i].reshape(self.table.shape)
                 self._add(local, pattern, blocks.pairs[i, j])
 
     def add_bilinear(self, matrix: Array, pattern: Pattern, block: Array) -> None:
         """Add Lᵀ w M L, one constant M (components, components), to one block of scalars."""
-        table = self.table.reshape(self.elements, self.components, self.per_element, self.local)
-        middle = np.einsum("ab,ebqn->eaqn", matrix, table)
-        self._add(self.weighted @ middle.reshape(self.table.shape), pattern, block)
+        middle = (matrix @ self.by_point).reshape(self.table.shape)
+        self._add(self.weighted @ middle, pattern, block)
 
     def _add(self, local: Array, pattern: Pattern, block: Array) -> None:
         """Sum element matrices (elements, row, column) into a block."""
@@ -544,8 +546,7 @@ class Chained:
             derivative[:q, q:].transpose(2, 1, 0),
             derivative[q : q + m, :q].transpose(2, 0, 1),
         )
-        table = cells.table.reshape(cells.elements, cells.components, cells.per_element, -1)
-        each = np.ascontiguousarray(table.transpose(0, 2, 1, 3)).reshape(-1, *table.shape[1::2])
+        each = cells.by_point
         shape = cells.elements, cells.per_element, m, cells.count, cells.local
         by_strip, on_forces = (
             (part.reshape(len(each), -1, cells.components) @ each).reshape(shape)
