@@ -301,7 +301,7 @@ class Contact(LawEffect):
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Residual per area: minus the traction of the roller, (components, points)."""
         place = self.seen(x, controls)
-        traction = self.roller.normal(place) * self.pressure(place)
+        traction = self.roller.normal(place, self.pressure(place))
         return transform(-self.view.swapaxes(0, 1), traction)
 
 

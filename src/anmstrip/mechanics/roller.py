@@ -42,9 +42,15 @@ class Projection:
     """Points seen from a roller's surface; arrays or series."""
 
     gap: Any  # h (m), shape (points,)
-    radial: Any  # unit vector e_ρ away from the axis in the roller's frame, (2, points)
+    across: Any  # vector from the axis in the roller's frame, (2, points)
+    distance: Any  # ρ, its length (m), (points,)
     slope: Any = None  # R' of the profile, (points,); None for a cylinder
     ratio: Any = None  # R / r, (points,); None for a cylinder
+
+    @property
+    def radial(self) -> Any:
+        """Unit vector e_ρ away from the axis in the roller's frame, (2, points)."""
+        return self.across / self.distance
 
 
 @dataclass(frozen=True)
@@ -148,18 +154,18 @@ class Roller:
         across = y if self.is_cylinder else y[:2]
         distance = np.sqrt(np.einsum("i...,i...->...", across, across))
         if self.is_cylinder:
-            return Projection(distance - (self.radius + self.half), across / distance)
+            return Projection(distance - (self.radius + self.half), across, distance)
         radius, slope = self.radius_at(y[2]), self.slope_at(y[2])
         gap = (distance - radius) / np.sqrt(slope * slope + 1.0) - self.half
-        return Projection(gap, across / distance, slope, radius / self.radius)
+        return Projection(gap, across, distance, slope, radius / self.radius)
 
-    def normal(self, at: Projection) -> Any:
-        """Unit normal in the frame, (e_ρ, −R') / √(1 + R'²), shape (rows, points)."""
+    def normal(self, at: Projection, size: Any = 1.0) -> Any:
+        """Unit normal in the frame, (e_ρ, −R') / √(1 + R'²), times a size; shape (rows, points)."""
         if at.slope is None:
-            return at.radial
-        inverse = 1.0 / np.sqrt(at.slope * at.slope + 1.0)
-        radial = at.radial * inverse
-        return np.stack([radial[0], radial[1], at.slope * inverse * -1.0])
+            return at.across * (size / at.distance)
+        share = size / np.sqrt(at.slope * at.slope + 1.0)
+        radial = at.across * (share / at.distance)
+        return np.stack([radial[0], radial[1], at.slope * share * -1.0])
 
     def tangents(self, at: Projection, directions: int) -> Any:
         """Unit tangents of the surface in the frame: of turning, and the meridian.
@@ -174,7 +180,8 @@ class Roller:
         -------
         array or Series, shape (directions − 1, directions, points)
         """
-        first, second = at.radial[0], at.radial[1]
+        radial = at.radial
+        first, second = radial[0], radial[1]
         if directions == 2:
             return np.stack([second * -1.0, first])[None]
         zero, one = np.zeros(first.shape), np.ones(first.shape)
@@ -182,7 +189,7 @@ class Roller:
         if at.slope is None:
             return np.stack([turning, np.stack([zero, zero, one])])
         inverse = 1.0 / np.sqrt(at.slope * at.slope + 1.0)
-        outwards = at.radial * (at.slope * inverse)
+        outwards = radial * (at.slope * inverse)
         return np.stack([turning, np.stack([outwards[0], outwards[1], inverse])])
 
 
