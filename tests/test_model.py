@@ -16,7 +16,7 @@ from anmstrip.fem.sampling import ContactOperator
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.contact import Contact, Friction
-from anmstrip.mechanics.effects import Controls
+from anmstrip.mechanics.effects import Controls, force_of
 from anmstrip.mechanics.laws import NortonHoff, RepulsiveSignorini
 from anmstrip.mechanics.loads import edge_force
 from anmstrip.mechanics.roller import Roller
@@ -312,3 +312,27 @@ def test_arclength_does_not_depend_on_units():
         lengths.append([step.branch.length for step in steps])
     assert len(lengths[0]) > 1
     np.testing.assert_allclose(lengths[1], lengths[0], rtol=2e-3)
+
+
+def test_forces_are_remembered_for_the_latest_states_and_no_others(monkeypatch) -> None:
+    model, asked = model_of(True), []
+    monkeypatch.setattr(
+        "anmstrip.equilibrium.force_of", lambda *given: asked.append(given[0]) or force_of(*given)
+    )
+    full, velocity = np.random.default_rng(0).normal(0.0, 1e-4, (2, model.unknowns))
+    controls, stiller = Controls(CONTROLS, SLOPES["roller"]), Controls(CONTROLS)
+    first = model.force(full, velocity, controls, 0.5)
+    assert len(asked) == len(model.effects)
+    np.testing.assert_array_equal(
+        model.force(full.copy(), velocity.copy(), controls, 0.5), first, strict=True
+    )
+    assert len(asked) == len(model.effects)
+    others = [
+        (full + 1e-6, velocity, controls, 0.5),
+        (full, velocity + 1e-3, controls, 0.5),
+        (full, velocity, controls, 0.25),
+        (full, velocity, stiller, 0.5),
+    ]
+    assert not any(np.array_equal(model.force(*other), first) for other in others)
+    assert len(asked) == 5 * len(model.effects)
+    np.testing.assert_array_equal(model.force(full, velocity, controls, 0.5), first)

@@ -16,6 +16,7 @@ from anmstrip.arrays import Array, Index
 from anmstrip.continuation.path import Branch
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Blocks, Chain, Chained, Eliminated, Pattern
+from anmstrip.fem.sampling import remembered
 from anmstrip.fem.strip import Strip
 from anmstrip.linalg.solvers import Bordered, Condensed, Joined, Joining
 from anmstrip.mechanics.effects import (
@@ -87,6 +88,7 @@ class Model:
         self.units = np.append(self.units, self.internal)
         self.laws = RecordedLaws(self.unknowns)
         self._joinings: dict[bytes, Joining] = {}
+        self._forces: tuple[Controls | None, dict[bytes, Array]] = None, {}
 
     @property
     def rate_dependent(self) -> bool:
@@ -154,15 +156,26 @@ class Model:
     def force(
         self, full: Array, velocity: Array | None, controls: Controls, control: float
     ) -> Array:
-        """Residual of all unknowns at λ in plain numbers: internal minus external forces."""
-        state, values = (full, velocity, control), controls.at(control)
-        total = np.zeros_like(full)
-        for effect in self.effects:
-            begin = time.perf_counter()
-            force = force_of(effect, state, values, controls, self.laws)
-            total[: len(force)] += force
-            self.seconds[effect.name] += time.perf_counter() - begin
-        return self.closed(total)
+        """Residual of all unknowns at λ in plain numbers: internal minus external forces.
+
+        Remembered for the latest states under the same controls: by that of its end a branch is
+        accepted, and then reactions are read off.
+        """
+
+        def found(_: Index) -> Array:
+            state, values = (full, velocity, control), controls.at(control)
+            total = np.zeros_like(full)
+            for effect in self.effects:
+                begin = time.perf_counter()
+                force = force_of(effect, state, values, controls, self.laws)
+                total[: len(force)] += force
+                self.seconds[effect.name] += time.perf_counter() - begin
+            return self.closed(total)
+
+        if self._forces[0] is not controls:
+            self._forces = controls, {}
+        key = np.concatenate([full, [control], *([] if velocity is None else [velocity])])
+        return remembered(self._forces[1], key, found)
 
     def tension_error(
         self, full: Array, change: Array, controls: Mapping[str, Any] | None = None
