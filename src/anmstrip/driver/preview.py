@@ -164,7 +164,7 @@ def gaps_to(course: Course, places: Array) -> dict[str, float]:
         at = np.asarray(course.values[f"rollers.{roller.name}.centre"])
         centre = crossing(roller) + (at - np.asarray(roller.centre))[[0, 2]]
         way = centre[:, None] - places[:, :-1]
-        distance = np.hypot(*way)
+        distance = np.sqrt((way**2).sum(axis=0))
         near = distance <= distance.min() + longest  # others are behind these pieces
         way, piece = way[:, near], step[:, near]
         square = np.maximum((piece**2).sum(axis=0), np.finfo(float).tiny)
