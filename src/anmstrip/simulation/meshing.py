@@ -77,8 +77,8 @@ half of them by 0.5 %; with 0.02 by 2.3 %, with 0.01 by 1 %, but a plate that is
 as long again.  Where elements were an eighth of the radius long they were off by up to 25 %."""
 
 FALLS = 0.1
-"""Least depth over the largest gap to a roller at the beginning.  Of eight plates that fall by 20 to
-2 800 times the onset four do not arrive, of eight that fall by 10 to 170 times all do."""
+"""Least depth over the largest gap to a roller at the beginning.  Of eight plates that fall by 20
+to 2 800 times the onset four do not arrive, of eight that fall by 10 to 170 times all do."""
 
 PARALLEL = 0.99
 """Least cosine of the angle between axes of rollers that face each other."""
