@@ -196,8 +196,8 @@ READINGS = (
     ),
     Mutant(
         "tension ratio upside down",
-        "self.tension_in / self.tension_out if",
-        "self.tension_out / self.tension_in if",
+        "return self.tension_in / self.tension_out",
+        "return self.tension_out / self.tension_in",
         "rollers",
     ),
     Mutant(
@@ -380,7 +380,8 @@ ENDS = (
            "2 * s * (1 - s), s * (2 * s - 1)", "profile"),
     Mutant("capacity by the contact's angle", "angles[np.abs(angles - state.wrap).argmin()]",
            "state.wrap", "profile"),
-    Mutant("capacity without a bound", "return float(min(used, 1.0))", "return float(used)",
+    Mutant("capacity without a bound", "return float(min(used / state.coefficient, 1.0))",
+           "return float(used / state.coefficient)",
            "profile"),
     Mutant("line load without its moment", "held**2 - 2.0 * here", "held**2 - 1.0 * here",
            "profile"),

@@ -12,7 +12,7 @@ from reported_files import Results, Surface, ran
 from reported_rollers import Look
 from reported_states import looks_at
 
-G = 9.81
+G, D = 9.81, 2.0e11 * 1e-9 / 12.0 / (1.0 - 0.3**2)
 
 SAMPLED = 2e-4
 """Angle (rad) from one place to the next but one, of 4000 within an element."""
@@ -202,18 +202,44 @@ def test_edge_forces_are_those_of_equilibrium(results: Results) -> None:
         assert edges[edge]["tension"] == pytest.approx(along, rel=1e-9)
 
 
+def direction(surface: Surface, x: float) -> np.ndarray:
+    """Unit vector along the strip at a reference x, mean over the lines of nodes across."""
+    corners = np.ix_(range(len(surface.reference)), (0, 3), (0, 3))
+    lines, number = np.unique(np.round(surface.reference[corners][..., 0], 8), return_inverse=True)
+    slopes = surface.tangents[0][corners].reshape(-1, 3).T
+    count = np.bincount(number.ravel())
+    means = (np.bincount(number.ravel(), part) / count for part in slopes)
+    found = np.array([np.interp(x, lines, mean) for mean in means])
+    return np.asarray(found / np.linalg.norm(found))
+
+
 def test_tensions_beside_the_rollers_are_those_of_equilibrium(results: Results) -> None:
-    """From the entry on: its force, what the rollers before do, and the weight up to the arc."""
+    """From the entry on: its force, what the rollers before do, and the weight up to the arc.
+
+    Of that the part along the strip 4 √(D/T) away, at most half of the way to the next arc.
+    """
     surface, (rollers, looks) = results.last, told(results)
-    entry = np.array(results.summary["edges"]["entry"]["force"])
-    for name, look in looks.items():
-        first, last = look.arc if look.touching.any() else (0.0, 0.0)
-        before = np.linalg.norm(entry + weight(results, surface, first)) / surface.width
-        entry = entry + look.resultant
-        after = np.linalg.norm(entry + weight(results, surface, last)) / surface.width
-        assert rollers[name]["tension_in"] == pytest.approx(before, rel=1e-6)
-        assert rollers[name]["tension_out"] == pytest.approx(after, rel=1e-6)
-        assert rollers[name]["tension_ratio"] == pytest.approx(before / after, rel=1e-6)
+    force = np.array(results.summary["edges"]["entry"]["force"])
+    x = surface.reference[..., 0]
+    arcs = {name: look.arc for name, look in looks.items() if look.touching.any()}
+    stops = [x.min(), *(end for arc in arcs.values() for end in arc), x.max()]
+    for number, (name, look) in enumerate(looks.items()):
+        if name not in arcs:
+            keys = "tension_in", "tension_out", "tension_ratio"
+            assert [rollers[name][key] for key in keys] == [None] * 3
+            continue
+        expected = []
+        for side, end in enumerate(look.arc):
+            pull = force + side * look.resultant + weight(results, surface, end)
+            layer = np.sqrt(D * surface.width / np.linalg.norm(pull))
+            away = stops[2 * (number + side) : 2 * (number + side) + 2]
+            place = end + (2 * side - 1) * min(4.0 * layer, 0.5 * (away[1] - away[0]))
+            expected.append(-pull @ direction(surface, place) / surface.width)
+        force = force + look.resultant
+        assert rollers[name]["tension_in"] == pytest.approx(expected[0], rel=1e-6)
+        assert rollers[name]["tension_out"] == pytest.approx(expected[1], rel=1e-6)
+        ratio = expected[0] / expected[1]
+        assert rollers[name]["tension_ratio"] == pytest.approx(ratio, rel=2e-6)
 
 
 def test_moments_about_the_axis_balance(turning: Results) -> None:

@@ -124,16 +124,17 @@ def stationary(tables: dict[str, Any], like: State | None, patch: pytest.MonkeyP
 def read(state: State, start: State) -> dict[str, float]:
     """What is read off a state, tensions at rollers and offsets at places of another."""
     strip, width = state.plan.model.strip, state.plan.model.strip.width
+    places = {name: passed.places for passed in start.passages for name in passed.names}
     found = {f"{name}_tension": state.tension(name) for name in ("entry", "exit")}
     found["strip_speed"] = float(state.strip_speed or np.nan)
     force = state.edge_force("entry")
     for name, reading in state.rollers.items():
         arc = start.contacts[name].arc
         pulls = force, force + reading.resultant
-        for word, x, pull in zip(("in", "out"), arc, pulls, strict=True):
-            found[f"{name}_tension_{word}"] = float(
-                np.linalg.norm(pull + state.weight_before(x)) / width
-            )
+        slopes = state.slope(places[name])
+        for word, x, pull, slope in zip(("in", "out"), arc, pulls, slopes, strict=True):
+            along = slope / np.linalg.norm(slope)
+            found[f"{name}_tension_{word}"] = -(pull + state.weight_before(x)) @ along / width
         force = pulls[1]
         found[f"{name}_torque"] = reading.torque
         found[f"{name}_surface_speed"] = reading.surface_speed

@@ -66,7 +66,7 @@ def test_a_mirrored_line_gives_mirrored_results(mirror: tuple[int, int], swapped
     for name, reading in state.rollers.items():
         for part in ("normal_force", "drag", "wrap", "creep_speed", "tension_in", "max_slip"):
             one, two = getattr(reading, part), getattr(image.rollers[name], part)
-            assert one == pytest.approx(two, rel=1e-7, abs=1e-7), (name, part)
+            assert one == two or one == pytest.approx(two, rel=1e-7, abs=1e-7), (name, part)
     assert state.rollers["b"].drag > 100.0  # N: it pulls the strip on, over the roller that stands
     assert state.rollers["a"].drag < -100.0
 

@@ -55,11 +55,12 @@ SMALL = 1e-2
 
 
 def tension_readings(state: State) -> dict[str, float]:
-    """Return the tensions (N/m) of the ends, and of the strip before and behind every roller."""
+    """Return the tensions (N/m) of the ends, and of the strip before and behind what it passes."""
     found: dict[str, float]
     found = {n: state.tension(n) for n in ("entry", "exit") if n in state.plan.model.strip.edges}
-    for name, reading in state.rollers.items():
-        found |= {f"{name}.in": reading.tension_in, f"{name}.out": reading.tension_out}
+    for passage in state.passages:
+        for name in passage.names:
+            found |= zip((f"{name}.in", f"{name}.out"), passage.tensions, strict=True)
     return found
 
 

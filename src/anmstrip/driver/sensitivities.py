@@ -188,8 +188,7 @@ class StationaryTangent:
     def order(self) -> dict[str, int]:
         """Rollers and their numbers, from the entry on."""
         numbers = {roller.name: n for n, roller in enumerate(self.friction.roller.members)}
-        contacts = self.state.contacts
-        return {name: numbers[name] for name in sorted(numbers, key=lambda n: contacts[n].middle)}
+        return {name: numbers[name] for passed in self.state.passages for name in passed.names}
 
     @cached_property
     def turning(self) -> Index:
@@ -199,20 +198,20 @@ class StationaryTangent:
         return np.array([places.get(name, -1) for name in self.order])
 
     @cached_property
+    def passage_of(self) -> Index:
+        """Number of the passage of every roller, from the entry on."""
+        numbers = range(len(self.state.passages))
+        return np.repeat(numbers, [len(passed.names) for passed in self.state.passages])
+
+    @cached_property
     def arcs(self) -> Array:
-        """Reference x where contact begins and ends, (rollers, 2), from the entry on."""
-        return np.array([self.state.contacts[name].arc for name in self.order])
+        """Reference x where contact begins and ends, (passages, 2), from the entry on."""
+        return np.array([passed.arc for passed in self.state.passages])
 
     @cached_property
     def weights(self) -> Array:
-        """Weight (N) of the strip up to there, (rollers, 2, 3)."""
+        """Weight (N) of the strip up to there, (passages, 2, 3)."""
         return np.array([[self.state.weight_before(x) for x in arc] for arc in self.arcs])
-
-    @cached_property
-    def pulls(self) -> Array:
-        """Forces (N) on the strip there, (rollers, 2, 3)."""
-        gained = np.array([self.state.rollers[name].resultant for name in self.order])
-        return cumulated(self.edge_forces["entry"], gained) + self.weights
 
     @cached_property
     def edge_forces(self) -> dict[str, Array]:
@@ -421,9 +420,7 @@ class Readings:
         edge, sign = strip.edges[name], -1.0 if name == "entry" else 1.0
         slope = strip.edge_tangent(name, state.full)
         turn = strip.edge_tangent(name, self.change) - [1.0, 0.0, 0.0]
-        size = np.linalg.norm(slope)
-        along, turned = slope / size, turn / size - slope * (slope @ turn) / size**3
-        found = self.edge_forces[name] @ along + self.tangent.edge_forces[name] @ turned
+        found = along_changed(self.tangent.edge_forces[name], self.edge_forces[name], slope, turn)
         return sign * float(found) / edge.length
 
     @property
@@ -443,22 +440,28 @@ class Readings:
             tangent.on_rollers(name, change, self.explicit) for name in ("contact", "friction")
         )
         count, places = model.strip.kinematics.count, list(tangent.order.values())
-        gained = -model.strip.kinematics.embed(pushes + drags[:count]).T[places]
+        each = -model.strip.kinematics.embed(pushes + drags[:count]).T[places]
+        passed, passages = tangent.passage_of, state.passages
+        gained = np.zeros((len(passages), 3))
+        np.add.at(gained, passed, each)
         rises = cumulated(self.edge_forces["entry"], gained) + self.heavier * tangent.weights
         if (held := tangent.held(self.key)).any() and tangent.hanging is not None:
             longer = tangent.hanging.growth.up_to(tangent.arcs.ravel(), held)
             rises += state.weight_of(longer).reshape(rises.shape)
-        sizes = np.linalg.norm(tangent.pulls, axis=2) * model.strip.width
-        tensions = (tangent.pulls * rises).sum(axis=2) / sizes
+        changed = replace(state, full=change)
+        pulls, slopes = (np.array([getattr(p, n) for p in passages]) for n in ("pulls", "slopes"))
+        turns = np.array([changed.mean_across("u_x", p.places) for p in passages])
+        tensions = -along_changed(pulls, rises, slopes, turns)[passed] / model.strip.width
         radii = np.array([roller.radius for roller in tangent.friction.roller.members])
         given = [float(self.key == f"rollers.{name}.surface_speed") for name in tangent.order]
         speeds = np.where(tangent.turning < 0, given, change[tangent.turning])
         columns = [*tensions.T, (radii * drags[-1])[places], speeds]
         if count == 3:
-            columns.append(replace(state, full=change).offset(tangent.arcs[:, 0]))
+            columns.append(changed.offset(tangent.arcs[passed, 0]))
         words = ("tension_in", "tension_out", "torque", "surface_speed", "offset")[: len(columns)]
-        names = (f"{name}_{word}" for name in tangent.order for word in words)
-        found |= zip(names, np.transpose(columns).ravel().tolist(), strict=True)
+        for name, values in zip(tangent.order, np.transpose(columns).tolist(), strict=True):
+            first = 2 * (state.rollers[name].tension_in is None)  # there is no tension
+            found |= {f"{name}_{w}": v for w, v in zip(words[first:], values[first:], strict=True)}
         if count == 3:
             found["least_membrane_force"] = self.least_membrane_force()
         return found
@@ -485,6 +488,14 @@ class Readings:
             changed = changed + forces[:, :, worst] / data[self.key == "strip.thickness"]
         e = directions[worst, :, 0]
         return float(e @ changed @ e)
+
+
+def along_changed(force: Array, change: Array, slope: Array, turn: Array) -> Array:
+    """Change of the component of a force along a slope that turns, vectors last."""
+    size = np.linalg.norm(slope, axis=-1, keepdims=True)
+    along = slope / size
+    turned = (turn - along * (along * turn).sum(axis=-1, keepdims=True)) / size
+    return np.asarray((change * along + force * turned).sum(axis=-1))
 
 
 def cumulated(first: Array, gained: Array) -> Array:

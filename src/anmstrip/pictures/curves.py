@@ -26,7 +26,7 @@ PANELS = {
     "tension_out": ("tension behind the roller [kN/m]", 1e-3),
     "torque": ("torque on the strip [N m]", 1.0),
     "slip_arc": ("slip arc [°]", 180.0 / np.pi),
-    "capacity_used": ("share of Euler's limit [%]", 100.0),
+    "capacity_used": ("share of friction that is used [%]", 100.0),
     "offset": ("offset to +y where the strip runs on [mm]", 1e3),
 }
 """Columns of a map that are drawn for every roller, with their titles and units."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
@@ -27,6 +27,9 @@ BEYOND = 2.0
 of 1 to 1/8 of that length and onsets of contact over 1e-6 to 1e-4 m the loads of a roller in the
 middle of a 50° wrap are then within 2 per cent of the theory; at 1 they are up to 40 per cent off,
 at 4 up to 6."""
+
+LAYERS = 4.0
+"""Distance from a roller, in √(D/T), from which on a strip is free: where it lifts off it bends."""
 
 STICKS = 0.95
 """Share of the cone f R_N up to which a point counts as sticking."""
@@ -101,6 +104,11 @@ class ContactState:
     def torque(self) -> float:
         """Moment of friction about the axis on the strip, in the sense of drag (N m)."""
         return float(self.friction_forces @ self.arm)
+
+    @cached_property
+    def resultant(self) -> Array:
+        """Force of the roller on the strip (N), shape (3,)."""
+        return np.asarray(((self.pressure * self.normal + self.traction) * self.area).sum(axis=1))
 
     @property
     def wrap(self) -> float:
@@ -248,21 +256,46 @@ def parabola_roots(values: Array) -> Array:
 
 
 @dataclass(frozen=True)
+class Passage:
+    """Where the strip passes a roller, or several that nip it: their contacts overlap.
+
+    The tension is the component, along the strip, of the force on it, which by equilibrium from the
+    entry is known where contact begins and ends.  The strip's direction is that at
+    :data:`LAYERS` √(D/T) from there, or in the middle of the way to the next contact or to the end:
+    where the strip bends onto the roller shear takes a part of the force.
+    """
+
+    names: tuple[str, ...]
+    arc: tuple[float, float]  # reference x where contact begins and ends
+    places: Array  # reference x before and behind it where the strip's direction is taken, (2,)
+    slopes: Array  # ∂r/∂X there, shape (2, 3)
+    pulls: Array  # forces on all strip up to where contact begins and ends (N), shape (2, 3)
+    width: float  # of the strip (m)
+
+    @property
+    def tensions(self) -> tuple[float, float]:
+        """Tension before and behind (N/m)."""
+        along = self.slopes / np.linalg.norm(self.slopes, axis=1)[:, None]
+        before, behind = (-(self.pulls * along).sum(axis=1) / self.width).tolist()
+        return before, behind
+
+
+@dataclass(frozen=True)
 class RollerReading:
     """Forces of a roller on the strip, and how they come about."""
 
     normal_force: float  # sum of the normal forces (N)
     drag: float  # sum of the friction forces in the sense of a positive speed (N)
     wrap: float  # angle from the beginning to the end of contact (rad)
-    tension_in: float  # before the roller (N/m), by equilibrium from the entry; 0 without one
-    tension_out: float  # behind it, likewise
+    tension_in: float | None  # along the strip before the roller (N/m); None if nothing touches
+    tension_out: float | None  # behind it, likewise
     max_slip: float  # largest slip speed in contact (m/s)
     creep_speed: float  # roller's surface speed less the strip's, mean over the contact (m/s)
     cone_violation: float  # largest |R_T| / (f R_N) − 1 in contact, at least 0
     surface_speed: float  # where the profile has the nominal radius (m/s)
     torque: float  # moment of friction about the axis on the strip, in the sense of drag (N m)
     bearing_torque: float  # with which bearings brake a roller that turns freely (N m)
-    capacity_used: float | None  # |ln(T1/T2)| / (f θ), at most 1; None where there is no friction
+    capacity_used: float | None  # share of the largest friction, at most 1; None without friction
     slip_arc: float  # angle over which friction is at 0.95 of f R_N or more (rad)
     line_load_in: float  # load where the strip runs on, beyond T/r (N/m)
     line_load_out: float  # where it runs off
@@ -271,63 +304,63 @@ class RollerReading:
     @property
     def tension_ratio(self) -> float | None:
         """Tension before the roller over tension after it."""
-        return self.tension_in / self.tension_out if self.tension_out > 0.0 else None
+        if self.tension_in is None or self.tension_out is None or self.tension_out <= 0.0:
+            return None
+        return self.tension_in / self.tension_out
 
 
-def reading_of(
-    state: ContactState, incoming: Array, weight_before: Callable[[float], Array], bending: float
-) -> RollerReading:
+def reading_of(state: ContactState, passage: Passage, bending: float) -> RollerReading:
     """Read off a roller.
 
     Parameters
     ----------
     state : ContactState
-    incoming : ndarray, shape (3,)
-        Sum of the forces on the strip before the roller, its weight left out (N).
-    weight_before : callable
-        Weight of the strip up to a reference x (N), shape (3,).
+    passage : Passage
+        What is before and behind the roller, and those that nip the strip with it.
     bending : float
         D (N m); 0 of a strip that does not resist bending.
     """
-    area, touching = state.area, state.touching
-    resultant = ((state.pressure * state.normal + state.traction) * area).sum(axis=1)
-    force = state.pressure * area * touching
+    touching = state.touching
+    force = state.pressure * state.area * touching
     along = np.einsum("ip,ip->p", state.slip, state.turning)
-    before, after = (
-        total + weight_before(x)
-        for total, x in zip((incoming, incoming + resultant), state.arc, strict=True)
-    )
-    tensions = [float(np.linalg.norm(v) / state.width) for v in (before, after)]
-    loads = line_loads(state, tensions, bending)
+    tensions = passage.tensions if touching.any() else (None, None)
+    loads = line_loads(state, passage.tensions, bending)
     return RollerReading(
         **{name: getattr(state, name) for name in (*STEP_READINGS, "bearing_torque", "slip_arc")},
         tension_in=tensions[0],
         tension_out=tensions[1],
         creep_speed=-float((along * force).sum() / force.sum()) if force.any() else 0.0,
         cone_violation=max(0.0, float(state.cone_share.max()) - 1.0),
-        capacity_used=capacity_used(state, before, after),
+        capacity_used=capacity_used(state, passage),
         line_load_in=loads[0],
         line_load_out=loads[1],
-        resultant=resultant,
+        resultant=state.resultant,
     )
 
 
-def capacity_used(state: ContactState, before: Array, after: Array) -> float | None:
-    """Share |ln(T1/T2)| / (f θ) of what friction can bear, between 0 and 1.
+def capacity_used(state: ContactState, passage: Passage) -> float | None:
+    """Share of the largest friction, between 0 and 1: by Euler's formula where tension presses.
 
-    θ is the angle by which the roller turns the strip, between the directions of its forces (N)
-    before and behind, to whole turns nearest to the wrap: that of Euler's formula.  The angle of
-    contact is smaller by √(D/T)/r at both ends, where the line loads do as much as it lacks.
+    That is |ln(T1/T2)| / (f θ), where θ is the angle by which the roller turns the strip, between
+    the directions of its forces before and behind, to whole turns nearest to the wrap.  The angle
+    of contact is smaller by √(D/T)/r at both ends, where the line loads do as much as it lacks.
+    Where more than the largest tension times θ presses, as a nip or strip so stiff that its shear
+    forces bear its weight do, it is the friction force over f times the normal force.
     """
-    tensions = np.linalg.norm(before), np.linalg.norm(after)
-    if not state.coefficient or state.wrap == 0.0 or min(tensions) == 0.0:
+    if not state.coefficient or state.wrap == 0.0:
         return None
+    before, after = passage.pulls
     axis = state.roller.unit_axis
     turn = np.arctan2(axis @ np.cross(before, after), before @ after)
     angles = np.abs(turn + 2.0 * np.pi * np.array([-1.0, 0.0, 1.0]))
-    angle = angles[np.abs(angles - state.wrap).argmin()]
-    used = abs(np.log(tensions[0] / tensions[1])) / max(state.coefficient * angle, 1e-300)
-    return float(min(used, 1.0))
+    angle = float(angles[np.abs(angles - state.wrap).argmin()])
+    low, high = sorted(passage.tensions)
+    pressed = state.normal_force / state.width
+    if len(passage.names) == 1 and low > 0.0 and pressed <= high * angle:
+        used = np.log(high / low) / angle
+    else:
+        used = abs(state.drag) / state.normal_force
+    return float(min(used / state.coefficient, 1.0))
 
 
 def line_loads(state: ContactState, tensions: Sequence[float], bending: float) -> list[float]:
@@ -343,7 +376,7 @@ def line_loads(state: ContactState, tensions: Sequence[float], bending: float) -
     The point is :data:`BEYOND` √(D/T) behind the end, at most in the middle of the arc; there, half
     of a contact along a line belongs to each end.
     """
-    if not (state.ends.size and state.pressure.any()) or min(tensions) == 0.0:
+    if not (state.ends.size and state.pressure.any()) or min(tensions) <= 0.0:
         return [0.0, 0.0]
     near = np.flatnonzero(state.pressure)
     places = np.round(state.contact.operator.reference[0, near], 9)
@@ -402,7 +435,7 @@ def regularisation_of(
     touching, radius = state.touching, state.roller.radius
     if not touching.any():
         return Regularisation()
-    tension = max(reading.tension_in, reading.tension_out)
+    tension = max(reading.tension_in or 0.0, reading.tension_out or 0.0)
     creep = by_creep = by_cone = uneven = 0.0
     if state.coefficient and tension > 0.0:
         slip, traction = (np.linalg.norm(v, axis=0) for v in (state.slip, state.traction))

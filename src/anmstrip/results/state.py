@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import compress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +18,9 @@ from anmstrip.mechanics.loads import FollowerLoad
 from anmstrip.mechanics.shell import Membrane, principal_values
 from anmstrip.results.fields import Profile
 from anmstrip.results.rollers import (
+    LAYERS,
     ContactState,
+    Passage,
     Regularisation,
     RollerReading,
     reading_of,
@@ -227,13 +230,20 @@ class State:
         x : float or ndarray
             Between lines of nodes the means are interpolated linearly.
         """
+        return self.mean_across("u", x)[..., 1]
+
+    def slope(self, x: Any) -> Array:
+        """Derivative ∂r/∂X of the strip at a reference x, mean over its width, (..., 3)."""
+        return np.array([1.0, 0.0, 0.0]) + self.mean_across("u_x", x)
+
+    def mean_across(self, name: str, x: Any) -> Array:
+        """Mean of a degree of freedom of the nodes over the width at a reference x, (..., 3)."""
         strip = self.plan.model.strip
-        place = strip.kinematics.place(1)
-        if place is None:
-            return 0.0
-        moved = strip.nodal(self.full)[strip.node_values, place]
+        values = strip.kinematics.embed(strip.nodal(self.full)[strip.dofs(name)].T)
         lines, number = np.unique(np.round(strip.nodes[0], 9), return_inverse=True)
-        return np.interp(x, lines, np.bincount(number, moved) / np.bincount(number))
+        count = np.bincount(number)
+        means = (np.interp(x, lines, np.bincount(number, part) / count) for part in values)
+        return np.stack(list(means), axis=-1)
 
     @cached_property
     def contacts(self) -> dict[str, ContactState]:
@@ -314,15 +324,43 @@ class State:
     @cached_property
     def rollers(self) -> dict[str, RollerReading]:
         """Roller → what is read off, in the order of the scene."""
-        strip = self.plan.model.strip
-        edges, bending = strip.edges, self.bends * strip.bending_stiffness
-        incoming = self.edge_force("entry") if "entry" in edges else np.zeros(3)
-        readings = {}
-        for name in sorted(self.contacts, key=lambda n: self.contacts[n].middle):
-            state = self.contacts[name]
-            readings[name] = reading_of(state, incoming, self.weight_before, bending)
-            incoming = incoming + readings[name].resultant
-        return {name: readings[name] for name in self.contacts}
+        bending = self.bends * self.plan.model.strip.bending_stiffness
+        found = {name: passage for passage in self.passages for name in passage.names}
+        return {name: reading_of(c, found[name], bending) for name, c in self.contacts.items()}
+
+    @cached_property
+    def passages(self) -> list[Passage]:
+        """What the strip passes from the entry on: rollers whose contacts overlap at once."""
+        strip, contacts = self.plan.model.strip, self.contacts
+        passed: list[list[str]] = []
+        near: list[str] = []  # what has been touched last
+        for name in sorted(contacts, key=lambda n: contacts[n].middle):
+            touches, reached = contacts[name].touching.any(), [contacts[n].arc[1] for n in near]
+            if touches and contacts[name].arc[0] < max(reached, default=-np.inf):
+                near.append(name)
+                continue
+            passed.append([name])
+            near = passed[-1] if touches else near
+        arcs = [np.array([contacts[name].arc for name in names]) for names in passed]
+        ends = [(float(arc[:, 0].min()), float(arc[:, 1].max())) for arc in arcs]
+        touched = [contacts[names[0]].touching.any() for names in passed]
+        stops = np.array([*strip.span, *(x for arc in compress(ends, touched) for x in arc)])
+        force = self.edge_force("entry") if "entry" in strip.edges else np.zeros(3)
+        stiffness, found = self.bends * strip.bending_stiffness, []
+        for names, (begin, end) in zip(passed, ends, strict=True):
+            before = force + self.weight_before(begin)
+            force = force + sum(contacts[name].resultant for name in names)
+            pulls = np.stack([before, force + self.weight_before(end)])
+            free = [
+                begin - stops[stops < begin].max(initial=strip.span[0]),
+                stops[stops > end].min(initial=strip.span[1]) - end,
+            ]
+            sizes = np.maximum(np.linalg.norm(pulls, axis=1) / strip.width, 1e-300)
+            away = np.minimum(LAYERS * np.sqrt(stiffness / sizes), 0.5 * np.array(free))
+            places = np.array([begin - away[0], end + away[1]])
+            arc, slopes = (begin, end), self.slope(places)
+            found.append(Passage(tuple(names), arc, places, slopes, pulls, strip.width))
+        return found
 
     @cached_property
     def regularisation(self) -> dict[str, Regularisation]:

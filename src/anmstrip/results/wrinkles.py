@@ -28,6 +28,7 @@ from anmstrip.fem.sampling import l2_projection, quadrature_points, shape_of
 from anmstrip.linalg.solvers import Bordered, LinearSolver, SparseSolver
 from anmstrip.mechanics.shell import Membrane, eigenstrain, principal
 from anmstrip.results.fields import FieldSampler
+from anmstrip.results.rollers import LAYERS
 from anmstrip.results.state import State
 
 CLOSE = 0.5
@@ -35,9 +36,6 @@ CLOSE = 0.5
 
 PART = 0.1
 """Share of the largest compression that counts as compressed."""
-
-LAYERS = 4.0
-"""Distance of a free span from a roller, in √(D/T): where it lifts off a strip is stressed so."""
 
 I_UNIT, EDGES = 1e-5, (-0.5, 0.5)
 """Strain of one I-unit of flatness, and where the edges are, over the width."""

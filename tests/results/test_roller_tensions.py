@@ -1,0 +1,111 @@
+"""Tensions beside rollers and used friction: of stiff strip, at nips, and without contact."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from anmstrip import Scene
+from anmstrip.driver.run import Run
+from anmstrip.driver.sensitivities import sensitivities
+from anmstrip.results.state import State
+
+FRICTION, BEARING, RADIUS, WIDTH = 0.3, 3.0, 0.2, 2.0
+
+TABLE: dict[str, Any] = {
+    "strip": {"kinematics": "section", "width": WIDTH, "thickness": 8e-3},
+    "material": {"young": 2e11, "poisson": 0.3, "density": 7850.0},
+    "contact": {},
+    "friction": {"coefficient": FRICTION},
+    "threading": {"tension": 500.0, "entry": [-2.0, 0.0, 0.0], "exit": [6.0, 0.0, 0.0]},
+    "rollers": [
+        {
+            "name": f"t{i}", "radius": RADIUS, "centre": [float(i), 0.0, -RADIUS], "wrap": "over",
+            "drive": "idle", "bearing": BEARING,
+        }
+        for i in range(5)
+    ],
+    "edges": {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"]}},
+    "stages": [
+        {"name": "weight", "duration": 1.0, "friction": False, "gravity": [0.0, 0.0, -9.81]},
+        {"name": "run", "steady": True, "strip": {"speed": 1.0}},
+    ],
+}  # fmt: skip
+"""A plate 8 mm thick whose shear forces bear its weight between idle rollers."""
+
+NIP: dict[str, Any] = {
+    "strip": {"kinematics": "section", "width": 1.0, "thickness": 1e-3},
+    "material": {"young": 2e11, "poisson": 0.3},
+    "contact": {"faces": True},
+    "friction": {"coefficient": 0.2},
+    "threading": {"tension": 4e3, "entry": [-1.0, 0.0, 0.0], "exit": [1.0, 0.0, 0.0]},
+    "rollers": [
+        {"name": "lower", "radius": 0.1, "centre": [0.0, 0.0, -0.1005], "wrap": "over"},
+        {"name": "upper", "radius": 0.1, "centre": [0.0, 0.0, 0.10037]},
+        {"name": "open", "radius": 0.1, "centre": [0.5, 0.0, 0.11]},
+    ],
+    "edges": {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"]}},
+    "stages": [
+        {
+            "name": "run", "steady": True,
+            "entry": {"tension": 5e3}, "exit": {"tension": 4e3},
+            "rollers": {"lower": {"surface_speed": 1.0}, "upper": {"surface_speed": 1.0}},
+        },
+    ],
+}  # fmt: skip
+"""Pinch rolls that hold 5 against 4 kN/m, and a roller that nothing touches."""
+
+
+def ended(tables: dict[str, Any]) -> tuple[Run, State]:
+    """A run whose errors are estimated, and its last state."""
+    run = Run(Scene.model_validate(tables))
+    run.estimates = True
+    for _ in run:
+        pass
+    assert run.outcome.done, run.message
+    assert run.state is not None
+    return run, run.state
+
+
+def test_tensions_of_stiff_strip_are_without_its_shear_forces() -> None:
+    """Over a roller they rise by its torque over r W, and it uses its torque over r f N.
+
+    Shear forces are more than the tension, which is the horizontal force.
+    """
+    _, state = ended(TABLE)
+    end = float(state.edge_force("exit")[0]) / WIDTH
+    for name, reading in list(state.rollers.items())[::-1]:
+        assert reading.torque == pytest.approx(-BEARING, rel=0.02)
+        assert reading.tension_out == pytest.approx(end, rel=0.01), name
+        end -= BEARING / (RADIUS * WIDTH)
+        assert reading.tension_in == pytest.approx(end, rel=0.01), name
+        used = BEARING / (RADIUS * FRICTION * reading.normal_force)
+        assert reading.capacity_used == pytest.approx(used, rel=0.02)
+    assert state.rollers["t0"].normal_force > 2.0 * 500.0 * WIDTH
+
+
+def test_tensions_beside_a_nip_are_those_of_the_strip() -> None:
+    """Both rollers share the difference, and use of f N what they bear of it; the mesh is blamed
+    for what it changes of the nip's force alone."""
+    run, state = ended(NIP)
+    for name in ("lower", "upper"):
+        reading = state.rollers[name]
+        assert reading.tension_in == pytest.approx(5e3, rel=1e-4)
+        assert reading.tension_out == pytest.approx(4e3, rel=1e-4)
+        assert reading.capacity_used == pytest.approx(
+            500.0 / (0.2 * reading.normal_force), rel=0.01
+        )
+    mesh = run.errors()["mesh"]
+    assert mesh is not None
+    assert mesh["tension"] < 1.0
+    assert not run.budget.of_mesh
+
+
+def test_a_roller_that_nothing_touches_has_no_tension() -> None:
+    _, state = ended(NIP)
+    reading = state.rollers["open"]
+    assert (reading.tension_in, reading.tension_out, reading.tension_ratio) == (None, None, None)
+    assert "open_tension_in" not in sensitivities(state, [False] * 3)["entry.tension"]
+    assert np.abs(state.passages[1].tensions - np.array(4e3)).max() < 1.0
