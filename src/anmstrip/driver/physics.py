@@ -59,8 +59,8 @@ BORNE = 0.8
 SLENDER = 2.0
 """Least length of a run, in widths of the strip, that bends in its plane as a beam."""
 
-FADES, LOOKS = 80.0, 1001
-"""Onsets of contact over which the pressure of a nip is summed up, and points of that sum."""
+FADES = 80.0
+"""Onsets of contact over which the pressure of a nip is summed up."""
 
 SURE = 1.2
 """Force of a nip, an estimate, over the one by which friction would just hold the strip."""
@@ -182,11 +182,14 @@ def moved_back(plan: StageProblem, moved: Roller, way: Array, apart: float) -> A
 
 def roller_in_the_way(preview: Preview) -> Iterator[str]:
     """Rollers through which the strip is laid, on its way between others."""
-    if preview.assembly.thread is None:
+    assembly = preview.assembly
+    if assembly.thread is None:
         return
-    for roller in preview.assembly.rollers:
+    drawn, *_ = nips_in_stages(assembly.scene, assembly.rollers, assembly.thread)
+    nipping = {r.name for nip in drawn if nip.gap >= 0.0 for r in (nip.first, nip.second)}
+    for roller in assembly.rollers:
         inside = -preview.strings[0].gaps.get(roller.name, 0.0)
-        if inside > GRAZES * roller.radius:
+        if inside > GRAZES * roller.radius and roller.name not in nipping:
             yield (
                 f"the threaded strip would run {inside:.2g} m inside of roller {roller.name}. "
                 f'Try rollers.{roller.name}.wrap = "over" or "under", in its place among the '
@@ -364,7 +367,11 @@ def held_better(preview: Preview, end: str, pulled: Pulled, turn: float) -> str:
         if not rubbing(assembly, nip):
             continue
         squeeze = holding_squeeze(preview, end, pulled, nip)
-        return f", or {closer(assembly, pulled.stage.name, nip, squeeze)}"
+        return (
+            f", or a nip that presses with about {nip_force(assembly, nip, squeeze):.2g} N, "
+            f"{SURE:g} times what would hold the strip: "
+            f"{closer(assembly, pulled.stage.name, nip, squeeze)}"
+        )
     low = min(pulled.ends.values())
     f = np.log(high / low) / turn if low and turn else np.inf
     return f", or a friction coefficient above {two_digits(f, np.ceil):g}" if f < 2.0 else ""
@@ -640,14 +647,23 @@ def nip(preview: Preview) -> Iterator[str]:
 
 
 def nip_force(assembly: Assembly, nip: Nip, squeeze: float) -> float:
-    """Return the force (N) of rollers on straight strip that is squeezed by so much (m)."""
-    from scipy.integrate import trapezoid
+    """Return the force (N) of rollers on straight strip that is squeezed by so much (m).
 
+    It is summed up over the contact points of the mesh, as in a run: where they stand farther apart
+    than the onset reaches, a sum is another force than the integral.
+    """
     law, curvature = assembly.signorini, 0.5 / nip.first.radius + 0.5 / nip.second.radius
     reach = np.sqrt((max(squeeze, 0.0) + FADES * law.width) / curvature)
-    x = np.linspace(-reach, reach, LOOKS)
-    pressure = np.asarray(law(0.5 * curvature * x**2 - 0.5 * squeeze))
-    return float(trapezoid(pressure, x)) * assembly.strip.width
+    axis, way = nip.first.unit_axis, np.subtract(nip.second.centre, nip.first.centre)
+    way -= (way @ axis) * axis
+    way /= np.linalg.norm(way)
+    middle = np.asarray(nip.first.centre) + (nip.first.radius + 0.5 * nip.gap) * way
+    points, areas = assembly.laid_points
+    away = points - middle[:, None]
+    x = np.cross(axis, way) @ away
+    near = (np.abs(x) < reach) & (np.abs(way @ away) < nip.first.radius)
+    pressure = np.asarray(law(0.5 * curvature * x[near] ** 2 - 0.5 * squeeze))
+    return float(pressure @ areas[near])
 
 
 def nip_friction(assembly: Assembly, nip: Nip, load: float, sure: float) -> float:
@@ -682,7 +698,7 @@ def typed_place(assembly: Assembly, stage: str, roller: Roller, centre: Array) -
         if each.name == stage:
             break
     rounded = np.round(value, NANOMETRES) + 0.0
-    return f"--set '{key}=[{', '.join(f'{x:.6g}' for x in rounded)}]'"
+    return f"--set '{key}=[{', '.join(f'{x:.12g}' for x in rounded)}]'"
 
 
 def closer(assembly: Assembly, stage: str, nip: Nip, squeeze: float) -> str:

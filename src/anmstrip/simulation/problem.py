@@ -497,6 +497,15 @@ class Assembly:
         return self._contact([roller.radius for roller in self.rollers])
 
     @cached_property
+    def laid_points(self) -> tuple[Array, Array]:
+        """Places (m) of the contact points where the strip is laid, (3, n), and their areas (m²)."""
+        operator, moved = self.contact_operator, np.zeros(self.strip.unknowns)
+        if self.thread is not None:
+            moved = self.thread.laid(self.strip, self.pattern)
+        displacement = self.strip.kinematics.embed(operator.apply(moved))
+        return operator.reference + displacement, operator.weights
+
+    @cached_property
     def rubbing(self) -> Friction | None:
         """Friction on all rollers, if the scene has it."""
         law = self.friction
