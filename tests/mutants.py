@@ -769,8 +769,8 @@ ADVICE = (
     ),
     Mutant(
         "both sides of a nip give way to all of its squeeze",
-        "curvature * x**2 - 0.5 * squeeze",
-        "curvature * x**2 - squeeze",
+        "curvature * x[near] ** 2 - 0.5 * squeeze",
+        "curvature * x[near] ** 2 - squeeze",
         "advice",
         "test_nip.py",
     ),

@@ -498,7 +498,7 @@ class Assembly:
 
     @cached_property
     def laid_points(self) -> tuple[Array, Array]:
-        """Places (m) of the contact points where the strip is laid, (3, n), and their areas (m²)."""
+        """Places (m) of contact points where the strip is laid, (3, n), and their areas (m²)."""
         operator, moved = self.contact_operator, np.zeros(self.strip.unknowns)
         if self.thread is not None:
             moved = self.thread.laid(self.strip, self.pattern)
