@@ -280,7 +280,15 @@ def _not_at_rest(run: Run) -> Iterator[str]:
         yield f"imbalance {left:.2g} at the end"
 
 
-MAY_BE_MISSING = {"tension_in", "tension_out", "tension_ratio", "capacity_used", "errors"}
+MAY_BE_MISSING = {
+    "line_load_in",
+    "line_load_out",
+    "tension_in",
+    "tension_out",
+    "tension_ratio",
+    "capacity_used",
+    "errors",
+}
 
 
 def _no_numbers(inside: Any, place: str) -> Iterator[str]:

@@ -195,27 +195,30 @@ class Look:
         return np.asarray(self.pressure > self.least)
 
     @cached_property
-    def ends(self) -> tuple[np.ndarray, np.ndarray]:
-        """Angles about the axis and places on the flat strip (m) of all that touches.
+    def touched(self) -> np.ndarray:
+        """Places on the flat strip (m) of all that touches.
 
         At 4000 places along every line of contact points, on parabolas through the three.
         """
         s = np.linspace(0.0, 1.0, 4001)[:, None]
         hats = np.hstack([(1 - s) * (1 - 2 * s), 4 * s * (1 - s), s * (2 * s - 1)])
+        x = self.surface.at_contact(self.surface.reference)[..., 0]
+        gap, x = (v @ hats.T for v in (self.gap, x))
+        law = self.shape.law
+        inside = law.pressure(gap) - law.pressure(np.array(self.shape.radius)) > self.least
+        return np.asarray(x[inside])
+
+    def angle_at(self, place: float) -> float:
+        """Angle about the axis at a place on the flat strip (m), from where the gap is least."""
         n = self.normal[self.gap == self.gap.min()][0]
         first = n - (n @ self.axis) * self.axis
         angle = np.arctan2(self.normal @ np.cross(self.axis, first), self.normal @ first)
-        x = self.surface.at_contact(self.surface.reference)[..., 0]
-        gap, angle, x = (v @ hats.T for v in (self.gap, angle, x))
-        law = self.shape.law
-        inside = law.pressure(gap) - law.pressure(np.array(self.shape.radius)) > self.least
-        return angle[inside], x[inside]
-
-    @property
-    def wrap(self) -> float:
-        """Angle about the axis from the first to the last place that touches."""
-        angles, _ = self.ends
-        return float(np.ptp(angles)) if len(angles) else 0.0
+        x = np.round(self.surface.at_contact(self.surface.reference)[..., 0], 9)
+        near = self.pressure > 0.0
+        lines, number = np.unique(x[near], return_inverse=True)
+        area = self.surface.areas[near]
+        means = np.bincount(number, angle[near] * area) / np.bincount(number, area)
+        return float(np.interp(place, lines, means))
 
     @property
     def speeds(self) -> np.ndarray:
@@ -238,5 +241,4 @@ class Look:
     @property
     def arc(self) -> tuple[float, float]:
         """Places on the flat strip where contact begins and ends (m)."""
-        _, x = self.ends
-        return float(x.min()), float(x.max())
+        return float(self.touched.min()), float(self.touched.max())

@@ -362,7 +362,8 @@ def roller_table(state: State) -> Table:
     for name, r in state.rollers.items():
         used = "–" if r.capacity_used is None else f"{100.0 * r.capacity_used:.3g} %"
         values = (np.degrees(r.wrap), r.tension_in, r.tension_out, r.normal_force, r.torque)
-        slip, *loads = (f"{v:.3g}" for v in (r.max_slip, r.line_load_in, r.line_load_out))
+        read = r.max_slip, r.line_load_in, r.line_load_out
+        slip, *loads = (cell(value, ".3g") for value in read)
         table.add_row(name, *map(cell, values), slip, used, *loads)
     return table
 

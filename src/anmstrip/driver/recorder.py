@@ -62,8 +62,8 @@ def history_row(step: Step, conveyed: bool) -> dict[str, Any]:
     if conveyed:
         fed = state.strip_speed or 0.0, state.conveyed
         values |= dict(zip(FEED_COLUMNS, fed, strict=True))
-    for name, contact in state.contacts.items():
-        values |= {f"{name}_{column}": getattr(contact, column) for column in STEP_READINGS}
+    for name, reading in state.rollers.items():
+        values |= {f"{name}_{column}": getattr(reading, column) for column in STEP_READINGS}
     return values
 
 

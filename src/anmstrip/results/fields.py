@@ -323,7 +323,7 @@ class Profile:
             contact, ends = state.contacts[name], (reading.line_load_in, reading.line_load_out)
             for x, load in zip(contact.arc, ends, strict=True):
                 place = self.station[np.abs(flat[0] - x).argmin()]
-                if contact.touching.any():
+                if load is not None:
                     loads[place] = np.nan_to_num(loads[place]) + load
         table = {"time": np.full(len(loads), state.time), **columns, "line_load": loads}
         return {name: table[name] for name in names}

@@ -31,6 +31,10 @@ at 4 up to 6."""
 LAYERS = 4.0
 """Distance from a roller, in √(D/T), from which on a strip is free: where it lifts off it bends."""
 
+LINE = 0.2
+"""Length of contact, in √(D/T), up to which it is along a line: where its length is 0 in theory, it
+is 0.01 to 0.17 by the default law."""
+
 STICKS = 0.95
 """Share of the cone f R_N up to which a point counts as sticking."""
 
@@ -43,7 +47,10 @@ LINES = {
 """Lines of three contact points on elements of a section, on squares both ways, on triangles."""
 
 STEP_READINGS = ("normal_force", "drag", "wrap", "max_slip", "surface_speed", "torque")
-"""Attributes of a :class:`ContactState` that are read off after every step."""
+"""Attributes of a :class:`RollerReading` that are read off after every step."""
+
+READ_AS_THEY_ARE = (*STEP_READINGS[:2], *STEP_READINGS[3:], "bearing_torque")
+"""Those of a :class:`ContactState` that are readings themselves."""
 
 FIBRES = 16
 """Stripes of the width, along each of which gaps are averaged."""
@@ -111,11 +118,6 @@ class ContactState:
         return np.asarray(((self.pressure * self.normal + self.traction) * self.area).sum(axis=1))
 
     @property
-    def wrap(self) -> float:
-        """Angle from the beginning to the end of contact (rad)."""
-        return float(np.ptp(self.ends[0])) if self.ends.size else 0.0
-
-    @property
     def max_slip(self) -> float:
         """Largest slip speed in contact (m/s)."""
         return float(np.linalg.norm(self.slip, axis=0)[self.touching].max(initial=0.0))
@@ -159,16 +161,14 @@ class ContactState:
         order = np.argsort(angle / area)
         return np.stack([share, angle / area])[:, order]
 
-    @property
-    def slip_arc(self) -> float:
-        """Angle (rad) over which friction is above :data:`STICKS` of the cone.
+    def slip_arc(self, ends: Array) -> float:
+        """Angle (rad) over which friction is above :data:`STICKS` of the cone, between two angles.
 
         The share is linear between rows of elements, and constant beyond the outermost ones.
         """
         share, angle = self.sliding
-        if not (share.size and self.ends.size):
+        if not share.size:
             return 0.0
-        ends = self.ends[0].min(), self.ends[0].max()
         angle = np.clip(np.concatenate([ends[:1], angle, ends[1:]]), *ends)
         above = np.concatenate([share[:1], share, share[-1:]]) - STICKS
         low, high = np.sort([above[:-1], above[1:]], axis=0)
@@ -286,7 +286,7 @@ class RollerReading:
 
     normal_force: float  # sum of the normal forces (N)
     drag: float  # sum of the friction forces in the sense of a positive speed (N)
-    wrap: float  # angle from the beginning to the end of contact (rad)
+    wrap: float  # angle from the beginning to the end of contact (rad), see lift_offs
     tension_in: float | None  # along the strip before the roller (N/m); None if nothing touches
     tension_out: float | None  # behind it, likewise
     max_slip: float  # largest slip speed in contact (m/s)
@@ -297,8 +297,8 @@ class RollerReading:
     bearing_torque: float  # with which bearings brake a roller that turns freely (N m)
     capacity_used: float | None  # share of the largest friction, at most 1; None without friction
     slip_arc: float  # angle over which friction is at 0.95 of f R_N or more (rad)
-    line_load_in: float  # load where the strip runs on, beyond T/r (N/m)
-    line_load_out: float  # where it runs off
+    line_load_in: float | None  # where the strip runs on, beyond T/r (N/m), see lift_offs
+    line_load_out: float | None  # where it runs off
     resultant: Array  # force of the roller on the strip (N), shape (3,)
 
     @property
@@ -324,21 +324,24 @@ def reading_of(state: ContactState, passage: Passage, bending: float) -> RollerR
     force = state.pressure * state.area * touching
     along = np.einsum("ip,ip->p", state.slip, state.turning)
     tensions = passage.tensions if touching.any() else (None, None)
-    loads = line_loads(state, passage.tensions, bending)
+    ends, loads = lift_offs(state, passage.tensions, bending)
+    wrap = float(np.ptp(ends))
     return RollerReading(
-        **{name: getattr(state, name) for name in (*STEP_READINGS, "bearing_torque", "slip_arc")},
+        **{name: getattr(state, name) for name in READ_AS_THEY_ARE},
+        wrap=wrap,
+        slip_arc=state.slip_arc(ends),
         tension_in=tensions[0],
         tension_out=tensions[1],
         creep_speed=-float((along * force).sum() / force.sum()) if force.any() else 0.0,
         cone_violation=max(0.0, float(state.cone_share.max()) - 1.0),
-        capacity_used=capacity_used(state, passage),
+        capacity_used=capacity_used(state, passage, wrap),
         line_load_in=loads[0],
         line_load_out=loads[1],
         resultant=state.resultant,
     )
 
 
-def capacity_used(state: ContactState, passage: Passage) -> float | None:
+def capacity_used(state: ContactState, passage: Passage, wrap: float) -> float | None:
     """Share of the largest friction, between 0 and 1: by Euler's formula where tension presses.
 
     That is |ln(T1/T2)| / (f θ), where θ is the angle by which the roller turns the strip, between
@@ -347,13 +350,13 @@ def capacity_used(state: ContactState, passage: Passage) -> float | None:
     Where more than the largest tension times θ presses, as a nip or strip so stiff that its shear
     forces bear its weight do, it is the friction force over f times the normal force.
     """
-    if not state.coefficient or state.wrap == 0.0:
+    if not state.coefficient or not state.ends.size:
         return None
     before, after = passage.pulls
     axis = state.roller.unit_axis
     turn = np.arctan2(axis @ np.cross(before, after), before @ after)
     angles = np.abs(turn + 2.0 * np.pi * np.array([-1.0, 0.0, 1.0]))
-    angle = float(angles[np.abs(angles - state.wrap).argmin()])
+    angle = float(angles[np.abs(angles - wrap).argmin()])
     low, high = sorted(passage.tensions)
     pressed = state.normal_force / state.width
     if len(passage.names) == 1 and low > 0.0 and pressed <= high * angle:
@@ -363,8 +366,10 @@ def capacity_used(state: ContactState, passage: Passage) -> float | None:
     return float(min(used / state.coefficient, 1.0))
 
 
-def line_loads(state: ContactState, tensions: Sequence[float], bending: float) -> list[float]:
-    """Loads per width (N/m) that act where contact begins and ends, beyond the pressure T/r.
+def lift_offs(
+    state: ContactState, tensions: Sequence[float], bending: float
+) -> tuple[Array, list[float | None]]:
+    """Angles (rad) where contact begins and ends, and loads per width (N/m) there, beyond T/r.
 
     In theory a strip that resists bending presses with T/r on the way, and with a line load
     q = √(D T)/r at both ends, where its curvature falls off; a mesh and a soft law spread that, in
@@ -373,29 +378,40 @@ def line_loads(state: ContactState, tensions: Sequence[float], bending: float) -
 
         q + κ u = Σ F_i,  q u + κ u²/2 = Σ F_i u_i  ⟹  q² = (Σ F_i)² − 2 κ Σ F_i u_i.
 
-    The point is :data:`BEYOND` √(D/T) behind the end, at most in the middle of the arc; there, half
-    of a contact along a line belongs to each end.
+    The point is :data:`BEYOND` √(D/T) behind the place where the gap is that of the least pressure,
+    at most in the middle.  By a soft law strip has lifted off before that place, whose distance
+    from the load falls with the cube root of the onset alone.  There are no such loads along a line
+    of contact, shorter than :data:`LINE` √(D/T), and where elements are longer than √(D/T).
     """
-    if not (state.ends.size and state.pressure.any()) or min(tensions) <= 0.0:
-        return [0.0, 0.0]
+    if not (state.ends.size and state.pressure.any()):
+        return np.zeros(2), [None, None]
+    if min(tensions) <= 0.0:
+        return np.array([state.ends[0].min(), state.ends[0].max()]), [None, None]
     near = np.flatnonzero(state.pressure)
     places = np.round(state.contact.operator.reference[0, near], 9)
     x, station = np.unique(places, return_inverse=True)
     share = state.area[near] / state.width
     parts = state.pressure[near], (state.traction * state.turning).sum(axis=0)[near]
     force, rubbed = (np.bincount(station, part * share).astype(float) for part in parts)
-    loads = []
-    for sense, tension, other in ((1.0, *tensions), (-1.0, *tensions[::-1])):
-        first, last = float((sense * np.array(state.arc)).min()), sense * state.middle
-        point = min(first + BEYOND * np.sqrt(bending / tension), last)
+    angle = np.bincount(station, state.angle[near] * share) / np.bincount(station, share)
+    elements = state.contact.operator.reference[0][state.cells]
+    ends, layers, loads = np.zeros(2), np.zeros(2), list[float | None]()
+    for k, (tension, other) in enumerate((tensions, tensions[::-1])):
+        sense, layers[k] = 1 - 2 * k, np.sqrt(bending / tension)
+        first, last = sense * state.arc[k], sense * state.middle
+        point = min(first + BEYOND * layers[k], last)
         u = np.maximum(point - sense * x, 0.0)
-        ordered = np.stack([force, rubbed])[:, :: int(sense)]  # summed up to the middle of each
+        ordered = np.stack([force, rubbed])[:, ::sense]  # summed up to the middle of each
         sums = np.cumsum(ordered, axis=1) - 0.5 * ordered
         held, lost = (np.interp(point, np.sort(sense * x), values) for values in sums)
         here = tension + 0.5 * np.sign(other - tension) * abs(lost)
-        square = held**2 - 2.0 * here / state.roller.radius * (force @ u)
-        loads.append(float(np.sqrt(max(square, 0.0))))
-    return loads
+        pressure = here / state.roller.radius
+        load = float(np.sqrt(max(held**2 - 2.0 * pressure * (force @ u), 0.0)))
+        ends[k] = sense * (point - (held - load) / pressure)
+        there = elements[np.abs(elements.mean(axis=1) - state.arc[k]).argmin()]
+        loads.append(load if np.ptp(there) <= layers[k] else None)
+    along_a_line = np.ptp(ends) <= LINE * layers.max()
+    return np.interp(ends, x, angle), [None, None] if along_a_line else loads
 
 
 @dataclass(frozen=True)
