@@ -399,8 +399,10 @@ ENDS = (
 )  # fmt: skip
 
 PROFILE = (
-    Mutant("tension between files and ends", "self._average(membrane[0] * stretch)",
-           "self._average(membrane[0])", "fields"),
+    Mutant("tension between files and ends", "membrane[0] * stretch + bent / stretch",
+           "membrane[0] + bent / stretch", "fields"),
+    Mutant("bent strip's tension is its membrane's", "stretch + bent / stretch", "stretch",
+           "fields"),
     Mutant("least squares without areas", "np.sqrt(basis.W)", "np.ones_like(basis.W)", "fields"),
     Mutant("all that touches slips", "self.cone_share >= STICKS, 2.0, 1.0",
            "self.cone_share >= 0.0, 2.0, 1.0", "fields"),

@@ -157,19 +157,23 @@ class FieldSampler:
             bending = bending - own[:, :, None]
         layers = self.layer_fields(state)
         membrane = self.membrane_forces(state) + layers["force"]
-        stretch = np.linalg.norm(tangents[:, 0], axis=0) if sheet is not None else 1.0
         stiffness = moduli(self.strip) if state.bends else np.zeros((3, 3))
         moments = np.einsum("xy,yep->xep", stiffness, bending)
         if (loss := state.controls.get("strip.softening")) is not None:
             moments = moments * (1.0 - self._recovered(loss[None]))
         moments = moments + layers["moment"]
+        tension = membrane[0]
+        if sheet is not None:  # the work of M on κ = −n · r,ab is also one on the stretch
+            stretch = np.linalg.norm(tangents[:, 0], axis=0)
+            bent = moments[0] * curvature[0] + moments[2] * curvature[2]
+            tension = membrane[0] * stretch + bent / stretch
         t = self.strip.thickness
         sx, sy, sxy = membrane / t + 6.0 * moments / t**2
         mises = layers.get("equivalent", np.sqrt(sx**2 - sx * sy + sy**2 + 3.0 * sxy**2))
         names = [name for name in layers if name in FIELDS]
         return {
             **{name: self._average(layers[name]) for name in names},
-            "tension": self._average(membrane[0] * stretch),
+            "tension": self._average(tension),
             "membrane_force": self._average(membrane),
             "bending_moment": self._average(moments),
             "von_mises": self._average(mises),
