@@ -363,6 +363,22 @@ def test_a_mesh_that_is_too_coarse_is_cured(tmp_path: Path) -> None:
     assert not found[1]
 
 
+def test_a_mesh_that_does_not_keep_its_tolerance_is_cured(tmp_path: Path) -> None:
+    """It was told in the table of errors alone, up to a tenth of the tension."""
+    given = ["strip.refined=0.2", "solver.tolerance=1e-3"]
+    tight = [*given, "solver.mesh_tolerance=2e-3"]
+    found = []
+    for k, settings in enumerate((given, tight, [*tight, 'strip.refined="auto"'])):
+        run = Scene.from_tables(TURNING, "line.toml", settings).run(tmp_path / str(k))
+        for _ in run:
+            pass
+        found.append([line for line in run.warnings if "elements of half the length" in line])
+    (line,) = found[1]
+    assert "above solver.mesh_tolerance = 0.002 of" in line
+    assert typed(line) == ['strip.refined="auto"']
+    assert not found[0] and not found[2]
+
+
 # all of them -------------------------------------------------------------------------------------
 
 ELSEWHERE = {

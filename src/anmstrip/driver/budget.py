@@ -172,10 +172,12 @@ class Budget:
             for here, there in self.spans
             if here.near and abs(there.compression - here.compression) > LARGE * here.compression
         ]
-        found, largest = self.parts.get("mesh"), LARGE * self.assembly.scales.tension
-        if found is None or found["tension"] <= largest:
+        found, scale = self.parts.get("mesh"), self.assembly.scales.tension
+        asked = None if scene.strip.refined == "auto" else scene.solver.mesh_tolerance
+        if found is None or found["tension"] <= (asked or LARGE) * scale:
             return told
         wrong = f"the mesh makes tensions wrong by about {found['tension']:.2g} N/m"
+        wrong += f", above solver.mesh_tolerance = {asked:g} of {scale:.5g} N/m" if asked else ""
         return [f"{wrong}: elements of half the length have others. {more}", *told]
 
     def look(
