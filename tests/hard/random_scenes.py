@@ -281,6 +281,8 @@ def _not_at_rest(run: Run) -> Iterator[str]:
 
 
 MAY_BE_MISSING = {
+    "offset",
+    "slip_arc",
     "line_load_in",
     "line_load_out",
     "tension_in",

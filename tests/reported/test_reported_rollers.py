@@ -429,3 +429,20 @@ def test_rollers_have_turned_by_the_travel_of_their_surface(
                 travel = surface_travel(results, name, time)
                 expected = look.shape.sense * travel / look.shape.radius
                 assert angle == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+def test_offsets_are_those_of_the_strip_where_it_runs_on(turning: Results, shell: Results) -> None:
+    """Mean displacement along y over the line of nodes across, linear between the lines."""
+    assert told(turning)[0]["r1"]["offset"] is None
+    rollers, looks = told(shell)
+    surface = shell.last
+    corners = np.ix_(range(len(surface.reference)), (0, 3), (0, 3))
+    flat = np.round(surface.reference[corners][..., :2], 8).reshape(-1, 2)
+    nodes, first = np.unique(flat, axis=0, return_index=True)
+    moved = surface.patch("displacement")[corners][..., 1].ravel()[first]
+    lines, number = np.unique(nodes[:, 0], return_inverse=True)
+    means = np.bincount(number, moved) / np.bincount(number)
+    for name, look in looks.items():
+        expected = np.interp(look.arc[0], lines, means)
+        assert rollers[name]["offset"] == pytest.approx(expected, abs=1e-7)  # look.arc is sampled
+    assert abs(rollers["back"]["offset"]) > 1e-5

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -109,3 +110,13 @@ def test_a_roller_that_nothing_touches_has_no_tension() -> None:
     assert (reading.tension_in, reading.tension_out, reading.tension_ratio) == (None, None, None)
     assert "open_tension_in" not in sensitivities(state, [False] * 3)["entry.tension"]
     assert np.abs(state.passages[1].tensions - np.array(4e3)).max() < 1.0
+
+
+RESTING = Path(__file__).parents[1] / "field" / "20_bridle_stop_rest.toml"
+
+
+def test_a_slip_arc_is_not_told_at_rest() -> None:
+    """Friction that is left of it is below its limit, so that it was told as 0."""
+    arcs = {step.stage: step.state.rollers["upper"].slip_arc for step in Scene.load(RESTING).run()}
+    assert arcs["run"] is not None and arcs["run"] > 0.05
+    assert arcs["rest"] is None

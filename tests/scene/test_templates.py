@@ -45,9 +45,9 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
     assert (tmp_path / "mine.toml").read_text() == "precious"
 
 
-def ended(kind: str, directory: Path) -> State:
+def ended(kind: str, directory: Path, *settings: str) -> State:
     written(kind, directory / "mine.toml")
-    run = Scene.load(directory / "mine.toml").run()
+    run = Scene.load(directory / "mine.toml", settings).run()
     *_, last = run
     assert run.outcome.done, run.message
     return last.state
@@ -95,6 +95,16 @@ def test_leveller_bends_beyond_yield_and_takes_friction_times_force(tmp_path: Pa
     shares = [bends[name].plastic_share for name in ("u1", "l2", "u2")]
     assert all(share > 0.5 for share in shares)
     assert bends["l1"].plastic_share == 0.0
+
+
+@pytest.mark.slow
+def test_the_bend_at_a_roller_is_around_it(tmp_path: Path) -> None:
+    """The last roller bends the strip less than the curl before it does, the other way round."""
+    layers = YieldedStrip.of(ended("leveller", tmp_path, "threading.exit=[0.35, 0.0, 1.5e-3]"))
+    assert layers is not None
+    bends = list(layers.rollers().values())
+    assert [np.sign(bend.curvature) for bend in bends] == [1.0, -1.0, 1.0, -1.0, 1.0]
+    assert [np.sign(bend.moment) for bend in bends] == [1.0, -1.0, 1.0, -1.0, 1.0]
 
 
 @pytest.mark.slow

@@ -358,13 +358,15 @@ def roller_table(state: State) -> Table:
     """Return what every roller does, in units that stand in the heads of the columns."""
     heads = ("wrap\n(°)", "T in\n(N/m)", "T out\n(N/m)", "normal\n(N)", "torque\n(N m)")
     more = ("slip\n(m/s)", "friction\nused", "load on\n(N/m)", "load off\n(N/m)")
-    table = plain_table(f"Rollers at t = {state.time:.6g} s", "\nroller", *heads, *more)
+    sideways = ("offset\n(mm)",) * any(r.offset is not None for r in state.rollers.values())
+    table = plain_table(f"Rollers at t = {state.time:.6g} s", "\nroller", *heads, *more, *sideways)
     for name, r in state.rollers.items():
         used = "–" if r.capacity_used is None else f"{100.0 * r.capacity_used:.3g} %"
         values = (np.degrees(r.wrap), r.tension_in, r.tension_out, r.normal_force, r.torque)
         read = r.max_slip, r.line_load_in, r.line_load_out
         slip, *loads = (cell(value, ".3g") for value in read)
-        table.add_row(name, *map(cell, values), slip, used, *loads)
+        offset = () if r.offset is None else (f"{round(1e3 * r.offset, 3) + 0.0:.3f}",)
+        table.add_row(name, *map(cell, values), slip, used, *loads, *offset)
     return table
 
 

@@ -415,7 +415,7 @@ def map_row(state: State) -> dict[str, Any]:
     row["strip_speed"] = state.strip_speed
     for name, reading in state.rollers.items():
         row |= {f"{name}_{column}": getattr(reading, column) for column in READINGS}
-        row[f"{name}_offset"] = state.offset(state.contacts[name].arc[0])
+        row[f"{name}_offset"] = reading.offset or 0.0
     return row
 
 

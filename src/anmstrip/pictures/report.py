@@ -55,6 +55,7 @@ SHOWN = {
     "surface_speed": ("surface speed", "m/s", 1.0),
     "max_slip": ("largest slip", "m/s", 1.0),
     "capacity_used": ("friction used", "%", 100.0),
+    "offset": ("offset", "mm", 1e3),
 }
 """Columns of the table of rollers: entry of ``summary.json``, head, unit and factor."""
 

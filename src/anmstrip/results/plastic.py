@@ -27,7 +27,7 @@ is 0.5 % of the reference rate there; in a bend the stress falls from it to 0 wi
 
 @dataclass(frozen=True)
 class RollerBend:
-    """The sharpest bend at a roller, between the middles of the spans on both sides."""
+    """The sharpest bend around a roller, between the middles of the spans on both sides."""
 
     curvature: float  # κ, positive with a stretched top (1/m)
     moment: float  # N
@@ -182,7 +182,11 @@ class YieldedStrip:
                 yield dict(zip(LAYER_COLUMNS, map(float, row), strict=True))
 
     def rollers(self) -> dict[str, RollerBend]:
-        """Return the sharpest bend at every roller that the strip touches, by means across."""
+        """Return the sharpest bend around every roller that the strip touches, by means across.
+
+        In the sense in which the roller bends the strip: a roller behind others may bend it less
+        than the curl that they leave, the other way round.
+        """
         begin = self.strip.mesh.p[0].min()
         middles = {n: c.middle - begin for n, c in self.state.contacts.items() if c.touching.any()}
         names = sorted(middles, key=lambda name: middles[name])
@@ -196,7 +200,10 @@ class YieldedStrip:
         ends = np.concatenate([[-np.inf], 0.5 * (places[1:] + places[:-1]), [np.inf]])
         for name, low, high in zip(names, ends[:-1], ends[1:], strict=True):
             here = np.flatnonzero((x >= low) & (x < high))
-            p = here[np.abs(curvature[here]).argmax()]
+            contact = self.state.contacts[name]
+            push = contact.normal @ (contact.pressure * contact.area)
+            sense = np.sign(push @ np.cross(self.state.slope(contact.middle), [0.0, 1.0, 0.0]))
+            p = here[(sense * curvature[here]).argmax()]
             found[name] = RollerBend(
                 curvature=float(curvature[p]),
                 moment=float(columns["moment"][p]),

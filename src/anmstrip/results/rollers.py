@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,9 @@ at 4 up to 6."""
 
 LAYERS = 4.0
 """Distance from a roller, in √(D/T), from which on a strip is free: where it lifts off it bends."""
+
+CREEPS = 0.01
+"""Slip over the speed of a roller at which it runs: elastic strip on one creeps by 1e-3 at most."""
 
 LINE = 0.2
 """Length of contact, in √(D/T), up to which it is along a line: where its length is 0 in theory, it
@@ -161,19 +164,22 @@ class ContactState:
         order = np.argsort(angle / area)
         return np.stack([share, angle / area])[:, order]
 
-    def slip_arc(self, ends: Array) -> float:
+    def slip_arc(self, ends: Array) -> float | None:
         """Angle (rad) over which friction is above :data:`STICKS` of the cone, between two angles.
 
-        The share is linear between rows of elements, and constant beyond the outermost ones.
+        The share is linear between rows of elements, and constant beyond the outermost ones.  There
+        is no such angle without friction, nor at rest, where what sticks creeps as fast as the
+        roller: the friction that is left of where strip slipped before is below f p.
         """
         share, angle = self.sliding
-        if not share.size:
-            return 0.0
+        if not (share.size and self.coefficient):
+            return None
         angle = np.clip(np.concatenate([ends[:1], angle, ends[1:]]), *ends)
         above = np.concatenate([share[:1], share, share[-1:]]) - STICKS
         low, high = np.sort([above[:-1], above[1:]], axis=0)
         part = np.clip(high / np.maximum(high - low, 1e-300), 0.0, 1.0)
-        return float(np.diff(angle) @ part)
+        arc = float(np.diff(angle) @ part)
+        return None if arc == 0.0 and self.max_slip >= CREEPS * abs(self.surface_speed) else arc
 
     @property
     def grip(self) -> float:
@@ -296,9 +302,10 @@ class RollerReading:
     torque: float  # moment of friction about the axis on the strip, in the sense of drag (N m)
     bearing_torque: float  # with which bearings brake a roller that turns freely (N m)
     capacity_used: float | None  # share of the largest friction, at most 1; None without friction
-    slip_arc: float  # angle over which friction is at 0.95 of f R_N or more (rad)
+    slip_arc: float | None  # angle over which friction is at 0.95 of f R_N or more (rad)
     line_load_in: float | None  # where the strip runs on, beyond T/r (N/m), see lift_offs
     line_load_out: float | None  # where it runs off
+    offset: float | None  # of the strip along y where it runs on (m); None if it stays in its plane
     resultant: Array  # force of the roller on the strip (N), shape (3,)
 
     @property
@@ -309,7 +316,9 @@ class RollerReading:
         return self.tension_in / self.tension_out
 
 
-def reading_of(state: ContactState, passage: Passage, bending: float) -> RollerReading:
+def reading_of(
+    state: ContactState, passage: Passage, bending: float, offset: float | None
+) -> RollerReading:
     """Read off a roller.
 
     Parameters
@@ -319,6 +328,8 @@ def reading_of(state: ContactState, passage: Passage, bending: float) -> RollerR
         What is before and behind the roller, and those that nip the strip with it.
     bending : float
         D (N m); 0 of a strip that does not resist bending.
+    offset : float or None
+        Of the strip along y where contact begins (m).
     """
     touching = state.touching
     force = state.pressure * state.area * touching
@@ -337,6 +348,7 @@ def reading_of(state: ContactState, passage: Passage, bending: float) -> RollerR
         capacity_used=capacity_used(state, passage, wrap),
         line_load_in=loads[0],
         line_load_out=loads[1],
+        offset=offset,
         resultant=state.resultant,
     )
 
@@ -492,6 +504,9 @@ class Readable(Protocol):
 
     def unstressed_length(self, x: Array) -> Array:
         """Length of unstressed strip (m) between the entry and labels."""
+
+    def slope(self, x: Any) -> Array:
+        """Derivative ∂r/∂X of the strip at a reference x, mean over its width, (..., 3)."""
 
     @property
     def gaps(self) -> Array:

@@ -230,7 +230,7 @@ class State:
         x : float or ndarray
             Between lines of nodes the means are interpolated linearly.
         """
-        return self.mean_across("u", x)[..., 1]
+        return self.mean_across("u", x)[..., 1][()]
 
     def slope(self, x: Any) -> Array:
         """Derivative ∂r/∂X of the strip at a reference x, mean over its width, (..., 3)."""
@@ -324,9 +324,13 @@ class State:
     @cached_property
     def rollers(self) -> dict[str, RollerReading]:
         """Roller → what is read off, in the order of the scene."""
-        bending = self.bends * self.plan.model.strip.bending_stiffness
+        strip = self.plan.model.strip
+        bending, sideways = self.bends * strip.bending_stiffness, 1 in strip.kinematics.components
         found = {name: passage for passage in self.passages for name in passage.names}
-        return {name: reading_of(c, found[name], bending) for name, c in self.contacts.items()}
+        return {
+            name: reading_of(c, found[name], bending, self.offset(c.arc[0]) if sideways else None)
+            for name, c in self.contacts.items()
+        }
 
     @cached_property
     def passages(self) -> list[Passage]:
