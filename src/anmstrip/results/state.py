@@ -240,8 +240,9 @@ class State:
         """Mean of a degree of freedom of the nodes over the width at a reference x, (..., 3)."""
         strip = self.plan.model.strip
         values = strip.kinematics.embed(strip.nodal(self.full)[strip.dofs(name)].T)
-        lines, number = np.unique(np.round(strip.nodes[0], 9), return_inverse=True)
-        count = np.bincount(number)
+        places = strip.nodes[0]  # unrounded: the same to the last bit in other units
+        _, first, number = np.unique(np.round(places, 9), return_index=True, return_inverse=True)
+        lines, count = places[first], np.bincount(number)
         means = (np.interp(x, lines, np.bincount(number, part) / count) for part in values)
         return np.stack(list(means), axis=-1)
 
