@@ -20,6 +20,6 @@ f, ratio, wrap = np.transpose(found)
 
 figure, axes = plt.subplots()
 axes.plot(f, ratio, "o", label="computed")
-axes.plot(f, np.exp(f * (wrap + 0.08)), "--", label="e^(f θ), θ with the bent ends")
+axes.plot(f, np.exp(f * (wrap + 0.15)), "--", label="e^(f θ), θ with 2 √(D/T)/r of the bent ends")
 axes.set(xlabel="friction coefficient", ylabel="tension ratio")
 axes.legend()
