@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.sensitivities import sensitivities
 from anmstrip.mechanics.string_path import hanging
+from anmstrip.results.rollers import Passage
 from anmstrip.results.state import State
 from anmstrip.simulation.problem import Assembly
 from stationary import corrected
@@ -107,15 +109,18 @@ def test_a_line_whose_runs_hang_deeply_is_done() -> None:
     assert run.cost.expansions < 600
 
 
-def tensions(state: State, arcs: dict[str, tuple[float, float]]) -> dict[str, float]:
-    """At the entry, and at the ends of given arcs."""
+def tensions(state: State, passages: Sequence[Passage]) -> dict[str, float]:
+    """At the entry, and along the strip beside given passages of rollers."""
     force, width = state.edge_force("entry"), state.plan.model.strip.width
     found = {"entry_tension": state.tension("entry")}
-    for name, reading in state.rollers.items():
-        for word, x in zip(("in", "out"), arcs[name], strict=True):
-            force = force + reading.resultant * (word == "out")
-            size = float(np.linalg.norm(force + state.weight_before(x)))
-            found[f"{name}_tension_{word}"] = size / width
+    for passage in passages:
+        (name,) = passage.names
+        for word, x, place in zip(("in", "out"), passage.arc, passage.places, strict=True):
+            force = force + state.rollers[name].resultant * (word == "out")
+            along = state.slope(place) / np.linalg.norm(state.slope(place))
+            found[f"{name}_tension_{word}"] = (
+                -float((force + state.weight_before(x)) @ along) / width
+            )
     return found
 
 
@@ -128,7 +133,6 @@ def test_sensitivities_are_those_of_lines_whose_ends_stay(
     assert run.state is not None
     state, rows, step = corrected(run.state), [], 5e-4
     found = sensitivities(state, [False] * 2, run.assembly.hanging(state.plan))[key]
-    arcs = {name: contact.arc for name, contact in state.contacts.items()}
     mesh, growth = run.assembly.strip.mesh, run.assembly.growth
     problem, tension = "anmstrip.simulation.problem", run.assembly.scales.tension
     monkeypatch.setattr(f"{problem}.strip_mesh", lambda *_: mesh)
@@ -145,7 +149,7 @@ def test_sensitivities_are_those_of_lines_whose_ends_stay(
             tables["strip"]["thickness"] = changed
         changed_run = done(tables, STRICT)
         assert changed_run.state is not None
-        rows.append(tensions(corrected(changed_run.state), arcs))
+        rows.append(tensions(corrected(changed_run.state), state.passages))
     differences = {n: (rows[1][n] - rows[0][n]) / (2.0 * step * scale) for n in rows[0]}
     largest = max(map(abs, differences.values()))
     for name, difference in differences.items():

@@ -176,8 +176,8 @@ class GradedSignorini(ContactLaw):
 
     @property
     def faint(self) -> float:  # type: ignore[override]
-        """Reaction below which nothing counts as touching: at gaps of 4.6 w."""
-        return 0.01 * self.pressure
+        """Reaction below which nothing counts as touching: at gaps of 6.9 w."""
+        return 1e-3 * self.pressure
 
     @property
     def words(self) -> str:
