@@ -265,7 +265,9 @@ def draw_line(scene: SceneSpec, picture: Path) -> None:
     half, origin = 0.5 * assembly.strip.length, assembly.origin[[0, 2]]
     line, wheels, arcs = np.array([[-half, half], [0.0, 0.0]]), [], {}
     if path is not None:
-        line = path.at(np.linspace(0.0, path.length[0], POINTS), 0)[0]
+        joints = np.arange(len(path.starts))
+        places = np.linspace(0.0, joints[-1], POINTS * joints[-1] + 1)
+        line = path.at(np.interp(places, joints, path.starts[:, 0]), 0)[0]
         ends = zip(path.arcs.start[:, 0], path.arcs.end[:, 0], strict=True)
         for name, (start, end) in zip(turns, ends, strict=True):
             arcs[name] = path.at(np.linspace(start, end, POINTS), 0)[0] + origin[:, None]

@@ -282,7 +282,8 @@ def draw_layout(picture: Path, title: str, line: Array, wheels: Sequence[Wheel])
 def draw_wheel(axes: Axes, wheel: Wheel, line: Array, small: bool) -> None:
     """Draw a roller with its wrap, and an arrow in the sense of a positive speed.
 
-    Its caption stands on it, or beside it away from the strip if it is small.
+    Its caption stands on it, or beside it if it is small: beyond its wrap, where no strip is, or
+    away from the strip that passes it.
     """
     axes.add_patch(Circle(tuple(wheel.centre), wheel.radius, color=GREYS[1], zorder=1))
     axes.plot(*wheel.arc, color=STEEL[3], linewidth=6.0, solid_capstyle="butt", zorder=2)
@@ -296,7 +297,7 @@ def draw_wheel(axes: Axes, wheel: Wheel, line: Array, small: bool) -> None:
     if small:
         to_strip = (wheel.arc if wheel.arc.size else line) - wheel.centre[:, None]
         nearest = to_strip[:, np.hypot(*to_strip).argmin()]
-        away = -to_strip.mean(axis=1) if wheel.arc.size else -nearest
+        away = to_strip.mean(axis=1) if wheel.arc.size else -nearest
         away /= np.hypot(*away) or 1.0
         place, shift = wheel.centre + wheel.radius * away, 6.0 * away
         if abs(away[0]) > abs(away[1]):
