@@ -120,3 +120,29 @@ def test_a_slip_arc_is_not_told_at_rest() -> None:
     arcs = {step.stage: step.state.rollers["upper"].slip_arc for step in Scene.load(RESTING).run()}
     assert arcs["run"] is not None and arcs["run"] > 0.05
     assert arcs["rest"] is None
+
+
+def test_line_loads_are_those_of_the_tension_at_their_ends() -> None:
+    """√(D T)/r where the strip slips, with the tensions before and behind.
+
+    Friction of the load itself, f √(D/T)/r = 3 % of T, makes up to twice that of difference.
+    """
+    tables: dict[str, Any] = {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 1e-3},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "contact": {},
+        "friction": {"coefficient": 0.3},
+        "threading": {"tension": 1e4, "entry": [-2.0, 0.0, -1.0], "exit": [2.0, 0.0, -1.0]},
+        "rollers": [{"name": "r", "radius": 0.5, "centre": [0.0, 0.0, -0.5], "wrap": "over"}],
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [{"name": "turn", "duration": 0.1, "rollers": {"r": {"surface_speed": 1.0}}}],
+    }
+    _, state = ended(tables)
+    reading, stiffness = state.rollers["r"], state.plan.model.strip.bending_stiffness
+    assert reading.tension_in is not None and reading.tension_out is not None
+    assert reading.tension_in > 1.25 * reading.tension_out
+    for load, tension in (
+        (reading.line_load_in, reading.tension_in),
+        (reading.line_load_out, reading.tension_out),
+    ):
+        assert load == pytest.approx(np.sqrt(stiffness * tension) / 0.5, rel=0.06)
