@@ -11,6 +11,7 @@ import pytest
 from threaded import ended, roller, scene_of, values
 
 from anmstrip.driver.explain import draw_line, explain
+from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
 from anmstrip.mechanics.roller import Roller
 from anmstrip.pictures import curves
@@ -142,6 +143,20 @@ def test_the_line_is_drawn_as_it_is_threaded(
     text = (tmp_path / "line.svg").read_text(encoding="utf8")
     assert text.count("<!-- entry -->") == 1
     assert f"<!-- {wheels[0].caption.split()[0]} -->" in text
+
+
+def test_a_long_line_is_drawn_around_its_rollers(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Of 570 m around forty rollers chords cut them through."""
+    drawn: list[Any] = []
+    monkeypatch.setattr(curves, "draw_layout", lambda *given: drawn.append(given))
+    examples = Path(__file__).parents[2] / "examples"
+    draw_line(Scene.load(examples / "line.toml"), tmp_path / "line.png")
+    ((*_, line, wheels),) = drawn
+    middles = 0.5 * (line[:, 1:] + line[:, :-1])
+    for wheel in wheels:
+        assert np.linalg.norm(middles - wheel.centre[:, None], axis=0).min() > 0.99 * wheel.radius
 
 
 def test_a_picture_of_no_known_kind_is_refused(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ INTERNAL = {"strip.held", "strip.growth", "strip.softening", "strip.weakening", 
 """Controls that follow from others, and are typed by nobody."""
 
 POINTS = 400
-"""Of a drawn strip, and of each of its wraps."""
+"""Of each run and each wrap of a drawn strip."""
 
 
 def explain(scene: SceneSpec) -> str:
