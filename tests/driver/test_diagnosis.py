@@ -19,6 +19,7 @@ from test_forewarnings import BRIDLE
 from anmstrip.continuation.equations import Evidence, NO_EVIDENCE, Outcome, PathStopped
 from anmstrip.driver import budget
 from anmstrip.driver.diagnosis import Failure, diagnosis, slack
+from anmstrip.driver.explain import report
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.results import files as checkpoint
@@ -219,6 +220,7 @@ def test_errors_of_a_strip_that_runs_away_are_not_told(tmp_path: Path, steady: b
     assert run.state.tension("exit") == pytest.approx(1e4 * np.exp(0.773), rel=0.02)
     assert not any("elements of half the length" in told for told in run.warnings)
     assert set(run.errors().values()) == {None}
+    assert "Estimated errors" not in report(run)
 
 
 def test_no_errors_are_told_where_the_balance_is_not_found(

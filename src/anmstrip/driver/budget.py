@@ -205,6 +205,8 @@ class Budget:
         else:
             in_time = self.in_time(state, memory.errors)
             self.parts |= zip(("time", "path", "regularisation"), in_time, strict=True)
+        if any(len(passage.names) > 1 for passage in state.passages):
+            self.parts["regularisation"] = None  # a nip presses as its law makes of its gap
         if self.halved is not None:
             self.look_finer(self.halved, stage, exact, released)
         self.time = state.time

@@ -352,7 +352,9 @@ def report(run: Run) -> str:
             parts.append(roller_table(state))
             if state.plasticity is not None:
                 parts.append(bend_table(state))
-        parts += [tensions(state), error_table(run)]
+        parts.append(tensions(state))
+        if any(part is not None for part in run.errors().values()):
+            parts.append(error_table(run))
     return text_of([*parts, *(f"Warning: {warning}" for warning in run.warnings)])
 
 
