@@ -13,7 +13,7 @@ from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.sensitivities import sensitivities
 from anmstrip.mechanics.string_path import hanging
-from anmstrip.results.rollers import Passage
+from anmstrip.results.rollers import RollerPassage
 from anmstrip.results.state import State
 from anmstrip.simulation.problem import Assembly
 from stationary import corrected
@@ -109,7 +109,7 @@ def test_a_line_whose_runs_hang_deeply_is_done() -> None:
     assert run.cost.expansions < 600
 
 
-def tensions(state: State, passages: Sequence[Passage]) -> dict[str, float]:
+def tensions(state: State, passages: Sequence[RollerPassage]) -> dict[str, float]:
     """At the entry, and along the strip beside given passages of rollers."""
     force, width = state.edge_force("entry"), state.plan.model.strip.width
     found = {"entry_tension": state.tension("entry")}

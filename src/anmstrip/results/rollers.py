@@ -262,8 +262,8 @@ def parabola_roots(values: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Passage:
-    """Where the strip passes a roller, or several that nip it: their contacts overlap.
+class RollerPassage:
+    """The place where strip passes a roller, or several that nip it, whose contacts overlap.
 
     The tension is the component, along the strip, of the force on it, which by equilibrium from the
     entry is known where contact begins and ends.  The strip's direction is that at
@@ -317,14 +317,14 @@ class RollerReading:
 
 
 def reading_of(
-    state: ContactState, passage: Passage, bending: float, offset: float | None
+    state: ContactState, passage: RollerPassage, bending: float, offset: float | None
 ) -> RollerReading:
     """Read off a roller.
 
     Parameters
     ----------
     state : ContactState
-    passage : Passage
+    passage : RollerPassage
         What is before and behind the roller, and those that nip the strip with it.
     bending : float
         D (N m); 0 of a strip that does not resist bending.
@@ -353,7 +353,7 @@ def reading_of(
     )
 
 
-def capacity_used(state: ContactState, passage: Passage, wrap: float) -> float | None:
+def capacity_used(state: ContactState, passage: RollerPassage, wrap: float) -> float | None:
     """Share of the largest friction, between 0 and 1: by Euler's formula where tension presses.
 
     That is |ln(T1/T2)| / (f θ), where θ is the angle by which the roller turns the strip, between

@@ -20,8 +20,8 @@ from anmstrip.results.fields import Profile
 from anmstrip.results.rollers import (
     LAYERS,
     ContactState,
-    Passage,
     Regularisation,
+    RollerPassage,
     RollerReading,
     reading_of,
     regularisation_of,
@@ -334,8 +334,8 @@ class State:
         }
 
     @cached_property
-    def passages(self) -> list[Passage]:
-        """What the strip passes from the entry on: rollers whose contacts overlap at once."""
+    def passages(self) -> list[RollerPassage]:
+        """Rollers from the entry on, one by one, or at once those whose contacts overlap."""
         strip, contacts = self.plan.model.strip, self.contacts
         passed: list[list[str]] = []
         near: list[str] = []  # what has been touched last
@@ -364,7 +364,7 @@ class State:
             away = np.minimum(LAYERS * np.sqrt(stiffness / sizes), 0.5 * np.array(free))
             places = np.array([begin - away[0], end + away[1]])
             arc, slopes = (begin, end), self.slope(places)
-            found.append(Passage(tuple(names), arc, places, slopes, pulls, strip.width))
+            found.append(RollerPassage(tuple(names), arc, places, slopes, pulls, strip.width))
         return found
 
     @cached_property
