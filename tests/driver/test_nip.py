@@ -16,6 +16,7 @@ from anmstrip.driver.preview import Preview
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.warnings import warnings
+from anmstrip.errors import InputError
 from anmstrip.simulation.meshing import nips_in_stages
 from anmstrip.simulation.problem import Assembly
 
@@ -253,6 +254,19 @@ def test_a_nip_that_is_drawn_too_loose_runs_with_the_centre_that_is_told(
         assert reading.normal_force == pytest.approx(1.2 * 500.0 / 0.2, rel=0.01)
     (left,) = run.forewarnings()
     assert "The force of a nip cannot be given" in left
+
+
+def test_pinch_rolls_that_both_have_a_wrap_are_told_to_leave_one_out() -> None:
+    """There is no run between them; they were told to stand further away."""
+    tables = copy.deepcopy(DRAWN)
+    for roller, sign in zip(tables["rollers"], (-1.0, 1.0), strict=True):
+        roller["centre"][2] = sign * (0.1 + 0.5 * tables["strip"]["thickness"] - 1e-5)
+    tables["rollers"][1]["wrap"] = "under"
+    with pytest.raises(InputError) as caught:
+        Assembly(Scene.from_tables(tables, "pinch.toml")).rollers  # noqa: B018
+    (mistake,) = caught.value.mistakes
+    assert mistake.key == "rollers.upper.wrap"
+    assert mistake.hint == "no wrap in the table of upper"
 
 
 def test_a_nip_of_rollers_that_do_not_move_is_closed_where_they_are_drawn() -> None:

@@ -342,6 +342,14 @@ def _refused(scene: SceneSpec, rollers: Sequence[Roller], error: ValueError) -> 
         )
         hint += "; crossing = true if the strip crosses itself there"
         return scene.refused(f"rollers.{names[index]}.wrap", side, expected, hint)
+    if 0 < index < len(names):
+        first, second = rollers[index - 1 : index + 1]
+        apart = float(np.linalg.norm(np.subtract(second.centre, first.centre)))
+        if apart >= first.radius + second.radius:  # as pinch rolls are drawn
+            expected = f"wrap on {first.name} or {second.name}, which press the strip between them"
+            side = next(r.wrap for r in scene.rollers if r.name == second.name)
+            hint = f"no wrap in the table of {second.name}"
+            return scene.refused(f"rollers.{second.name}.wrap", side, expected, hint)
     before = names[index - 1] if index else "the entry"
     after = names[index] if index < len(names) else "the exit"
     key = f"rollers.{after}.centre" if index < len(names) else "threading.exit"
