@@ -147,3 +147,30 @@ def test_line_loads_are_those_of_the_tension_at_their_ends() -> None:
         (reading.line_load_out, reading.tension_out),
     ):
         assert load == pytest.approx(np.sqrt(stiffness * tension) / 0.5, rel=0.06)
+
+
+def test_strip_that_yields_uses_no_friction_by_its_plastic_work() -> None:
+    """On a roller that turns freely tension rises by that alone; it seemed to use half of f N."""
+    bend: dict[str, Any] = {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 1e-3},
+        "material": {"young": 2e11, "poisson": 0.3, "yield_stress": 2e8, "plasticity": {}},
+        "contact": {},
+        "friction": {"coefficient": 0.2},
+        "threading": {"tension": 4e4, "entry": [-0.8, 0.0, 0.0], "exit": [0.6, 0.0, -0.4]},
+        "rollers": [
+            {"name": "a", "radius": 0.05, "centre": [0.0, 0.0, -0.05], "wrap": "over",
+             "drive": "idle"},
+        ],
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [
+            {"name": "run", "steady": True, "strip": {"speed": 1.0}, "exit": {"tension": 4e4}}
+        ],
+    }  # fmt: skip
+    _, state = ended(bend)
+    reading = state.rollers["a"]
+    assert reading.tension_in is not None and reading.tension_out is not None
+    assert reading.tension_out > 1.02 * reading.tension_in
+    used = abs(reading.drag) / (0.2 * reading.normal_force)
+    assert reading.capacity_used == pytest.approx(used)
+    assert used < 0.01
+    assert (reading.line_load_in, reading.line_load_out) == (None, None)

@@ -317,7 +317,11 @@ class RollerReading:
 
 
 def reading_of(
-    state: ContactState, passage: RollerPassage, bending: float, offset: float | None
+    state: ContactState,
+    passage: RollerPassage,
+    bending: float,
+    offset: float | None,
+    yields: bool = False,
 ) -> RollerReading:
     """Read off a roller.
 
@@ -330,13 +334,16 @@ def reading_of(
         D (N m); 0 of a strip that does not resist bending.
     offset : float or None
         Of the strip along y where contact begins (m).
+    yields : bool
+        Whether the strip may: bending it then takes up tension as well, and the theory of the line
+        loads is not its own.
     """
     touching = state.touching
     force = state.pressure * state.area * touching
     along = np.einsum("ip,ip->p", state.slip, state.turning)
     tensions = passage.tensions if touching.any() else (None, None)
     ends, loads = lift_offs(state, passage.tensions, bending)
-    wrap = float(np.ptp(ends))
+    loads, wrap = [None, None] if yields else loads, float(np.ptp(ends))
     return RollerReading(
         **{name: getattr(state, name) for name in READ_AS_THEY_ARE},
         wrap=wrap,
@@ -345,7 +352,7 @@ def reading_of(
         tension_out=tensions[1],
         creep_speed=-float((along * force).sum() / force.sum()) if force.any() else 0.0,
         cone_violation=max(0.0, float(state.cone_share.max()) - 1.0),
-        capacity_used=capacity_used(state, passage, wrap),
+        capacity_used=capacity_used(state, passage, wrap, yields),
         line_load_in=loads[0],
         line_load_out=loads[1],
         offset=offset,
@@ -353,14 +360,17 @@ def reading_of(
     )
 
 
-def capacity_used(state: ContactState, passage: RollerPassage, wrap: float) -> float | None:
+def capacity_used(
+    state: ContactState, passage: RollerPassage, wrap: float, yields: bool = False
+) -> float | None:
     """Share of the largest friction, between 0 and 1: by Euler's formula where tension presses.
 
     That is |ln(T1/T2)| / (f θ), where θ is the angle by which the roller turns the strip, between
     the directions of its forces before and behind, to whole turns nearest to the wrap.  The angle
     of contact is smaller by √(D/T)/r at both ends, where the line loads do as much as it lacks.
     Where more than the largest tension times θ presses, as a nip or strip so stiff that its shear
-    forces bear its weight do, it is the friction force over f times the normal force.
+    forces bear its weight do, it is the friction force over f times the normal force; and where the
+    strip yields, which takes up tension without friction.
     """
     if not state.coefficient or not state.ends.size:
         return None
@@ -371,7 +381,7 @@ def capacity_used(state: ContactState, passage: RollerPassage, wrap: float) -> f
     angle = float(angles[np.abs(angles - wrap).argmin()])
     low, high = sorted(passage.tensions)
     pressed = state.normal_force / state.width
-    if len(passage.names) == 1 and low > 0.0 and pressed <= high * angle:
+    if not yields and len(passage.names) == 1 and low > 0.0 and pressed <= high * angle:
         used = np.log(high / low) / angle
     else:
         used = abs(state.drag) / state.normal_force

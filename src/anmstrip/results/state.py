@@ -329,8 +329,14 @@ class State:
         bending, sideways = self.bends * strip.bending_stiffness, 1 in strip.kinematics.components
         found = {name: passage for passage in self.passages for name in passage.names}
         return {
-            name: reading_of(c, found[name], bending, self.offset(c.arc[0]) if sideways else None)
-            for name, c in self.contacts.items()
+            name: reading_of(
+                contact,
+                found[name],
+                bending,
+                self.offset(contact.arc[0]) if sideways else None,
+                self.plasticity is not None,
+            )
+            for name, contact in self.contacts.items()
         }
 
     @cached_property
