@@ -110,5 +110,5 @@ def test_a_strip_needs_room_between_rollers_that_it_passes_between() -> None:
         if fits:
             assert assembly.thread is not None
             continue
-        with pytest.raises(InputError, match="from a to b"):
+        with pytest.raises(InputError, match="wrap on a or b, which press the strip between them"):
             _ = assembly.thread

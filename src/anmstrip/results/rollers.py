@@ -343,7 +343,8 @@ def reading_of(
     along = np.einsum("ip,ip->p", state.slip, state.turning)
     tensions = passage.tensions if touching.any() else (None, None)
     ends, loads = lift_offs(state, passage.tensions, bending)
-    loads, wrap = [None, None] if yields else loads, float(np.ptp(ends))
+    loads = [None, None] if yields else loads
+    wrap = float(np.ptp(ends))
     return RollerReading(
         **{name: getattr(state, name) for name in READ_AS_THEY_ARE},
         wrap=wrap,

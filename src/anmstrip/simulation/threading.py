@@ -345,7 +345,8 @@ def _refused(scene: SceneSpec, rollers: Sequence[Roller], error: ValueError) -> 
     if 0 < index < len(names):
         first, second = rollers[index - 1 : index + 1]
         apart = float(np.linalg.norm(np.subtract(second.centre, first.centre)))
-        if apart >= first.radius + second.radius:  # as pinch rolls are drawn
+        gap = apart - first.radius - second.radius
+        if 0.0 <= gap <= scene.strip.thickness:  # as pinch rolls are drawn
             expected = f"wrap on {first.name} or {second.name}, which press the strip between them"
             side = next(r.wrap for r in scene.rollers if r.name == second.name)
             hint = f"no wrap in the table of {second.name}"
