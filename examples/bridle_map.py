@@ -6,7 +6,8 @@
    slips (Euler and Eytelwein), with the angle θ between the strands and the tension T at the exit.
 2. Between them the lower roller sticks where the strip runs on, so that creep theory has a tension
    between of E t (V/c − 1), whatever friction is; and slip on the arc ln(T_in/T_out)/f before the
-   strip runs off.  V_c rounds the corner between slip and stick.
+   strip runs off, less √(D/T)/r, for which a line load stands there.  V_c rounds the corner between
+   slip and stick.
 3. The upper roller sticks where the strip runs on: the tension at the entry hardly changes until it
    slips too.
 
@@ -49,6 +50,7 @@ def main(settings: list[str], directory: str | None) -> None:
     # the default law is at 0.95 of its limit from 3.04 V_c on
     drop = 3.04 * made.run.assembly.friction.speed / speed * strip.tensile_stiffness
     slipping = np.abs(np.log((stick - np.copysign(drop, stick - pull)) / pull)) / friction
+    slipping -= np.sqrt(strip.bending_stiffness / pull) / made.run.assembly.rollers[-1].radius
     away = inside & (np.abs(stick - pull) > 2.0 * drop)
     entry = np.array([row["entry_tension"] for row in made.rows])
     compared = {

@@ -174,3 +174,29 @@ def test_strip_that_yields_uses_no_friction_by_its_plastic_work() -> None:
     assert reading.capacity_used == pytest.approx(used)
     assert used < 0.01
     assert (reading.line_load_in, reading.line_load_out) == (None, None)
+
+
+@pytest.mark.parametrize("side", ["over", "under"])
+def test_a_slip_arc_is_the_same_on_both_sides(side: str) -> None:
+    """Angles rise or fall along the strip."""
+    sign = 1.0 if side == "over" else -1.0
+    tables: dict[str, Any] = {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 1e-3},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "contact": {},
+        "friction": {"coefficient": 0.2},
+        "threading": {"tension": 1e4, "entry": [-1.0, 0.0, 0.0], "exit": [0.2, 0.0, -sign * 1.2]},
+        "rollers": [
+            {"name": "a", "radius": 0.2, "centre": [0.0, 0.0, -sign * 0.2], "wrap": side},
+        ],
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [
+            {"name": "run", "steady": True, "entry": {"tension": 1.15e4}, "exit": {"tension": 1e4},
+             "rollers": {"a": {"surface_speed": 1.0}}},
+        ],
+    }  # fmt: skip
+    _, state = ended(tables)
+    reading = state.rollers["a"]
+    assert reading.slip_arc is not None
+    # creep theory: ln(T1/T2)/f − λ/r = 0.70 − 0.21 rad, where V_c is 0
+    assert 0.25 < reading.slip_arc < 0.49

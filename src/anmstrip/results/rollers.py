@@ -174,7 +174,8 @@ class ContactState:
         share, angle = self.sliding
         if not (share.size and self.coefficient):
             return None
-        angle = np.clip(np.concatenate([ends[:1], angle, ends[1:]]), *ends)
+        first, last = np.sort(ends)  # angles may fall along the strip
+        angle = np.clip(np.concatenate([[first], angle, [last]]), first, last)
         above = np.concatenate([share[:1], share, share[-1:]]) - STICKS
         low, high = np.sort([above[:-1], above[1:]], axis=0)
         part = np.clip(high / np.maximum(high - low, 1e-300), 0.0, 1.0)
