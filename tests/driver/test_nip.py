@@ -19,6 +19,7 @@ from anmstrip.driver.warnings import warnings
 from anmstrip.errors import InputError
 from anmstrip.simulation.meshing import nips_in_stages
 from anmstrip.simulation.problem import Assembly
+from pinch_rolls import DRAWN
 
 THICKNESS, RADIUS, TENSION = 1e-3, 0.15, 2000.0
 
@@ -203,28 +204,6 @@ def test_a_nip_that_only_just_holds_strip_at_speed_is_told_to_be_closed() -> Non
     scene = Scene.from_tables(STEADY, "pinch.toml", ["stages.run.entry.tension=6160"])
     assert any("the strip nearly runs away" in line for line in told(scene))
     assert ended(scene).outcome.done
-
-
-DRAWN: dict[str, Any] = {
-    "strip": {"kinematics": "section", "width": 1.0, "thickness": THICKNESS},
-    "material": {"young": 2e11, "poisson": 0.3},
-    "contact": {"faces": True},
-    "friction": {"coefficient": 0.2},
-    "threading": {"tension": 4e3, "entry": [-1.0, 0.0, 0.0], "exit": [1.0, 0.0, 0.0]},
-    "rollers": [
-        {"name": "lower", "radius": 0.1, "centre": [0.0, 0.0, -0.1005], "wrap": "over"},
-        {"name": "upper", "radius": 0.1, "centre": [0.0, 0.0, 0.1005]},
-    ],
-    "edges": {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"]}},
-    "stages": [
-        {
-            "name": "run", "steady": True,
-            "entry": {"tension": 5e3}, "exit": {"tension": 4e3},
-            "rollers": {"lower": {"surface_speed": 1.0}, "upper": {"surface_speed": 1.0}},
-        },
-    ],
-}  # fmt: skip
-"""Driven pinch rolls whose gap is drawn as wide as the strip is thick."""
 
 
 @pytest.mark.parametrize("thickness", [0.5e-3, 1e-3, 3e-3])

@@ -12,6 +12,7 @@ from anmstrip import Scene
 from anmstrip.driver.run import Run
 from anmstrip.driver.sensitivities import sensitivities
 from anmstrip.results.state import State
+from pinch_rolls import DRAWN
 
 FRICTION, BEARING, RADIUS, WIDTH = 0.3, 3.0, 0.2, 2.0
 
@@ -36,26 +37,15 @@ TABLE: dict[str, Any] = {
 }  # fmt: skip
 """A plate 8 mm thick whose shear forces bear its weight between idle rollers."""
 
+LOWER, UPPER = DRAWN["rollers"]
 NIP: dict[str, Any] = {
-    "strip": {"kinematics": "section", "width": 1.0, "thickness": 1e-3},
-    "material": {"young": 2e11, "poisson": 0.3},
-    "contact": {"faces": True},
-    "friction": {"coefficient": 0.2},
-    "threading": {"tension": 4e3, "entry": [-1.0, 0.0, 0.0], "exit": [1.0, 0.0, 0.0]},
+    **DRAWN,
     "rollers": [
-        {"name": "lower", "radius": 0.1, "centre": [0.0, 0.0, -0.1005], "wrap": "over"},
-        {"name": "upper", "radius": 0.1, "centre": [0.0, 0.0, 0.10037]},
+        LOWER,
+        {**UPPER, "centre": [0.0, 0.0, 0.10037]},
         {"name": "open", "radius": 0.1, "centre": [0.5, 0.0, 0.11]},
     ],
-    "edges": {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"]}},
-    "stages": [
-        {
-            "name": "run", "steady": True,
-            "entry": {"tension": 5e3}, "exit": {"tension": 4e3},
-            "rollers": {"lower": {"surface_speed": 1.0}, "upper": {"surface_speed": 1.0}},
-        },
-    ],
-}  # fmt: skip
+}
 """Pinch rolls that hold 5 against 4 kN/m, and a roller that nothing touches."""
 
 

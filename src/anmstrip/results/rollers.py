@@ -29,7 +29,8 @@ middle of a 50° wrap are then within 2 per cent of the theory; at 1 they are up
 at 4 up to 6."""
 
 LAYERS = 4.0
-"""Distance from a roller, in √(D/T), from which on a strip is free: where it lifts off it bends."""
+"""Distance from a roller, in √(D/T), from which on a strip is free: what it bends where it lifts
+off falls off as e^(−x/√(D/T)), to 2 % there."""
 
 CREEPS = 0.01
 """Slip over the speed of a roller at which it runs: elastic strip on one creeps by 1e-3 at most."""
@@ -318,11 +319,7 @@ class RollerReading:
 
 
 def reading_of(
-    state: ContactState,
-    passage: RollerPassage,
-    bending: float,
-    offset: float | None,
-    yields: bool = False,
+    state: ContactState, passage: RollerPassage, bending: float, offset: float | None, yields: bool
 ) -> RollerReading:
     """Read off a roller.
 
@@ -363,7 +360,7 @@ def reading_of(
 
 
 def capacity_used(
-    state: ContactState, passage: RollerPassage, wrap: float, yields: bool = False
+    state: ContactState, passage: RollerPassage, wrap: float, yields: bool
 ) -> float | None:
     """Share of the largest friction, between 0 and 1: by Euler's formula where tension presses.
 
