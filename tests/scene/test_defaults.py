@@ -51,6 +51,19 @@ def speed(*stages: dict[str, Any], **tables: dict[str, Any]) -> float:
     return law.speed
 
 
+def test_contact_is_implied_by_friction_and_by_threading() -> None:
+    """Rollers alone are only drawn."""
+    bare = {key: value for key, value in LINE.items() if key != "contact"}
+    assert Scene.model_validate(bare).contact == Scene.model_validate(LINE).contact
+    assert Scene.from_tables(bare, "s", ["contact.onset=1e-5"]).contact.onset == 1e-5
+    roller = {"radius": 0.5, "centre": [0.0, 0.0, -0.6]}
+    flat = {**bare, "strip": {**LINE["strip"], "length": 4.0}, "rollers": [roller]}
+    for name in ("friction", "threading"):
+        del flat[name]
+    flat["stages"] = [{"duration": 1.0, "exit": {"force": [1e4, 0.0, 0.0]}}]
+    assert Scene.model_validate(flat).contact is None
+
+
 def test_slip_speed_is_a_tenth_of_the_elastic_creep() -> None:
     """V f T/(E t)/10, by the least tension of note; a typed one stays."""
     assert speed() == pytest.approx(0.1 * 2.0 * 0.2 * 1e4 / 2e8, rel=1e-12)

@@ -73,6 +73,41 @@ def tangents(run: Run) -> int:
     return int(run.stages["run"]["tangents"])
 
 
+def test_torque_of_an_idler_is_that_of_its_bearings() -> None:
+    """30 N m, and what the strip gains there, in a line pulled by 18 kN at the default tolerance.
+
+    A balance to 1e-3 of its pull would leave them wrong by 1.8 N m.
+    """
+    places = {"a": (0.3, 0.0), "i": (0.1, 0.6), "b": (0.3, 0.0)}
+    sides = {"a": "under", "i": "over", "b": "under"}
+    rollers = [
+        {"name": n, "radius": r, "centre": [1.5 * k, 0.0, z], "wrap": sides[n]}
+        for k, (n, (r, z)) in enumerate(places.items())
+    ]
+    rollers[1] |= {"drive": "idle", "bearing": 30.0}
+    tables = {
+        "strip": {"kinematics": "section", "width": 1.2, "thickness": 5e-4},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "friction": {"coefficient": 0.2},
+        "threading": {"tension": 1.5e4, "entry": [-1.0, 0.0, 1.0], "exit": [4.0, 0.0, 1.0]},
+        "rollers": rollers,
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [
+            {
+                "name": "run", "steady": True,
+                "entry": {"tension": 1.5e4}, "exit": {"tension": 1.49e4},
+                "rollers": {"a": {"surface_speed": 2.0}, "b": {"surface_speed": 2.0}},
+            }
+        ],
+    }  # fmt: skip
+    run, state = ended(Scene.model_validate(tables))
+    assert tangents(run) <= 4
+    idler = state.rollers["i"]
+    assert idler.torque == pytest.approx(-30.0, rel=1e-6)
+    gained = (idler.tension_out - idler.tension_in) * 1.2 * 0.1
+    assert gained == pytest.approx(30.0, rel=1e-3)
+
+
 @pytest.mark.parametrize("share", [0.2, 0.6, 1.0, -0.5])
 def test_string_creeps_as_the_equation_of_the_regularised_law_says(
     claim: Claim, share: float

@@ -16,7 +16,7 @@ import numpy as np
 from anmstrip.arrays import Array, Index
 from anmstrip.continuation.equations import Cost, Equations, PathStopped
 from anmstrip.continuation.follow import PathStep, Settings, follow
-from anmstrip.continuation.newton import Corrections, Newton, narrowed
+from anmstrip.continuation.newton import HELPFUL, KEPT, UNSURE, Corrections, Newton, narrowed
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.fem.geometry import SECTION, SHELL
 from anmstrip.fem.sampling import l2_projection
@@ -46,7 +46,7 @@ LARGE = 0.1
 """Share of the scene's tension, or of a compression, by which the mesh must not make one wrong
 without a warning."""
 
-FAR = 10.0
+FAR = 3.0
 """Times the tolerance's share of the scene's tension by which the path must not make one wrong
 without a warning.  Scenes of tests and examples that are done end with half of it at most."""
 
@@ -321,23 +321,9 @@ REMAINS = 1e-5
 ROUND_OFF = 1e-10
 """Least imbalance that is asked for, over the force scale, where displacements are small."""
 
-UNSURE = 4.0
-"""Least imbalance that is asked for, over what the last digits of one state are worth: corrections
-of a line of thirteen rollers stay at 1.1 to 2.4 times that."""
-
 ROUGH = 1e-3
 """Largest imbalance that is left, over the force scale: contact that a finer mesh finds deep inside
 a roller begins with any."""
-
-KEPT = 0.3
-"""Part of the imbalance: a tangent is kept while an iteration leaves less of it.  On 40 000
-unknowns a tangent costs as much as ten iterations; with 0.03 nine scenes take up to half as many
-again."""
-
-HELPFUL = 0.5
-"""Part of the imbalance: Newton's method turns to a wider law of friction where a new tangent
-leaves more.  Where it converges in one to five tangents each leaves 0.4 at most; where corners of
-friction turn it back and forth it takes eight, or thirteen are not enough."""
 
 WIDER = 10.0
 """Width of that law over the given one: two or three tangents, and three to five from there to the

@@ -390,8 +390,16 @@ def bend_table(state: State) -> Table:
 
 
 def cell(value: float | None, form: str = ".4g") -> str:
-    """Return a number of a table, a dash where there is none."""
-    return "–" if value is None else format(value, form)
+    """Return a number of a table, without an exponent up to seven digits; a dash for none.
+
+    Examples
+    --------
+    >>> cell(14753.2), cell(0.0123456), cell(3.2e9), cell(None)
+    ('14753', '0.01235', '3.2e+09', '–')
+    """
+    if value is None:
+        return "–"
+    return format(value, ".0f" if 1e3 <= abs(value) < 1e7 else form)
 
 
 def tensions(state: State) -> str:

@@ -296,17 +296,7 @@ def motions_at(
     series, force = equations.recurrence(u, 1.0, 1), model.scales.force
     try:
         factors = SparseSolver().factorise(series.tangent())
-    except MemoryError:  # the run will say so
-        return
-    except SingularTangentError as error:
-        number = -1 if error.unknown is None else int(free[error.unknown]) - model.strip.unknowns
-        if 0 <= number < len(model.turning):
-            name = model.turning[number]
-            bearing = UNSEEN * force * next(r.radius for r in assembly.rollers if r.name == name)
-            yield (
-                f"roller {name} is touched by nothing and free to turn. "
-                f"Try --set rollers.{name}.bearing={bearing:.1g}"
-            )
+    except (MemoryError, SingularTangentError):  # the run will say so
         return
     for stiffness, motion in softest_motions(factors, equations.metric):
         if not stiffness < FREE * force * model.scales.length:

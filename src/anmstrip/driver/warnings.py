@@ -17,6 +17,7 @@ from anmstrip.driver.preview import UNSEEN, Preview, StringEstimate, free_motion
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.mechanics.roller import Roller
+from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS
 from anmstrip.simulation.defaults import boundary_layer, elastic_creep
@@ -171,6 +172,22 @@ def running_loose(preview: Preview) -> str:
         "no edge holds it in x, and no roller is driven by speed or braked by bearings. "
         f"Try --set rollers.{first.name}.bearing={bearing:.1g}"
     )
+
+
+def lifted_off(state: State, scene: SceneSpec) -> Iterator[str]:
+    """Rollers that the strip is threaded around, and bent does not touch where it came to be."""
+    moved = {name for stage in scene.stages for name, turn in stage.rollers.items() if turn.move}
+    for roller in scene.rollers:
+        contact = state.contacts.get(roller.name)
+        if contact is None or roller.wrap is None or roller.name in moved:
+            continue
+        if not contact.touching.any():
+            gap = float(contact.gap.min(initial=np.inf))
+            yield (
+                f"roller {roller.name} is touched by nothing: bent over the others the strip "
+                f"passes at {gap:.2g} m, where a taut string would touch. "
+                f"Try --set with another rollers.{roller.name}.centre, if it should"
+            )
 
 
 def slack_end(preview: Preview) -> Iterator[str]:

@@ -136,7 +136,8 @@ class Drives(LawEffect):
     """Torques of the drives and drag of the bearings of rollers that turn freely, over the radius.
 
     The drag M V/√(V² + V_b²) opposes the surface speed V with the torque M, but for speeds about
-    V_b, and has a slope at rest.  Controls: ``rollers.NAME.torque`` (N m, in the sense of V).
+    V_b, and has a slope at rest.  The air keeps a roller at rest that nothing touches, with a drag
+    per speed that nobody feels.  Controls: ``rollers.NAME.torque`` (N m, in the sense of V).
 
     Attributes
     ----------
@@ -147,6 +148,8 @@ class Drives(LawEffect):
         M (N m).
     speed : float
         V_b (m/s).
+    air : float
+        Drag per speed, at the surface (N s/m).
     unknowns : int
         Those of the strip, before those of the rollers.
     """
@@ -155,6 +158,7 @@ class Drives(LawEffect):
     radii: Array
     bearings: Array
     speed: float
+    air: float
     unknowns: int
 
     name = "drives"
@@ -180,7 +184,8 @@ class Drives(LawEffect):
         """Drag less torque, over the radius (N), shape (1, rollers)."""
         given = [controls[f"rollers.{name}.torque"] for name in self.names]
         torque = at_points(given, np.arange(len(given)))
-        return np.stack([(self.drag(slowed(v[0], controls)) - torque) / self.radii])
+        speeds = slowed(v[0], controls)
+        return np.stack([(self.drag(speeds) - torque) / self.radii + self.air * speeds])
 
 
 @dataclass(frozen=True)

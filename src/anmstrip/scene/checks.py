@@ -46,9 +46,6 @@ WHY = {"section": 'a "section" has no width', "plate": 'a "plate" only moves up 
 OTHER = {"section": 'kinematics = "shell"', "plate": 'kinematics = "section"'}
 """The next level, which has more displacements."""
 
-CONTACT = "[contact]\nstiffness = 1.0e10\neta = 10.0\ndelta = 1.0e-3"
-"""An example of contact, to be typed."""
-
 PARALLEL = 0.99
 """Least cosine of the angle between axes that count as parallel."""
 
@@ -349,7 +346,7 @@ def gravity_has_density(material: MaterialSpec, stages: Stages) -> Iterator[Mist
 def friction_has_contact(friction: Friction, contact: Contact) -> Iterator[Mistake]:
     """Yield the contact that friction lacks, and laws of one's own that "auto" cannot sharpen."""
     if friction is not None and contact is None:
-        yield Mistake("", "contact", None, "a table, since there is [friction]", CONTACT)
+        yield Mistake("", "contact", None, "a table, since there is [friction]", "[contact]")
     own = (friction is not None and ":" in friction.law) or (contact and contact.law)
     if friction is not None and friction.regularisation == "auto" and own:
         expected = '"fixed": only the built-in laws are known well enough to be sharpened'
@@ -467,7 +464,7 @@ def threading_partners(
         )
         yield Mistake("", "threading", None, expected, hint)
     if contact is None:
-        yield Mistake("", "contact", None, "a table, since there is [threading]", CONTACT)
+        yield Mistake("", "contact", None, "a table, since there is [threading]", "[contact]")
 
 
 def one_length(threading: Threading, strip: StripSpec) -> Iterator[Mistake]:

@@ -95,10 +95,11 @@ class SceneSpec(Table):
     def __init__(self, /, **tables: Any) -> None:
         right: dict[str, Any] = {}  # tables without mistakes of their own
         found: list[Mistake] = []
+        tables = completed(tables)
         try:
             self.__pydantic_validator__.validate_python(tables, self_instance=self, context=right)
         except ValidationError as error:
-            found += mistakes_of(error, type(self), with_default_names(tables))
+            found += mistakes_of(error, type(self), tables)
         for name, field in type(self).model_fields.items():
             if name not in tables and not field.is_required():
                 right[name] = field.get_default()
@@ -109,11 +110,6 @@ class SceneSpec(Table):
     def __repr__(self) -> str:
         kind = f"{type(self).__name__} {self.title or self.name!r}"
         return f"<{kind}: {len(self.rollers)} rollers, {len(self.course)} stages>"
-
-    @model_validator(mode="before")
-    @classmethod
-    def _name_rollers_and_stages(cls, given: Any) -> Any:
-        return with_default_names(given) if isinstance(given, Mapping) else given
 
     @field_validator("*", mode="wrap")
     @classmethod
@@ -159,7 +155,7 @@ class SceneSpec(Table):
         cls, tables: Mapping[str, Any], source: str | Path, overrides: Iterable[str] = ()
     ) -> Self:
         """Return the scene of tables as they would stand in a file; see :meth:`load`."""
-        data, applied, mistakes = with_default_names(tables), list[Override](), list[Mistake]()
+        data, applied, mistakes = completed(tables), list[Override](), list[Mistake]()
         for text in overrides:
             try:
                 override = Override.parse(text)
@@ -328,15 +324,17 @@ def wrong_override(text: str, key: str, value: object, expected: str, hint: str)
     return InputError([Mistake(f"--set {text}", key, value, expected, hint)])
 
 
-def with_default_names(scene: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the tables of a scene where rollers and stages without a name have one.
+def completed(scene: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the tables of a scene with names for all rollers and stages, and implied contact.
 
     Examples
     --------
-    >>> with_default_names({"rollers": [{"radius": 1.0}, {"name": "big"}, {}]})
+    >>> completed({"rollers": [{"radius": 1.0}, {"name": "big"}, {}]})
     {'rollers': [{'name': 'r1', 'radius': 1.0}, {'name': 'big'}, {'name': 'r3'}]}
     """
     named = dict(scene)
+    if {"friction", "threading"} & scene.keys():
+        named.setdefault("contact", {})
     for key, prefix in (("rollers", "r"), ("stages", "stage")):
         if isinstance(tables := scene.get(key), list | tuple):
             named[key] = [

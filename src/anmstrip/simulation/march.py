@@ -22,6 +22,9 @@ from anmstrip.continuation.equations import (
 )
 from anmstrip.continuation.follow import Pace, PathSolver, PathStep, Settings, follow
 from anmstrip.continuation.newton import (
+    HELPFUL,
+    KEPT,
+    UNSURE,
     Corrected,
     Corrections,
     Newton,
@@ -58,6 +61,9 @@ started in less than 60 tangents, with 1 in 113."""
 SLIDING, MOST_SLIDING = 0.05, 4
 """Imbalance from which strip slides into place on a path, where corrections make it grow, and the
 branches of this path.  Lines of 100 to 200 rollers so take 6 tangents, without 10 to 12."""
+
+LAST = 8
+"""Iterations that balance the state in which a steady stage ends; most take two or three."""
 
 FEW_STATES, MOST_STATES = 80, 100
 """States of a steady stage, after which smoother laws lead to its end, and of the path there.  Of
@@ -256,14 +262,31 @@ class March:
         calmly = CALMLY if plan.steady and self.assembly.flow is None else 0.0
         settings = replace(settings, tolerance=tolerance, unhurried=UNHURRIED, calmly=calmly)
         for step in (self._settled if plan.steady else self._path)(equations, u, settings):
-            u, control = step.branch.end
+            (u, control), imbalance = step.branch.end, step.imbalance
+            if plan.steady and control == 1.0:
+                u, imbalance = self._balanced(equations, u, imbalance)
             branch = step.branch if equations.controls is plan.controls else None
             time = plan.start + control * plan.duration
             full = plan.supports.full(u, control)
             velocity = plan.transport(full, control)
             state = State(plan, time, control, full, velocity, branch, self.conveyed)
             covered = abs(control - float(step.branch.control[0]))
-            yield Step(state, step.branch.order, covered, step.imbalance, step.pace)
+            yield Step(state, step.branch.order, covered, imbalance, step.pace)
+
+    def _balanced(self, equations: Equilibrium, u: Array, imbalance: float) -> tuple[Array, float]:
+        """The state in which a steady stage ends, balanced as far as digits go, and what is left.
+
+        Balanced to the tolerance a bearing's drag would be wrong by that share of the line's
+        tension, which is many times as large.
+        """
+        floor = UNSURE * equations.round_off(u, 1.0)
+        if imbalance <= floor:
+            return u, imbalance
+        aim = Corrections(floor, LAST, least=1, kept=KEPT, helpful=HELPFUL, near=np.inf)
+        found = Newton(equations, self.solver, aim, self.cost).corrected(u, 1.0)
+        if found is None or found.imbalance > imbalance:
+            return u, imbalance
+        return found.u, found.imbalance
 
     def _path(self, equations: Equilibrium, u: Array, settings: Settings) -> Iterator[PathStep]:
         """Steps of a path from where it has come to."""

@@ -151,6 +151,10 @@ With 0 a leveller of nine rollers takes 330 tangents instead of 119."""
 UNSEEN = 0.01
 """Stretch that the onset of contact may make, over the elastic one."""
 
+AIR = 1e-14
+"""Drag on a free roller at V_c, over the force scale: at the speed of a line, which is some 1e5
+times V_c, a billionth of the strip's tension; and the one thing that holds an untouched roller."""
+
 FLOATS = 0.05
 """Share of its thickness by which a strip that only its weight presses may float: a tenth of the
 half by which its middle is nearer to the roller than its face, which is not modelled."""
@@ -542,7 +546,8 @@ class Assembly:
 
         chosen = [spec for spec in self.scene.rollers if spec.name in self.turning]
         radii, bearings = (np.array([getattr(s, k) for s in chosen]) for k in ("radius", "bearing"))
-        given = self.turning, radii, bearings, self.friction.speed, self.strip.unknowns
+        speed, force = self.friction.speed, self.scales.force
+        given = self.turning, radii, bearings, speed, AIR * force / speed, self.strip.unknowns
         return SteadyDrives(*given) if steady else Drives(*given)
 
     def friction_in(self, stage: StageSpec) -> Friction | None:
