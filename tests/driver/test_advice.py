@@ -134,7 +134,15 @@ PLATE = {  # which nothing holds but the rollers that carry it on
     ],
 }  # fmt: skip
 ABOVE = merged(PLATE, rollers=[{"radius": 0.15, "centre": [x, 0.0, -0.1505]} for x in PLACES])
+TIPPING = merged(  # drawn as if the plate began at x = 0
+    PLATE,
+    rollers=[{"radius": 0.15, "centre": [x, 0.0, -0.15]} for x in (0.4, 1.2, 2.0, 2.8, 3.6)],
+    edges={"entry": {"fixed": ["x"]}},
+    stages=PLATE["stages"][:1],
+)
 MORE: list[tuple[dict[str, Any], str, list[str]]] = [
+    (TIPPING, "tips over in stage settle: the rollers below it, from x = 0.4 to 1.2 m",
+     [f"rollers.r{k + 1}.centre=[{x}, 0.0, -0.15]" for k, x in enumerate(PLACES[:5])]),
     (changed(("strip.kinematics", None)), "nothing varies across the strip", []),
     (merged(FLAT, strip={"refined": 0.25}), "cannot follow its radius", []),
     (merged(FLAT, contact={"stiffness": 1e5}), "the strip sinks 0.36 m into roller r1", []),

@@ -583,6 +583,24 @@ def strip_without_tension(preview: Preview) -> Iterator[str]:
             )
 
 
+def tips_over(preview: Preview) -> Iterator[str]:
+    """Flat strip that nothing pulls, with its middle beyond the rollers that it weighs on."""
+    assembly, scene = preview.assembly, preview.assembly.scene
+    weighed = [s.name for s in scene.stages if s.gravity is not None and s.gravity[2] < 0.0]
+    held = any("z" in edge.fixed for edge in scene.edges.values())
+    above = any(roller.centre[2] > 0.0 for roller in assembly.rollers)
+    if assembly.thread is not None or held or above or not weighed:
+        return
+    first, last = assembly.strip.nodes[0].min(), assembly.strip.nodes[0].max()
+    places = [roller.centre[0] for roller in assembly.rollers if first < roller.centre[0] < last]
+    if places and not min(places) < 0.5 * (first + last) < max(places):
+        yield (
+            f"the strip, from x = {first:g} to {last:g} m, tips over in stage {weighed[0]}: the "
+            f"rollers below it, from x = {min(places):g} to {max(places):g} m, are not on both "
+            f"sides of its middle. Try --set with other rollers.{assembly.rollers[0].name}.centre"
+        )
+
+
 def sideways_entry(preview: Preview) -> Iterator[str]:
     """Ends of a fed strip that are moved across it, since their velocity is not along it."""
     course = Course(preview.assembly)

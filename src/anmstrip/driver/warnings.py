@@ -70,7 +70,7 @@ def warnings(preview: Preview) -> list[str]:
 def serious(preview: Preview) -> list[str]:
     """Return the warnings for which a run may stop."""
     if preview.tension == 0.0:  # the others compare with it
-        return list(unheld_strip(preview))
+        return [*unheld_strip(preview), *physics.tips_over(preview)]
     return [told for rule in SERIOUS_RULES for told in rule(preview)]
 
 
