@@ -18,6 +18,7 @@ from anmstrip import Scene
 from anmstrip.continuation.equations import Cost, Tolerances
 from anmstrip.driver.run import Run
 from anmstrip.results.state import State
+from anmstrip.simulation.march import March
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 COARSE = "strip.refined=0.2"
@@ -337,6 +338,7 @@ def test_a_run_that_ends_far_from_balance_says_so(
     words = "this is not the state that was asked for"
     assert not [told for told in idler().warnings if words in told]
     monkeypatch.setattr(Tolerances, "path", property(lambda _: 0.2))
+    monkeypatch.setattr(March, "_balanced", lambda *given: given[-2:])
     run = idler()
     assert run.outcome.done
     assert run.errors()["path"]["tension"] > 10.0 * 1e-4 * run.assembly.scales.tension

@@ -121,7 +121,6 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
     ("eta = 10.0", "eta = 1.0e7", "contact.eta", "below stiffness × delta = 1e+07 (Pa)"),
     ("eta = 10.0\n", "", "contact.eta", "stiffness, eta and delta together, or none of them"),
     ("eta = 10.0", "eta = 10.0\nonset = 1e-4", "contact.onset", "which are another law"),
-    ("[contact]", "[[nothing]]", "contact", "[friction]"),
     ("rollers.r1.surface_speed", "rollers.r2.surface_speed", "stages.turn.rollers.r2", "r1"),
     ('name = "turn"', 'name = "wrap"', "stages.wrap.name", 'name = "wrap_2"'),
     ("duration = 0.6", "duration = 0.6\ngravity = [0, 0, -9]", "material.density", "turn"),

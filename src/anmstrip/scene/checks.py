@@ -343,10 +343,8 @@ def gravity_has_density(material: MaterialSpec, stages: Stages) -> Iterator[Mist
         yield replace(mistake, key="material.density", expected=expected)
 
 
-def friction_has_contact(friction: Friction, contact: Contact) -> Iterator[Mistake]:
-    """Yield the contact that friction lacks, and laws of one's own that "auto" cannot sharpen."""
-    if friction is not None and contact is None:
-        yield Mistake("", "contact", None, "a table, since there is [friction]", "[contact]")
+def known_laws_are_sharpened(friction: Friction, contact: Contact) -> Iterator[Mistake]:
+    """Yield laws of one's own that "auto" cannot sharpen."""
     own = (friction is not None and ":" in friction.law) or (contact and contact.law)
     if friction is not None and friction.regularisation == "auto" and own:
         expected = '"fixed": only the built-in laws are known well enough to be sharpened'
@@ -446,10 +444,8 @@ def yielding_strip(material: MaterialSpec, strip: StripSpec) -> Iterator[Mistake
         yield Mistake("", "strip.feed", strip.feed, expected, "no feed, or no plasticity")
 
 
-def threading_partners(
-    threading: Threading, contact: Contact, rollers: Rollers
-) -> Iterator[Mistake]:
-    """Yield what is missing: the table, a side for some roller, or contact."""
+def threading_partners(threading: Threading, rollers: Rollers) -> Iterator[Mistake]:
+    """Yield what is missing: the table, or a side for some roller."""
     wrapped = [roller for roller in rollers if roller.wrap is not None]
     if threading is None:
         if wrapped:
@@ -463,8 +459,6 @@ def threading_partners(
             f"strip.length, and a first stage with exit.force = [{threading.tension:g}, 0.0, 0.0]"
         )
         yield Mistake("", "threading", None, expected, hint)
-    if contact is None:
-        yield Mistake("", "contact", None, "a table, since there is [threading]", "[contact]")
 
 
 def one_length(threading: Threading, strip: StripSpec) -> Iterator[Mistake]:
@@ -601,7 +595,7 @@ RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     unique_rollers, unique_stages, known_edges, known_rollers, drives, plates,
     rollers_of_a_section, directions, tensions_and_moments, held_components, speeds_at_ends,
     natural_shapes,
-    ends_of_a_fed_strip, gravity_has_density, friction_has_contact, refined_mesh_is_estimated,
+    ends_of_a_fed_strip, gravity_has_density, known_laws_are_sharpened, refined_mesh_is_estimated,
     rollers_have_friction, stages_have_friction, closed_strip, steady_stages, yielding_strip,
     threading_partners, one_length, held_entry, own_name, threading_ends, bearable, wrapped_axes,
     apart,

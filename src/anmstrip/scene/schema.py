@@ -333,8 +333,8 @@ def completed(scene: Mapping[str, Any]) -> dict[str, Any]:
     {'rollers': [{'name': 'r1', 'radius': 1.0}, {'name': 'big'}, {'name': 'r3'}]}
     """
     named = dict(scene)
-    if {"friction", "threading"} & scene.keys():
-        named.setdefault("contact", {})
+    if scene.get("contact") is None and {"friction", "threading"} & scene.keys():
+        named["contact"] = {}
     for key, prefix in (("rollers", "r"), ("stages", "stage")):
         if isinstance(tables := scene.get(key), list | tuple):
             named[key] = [

@@ -62,7 +62,7 @@ SLIDING, MOST_SLIDING = 0.05, 4
 """Imbalance from which strip slides into place on a path, where corrections make it grow, and the
 branches of this path.  Lines of 100 to 200 rollers so take 6 tangents, without 10 to 12."""
 
-LAST = 8
+LAST_CORRECTIONS = 8
 """Iterations that balance the state in which a steady stage ends; most take two or three."""
 
 FEW_STATES, MOST_STATES = 80, 100
@@ -282,7 +282,7 @@ class March:
         floor = UNSURE * equations.round_off(u, 1.0)
         if imbalance <= floor:
             return u, imbalance
-        aim = Corrections(floor, LAST, least=1, kept=KEPT, helpful=HELPFUL, near=np.inf)
+        aim = Corrections(floor, LAST_CORRECTIONS, least=1, kept=KEPT, helpful=HELPFUL, near=np.inf)
         found = Newton(equations, self.solver, aim, self.cost).corrected(u, 1.0)
         if found is None or found.imbalance > imbalance:
             return u, imbalance
