@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from scipy.linalg import eigh
 
 from anmstrip.cli import main
+from anmstrip.driver.explain import explain
 from anmstrip.driver.preview import Preview, free_motions, softest_motions
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
@@ -40,6 +41,7 @@ THREADED: dict[str, Any] = {
 }
 PULLED_ALONG = {"stages": [{"name": "pull", "duration": 1.0, "exit": {"tension": 1e4}}]}
 NOT_CENTRED = {"edges": {"entry": {"fixed": ["x", "z"]}}}
+LOOSE = {"edges": {"entry": {"fixed": ["x", "z"], "centred": False}}}
 ASIDE = {"name": "aside", "radius": 0.2, "centre": [1.0, 0.0, 3.0], "drive": "idle"}
 
 
@@ -54,7 +56,7 @@ def told_of(scene: Scene) -> list[str]:
         (FLAT | NOT_CENTRED, "in stage pull nothing holds the strip in y"),
         (FLAT | {"edges": {"entry": {"fixed": ["z"], "centred": True}}}, "holds the strip in x"),
         (FLAT | {"edges": {"entry": {"fixed": ["x"], "centred": True}}}, "holds the strip in z"),
-        (THREADED | NOT_CENTRED, "in stage threading nothing holds the strip in y"),
+        (THREADED | LOOSE, "in stage threading nothing holds the strip in y"),
         (THREADED | {"rollers": [*THREADED["rollers"], ASIDE]}, "roller aside is touched by noth"),
     ],
 )
@@ -70,6 +72,36 @@ def test_what_is_free_is_named_and_held_by_what_is_told(tables: dict[str, Any], 
         run = Run(changed)
         assert list(run)
         assert run.outcome.done
+
+
+def test_a_threaded_shell_that_nothing_holds_across_is_centred() -> None:
+    """No side force holds it, and it stays where it is drawn; it was warned of, 5 µm aside."""
+    steady = {"name": "run", "steady": True, "strip": {"speed": 1.0}}
+    scene = Scene.model_validate(THREADED | NOT_CENTRED | {"stages": [steady]})
+    assert told_of(scene) == []
+    assert "the middle of the entry is (edges.entry.centred)" in explain(scene)
+    run = Run(scene)
+    *_, last = run
+    assert run.outcome.done
+    assert abs(last.state.edge_force("entry")[1]) < 1e-6 * 1e4
+    assert abs(last.state.rollers["r1"].offset) < 1e-9
+
+
+@pytest.mark.parametrize(
+    "others",
+    [
+        LOOSE,
+        {"edges": {**NOT_CENTRED["edges"], "exit": {"fixed": ["y"]}}},
+        {"edges": {**NOT_CENTRED["edges"], "exit": {"centred": True}}},
+        {"rollers": [{**THREADED["rollers"][0], "crown": [0.0, -1e-3]}]},
+        {"strip": {**THREADED["strip"], "cells": [16, 3]}},
+        {"strip": {**THREADED["strip"], "kinematics": "section"}},
+    ],
+)
+def test_nothing_else_is_centred_by_default(others: dict[str, Any]) -> None:
+    """Where it is held, may be guided, has no node in its middle, or does not move across."""
+    given = Scene.model_validate(THREADED | NOT_CENTRED | others)
+    assert Assembly(given).scene.edges == given.edges
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffe
 from anmstrip.results.files import error_rows
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import FieldSpec
-from anmstrip.simulation.defaults import elastic_creep, pulls
+from anmstrip.simulation.defaults import elastic_creep, loose_across, pulls
 from anmstrip.simulation.problem import Assembly, flat_gap, naturals
 from anmstrip.taylor.series import record
 
@@ -69,6 +69,8 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
         f"{strip.unknowns} unknowns, kinematics {scene.strip.kinematics}"
         f"{', fed: fresh strip follows what has left' if scene.strip.feed else ''}."
     )
+    if loose_across(scene):
+        yield "Nothing else holds the strip in y: the middle of the entry is (edges.entry.centred)."
     if assembly.growth is not None:
         yield (
             "The mesh follows rollers that move, and stays on them where strip hangs through: "

@@ -28,7 +28,7 @@ from anmstrip.mechanics.roller import Roller, combine
 from anmstrip.mechanics.shell import principal
 from anmstrip.mechanics.transport import Drives, SteadyFriction
 from anmstrip.results.state import State
-from anmstrip.results.wrinkles import free_spans
+from anmstrip.results.wrinkles import far_from_points, free_spans
 from anmstrip.scene.tables import ENDS
 from anmstrip.simulation.growth import Hanging
 
@@ -474,6 +474,7 @@ class Readings:
         free = np.zeros(len(x), dtype=bool)
         for span in free_spans(state):
             free |= (span.start <= x) & (x <= span.end)
+        free &= far_from_points(state)
         forces = membrane.at(state.full, state.controls)
         values, directions = principal(forces)
         worst = int(np.where(free, values[:, 0], np.inf).argmin())

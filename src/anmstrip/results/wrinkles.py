@@ -17,6 +17,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import LinearOperator, eigs, eigsh
 
@@ -83,8 +84,9 @@ def free_spans(state: State) -> Iterator[Span]:
     arcs = sorted((*(contact.arc + reach), name) for name, contact in touched)
     stations = [(*2 * ends[:1], "the entry"), *arcs, (*2 * ends[1:], "the exit")]
     positions, weights = quadrature_points(strip)[0], strip.weights().ravel()
+    counted = far_from_points(state)
     for (_, start, before), (end, _, after) in pairwise(stations):
-        inside = (start <= positions) & (positions <= end)
+        inside = counted & (start <= positions) & (positions <= end)
         if start >= end:
             continue
         if not inside.any():
@@ -99,6 +101,18 @@ def free_spans(state: State) -> Iterator[Span]:
         share, pressed = area[compressed].sum() / area[beside].sum(), max(-float(low[worst]), 0.0)
         numbers = pressed, float(bearable), float(share)
         yield Span(before, after, float(start), float(end), *numbers)
+
+
+def far_from_points(state: State) -> NDArray[np.bool_]:
+    """Return which quadrature points are half a width away from nodes that alone are held across.
+
+    A side force P on one node compresses by 2 P/(π r) at a distance r, without bound.
+    """
+    strip, names = state.plan.model.strip, ("u", "u_x", "u_y")
+    free = [np.isin(strip.count * strip.dofs(n) + 1, state.plan.supports.free) for n in names]
+    alone = strip.nodes[:2, ~free[0] & free[1] & free[2]]
+    away = quadrature_points(strip)[:2, :, None] - alone[:, None]
+    return np.asarray((np.linalg.norm(away, axis=0) > 0.5 * strip.width).all(axis=1))
 
 
 def square_integrals(y: Array, w: Array) -> Array:

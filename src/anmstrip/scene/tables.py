@@ -532,8 +532,8 @@ class EdgeSpec(Table):
 
     fixed: tuple[Component, ...] = Field((), examples=['["x", "z"]'])
     """components held, each of "x", "y", "z" at most once (list of text)"""
-    centred: StrictBool = Field(False, examples=["true"])
-    """whether the middle of the edge stays at its y (true or false)"""
+    centred: StrictBool | None = Field(None, examples=["true"])
+    """whether its middle keeps its y, true or false; left out: a loose threaded entry (1)"""
 
     def find_mistakes(self) -> Iterator[Mistake]:
         """Yield a component that is held twice."""

@@ -1,4 +1,4 @@
-"""What a scene leaves open: the slip speed of its friction, and whether fresh strip comes in."""
+"""What a scene leaves open: slip speed, whether fresh strip comes in, and what centres it."""
 
 from __future__ import annotations
 
@@ -32,10 +32,28 @@ def with_defaults(scene: SceneSpec) -> SceneSpec:
     if scene.strip.feed is None:
         strip = scene.strip.model_copy(update={"feed": goes_on(scene)})
         scene = scene.model_copy(update={"strip": strip})
+    if loose_across(scene):
+        entry = scene.edges["entry"].model_copy(update={"centred": True})
+        scene = scene.model_copy(update={"edges": {**scene.edges, "entry": entry}})
     if scene.friction is None or scene.friction.speed is not None:
         return scene
     law = scene.friction.model_copy(update={"speed": HONEST * elastic_creep(scene)})
     return scene.model_copy(update={"friction": law})
+
+
+def loose_across(scene: SceneSpec) -> bool:
+    """Return whether a threaded shell has its entry centred by default: nothing else holds its y.
+
+    Threading is without friction, and steady strip slides through its shape.  Rollers with a
+    profile may guide it, and an odd number of elements across has no node in the middle.
+    """
+    threading, strip, edges = scene.threading, scene.strip, scene.edges
+    if threading is None or threading.closed or strip.kinematics != "shell" or strip.mesh:
+        return False
+    held = any(edge.centred or "y" in edge.fixed for edge in edges.values())
+    guided = any(roller.profile for roller in scene.rollers)
+    odd = strip.cells is not None and strip.cells[1] % 2 == 1
+    return "entry" in edges and edges["entry"].centred is None and not (held or guided or odd)
 
 
 def goes_on(scene: SceneSpec) -> bool:

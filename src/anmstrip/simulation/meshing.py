@@ -77,8 +77,8 @@ half of them by 0.5 %; with 0.02 by 2.3 %, with 0.01 by 1 %, but a plate that is
 as long again.  Where elements were an eighth of the radius long they were off by up to 25 %."""
 
 FALLS = 0.1
-"""Least depth over the largest gap to a roller at the beginning.  Of eight plates that fall by 20
-to 2 800 times the onset four do not arrive, of eight that fall by 10 to 170 times all do."""
+"""Least depth over the gap to a roller at the beginning.  Of eight plates that fall by 20 to 2 800
+times the onset four do not arrive, of eight that fall by 10 to 170 times all do."""
 
 PARALLEL = 0.99
 """Least cosine of the angle between axes of rollers that face each other."""
@@ -172,9 +172,10 @@ class Lines:
             back = ahead = 0.0
         arcs = () if thread is None else arcs_in_stages(scene, thread)
         nipping = nipping_rollers(scene, self.rollers, thread)
-        deepest = deepest_bearing(scene, self.rollers, thread)
-        for roller in self.rollers if scene.contact is not None else ():
-            size = wanted_size(scene, roller.radius, layer, deepest, roller.name in nipping)
+        depths = deepest_bearing(scene, self.rollers, thread)
+        pairs = zip(self.rollers, depths, strict=True)
+        for roller, depth in pairs if scene.contact is not None else ():
+            size = wanted_size(scene, roller.radius, layer, depth, roller.name in nipping)
             margin = fine_beside(layer, size)
             lifts = np.array([arc[roller.name] for arc in arcs if roller.name in arc])
             if not len(lifts):  # anywhere near where the strip passes the roller
@@ -253,8 +254,9 @@ def most_unknowns(rollers: int) -> int:
 def shortest_wanted(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> float:
     """Return the length (m) of elements by default over the roller where it is shortest."""
     layer, nipping = bending_layer(scene, thread), nipping_rollers(scene, rollers, thread)
-    deepest = deepest_bearing(scene, rollers, thread)
-    sizes = (wanted_size(scene, r.radius, layer, deepest, r.name in nipping) for r in rollers)
+    depths = deepest_bearing(scene, rollers, thread)
+    pairs = zip(rollers, depths, strict=True)
+    sizes = (wanted_size(scene, r.radius, layer, depth, r.name in nipping) for r, depth in pairs)
     return min(sizes, default=0.0)
 
 
@@ -273,23 +275,23 @@ def wanted_size(
     return radius * float(np.clip(QUARTER * layer / radius, STRING, longest))
 
 
-def deepest_bearing(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> float:
-    """Depth (m) by which a flat strip that lies on rollers may bear deeper on one of them.
+def deepest_bearing(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> Array:
+    """Depth (m) by which a flat strip that lies on rollers may bear deeper on each, (rollers,).
 
     One support of many, a pitch p apart, that sinks by δ loses (15 D/p³ + 4 T/p) δ of its load q p.
     Infinite where strip is wound round rollers, resists nothing, or nothing lays it on them.  Strip
-    that first falls on them meets a softer contact.
+    that first falls meets a softer contact.
     """
     load, sides = distributed_load(scene), dict[float, list[float]]()
     for roller in rollers:
         sides.setdefault(np.sign(roller.centre[2]), []).append(roller.centre[0])
     pitches = [pitch for xs in sides.values() for pitch in np.diff(np.sort(xs)) if pitch > 0.0]
     if thread is not None or not load or not pitches:
-        return np.inf
+        return np.full(len(rollers), np.inf)
     p = min(pitches)
     stiffness = 15.0 * bending_stiffness(scene) / p**3 + 4.0 * largest_force(scene) / p
-    falls = max(abs(roller.centre[2]) - roller.radius - roller.half for roller in rollers)
-    return max(SETTLES * load * p / stiffness, FALLS * falls) if stiffness else np.inf
+    falls = np.array([abs(r.centre[2]) - r.radius - r.half for r in rollers])
+    return np.maximum(SETTLES * load * p / stiffness if stiffness else np.inf, FALLS * falls)
 
 
 def bending_layer(scene: SceneSpec, thread: Thread | None) -> float:
