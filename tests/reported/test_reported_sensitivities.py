@@ -131,10 +131,12 @@ def read(state: State, start: State) -> dict[str, float]:
     for name, reading in state.rollers.items():
         arc = start.contacts[name].arc
         pulls = force, force + reading.resultant
-        slopes = state.slope(places[name])
-        for word, x, pull, slope in zip(("in", "out"), arc, pulls, slopes, strict=True):
-            along = slope / np.linalg.norm(slope)
-            found[f"{name}_tension_{word}"] = -(pull + state.weight_before(x)) @ along / width
+        slopes, pushes = state.slope(places[name]), state.pressure_before(places[name])
+        for word, x, pull, slope, push in zip(
+            ("in", "out"), arc, pulls, slopes, pushes, strict=True
+        ):
+            along, load = slope / np.linalg.norm(slope), push + state.weight_before(x)
+            found[f"{name}_tension_{word}"] = -(pull + load) @ along / width
         force = pulls[1]
         found[f"{name}_torque"] = reading.torque
         found[f"{name}_surface_speed"] = reading.surface_speed

@@ -27,7 +27,7 @@ from anmstrip.mechanics.loads import FollowerLoad, GrownWeight
 from anmstrip.mechanics.roller import Roller, combine
 from anmstrip.mechanics.shell import principal
 from anmstrip.mechanics.transport import Drives, SteadyFriction
-from anmstrip.results.state import State
+from anmstrip.results.state import State, turned_up
 from anmstrip.results.wrinkles import far_from_points, free_spans
 from anmstrip.scene.tables import ENDS
 from anmstrip.simulation.growth import Hanging
@@ -430,6 +430,22 @@ class Readings:
             return 1.0 / float(np.linalg.norm(self.tangent.state.controls["gravity"]))
         return (self.key == "strip.thickness") / self.tangent.model.strip.thickness
 
+    def blown(self, changed: State) -> Array:
+        """Change of :meth:`State.pressure_before` at the places of all passages, (passages, 2, 3).
+
+        Parameters
+        ----------
+        changed : State
+            With the change of all unknowns as its displacements.
+        """
+        state, strip = self.tangent.state, self.tangent.model.strip
+        places = np.array([passage.places for passage in state.passages])
+        still = (places - strip.span[0])[..., None] * np.array([1.0, 0.0, 0.0])
+        ways = float(state.controls.get("pressure", 0.0)) * (changed.way(places) - still)
+        if self.key == "pressure":
+            ways = ways + state.way(places)
+        return strip.width * turned_up(strip, ways)
+
     def read(self) -> dict[str, float]:
         """Derivatives with respect to the parameter, by what is read off."""
         tangent, state = self.tangent, self.tangent.state
@@ -449,6 +465,7 @@ class Readings:
             longer = tangent.hanging.growth.up_to(tangent.arcs.ravel(), held)
             rises += state.weight_of(longer).reshape(rises.shape)
         changed = replace(state, full=change)
+        rises += self.blown(changed)
         pulls, slopes = (np.array([getattr(p, n) for p in passages]) for n in ("pulls", "slopes"))
         turns = np.array([changed.mean_across("u_x", p.places) for p in passages])
         tensions = -along_changed(pulls, rises, slopes, turns)[passed] / model.strip.width

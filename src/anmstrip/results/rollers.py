@@ -75,6 +75,7 @@ class ContactState:
     surface_speed: float  # where the profile has the nominal radius (m/s)
     bearing_torque: float  # against it (N m)
     elements: Index  # with a point within reach; all of their points are among these
+    lifting: float = 0.0  # pressure on the strip that takes it off the roller (Pa)
 
     @cached_property
     def least(self) -> float:
@@ -277,7 +278,8 @@ class RollerPassage:
     arc: tuple[float, float]  # reference x where contact begins and ends
     places: Array  # reference x before and behind it where the strip's direction is taken, (2,)
     slopes: Array  # ∂r/∂X there, shape (2, 3)
-    pulls: Array  # forces on all strip up to where contact begins and ends (N), shape (2, 3)
+    forces: Array  # on all strip up to where contact begins and ends (N), shape (2, 3)
+    pulls: Array  # the same with the pressure on it up to the places
     width: float  # of the strip (m)
 
     @property
@@ -364,21 +366,21 @@ def capacity_used(
 ) -> float | None:
     """Share of the largest friction, between 0 and 1: by Euler's formula where tension presses.
 
-    That is |ln(T1/T2)| / (f θ), where θ is the angle by which the roller turns the strip, between
-    the directions of its forces before and behind, to whole turns nearest to the wrap.  The angle
-    of contact is smaller by √(D/T)/r at both ends, where the line loads do as much as it lacks.
-    Where more than the largest tension times θ presses, as a nip or strip so stiff that its shear
-    forces bear its weight do, it is the friction force over f times the normal force; and where the
-    strip yields, which takes up tension without friction.
+    That is |ln(T1/T2)| / (f θ), of T − p r where p lifts the strip.  θ is the angle by which the
+    roller turns the strip, between the directions of its forces before and behind, to whole turns
+    nearest to the wrap.  The angle of contact is smaller by √(D/T)/r at both ends, where the line
+    loads do as much as it lacks.  Where more than the largest tension times θ presses, as a nip or
+    strip so stiff that its shear forces bear its weight do, it is the friction force over f times
+    the normal force; and where the strip yields, which takes up tension without friction.
     """
     if not state.coefficient or not state.ends.size:
         return None
-    before, after = passage.pulls
+    before, after = passage.forces
     axis = state.roller.unit_axis
     turn = np.arctan2(axis @ np.cross(before, after), before @ after)
     angles = np.abs(turn + 2.0 * np.pi * np.array([-1.0, 0.0, 1.0]))
     angle = float(angles[np.abs(angles - wrap).argmin()])
-    low, high = sorted(passage.tensions)
+    low, high = np.sort(passage.tensions) - state.lifting * state.roller.radius
     pressed = state.normal_force / state.width
     if not yields and len(passage.names) == 1 and low > 0.0 and pressed <= high * angle:
         used = np.log(high / low) / angle
@@ -395,7 +397,8 @@ def lift_offs(
     In theory a strip that resists bending presses with T/r on the way, and with a line load
     q = √(D T)/r at both ends, where its curvature falls off; a mesh and a soft law spread that, in
     peaks that grow with every refinement.  Of the forces F_i up to a point at the distances u_i
-    from them, a pressure κ = T/r that begins at u and a load q there have the same sum and moment:
+    from them, a pressure κ = T/r − p that begins at u, where p lifts the strip, and a load q there
+    have the same sum and moment:
 
         q + κ u = Σ F_i,  q u + κ u²/2 = Σ F_i u_i  ⟹  q² = (Σ F_i)² − 2 κ Σ F_i u_i.
 
@@ -406,7 +409,7 @@ def lift_offs(
     """
     if not (state.ends.size and state.pressure.any()):
         return np.zeros(2), [None, None]
-    if min(tensions) <= 0.0:
+    if min(tensions) <= max(state.lifting * state.roller.radius, 0.0):
         return np.array([state.ends[0].min(), state.ends[0].max()]), [None, None]
     near = np.flatnonzero(state.pressure)
     places = np.round(state.contact.operator.reference[0, near], 9)
@@ -426,7 +429,7 @@ def lift_offs(
         sums = np.cumsum(ordered, axis=1) - 0.5 * ordered
         held, lost = (np.interp(point, np.sort(sense * x), values) for values in sums)
         here = tension + 0.5 * np.sign(other - tension) * abs(lost)
-        pressure = here / state.roller.radius
+        pressure = here / state.roller.radius - state.lifting
         load = float(np.sqrt(max(held**2 - 2.0 * pressure * (force @ u), 0.0)))
         ends[k] = sense * (point - (held - load) / pressure)
         there = elements[np.abs(elements.mean(axis=1) - state.arc[k]).argmin()]

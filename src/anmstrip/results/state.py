@@ -8,12 +8,14 @@ from itertools import compress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from anmstrip.arrays import Array, Index
 from anmstrip.continuation.path import Branch
 from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import nearest
 from anmstrip.fem.sampling import quadrature_points
+from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.loads import FollowerLoad
 from anmstrip.mechanics.shell import Membrane, principal_values
 from anmstrip.results.fields import Profile
@@ -238,13 +240,17 @@ class State:
 
     def mean_across(self, name: str, x: Any) -> Array:
         """Mean of a degree of freedom of the nodes over the width at a reference x, (..., 3)."""
+        lines, means = self.lines_across(name)
+        return np.stack([np.interp(x, lines, part) for part in means.T], axis=-1)
+
+    def lines_across(self, name: str) -> tuple[Array, Array]:
+        """Reference x of the lines of nodes, (lines,), and means over them, (lines, 3)."""
         strip = self.plan.model.strip
         values = strip.kinematics.embed(strip.nodal(self.full)[strip.dofs(name)].T)
         places = strip.nodes[0]  # unrounded: the same to the last bit in other units
         _, first, number = np.unique(np.round(places, 9), return_index=True, return_inverse=True)
         lines, count = places[first], np.bincount(number)
-        means = (np.interp(x, lines, np.bincount(number, part) / count) for part in values)
-        return np.stack(list(means), axis=-1)
+        return lines, np.stack([np.bincount(number, part) / count for part in values], axis=-1)
 
     @cached_property
     def contacts(self) -> dict[str, ContactState]:
@@ -292,7 +298,11 @@ class State:
         ratio = 1.0 if place.ratio is None else place.ratio
         arm = roller.radius * np.broadcast_to(ratio, place.gap.shape)
         rubbing = slip, traction, coefficient, arm, *self._turning(roller.name)
-        return ContactState(contact, place.gap, normal, pressure, *rubbing, elements)
+        nearest = int(place.gap.argmin())
+        slope = self.slope(contact.operator.reference[0, nearest])
+        up = turned_up(self.plan.model.strip, slope) @ normal[:, nearest]
+        lifting = float(self.controls.get("pressure", 0.0) * np.sign(up))
+        return ContactState(contact, place.gap, normal, pressure, *rubbing, elements, lifting)
 
     def _turning(self, name: str) -> tuple[float, float]:
         """Speed of a roller's surface (m/s), and torque of its bearings against it (N m)."""
@@ -359,18 +369,20 @@ class State:
         force = self.edge_force("entry") if "entry" in strip.edges else np.zeros(3)
         stiffness, found = self.bends * strip.bending_stiffness, []
         for names, (begin, end) in zip(passed, ends, strict=True):
-            before = force + self.weight_before(begin)
+            arc, before = np.array([begin, end]), force
             force = force + sum(contacts[name].resultant for name in names)
-            pulls = np.stack([before, force + self.weight_before(end)])
+            pushed = self.pressure_before(arc)
+            forces = np.stack([before, force]) + self.weight_before(arc) + pushed
             free = [
                 begin - stops[stops < begin].max(initial=strip.span[0]),
                 stops[stops > end].min(initial=strip.span[1]) - end,
             ]
-            sizes = np.maximum(np.linalg.norm(pulls, axis=1) / strip.width, 1e-300)
+            sizes = np.maximum(np.linalg.norm(forces, axis=1) / strip.width, 1e-300)
             away = np.minimum(LAYERS * np.sqrt(stiffness / sizes), 0.5 * np.array(free))
             places = np.array([begin - away[0], end + away[1]])
-            arc, slopes = (begin, end), self.slope(places)
-            found.append(RollerPassage(tuple(names), arc, places, slopes, pulls, strip.width))
+            pulls, slopes = forces + self.pressure_before(places) - pushed, self.slope(places)
+            given = tuple(names), (begin, end), places, slopes, forces, pulls
+            found.append(RollerPassage(*given, strip.width))
         return found
 
     @cached_property
@@ -400,8 +412,20 @@ class State:
         up_to = [0.0, *(np.cumsum(held) - 0.5 * held), held.sum()]
         return np.interp(x, [begin, *places, end], up_to)
 
-    def weight_before(self, x: float) -> Array:
-        """Weight of the strip up to a reference position (N), shape (3,)."""
+    def way(self, x: Any) -> Array:
+        """Way (m) from the entry to the strip at a reference x, mean over its width, (..., 3)."""
+        (lines, moved), (_, slopes) = (self.lines_across(name) for name in ("u", "u_x"))
+        along = (np.asarray(x) - lines[0])[..., None] * np.array([1.0, 0.0, 0.0])
+        return np.asarray(along + CubicHermiteSpline(lines, moved, slopes)(x) - moved[0])
+
+    def pressure_before(self, x: Any) -> Array:
+        """Force (N) of the pressure p on the strip up to a reference x, (..., 3): p W Δr × e_y."""
+        strip = self.plan.model.strip
+        load = float(self.controls.get("pressure", 0.0)) * strip.width
+        return load * turned_up(strip, self.way(x))
+
+    def weight_before(self, x: Any) -> Array:
+        """Weight of the strip up to a reference position (N), shape (..., 3)."""
         return self.weight_of(self.unstressed_length(x))
 
     def weight_of(self, length: Any) -> Array:
@@ -410,3 +434,9 @@ class State:
         begin, end = strip.span
         area = np.asarray(length)[..., None] / (end - begin) * strip.areas.sum()
         return np.asarray(strip.material.density * strip.thickness * area * gravity)
+
+
+def turned_up(strip: Strip, way: Array) -> Array:
+    """Return ways along a strip turned to its upper side, Δr × e_y, a plate's upwards, (..., 3)."""
+    chosen = strip.kinematics.chosen
+    return np.asarray(np.cross(way, [0.0, 1.0, 0.0]) @ chosen.T @ chosen)
