@@ -718,7 +718,7 @@ BUDGET = (
 )
 
 WRINKLES = (
-    Mutant("half of what a span bears", "bearable = 2.0 * q", "bearable = 1.0 * q", "summary"),
+    Mutant("half of what a span bears", "float(2.0 * q", "float(1.0 * q", "summary"),
     Mutant("wrinkles that are told late", "CLOSE = 0.5", "CLOSE = 2.1", "summary"),
     Mutant("parabolas count as wrinkles", "SMOOTH = 2", "SMOOTH = 1", "summary"),
     Mutant("spans that reach the rollers", "LAYERS = 4.0", "LAYERS = 1.0", "summary"),

@@ -28,7 +28,7 @@ from anmstrip.mechanics.roller import Roller, combine
 from anmstrip.mechanics.shell import principal
 from anmstrip.mechanics.transport import Drives, SteadyFriction
 from anmstrip.results.state import State, turned_up
-from anmstrip.results.wrinkles import far_from_points, free_spans
+from anmstrip.results.wrinkles import free_spans
 from anmstrip.scene.tables import ENDS
 from anmstrip.simulation.growth import Hanging
 
@@ -486,12 +486,9 @@ class Readings:
     def least_membrane_force(self) -> float:
         """Change of the least principal membrane force of the free spans (N/m): λ' = e · N' e."""
         state, strip = self.tangent.state, self.tangent.model.strip
-        membrane, x = state.membrane, quadrature_points(strip)[0]
+        membrane = state.membrane
         assert membrane is not None
-        free = np.zeros(len(x), dtype=bool)
-        for span in free_spans(state):
-            free |= (span.start <= x) & (x <= span.end)
-        free &= far_from_points(state)
+        free = np.any([span.points for span in free_spans(state)], axis=0)
         forces = membrane.at(state.full, state.controls)
         values, directions = principal(forces)
         worst = int(np.where(free, values[:, 0], np.inf).argmin())

@@ -11,7 +11,7 @@ Where friction makes K unsymmetric inertia has no such meaning.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from itertools import pairwise
 from typing import Any
@@ -56,6 +56,7 @@ class Span:
     compression: float  # N/m, at least 0
     bearable: float  # what the span bears under the tension of that place (N/m)
     share: float  # of the width that is compressed there
+    points: NDArray[np.bool_] = field(compare=False, repr=False)  # at which it is looked for
 
     @property
     def near(self) -> bool:
@@ -73,8 +74,7 @@ class Span:
 def free_spans(state: State) -> Iterator[Span]:
     """Yield the spans between entry, rollers and exit where the strip is free, in this order.
 
-    A plate in tension T_y along and compression across bears
-    2 q √(D (D q² + T)) + 2 D q² with q = π / length.
+    Each by :func:`bearable` under the tension where it is compressed most.
     """
     model = state.plan.model
     strip, d = model.strip, model.strip.bending_stiffness
@@ -84,35 +84,54 @@ def free_spans(state: State) -> Iterator[Span]:
     arcs = sorted((*(contact.arc + reach), name) for name, contact in touched)
     stations = [(*2 * ends[:1], "the entry"), *arcs, (*2 * ends[1:], "the exit")]
     positions, weights = quadrature_points(strip)[0], strip.weights().ravel()
-    counted = far_from_points(state)
     for (_, start, before), (end, _, after) in pairwise(stations):
-        inside = counted & (start <= positions) & (positions <= end)
         if start >= end:
             continue
+        place = before, after, float(start), float(end)
+        q = np.pi / float(np.diff(state.unstressed_length(np.array([start, end])))[0])
+        inside = (start <= positions) & (positions <= end)
+        inside &= beyond_points(state, PART * bearable(d, q, model.scales.tension))
         if not inside.any():
-            yield Span(before, after, float(start), float(end), 0.0, np.inf, 0.0)
+            yield Span(*place, 0.0, np.inf, 0.0, inside)
             continue
         x, area, (low, high) = positions[inside], weights[inside], state.principal_forces[inside].T
-        length = float(np.diff(state.unstressed_length(np.array([start, end])))[0])
-        worst, q = int(low.argmin()), np.pi / length
+        worst = int(low.argmin())
         beside = np.abs(x - x[worst]) <= 0.5 * strip.cell_sizes[0].max()
         compressed = beside & (low < PART * low[worst])
-        bearable = 2.0 * q * np.sqrt(d * (d * q**2 + max(high[worst], 0.0))) + 2.0 * d * q**2
         share, pressed = area[compressed].sum() / area[beside].sum(), max(-float(low[worst]), 0.0)
-        numbers = pressed, float(bearable), float(share)
-        yield Span(before, after, float(start), float(end), *numbers)
+        borne = bearable(d, q, max(high[worst], 0.0))
+        yield Span(*place, pressed, borne, float(share), inside)
 
 
-def far_from_points(state: State) -> NDArray[np.bool_]:
-    """Return which quadrature points are half a width away from nodes that alone are held across.
+def bearable(d: float, q: float, tension: float) -> float:
+    """Compression across (N/m) that a plate in tension bears, 2 q √(D (D q² + T)) + 2 D q².
 
-    A side force P on one node compresses by 2 P/(π r) at a distance r, without bound.
+    Parameters
+    ----------
+    d : float
+        D (N m).
+    q : float
+        π over its length (1/m).
+    tension : float
+        T along it (N/m).
+    """
+    return float(2.0 * q * np.sqrt(d * (d * q**2 + tension)) + 2.0 * d * q**2)
+
+
+def beyond_points(state: State, least: float) -> NDArray[np.bool_]:
+    """Return which quadrature points are far from nodes that alone are held across.
+
+    A side force P on one node compresses by 2 P/(π r) at a distance r, without bound.  Left out is
+    what is nearer than half a width, as far as that is more than a least compression (N/m).
     """
     strip, names = state.plan.model.strip, ("u", "u_x", "u_y")
-    free = [np.isin(strip.count * strip.dofs(n) + 1, state.plan.supports.free) for n in names]
-    alone = strip.nodes[:2, ~free[0] & free[1] & free[2]]
-    away = quadrature_points(strip)[:2, :, None] - alone[:, None]
-    return np.asarray((np.linalg.norm(away, axis=0) > 0.5 * strip.width).all(axis=1))
+    across = [strip.count * strip.dofs(name) + 1 for name in names]
+    free = [np.isin(unknowns, state.plan.supports.free) for unknowns in across]
+    alone = ~free[0] & free[1] & free[2]
+    reach = 2.0 / np.pi * np.abs(state.imbalance[across[0][alone]]) / max(least, 1e-300)
+    away = quadrature_points(strip)[:2, :, None] - strip.nodes[:2, None, alone]
+    near = np.linalg.norm(away, axis=0) <= np.minimum(reach, 0.5 * strip.width)
+    return ~np.asarray(near.any(axis=1))
 
 
 def square_integrals(y: Array, w: Array) -> Array:
