@@ -42,7 +42,6 @@ THREADED: dict[str, Any] = {
 PULLED_ALONG = {"stages": [{"name": "pull", "duration": 1.0, "exit": {"tension": 1e4}}]}
 NOT_CENTRED = {"edges": {"entry": {"fixed": ["x", "z"]}}}
 LOOSE = {"edges": {"entry": {"fixed": ["x", "z"], "centred": False}}}
-ASIDE = {"name": "aside", "radius": 0.2, "centre": [1.0, 0.0, 3.0], "drive": "idle"}
 
 
 def told_of(scene: Scene) -> list[str]:
@@ -57,7 +56,6 @@ def told_of(scene: Scene) -> list[str]:
         (FLAT | {"edges": {"entry": {"fixed": ["z"], "centred": True}}}, "holds the strip in x"),
         (FLAT | {"edges": {"entry": {"fixed": ["x"], "centred": True}}}, "holds the strip in z"),
         (THREADED | LOOSE, "in stage threading nothing holds the strip in y"),
-        (THREADED | {"rollers": [*THREADED["rollers"], ASIDE]}, "roller aside is touched by noth"),
     ],
 )
 def test_what_is_free_is_named_and_held_by_what_is_told(tables: dict[str, Any], words: str) -> None:
