@@ -304,7 +304,7 @@ def test_long_lines_have_more_unknowns_and_are_told_how_many() -> None:
 
 
 def test_a_step_of_tension_at_a_standstill_leaves_what_friction_holds() -> None:
-    """Two seconds later still, 16 kN/m e^(−f π/2) within 1 %; with V_c five times as large 1.7 %."""
+    """Two seconds later, 16 kN/m e^(−f π/2) within 1 %; with V_c five times as large 1.7 %."""
     tables = {
         **LINE,
         "strip": {"kinematics": "section", "width": 1.2, "thickness": 8e-4},
