@@ -544,7 +544,8 @@ def graded_nodes(
     sizes = np.full_like(x, coarse)
     edges = sorted((zone.first, zone.last) for zone in zones)
     begins = np.array([*(first for first, _ in edges), half])
-    widest = float(np.max(begins - np.maximum.accumulate([-half, *(last for _, last in edges)])))
+    ends = np.maximum.accumulate([-half, *(last for _, last in edges)])
+    widest = float(np.max(begins - ends, initial=0.0))
     largest = max((zone.size for zone in zones), default=coarse) + GROWTH * widest
     for zone in zones:  # farther away another one asks for less
         within = (min(coarse, largest) - zone.size) / GROWTH
