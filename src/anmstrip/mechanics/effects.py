@@ -377,11 +377,13 @@ class RecordedLaws:
         self.latest: dict[str, list[RecordedLaw]] = {}
         self.motion, self.total = np.zeros((2, unknowns)), np.zeros(unknowns)
 
-    def forces(self, u: Array, v: Array | None, add: Callable[[int], None]) -> Array:
-        """Return the forces that machine code finds for such a motion."""
+    def forces(
+        self, u: Array, v: Array | None, add: Callable[..., None], w: tuple[int, int]
+    ) -> Array:
+        """Return the forces that machine code finds for such a motion, with coefficients ``w``."""
         self.set_motion(u, v)
         self.total.fill(0.0)
-        add(0)
+        add(0, *w)
         return self.total.copy()
 
     def set_motion(self, u: Array, v: Array | None) -> None:
@@ -492,9 +494,9 @@ class CompiledSeries(EffectSeries):
         self.laws, self.law, program = law.laws, law.compiled, law.program
         self.slopes = [controls.rate(name) for name in law.asked.moving]
         self.w = np.empty((program.blocks, program.kept, max(order, 1) + 1, program.lanes))
+        self.at = self.w.ctypes.data, self.w.shape[2]
         self.law.move(law.values(controls, state[2]), self.law.given)
-        add_force, self.add_order, self.add_derivative = self.law.on(self.w)
-        self.force = self.laws.forces(state[0], state[1], add_force)
+        self.force = self.laws.forces(state[0], state[1], self.law.add_force, self.at)
         self.w[:, :, 1] = 0.0
 
     def residual(self) -> Array:
@@ -505,10 +507,10 @@ class CompiledSeries(EffectSeries):
         if not (moves or u.any()):
             return None
         self.correct(1, u, v, control)
-        return self.laws.forces(u, v, self.add_derivative)
+        return self.laws.forces(u, v, self.law.add_derivative, self.at)
 
     def advance(self, k: int, total: Array) -> None:
-        self.add_order(k)
+        self.law.add_order(k, *self.at)
 
     def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
         moved = [control * slope if control else None for slope in self.slopes]
@@ -516,7 +518,7 @@ class CompiledSeries(EffectSeries):
 
     def add_tangent(self, pattern: Pattern, blocks: Blocks, rate: float) -> None:
         x, *_ = self.law.program.inputs
-        found = self.law.tangent(self.w, rate)
+        found = self.law.tangent(self.at, rate)
         if self.effect.seeds is None:
             found = found.reshape(x.shape[:-1] + found.shape[1:])
         self.operator.add_tangent(found, pattern, blocks)
@@ -586,4 +588,4 @@ def force_of(
     if law is None or law.compiled is None:
         return near.force_here(full, velocity, values)
     law.compiled.move(law.values(controls, state[2]), law.compiled.given)
-    return laws.forces(full, velocity, law.compiled.add_force)
+    return laws.forces(full, velocity, law.compiled.add_force, law.compiled.spare)
