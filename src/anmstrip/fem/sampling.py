@@ -134,6 +134,8 @@ class ContactOperator(LinearOperator):
         total = np.bincount(self.cells.ravel(), self.shares.ravel())
         self.weights: Array = total.astype(float)
         self.matrix = self._at_points(strip, self.table)
+        most = (abs(self.matrix) @ strip.dof_lengths).max() * np.sqrt(self.count)
+        self.most: Array = most / np.repeat(strip.dof_lengths, self.count)
         self.parts: dict[bytes, Self] = {}
 
     def _at_points(self, strip: Strip, table: Array) -> csr_matrix:
@@ -164,6 +166,8 @@ class ContactOperator(LinearOperator):
 
     def _part(self, points: Index) -> Self:
         part = copy(self)
+        for made in ("matrices", "nearby"):
+            vars(part).pop(made, None)
         part.parts = {}
         part.chosen = self.chosen[points]
         part.reference, part.weights = self.reference[:, points], self.weights[points]
@@ -175,7 +179,11 @@ class ContactOperator(LinearOperator):
         """Number of points."""
         return len(self.weights)
 
-    @property
+    def largest(self, full: Array) -> float:
+        """Return a bound of the displacements of all points (m), from those of the nodes."""
+        return float(np.abs(full * self.most).max())
+
+    @cached_property
     def matrices(self) -> tuple[list[Part], list[Part]]:  # type: ignore[override]
         """L as sparse matrices, and that of which forces are the transposed."""
         parts = [Part(self.matrix, self.weights, count=self.count)]
@@ -189,19 +197,25 @@ class ContactOperator(LinearOperator):
         self, derivative: Array, inputs: Array, pattern: Pattern, blocks: Blocks
     ) -> None:
         """Add Lᵀ w J M, where the table of M is another one than that of L."""
-        owners, flat = self.whole.owners, derivative.reshape(self.count**2, -1)
-        touched = np.zeros(len(self.cells) + 1, dtype=bool)  # the last for points with fewer owners
-        touched[owners[self.chosen]] = True
-        near = np.flatnonzero(touched[:-1])
-        summed = [np.bincount(self.chosen, each, len(owners)) for each in flat]
+        near, weights, transposed = self.nearby
+        flat = derivative.reshape(self.count**2, -1)
+        summed = [np.bincount(self.chosen, each, self.whole.points) for each in flat]
         every = np.reshape(summed, (self.count, self.count, -1))
         table, places = inputs[near], pattern.cells[near].ravel()
-        transposed = np.ascontiguousarray(self.table[near].swapaxes(1, 2))
-        weighted = every[:, :, self.cells[near]] * self.shares[near]
+        weighted = every[:, :, self.cells[near]] * weights
         for i in range(self.count):
             for j in range(self.count):
                 local = transposed @ (weighted[j, i][:, :, None] * table)
                 blocks.pairs[i, j] += np.bincount(places, local.ravel(), pattern.couplings)
+
+
+    @cached_property
+    def nearby(self) -> tuple[Index, Array, Array]:
+        """Elements of these points, the areas of their points, and the transposed functions."""
+        touched = np.zeros(len(self.cells) + 1, dtype=bool)  # the last for points with fewer owners
+        touched[self.whole.owners[self.chosen]] = True
+        near = np.flatnonzero(touched[:-1])
+        return near, self.shares[near], np.ascontiguousarray(self.table[near].swapaxes(1, 2))
 
 
 class RepeatedOperator(ContactOperator):
@@ -251,7 +265,7 @@ class SlopeOperator(ContactOperator):
         part.slopes = self.slopes[points]
         return part
 
-    @property
+    @cached_property
     def matrices(self) -> tuple[list[Part], list[Part]]:  # type: ignore[override]
         """L as sparse matrices, and that of which forces are the transposed."""
         values = super().matrices[1]

@@ -108,7 +108,7 @@ def equilibrated(matrix: csc_matrix) -> Array:
             if size.max() < SCALED and size.min() > 1.0 / SCALED:
                 break
             d /= np.sqrt(size)
-        require_stiffness(np.nan_to_num(1.0 / d))
+        require_stiffness(np.isfinite(d))
     return d
 
 

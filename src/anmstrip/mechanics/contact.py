@@ -28,7 +28,10 @@ STEEPEST = 1.5
 
 
 Look = tuple[Array, Array]
-"""Displacements of points, (components, points), and centres of rollers, (rollers, 3)."""
+"""Unknowns of the strip, and centres of rollers (m), (rollers, 3)."""
+
+ENDS_AND_MIDDLE = np.linspace(0.0, 1.0, 3)
+"""Shares of a step at which it is looked at first."""
 
 
 def deepest(contact: Contact, places: Callable[[Array], Array]) -> float | None:
@@ -45,7 +48,7 @@ def deepest(contact: Contact, places: Callable[[Array], Array]) -> float | None:
     float or None
         Share of the way at which the deepest of them is.
     """
-    shares = np.linspace(0.0, 1.0, 3)
+    shares = ENDS_AND_MIDDLE
     y = places(shares)
     while True:
         step = y[1:] - y[:-1]
@@ -176,7 +179,7 @@ class Contact(LawEffect):
         def looked(shares: Array) -> list[tuple[Look, Mapping[str, Any]]]:
             return [(self.look(full, controls), controls) for full, _, controls in states(shares)]
 
-        first = looked(np.linspace(0.0, 1.0, 3))
+        first = looked(ENDS_AND_MIDDLE)
         near = self.neighbours(*first[0])
         farthest = max(near.moved(look) for look, _ in first[1:])
 
@@ -195,8 +198,8 @@ class Contact(LawEffect):
             near = self._looked_up(*first[0], 2.0 * farthest)
 
     def look(self, full: Array, controls: Mapping[str, Any]) -> Look:
-        """Displacements of all points, (components, points), and centres, (rollers, 3)."""
-        return self.operator.whole.apply(full), self.centres(controls)
+        """Unknowns of the strip, and centres of the rollers."""
+        return full[: len(self.operator.whole.most)], self.centres(controls)
 
     def centres(self, controls: Mapping[str, Any]) -> Array:
         """Centres of the rollers (m), (rollers, 3)."""
@@ -205,7 +208,7 @@ class Contact(LawEffect):
 
     def chosen(self, look: Look) -> Array:
         """Displacements of this contact's own points, (components, points)."""
-        return look[0][:, self.operator.chosen]
+        return self.operator.apply(look[0])
 
     def neighbours(self, look: Look, controls: Mapping[str, Any]) -> Neighbours:
         """Pairs that are near, looked up anew when something has moved far.
@@ -223,7 +226,8 @@ class Contact(LawEffect):
     def _looked_up(self, look: Look, controls: Mapping[str, Any], skin: float) -> Neighbours:
         """Pairs that may come within reach while nothing moves farther than the skin (m)."""
         found, farthest = [], STEEPEST * skin
-        places = (self.operator.whole.reference + self.kinematics.embed(look[0]))[[0, 2]]
+        whole = self.operator.whole
+        places = (whole.reference + self.kinematics.embed(whole.apply(look[0])))[[0, 2]]
         for numbers, part in zip(self.numbers, self.by_roller.values(), strict=True):
             roller, points, reach = part.roller, np.arange(part.points), float(np.max(part.reach))
             if roller.is_across and np.isfinite(reach):  # of others gaps alone tell it
@@ -233,7 +237,7 @@ class Contact(LawEffect):
             near = part._part(points).gap(look, controls) < part.reaches + farthest
             found.append(numbers[points[near]])
         pairs = np.sort(np.concatenate(found))
-        return Neighbours(self._part(pairs), pairs, skin, *look)
+        return Neighbours(self._part(pairs), pairs, skin, look[0].copy(), look[1])
 
     def gap(self, look: Look, controls: Mapping[str, Any]) -> Array:
         """Gaps of the points (m), shape (points,)."""
@@ -312,14 +316,17 @@ class Neighbours:
     part: Contact  # of these pairs
     pairs: Index  # their numbers among all
     skin: float  # m
-    displacements: Array  # of all points when they were looked up (m), (components, points)
+    full: Array  # unknowns of the strip when they were looked up
     centres: Array  # of the rollers (m), (rollers, 3)
 
     def moved(self, here: Look) -> float:
-        """Return the largest distance (m) by which a point and a roller may have come nearer."""
-        points, rollers = here[0] - self.displacements, here[1] - self.centres
-        moved = math.sqrt((points**2).sum(axis=0).max(initial=0.0))
-        return moved + math.sqrt((rollers**2).sum(axis=1).max(initial=0.0))
+        """Return a distance (m) by which no point and roller have come nearer; the least, if far."""
+        whole, change, rollers = self.part.operator.whole, here[0] - self.full, here[1] - self.centres
+        ways = math.sqrt((rollers**2).sum(axis=1).max(initial=0.0))
+        bound = whole.largest(change) + ways
+        if bound <= self.skin:
+            return bound
+        return math.sqrt((whole.apply(change) ** 2).sum(axis=0).max(initial=0.0)) + ways
 
 
 @dataclass(frozen=True)

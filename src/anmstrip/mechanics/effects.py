@@ -377,14 +377,19 @@ class RecordedLaws:
         self.latest: dict[str, list[RecordedLaw]] = {}
         self.motion, self.total = np.zeros((2, unknowns)), np.zeros(unknowns)
 
+    def begin(self, u: Array, v: Array | None) -> Array:
+        """Return the forces that machine code adds to, none as yet, for such a motion."""
+        self.set_motion(u, v)
+        self.total.fill(0.0)
+        return self.total
+
     def forces(
         self, u: Array, v: Array | None, add: Callable[..., None], w: tuple[int, int]
     ) -> Array:
         """Return the forces that machine code finds for such a motion, with coefficients ``w``."""
-        self.set_motion(u, v)
-        self.total.fill(0.0)
+        total = self.begin(u, v)
         add(0, *w)
-        return self.total.copy()
+        return total.copy()
 
     def set_motion(self, u: Array, v: Array | None) -> None:
         """Set what machine code reads."""
@@ -413,6 +418,7 @@ class EffectSeries:
     """Orders of one effect; left out is what an effect of order 1 at most need not do."""
 
     effect: Effect
+    curved = False  # whether it has orders above 1
 
     def residual(self) -> Array:
         """Return order 0."""
@@ -434,6 +440,8 @@ class EffectSeries:
 
 class LawSeries(EffectSeries):
     """A pointwise effect."""
+
+    curved = True
 
     def __init__(
         self, effect: LawEffect, order: int, state: State, controls: Controls, law: RecordedLaw
@@ -484,6 +492,8 @@ class LawSeries(EffectSeries):
 
 class CompiledSeries(EffectSeries):
     """A pointwise effect, by machine code, of which every order is one call."""
+
+    curved = True
 
     def __init__(
         self, effect: LawEffect, order: int, state: State, controls: Controls, law: RecordedLaw
@@ -576,16 +586,19 @@ def series_of(
     return kind(near, order, state, controls, law)
 
 
-def force_of(
+def add_force(
     effect: Effect, state: State, values: Values, controls: Controls, laws: RecordedLaws
-) -> Array:
-    """Return the residual of an effect at a state, by machine code where there is a program."""
+) -> None:
+    """Add the residual of an effect to what was begun for a state, by its program if it has one."""
     full, velocity, _ = state
     if not isinstance(effect, LawEffect):
-        return effect.force(full, velocity, values)
-    near = effect.near(full, values)
-    law = laws.known(near, state, controls)
-    if law is None or law.compiled is None:
-        return near.force_here(full, velocity, values)
-    law.compiled.move(law.values(controls, state[2]), law.compiled.given)
-    return laws.forces(full, velocity, law.compiled.add_force, law.compiled.spare)
+        force = effect.force(full, velocity, values)
+    else:
+        near = effect.near(full, values)
+        law = laws.known(near, state, controls)
+        if law is not None and law.compiled is not None:
+            law.compiled.move(law.values(controls, state[2]), law.compiled.given)
+            law.compiled.add_force(0, *law.compiled.spare)
+            return
+        force = near.force_here(full, velocity, values)
+    laws.total[: len(force)] += force
