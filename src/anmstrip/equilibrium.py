@@ -53,6 +53,8 @@ class Model:
     internal : ndarray, shape (internal unknowns,), optional
         Of the unknowns of points' own, which are the last: the force (N) that a rate of 1 stands
         for in their equations.
+    laws : RecordedLaws, optional
+        Programs of effects that other models of the same unknowns share.
 
     Attributes
     ----------
@@ -74,6 +76,7 @@ class Model:
         conveyed: bool = False,
         pull: Array | None = None,
         internal: Array | None = None,
+        laws: RecordedLaws | None = None,
     ) -> None:
         self.strip, self.pattern, self.scales = strip, pattern, scales
         self.turning, self.conveyed, self.pull = tuple(turning), conveyed, pull
@@ -86,7 +89,7 @@ class Model:
         self.value_unknowns = strip.unknowns_of(strip.node_values)
         self.units = np.append(np.repeat(strip.dof_lengths, strip.count), np.ones(self.others))
         self.units = np.append(self.units, self.internal)
-        self.laws = RecordedLaws(self.unknowns)
+        self.laws = RecordedLaws(self.unknowns) if laws is None else laws
         self._joinings: dict[bytes, Joining] = {}
         self._forces: tuple[Controls | None, dict[bytes, Array]] = None, {}
 

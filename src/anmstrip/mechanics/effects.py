@@ -523,8 +523,9 @@ class CompiledSeries(EffectSeries):
         self.law.add_order(k, *self.at)
 
     def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
-        moved = [control * slope if control else None for slope in self.slopes]
-        self.law.move(moved, self.law.changes)
+        if self.slopes:
+            moved = [control * slope if control else None for slope in self.slopes]
+            self.law.move(moved, self.law.changes)
 
     def add_tangent(self, pattern: Pattern, blocks: Blocks, rate: float) -> None:
         x, *_ = self.law.program.inputs

@@ -142,8 +142,9 @@ class Course:
             start=self.time,
             duration=stage.duration,
             model=Model(
-                a.strip, a.pattern, effects, a.scales, a.turning, a.conveyed, pull, a.units(stage)
-            ),
+                a.strip, a.pattern, effects, a.scales, a.turning, a.conveyed, pull, a.units(stage),
+                a.laws,
+            ),  # fmt: skip
             supports=self.supports(stage, full),
             controls=Controls(start, slope),
             in_time=a.frictional(stage),
