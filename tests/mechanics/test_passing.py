@@ -80,8 +80,9 @@ def test_every_roller_is_looked_at(operator):
 
 
 @pytest.mark.parametrize("crown", [(), (0.0, -0.8)])
-def test_near_points_are_those_of_all_pairs_wherever_the_strip_goes(operator, crown):
+def test_near_points_are_those_of_all_pairs_wherever_the_strip_goes(operator, crown, monkeypatch):
     """Along a random way, points and rollers moving; all pairs are looked at now and then only."""
+    monkeypatch.setattr("anmstrip.mechanics.contact.FEW", 0)
     rng = np.random.default_rng(2)
     centres = [np.array([x, 0.0, z]) for x in (-0.3, 0.0, 0.4) for z in (-0.4, 0.5)]
     rollers = [Roller(f"r{k}", 0.05, tuple(c), crown=crown) for k, c in enumerate(centres)]
@@ -103,8 +104,10 @@ def test_near_points_are_those_of_all_pairs_wherever_the_strip_goes(operator, cr
     assert len(latest.pairs) < contact.operator.points
 
 
-def test_a_step_that_leaves_the_neighbours_is_looked_at_whole(operator):
+@pytest.mark.parametrize("few", [0, 1000])
+def test_a_step_that_leaves_the_neighbours_is_looked_at_whole(operator, few, monkeypatch):
     """A long way past a far roller, and back to where it began."""
+    monkeypatch.setattr("anmstrip.mechanics.contact.FEW", few)
     rollers = [Roller("a", 0.2, (0.0, 0.0, -3.0)), Roller("b", 0.2, (0.0, 0.0, -0.8))]
     contact = contact_of(operator, *rollers)
     contact = Contact(contact.roller, LAW, contact.operator, 0.1)

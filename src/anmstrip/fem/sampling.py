@@ -113,6 +113,8 @@ class ContactOperator(LinearOperator):
         Reference positions.
     weights : ndarray, shape (points,)
         Area that belongs to each point (m²).
+    unknowns : int
+        Of the strip.
     chosen : ndarray of int, shape (points,)
         Their numbers in the whole strip.
     width : float
@@ -134,8 +136,7 @@ class ContactOperator(LinearOperator):
         total = np.bincount(self.cells.ravel(), self.shares.ravel())
         self.weights: Array = total.astype(float)
         self.matrix = self._at_points(strip, self.table)
-        most = (abs(self.matrix) @ strip.dof_lengths).max() * np.sqrt(self.count)
-        self.most: Array = most / np.repeat(strip.dof_lengths, self.count)
+        self.unknowns = strip.unknowns
         self.parts: dict[bytes, Self] = {}
 
     def _at_points(self, strip: Strip, table: Array) -> csr_matrix:
@@ -178,10 +179,6 @@ class ContactOperator(LinearOperator):
     def points(self) -> int:  # type: ignore[override]
         """Number of points."""
         return len(self.weights)
-
-    def largest(self, full: Array) -> float:
-        """Return a bound of the displacements of all points (m), from those of the nodes."""
-        return float(np.abs(full * self.most).max())
 
     @cached_property
     def matrices(self) -> tuple[list[Part], list[Part]]:  # type: ignore[override]

@@ -13,7 +13,7 @@ import numpy as np
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.geometry import SHELL, Kinematics
 from anmstrip.fem.sampling import ContactOperator, remembered
-from anmstrip.mechanics.effects import WIDTH, LawEffect, Moment, slowed
+from anmstrip.mechanics.effects import WIDTH, Controls, LawEffect, Moment, RecordedLaws, slowed
 from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
 from anmstrip.mechanics.roller import Projection, Roller
 
@@ -22,6 +22,10 @@ CHORD = 0.25
 
 MOST = 1024
 """Looks at one step."""
+
+FEW = 1000
+"""Pairs up to which all are looked at always: that takes less time than to tell how far they have
+moved."""
 
 STEEPEST = 1.5
 """Bound of the change of a gap over the way of its point: (1 + |R'|)/√(1 + R'²) ≤ √2."""
@@ -37,6 +41,8 @@ ENDS_AND_MIDDLE = np.linspace(0.0, 1.0, 3)
 def deepest(contact: Contact, places: Callable[[Array], Array]) -> float | None:
     """Return where on its way a point lies deeper than at either end, by more than the onset.
 
+    Within reach, for farther away nothing acts.
+
     Parameters
     ----------
     contact : Contact
@@ -48,12 +54,18 @@ def deepest(contact: Contact, places: Callable[[Array], Array]) -> float | None:
     float or None
         Share of the way at which the deepest of them is.
     """
+    def gaps(y: Array) -> Array:
+        with np.errstate(invalid="ignore"):  # on the axis there is no direction
+            return np.asarray(contact.roller.project(y.swapaxes(0, 1)).gap)
+
     shares = ENDS_AND_MIDDLE
     y = places(shares)
+    least = gaps(y).min(axis=0) - contact.reaches
     while True:
         step = y[1:] - y[:-1]
         moved = np.sqrt((step**2).sum(axis=1))
-        more = float((moved / contact.roller.radius).max(initial=0.0)) / CHORD
+        chords = np.where(least < STEEPEST * moved, moved / contact.roller.radius, 0.0)
+        more = float(chords.max(initial=0.0)) / CHORD
         if more <= 1.0 or len(shares) >= MOST:
             break
         shares = np.linspace(0.0, 1.0, min(int(np.ceil(more * (len(shares) - 1))), MOST) + 1)
@@ -62,9 +74,8 @@ def deepest(contact: Contact, places: Callable[[Array], Array]) -> float | None:
     square = np.maximum((across**2).sum(axis=1), np.finfo(float).tiny)
     nearest = np.clip(-(y[:-1, :2] * across).sum(axis=1) / square, 0.0, 1.0)
     looks = np.concatenate([y[[0, -1]], y[:-1] + nearest[:, None] * step])
-    with np.errstate(invalid="ignore"):  # on the axis there is no direction
-        first, last, *between = np.asarray(contact.roller.project(looks.swapaxes(0, 1)).gap)
-    dip = np.minimum(first, last) - between
+    gap = gaps(looks)
+    dip = np.where(gap[2:] < contact.reaches, np.minimum(gap[0], gap[1]) - gap[2:], -np.inf)
     if not dip.max() > contact.signorini.width:
         return None
     j, point = np.unravel_index(dip.argmax(), dip.shape)
@@ -189,7 +200,7 @@ class Contact(LawEffect):
             if len(shares) != len(first):
                 looks = looked(shares)
                 farthest = max(farthest, *(near.moved(look) for look, _ in looks))
-            return np.array([near.part.position(near.part.chosen(look), c) for look, c in looks])
+            return np.array([near.seen(look, controls)[:-1] for look, controls in looks])
 
         while True:
             found = deepest(near.part, places) if near.part.points else None
@@ -199,7 +210,7 @@ class Contact(LawEffect):
 
     def look(self, full: Array, controls: Mapping[str, Any]) -> Look:
         """Unknowns of the strip, and centres of the rollers."""
-        return full[: len(self.operator.whole.most)], self.centres(controls)
+        return full[: self.operator.whole.unknowns], self.centres(controls)
 
     def centres(self, controls: Mapping[str, Any]) -> Array:
         """Centres of the rollers (m), (rollers, 3)."""
@@ -220,6 +231,7 @@ class Contact(LawEffect):
         latest = self.latest.get("neighbours")
         if latest is None or not latest.moved(look) <= latest.skin:
             skin = min(float(roller.radius) for roller in self.roller.members)
+            skin = np.inf if self.operator.points <= FEW else skin
             latest = self.latest["neighbours"] = self._looked_up(look, controls, skin)
         return latest
 
@@ -261,7 +273,7 @@ class Contact(LawEffect):
         def found(_: Index) -> Index:
             look = self.look(full, controls)
             near = self.neighbours(look, controls)
-            return np.asarray(near.pairs[near.part.gap(look, controls) < near.part.reaches])
+            return np.asarray(near.pairs[near.seen(look, controls)[-1] < near.part.reaches])
 
         state = np.concatenate([full, self.centres(controls).ravel()])
         return remembered(self.reached, state, found)
@@ -310,6 +322,25 @@ class Contact(LawEffect):
 
 
 @dataclass(frozen=True)
+class Sight(LawEffect):
+    """Positions of points in the frames of their rollers, and gaps in the last row: no force."""
+
+    contact: Contact
+
+    name = "sight"
+
+    @property
+    def operator(self) -> ContactOperator:  # type: ignore[override]
+        """Operator of the contact."""
+        return self.contact.operator
+
+    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+        """Return positions and gaps (m), shape (rows + 1, points)."""
+        y = self.contact.position(x, controls)
+        return np.stack([*y, self.contact.roller.project(y).gap])
+
+
+@dataclass(frozen=True)
 class Neighbours:
     """Pairs that may come within reach until points and rollers have moved by the skin."""
 
@@ -319,14 +350,33 @@ class Neighbours:
     full: Array  # unknowns of the strip when they were looked up
     centres: Array  # of the rollers (m), (rollers, 3)
 
+    @cached_property
+    def sight(self) -> Sight:
+        """What is seen of these pairs."""
+        return Sight(self.part)
+
+    @cached_property
+    def laws(self) -> RecordedLaws:
+        """Its program."""
+        return RecordedLaws(len(self.full))
+
+    def seen(self, look: Look, controls: Mapping[str, Any]) -> Array:
+        """Return positions in the rollers' frames and gaps in the last row, (rows + 1, points)."""
+        centres = [f"rollers.{roller.name}.centre" for roller in self.part.roller.members]
+        given = Controls(controls, dict.fromkeys(centres, np.zeros(())))
+        return self.laws.at_points(self.sight, look[0], given)
+
     def moved(self, here: Look) -> float:
-        """Return a distance (m) by which no point and roller have come nearer; the least, if far."""
-        whole, change, rollers = self.part.operator.whole, here[0] - self.full, here[1] - self.centres
-        ways = math.sqrt((rollers**2).sum(axis=1).max(initial=0.0))
-        bound = whole.largest(change) + ways
-        if bound <= self.skin:
-            return bound
-        return math.sqrt((whole.apply(change) ** 2).sum(axis=0).max(initial=0.0)) + ways
+        """Return the largest distance (m) by which a point and a roller may have come nearer.
+
+        It does not matter where all pairs are these: then it is 0.
+        """
+        if self.skin == np.inf:
+            return 0.0
+        points = self.part.operator.whole.apply(here[0] - self.full)
+        moved = math.sqrt((points**2).sum(axis=0).max(initial=0.0))
+        rollers = here[1] - self.centres
+        return moved + math.sqrt((rollers**2).sum(axis=1).max(initial=0.0))
 
 
 @dataclass(frozen=True)

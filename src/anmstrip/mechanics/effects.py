@@ -397,6 +397,17 @@ class RecordedLaws:
         if v is not None:
             self.motion[1] = v
 
+    def at_points(self, effect: LawEffect, u: Array, controls: Controls) -> Array:
+        """Return what a law is at the points at λ = 0, shape (rows, points)."""
+        state = u, None, 0.0
+        law = self.of(effect, state, controls) if AVAILABLE and effect.points else None
+        if law is None or law.compiled is None:
+            return np.asarray(effect.law(effect.operator.apply(u), None, controls.start))
+        law.compiled.move(law.values(controls, 0.0), law.compiled.given)
+        self.begin(u, None)
+        law.compiled.add_force(0, *law.compiled.spare)
+        return law.compiled.found[:, : effect.points].copy()
+
     def known(self, effect: LawEffect, state: State, controls: Controls) -> RecordedLaw | None:
         """The program for an effect at some of its points, if it was recorded."""
         inputs = len(motions_of(effect, state))
