@@ -136,7 +136,8 @@ class CompiledLaw:
             if value is None:
                 into[rows] = 0.0
                 continue
-            into[rows, :points] = np.broadcast_to(value, shape).reshape(rows.stop - rows.start, -1)
+            whole = value if np.shape(value) == shape else np.broadcast_to(value, shape)
+            into[rows, :points] = np.reshape(whole, (rows.stop - rows.start, -1))
 
     @cached_property
     def spare(self) -> tuple[int, int]:

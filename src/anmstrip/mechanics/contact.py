@@ -13,9 +13,18 @@ import numpy as np
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.geometry import SHELL, Kinematics
 from anmstrip.fem.sampling import ContactOperator, remembered
-from anmstrip.mechanics.effects import WIDTH, Controls, LawEffect, Moment, RecordedLaws, slowed
+from anmstrip.mechanics.effects import (
+    WIDTH,
+    Controls,
+    LawEffect,
+    Moment,
+    RecordedLaw,
+    RecordedLaws,
+    slowed,
+)
 from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
 from anmstrip.mechanics.roller import Projection, Roller
+from anmstrip.taylor.program import AVAILABLE
 
 CHORD = 0.25
 """Longest way of a point between two looks, in radii; it is taken as straight in between."""
@@ -351,20 +360,21 @@ class Neighbours:
     centres: Array  # of the rollers (m), (rollers, 3)
 
     @cached_property
-    def sight(self) -> Sight:
-        """What is seen of these pairs."""
-        return Sight(self.part)
-
-    @cached_property
-    def laws(self) -> RecordedLaws:
-        """Its program."""
-        return RecordedLaws(len(self.full))
+    def programs(self) -> list[RecordedLaw]:
+        """Program of what is seen of these pairs, once they were seen."""
+        return []
 
     def seen(self, look: Look, controls: Mapping[str, Any]) -> Array:
         """Return positions in the rollers' frames and gaps in the last row, (rows + 1, points)."""
-        centres = [f"rollers.{roller.name}.centre" for roller in self.part.roller.members]
-        given = Controls(controls, dict.fromkeys(centres, np.zeros(())))
-        return self.laws.at_points(self.sight, look[0], given)
+        sight, (full, _) = Sight(self.part), look
+        if not (AVAILABLE and self.part.points):
+            return np.asarray(sight.law(self.part.operator.apply(full), None, controls))
+        if not self.programs:
+            centres = [f"rollers.{roller.name}.centre" for roller in self.part.roller.members]
+            given = Controls(controls, dict.fromkeys(centres, np.zeros(())))
+            laws = RecordedLaws(len(full))
+            self.programs.append(laws.of(sight, (full, None, 0.0), given))
+        return self.programs[0].at_points(full, controls)
 
     def moved(self, here: Look) -> float:
         """Return the largest distance (m) by which a point and a roller may have come nearer.

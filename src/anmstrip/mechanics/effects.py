@@ -233,7 +233,7 @@ class LoadEffect(Effect):
 
     def load_vector(self, control: Array) -> Array:
         """Return the residual of a value of the control, shape (unknowns,)."""
-        return -np.outer(self.load, self.kinematics.pick(control)).ravel()
+        return (self.load[:, None] * -self.kinematics.pick(control)).ravel()
 
 
 @dataclass(frozen=True)
@@ -342,6 +342,15 @@ class RecordedLaw:
         start, rate = controls.start, controls.rate
         return [start[name] + control * rate(name) for name in self.asked.moving]
 
+    def at_points(self, u: Array, controls: Values) -> Array:
+        """Return the law of displacements, or their functions, at the points, (rows, points)."""
+        law = self.compiled
+        assert law is not None
+        law.move([controls[name] for name in self.asked.moving], law.given)
+        self.laws.set_motion(u, None)
+        law.add_force(0, *law.spare)
+        return law.found[:, : self.program.points].copy()
+
     def fits(self, effect: LawEffect, inputs: int, controls: Controls) -> bool:
         """Whether the program holds for an effect with other controls."""
         return (
@@ -396,17 +405,6 @@ class RecordedLaws:
         self.motion[0] = u
         if v is not None:
             self.motion[1] = v
-
-    def at_points(self, effect: LawEffect, u: Array, controls: Controls) -> Array:
-        """Return what a law is at the points at λ = 0, shape (rows, points)."""
-        state = u, None, 0.0
-        law = self.of(effect, state, controls) if AVAILABLE and effect.points else None
-        if law is None or law.compiled is None:
-            return np.asarray(effect.law(effect.operator.apply(u), None, controls.start))
-        law.compiled.move(law.values(controls, 0.0), law.compiled.given)
-        self.begin(u, None)
-        law.compiled.add_force(0, *law.compiled.spare)
-        return law.compiled.found[:, : effect.points].copy()
 
     def known(self, effect: LawEffect, state: State, controls: Controls) -> RecordedLaw | None:
         """The program for an effect at some of its points, if it was recorded."""

@@ -346,7 +346,16 @@ def lift(starts, columns, entries, places, x, found, rows, count, stride):
                 third += entry * x[n + 2]
             place = places[r] + c * stride
             found[place], found[place + stride], found[place + 2 * stride] = first, second, third
-        for c in range(count - count % 3, count):
+        c = count - count % 3
+        if count % 3 == 2:
+            first, second = 0.0, 0.0
+            for e in range(starts[r], starts[r + 1]):
+                entry, n = entries[e], columns[e] * count + c
+                first += entry * x[n]
+                second += entry * x[n + 1]
+            place = places[r] + c * stride
+            found[place], found[place + stride] = first, second
+        elif count % 3 == 1:
             total = 0.0
             for e in range(starts[r], starts[r + 1]):
                 total += entries[e] * x[columns[e] * count + c]
@@ -367,7 +376,16 @@ def gather(starts, places, entries, forces, total, rows, count, stride):
             total[n * count + c] += first
             total[n * count + c + 1] += second
             total[n * count + c + 2] += third
-        for c in range(count - count % 3, count):
+        c = count - count % 3
+        if count % 3 == 2:
+            first, second = 0.0, 0.0
+            for e in range(starts[n], starts[n + 1]):
+                entry, place = entries[e], places[e] + c * stride
+                first += entry * forces[place]
+                second += entry * forces[place + stride]
+            total[n * count + c] += first
+            total[n * count + c + 1] += second
+        elif count % 3 == 1:
             added = 0.0
             for e in range(starts[n], starts[n + 1]):
                 added += entries[e] * forces[places[e] + c * stride]
