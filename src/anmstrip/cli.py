@@ -191,9 +191,10 @@ def main() -> None:
 
 def keep_memory() -> None:
     """Keep the memory of arrays for those that come after, where the C library can be told to."""
-    library = ctypes.CDLL(None) if sys.platform == "linux" else None
-    for option, size in ALLOCATION.items() if hasattr(library, "mallopt") else ():
-        library.mallopt(option, size)
+    keep = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
+    if keep is not None:
+        for option, size in ALLOCATION.items():
+            keep(option, size)
 
 
 @main.command("run")

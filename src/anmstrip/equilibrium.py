@@ -53,8 +53,6 @@ class Model:
     internal : ndarray, shape (internal unknowns,), optional
         Of the unknowns of points' own, which are the last: the force (N) that a rate of 1 stands
         for in their equations.
-    laws : RecordedLaws, optional
-        Programs of effects that other models of the same unknowns share.
 
     Attributes
     ----------
@@ -64,6 +62,8 @@ class Model:
         Unknowns of the strip, of the rollers that turn freely, and its speed.
     unknowns : int
         All of them.
+    laws : RecordedLaws
+        Programs of its effects, which other models of the same unknowns may share.
     """
 
     def __init__(
@@ -76,7 +76,6 @@ class Model:
         conveyed: bool = False,
         pull: Array | None = None,
         internal: Array | None = None,
-        laws: RecordedLaws | None = None,
     ) -> None:
         self.strip, self.pattern, self.scales = strip, pattern, scales
         self.turning, self.conveyed, self.pull = tuple(turning), conveyed, pull
@@ -89,7 +88,7 @@ class Model:
         self.value_unknowns = strip.unknowns_of(strip.node_values)
         self.units = np.append(np.repeat(strip.dof_lengths, strip.count), np.ones(self.others))
         self.units = np.append(self.units, self.internal)
-        self.laws = RecordedLaws(self.unknowns) if laws is None else laws
+        self.laws = RecordedLaws(self.unknowns)
         self._joinings: dict[bytes, Joining] = {}
         self._forces: tuple[Controls | None, dict[bytes, Array]] = None, {}
 

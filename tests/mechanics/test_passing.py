@@ -8,6 +8,7 @@ from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.mechanics.contact import Contact, MOST, deepest
 from anmstrip.mechanics.laws import GradedSignorini
 from anmstrip.mechanics.roller import Roller, combine
+from anmstrip.taylor.program import AVAILABLE
 
 LAW = GradedSignorini(pressure=2e4, width=1e-4)
 RADIUS = 0.25
@@ -77,6 +78,33 @@ def test_every_roller_is_looked_at(operator):
         return np.array([contact.position(np.tile(x, 2), here) for x in shift])
 
     assert deepest(contact, places) == pytest.approx(0.3, abs=1e-12)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("crown", [(), (0.0, -0.8)])
+def test_points_are_seen_alike_with_and_without_machine_code(
+    operator, crown, compiled, monkeypatch
+):
+    """Two rollers that move: positions in their frames, and gaps below."""
+    monkeypatch.setattr("anmstrip.mechanics.contact.AVAILABLE", AVAILABLE and compiled)
+    centres = np.array([[-0.1, 0.0, -0.2], [0.1, 0.0, 0.3]])
+    contact = contact_of(
+        operator, *(Roller(f"r{k}", 0.2, tuple(c), crown=crown) for k, c in enumerate(centres))
+    )
+    rng, near = np.random.default_rng(3), None
+    for _ in range(3):
+        full = rng.normal(0.0, 1e-2, operator.unknowns)
+        controls = {
+            f"rollers.r{k}.centre": c + rng.normal(0.0, 0.1, 3) for k, c in enumerate(centres)
+        }
+        look = contact.look(full, controls)
+        near = near or contact.neighbours(look, controls)
+        expected = near.part.position(near.part.operator.apply(full), controls)
+        gap = near.part.roller.project(expected).gap
+        np.testing.assert_allclose(
+            near.seen(look, controls), [*expected, gap], rtol=0.0, atol=1e-14
+        )
+    assert len(near.programs) == (AVAILABLE and compiled)
 
 
 @pytest.mark.parametrize("crown", [(), (0.0, -0.8)])

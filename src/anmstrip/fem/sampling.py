@@ -205,7 +205,6 @@ class ContactOperator(LinearOperator):
                 local = transposed @ (weighted[j, i][:, :, None] * table)
                 blocks.pairs[i, j] += np.bincount(places, local.ravel(), pattern.couplings)
 
-
     @cached_property
     def nearby(self) -> tuple[Index, Array, Array]:
         """Elements of these points, the areas of their points, and the transposed functions."""
@@ -289,6 +288,7 @@ def contact_points(kind: str) -> Array:
     return np.hstack([nodes, middles, inner])
 
 
+@lru_cache(maxsize=4)
 def quadrature_points(strip: Strip) -> Array:
     """Reference positions of the quadrature points, shape (3, points)."""
     points = np.asarray(strip.basis.mapping.F(strip.basis.X))

@@ -164,8 +164,8 @@ class CompiledLaw:
     @cached_property
     def find_tangent(self) -> Callable[..., None]:
         """What finds the tangent."""
-        ends = addresses(self.units, self.tangents)
-        return script(table_of([self.executor.changing(*ends, len(self.seeds))]))
+        begin, end = addresses(self.units, self.tangents)
+        return script(table_of([self.executor.changing(begin, end, len(self.seeds))]))
 
     @cached_property
     def units(self) -> Array:

@@ -63,6 +63,7 @@ def deepest(contact: Contact, places: Callable[[Array], Array]) -> float | None:
     float or None
         Share of the way at which the deepest of them is.
     """
+
     def gaps(y: Array) -> Array:
         with np.errstate(invalid="ignore"):  # on the axis there is no direction
             return np.asarray(contact.roller.project(y.swapaxes(0, 1)).gap)

@@ -20,8 +20,8 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 
 from anmstrip.errors import InputError, Mistake, nearest
-from anmstrip.scene.checks import check_scene
 from anmstrip.scene import tables as scene_tables
+from anmstrip.scene.checks import check_scene
 from anmstrip.scene.tables import (
     EDGE_NAMES,
     LARGEST,
