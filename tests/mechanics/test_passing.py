@@ -5,7 +5,7 @@ import pytest
 
 from anmstrip.fem.sampling import ContactOperator
 from anmstrip.fem.strip import Material, Strip, grid
-from anmstrip.mechanics.contact import Contact, MOST, deepest
+from anmstrip.mechanics.contact import Contact, MOST, Neighbours, deepest
 from anmstrip.mechanics.laws import GradedSignorini
 from anmstrip.mechanics.roller import Roller, combine
 from anmstrip.taylor.program import AVAILABLE
@@ -81,30 +81,28 @@ def test_every_roller_is_looked_at(operator):
 
 
 @pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("points", [0, 1, 3, 20])
 @pytest.mark.parametrize("crown", [(), (0.0, -0.8)])
 def test_points_are_seen_alike_with_and_without_machine_code(
-    operator, crown, compiled, monkeypatch
+    operator, crown, points, compiled, monkeypatch
 ):
     """Two rollers that move: positions in their frames, and gaps below."""
-    monkeypatch.setattr("anmstrip.mechanics.contact.AVAILABLE", AVAILABLE and compiled)
+    monkeypatch.setattr("anmstrip.mechanics.effects.AVAILABLE", AVAILABLE and compiled)
     centres = np.array([[-0.1, 0.0, -0.2], [0.1, 0.0, 0.3]])
-    contact = contact_of(
-        operator, *(Roller(f"r{k}", 0.2, tuple(c), crown=crown) for k, c in enumerate(centres))
-    )
-    rng, near = np.random.default_rng(3), None
+    rollers = [Roller(f"r{k}", 0.2, tuple(c), crown=crown) for k, c in enumerate(centres)]
+    pairs = np.arange(points)
+    part = contact_of(operator, *rollers).restricted(pairs)
+    rng = np.random.default_rng(3)
+    near = Neighbours(part, pairs, np.inf, np.zeros(operator.unknowns), centres)
     for _ in range(3):
-        full = rng.normal(0.0, 1e-2, operator.unknowns)
-        controls = {
-            f"rollers.r{k}.centre": c + rng.normal(0.0, 0.1, 3) for k, c in enumerate(centres)
-        }
-        look = contact.look(full, controls)
-        near = near or contact.neighbours(look, controls)
-        expected = near.part.position(near.part.operator.apply(full), controls)
-        gap = near.part.roller.project(expected).gap
-        np.testing.assert_allclose(
-            near.seen(look, controls), [*expected, gap], rtol=0.0, atol=1e-14
-        )
-    assert len(near.programs) == (AVAILABLE and compiled)
+        moved = centres + rng.normal(0.0, 0.1, centres.shape)
+        controls = {f"rollers.r{k}.centre": c for k, c in enumerate(moved)}
+        look = rng.normal(0.0, 1e-2, operator.unknowns), moved
+        expected = part.position(part.operator.apply(look[0]), controls)
+        seen = [*expected, part.roller.project(expected).gap]
+        np.testing.assert_allclose(near.seen(look, controls), seen, rtol=0.0, atol=1e-14)
+    compilable = points != 3  # as many as a centre has components
+    assert (near.programs[0].compiled is not None) == (AVAILABLE and compiled and compilable)
 
 
 @pytest.mark.parametrize("crown", [(), (0.0, -0.8)])

@@ -24,7 +24,6 @@ from anmstrip.mechanics.effects import (
 )
 from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
 from anmstrip.mechanics.roller import Projection, Roller
-from anmstrip.taylor.program import AVAILABLE
 
 CHORD = 0.25
 """Longest way of a point between two looks, in radii; it is taken as straight in between."""
@@ -367,14 +366,12 @@ class Neighbours:
 
     def seen(self, look: Look, controls: Mapping[str, Any]) -> Array:
         """Return positions in the rollers' frames and gaps in the last row, (rows + 1, points)."""
-        sight, (full, _) = Sight(self.part), look
-        if not (AVAILABLE and self.part.points):
-            return np.asarray(sight.law(self.part.operator.apply(full), None, controls))
+        full, _ = look
         if not self.programs:
             centres = [f"rollers.{roller.name}.centre" for roller in self.part.roller.members]
             given = Controls(controls, dict.fromkeys(centres, np.zeros(())))
             laws = RecordedLaws(len(full))
-            self.programs.append(laws.of(sight, (full, None, 0.0), given))
+            self.programs.append(laws.of(Sight(self.part), (full, None, 0.0), given))
         return self.programs[0].at_points(full, controls)
 
     def moved(self, here: Look) -> float:

@@ -344,8 +344,9 @@ class RecordedLaw:
 
     def at_points(self, u: Array, controls: Values) -> Array:
         """Return the law of displacements, or their functions, at the points, (rows, points)."""
-        law = self.compiled
-        assert law is not None
+        law, effect = self.compiled, self.effect
+        if law is None:
+            return np.asarray(effect.law(effect.operator.apply(u), None, controls))
         law.move([controls[name] for name in self.asked.moving], law.given)
         self.laws.set_motion(u, None)
         law.add_force(0, *law.spare)
