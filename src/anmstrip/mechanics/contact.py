@@ -239,9 +239,13 @@ class Contact(LawEffect):
         """
         latest = self.latest.get("neighbours")
         if latest is None or not latest.moved(look) <= latest.skin:
-            skin = min(float(roller.radius) for roller in self.roller.members)
-            skin = np.inf if self.operator.points <= FEW else skin
-            latest = self.latest["neighbours"] = self._looked_up(look, controls, skin)
+            if self.operator.points <= FEW:
+                pairs = np.arange(self.operator.points)
+                latest = Neighbours(self._part(pairs), pairs, np.inf, *look)
+            else:
+                skin = min(float(roller.radius) for roller in self.roller.members)
+                latest = self._looked_up(look, controls, skin)
+            self.latest["neighbours"] = latest
         return latest
 
     def _looked_up(self, look: Look, controls: Mapping[str, Any], skin: float) -> Neighbours:
