@@ -13,6 +13,7 @@ from pydantic.fields import FieldInfo
 
 import anmstrip
 from anmstrip.scene.schema import SceneSpec, json_schema
+from anmstrip.scene.tables import meanings
 
 DOCS = Path(__file__).parent
 MADE = DOCS / "generated"
@@ -68,10 +69,10 @@ def table_of(model: type[BaseModel], head: str) -> Iterator[str]:
     for name, field in sorted(model.model_fields.items(), key=lambda item: item[0] not in own):
         if name == "edges" and head == "[[stages]]":
             continue  # every other key of a stage is the name of an edge
-        meaning, _, unit = str(field.description).rpartition(" (")
+        meaning, _, unit = meanings(model)[name].rpartition(" (")
         unit, example = unit.removesuffix(")"), str((field.examples or [""])[0])
         if not meaning:
-            meaning, unit = str(field.description), ""
+            meaning, unit = meanings(model)[name], ""
         shown = "a table" if "\n" in example else f"`{example}`"
         cells = (f"`{name}`", meaning, unit, default_of(field), shown)
         yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import io
 import subprocess
 import sys
@@ -326,3 +327,28 @@ def test_blas_gets_one_thread_unless_told_otherwise(monkeypatch, given: dict[str
     monkeypatch.setattr("os.environ", environment)
     assert CliRunner().invoke(main, ["schema"]).exit_code == 0
     assert environment == (given or dict.fromkeys(THREADS, "1"))
+
+
+REPEATED = """
+import resource
+import numpy as np
+from anmstrip.cli import keep_memory
+
+def page_faults():
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    for _ in range(20):
+        np.ones((2, 2**19)), np.ones(2**20)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+page_faults(), keep_memory(), page_faults()
+print(page_faults())
+"""
+
+
+@pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "mallopt"), reason="another C library")
+def test_memory_of_arrays_is_kept_for_the_next_ones() -> None:
+    """Every page of arrays of 8 MB would be given back and asked for: 2048 times 20."""
+    shown = subprocess.run(
+        [sys.executable, "-c", REPEATED], capture_output=True, text=True, check=True
+    )
+    assert int(shown.stdout) < 1000

@@ -16,7 +16,7 @@ from anmstrip.fem.sampling import ContactOperator
 from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.contact import Contact, Friction
-from anmstrip.mechanics.effects import Controls, force_of
+from anmstrip.mechanics.effects import Controls, add_force
 from anmstrip.mechanics.laws import NortonHoff, RepulsiveSignorini
 from anmstrip.mechanics.loads import edge_force
 from anmstrip.mechanics.roller import Roller
@@ -317,7 +317,7 @@ def test_arclength_does_not_depend_on_units():
 def test_forces_are_remembered_for_the_latest_states_and_no_others(monkeypatch) -> None:
     model, asked = model_of(True), []
     monkeypatch.setattr(
-        "anmstrip.equilibrium.force_of", lambda *given: asked.append(given[0]) or force_of(*given)
+        "anmstrip.equilibrium.add_force", lambda *given: asked.append(given[0]) or add_force(*given)
     )
     full, velocity = np.random.default_rng(0).normal(0.0, 1e-4, (2, model.unknowns))
     controls, stiller = Controls(CONTROLS, SLOPES["roller"]), Controls(CONTROLS)

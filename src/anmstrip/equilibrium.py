@@ -25,7 +25,7 @@ from anmstrip.mechanics.effects import (
     Effect,
     Moment,
     RecordedLaws,
-    force_of,
+    add_force,
     series_of,
 )
 from anmstrip.mechanics.plasticity import Plasticity
@@ -62,6 +62,8 @@ class Model:
         Unknowns of the strip, of the rollers that turn freely, and its speed.
     unknowns : int
         All of them.
+    laws : RecordedLaws
+        Programs of its effects, which other models of the same unknowns may share.
     """
 
     def __init__(
@@ -164,13 +166,12 @@ class Model:
 
         def found(_: Index) -> Array:
             state, values = (full, velocity, control), controls.at(control)
-            total = np.zeros_like(full)
+            total = self.laws.begin(full, velocity)
             for effect in self.effects:
                 begin = time.perf_counter()
-                force = force_of(effect, state, values, controls, self.laws)
-                total[: len(force)] += force
+                add_force(effect, state, values, controls, self.laws)
                 self.seconds[effect.name] += time.perf_counter() - begin
-            return self.closed(total)
+            return self.closed(total).copy()
 
         if self._forces[0] is not controls:
             self._forces = controls, {}
@@ -354,6 +355,7 @@ class EquilibriumSeries:
             for effect in self.model.effects
         ]
         self.residual = self._summed(lambda part: part.residual())
+        self.curved = [part for part in self.parts if part.curved]
 
     def _summed(self, contribution: Any) -> Array:
         total = np.zeros(self.model.unknowns)
@@ -441,7 +443,7 @@ class EquilibriumSeries:
         """Order k of R for u_k = 0 and λ_k = 0."""
         total = self.model.laws.total
         total.fill(0.0)
-        for part in self.parts:
+        for part in self.curved:
             begin = time.perf_counter()
             part.advance(k, total)
             self.model.seconds[part.effect.name] += time.perf_counter() - begin
@@ -451,7 +453,7 @@ class EquilibriumSeries:
         """Fix order k of the unknowns in all effects."""
         change, rate = self._changes(u, control)
         self.model.laws.set_motion(change, rate)
-        for part in self.parts:
+        for part in self.curved:
             begin = time.perf_counter()
             part.correct(k, change, rate, control)
             self.model.seconds[part.effect.name] += time.perf_counter() - begin

@@ -10,6 +10,7 @@ import pytest
 
 import anmstrip
 from anmstrip import InputError, Scene
+from anmstrip.driver.recorder import history_row
 from anmstrip.results.files import read_history
 
 TABLES: dict[str, Any] = {
@@ -53,6 +54,32 @@ def test_a_written_run_has_the_columns_of_its_files(tmp_path: Path) -> None:
     assert run.history["stage"] == unwritten.history["stage"]
     for name in ("time", "tangents", "entry_tension", "residual"):
         assert np.array_equal(run.history[name], unwritten.history[name]), name
+
+
+def test_rows_of_a_run_without_files_are_read_when_they_are_asked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Or when too many states wait: here each of them at once."""
+    asked: list[object] = []
+
+    def counted(*given: Any) -> dict[str, Any]:
+        asked.append(given)
+        return history_row(*given)
+
+    monkeypatch.setattr("anmstrip.driver.run.history_row", counted)
+    histories = []
+    for unread in (1_000_000, 0):
+        monkeypatch.setattr("anmstrip.driver.run.UNREAD", unread)
+        asked.clear()
+        run = Scene(**TABLES).run()
+        *_, step = run
+        assert len(asked) == (0 if unread else step.step)
+        histories.append(run.history)
+        assert len(asked) == len(run.history["time"]) == step.step
+    assert histories[0].keys() == histories[1].keys()
+    for name, column in histories[0].items():
+        if name != "stage":
+            np.testing.assert_allclose(column, histories[1][name], rtol=1e-12, atol=1e-9)
 
 
 def test_mistakes_from_python_are_those_of_a_file() -> None:

@@ -6,7 +6,7 @@ import pytest
 from anmstrip.fem.operators import Pattern
 from anmstrip.fem.sampling import quadrature_points
 from anmstrip.fem.strip import Strip, grid, line
-from anmstrip.mechanics.effects import Controls, RecordedLaws, force_of
+from anmstrip.mechanics.effects import Controls, RecordedLaws, add_force
 from anmstrip.mechanics.loads import GrownWeight, weight
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane
 from anmstrip.mechanics.transport import transport_velocity
@@ -66,7 +66,9 @@ def test_labels_that_hold_more_strip_feel_what_it_feels(level, name):
         (own, full, {"gravity": GRAVITY}),
     ):
         laws = RecordedLaws(len(full))
-        forces.append(force_of(each, (at, None, 0.0), values, Controls(values), laws))
+        total = laws.begin(at, None)
+        add_force(each, (at, None, 0.0), values, Controls(values), laws)
+        forces.append(total)
     work = forces[0] @ by_labels(strip, change, whole=False)
     assert work == pytest.approx(forces[1] @ change, rel=1e-9)
     assert abs(work) > 1e-6 * np.linalg.norm(forces[1]) * np.linalg.norm(change)

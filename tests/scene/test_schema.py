@@ -88,7 +88,7 @@ def test_scene_made_in_python_is_checked_too() -> None:
 
 @pytest.mark.parametrize(("model", "name"), FIELDS, ids=lambda it: getattr(it, "__name__", it))
 def test_every_field_says_what_it_is_and_in_which_unit(model: type[BaseModel], name: str) -> None:
-    description = model.model_fields[name].description or ""
+    description = tables.meanings(model)[name]
     assert description
     numeric = {"number", "integer", "direction", "time"}
     assert description.endswith(")") or not numeric & set(description.split())

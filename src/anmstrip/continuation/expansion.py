@@ -116,15 +116,16 @@ def expand(
     u_orders, control_orders, forces, unseen = [u], [control], [0.0], 0
     right = recurrence.residual / carried_over
     for k in range(1, order + 1):
-        free = -solve(right) if right.any() else np.zeros_like(u)
+        force = equations.imbalance(right)
+        free = -solve(right) if force else np.zeros_like(u)
         control_k = parameter.scale if k == 1 else 0.0
         if parameter.arclength:
             control_k = (control_k - inner(equations, t_u, free)) / along
         u_k = free + control_k * per_control if control_k else free
         u_orders.append(u_k)
         control_orders.append(control_k)
-        forces.append(equations.imbalance(right) if k > 1 else 0.0)
-        seen = k == 1 or _is_seen(forces[k], k, parameter.reach, tolerance)
+        forces.append(force if k > 1 else 0.0)
+        seen = k == 1 or _is_seen(force, k, parameter.reach, tolerance)
         unseen = 0 if seen else unseen + 1
         if unseen == 2 or k == order or size(equations, u_k) > LARGEST:
             break

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.polynomial.polynomial import polymul, polysub
@@ -45,7 +46,7 @@ class Branch:
         powers = powers[:, : len(self.u)] / q[:, None]
         return powers @ self.u, powers @ self.control
 
-    @property
+    @cached_property
     def end(self) -> tuple[Array, float]:
         """State and control at the end of the range."""
         u, control = self(self.length)

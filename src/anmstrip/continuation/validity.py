@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import toeplitz
+from scipy.linalg import lapack
 
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import (
@@ -248,7 +248,7 @@ def rational(equations: Equations, branch: Branch) -> Branch | None:
     with np.errstate(all="ignore"):
         powers = scale ** np.arange(1.0, n + 1)
         terms = coordinates(equations, branch) * powers[:, None]
-        largest = np.linalg.norm(terms, axis=1).max()
+        largest = np.sqrt(np.square(terms).sum(axis=1).max())
         if not np.isfinite(largest):
             return None
         padded = np.vstack([np.zeros((degree, terms.shape[1])), terms])
@@ -257,10 +257,11 @@ def rational(equations: Equations, branch: Branch) -> Branch | None:
         ]
         matrix = np.vstack([np.stack(columns[1:], axis=1), DAMPING * largest * np.eye(degree)])
         wanted = -np.concatenate([columns[0], np.zeros(degree)])
-        found = np.linalg.lstsq(matrix, wanted, rcond=None)[0] / powers[:degree]
+        found = lapack.dgels(matrix, wanted)[1][:degree] / powers[:degree]
         denominator = np.concatenate([[1.0], found])
         first = np.concatenate([denominator, np.zeros(n - degree)])
-        product = toeplitz(first, np.zeros(n + 1))
+        orders = np.arange(n + 1)
+        product = np.tril(first[orders[:, None] - orders])
         parts = np.array_split(branch.u, -(-branch.u.shape[1] // TALL), axis=1)
         u, control = np.hstack([product @ part for part in parts]), product @ branch.control
     return replace(branch, u=u, control=control, denominator=denominator)
@@ -268,10 +269,11 @@ def rational(equations: Equations, branch: Branch) -> Branch | None:
 
 def coordinates(equations: Equations, branch: Branch) -> Array:
     """Orders 1 … N (rows) in an orthonormal basis of what they span, with the control."""
-    motion = branch.u[1:] * np.sqrt(equations.metric)
-    both = np.column_stack([motion, branch.control[1:]]).T
-    while len(both) > TALL:  # R of tall matrices from those of their parts
-        whole, rest = np.split(both, [len(both) // TALL * TALL])
-        parts = np.asarray(np.linalg.qr(whole.reshape(-1, TALL, both.shape[1]), mode="r"))
-        both = np.vstack([parts.reshape(-1, both.shape[1]), rest])
-    return np.asarray(np.linalg.qr(both, mode="r")).T
+    weights = np.broadcast_to(np.sqrt(equations.metric), branch.u.shape[1:])
+    seen = np.flatnonzero(weights)
+    both = np.vstack([(branch.u[1:, seen] * weights[seen]).T, branch.control[1:]])
+    found = both[:0]
+    for first in range(0, len(both), TALL):  # R of a tall matrix from those of its parts
+        part = np.vstack([found, both[first : first + TALL]])
+        found = np.triu(lapack.dgeqrf(part)[0][: part.shape[1]])
+    return found.T

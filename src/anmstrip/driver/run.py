@@ -40,6 +40,9 @@ WRINKLE_WORDS = {
 """What is said of the kinds of :class:`~anmstrip.results.wrinkles.Onset`."""
 
 
+UNREAD = 1_000_000
+"""Unknowns of the states, 16 bytes each, that wait until the history is asked for."""
+
 KEPT = {
     **{name: name for name in ("steps", "stages", "effects", "snaps", "wrinkles")},
     **{name: f"march.{name}" for name in ("reached", "slack", "conveyed")},
@@ -156,6 +159,7 @@ class Run:
         self.warnings: list[str] = []
         self._forewarnings: list[str] | None = None
         self.rows: list[dict[str, Any]] = []
+        self.unread: list[Step] = []
         self.begun, self.spent = time.perf_counter(), 0.0
         resumed = None
         if resume:
@@ -198,6 +202,7 @@ class Run:
         """
         if self.directory is not None:
             return read_history(self.directory / "history.csv")
+        self._read()
         columns: dict[str, Array | list[str]] = {}
         for name in self.rows[0] if self.rows else ():
             cells = [row[name] for row in self.rows]
@@ -309,8 +314,15 @@ class Run:
             self.recorder.record(step, before)
             self._checkpoint()
         else:
-            self.rows.append(history_row(step, self.assembly.conveyed))
+            self.unread.append(replace(step, state=replace(state, branch=None)))
+            if len(self.unread) * len(state.full) > UNREAD:
+                self._read()
         return step
+
+    def _read(self) -> None:
+        """Read the rows of the history off the states of a run that is not written."""
+        self.rows += [history_row(step, self.assembly.conveyed) for step in self.unread]
+        self.unread.clear()
 
     def _events(self, before: State, state: State) -> tuple[Event, ...]:
         """Look for wrinkles, and for the events of a step if the scene asks for them."""

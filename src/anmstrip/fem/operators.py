@@ -160,7 +160,8 @@ class LinearOperator:
         for part in self.matrices[0]:
             own = full[part.first : part.first + part.count * part.matrix.shape[1]]
             rows.append((part.matrix @ own.reshape(-1, part.count)).T)
-        return np.ascontiguousarray(np.vstack(rows))  # or sums of some points round otherwise
+        joined = rows[0] if len(rows) == 1 else np.vstack(rows)
+        return np.ascontiguousarray(joined)  # or sums of some points round otherwise
 
     def gather(self, forces: Array) -> Array:
         """Return Lᵀ w f, (components, points) → (unknowns,)."""

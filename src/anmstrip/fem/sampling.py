@@ -113,6 +113,8 @@ class ContactOperator(LinearOperator):
         Reference positions.
     weights : ndarray, shape (points,)
         Area that belongs to each point (m²).
+    unknowns : int
+        Of the strip.
     chosen : ndarray of int, shape (points,)
         Their numbers in the whole strip.
     width : float
@@ -134,6 +136,7 @@ class ContactOperator(LinearOperator):
         total = np.bincount(self.cells.ravel(), self.shares.ravel())
         self.weights: Array = total.astype(float)
         self.matrix = self._at_points(strip, self.table)
+        self.unknowns = strip.unknowns
         self.parts: dict[bytes, Self] = {}
 
     def _at_points(self, strip: Strip, table: Array) -> csr_matrix:
@@ -164,6 +167,8 @@ class ContactOperator(LinearOperator):
 
     def _part(self, points: Index) -> Self:
         part = copy(self)
+        for made in ("matrices", "nearby"):
+            vars(part).pop(made, None)
         part.parts = {}
         part.chosen = self.chosen[points]
         part.reference, part.weights = self.reference[:, points], self.weights[points]
@@ -175,7 +180,7 @@ class ContactOperator(LinearOperator):
         """Number of points."""
         return len(self.weights)
 
-    @property
+    @cached_property
     def matrices(self) -> tuple[list[Part], list[Part]]:  # type: ignore[override]
         """L as sparse matrices, and that of which forces are the transposed."""
         parts = [Part(self.matrix, self.weights, count=self.count)]
@@ -189,19 +194,24 @@ class ContactOperator(LinearOperator):
         self, derivative: Array, inputs: Array, pattern: Pattern, blocks: Blocks
     ) -> None:
         """Add Lᵀ w J M, where the table of M is another one than that of L."""
-        owners, flat = self.whole.owners, derivative.reshape(self.count**2, -1)
-        touched = np.zeros(len(self.cells) + 1, dtype=bool)  # the last for points with fewer owners
-        touched[owners[self.chosen]] = True
-        near = np.flatnonzero(touched[:-1])
-        summed = [np.bincount(self.chosen, each, len(owners)) for each in flat]
+        near, weights, transposed = self.nearby
+        flat = derivative.reshape(self.count**2, -1)
+        summed = [np.bincount(self.chosen, each, self.whole.points) for each in flat]
         every = np.reshape(summed, (self.count, self.count, -1))
         table, places = inputs[near], pattern.cells[near].ravel()
-        transposed = np.ascontiguousarray(self.table[near].swapaxes(1, 2))
-        weighted = every[:, :, self.cells[near]] * self.shares[near]
+        weighted = every[:, :, self.cells[near]] * weights
         for i in range(self.count):
             for j in range(self.count):
                 local = transposed @ (weighted[j, i][:, :, None] * table)
                 blocks.pairs[i, j] += np.bincount(places, local.ravel(), pattern.couplings)
+
+    @cached_property
+    def nearby(self) -> tuple[Index, Array, Array]:
+        """Elements of these points, the areas of their points, and the transposed functions."""
+        touched = np.zeros(len(self.cells) + 1, dtype=bool)  # the last for points with fewer owners
+        touched[self.whole.owners[self.chosen]] = True
+        near = np.flatnonzero(touched[:-1])
+        return near, self.shares[near], np.ascontiguousarray(self.table[near].swapaxes(1, 2))
 
 
 class RepeatedOperator(ContactOperator):
@@ -251,7 +261,7 @@ class SlopeOperator(ContactOperator):
         part.slopes = self.slopes[points]
         return part
 
-    @property
+    @cached_property
     def matrices(self) -> tuple[list[Part], list[Part]]:  # type: ignore[override]
         """L as sparse matrices, and that of which forces are the transposed."""
         values = super().matrices[1]
@@ -278,6 +288,7 @@ def contact_points(kind: str) -> Array:
     return np.hstack([nodes, middles, inner])
 
 
+@lru_cache(maxsize=4)
 def quadrature_points(strip: Strip) -> Array:
     """Reference positions of the quadrature points, shape (3, points)."""
     points = np.asarray(strip.basis.mapping.F(strip.basis.X))

@@ -131,7 +131,7 @@ class Strip:
         """D = E t³ / 12 (1 − ν²) (N m)."""
         return self.membrane_stiffness * self.thickness**2 / 12.0
 
-    @property
+    @cached_property
     def scalars(self) -> int:
         """Number of degrees of freedom of one component."""
         return int(self.basis.N)
@@ -150,10 +150,17 @@ class Strip:
         slopes = self.nodal(full)[self.dofs("u_x")[self.edges[name].nodes]].mean(axis=0)
         return np.array([1.0, 0.0, 0.0]) + self.kinematics.embed(slopes)
 
-    @property
+    @cached_property
     def nodes(self) -> Array:
         """Reference positions of the mesh nodes, shape (3, nodes)."""
         return self.in_space(self.mesh.p)
+
+    @cached_property
+    def lines(self) -> tuple[Array, Index]:
+        """Reference x (m) of the lines of nodes across the strip, and the line of each node."""
+        places = self.nodes[0]  # unrounded: the same to the last bit in other units
+        _, first, number = np.unique(np.round(places, 9), return_index=True, return_inverse=True)
+        return places[first], number
 
     def in_space(self, points: Array) -> Array:
         """Reference positions of points of the mesh, shape (3, ...)."""

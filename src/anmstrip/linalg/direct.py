@@ -108,7 +108,7 @@ def equilibrated(matrix: csc_matrix) -> Array:
             if size.max() < SCALED and size.min() > 1.0 / SCALED:
                 break
             d /= np.sqrt(size)
-        require_stiffness(np.nan_to_num(1.0 / d))
+        require_stiffness(np.isfinite(d))
     return d
 
 
@@ -209,6 +209,7 @@ class BandPlan(Plan):
             place[order] = np.arange(n)
             places.append((int(np.abs(place[self.indices] - place[self.columns]).max()), place))
         self.width, self.place = min(places, key=lambda p: p[0])
+        self.natural = np.array_equal(self.place, np.arange(n))
         row, column = self.place[self.indices], self.place[self.columns]
         self.shape = (3 * self.width + 1, n)
         self.flat = (2 * self.width + row - column) + column * self.shape[0]
@@ -230,6 +231,8 @@ class BandPlan(Plan):
             solve_band, self.name = self._lu(scaled.data), "band LU"
 
         def solve(right: Array) -> Array:
+            if self.natural:
+                return solve_band(right * d) * d
             ordered = np.empty_like(right)
             ordered[place] = right * d
             return solve_band(ordered)[place] * d

@@ -13,7 +13,7 @@ from scipy.sparse import csr_matrix, vstack
 
 from anmstrip.arrays import Array
 from anmstrip.fem.operators import Part
-from anmstrip.taylor.compiled import CompiledExecutor, addresses, table_of
+from anmstrip.taylor.compiled import CompiledExecutor, addresses, script, table_of
 from anmstrip.taylor.program import Program
 from anmstrip.taylor.tape import GATHER, LIFT
 
@@ -72,12 +72,9 @@ class CompiledLaw:
         first = self.executor.advancing(given, given, found, False)
         others = self.executor.advancing(zero, changes, found, True)
         derivative = self.executor.changing(changes, found, 1)
-        self.force_calls = table_of([*lifting, first, *gathering])
-        self.series_calls = (
-            self.force_calls,
-            table_of([*changing, others, *gathering]),
-            table_of([*changing, derivative, *gathering]),
-        )
+        self.add_force = script(table_of([*lifting, first, *gathering]))
+        self.add_order = script(table_of([*changing, others, *gathering]))
+        self.add_derivative = script(table_of([*changing, derivative, *gathering]))
 
     def places(self, part: Part, first: int) -> Array:
         """Places of the rows of a part in what a program takes or gives."""
@@ -139,27 +136,36 @@ class CompiledLaw:
             if value is None:
                 into[rows] = 0.0
                 continue
-            into[rows, :points] = np.broadcast_to(value, shape).reshape(rows.stop - rows.start, -1)
-
-    def on(self, w: Array) -> list[Callable[[int], None]]:
-        """Return what adds forces: of order 0; of order k, after completing order k − 1; changes.
-
-        The last are those that changes of unknowns and controls make.
-        """
-        return self.executor.on(w, *self.series_calls)
+            whole = value if np.shape(value) == shape else np.broadcast_to(value, shape)
+            into[rows, :points] = np.reshape(whole, (rows.stop - rows.start, -1))
 
     @cached_property
-    def add_force(self) -> Callable[[int], None]:
-        """Return what adds forces of order 0 alone."""
-        self.spare = np.empty((self.program.blocks, self.program.kept, 2, self.program.lanes))
-        return self.executor.on(self.spare, self.force_calls)[0]
+    def spare(self) -> tuple[int, int]:
+        """Address of coefficients for forces of order 0 alone, and how many orders they have."""
+        w = np.empty((self.program.blocks, self.program.kept, 1, self.program.lanes))
+        self.kept.append(w)
+        return w.ctypes.data, 1
 
-    def tangent(self, w: Array, rate: float) -> Array:
-        """Return ∂law/∂x + rate ∂law/∂v along the seeds, shape (seeds, *output)."""
+    def tangent(self, w: tuple[int, int], rate: float) -> Array:
+        """Return ∂law/∂x + rate ∂law/∂v along the seeds, shape (seeds, *output).
+
+        ``w`` are the address of the coefficients and how many orders they have.
+        """
         if self.inputs > 1:
             self.units[:, self.sizes[0] : self.stops[1]] = rate * self.seeds[..., None, None]
-        found = self.executor.derivative(w, self.units)
-        return self.program.unpacked(found, (len(self.seeds),))
+        self.find_tangent(1, *w)
+        return self.program.unpacked(self.tangents, (len(self.seeds),)).copy()
+
+    @cached_property
+    def tangents(self) -> Array:
+        """Where machine code puts the tangent, shape (seeds, outputs, blocks, lanes)."""
+        return np.empty((len(self.seeds), len(self.found), *self.units.shape[2:]))
+
+    @cached_property
+    def find_tangent(self) -> Callable[..., None]:
+        """What finds the tangent."""
+        begin, end = addresses(self.units, self.tangents)
+        return script(table_of([self.executor.changing(begin, end, len(self.seeds))]))
 
     @cached_property
     def units(self) -> Array:

@@ -13,7 +13,15 @@ import numpy as np
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.geometry import SHELL, Kinematics
 from anmstrip.fem.sampling import ContactOperator, remembered
-from anmstrip.mechanics.effects import WIDTH, LawEffect, Moment, slowed
+from anmstrip.mechanics.effects import (
+    WIDTH,
+    Controls,
+    LawEffect,
+    Moment,
+    RecordedLaw,
+    RecordedLaws,
+    slowed,
+)
 from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
 from anmstrip.mechanics.roller import Projection, Roller
 
@@ -23,16 +31,25 @@ CHORD = 0.25
 MOST = 1024
 """Looks at one step."""
 
+FEW = 1000
+"""Pairs up to which all are looked at always: that takes less time than to tell how far they have
+moved."""
+
 STEEPEST = 1.5
 """Bound of the change of a gap over the way of its point: (1 + |R'|)/√(1 + R'²) ≤ √2."""
 
 
 Look = tuple[Array, Array]
-"""Displacements of points, (components, points), and centres of rollers, (rollers, 3)."""
+"""Unknowns of the strip, and centres of rollers (m), (rollers, 3)."""
+
+ENDS_AND_MIDDLE = np.linspace(0.0, 1.0, 3)
+"""Shares of a step at which it is looked at first."""
 
 
 def deepest(contact: Contact, places: Callable[[Array], Array]) -> float | None:
     """Return where on its way a point lies deeper than at either end, by more than the onset.
+
+    Within reach, for farther away nothing acts.
 
     Parameters
     ----------
@@ -45,12 +62,19 @@ def deepest(contact: Contact, places: Callable[[Array], Array]) -> float | None:
     float or None
         Share of the way at which the deepest of them is.
     """
-    shares = np.linspace(0.0, 1.0, 3)
+
+    def gaps(y: Array) -> Array:
+        with np.errstate(invalid="ignore"):  # on the axis there is no direction
+            return np.asarray(contact.roller.project(y.swapaxes(0, 1)).gap)
+
+    shares = ENDS_AND_MIDDLE
     y = places(shares)
+    least = gaps(y).min(axis=0) - contact.reaches
     while True:
         step = y[1:] - y[:-1]
         moved = np.sqrt((step**2).sum(axis=1))
-        more = float((moved / contact.roller.radius).max(initial=0.0)) / CHORD
+        chords = np.where(least < STEEPEST * moved, moved / contact.roller.radius, 0.0)
+        more = float(chords.max(initial=0.0)) / CHORD
         if more <= 1.0 or len(shares) >= MOST:
             break
         shares = np.linspace(0.0, 1.0, min(int(np.ceil(more * (len(shares) - 1))), MOST) + 1)
@@ -59,9 +83,8 @@ def deepest(contact: Contact, places: Callable[[Array], Array]) -> float | None:
     square = np.maximum((across**2).sum(axis=1), np.finfo(float).tiny)
     nearest = np.clip(-(y[:-1, :2] * across).sum(axis=1) / square, 0.0, 1.0)
     looks = np.concatenate([y[[0, -1]], y[:-1] + nearest[:, None] * step])
-    with np.errstate(invalid="ignore"):  # on the axis there is no direction
-        first, last, *between = np.asarray(contact.roller.project(looks.swapaxes(0, 1)).gap)
-    dip = np.minimum(first, last) - between
+    gap = gaps(looks)
+    dip = np.where(gap[2:] < contact.reaches, np.minimum(gap[0], gap[1]) - gap[2:], -np.inf)
     if not dip.max() > contact.signorini.width:
         return None
     j, point = np.unravel_index(dip.argmax(), dip.shape)
@@ -176,7 +199,7 @@ class Contact(LawEffect):
         def looked(shares: Array) -> list[tuple[Look, Mapping[str, Any]]]:
             return [(self.look(full, controls), controls) for full, _, controls in states(shares)]
 
-        first = looked(np.linspace(0.0, 1.0, 3))
+        first = looked(ENDS_AND_MIDDLE)
         near = self.neighbours(*first[0])
         farthest = max(near.moved(look) for look, _ in first[1:])
 
@@ -186,7 +209,7 @@ class Contact(LawEffect):
             if len(shares) != len(first):
                 looks = looked(shares)
                 farthest = max(farthest, *(near.moved(look) for look, _ in looks))
-            return np.array([near.part.position(near.part.chosen(look), c) for look, c in looks])
+            return np.array([near.seen(look, controls)[:-1] for look, controls in looks])
 
         while True:
             found = deepest(near.part, places) if near.part.points else None
@@ -195,8 +218,8 @@ class Contact(LawEffect):
             near = self._looked_up(*first[0], 2.0 * farthest)
 
     def look(self, full: Array, controls: Mapping[str, Any]) -> Look:
-        """Displacements of all points, (components, points), and centres, (rollers, 3)."""
-        return self.operator.whole.apply(full), self.centres(controls)
+        """Unknowns of the strip, and centres of the rollers."""
+        return full[: self.operator.whole.unknowns], self.centres(controls)
 
     def centres(self, controls: Mapping[str, Any]) -> Array:
         """Centres of the rollers (m), (rollers, 3)."""
@@ -205,7 +228,7 @@ class Contact(LawEffect):
 
     def chosen(self, look: Look) -> Array:
         """Displacements of this contact's own points, (components, points)."""
-        return look[0][:, self.operator.chosen]
+        return self.operator.apply(look[0])
 
     def neighbours(self, look: Look, controls: Mapping[str, Any]) -> Neighbours:
         """Pairs that are near, looked up anew when something has moved far.
@@ -216,14 +239,20 @@ class Contact(LawEffect):
         """
         latest = self.latest.get("neighbours")
         if latest is None or not latest.moved(look) <= latest.skin:
-            skin = min(float(roller.radius) for roller in self.roller.members)
-            latest = self.latest["neighbours"] = self._looked_up(look, controls, skin)
+            if self.operator.points <= FEW:
+                pairs = np.arange(self.operator.points)
+                latest = Neighbours(self._part(pairs), pairs, np.inf, *look)
+            else:
+                skin = min(float(roller.radius) for roller in self.roller.members)
+                latest = self._looked_up(look, controls, skin)
+            self.latest["neighbours"] = latest
         return latest
 
     def _looked_up(self, look: Look, controls: Mapping[str, Any], skin: float) -> Neighbours:
         """Pairs that may come within reach while nothing moves farther than the skin (m)."""
         found, farthest = [], STEEPEST * skin
-        places = (self.operator.whole.reference + self.kinematics.embed(look[0]))[[0, 2]]
+        whole = self.operator.whole
+        places = (whole.reference + self.kinematics.embed(whole.apply(look[0])))[[0, 2]]
         for numbers, part in zip(self.numbers, self.by_roller.values(), strict=True):
             roller, points, reach = part.roller, np.arange(part.points), float(np.max(part.reach))
             if roller.is_across and np.isfinite(reach):  # of others gaps alone tell it
@@ -233,7 +262,7 @@ class Contact(LawEffect):
             near = part._part(points).gap(look, controls) < part.reaches + farthest
             found.append(numbers[points[near]])
         pairs = np.sort(np.concatenate(found))
-        return Neighbours(self._part(pairs), pairs, skin, *look)
+        return Neighbours(self._part(pairs), pairs, skin, look[0].copy(), look[1])
 
     def gap(self, look: Look, controls: Mapping[str, Any]) -> Array:
         """Gaps of the points (m), shape (points,)."""
@@ -257,7 +286,7 @@ class Contact(LawEffect):
         def found(_: Index) -> Index:
             look = self.look(full, controls)
             near = self.neighbours(look, controls)
-            return np.asarray(near.pairs[near.part.gap(look, controls) < near.part.reaches])
+            return np.asarray(near.pairs[near.seen(look, controls)[-1] < near.part.reaches])
 
         state = np.concatenate([full, self.centres(controls).ravel()])
         return remembered(self.reached, state, found)
@@ -306,19 +335,59 @@ class Contact(LawEffect):
 
 
 @dataclass(frozen=True)
+class Sight(LawEffect):
+    """Positions of points in the frames of their rollers, and gaps in the last row: no force."""
+
+    contact: Contact
+
+    name = "sight"
+
+    @property
+    def operator(self) -> ContactOperator:  # type: ignore[override]
+        """Operator of the contact."""
+        return self.contact.operator
+
+    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+        """Return positions and gaps (m), shape (rows + 1, points)."""
+        y = self.contact.position(x, controls)
+        return np.stack([*y, self.contact.roller.project(y).gap])
+
+
+@dataclass(frozen=True)
 class Neighbours:
     """Pairs that may come within reach until points and rollers have moved by the skin."""
 
     part: Contact  # of these pairs
     pairs: Index  # their numbers among all
     skin: float  # m
-    displacements: Array  # of all points when they were looked up (m), (components, points)
+    full: Array  # unknowns of the strip when they were looked up
     centres: Array  # of the rollers (m), (rollers, 3)
 
+    @cached_property
+    def programs(self) -> list[RecordedLaw]:
+        """Program of what is seen of these pairs, once they were seen."""
+        return []
+
+    def seen(self, look: Look, controls: Mapping[str, Any]) -> Array:
+        """Return positions in the rollers' frames and gaps in the last row, (rows + 1, points)."""
+        full, _ = look
+        if not self.programs:
+            centres = [f"rollers.{roller.name}.centre" for roller in self.part.roller.members]
+            given = Controls(controls, dict.fromkeys(centres, np.zeros(())))
+            laws = RecordedLaws(len(full))
+            self.programs.append(laws.of(Sight(self.part), (full, None, 0.0), given))
+        return self.programs[0].at_points(full, controls)
+
     def moved(self, here: Look) -> float:
-        """Return the largest distance (m) by which a point and a roller may have come nearer."""
-        points, rollers = here[0] - self.displacements, here[1] - self.centres
+        """Return the largest distance (m) by which a point and a roller may have come nearer.
+
+        It does not matter where all pairs are these: then it is 0.
+        """
+        if self.skin == np.inf:
+            return 0.0
+        points = self.part.operator.whole.apply(here[0] - self.full)
         moved = math.sqrt((points**2).sum(axis=0).max(initial=0.0))
+        rollers = here[1] - self.centres
         return moved + math.sqrt((rollers**2).sum(axis=1).max(initial=0.0))
 
 

@@ -233,7 +233,7 @@ class LoadEffect(Effect):
 
     def load_vector(self, control: Array) -> Array:
         """Return the residual of a value of the control, shape (unknowns,)."""
-        return -np.outer(self.load, self.kinematics.pick(control)).ravel()
+        return (self.load[:, None] * -self.kinematics.pick(control)).ravel()
 
 
 @dataclass(frozen=True)
@@ -342,6 +342,16 @@ class RecordedLaw:
         start, rate = controls.start, controls.rate
         return [start[name] + control * rate(name) for name in self.asked.moving]
 
+    def at_points(self, u: Array, controls: Values) -> Array:
+        """Return the law of displacements, or their functions, at the points, (rows, points)."""
+        law, effect = self.compiled, self.effect
+        if law is None:
+            return np.asarray(effect.law(effect.operator.apply(u), None, controls))
+        law.move([controls[name] for name in self.asked.moving], law.given)
+        self.laws.set_motion(u, None)
+        law.add_force(0, *law.spare)
+        return law.found[:, : self.program.points].copy()
+
     def fits(self, effect: LawEffect, inputs: int, controls: Controls) -> bool:
         """Whether the program holds for an effect with other controls."""
         return (
@@ -377,12 +387,19 @@ class RecordedLaws:
         self.latest: dict[str, list[RecordedLaw]] = {}
         self.motion, self.total = np.zeros((2, unknowns)), np.zeros(unknowns)
 
-    def forces(self, u: Array, v: Array | None, add: Callable[[int], None]) -> Array:
-        """Return the forces that machine code finds for such a motion."""
+    def begin(self, u: Array, v: Array | None) -> Array:
+        """Return the forces that machine code adds to, none as yet, for such a motion."""
         self.set_motion(u, v)
         self.total.fill(0.0)
-        add(0)
-        return self.total.copy()
+        return self.total
+
+    def forces(
+        self, u: Array, v: Array | None, add: Callable[..., None], w: tuple[int, int]
+    ) -> Array:
+        """Return the forces that machine code finds for such a motion, with coefficients ``w``."""
+        total = self.begin(u, v)
+        add(0, *w)
+        return total.copy()
 
     def set_motion(self, u: Array, v: Array | None) -> None:
         """Set what machine code reads."""
@@ -411,6 +428,7 @@ class EffectSeries:
     """Orders of one effect; left out is what an effect of order 1 at most need not do."""
 
     effect: Effect
+    curved = False  # whether it has orders above 1
 
     def residual(self) -> Array:
         """Return order 0."""
@@ -432,6 +450,8 @@ class EffectSeries:
 
 class LawSeries(EffectSeries):
     """A pointwise effect."""
+
+    curved = True
 
     def __init__(
         self, effect: LawEffect, order: int, state: State, controls: Controls, law: RecordedLaw
@@ -483,6 +503,8 @@ class LawSeries(EffectSeries):
 class CompiledSeries(EffectSeries):
     """A pointwise effect, by machine code, of which every order is one call."""
 
+    curved = True
+
     def __init__(
         self, effect: LawEffect, order: int, state: State, controls: Controls, law: RecordedLaw
     ) -> None:
@@ -492,9 +514,9 @@ class CompiledSeries(EffectSeries):
         self.laws, self.law, program = law.laws, law.compiled, law.program
         self.slopes = [controls.rate(name) for name in law.asked.moving]
         self.w = np.empty((program.blocks, program.kept, max(order, 1) + 1, program.lanes))
+        self.at = self.w.ctypes.data, self.w.shape[2]
         self.law.move(law.values(controls, state[2]), self.law.given)
-        add_force, self.add_order, self.add_derivative = self.law.on(self.w)
-        self.force = self.laws.forces(state[0], state[1], add_force)
+        self.force = self.laws.forces(state[0], state[1], self.law.add_force, self.at)
         self.w[:, :, 1] = 0.0
 
     def residual(self) -> Array:
@@ -505,18 +527,19 @@ class CompiledSeries(EffectSeries):
         if not (moves or u.any()):
             return None
         self.correct(1, u, v, control)
-        return self.laws.forces(u, v, self.add_derivative)
+        return self.laws.forces(u, v, self.law.add_derivative, self.at)
 
     def advance(self, k: int, total: Array) -> None:
-        self.add_order(k)
+        self.law.add_order(k, *self.at)
 
     def correct(self, k: int, u: Array, v: Array | None, control: float) -> None:
-        moved = [control * slope if control else None for slope in self.slopes]
-        self.law.move(moved, self.law.changes)
+        if self.slopes:
+            moved = [control * slope if control else None for slope in self.slopes]
+            self.law.move(moved, self.law.changes)
 
     def add_tangent(self, pattern: Pattern, blocks: Blocks, rate: float) -> None:
         x, *_ = self.law.program.inputs
-        found = self.law.tangent(self.w, rate)
+        found = self.law.tangent(self.at, rate)
         if self.effect.seeds is None:
             found = found.reshape(x.shape[:-1] + found.shape[1:])
         self.operator.add_tangent(found, pattern, blocks)
@@ -574,16 +597,19 @@ def series_of(
     return kind(near, order, state, controls, law)
 
 
-def force_of(
+def add_force(
     effect: Effect, state: State, values: Values, controls: Controls, laws: RecordedLaws
-) -> Array:
-    """Return the residual of an effect at a state, by machine code where there is a program."""
+) -> None:
+    """Add the residual of an effect to what was begun for a state, by its program if it has one."""
     full, velocity, _ = state
     if not isinstance(effect, LawEffect):
-        return effect.force(full, velocity, values)
-    near = effect.near(full, values)
-    law = laws.known(near, state, controls)
-    if law is None or law.compiled is None:
-        return near.force_here(full, velocity, values)
-    law.compiled.move(law.values(controls, state[2]), law.compiled.given)
-    return laws.forces(full, velocity, law.compiled.add_force)
+        force = effect.force(full, velocity, values)
+    else:
+        near = effect.near(full, values)
+        law = laws.known(near, state, controls)
+        if law is not None and law.compiled is not None:
+            law.compiled.move(law.values(controls, state[2]), law.compiled.given)
+            law.compiled.add_force(0, *law.compiled.spare)
+            return
+        force = near.force_here(full, velocity, values)
+    laws.total[: len(force)] += force

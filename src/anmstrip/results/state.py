@@ -247,9 +247,8 @@ class State:
         """Reference x of the lines of nodes, (lines,), and means over them, (lines, 3)."""
         strip = self.plan.model.strip
         values = strip.kinematics.embed(strip.nodal(self.full)[strip.dofs(name)].T)
-        places = strip.nodes[0]  # unrounded: the same to the last bit in other units
-        _, first, number = np.unique(np.round(places, 9), return_index=True, return_inverse=True)
-        lines, count = places[first], np.bincount(number)
+        lines, number = strip.lines
+        count = np.bincount(number)
         return lines, np.stack([np.bincount(number, part) / count for part in values], axis=-1)
 
     @cached_property

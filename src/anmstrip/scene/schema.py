@@ -20,6 +20,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 
 from anmstrip.errors import InputError, Mistake, nearest
+from anmstrip.scene import tables as scene_tables
 from anmstrip.scene.checks import check_scene
 from anmstrip.scene.tables import (
     EDGE_NAMES,
@@ -39,6 +40,7 @@ from anmstrip.scene.tables import (
     Table,
     ThreadingSpec,
     example_of,
+    meanings,
 )
 
 
@@ -233,8 +235,11 @@ def json_schema() -> dict[str, Any]:
     ]
     stage["anyOf"] = [{"required": ["duration"]}, *without]
     stage["additionalProperties"] = stage["properties"].pop("edges")["additionalProperties"]
-    for table in (schema, *tables.values()):
+    for name, table in {"SceneSpec": schema, **tables}.items():
         table["description"] = table["description"].partition("\n\n")[0]
+        model = vars(scene_tables).get(name, SceneSpec)
+        for key, value in table["properties"].items():
+            value["description"] = meanings(model)[key]
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
@@ -434,7 +439,7 @@ def mistakes_of(
             yield Mistake("", key, value, "a table of the scene", "[strip]")
         else:
             value = None if found["type"] == "missing" and not place.item else value
-            expected = str(field.description)
+            expected = place.meaning
             if isinstance(value, float) and (abs(value) > LARGEST or 0.0 < value < SMALLEST):
                 expected += (
                     f"; numbers are at most {LARGEST:g}, and {SMALLEST:g} at least if positive"
@@ -449,6 +454,7 @@ class Place(NamedTuple):
     table: type[BaseModel] | None  # the model whose keys may stand here
     field: FieldInfo | None  # the last field on the way
     name: str  # of this field
+    meaning: str  # and its unit
     item: bool  # whether the place is one component of the field's value
 
 
@@ -459,7 +465,7 @@ def find_place(
     keys: list[str] = []
     table: type[BaseModel] | None = model
     entries: type[BaseModel] | None = None  # the model of the entries of a collection
-    field, name, item = None, "", False
+    field, name, meaning, item = None, "", "", False
     for part in location:
         if entries is not None:
             key: object = part
@@ -471,7 +477,7 @@ def find_place(
         elif table is not None and part in table.model_fields:
             name = str(part)
             keys.append(name)
-            field, item = table.model_fields[name], False
+            field, meaning, item = table.model_fields[name], meanings(table)[name], False
             kinds = (field.annotation, *get_args(field.annotation))
             models = [k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)]
             table, entries = (models[0] if models else None), None
@@ -483,4 +489,4 @@ def find_place(
             item = True
     if len(location) > 3 and (location[0], location[2]) == ("stages", "edges"):
         del keys[2]  # edges stand beside the other keys of a stage
-    return Place(tuple(keys), table, field, name, item)
+    return Place(tuple(keys), table, field, name, meaning, item)

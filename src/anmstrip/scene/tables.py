@@ -5,8 +5,11 @@ The line below each key is its meaning and unit, and what a wrong value is answe
 
 from __future__ import annotations
 
+import ast
+import inspect
 import math
 from collections.abc import Iterable, Iterator
+from functools import cache
 from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -48,9 +51,7 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=64)]
 class Table(BaseModel):
     """A table of the scene: immutable; unknown keys and contradictions are refused."""
 
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, use_attribute_docstrings=True, defer_build=True
-    )
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     @model_validator(mode="after")
     def _refuse_mistakes(self) -> Self:
@@ -63,6 +64,23 @@ class Table(BaseModel):
         return ()
 
 
+@cache
+def meanings(model: type[BaseModel]) -> dict[str, str]:
+    """Return what the keys of a table mean, by key: the texts below them.
+
+    They are read when they are asked for: pydantic itself would take a tenth of a second for that
+    whenever this module is imported.
+    """
+    found: dict[str, str] = {}
+    for table in reversed(model.__mro__):
+        lines = ast.parse(inspect.getsource(table)).body if issubclass(table, Table) else []
+        for above, below in pairwise(line for part in lines for line in vars(part)["body"]):
+            match above, below:
+                case ast.AnnAssign(target=ast.Name(key)), ast.Expr(ast.Constant(str(text))):
+                    found[key] = inspect.cleandoc(text)
+    return found
+
+
 def example_of(key: str, field: FieldInfo) -> str:
     """Return what to type for a field: its first example, a value or whole tables in TOML."""
     example = str((field.examples or ["…"])[0])
@@ -71,8 +89,8 @@ def example_of(key: str, field: FieldInfo) -> str:
 
 def missing(model: type[BaseModel], key: str) -> Mistake:
     """Return the mistake of having left out a field of a model."""
-    field = model.model_fields[key]
-    return Mistake("", key, None, str(field.description), example_of(key, field))
+    example = example_of(key, model.model_fields[key])
+    return Mistake("", key, None, meanings(model)[key], example)
 
 
 def not_both(table: Table, **units: str) -> Iterator[Mistake]:

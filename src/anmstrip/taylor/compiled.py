@@ -13,7 +13,6 @@ import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cache
-from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +44,7 @@ def directories() -> list[Path]:
 
 @cache
 def entry() -> Callable[..., None]:
-    """Return :func:`anmstrip.taylor.kernels.run`, as a function of an address and two numbers."""
+    """Return :func:`anmstrip.taylor.kernels.run`, as a function of addresses and numbers."""
     for initialise in (llvm.initialize_native_target, llvm.initialize_native_asmprinter):
         initialise()
     target = llvm.Target.from_default_triple()
@@ -56,7 +55,7 @@ def entry() -> Callable[..., None]:
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     KEPT.append(engine)
-    types = [*3 * [ctypes.c_void_p], ctypes.c_int64, ctypes.c_int64]
+    types = [*3 * [ctypes.c_void_p], *4 * [ctypes.c_int64]]
     return ctypes.CFUNCTYPE(None, *types)(engine.get_function_address("run"))
 
 
@@ -126,10 +125,17 @@ def table_of(calls: Sequence[Sequence[int]]) -> Array:
     return np.array([[*call, *(CALL - len(call)) * [0]] for call in calls], dtype=np.int64)
 
 
-def script(table: Array) -> Callable[[int], None]:
-    """Return what makes the calls of a table one after the other, given an order."""
-    run, address = entry(), table.ctypes.data
-    return lambda k: run(SPARE, SPARE, address, len(table), k)
+def script(table: Array) -> Callable[..., None]:
+    """Return what makes the calls of a table one after the other.
+
+    It is given an order, and the address of coefficients and how many orders they have.
+    """
+    run, address, count = entry(), table.ctypes.data, len(table)
+
+    def make_calls(k: int, w: int = 0, orders: int = 0, kept: Array = table) -> None:
+        run(SPARE, SPARE, address, count, k, w, orders)
+
+    return make_calls
 
 
 class CompiledExecutor:
@@ -144,40 +150,32 @@ class CompiledExecutor:
         count, blocks, lanes = tables.constants.shape
         rows, inputs, outputs = len(tables.kept), len(tables.inputs), len(tables.outputs)
         places = int(tables.kept.max(initial=-1)) + 1
-        sizes = [len(tables.code), rows, inputs, outputs, blocks, lanes, places, 0, count]
+        sizes = [len(tables.code), rows, inputs, outputs, blocks, lanes, places, count]
+        self.sizes = np.array(sizes, dtype=np.int64)
         self.now, self.change = np.zeros((2, rows, lanes))
-        self.fixed, self.sizes = addresses(*tables), np.array(sizes, dtype=np.int64)
+        self.fixed = addresses(*tables, self.sizes)
         self.inside = addresses(self.now, self.change)
-        self.of_order: dict[int, Array] = {}
 
     def advancing(self, given: int, changes: int, found: int, pending: bool) -> list[int]:
         """Call that completes an order by changes if they are pending, and finds the next one."""
-        return [ADVANCE, *self.fixed, 0, 0, given, changes, found, *self.inside, pending]
+        return [ADVANCE, *self.fixed, given, changes, found, *self.inside, pending]
 
     def changing(self, seeds: int, found: int, most: int) -> list[int]:
         """Call that finds first changes of the outputs."""
-        return [DERIVATIVES, *self.fixed, 0, 0, seeds, found, self.inside[1], most]
-
-    def on(self, w: Array, *tables: Array) -> list[Callable[[int], None]]:
-        """Return for each table what makes such calls on coefficients, and others."""
-        orders = w.shape[2]
-        if orders not in self.of_order:
-            self.of_order[orders] = np.where(np.arange(len(self.sizes)) == 7, orders, self.sizes)
-        whole = np.concatenate(tables)
-        whole[whole[:, 0] >= ADVANCE, 7:9] = addresses(self.of_order[orders], w)
-        ends = [0, *accumulate(map(len, tables))]
-        return [script(whole[first:end]) for first, end in pairwise(ends)]
+        return [DERIVATIVES, *self.fixed, seeds, found, self.inside[1], most]
 
     def advance(self, w: Array, k: int, given: Array, changes: Array | None) -> Array:
         """Order k of the outputs, see :class:`anmstrip.taylor.program.Executor`."""
         found, pending = np.empty((len(self.tables.outputs), *given.shape[1:])), changes is not None
         begin, changed, end = addresses(given, given if changes is None else changes, found)
-        self.on(w, table_of([self.advancing(begin, changed, end, pending)]))[0](k)
+        call = table_of([self.advancing(begin, changed, end, pending)])
+        script(call)(k, w.ctypes.data, w.shape[2])
         return found
 
     def derivative(self, w: Array, seeds: Array) -> Array:
         """Changes of the outputs, see :class:`anmstrip.taylor.program.Executor`."""
         found = np.empty((len(seeds), len(self.tables.outputs), *seeds.shape[2:]))
         begin, end = addresses(seeds, found)
-        self.on(w, table_of([self.changing(begin, end, len(seeds))]))[0](1)
+        call = table_of([self.changing(begin, end, len(seeds))])
+        script(call)(1, w.ctypes.data, w.shape[2])
         return found

@@ -280,16 +280,16 @@ def completed(code, parameters, constants, block, w, kept, d, k):
 @called
 def advance(
     code, parameters, constants, kept, inputs, outputs, sizes,
-    w, given, changes, found, now, d, k, pending,
+    given, changes, found, now, d, pending, k, w, orders,
 ):  # fmt: skip
     """Complete order k − 1 by the inputs' changes if they are pending, then find order k.
 
     ``given``, order k of the inputs, and ``changes`` have the shape (inputs, blocks, lanes),
     ``found`` (outputs, blocks, lanes); ``now`` and ``d`` are for use inside.
     """
-    s = carray(sizes, 9)
-    n, rows, ins, outs, blocks, lanes = s[0], s[1], s[2], s[3], s[4], s[5]
-    places, orders, count = s[6], s[7], s[8]
+    s = carray(sizes, 8)
+    n, rows, ins, outs = s[0], s[1], s[2], s[3]
+    blocks, lanes, places, count = s[4], s[5], s[6], s[7]
     code, parameters = carray(code, (n, 5)), carray(parameters, n)
     constants, kept = carray(constants, (count, blocks, lanes)), carray(kept, rows)
     inputs, outputs = carray(inputs, ins), carray(outputs, outs)
@@ -313,12 +313,12 @@ def advance(
 
 @called
 def derivatives(
-    code, parameters, constants, kept, inputs, outputs, sizes, w, seeds, found, d, most
+    code, parameters, constants, kept, inputs, outputs, sizes, seeds, found, d, most, w, orders
 ):  # fmt: skip
     """Changes (seeds, outputs, blocks, lanes) that seeds (seeds, inputs, blocks, lanes) make."""
-    s = carray(sizes, 9)
-    n, rows, ins, outs, blocks, lanes = s[0], s[1], s[2], s[3], s[4], s[5]
-    places, orders, count = s[6], s[7], s[8]
+    s = carray(sizes, 8)
+    n, rows, ins, outs = s[0], s[1], s[2], s[3]
+    blocks, lanes, places, count = s[4], s[5], s[6], s[7]
     code, parameters = carray(code, (n, 5)), carray(parameters, n)
     constants, kept = carray(constants, (count, blocks, lanes)), carray(kept, rows)
     inputs, outputs = carray(inputs, ins), carray(outputs, outs)
@@ -346,7 +346,16 @@ def lift(starts, columns, entries, places, x, found, rows, count, stride):
                 third += entry * x[n + 2]
             place = places[r] + c * stride
             found[place], found[place + stride], found[place + 2 * stride] = first, second, third
-        for c in range(count - count % 3, count):
+        c = count - count % 3
+        if count % 3 == 2:
+            first, second = 0.0, 0.0
+            for e in range(starts[r], starts[r + 1]):
+                entry, n = entries[e], columns[e] * count + c
+                first += entry * x[n]
+                second += entry * x[n + 1]
+            place = places[r] + c * stride
+            found[place], found[place + stride] = first, second
+        elif count % 3 == 1:
             total = 0.0
             for e in range(starts[r], starts[r + 1]):
                 total += entries[e] * x[columns[e] * count + c]
@@ -367,7 +376,16 @@ def gather(starts, places, entries, forces, total, rows, count, stride):
             total[n * count + c] += first
             total[n * count + c + 1] += second
             total[n * count + c + 2] += third
-        for c in range(count - count % 3, count):
+        c = count - count % 3
+        if count % 3 == 2:
+            first, second = 0.0, 0.0
+            for e in range(starts[n], starts[n + 1]):
+                entry, place = entries[e], places[e] + c * stride
+                first += entry * forces[place]
+                second += entry * forces[place + stride]
+            total[n * count + c] += first
+            total[n * count + c + 1] += second
+        elif count % 3 == 1:
             added = 0.0
             for e in range(starts[n], starts[n + 1]):
                 added += entries[e] * forces[places[e] + c * stride]
@@ -390,10 +408,11 @@ def pointer_to(kind):
 integers, indices, floats = map(pointer_to, (types.int64, types.int32, types.float64))
 
 
-def run(calls, count, k):
+def run(calls, count, k, w, orders):
     """Make calls one after the other; k is the order that is advanced to.
 
-    Each is a row of numbers: which call it is, and its arguments, arrays by their addresses.
+    Each is a row of numbers: which call it is, and its arguments, arrays by their addresses.  The
+    address ``w`` of the coefficients, which have so many orders, is the same for all.
     """
     table = carray(calls, (count, tape.CALL))
     for m in range(count):
@@ -412,18 +431,18 @@ def run(calls, count, k):
             advance(
                 integers(c[1]), floats(c[2]), floats(c[3]), integers(c[4]), integers(c[5]),
                 integers(c[6]), integers(c[7]), floats(c[8]), floats(c[9]), floats(c[10]),
-                floats(c[11]), floats(c[12]), floats(c[13]), k, c[14],
+                floats(c[11]), floats(c[12]), c[13], k, floats(w), orders,
             )  # fmt: skip
         else:
             derivatives(
                 integers(c[1]), floats(c[2]), floats(c[3]), integers(c[4]), integers(c[5]),
                 integers(c[6]), integers(c[7]), floats(c[8]), floats(c[9]), floats(c[10]),
-                floats(c[11]), c[12],
+                c[11], floats(w), orders,
             )  # fmt: skip
 
 
 def instructions():
     """Instructions of :func:`run` for LLVM, and the name it has there."""
-    signature = types.void(types.CPointer(types.int64), types.int64, types.int64)
+    signature = types.void(types.CPointer(types.int64), *4 * [types.int64])
     made = cfunc(signature, error_model="numpy")(run)
     return made.inspect_llvm(), made.native_name.removeprefix("cfunc.")

@@ -100,26 +100,30 @@ def _bernstein(coefficients: Array, length: float) -> tuple[Array, Array]:
     return _to_bernstein(order) @ scaled, noise
 
 
-def _split(bernstein: Array, t: Array) -> tuple[Array, Array]:
-    """Coefficients before and after a share t of the interval (de Casteljau)."""
-    left, right = [bernstein[0]], [bernstein[-1]]
-    while len(bernstein) > 1:
-        bernstein = (1.0 - t) * bernstein[:-1] + t * bernstein[1:]
-        left.append(bernstein[0])
-        right.append(bernstein[-1])
-    return np.stack(left), np.stack(right[::-1])
+@cache
+def _before(order: int, share: float) -> Array:
+    """From coefficients on an interval to those on the part before a share of it (de Casteljau)."""
+    rest, orders = 1.0 - share, range(order + 1)
+    return np.array([[comb(j, i) * share**i * rest ** (j - i) for i in orders] for j in orders])
+
+
+def _split(bernstein: Array, share: float) -> tuple[Array, Array]:
+    """Coefficients before and after a share of the interval."""
+    order = len(bernstein) - 1
+    return _before(order, share) @ bernstein, (_before(order, 1.0 - share) @ bernstein[::-1])[::-1]
 
 
 def _divided(bernstein: Array, noise: Array, shares: Array) -> tuple[Array, Array, Array]:
     """Split at the first of some shares at which the function is not zero within round-off."""
-    t = np.full(bernstein.shape[1], shares[0])
-    left, right = _split(bernstein, t)
-    for share in shares[1:]:
+    share, *others = shares.tolist()
+    t = np.full(bernstein.shape[1], share)
+    left, right = _split(bernstein, share)
+    for share in others:
         vague = np.abs(left[-1]) <= noise
         if not vague.any():
             break
         t[vague] = share
-        left[:, vague], right[:, vague] = _split(bernstein[:, vague], t[vague])
+        left[:, vague], right[:, vague] = _split(bernstein[:, vague], share)
     return left, right, t
 
 
@@ -274,13 +278,11 @@ def _refined(coefficients: Array, low: Array, high: Array, first: Array) -> Arra
 
 def _changes(bernstein: Array, noise: Array) -> Index:
     """Changes of sign of the coefficients, those within round-off left out."""
-    count: Index = np.zeros(bernstein.shape[1], dtype=np.int64)
-    last = np.sign(bernstein[0])
-    for row in bernstein[1:]:
-        sign = np.where(np.abs(row) > noise, np.sign(row), last)
-        count += sign != last
-        last = sign
-    return count
+    clear = np.abs(bernstein) > noise
+    clear[0] = True
+    latest = np.maximum.accumulate(np.where(clear, np.arange(len(bernstein))[:, None], 0))
+    signs = np.take_along_axis(np.sign(bernstein), latest, axis=0)
+    return np.count_nonzero(np.diff(signs, axis=0), axis=0)
 
 
 def minima(coefficients: Array, length: float, below: Array | float) -> Roots:
