@@ -46,7 +46,7 @@ class Line:
         numbers, n = (0, DRIVEN, 1), self.strip.unknowns
         self.friction = TurningFriction(contact, HOFF, (0.3, 0.2, 0.1), numbers, 2)
         radii, bearings = np.array([0.4, 0.3]), np.array([5.0, 0.0])
-        self.drives = Drives(("r", "t"), radii, bearings, 0.2, n)
+        self.drives = Drives(("r", "t"), radii, bearings, 0.2, 0.7, n)
         effects = [contact, self.friction, self.drives]
         scales = Scales(1.0, 1.0, 1.0)
         self.model = Model(self.strip, Pattern(self.strip), effects, scales, ("r", "t"))

@@ -264,6 +264,47 @@ def test_rollers_bear_a_stiff_plate_as_supports_do(
     assert found[:count] == pytest.approx(lines, abs=0.02 * lines.mean())
 
 
+def carried(thickness: float, pitch: float, travel: float) -> dict[str, Any]:
+    """A plate of eight pitches that lies on eight of eleven rollers, and is carried on by them."""
+    places = pitch * (np.arange(11) - 3.5)
+    speeds = {f"r{k + 1}": {"surface_speed": 0.5} for k in range(len(places))}
+    return {
+        "strip": {"kinematics": "section", "length": 8.0 * pitch, "width": 2.0,
+                  "thickness": thickness},
+        "material": {"young": 2.05e11, "poisson": 0.3, "density": 7850.0},
+        "friction": {"coefficient": 0.25},
+        "rollers": [{"radius": 0.1, "centre": [x, 0.0, -0.1]} for x in places.tolist()],
+        "edges": {"entry": {"fixed": ["x"]}},
+        "stages": [
+            {"name": "settle", "duration": 1.0, "gravity": [0.0, 0.0, -9.81]},
+            {"name": "carry", "duration": 4.0 * travel, "entry": {"release": True},
+             "rollers": speeds},
+        ],
+    }  # fmt: skip
+
+
+def test_a_plate_that_travels_from_roller_to_roller_is_fine_all_along() -> None:
+    """Zones that overlap have nothing between them; they were cut by as much, to 0.2 m pieces."""
+    strip = Assembly(Scene.model_validate(carried(0.02, 0.4, 0.4))).strip
+    assert strip.cell_sizes[0].max() <= 0.1 / 8.0 * 1.001
+    assert strip.contact_parts > 1
+
+
+@pytest.mark.slow
+def test_rollers_bear_a_carried_plate_as_they_bore_it() -> None:
+    """A pitch farther every roller bears what the one before bore, to 1 % of a mean load."""
+    *_, last = Scene.model_validate(carried(0.02, 0.4, 0.4)).run()
+    loads = [reading.normal_force for reading in last.state.rollers.values()]
+    weight = 7850.0 * 9.81 * 0.02 * 2.0 * 3.2
+    assert sum(loads) == pytest.approx(weight, rel=1e-3)
+    settled = {**carried(0.02, 0.4, 0.4)}
+    settled["stages"] = settled["stages"][:1]
+    *_, first = Scene.model_validate(settled).run()
+    before = [reading.normal_force for reading in first.state.rollers.values()]
+    assert loads[1:] == pytest.approx(before[:-1], abs=0.01 * weight / 8.0)
+    assert loads[0] < 1e-3 * weight
+
+
 def test_elements_are_as_short_as_the_nearest_zones_ask_for() -> None:
     """Whatever is looked at of each: the lengths are the envelope over all of them."""
     rng = np.random.default_rng(5)

@@ -378,6 +378,7 @@ class Halved(Assembly):
         mesh = line(np.sort(finer.p[0])) if finer.dim() == 1 else renumbered(finer)
         strip = Strip(mesh, old.thickness, old.material, old.kinematics, old.width, old.surface)
         strip.origin, strip.flat_origin = old.origin, old.flat_origin
+        strip.contact_parts = old.contact_parts
         return strip
 
     @property

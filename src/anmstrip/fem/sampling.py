@@ -80,6 +80,26 @@ is carried without bending: cubics in each coordinate, quintics on triangles.
 """
 
 
+SQUARE = np.arange(9).reshape(3, 3)
+
+LINES = {
+    "quad": np.concatenate([SQUARE, SQUARE.T]),
+    "triangle": np.array([[0, 3, 1], [1, 4, 2], [0, 5, 2]]),
+}
+"""Lines of three contact points on an element, on squares both ways."""
+
+
+def contact_shares(strip: Strip) -> Array:
+    """Return the weights of an element's contact points, see :data:`SHARES`."""
+    shares, parts = SHARES[shape_of(strip)], strip.contact_parts
+    if parts == 1:
+        return shares
+    found = np.zeros(1 + 2 * parts)
+    for part in range(parts):
+        found[2 * part : 2 * part + 3] += shares / parts
+    return found
+
+
 REMEMBERED = 4
 """Latest choices of points, for what is near a roller hardly changes within a step."""
 
@@ -121,18 +141,21 @@ class ContactOperator(LinearOperator):
         Of the strip (m).
     whole : ContactOperator
         That of all points, of which this is a part.
+    lines : ndarray of int, shape (lines, 3)
+        Lines of three points of an element.
     """
 
     def __init__(self, strip: Strip) -> None:
         self.whole = self
-        kind = shape_of(strip)
         self.count, self.width = strip.count, strip.width
-        patch = patches(strip, contact_points(kind))
+        patch = patches(strip, contact_points(strip))
         self.cells, self.reference = patch.cells, patch.reference
         self.chosen: Index = np.arange(self.reference.shape[1], dtype=np.int64)
         self.table: Array = np.stack([np.asarray(f) for f in patch.functions], axis=-1)
         self.functions = patch.functions
-        self.shares = strip.areas[:, None] * SHARES[kind]
+        self.shares = strip.areas[:, None] * contact_shares(strip)
+        firsts = 2 * np.arange(strip.contact_parts)[:, None]
+        self.lines: Index = LINES.get(shape_of(strip), firsts + np.arange(3))
         total = np.bincount(self.cells.ravel(), self.shares.ravel())
         self.weights: Array = total.astype(float)
         self.matrix = self._at_points(strip, self.table)
@@ -274,14 +297,15 @@ class SlopeOperator(ContactOperator):
         self._add_tangent(derivative[self.count :], self.slope_table, pattern, blocks)
 
 
-def contact_points(kind: str) -> Array:
+def contact_points(strip: Strip) -> Array:
     """Contact points of the reference element, (dimensions, points).
 
-    Nodes, middles of sides and centre; on triangles also the three points with the
-    barycentric coordinates 1/7, 1/7, 5/7.
+    Nodes, middles of sides and centre, of each of the equal parts of an element of a section; on
+    triangles also the three points with the barycentric coordinates 1/7, 1/7, 5/7.
     """
+    kind = shape_of(strip)
     if kind != "triangle":
-        return unit_grid(3, 1 if kind == "line" else 2)
+        return unit_grid(1 + 2 * strip.contact_parts, 1 if kind == "line" else 2)
     nodes = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     middles = [[0.5, 0.5, 0.0], [0.0, 0.5, 0.5]]
     inner = [[1 / 3, 1 / 7, 5 / 7, 1 / 7], [1 / 3, 1 / 7, 1 / 7, 5 / 7]]

@@ -92,6 +92,8 @@ class Strip:
         Place (m) in the scene's coordinates of the local origin from which positions count.
     flat_origin : ndarray, shape (2,)
         The same of the flat strip: where the mesh file has what is (0, 0) here.
+    contact_parts : int
+        Equal parts of an element of a section, each with its own points of contact.
     """
 
     def __init__(
@@ -105,7 +107,7 @@ class Strip:
     ) -> None:
         self.mesh, self.thickness, self.material = mesh, thickness, material
         self.surface = surface
-        self.origin, self.flat_origin = np.zeros(3), np.zeros(2)
+        self.origin, self.flat_origin, self.contact_parts = np.zeros(3), np.zeros(2), 1
         self.kinematics = kinematics
         element, degree = next(e for kind, e in ELEMENTS.items() if isinstance(mesh, kind))
         self.basis = Basis(mesh, element(), intorder=degree)

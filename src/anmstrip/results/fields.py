@@ -9,7 +9,14 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from anmstrip.arrays import Array, Index
-from anmstrip.fem.sampling import ContactOperator, contact_points, patches, shape_of, unit_grid
+from anmstrip.fem.sampling import (
+    ContactOperator,
+    contact_points,
+    contact_shares,
+    patches,
+    shape_of,
+    unit_grid,
+)
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.shell import eigencurvature, moduli
 from anmstrip.results.rollers import Readable
@@ -109,16 +116,21 @@ class FieldSampler:
         if self.kind == "triangle":
             from scipy.interpolate import LinearNDInterpolator
 
-            points = contact_points(self.kind).T
+            points = contact_points(self.strip).T
             return np.asarray(LinearNDInterpolator(points, np.eye(len(points)))(self.local.T))
-        hats = [np.interp(np.unique(self.local[0]), [0.0, 0.5, 1.0], row) for row in np.eye(3)]
-        along = np.transpose(hats)
+        places, parts = np.unique(self.local[0]), self.strip.contact_parts
+        own = np.linspace(0.0, 1.0, 1 + 2 * parts)
+        if parts > 1:  # points closer than those of output: means around these
+            hats = [np.interp(own, places, row) for row in np.eye(len(places))]
+            weighted = np.array(hats) * contact_shares(self.strip)
+            return weighted / weighted.sum(axis=1)[:, None]
+        along = np.transpose([np.interp(places, own, row) for row in np.eye(3)])
         return along if self.kind == "line" else np.kron(along, along)
 
     @cached_property
     def nearest(self) -> Index:
         """Contact point of an element nearest to each of its points of output."""
-        apart = self.local[:, :, None] - contact_points(self.kind)[:, None]
+        apart = self.local[:, :, None] - contact_points(self.strip)[:, None]
         return np.asarray((apart**2).sum(axis=0).argmin(axis=1))
 
     def contact_fields(self, state: Readable) -> dict[str, Array]:
@@ -286,7 +298,7 @@ class Profile:
 
     def __init__(self, strip: Strip) -> None:
         kind = shape_of(strip)
-        self.fields = FieldSampler(strip, contact_points(kind))
+        self.fields = FieldSampler(strip, contact_points(strip))
         self.areas = ContactOperator(strip).weights
         x, sizes = self.fields.reference[0], strip.cell_sizes[0]
         unit = float(sizes.mean() if kind == "triangle" else 1e-6 * sizes.min())

@@ -42,14 +42,6 @@ is 0.01 to 0.17 by the default law."""
 STICKS = 0.95
 """Share of the cone f R_N up to which a point counts as sticking."""
 
-SQUARE = np.arange(9).reshape(3, 3)
-LINES = {
-    3: np.array([[0, 1, 2]]),
-    9: np.concatenate([SQUARE, SQUARE.T]),
-    10: np.array([[0, 3, 1], [1, 4, 2], [0, 5, 2]]),
-}
-"""Lines of three contact points on elements of a section, on squares both ways, on triangles."""
-
 STEP_READINGS = ("normal_force", "drag", "wrap", "max_slip", "surface_speed", "torque")
 """Attributes of a :class:`RollerReading` that are read off after every step."""
 
@@ -204,7 +196,7 @@ class ContactState:
         without contact.
         """
         operator = self.contact.operator
-        lines = self.cells[:, LINES[self.cells.shape[1]]].reshape(-1, 3)
+        lines = self.cells[:, operator.whole.lines].reshape(-1, 3)
         reference, values = operator.reference, np.stack([self.angle, operator.reference[0]])
         along, across, _ = np.abs(reference[:, lines[:, 2]] - reference[:, lines[:, 0]])
         lines = lines[along > 1e-6 * across]
@@ -385,7 +377,7 @@ def capacity_used(
     if not yields and len(passage.names) == 1 and low > 0.0 and pressed <= high * angle:
         used = np.log(high / low) / angle
     else:
-        used = abs(state.drag) / state.normal_force
+        used = abs(state.drag) / max(state.normal_force, np.finfo(float).tiny)
     return float(min(used / state.coefficient, 1.0))
 
 
