@@ -193,6 +193,10 @@ class FieldSpec(Table):
             profile = np.polynomial.polynomial.polyval(eta, self.across)
         return profile * np.interp(distance, *np.transpose(self.along)) if self.along else profile
 
+    def means(self, distance: Any) -> Any:
+        """Return means across at distances from the entry (m), or one for all, (any,)."""
+        return self.at(np.linspace(-0.5, 0.5, 101)[:, None], distance).mean(axis=0)
+
     @property
     def samples(self) -> Any:
         """Values at places spread evenly over the width and over the table along, (101, any)."""

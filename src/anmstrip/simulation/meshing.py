@@ -595,6 +595,12 @@ def crossing(roller: Roller) -> Array:
     return (centre - axis * (centre[1] / axis[1] if axis[1] else 0.0))[[0, 2]]
 
 
+def label_at(roller: Roller, thread: Thread) -> float:
+    """Label (m) in the middle of the arc on a roller, or next to one that is not wrapped."""
+    arc = thread.arcs.get(roller.name)
+    return thread.passing(crossing(roller))[0] if arc is None else 0.5 * sum(arc)
+
+
 def carrying_sense(roller: Roller, thread: Thread | None) -> float:
     """+1 if turning right-handed about its axis a roller carries the strip on, else −1."""
     forwards = np.copysign(1.0, roller.unit_axis[1])
