@@ -146,6 +146,14 @@ class Lines:
             return []
         return sorted(x for arc in self.thread.arcs.values() for x in arc)
 
+    @property
+    def corners(self) -> list[float]:
+        """Labels at which heat or flatness has corners along (m), as the stretch then has."""
+        shapes = [self.scene.strip, *(stage.strip for stage in self.scene.stages)]
+        given = [value for shape in shapes for value in shape.natural.values()]
+        places = sorted({at for value in given for at, _ in getattr(value, "along", ())})
+        return [at - self.half for at in places if 0.0 < at < 2.0 * self.half]
+
     def by_default(self) -> Array:
         """Coordinates of nodes of a scene without ``strip.cells``, see :meth:`default_zones`.
 
@@ -157,7 +165,8 @@ class Lines:
             per_line *= round(cells_across(scene) / finer(scene)) + 1
         most = most_unknowns(len(self.rollers)) // per_line - 1
         zones = self.default_zones()
-        return graded_nodes(self.half, zones, coarse, self.lifts, most, finer(scene))
+        marks = sorted([*self.lifts, *self.corners])
+        return graded_nodes(self.half, zones, coarse, marks, most, finer(scene))
 
     def default_zones(self) -> list[Zone]:
         """Stretches where the strip lifts on and off its rollers, and their arcs.
