@@ -195,7 +195,8 @@ class FieldSpec(Table):
 
     def means(self, distance: Any) -> Any:
         """Return means across at distances from the entry (m), or one for all, (any,)."""
-        return self.at(np.linspace(-0.5, 0.5, 101)[:, None], distance).mean(axis=0)
+        middles = (np.arange(100)[:, None] + 0.5) / 100.0 - 0.5
+        return self.at(middles, distance).mean(axis=0)
 
     @property
     def samples(self) -> Any:
