@@ -159,7 +159,7 @@ class FieldSpec(Table):
     )
     """instead of across, pairs of η = y / width and value, η increasing (1)"""
     along: tuple[tuple[NotNegative, Number], ...] = Field((), examples=["[[0.0, 0.0], [2.0, 1.0]]"])
-    """pairs of distance from the entry, increasing (m), and factor of the profile there (1)"""
+    """pairs of distance from the entry, as cut, increasing (m), and factor of the profile (1)"""
 
     @model_validator(mode="before")
     @classmethod
