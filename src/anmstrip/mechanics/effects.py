@@ -364,6 +364,7 @@ class RecordedLaw:
             and self.program.reusable
             and len(self.program.inputs) == inputs + len(self.asked.moving)
             and self.asked.missing.isdisjoint(controls.start)
+            and controls.start.keys() >= self.asked.moving.keys() | self.asked.constant.keys()
             and all(
                 name not in controls.slope
                 and (controls.start[name] is value or np.array_equal(controls.start[name], value))
