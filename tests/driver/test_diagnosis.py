@@ -166,6 +166,26 @@ def test_a_place_of_a_threaded_line_is_the_one_that_is_drawn() -> None:
     assert at is not None and 45.0 < float(at[1]) < 55.0, pressed
 
 
+def test_heat_that_presses_a_strip_is_named() -> None:
+    """Where its strains differ by more than what presses, and then instead of the tension."""
+    tables = copy.deepcopy(BRIDLE)
+    tables["material"]["expansion"] = 1.2e-5
+    tables["strip"]["temperature"] = {"across": [300.0], "along": [[1.0, 0.0], [1.5, 1.0]]}
+    run = Scene.model_validate(tables).run()
+    next(iter(run))
+    largest = 1.2e-5 * 300.0 * run.assembly.strip.tensile_stiffness
+    for share, named in ((0.999, True), (0.98, False)):
+        squeezed = replace(run.state, full=share * run.state.full)
+        found = slack(Failure(run.assembly, run.scene.course[0], squeezed, stalled())) or ""
+        pressed = re.search(r"with (\S+) N/m, and buckles", found)
+        assert pressed is not None and (float(pressed[1]) < largest) == named, found
+        assert (
+            f"strip.temperature varies so much over it that this alone may press it by "
+            f"{largest:.3g} N/m" in found
+        ) == named
+        assert ("threading.tension=" in found) != named
+
+
 def test_derivatives_are_compared_as_forces_and_lengths() -> None:
     run = wrapped()
     plan, strip = run.state.plan, run.assembly.strip

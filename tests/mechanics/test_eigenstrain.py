@@ -72,6 +72,20 @@ def test_orders_of_a_field_that_moves_are_those_of_the_force():
     assert found == pytest.approx(end - start, abs=1e-12 * scale)
 
 
+def test_stages_share_programs_of_the_same_controls_alone():
+    """One that brings heat, or is without it again, has its own."""
+    strip = heated("section")
+    membrane, full = Membrane(strip), random_unknowns(strip, np.random.default_rng(0))
+    heat, cold = field(strip, lambda x, y: 50.0 + 0.0 * x), {"gravity": np.zeros(3)}
+    laws, warm = RecordedLaws(len(full)), {"strip.temperature": heat}
+    for slope in ({}, warm):
+        for controls in (Controls(cold), Controls(cold | warm, slope), Controls(cold)):
+            series = series_of(membrane, 3, (full, None, 0.0), controls, laws)
+            expected = membrane.force(full, None, controls.at(0.0))
+            scale = np.abs(expected).max()
+            assert series.residual() == pytest.approx(expected, abs=1e-12 * scale)
+
+
 @pytest.mark.parametrize("level", ["section", "shell"])
 def test_coil_set_is_the_curvature_without_moment(level):
     """Its sign is that of results: positive where the top is the longer side."""

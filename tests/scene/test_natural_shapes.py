@@ -9,12 +9,16 @@ from typing import Any
 import meshio
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 from threaded import ONE, ended, roller, scene_of, values
 
 from anmstrip.driver.explain import explain
 from anmstrip.driver.run import Run, Step
 from anmstrip.driver.scene import Scene
+from anmstrip.fem.sampling import quadrature_points
 from anmstrip.results.fields import FieldSampler
+from anmstrip.simulation.problem import Assembly
+from anmstrip.simulation.stages import Course
 from claims import Claim
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -212,6 +216,77 @@ def test_heated_strip_leaves_faster(claim: Claim) -> None:
     expected = (1.0 + strains[1] + ALPHA * 300.0) / (1.0 + strains[0])
     claim("speed of a strip that is heated, over that before", v2 / v1, expected, 1e-5, "v ~ 1 + ε")
     assert v2 / v1 > 1.003
+
+
+RAMPS = ((0.0, 0.0), (3.5, 0.0), (5.5, 1.0), (13.0, 1.0), (15.0, 0.0))
+SEVERAL = ((1.0, 0.2), (2.5, 1.0), (2.6, 0.1), (6.0, -0.4), (9.0, 1.2), (14.0, 0.6))
+
+
+def heated_line(kinematics: str = "section", **strip: Any) -> Scene:
+    """As drawn: strip of 16 m under 5 kN/m over five idlers, by default on its own mesh."""
+    places = ((2.0, 0.0), (5.0, 0.2), (8.0, 0.0), (11.0, 0.2), (14.0, 0.0))
+    rollers = [
+        roller(f"r{i}", x, z, 0.25, "under" if i % 2 else "over", drive="idle", bearing=8.0)
+        for i, (x, z) in enumerate(places)
+    ]
+    return scene_of(
+        {"strip": {"width": 1.3, "thickness": 6e-4, "cells": None, **strip}, "rollers": rollers},
+        kinematics,
+        material={"expansion": ALPHA},
+        friction={"coefficient": 0.2},
+        threading={"tension": 5e3, "entry": (0.0, 0.0, 0.25), "exit": (16.0, 0.0, 0.25)},
+        stages=[{"name": "run", "steady": True, "strip": {"speed": 3.0}}],
+    )
+
+
+@pytest.mark.parametrize("heat, along", [(500.0, RAMPS), (-250.0, RAMPS), (500.0, SEVERAL)])
+def test_strip_heated_along_is_threaded_under_its_tension(heat: float, along: Any) -> None:
+    """Idlers brake by their bearings alone, and turn with the strip at the labels on them."""
+    run, state = ended(heated_line(temperature={"across": (heat,), "along": along}))
+    assert run.cost.expansions < 30
+    drag = 8.0 / 0.25 / 1.3
+    assert state.tension("entry") == pytest.approx(5e3 - 5.0 * drag, rel=1e-4)
+    assert state.along("tension").max() < 5e3 + 10.0
+    thread, half = run.assembly.thread, 0.5 * run.assembly.strip.length
+    assert thread is not None
+    for i, (name, arc) in enumerate(thread.arcs.items()):
+        warm = heat * np.interp(0.5 * sum(arc) + half, *np.transpose(along))
+        strain = ALPHA * warm + (5e3 - (4.5 - i) * drag) / (YOUNG * 6e-4)
+        expected, speed = 3.0 * np.sqrt(1.0 + 2.0 * strain), state._turning(name)[0]
+        assert speed == pytest.approx(expected, rel=5e-5), name
+
+
+@pytest.mark.parametrize("kinematics", ["section", "shell"])
+def test_guess_of_strip_heated_along_has_its_tension(kinematics: str) -> None:
+    """In the mean across, wherever it is straight: with heat that softens, and rolled-in fibres."""
+    profile = (300.0,) if kinematics == "section" else (280.0, 0.0, 240.0)
+    shape = {
+        "temperature": {"across": profile, "along": RAMPS},
+        "flatness": {"across": (100.0,), "along": SEVERAL},
+        "cells": (320, 2),
+    }
+    assembly = Assembly(softer(heated_line(kinematics, **shape)))
+    strip, controls, thread = assembly.strip, Course(assembly).values, assembly.thread
+    assert assembly.membrane is not None and thread is not None
+    laid = assembly.membrane.at(thread.guess(strip, assembly.pattern), controls)[0, 0]
+    x, weights = quadrature_points(strip)[0], strip.weights().ravel()
+    lines = np.round(x + 0.5 * strip.length, 6)
+    for first, last in ((0.1, 1.0), (3.6, 4.5), (6.2, 7.5), (9.5, 10.5), (15.1, 15.9)):
+        here = (lines > first) & (lines < last)
+        mean = float(laid[here] @ weights[here] / weights[here].sum())
+        assert mean == pytest.approx(5e3, abs=100.0), first
+
+
+def test_labels_and_places_of_heated_strip_belong_together() -> None:
+    thread = Assembly(heated_line(temperature={"across": (900.0,), "along": SEVERAL})).thread
+    assert thread is not None
+    labels, stretches = np.linspace(0.0, 20.0, 1001), thread.stretches
+    places = stretches.place(labels)
+    np.testing.assert_allclose(stretches.label(places), labels, atol=1e-12)
+    warm = 900.0 * np.interp(labels, *np.transpose(SEVERAL))
+    stretch = np.sqrt(1.0 + 2.0 * (ALPHA * warm + 5e3 / (YOUNG * 6e-4)))
+    np.testing.assert_allclose(np.gradient(places, labels)[1:-1], stretch[1:-1], atol=1e-3)
+    assert places[-1] == pytest.approx(trapezoid(stretch, labels), rel=1e-6)
 
 
 @pytest.mark.slow

@@ -259,7 +259,7 @@ def test_level_ends_share_what_the_strip_leaves() -> None:
     assert np.diff(starts)[0] == pytest.approx(np.diff(starts)[-1])
     assert entry[1] + height == pytest.approx(0.0, abs=1e-5)
     assert exit_[1] + height == pytest.approx(-1.9, abs=1e-5)
-    assert thread.middle.length[0] == pytest.approx(8.0 * thread.along)
+    assert thread.middle.length[0] == pytest.approx(thread.stretches.place(8.0))
 
 
 def moved_one(**others: Any) -> dict[str, Any]:

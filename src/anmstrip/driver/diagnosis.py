@@ -25,6 +25,7 @@ from anmstrip.driver.physics import (
 from anmstrip.driver.preview import Preview, motions_at, unheld
 from anmstrip.driver.warnings import against_section, below_round_off, finer_mesh, serious
 from anmstrip.equilibrium import Equilibrium, StageProblem
+from anmstrip.mechanics.shell import eigenstrain
 from anmstrip.results.state import ContactState, State
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import THREADING
@@ -286,7 +287,24 @@ def slack(failure: Failure) -> str | None:
         found = "under no tension, which is what holds a thin strip in shape"
     else:
         return None
-    return f"The strip is {found}. {more_tension(failure)}"
+    return f"The strip is {found}. {uneven_heat(failure, -least[worst]) or more_tension(failure)}"
+
+
+def uneven_heat(failure: Failure, pressed: float) -> str | None:
+    """Heat or flatness whose strains differ so much over the strip that they press it (N/m)."""
+    strip, stage, made = failure.assembly.strip, failure.stage, dict[str, float]()
+    for key in ("temperature", "flatness", "camber"):
+        controls = {k: v for k, v in failure.state.controls.items() if k == f"strip.{key}"}
+        if (own := eigenstrain(strip, controls)) is not None:
+            where = f"stages.{stage.name}.strip" if key in stage.strip.natural else "strip"
+            made[f"{where}.{key}"] = strip.tensile_stiffness * float(np.ptp(own[0, 0]))
+    key = max(made, key=lambda each: made[each], default="")
+    if not made.get(key, 0.0) > pressed:
+        return None
+    return (
+        f"{key} varies so much over it that this alone may press it by {made[key]:.3g} N/m. Try "
+        "less of it, or more tension than that"
+    )
 
 
 def more_tension(failure: Failure) -> str:

@@ -29,6 +29,7 @@ from anmstrip.simulation.meshing import (
     Nip,
     carried,
     carrying_sense,
+    label_at,
     nips_in_stages,
     surface_speed,
 )
@@ -560,9 +561,10 @@ def torque_beyond_friction(preview: Preview) -> Iterator[str]:
 def strip_without_tension(preview: Preview) -> Iterator[str]:
     """Steady stages in which a roller carries strip off no faster than it comes in unstressed."""
     assembly, last = preview.assembly, dict[str, float]()
-    if assembly.thread is None or assembly.friction is None:
+    if (thread := assembly.thread) is None or assembly.friction is None:
         return
-    stretch = assembly.thread.along
+    stretch = {r.name: thread.stretch(label_at(r, thread)) for r in assembly.rollers}
+    unpulled = (1.0 - UNLOADED) * thread.tension / assembly.strip.tensile_stiffness
     for stage in assembly.scene.stages:
         for roller in assembly.rollers:
             if (speed := surface_speed(stage.rollers.get(roller.name), roller)) is not None:
@@ -571,7 +573,7 @@ def strip_without_tension(preview: Preview) -> Iterator[str]:
         slow = [
             roller
             for roller in assembly.rollers
-            if given and 0.0 < last.get(roller.name, 0.0) / given < 1.0 + UNLOADED * (stretch - 1.0)
+            if given and 0.0 < last.get(roller.name, 0.0) / given < stretch[roller.name] - unpulled
         ]
         if given and np.prod([holding(preview, roller) for roller in slow]) > 1.0 / UNLOADED:
             name = min((roller.name for roller in slow), key=lambda each: last[each])
@@ -579,7 +581,7 @@ def strip_without_tension(preview: Preview) -> Iterator[str]:
                 f"roller {name} goes at {last[name]:.9g} m/s in stage {stage.name}, and strip that "
                 f"sticks to it is under no tension, since strip.speed = {given:.9g} m/s is its "
                 f"speed unstressed. Try entry.tension and no strip.speed there, or "
-                f"--set stages.{stage.name}.strip.speed={last[name] / stretch:.12g}"
+                f"--set stages.{stage.name}.strip.speed={last[name] / stretch[name]:.12g}"
             )
 
 

@@ -272,14 +272,19 @@ class AskedControls(Mapping[str, Any]):
         Name → input, of those that the law asked for.
     constant : dict
         Name → value, of the others that it asked for.
+    missing : set of str
+        Those that it asked for and that there are not.
     """
 
     def __init__(self, tape: Tape, given: Mapping[str, Any], slope: Mapping[str, Any]) -> None:
         self.tape, self.given, self.slope = tape, given, slope
         self.moving: dict[str, Series] = {}
         self.constant: dict[str, Any] = {}
+        self.missing: set[str] = set()
 
     def __getitem__(self, name: str) -> Any:
+        if name not in self.given:
+            self.missing.add(name)
         if name not in self.slope:
             return self.constant.setdefault(name, self.given[name])
         if name not in self.moving:
@@ -358,6 +363,8 @@ class RecordedLaw:
             effect is self.effect
             and self.program.reusable
             and len(self.program.inputs) == inputs + len(self.asked.moving)
+            and self.asked.missing.isdisjoint(controls.start)
+            and controls.start.keys() >= self.asked.moving.keys() | self.asked.constant.keys()
             and all(
                 name not in controls.slope
                 and (controls.start[name] is value or np.array_equal(controls.start[name], value))

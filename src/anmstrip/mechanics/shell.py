@@ -171,15 +171,12 @@ class Membrane(LawEffect):
 
 
 def uniaxial_stretches(
-    tension: float,
-    tensile_stiffness: float,
-    poisson: float,
-    eigen: tuple[float, float] = (0.0, 0.0),
-) -> tuple[float, float]:
+    tension: float, tensile_stiffness: Any, poisson: float, eigen: tuple[Any, Any] = (0.0, 0.0)
+) -> tuple[Any, Any]:
     """Return the stretches along and across a strip under tension.
 
     The strain E along solves T = √(1 + 2E) E_young t (E − E⁰) with the eigenstrains E⁰ along and
-    across; the strip contracts across by ν (E − E⁰).
+    across; the strip contracts across by ν (E − E⁰).  Numbers, or arrays of them.
     """
     along, across = eigen
     strain = along + tension / tensile_stiffness
@@ -190,7 +187,7 @@ def uniaxial_stretches(
         )
         strain -= change
     narrow = across - poisson * (strain - along)
-    return float(np.sqrt(1.0 + 2.0 * strain)), float(np.sqrt(1.0 + 2.0 * narrow))
+    return np.sqrt(1.0 + 2.0 * strain), np.sqrt(1.0 + 2.0 * narrow)
 
 
 def principal(forces: Array) -> tuple[Array, Array]:

@@ -159,7 +159,7 @@ class FieldSpec(Table):
     )
     """instead of across, pairs of η = y / width and value, η increasing (1)"""
     along: tuple[tuple[NotNegative, Number], ...] = Field((), examples=["[[0.0, 0.0], [2.0, 1.0]]"])
-    """pairs of distance from the entry, increasing (m), and factor of the profile there (1)"""
+    """pairs of distance from the entry, as cut, increasing (m), and factor of the profile (1)"""
 
     @model_validator(mode="before")
     @classmethod
@@ -192,6 +192,11 @@ class FieldSpec(Table):
         else:
             profile = np.polynomial.polynomial.polyval(eta, self.across)
         return profile * np.interp(distance, *np.transpose(self.along)) if self.along else profile
+
+    def means(self, distance: Any) -> Any:
+        """Return means across at distances from the entry (m), or one for all, (any,)."""
+        middles = (np.arange(100)[:, None] + 0.5) / 100.0 - 0.5
+        return self.at(middles, distance).mean(axis=0)
 
     @property
     def samples(self) -> Any:

@@ -17,14 +17,12 @@ import numpy as np
 from scipy.integrate import trapezoid
 
 from anmstrip.arrays import Array
-from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.simulation.defaults import boundary_layer
 from anmstrip.simulation.meshing import (
     Loads,
     arcs_in_stages,
-    crossing,
     fine_beside,
     hanging_runs,
     wanted_size,
@@ -94,16 +92,11 @@ class Growth:
         with suppress(NotTouchedError, NoTangentError):
             now = replace(thread, rollers=moved, given=thread.length)
             hung = 0.0 if loads is None else hanging_runs(now, loads)[:, 0]
-            longer = (_runs(now) - _runs(thread) + hung) / thread.along
+            longer = (_runs(now) - _runs(thread) + hung) / thread.stretches.along[0]  # fed: uniform
             peaks = self.shapes.max(axis=0)
             bounded = np.clip(peaks * longer, LEAST - 1.0, MOST - 1.0)
             return np.divide(bounded, peaks, out=np.zeros_like(peaks), where=peaks > 0.0)
         return before
-
-    def label(self, roller: Roller) -> float:
-        """Label (m) in the middle of the arc on a roller, or next to one that is not wrapped."""
-        arc = self.thread.arcs.get(roller.name)
-        return self.thread.passing(crossing(roller))[0] if arc is None else 0.5 * sum(arc)
 
     def at(self, x: Array, held: Array) -> Array:
         """g at labels, shape of x."""

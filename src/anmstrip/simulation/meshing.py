@@ -149,6 +149,14 @@ class Lines:
             return []
         return sorted(x for arc in self.thread.arcs.values() for x in arc)
 
+    @property
+    def corners(self) -> list[float]:
+        """Labels at which heat or flatness has corners along (m), as the stretch then has."""
+        shapes = [self.scene.strip, *(stage.strip for stage in self.scene.stages)]
+        given = [value for shape in shapes for value in shape.natural.values()]
+        places = sorted({at for value in given for at, _ in getattr(value, "along", ())})
+        return [at - self.half for at in places if 0.0 < at < 2.0 * self.half]
+
     def by_default(self) -> Array:
         """Coordinates of nodes of a scene without ``strip.cells``, see :meth:`default_zones`.
 
@@ -160,7 +168,8 @@ class Lines:
             per_line *= round(cells_across(scene) / finer(scene)) + 1
         most = most_unknowns(len(self.rollers)) // per_line - 1
         zones = self.default_zones()
-        return graded_nodes(self.half, zones, coarse, self.lifts, most, finer(scene))
+        marks = sorted([*self.lifts, *self.corners])
+        return graded_nodes(self.half, zones, coarse, marks, most, finer(scene))
 
     def default_zones(self) -> list[Zone]:
         """Stretches where the strip lifts on and off its rollers, and their arcs.
@@ -617,6 +626,12 @@ def crossing(roller: Roller) -> Array:
     """Point (x, z) in which the axis of a roller crosses the plane y = 0, or its centre."""
     centre, axis = np.asarray(roller.centre, dtype=float), roller.unit_axis
     return (centre - axis * (centre[1] / axis[1] if axis[1] else 0.0))[[0, 2]]
+
+
+def label_at(roller: Roller, thread: Thread) -> float:
+    """Label (m) in the middle of the arc on a roller, or next to one that is not wrapped."""
+    arc = thread.arcs.get(roller.name)
+    return thread.passing(crossing(roller))[0] if arc is None else 0.5 * sum(arc)
 
 
 def carrying_sense(roller: Roller, thread: Thread | None) -> float:

@@ -18,7 +18,7 @@ from anmstrip.results.state import State
 from anmstrip.scene.schema import StageSpec
 from anmstrip.scene.tables import ENDS, THREADING
 from anmstrip.simulation.defaults import HONEST, bending_stiffness, elastic_creep
-from anmstrip.simulation.meshing import surface_speed
+from anmstrip.simulation.meshing import label_at, surface_speed
 from anmstrip.simulation.problem import Assembly, middle_node
 
 ALONG = 0.5
@@ -174,7 +174,7 @@ class Course:
             "strip.drift": last - growth.up_to(x, rates),
         }
         for roller in a.rollers:
-            label = np.array(growth.label(roller))
+            label = np.array(label_at(roller, growth.thread))
             found[f"rollers.{roller.name}.drift"] = last - growth.up_to(label, rates)
         return found
 
@@ -271,14 +271,15 @@ class Course:
         """Let a strip at rest run slowly, RUNNING; return the speeds of free rollers.
 
         From rest, bearings would begin to brake at about V_c: a line of forty rollers takes 14
-        tangents, so 5.  A threaded strip under T sticks to rollers that run at
-        c (1 + (T − 3 D/2R²)/E t), with the membrane force of strip that is bent (m/s).
+        tangents, so 5.  A threaded strip under T with the stretch λ sticks to rollers that run at
+        c (λ − 3 D/(2R² E t)), with the membrane force of strip that is bent (m/s).
         """
         a, end = self.assembly, self._targets(stage, dict(self.values))
         assert a.thread is not None and a.friction is not None
         bent, stiffness = 1.5 * bending_stiffness(a.scene), a.strip.tensile_stiffness
         sticking = {
-            r.name: 1.0 + (a.thread.tension - bent / r.radius**2) / stiffness for r in a.rollers
+            r.name: a.thread.stretch(label_at(r, a.thread)) - bent / r.radius**2 / stiffness
+            for r in a.rollers
         }
         driven = {
             name: f"rollers.{name}.surface_speed" for name in sticking if name not in a.turning

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from anmstrip.arrays import Array
 from anmstrip.continuation.follow import Settings, follow
@@ -53,8 +54,52 @@ and 40 rollers so take 3 and 5 corrections, without 9 and 9; with 1 as many."""
 LOOKS = 2001
 """Places along a threaded strip, of which the one next to a roller is sought."""
 
+PIECES = 16
+"""Of each piece of a table along, between which the stretch is linear: to 1e-8 beside strains of
+1 %, a thousandth of that of a usual tension."""
+
 RELAXATION_ORDER, RELAXATION_TOLERANCE = 8, 1e-4
 """Of the path that lets the guess slide into place: almost linear, and a guess."""
+
+
+@dataclass(frozen=True)
+class Stretches:
+    """How far tension and heat stretch a threaded strip, linear between labels.
+
+    Attributes
+    ----------
+    labels : ndarray, shape (n,)
+        Distances from the entry in the unstressed strip (m), increasing from 0.
+    along, across : ndarray, shape (n,)
+        Stretches there; beyond the last label they stay.
+    """
+
+    labels: Array
+    along: Array
+    across: Array
+
+    @cached_property
+    def slopes(self) -> Array:
+        """Of the stretch along behind each label (1/m), shape (n,)."""
+        return np.append(np.diff(self.along) / np.diff(self.labels), 0.0)
+
+    @cached_property
+    def places(self) -> Array:
+        """Lengths of stretched strip up to the labels (m), shape (n,)."""
+        return cumulative_trapezoid(self.along, self.labels, initial=0.0)
+
+    def place(self, label: Any) -> Any:
+        """Length of stretched strip (m) up to labels (m)."""
+        k = np.maximum(np.searchsorted(self.labels, label, side="right") - 1, 0)
+        further = label - self.labels[k]
+        return self.places[k] + further * (self.along[k] + 0.5 * self.slopes[k] * further)
+
+    def label(self, place: Any) -> Any:
+        """Labels (m) up to which stretched strip is so long (m)."""
+        k = np.maximum(np.searchsorted(self.places, place, side="right") - 1, 0)
+        further = place - self.places[k]
+        root = np.sqrt(self.along[k] ** 2 + 2.0 * self.slopes[k] * further)
+        return self.labels[k] + 2.0 * further / (self.along[k] + root)
 
 
 @dataclass(frozen=True)
@@ -73,8 +118,8 @@ class Thread:
         Gap of the pressed strip (m), negative where it is pressed in.
     ends : tuple of End or None
         Entry and exit of the path in the plane (x, z); ``None`` until its run is known.
-    along, across : float
-        Stretches under the tension.
+    stretches : Stretches
+        Of the strip under the tension.
     tension : float
         N/m.
     given : float or None
@@ -88,8 +133,7 @@ class Thread:
     crossing: NDArray[np.bool_]
     depths: Array
     ends: tuple[Any, ...]
-    along: float
-    across: float
+    stretches: Stretches
     tension: float
     given: float | None
     layer: float
@@ -102,13 +146,16 @@ class Thread:
     @property
     def length(self) -> float:
         """Length of the unstretched strip (m)."""
-        return float(self.middle.length[0]) / self.along if self.given is None else self.given
+        if self.given is not None:
+            return self.given
+        return float(self.stretches.label(self.middle.length[0]))
 
     @property
     def arcs(self) -> dict[str, tuple[float, float]]:
         """Roller → reference x where contact begins and ends."""
         arcs = self.middle.arcs
-        x = np.stack([arcs.start[:, 0], arcs.end[:, 0]], axis=1) / self.along - self.length / 2.0
+        x = self.stretches.label(np.stack([arcs.start[:, 0], arcs.end[:, 0]], axis=1))
+        x -= self.length / 2.0
         return {r.name: (float(a), float(b)) for r, (a, b) in zip(self.rollers, x, strict=True)}
 
     @property
@@ -124,7 +171,13 @@ class Thread:
         way = centre[:, None] - position
         i = int((way**2).sum(axis=0).argmin())
         right = heading[1, i] * way[0, i] - heading[0, i] * way[1, i]
-        return float(s[i]) / self.along - self.length / 2.0, 1.0 if right >= 0.0 else -1.0
+        label = float(self.stretches.label(s[i]))
+        return label - self.length / 2.0, 1.0 if right >= 0.0 else -1.0
+
+    def stretch(self, x: float) -> float:
+        """Stretch along at a reference x (m)."""
+        label = x + self.length / 2.0
+        return float(np.interp(label, self.stretches.labels, self.stretches.along))
 
     def string_path(self, y: Array) -> StringPath:
         """Paths of the fibres at y, shape (fibres,)."""
@@ -179,7 +232,7 @@ class Thread:
         reference : ndarray, shape (2,)
             Reference x of entry and exit.
         """
-        s = (reference - reference[0]) * self.along
+        s = self.stretches.place(reference - reference[0])
         position, direction = self.middle.at(s, 0)
         in_space = np.stack([position[0], np.zeros(2), position[1]])
         moved = in_space - np.stack([reference, np.zeros(2), np.zeros(2)])
@@ -228,13 +281,15 @@ class Thread:
         """
         x, y = reference[0], reference[1]
         lines, fibre = np.unique(y, return_inverse=True)
-        s, heights = (x - begin) * self.along, self.heights
+        label, stretches, heights = x - begin, self.stretches, self.heights
+        s = stretches.place(label)
         if finest < ROOM * self.layer and heights.any():
             path, signed = self.touching(lines, heights)
             position = path.stiff(s, fibre, self.layer, signed)
         else:
             position, _ = self.touching(lines, 0.0 * heights)[0].at(s, fibre)
-        return np.stack([position[0], y * self.across, position[1]])
+        across = np.interp(label, stretches.labels, stretches.across)
+        return np.stack([position[0], y * across, position[1]])
 
 
 def thread_of(
@@ -248,7 +303,7 @@ def thread_of(
         The strip cannot pass a roller on the side that is asked for, or is too short.
     """
     assert scene.threading is not None
-    spec, m = scene.threading, scene.material
+    spec = scene.threading
     sides = {r.name: r.wrap for r in scene.rollers if r.wrap is not None}
     chosen = [roller for roller in rollers if roller.name in sides]
     given = spec.entry, spec.exit
@@ -262,10 +317,8 @@ def thread_of(
         ends = [joint, joint]
     crossing = np.array([roller.crossing for roller in scene.rollers if roller.wrap is not None])
     fixed = tuple(None if place is None else FixedEnd(place) for place in ends)
-    stretching = m.young * scene.strip.thickness, m.poisson, mean_eigenstrain(scene)
-    stretches = uniaxial_stretches(spec.tension, *stretching)
     layer = 0.0 if spec.closed else float(np.sqrt(bending_stiffness(scene) / spec.tension))
-    shape = chosen, senses, crossing, depths, fixed, *stretches
+    shape = chosen, senses, crossing, depths, fixed, stretches_of(scene)
     thread = Thread(*shape, spec.tension, length, layer)
     try:
         return _with_ends(scene, thread)
@@ -273,12 +326,23 @@ def thread_of(
         raise _refused(scene, chosen, error) from error
 
 
-def mean_eigenstrain(scene: SceneSpec) -> tuple[float, float]:
-    """Return the eigenstrains along and across of the threaded strip, as means over all of it."""
-    fields = (scene.strip.temperature, scene.strip.flatness)
-    heat, rolled = (0.0 if f is None else float(np.mean(f.samples)) for f in fields)
-    heat *= scene.material.expansion or 0.0
-    return heat + I_UNIT * rolled, heat
+def stretches_of(scene: SceneSpec) -> Stretches:
+    """Return the stretches of the threaded strip, with means across of its eigenstrain.
+
+    Where heat softens it, its tension stretches it more.
+    """
+    assert scene.threading is not None
+    m, fields = scene.material, (scene.strip.temperature, scene.strip.flatness)
+    ends = sorted({0.0}.union(*(dict(field.along) for field in fields if field is not None)))
+    pieces = np.arange(PIECES * (len(ends) - 1) + 1) / PIECES
+    labels = np.interp(pieces, np.arange(len(ends)), ends)
+    warm, rolled = (0.0 * labels + (0.0 if f is None else f.means(labels)) for f in fields)
+    share = np.interp(warm, *np.transpose(m.young_at)) if m.young_at else 1.0
+    heat = (m.expansion or 0.0) * warm
+    stiffness, eigen = m.young * scene.strip.thickness * share, (heat + I_UNIT * rolled, heat)
+    return Stretches(
+        labels, *uniaxial_stretches(scene.threading.tension, stiffness, m.poisson, eigen)
+    )
 
 
 def _with_ends(scene: SceneSpec, thread: Thread) -> Thread:
@@ -294,11 +358,11 @@ def _with_ends(scene: SceneSpec, thread: Thread) -> Thread:
     ends = tuple(end or StraightEnd(1.0) for end in thread.ends)
     # whether runs meet where a wrap is large is told by how long they are, not yet known
     trial = replace(thread, ends=ends, crossing=np.ones_like(thread.crossing))
-    spare = thread.given * thread.along - float(trial.middle.length[0])
+    spare = float(thread.stretches.place(thread.given)) - float(trial.middle.length[0])
     run = 1.0 + spare / missing
     if run <= 0.0:
         replace(thread, ends=ends).middle  # noqa: B018
-        least = thread.given - missing * run / thread.along
+        least = float(thread.stretches.label(thread.stretches.place(thread.given) - missing * run))
         expected, hint = f"more than {least:.4g} (m) for this way", f"length = {1.3 * least:.3g}"
         raise scene.refused("strip.length", thread.given, expected, hint)
     level = replace(thread, ends=tuple(end or StraightEnd(run) for end in thread.ends)).middle
