@@ -50,6 +50,9 @@ kept, the run needs 5 % more."""
 KINDS = ("bridle", "furnace", "leveller", "roller", "steering")
 """Lines of which ``anmstrip new`` writes a scene."""
 
+A_DAY = 86400.0
+"""Time (s) from which on what is left of a run is not foretold."""
+
 INTERVAL = 5.0
 """Seconds between two lines where there is no terminal."""
 
@@ -143,8 +146,9 @@ def show_progress(
     for step in steps:
         now, done = time.monotonic(), step.fraction
         if now - shown >= interval:
-            left = f"{(now - started) * (1 - done) / done:.0f} s" if done > 0 else "unknown"
-            print(f"{describe(step)}, {left} left", file=stream, flush=True)
+            ahead = (now - started) * (1 - done) / done if done > 0 else math.inf
+            left = f", {ahead:.0f} s left" if ahead < A_DAY else ""
+            print(f"{describe(step)}{left}", file=stream, flush=True)
             shown = now
         yield step
 
