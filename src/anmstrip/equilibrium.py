@@ -62,8 +62,6 @@ class Model:
         Unknowns of the strip, of the rollers that turn freely, and its speed.
     unknowns : int
         All of them.
-    laws : RecordedLaws
-        Programs of its effects, which other models of the same unknowns may share.
     """
 
     def __init__(

@@ -320,7 +320,7 @@ class RecordedLaw:
         controls: Controls,
         laws: RecordedLaws,
     ) -> None:
-        self.effect, self.laws, self.names = effect, laws, set(controls.start)
+        self.effect, self.laws = effect, laws
         values, slope = controls.at(control), controls.slope
 
         def law(x: Series, v: Series | None = None) -> Any:
@@ -362,7 +362,6 @@ class RecordedLaw:
         return (
             effect is self.effect
             and self.program.reusable
-            and self.names == controls.start.keys()  # laws also look which there are
             and len(self.program.inputs) == inputs + len(self.asked.moving)
             and self.asked.missing.isdisjoint(controls.start)
             and controls.start.keys() >= self.asked.moving.keys() | self.asked.constant.keys()

@@ -25,7 +25,7 @@ from anmstrip.fem.sampling import (
     quadrature_points,
 )
 from anmstrip.fem.strip import Material, Strip, renumbered
-from anmstrip.mechanics.effects import Effect, RecordedLaws
+from anmstrip.mechanics.effects import Effect
 from anmstrip.mechanics.loads import (
     GrownWeight,
     Pretension,
@@ -251,11 +251,6 @@ class Assembly:
     def unknowns(self) -> int:
         """Number of all unknowns: these, and the plastic strains."""
         return self.coupled + (0 if self.frozen is None else len(self.frozen.units))
-
-    @cached_property
-    def laws(self) -> RecordedLaws:
-        """Programs of the effects, which all stages share."""
-        return RecordedLaws(self.unknowns)
 
     @property
     def closed(self) -> bool:

@@ -137,14 +137,13 @@ class Course:
             start["strip.passing"] = np.array(before)
             if after != before:
                 slope["strip.passing"] = np.array(after - before)
-        given = a.turning, a.conveyed, pull, a.units(stage)
-        model = Model(a.strip, a.pattern, effects, a.scales, *given)
-        model.laws = a.laws
         return StageProblem(
             name=stage.name,
             start=self.time,
             duration=stage.duration,
-            model=model,
+            model=Model(
+                a.strip, a.pattern, effects, a.scales, a.turning, a.conveyed, pull, a.units(stage)
+            ),
             supports=self.supports(stage, full),
             controls=Controls(start, slope),
             in_time=a.frictional(stage),
