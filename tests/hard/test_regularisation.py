@@ -162,6 +162,16 @@ def test_laws_are_sharpened_until_the_error_budget_does_not_see_them() -> None:
     assert plain - exact > 2.0 * (sharp - exact)
 
 
+def test_laws_that_are_not_sharp_enough_are_told_with_the_reason(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("anmstrip.driver.scene.MOST_RUNS", 1)
+    run = Scene.model_validate(capstan(speed=0.1, regularisation="auto")).run()
+    assert list(run)
+    assert "above the tolerance" in run.message
+    assert run.message.endswith("after 1 run(s): there are no more.")
+
+
 def test_sharpening_is_not_resumed() -> None:
     with pytest.raises(InputError, match="without --resume"):
         Scene.model_validate(capstan(regularisation="auto")).run("nowhere", resume=True)

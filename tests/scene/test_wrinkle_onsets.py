@@ -193,7 +193,7 @@ def test_long_span_does_not_wrinkle_by_what_a_coarse_mesh_makes_up_beside_roller
         "stages": [{"name": "weight", "friction": False, "gravity": [0.0, 0.0, -9.81]}],
         "solver": {"tolerance": 1e-2},
     }
-    wrinkling = Wrinkling(ended(Scene.model_validate(tables)))
+    wrinkling = Wrinkling(ended(Scene.model_validate(tables))[1])
     _, span, _ = wrinkling.spans
     assert span.compression > span.bearable > 10.0 * span.mean
     assert wrinkling.warnings == []

@@ -154,8 +154,10 @@ class SharpenedRun(Run):
             self.message += (
                 f" Regularisation changes tensions by about {self.effect:.2g}, "
                 f"{'below' if sharp else 'above'} the tolerance of {tolerance:g}, with "
-                f"{', '.join(words)} and {last} after {len(self.passes)} run(s)."
+                f"{', '.join(words)} and {last} after {len(self.passes)} run(s)"
             )
+            bound = "their constants are the least" if laws == sharper else "there are no more"
+            self.message += "." if sharp else f": {bound}."
             if sharp or len(self.passes) == MOST_RUNS or laws == sharper:
                 self._finish()
                 return
@@ -195,7 +197,9 @@ class SharpenedRun(Run):
 
         Friction all at once where the error budget is known, and contact by no more than that.
         """
-        assert self.scene.friction is not None
+        friction = self.scene.friction
+        assert friction is not None
+        assert friction.speed is not None
         tolerance, whole, sharper = self.scene.solver.tolerance, self.budgeted, {}
         every = [cost for costs in self.costs.values() for cost in costs]
         for key, value in self.laws().items():
@@ -205,7 +209,7 @@ class SharpenedRun(Run):
             if whole is not None:
                 together = min(1.0, TOGETHER * tolerance / max(whole, 1e-300))
                 factor = together if table == "friction" else max(factor, together)
-            limit = limit / self.scene.friction.speed if key == "omega" else limit
+            limit = limit / friction.speed if key == "omega" else limit
             least, most = sorted((value, limit))
             new = value / factor if key == "stiffness" else value * factor
             sharper[key] = float(np.clip(new, least, most))

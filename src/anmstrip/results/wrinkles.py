@@ -35,9 +35,10 @@ from anmstrip.results.state import State
 CLOSE = 0.5
 """Share of the compression that a span bears, as a mean along it, above which it is told.
 
-The mean is 0.84 to 0.91 of it where strip begins to wrinkle beside a crown (``examples/roller_wrinkles.py``), the
-largest compression 1.4 to 1.9 times as much.  Four elements across make up 26 N/m where strip lifts
-off a straight roller in a span of 30 m: 1.5 times what that bears, as a mean 0.05 times."""
+Where strip begins to wrinkle beside a crown (``examples/roller_wrinkles.py``) the mean is 0.84 to
+0.91 of it, the largest compression 1.4 to 1.9 times as much.  Four elements across make up 26 N/m
+where strip lifts off a straight roller in a span of 30 m: 1.5 times as much, as a mean 0.05 times.
+"""
 
 FIBRE = 0.1
 """Half the width, in elements, of a fibre along which a mean is taken: one line of points."""
