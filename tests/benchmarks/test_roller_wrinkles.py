@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from anmstrip.driver.explain import explain
-from anmstrip.results.wrinkles import buckling
+from anmstrip.results.wrinkles import buckling, free_spans
 from harness import run
 from roller_wrinkles import (
     COARSE,
@@ -57,6 +57,8 @@ def test_onset_grows_with_the_square_of_the_crown():
     assert high == pytest.approx(low, rel=0.03)
     for _, point in found:
         assert point.wavelengths[1] == pytest.approx(point.formula, rel=0.08)
+        for span in free_spans(point.state):
+            assert 0.8 < span.mean / span.bearable < 0.95
 
 
 @pytest.mark.slow

@@ -124,12 +124,52 @@ def test_laws_are_sharpened_until_it_is_not_seen(tmp_path: Path) -> None:
     assert abs(ratio_of(blunt) / ratio_of(exact) - 1.0) > 0.02
     assert ratio_of(run) == pytest.approx(ratio_of(exact), rel=1e-3)
     assert "below the tolerance of 0.001, with q = " in run.message
+    assert run.passes[-1]["stiffness"] == run.passes[0]["stiffness"]  # little enough by itself
     summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
     assert summary["message"] == run.message
     assert [done["tangents"] for done in summary["sharpened"]] == [
         p["tangents"] for p in run.passes
     ]
     assert summary["input"]["friction"]["exponent"] < 0.05
+
+
+def test_laws_are_sharpened_until_the_error_budget_does_not_see_them() -> None:
+    """Strip that is pulled harder over a standing roll, and slips over nearly all of it.
+
+    Nothing creeps that sticks, which alone was looked at: V_c counts where slip comes to rest.
+    """
+    tables = {
+        "strip": {"kinematics": "section", "width": 1.2, "thickness": 0.5e-3},
+        "material": {"young": 2.1e11, "poisson": 0.3},
+        "threading": {"tension": 1e4, "entry": [-2.0, 0.0, 0.35], "exit": [0.35, 0.0, -2.5]},
+        "rollers": [{"name": "r1", "radius": 0.35, "centre": [0.0, 0.0, 0.0], "wrap": "over"}],
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [{"name": "step", "duration": 0.2, "exit": {"tension": 1.6e4}},
+                   {"name": "wait", "duration": 0.3}],
+    }  # fmt: skip
+    entries = []
+    for more in ({"speed": 3e-9}, {}, {"regularisation": "auto"}):
+        run = Scene.model_validate(tables | {"friction": {"coefficient": 0.2, **more}}).run()
+        entries.append([step.state.tension("entry") for step in run][-1])
+    assert isinstance(run, SharpenedRun)
+    exact, plain, sharp = entries
+    told = run.errors()["regularisation"]
+    assert told is not None
+    assert run.effect == run.passes[-1]["effect"] == pytest.approx(told["tension"] / 1.6e4)
+    assert run.effect <= 1e-3 < run.passes[0]["effect"]
+    assert f"by about {run.effect:.2g}, below the tolerance" in run.message
+    assert told["tension"] == pytest.approx(sharp - exact, rel=0.1)  # V_c is 26 times smaller
+    assert plain - exact > 2.0 * (sharp - exact)
+
+
+def test_laws_that_are_not_sharp_enough_are_told_with_the_reason(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("anmstrip.driver.scene.MOST_RUNS", 1)
+    run = Scene.model_validate(capstan(speed=0.1, regularisation="auto")).run()
+    assert list(run)
+    assert "above the tolerance" in run.message
+    assert run.message.endswith("after 1 run(s): there are no more.")
 
 
 def test_sharpening_is_not_resumed() -> None:

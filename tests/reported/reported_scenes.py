@@ -138,8 +138,47 @@ THIN = (
 [solver]
 tolerance = 1.0e-3
 """
-).replace("crown = [1.0e-5, -2.0e-4]", "crown = [0.0, -2.0e-3]")
-"""The same strip a fifth as thick over a crown ten times as high: it is compressed across."""
+).replace("crown = [1.0e-5, -2.0e-4]", "crown = [0.0, -3.0e-3]")
+"""The same strip a fifth as thick over a crown 15 times as high: it is compressed across."""
+
+QUARTIC = """
+[strip]
+width = 1.0
+thickness = 2.0e-4
+cells = [6, 2]
+refined = 0.1
+feed = false
+
+[material]
+young = 2.0e11
+poisson = 0.3
+
+[contact]
+stiffness = 1.0e9
+eta = 10.0
+delta = 1.0e-3
+
+[threading]
+tension = 2.2e4
+entry = [-0.8318, 0.0, -0.0712]
+exit = [0.8318, 0.0, -0.0712]
+
+[[rollers]]
+name = "r1"
+radius = 0.4
+centre = [0.0, 0.0, -0.4]
+crown = [0.0, 0.0, 0.0, -0.0128]
+wrap = "over"
+
+[edges.entry]
+fixed = ["x", "z"]
+centred = true
+
+[[stages]]
+name = "lie"
+friction = false
+"""
+"""A shell with two elements across over a roller that is ground by 0.8 mm at its edges, as y⁴."""
 
 PLATE = """
 [strip]

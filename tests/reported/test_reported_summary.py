@@ -266,7 +266,7 @@ def spans_of(
     return [(a[2], b[2], a[1], b[0]) for a, b in pairwise(ends) if a[1] < b[0]]
 
 
-def principal(surface: Surface, thickness: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def principal(surface: Surface, thickness: float) -> tuple[np.ndarray, ...]:
     """Places and principal membrane forces at Gauss's points of the patches, and their areas."""
     m = np.vander(GAUSS, 4, increasing=True) @ np.linalg.inv(
         np.vander(np.linspace(0.0, 1.0, 4), increasing=True)
@@ -283,7 +283,8 @@ def principal(surface: Surface, thickness: float) -> tuple[np.ndarray, np.ndarra
     forces = np.linalg.eigvalsh(c * (0.7 * strain + 0.3 * trace * np.eye(2)))
     rule = np.polynomial.legendre.leggauss(4)[1] / 2.0
     areas = np.prod(surface.sizes, axis=0)[:, None, None] * np.outer(rule, rule)
-    return at(surface.reference)[..., 0].ravel(), forces.reshape(-1, 2), areas.ravel()
+    reference = at(surface.reference).reshape(-1, surface.reference.shape[-1])
+    return reference[:, 0], reference[:, 1], forces.reshape(-1, 2), areas.ravel()
 
 
 @pytest.mark.parametrize(("name", "thickness"), [("shell", 1e-3), ("thin", 2e-4)])
@@ -291,7 +292,7 @@ def test_compression_is_that_of_the_free_spans(
     name: str, thickness: float, request: pytest.FixtureRequest
 ) -> None:
     results: Results = request.getfixturevalue(name)
-    x, forces, _ = principal(results.last, thickness)
+    x, _, forces, _ = principal(results.last, thickness)
     spans = spans_of(results, thickness, 1.0e4)
     assert len(spans) == 3
     inside = np.any([(a <= x) & (x <= b) for _, _, a, b in spans], axis=0)
@@ -301,11 +302,15 @@ def test_compression_is_that_of_the_free_spans(
 
 
 def test_compressed_spans_are_warned_of(thin: Results, shell: Results) -> None:
-    """Against the least of [D (k² + q²)² + T q²]/k² over all waves k across, with q = π/L."""
+    """Against the least of [D (k² + q²)² + T q²]/k² over all waves k across, with q = π/L.
+
+    It is what a span bears that is compressed all along: what counts is the mean along.  Beside
+    the centred node of the entry the program leaves some of that out.
+    """
     wrinkles = "The strip is compressed"
     assert not any(line.startswith(wrinkles) for line in shell.summary["warnings"])
     surface = thin.last
-    x, forces, areas = principal(surface, 2e-4)
+    x, y, forces, areas = principal(surface, 2e-4)
     d = 2.0e11 * 8e-12 / 12.0 / 0.91
     expected = []
     for before, after, start, end in spans_of(thin, 2e-4, 1.0e4):
@@ -314,15 +319,21 @@ def test_compressed_spans_are_warned_of(thin: Results, shell: Results) -> None:
         q, k = np.pi / (end - start), np.geomspace(1.0, 1e4, 40_001)
         bearable = ((d * (k**2 + q**2) ** 2 + forces[worst, 1] * q**2) / k**2).min()
         beside = inside & (np.abs(x - x[worst]) <= 0.5 * surface.sizes[0].max())
-        pressed = beside & (forces[:, 0] < 0.1 * forces[worst, 0])
-        share = areas[pressed].sum() / areas[beside].sum()
-        expected.append(
-            f"The strip is compressed by {-forces[worst, 0]:.3g} N/m between {before} and {after}, "
-            f"over {100.0 * share:.0f} % of the width; wrinkles are likely above "
-            f"{bearable:.3g} N/m."
+        compressed = beside & (forces[:, 0] < 0.1 * forces[worst, 0])
+        share = areas[compressed].sum() / areas[beside].sum()
+        fibre = inside & (np.abs(y - y[worst]) < 1e-6)
+        mean = np.maximum(-forces[fibre, 0], 0.0) @ areas[fibre] / areas[fibre].sum()
+        pressed = -forces[worst, 0]
+        words = (
+            f"The strip is compressed by {pressed:.3g} N/m between {before} and {after}, over "
+            f"{100.0 * share:.0f} % of the width; wrinkles are likely"
         )
-    found = [line for line in thin.summary["warnings"] if line.startswith(wrinkles)]
-    assert found == expected
+        if mean > 0.5 * bearable:
+            expected.append((words, pytest.approx(bearable * pressed / mean, rel=0.02)))
+    assert len(expected) == 2
+    lines = [line for line in thin.summary["warnings"] if line.startswith(wrinkles)]
+    parts = [line.removesuffix(" N/m.").partition(" above ") for line in lines]
+    assert [(words, float(limit)) for words, _, limit in parts] == expected
 
 
 @pytest.mark.parametrize(("name", "thickness"), [("shell", 1e-3), ("thin", 2e-4)])
@@ -376,19 +387,19 @@ def test_sharpened_laws_are_told_with_what_they_cost(tmp_path: Path) -> None:
     )  # fmt: skip
     results = ran(text, tmp_path, *settings, options=("--quiet",))
     first, *_, last = results.summary["sharpened"]
-    assert {key: first[key] for key in ("exponent", "speed", "onset")} == {
-        "exponent": 0.05, "speed": 0.1, "onset": 1.0e-4,
+    assert {key: first[key] for key in ("exponent", "omega", "onset")} == {
+        "exponent": 0.05, "omega": 0.1, "onset": 1.0e-4,
     }  # fmt: skip
     used = results.summary["input"]
     assert last["exponent"] == used["friction"]["exponent"] < first["exponent"]
     assert last["onset"] == used["contact"]["onset"]
     assert last["tangents"] == results.summary["tangents"]
-    (roller,) = results.summary["rollers"].values()
-    assert last["effect"] == pytest.approx(roller["regularisation_effect"]["total"], rel=1e-12)
+    part = results.summary["errors"]["regularisation"]["tension"]
+    assert last["effect"] == pytest.approx(part / np.hypot(1e4, 5773.5), rel=1e-9)
     assert first["effect"] > 1e-2 > last["effect"]
-    # friction beyond the cone goes with q: a fifth of the tolerance is aimed at
-    goal = 0.2 * 1e-2 / first["effect"]
-    assert last["exponent"] == pytest.approx(first["exponent"] * goal, rel=0.05)
-    told = f"by about {last['effect']:.1g}, below the tolerance of 0.01, with q = "
-    assert told + f"{last['exponent']:.2g}, V_c = 0.1 m/s" in results.printed
+    # all of friction goes with q and ω: 0.6 of the tolerance is aimed at
+    goal = 0.6 * 1e-2 / first["effect"]
+    assert last["exponent"] == pytest.approx(first["exponent"] * goal, rel=1e-6)
+    told = f"by about {last['effect']:.2g}, below the tolerance of 0.01, with q = "
+    assert told + f"{last['exponent']:.2g}, ω = {last['omega']:.2g}" in results.printed
     assert f"after {len(results.summary['sharpened'])} run(s)" in results.printed

@@ -21,7 +21,7 @@ from anmstrip.driver.scene import Scene
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.linalg.solvers import Bordered, Remembering, SparseSolver
 from anmstrip.results.state import State
-from anmstrip.results.wrinkles import DATED, NEAR
+from anmstrip.results.wrinkles import DATED, NEAR, Wrinkling
 from claims import Claim
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -174,3 +174,26 @@ def test_limits_of_conveyed_strip_over_crown_and_misalignment(claim: Claim) -> N
     assert abs(rests["offset"]) < 1e-6
     assert abs(cases["skewed", 1e-3, 0.3]["offset"]) > 1e-4
     assert rests["compression"] < 0.01 * rests["bearable"]
+
+
+@pytest.mark.slow
+def test_long_span_does_not_wrinkle_by_what_a_coarse_mesh_makes_up_beside_rollers() -> None:
+    """30 m of strip that sags between straight rollers, with four elements across.
+
+    They make up 25 N/m on 0.1 m beside both; compressed all along the span bears 17.5 N/m.
+    """
+    rollers = [{"name": name, "radius": 0.3, "centre": [x, 0.0, -0.3], "wrap": "over"}
+               for name, x in (("a", -15.0), ("b", 15.0))]  # fmt: skip
+    tables = {
+        "strip": {"width": 1.0, "thickness": 0.5e-3, "cells": [20, 4]},
+        "material": {"young": 2e11, "poisson": 0.3, "density": 7850.0},
+        "threading": {"tension": 3000.0, "entry": [-16.0, 0.0, 0.0], "exit": [16.0, 0.0, 0.0]},
+        "rollers": rollers,
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [{"name": "weight", "friction": False, "gravity": [0.0, 0.0, -9.81]}],
+        "solver": {"tolerance": 1e-2},
+    }
+    wrinkling = Wrinkling(ended(Scene.model_validate(tables))[1])
+    _, span, _ = wrinkling.spans
+    assert span.compression > span.bearable > 10.0 * span.mean
+    assert wrinkling.warnings == []

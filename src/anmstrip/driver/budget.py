@@ -154,6 +154,12 @@ class Budget:
         ]
 
     @property
+    def doubtful(self) -> list[tuple[Span, Span]]:
+        """Spans near wrinkles whose compression depends on the mesh, and the same on the finer."""
+        pairs = ((here, there, there.compression - here.compression) for here, there in self.spans)
+        return [(a, b) for a, b, change in pairs if a.near and abs(change) > LARGE * a.compression]
+
+    @property
     def of_mesh(self) -> list[str]:
         """Sentences about a mesh that is too coarse."""
         scene = self.assembly.scene
@@ -169,8 +175,7 @@ class Budget:
             f"the strip is compressed by {here.compression:.3g} N/m between {here.before} and "
             f"{here.after}, but by {there.compression:.3g} N/m on elements of half the length: "
             f"wrinkles there may come from the mesh alone. {more}"
-            for here, there in self.spans
-            if here.near and abs(there.compression - here.compression) > LARGE * here.compression
+            for here, there in self.doubtful
         ]
         found, scale = self.parts.get("mesh"), self.assembly.scales.tension
         asked = None if scene.strip.refined == "auto" else scene.solver.mesh_tolerance

@@ -405,9 +405,14 @@ class Run:
 
     @property
     def fine_enough(self) -> bool:
-        """Whether the mesh is known to change tensions by no more than is asked for."""
+        """Whether the mesh is known to change tensions by no more than is asked for.
+
+        Nor may it make up compression of which wrinkles are told.
+        """
         found, share = self.errors()["mesh"], self.scene.solver.mesh_share
-        return found is not None and found["tension"] <= share * self.assembly.scales.tension
+        if found is None or self.budget.doubtful:
+            return False
+        return found["tension"] <= share * self.assembly.scales.tension
 
     def facts(self) -> dict[str, Any]:
         """Return the counters of the run, as in ``summary.json``."""

@@ -106,21 +106,26 @@ MOST_RUNS = 6
 AIM = 0.2
 """Share of the tolerance that each of the three parts is aimed at."""
 
+TOGETHER = 0.6
+"""The same of their sum, where the error budget knows that alone."""
+
 CONSTANTS = {
     "exponent": ("friction", "q = {:.2g}", "by_cone", 1e-7),
-    "speed": ("friction", "V_c = {:.2g} m/s", "by_creep", 1e-13),
+    "omega": ("friction", "ω = {:.2g}", "by_creep", 1e-13),
+    "speed": ("friction", "V_c = {:.2g} m/s", "by_creep", 1e-12),
     "stiffness": ("contact", "K = {:.2g} Pa/m", "by_penetration", 1e14),
     "eta": ("contact", "η = {:.2g} Pa", "by_penetration", 0.0),
     "onset": ("contact", "an onset of {:.2g} m", "by_penetration", 0.0),
 }
 """Table of each constant that is sharpened, how it is written, the effect that goes with it, and
-its sharpest value; ω V_c instead of V_c, near the last digit of positions."""
+its sharpest value; ω V_c instead of ω.  V_c and ω V_c are near the last digit of positions."""
 
 
 class SharpenedRun(Run):
     """A run of a scene that is repeated with sharper laws; results are those of the last one.
 
-    It is not resumed.
+    It is not resumed.  What its laws cost is the part of the error budget; where that is not known
+    it is estimated from the slip, the traction and the gaps on every roller.
 
     Attributes
     ----------
@@ -130,6 +135,7 @@ class SharpenedRun(Run):
     """
 
     passes: tuple[dict[str, float], ...] = ()
+    estimates = True
 
     def __iter__(self) -> Iterator[Step]:
         while True:
@@ -146,10 +152,12 @@ class SharpenedRun(Run):
             *words, last = (CONSTANTS[key][1].format(value) for key, value in laws.items())
             sharp = self.effect <= tolerance
             self.message += (
-                f" Regularisation changes tensions by about {self.effect:.1g}, "
+                f" Regularisation changes tensions by about {self.effect:.2g}, "
                 f"{'below' if sharp else 'above'} the tolerance of {tolerance:g}, with "
-                f"{', '.join(words)} and {last} after {len(self.passes)} run(s)."
+                f"{', '.join(words)} and {last} after {len(self.passes)} run(s)"
             )
+            bound = "their constants are the least" if laws == sharper else "there are no more"
+            self.message += "." if sharp else f": {bound}."
             if sharp or len(self.passes) == MOST_RUNS or laws == sharper:
                 self._finish()
                 return
@@ -160,31 +168,48 @@ class SharpenedRun(Run):
         return {**super().facts(), "sharpened": self.passes}
 
     @property
+    def budgeted(self) -> float | None:
+        """Part of the laws in the error of tensions, as a share; None if it is not known."""
+        found = self.errors()["regularisation"]
+        return None if found is None else found["tension"] / self.assembly.scales.tension
+
+    @property
     def effect(self) -> float:
-        """Largest effect in any stage."""
+        """Part of the error budget, or the largest estimate in any stage."""
+        if self.budgeted is not None:
+            return self.budgeted
         return max((cost.effect for costs in self.costs.values() for cost in costs), default=0.0)
 
     def laws(self) -> dict[str, float]:
-        """Return q and V_c (m/s), and K (Pa/m) and η (Pa) or the onset of contact (m)."""
+        """Return q and ω or V_c (m/s), and K (Pa/m) and η (Pa) or the onset of contact (m)."""
         f, c = self.scene.friction, self.scene.contact
         assert f is not None and c is not None
         assert f.speed is not None
         friction = {"speed": f.speed}
         if f.law == "norton-hoff":
-            friction = {"exponent": f.exponent, **friction}
+            friction = {"exponent": f.exponent, "omega": f.omega}
         if c.constants is None:
             return {**friction, "onset": self.assembly.signorini.width}
         return {**friction, "stiffness": c.constants[0], "eta": c.constants[1]}
 
     def sharper(self) -> dict[str, float]:
-        """Return laws that bring every part of the effect to its share of the tolerance."""
-        assert self.scene.friction is not None
-        goal, sharper = AIM * self.scene.solver.tolerance, {}
+        """Return laws that bring every part of the effect to its share of the tolerance.
+
+        Friction all at once where the error budget is known, and contact by no more than that.
+        """
+        friction = self.scene.friction
+        assert friction is not None
+        assert friction.speed is not None
+        tolerance, whole, sharper = self.scene.solver.tolerance, self.budgeted, {}
         every = [cost for costs in self.costs.values() for cost in costs]
         for key, value in self.laws().items():
-            _, _, part, limit = CONSTANTS[key]
-            factor = min(1.0, goal / max([1e-300, *(getattr(cost, part) for cost in every)]))
-            limit = limit / self.scene.friction.omega if key == "speed" else limit
+            table, _, part, limit = CONSTANTS[key]
+            found = max((getattr(cost, part) for cost in every), default=0.0)
+            factor = min(1.0, AIM * tolerance / max(found, 1e-300))
+            if whole is not None:
+                together = min(1.0, TOGETHER * tolerance / max(whole, 1e-300))
+                factor = together if table == "friction" else max(factor, together)
+            limit = limit / friction.speed if key == "omega" else limit
             least, most = sorted((value, limit))
             new = value / factor if key == "stiffness" else value * factor
             sharper[key] = float(np.clip(new, least, most))
@@ -194,9 +219,10 @@ class SharpenedRun(Run):
 class RefinedRun(Run):
     """A run of a scene that is repeated on elements of half the length; results are the last one's.
 
-    It ends where the mesh's part of the error of tensions is below ``solver.mesh_tolerance``, or
-    where half the length would take more than :data:`~anmstrip.driver.budget.MOST_UNKNOWNS`.  A
-    path that stops is followed again too, as long as the mesh may be what stopped it.
+    It ends where the mesh's part of the error of tensions is below ``solver.mesh_tolerance`` and no
+    wrinkles are told that may come from the mesh alone, or where half the length would take more
+    than :data:`~anmstrip.driver.budget.MOST_UNKNOWNS`.  A path that stops is followed again too, as
+    long as the mesh may be what stopped it.
 
     Attributes
     ----------
@@ -236,9 +262,10 @@ class RefinedRun(Run):
         if last["error"] is None:
             told += "makes tensions wrong by an unknown part"
         else:
-            side = "below" if self.fine_enough else "above"
+            scale = self.assembly.scales.tension
+            side = "below" if last["error"] <= share * scale else "above"
             told += f"makes tensions wrong by about {last['error']:.2g} N/m, {side}"
-            told += f" the {share:g} of {self.assembly.scales.tension:.5g} N/m that is asked for"
+            told += f" the {share:g} of {scale:.5g} N/m that is asked for"
         if not self.fine_enough and not self.budget.can_halve:
             told += f"; half the length would take more than {MOST_UNKNOWNS} unknowns"
         return f"{told}."
