@@ -290,8 +290,8 @@ FIELDS = (
     ),
     Mutant(
         "contact points not in the middle",
-        "np.interp(np.unique(self.local[0]), [0.0, 0.5, 1.0], row)",
-        "np.interp(np.unique(self.local[0]), [0.0, 0.4, 1.0], row)",
+        "np.interp(places, own, row) for row in np.eye(3)",
+        "np.interp(places, [0.0, 0.4, 1.0], row) for row in np.eye(3)",
         "fields",
     ),
     Mutant(
@@ -664,8 +664,8 @@ ESTIMATES = (
     ),
     Mutant(
         "onset of contact twice",
-        "half_spacing**2 / (2.0 * radius)",
-        "half_spacing**2 / radius",
+        "0.5 * apart) ** 2 / (2.0 * radius)",
+        "0.5 * apart) ** 2 / radius",
         "explain",
     ),
     Mutant(
@@ -723,15 +723,12 @@ WRINKLES = (
     Mutant("parabolas count as wrinkles", "SMOOTH = 2", "SMOOTH = 1", "summary"),
     Mutant("spans that reach the rollers", "LAYERS = 4.0", "LAYERS = 1.0", "summary"),
     Mutant(
-        "compression without its mean",
-        "max(-float(low[worst]), 0.0)",
-        "max(-float(low.mean()), 0.0)",
-        "summary",
+        "compression without its mean", "max(-low[worst], 0.0)", "max(-low.mean(), 0.0)", "summary"
     ),
     Mutant(
         "share of the width",
-        "area[compressed].sum() / area[beside].sum()",
-        "area[compressed].sum() / area.sum()",
+        "weights[compressed].sum() / weights[beside].sum()",
+        "weights[compressed].sum() / weights.sum()",
         "summary",
     ),
 )

@@ -360,7 +360,9 @@ def test_the_end_of_a_run_is_a_table_by_roller(shell: Results, tmp_path: Path) -
     for name, r in shell.summary["rollers"].items():
         (row,) = [line.split() for line in lines if line.startswith(f"{name} ")]
         keys = ("tension_in", "tension_out", "normal_force", "torque")
-        four = [f"{np.degrees(r['wrap']):.4g}", *(f"{r[key]:.4g}" for key in keys)]
+        whole = [".0f" if 1e3 <= abs(r[key]) < 1e7 else ".4g" for key in keys]
+        four = [f"{np.degrees(r['wrap']):.4g}"]
+        four += [format(r[key], form) for key, form in zip(keys, whole, strict=True)]
         used = f"{100.0 * r['capacity_used']:.3g}", "%"
         # of elements of 0.12 m there are no line loads
         read = f"{r['max_slip']:.3g}", *used, "–", "–", f"{round(1e3 * r['offset'], 3) + 0.0:.3f}"

@@ -299,7 +299,7 @@ def uneven_heat(failure: Failure, pressed: float) -> str | None:
             where = f"stages.{stage.name}.strip" if key in stage.strip.natural else "strip"
             made[f"{where}.{key}"] = strip.tensile_stiffness * float(np.ptp(own[0, 0]))
     key = max(made, key=lambda each: made[each], default="")
-    if not made.get(key, 0.0) > pressed:
+    if not key or made[key] <= pressed:
         return None
     return (
         f"{key} varies so much over it that this alone may press it by {made[key]:.3g} N/m. Try "

@@ -8,7 +8,6 @@ from itertools import compress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from anmstrip.arrays import Array, Index
 from anmstrip.continuation.path import Branch
@@ -413,6 +412,8 @@ class State:
 
     def way(self, x: Any) -> Array:
         """Way (m) from the entry to the strip at a reference x, mean over its width, (..., 3)."""
+        from scipy.interpolate import CubicHermiteSpline  # slow to import
+
         (lines, moved), (_, slopes) = (self.lines_across(name) for name in ("u", "u_x"))
         along = (np.asarray(x) - lines[0])[..., None] * np.array([1.0, 0.0, 0.0])
         return np.asarray(along + CubicHermiteSpline(lines, moved, slopes)(x) - moved[0])
@@ -421,7 +422,7 @@ class State:
         """Force (N) of the pressure p on the strip up to a reference x, (..., 3): p W Δr × e_y."""
         strip = self.plan.model.strip
         load = float(self.controls.get("pressure", 0.0)) * strip.width
-        return load * turned_up(strip, self.way(x))
+        return load * turned_up(strip, self.way(x)) if load else np.zeros((*np.shape(x), 3))
 
     def weight_before(self, x: Any) -> Array:
         """Weight of the strip up to a reference position (N), shape (..., 3)."""
