@@ -158,12 +158,12 @@ class CompiledLaw:
 
     @cached_property
     def tangents(self) -> Array:
-        """Where machine code puts the tangent, shape (seeds, outputs, blocks, lanes)."""
+        """Array that receives the tangent, shape (seeds, outputs, blocks, lanes)."""
         return np.empty((len(self.seeds), len(self.found), *self.units.shape[2:]))
 
     @cached_property
     def find_tangent(self) -> Callable[..., None]:
-        """What finds the tangent."""
+        """Machine code that finds the tangent."""
         begin, end = addresses(self.units, self.tangents)
         return script(table_of([self.executor.changing(begin, end, len(self.seeds))]))
 

@@ -543,7 +543,9 @@ def threading_ends(threading: Threading) -> Iterator[Mistake]:
             yield Mistake("", f"threading.{name}", place, expected, hint)
 
 
-def bearable(threading: Threading, strip: StripSpec, material: MaterialSpec) -> Iterator[Mistake]:
+def borne_tension(
+    threading: Threading, strip: StripSpec, material: MaterialSpec
+) -> Iterator[Mistake]:
     """Yield a tension that no metal strip bears, most often in another unit."""
     stiffness = material.young * strip.thickness
     if threading is None or threading.closed:  # belts of rubber are stretched more
@@ -597,8 +599,8 @@ RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     natural_shapes,
     ends_of_a_fed_strip, gravity_has_density, known_laws_are_sharpened, refined_mesh_is_estimated,
     rollers_have_friction, stages_have_friction, closed_strip, steady_stages, yielding_strip,
-    threading_partners, one_length, held_entry, own_name, threading_ends, bearable, wrapped_axes,
-    apart,
+    threading_partners, one_length, held_entry, own_name, threading_ends, borne_tension,
+    wrapped_axes, apart,
 )  # fmt: skip
 """Rules between the tables of a scene; their parameters are the names of the tables they need.
 

@@ -97,7 +97,7 @@ class SceneSpec(Table):
     def __init__(self, /, **tables: Any) -> None:
         right: dict[str, Any] = {}  # tables without mistakes of their own
         found: list[Mistake] = []
-        tables = completed(tables)
+        tables = implied(tables)
         try:
             self.__pydantic_validator__.validate_python(tables, self_instance=self, context=right)
         except ValidationError as error:
@@ -157,7 +157,7 @@ class SceneSpec(Table):
         cls, tables: Mapping[str, Any], source: str | Path, overrides: Iterable[str] = ()
     ) -> Self:
         """Return the scene of tables as they would stand in a file; see :meth:`load`."""
-        data, applied, mistakes = completed(tables), list[Override](), list[Mistake]()
+        data, applied, mistakes = implied(tables), list[Override](), list[Mistake]()
         for text in overrides:
             try:
                 override = Override.parse(text)
@@ -329,12 +329,12 @@ def wrong_override(text: str, key: str, value: object, expected: str, hint: str)
     return InputError([Mistake(f"--set {text}", key, value, expected, hint)])
 
 
-def completed(scene: Mapping[str, Any]) -> dict[str, Any]:
+def implied(scene: Mapping[str, Any]) -> dict[str, Any]:
     """Return the tables of a scene with names for all rollers and stages, and implied contact.
 
     Examples
     --------
-    >>> completed({"rollers": [{"radius": 1.0}, {"name": "big"}, {}]})
+    >>> implied({"rollers": [{"radius": 1.0}, {"name": "big"}, {}]})
     {'rollers': [{'name': 'r1', 'radius': 1.0}, {'name': 'big'}, {'name': 'r3'}]}
     """
     named = dict(scene)

@@ -64,7 +64,7 @@ RELAXATION_ORDER, RELAXATION_TOLERANCE = 8, 1e-4
 
 @dataclass(frozen=True)
 class Stretches:
-    """How far tension and heat stretch a threaded strip, linear between labels.
+    """Stretch of a threaded strip by tension and heat, linear between labels.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Stretches:
 
     @cached_property
     def slopes(self) -> Array:
-        """Of the stretch along behind each label (1/m), shape (n,)."""
+        """Slopes of the stretch along, behind each label (1/m), shape (n,)."""
         return np.append(np.diff(self.along) / np.diff(self.labels), 0.0)
 
     @cached_property

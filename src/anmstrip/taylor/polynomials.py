@@ -102,7 +102,7 @@ def _bernstein(coefficients: Array, length: float) -> tuple[Array, Array]:
 
 @cache
 def _before(order: int, share: float) -> Array:
-    """From coefficients on an interval to those on the part before a share of it (de Casteljau)."""
+    """Matrix to coefficients on the part of an interval before a share of it (de Casteljau)."""
     rest, orders = 1.0 - share, range(order + 1)
     return np.array([[comb(j, i) * share**i * rest ** (j - i) for i in orders] for j in orders])
 
