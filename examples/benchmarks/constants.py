@@ -59,7 +59,7 @@ ELSEWHERE = {
         *("LOOKED_AT", "ALIKE", "FAINT"),
     ),
     "threading": ("MOST_CORRECTIONS", "GUESS_GROWTH", "SLIDING", "MOST_SLIDING"),
-    "steady stages": ("FEW_STATES", "MOST_STATES", "CALMLY", "LAST_CORRECTIONS"),
+    "steady stages": ("FEW_STATES", "MOST_STATES", "CALMLY", "UNFELT", "LAST_CORRECTIONS"),
     "balancing at the end": ("UNSURE", "KEPT", "HELPFUL"),
     "snaps": ("LASTING", "CALM", "RAN", "SOON", "FIRST", "MOST", "ROUGH"),
     "imperfections": ("NOTHING", "FARTHEST"),

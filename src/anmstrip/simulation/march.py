@@ -62,6 +62,9 @@ SLIDING, MOST_SLIDING = 0.05, 4
 """Imbalance from which strip slides into place on a path, where corrections make it grow, and the
 branches of this path.  Lines of 100 to 200 rollers so take 6 tangents, without 10 to 12."""
 
+UNFELT = 1e-6
+"""Imbalance that even the drag of the bearings of a free roller hides."""
+
 LAST_CORRECTIONS = 8
 """Iterations that balance the state in which a steady stage ends; most take two or three."""
 
@@ -263,7 +266,7 @@ class March:
         settings = replace(settings, tolerance=tolerance, unhurried=UNHURRIED, calmly=calmly)
         for step in (self._settled if plan.steady else self._path)(equations, u, settings):
             (u, control), imbalance = step.branch.end, step.imbalance
-            if plan.steady and control == 1.0:
+            if plan.steady and control == 1.0 and self.assembly.turning:
                 u, imbalance = self._balanced(equations, u, imbalance)
             branch = step.branch if equations.controls is plan.controls else None
             time = plan.start + control * plan.duration
@@ -276,11 +279,11 @@ class March:
     def _balanced(self, equations: Equilibrium, u: Array, imbalance: float) -> tuple[Array, float]:
         """The state in which a steady stage ends, balanced as far as digits go, and what is left.
 
-        Balanced to the tolerance a bearing's drag would be wrong by that share of the line's
-        tension, which is many times as large.
+        Balanced to the tolerance the drag of free rollers would be wrong by that share of the
+        line's tension, which is many times as large.
         """
         floor = UNSURE * equations.round_off(u, 1.0)
-        if imbalance <= floor:
+        if imbalance <= max(floor, UNFELT):
             return u, imbalance
         aim = Corrections(floor, LAST_CORRECTIONS, least=1, kept=KEPT, helpful=HELPFUL, near=np.inf)
         found = Newton(equations, self.solver, aim, self.cost).corrected(u, 1.0)
