@@ -122,6 +122,7 @@ def draw(state: State, path: Path, times: float = 40.0) -> None:
     limit = 1e3 * np.abs(w).max()
     plotter.add_mesh(grid, cmap="coolwarm", clim=(-limit, limit), scalar_bar_args=BAR)
     plotter.view_vector((0.45, -0.75, 0.6), viewup=(0.0, 0.0, 1.0))
+    plotter.camera.zoom(1.4)
     plotter.screenshot(path)
 
 
