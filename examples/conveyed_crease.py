@@ -31,7 +31,8 @@ SPAN, BEHIND, WIDTH, RADIUS, WRAP, CROWN = 0.1, 0.1, 0.12, 0.3, np.radians(30.0)
 HEAT = 60.0
 """Heat (K) at the roller; near 71 K the path of stationary states ends on the coarse mesh."""
 
-COARSE, MESHES = ((10, 10), 0.012), {8: ((10, 8), 0.012), 12: ((14, 12), 0.009)}
+COARSE = (10, 10), 0.012
+MESHES = {8: ((10, 8), 0.012), 12: ((14, 12), 0.009), 14: ((14, 14), 0.009)}
 BAR = {"vertical": True, "position_x": 0.04, "position_y": 0.1, "height": 0.4, "fmt": "%.2f"}
 Mesh = tuple[tuple[int, int], float]
 
@@ -151,5 +152,5 @@ if __name__ == "__main__":
     parser.add_argument("-o", type=Path, default=Path("results/conveyed_crease"), help="where to")
     given = parser.parse_args()
     others = [{"yield_stress": None}, {"yield_stress": 8e7}, {"yield_stress": 1e8}]
-    others += [{"friction": 0.1}, {"tension": 4e3}, *({"mesh": m} for m in MESHES.values())]
+    others += [{"friction": 0.1}, *({"mesh": mesh} for mesh in MESHES.values())]
     main([{"mesh": MESHES[8]}] if given.quick else [{}, *others], given.o)

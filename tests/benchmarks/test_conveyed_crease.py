@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from anmstrip.results.fields import FieldSampler
+
 EXAMPLE = Path(__file__).parents[2] / "examples" / "conveyed_crease.py"
 
 pytestmark = pytest.mark.slow
@@ -26,7 +28,7 @@ def found():
 
 
 def test_strip_that_yields_carries_a_crease_away(found):
-    """Ten times as high as what elastic strip has there, and of the sign of the wrinkle."""
+    """It is ten times as high as what elastic strip has there, which wrinkles as well."""
     early, never = found["early"][0], found["never"][0]
     assert early["wrinkle_height"] > 1e-4
     assert never["wrinkle_height"] > 1e-4
@@ -45,8 +47,6 @@ def test_crease_runs_on_unchanged(found):
     state = found["early"][1]
     layers = state.plasticity
     assert layers is not None
-    from anmstrip.results.fields import FieldSampler
-
     sampler = FieldSampler(state.plan.model.strip)
     strain = sampler.sample(state)["plastic_strain"]
     x, y, _ = sampler.reference
