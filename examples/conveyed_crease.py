@@ -153,4 +153,5 @@ if __name__ == "__main__":
     given = parser.parse_args()
     others = [{"yield_stress": None}, {"yield_stress": 8e7}, {"yield_stress": 1e8}]
     others += [{"friction": 0.1}, *({"mesh": mesh} for mesh in MESHES.values())]
+    others += [{"mesh": MESHES[8], "tension": 2.5e3}]
     main([{"mesh": MESHES[8]}] if given.quick else [{}, *others], given.o)
