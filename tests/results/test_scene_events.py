@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from collections import Counter
@@ -112,7 +113,23 @@ def test_resumed_runs_have_the_same_table(lifted: Any, tmp_path: Path) -> None:
     assert len(events) >= 6
 
 
-def test_without_events_nothing_is_imported_or_written(tmp_path: Path) -> None:
+def threaded() -> str:
+    """A strip pulled over a roller that it is threaded around."""
+    strip = {"kinematics": "section", "width": 1.0, "thickness": 1e-3}
+    threading = {"tension": 1e4, "entry": [-2.0, 0.0, 0.0], "exit": [0.5, 0.0, -2.0]}
+    tables = {
+        "strip": strip,
+        "material": {"young": 2e11, "poisson": 0.3},
+        "threading": threading,
+        "rollers": [{"radius": 0.5, "centre": [0.0, 0.0, -0.5], "wrap": "over"}],
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [{"duration": 1.0, "friction": False}],
+    }
+    return json.dumps(tables)
+
+
+@pytest.mark.parametrize("laid", [False, True])
+def test_without_events_nothing_is_imported_or_written(tmp_path: Path, laid: bool) -> None:
     code = (
         "import sys, json\nfrom anmstrip import Scene\n"
         "scene = Scene.model_validate(json.loads(sys.argv[1]))\n"
@@ -122,7 +139,8 @@ def test_without_events_nothing_is_imported_or_written(tmp_path: Path) -> None:
         "unused = ('spatial', 'optimize', 'integrate', 'interpolate', 'special')\n"
         "assert not {'scipy.' + name for name in unused} & set(sys.modules)\n"
     )
-    short = scene(stages=LIFTED["stages"][:1], output={}).model_dump_json(exclude_none=True)
+    flat = scene(stages=LIFTED["stages"][:1], output={}).model_dump_json(exclude_none=True)
+    short = threaded() if laid else flat
     subprocess.run([sys.executable, "-c", code, short, str(tmp_path)], check=True)
     assert not (tmp_path / "events.csv").exists()
 

@@ -77,7 +77,8 @@ half of them by 0.4 %; with 0.015 by 2.3 %, with 0.01 by 1.5 %, but a plate that
 sixth more tangents."""
 
 MOST_PARTS = 32
-"""Of an element, each with its own points of contact."""
+"""Parts of an element with their own points of contact.  With 16 the loads of a plate of 50 mm on
+rollers of 0.3 m are off by 2.3 %, with 32 by less than 2 %."""
 
 FALLS = 0.1
 """Least depth over the gap to a roller at the beginning.  Of eight plates that fall by 20 to 2 800

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 
 from anmstrip.arrays import Array
 from anmstrip.continuation.follow import Settings, follow
@@ -86,7 +85,8 @@ class Stretches:
     @cached_property
     def places(self) -> Array:
         """Lengths of stretched strip up to the labels (m), shape (n,)."""
-        return cumulative_trapezoid(self.along, self.labels, initial=0.0)
+        means = 0.5 * (self.along[1:] + self.along[:-1])
+        return np.append(0.0, np.cumsum(means * np.diff(self.labels)))
 
     def place(self, label: Any) -> Any:
         """Length of stretched strip (m) up to labels (m)."""
