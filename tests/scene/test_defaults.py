@@ -13,6 +13,7 @@ from threaded import ended, roller, scene_of
 from anmstrip.driver.preview import Preview
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.warnings import coarse_mesh
+from anmstrip.fem.sampling import ContactOperator
 from anmstrip.simulation.defaults import elastic_creep
 from anmstrip.simulation.meshing import GROWTH, Zone, graded_nodes
 from anmstrip.simulation.problem import Assembly
@@ -288,6 +289,11 @@ def test_a_plate_that_travels_from_roller_to_roller_is_fine_all_along() -> None:
     strip = Assembly(Scene.model_validate(carried(0.02, 0.4, 0.4))).strip
     assert strip.cell_sizes[0].max() <= 0.1 / 8.0 * 1.001
     assert strip.contact_parts > 1
+    points = ContactOperator(strip)  # each part carries its own share: cubics are integrated
+    x, half = points.reference[0], 0.5 * 8.0 * 0.4
+    for power in range(4):
+        integral = 2.0 * (half ** (power + 1) - (-half) ** (power + 1)) / (power + 1)
+        assert points.weights @ x**power == pytest.approx(integral, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.slow
