@@ -18,6 +18,7 @@ from scipy.sparse.linalg import spsolve
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.strip import Strip
 from anmstrip.linalg.solvers import WIDEST_BORDER, Bordered
+from anmstrip.taylor.program import AVAILABLE
 
 
 @dataclass
@@ -213,9 +214,13 @@ class CellOperator:
     basis : skfem basis, optional
         Whose quadrature it is: all elements by default, those along an edge for a
         ``FacetBasis``.
+    symmetric : bool, optional
+        Whether the laws between its derivatives and forces have a potential.
     """
 
-    def __init__(self, strip: Strip, orders: Sequence[int], basis: Any = None) -> None:
+    def __init__(
+        self, strip: Strip, orders: Sequence[int], basis: Any = None, symmetric: bool = False
+    ) -> None:
         quadrature = strip.basis if basis is None else basis
         frames = strip.frames(basis)
         rows = []
@@ -226,7 +231,7 @@ class CellOperator:
                 parts[2] = frames.hessian(gradient, field.hess)
             rows.append([part for order in orders for part in parts[order]])
         fields = np.array(rows)
-        self.count = strip.count
+        self.count, self.symmetric = strip.count, symmetric
         self.local, self.components, self.elements, self.per_element = fields.shape
         table = fields.transpose(2, 3, 1, 0).reshape(self.elements, -1, self.local)
         self.table: Array = np.ascontiguousarray(table)  # point by point
@@ -284,6 +289,14 @@ class CellOperator:
             J[j, b, i, a]: change of force (i, a) with derivative (j, b).
         """
         m, k = self.count, self.components
+        if AVAILABLE:
+            from anmstrip.taylor.compiled import assemble
+
+            table = self.table.reshape(self.elements, self.per_element, k, self.local)
+            places = pattern.cells if self.cells is None else pattern.cells[self.cells]
+            rows = derivative.reshape(m * k * m * k, -1)
+            assemble(table, self.weights, rows, places, blocks.pairs, self.symmetric)
+            return
         for j, each in enumerate(derivative.reshape(m, k, m * k, -1)):
             middle = np.ascontiguousarray(each.transpose(2, 1, 0)) @ self.by_point
             middle = middle.reshape(-1, m, k, self.local)
@@ -384,7 +397,9 @@ class InternalOperator:
         slopes: csr_matrix | None = None,
         flows: bool = True,
     ) -> None:
-        self.cells, self.place, self.variables, self.layers = cells, place, variables, layers
+        self.cells = copy(cells)
+        self.cells.symmetric = False  # flow has no potential
+        self.place, self.variables, self.layers = place, variables, layers
         self.own = variables * len(layers.heights)
         self.slopes, self.flows = slopes, flows
         self.strains = cells.count * cells.components
@@ -454,7 +469,7 @@ class InternalOperator:
 
     def add_tangent(self, derivative: Array, pattern: Pattern, blocks: Blocks) -> None:
         """Add Lᵀ w J L, J[j, i] of change j and force i, without the own unknowns if they flow."""
-        q = self.strains
+        q, derivative = self.strains, derivative.copy() if self.flows else derivative  # kept
         on_strains = derivative[:q, :q]
         if self.flows and self.slopes is None:
             part = Eliminated(self, derivative)

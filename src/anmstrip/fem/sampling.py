@@ -16,6 +16,7 @@ from skfem.element import DiscreteField
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.operators import Blocks, CellOperator, LinearOperator, Part, Pattern
 from anmstrip.fem.strip import Strip
+from anmstrip.taylor.program import AVAILABLE
 
 
 @dataclass(frozen=True)
@@ -220,13 +221,17 @@ class ContactOperator(LinearOperator):
         near, weights, transposed = self.nearby
         flat = derivative.reshape(self.count**2, -1)
         summed = [np.bincount(self.chosen, each, self.whole.points) for each in flat]
-        every = np.reshape(summed, (self.count, self.count, -1))
-        table, places = inputs[near], pattern.cells[near].ravel()
-        weighted = every[:, :, self.cells[near]] * weights
-        for i in range(self.count):
-            for j in range(self.count):
-                local = transposed @ (weighted[j, i][:, :, None] * table)
-                blocks.pairs[i, j] += np.bincount(places, local.ravel(), pattern.couplings)
+        every: Array = np.take(summed, self.cells[near], axis=1)
+        table, places = inputs[near], pattern.cells[near]
+        if AVAILABLE and inputs is self.table:
+            from anmstrip.taylor.compiled import assemble
+
+            at_points = every.reshape(len(every), -1)
+            assemble(table[:, :, None], weights, at_points, places, blocks.pairs, symmetric=False)
+            return
+        for (j, i), each in zip(np.ndindex(self.count, self.count), every, strict=True):
+            local = transposed @ ((each * weights)[:, :, None] * table)
+            blocks.pairs[i, j] += np.bincount(places.ravel(), local.ravel(), pattern.couplings)
 
     @cached_property
     def nearby(self) -> tuple[Index, Array, Array]:

@@ -154,7 +154,7 @@ class CompiledLaw:
         if self.inputs > 1:
             self.units[:, self.sizes[0] : self.stops[1]] = rate * self.seeds[..., None, None]
         self.find_tangent(1, *w)
-        return self.program.unpacked(self.tangents, (len(self.seeds),)).copy()
+        return self.program.unpacked(self.tangents, (len(self.seeds),))
 
     @cached_property
     def tangents(self) -> Array:

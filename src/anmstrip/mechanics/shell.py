@@ -122,7 +122,7 @@ class Membrane(LawEffect):
     operator: CellOperator
 
     def __init__(self, strip: Strip, imperfection: Array | None = None) -> None:
-        self.strip, self.operator = strip, CellOperator(strip, [1])
+        self.strip, self.operator = strip, CellOperator(strip, [1], symmetric=True)
         self.stiffness = plane_stress(strip)
         self.flat = strip.frames().tangents
         self.metric = np.eye(strip.kinematics.directions)[:, :, None]
@@ -292,7 +292,7 @@ class KirchhoffLove(LawEffect):
 
     def __init__(self, strip: Strip, imperfection: Array | None = None) -> None:
         frames = strip.frames()
-        self.operator = CellOperator(strip, (1, 2))
+        self.operator = CellOperator(strip, (1, 2), symmetric=True)
         self.directions = strip.kinematics.directions
         self.stiffness = stiffness(strip)
         self.powers = FIRST[: self.directions] + SECOND[: len(self.stiffness)]

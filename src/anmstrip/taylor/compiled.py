@@ -20,8 +20,8 @@ import llvmlite
 import llvmlite.binding as llvm
 import numpy as np
 
-from anmstrip.arrays import Array
-from anmstrip.taylor.tape import ADVANCE, CALL, DERIVATIVES, Tables
+from anmstrip.arrays import Array, Index
+from anmstrip.taylor.tape import ADVANCE, ASSEMBLE, CALL, DERIVATIVES, Tables
 
 SPARE = ctypes.create_string_buffer(16)
 """Where numba's functions put that they have nothing to return, and no error."""
@@ -136,6 +136,37 @@ def script(table: Array) -> Callable[..., None]:
         run(SPARE, SPARE, address, count, k, w, orders)
 
     return make_calls
+
+
+def assemble(
+    table: Array, weights: Array, derivative: Array, places: Index, pairs: Array, symmetric: bool
+) -> None:
+    """Add the element matrices ∫ Bᵀ J B to entries of a tangent.
+
+    Parameters
+    ----------
+    table : ndarray, shape (elements, points, components, functions)
+        B: derivatives of the functions of each element at its points.
+    weights : ndarray, shape (elements · points,)
+    derivative : ndarray, shape (count · components · count · components, elements · points)
+        J[j, b, i, a]: change of force (i, a) with derivative (j, b).
+    places : ndarray of int, shape (elements, functions²)
+        Where each entry of an element's matrix, by row and column, belongs.
+    pairs : ndarray, shape (count, count, couplings)
+        By row and column component; changed in place.
+    symmetric : bool
+        Whether J[j, b, i, a] is J[i, a, j, b].
+    """
+    if derivative.strides[1] != derivative.itemsize:
+        derivative = derivative.copy()
+    table, weights = map(np.ascontiguousarray, (table, weights))
+    places = np.ascontiguousarray(places, dtype=np.int64)
+    count, components, functions = len(pairs), *table.shape[2:]
+    stride = derivative.strides[0] // derivative.itemsize
+    sizes = np.array([*table.shape, count, pairs.shape[2], stride, symmetric])
+    inside = np.empty((table.shape[1] * components, functions)), np.empty(functions)
+    given = addresses(table, weights, derivative, places, pairs, *inside, sizes)
+    script(table_of([[ASSEMBLE, *given]]))(0)
 
 
 class CompiledExecutor:

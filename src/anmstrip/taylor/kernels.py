@@ -392,6 +392,76 @@ def gather(starts, places, entries, forces, total, rows, count, stride):
             total[n * count + c] += added
 
 
+@compiled
+def strained(middle, t, weights, derivative, j, i, first):
+    """Set rows (q, a) to Σ_b w_q J[j, b, i, a] B_b at the points q of an element from ``first``."""
+    k, functions = derivative.shape[1], t.shape[1]
+    for q in range(weights.shape[0]):
+        for a in range(k):
+            into, w, point = middle[q * k + a], weights[q], first + q
+            fill(into, 0.0)
+            for b in range(0, k - 1, 2):
+                f0, f1 = w * derivative[j, b, i, a, point], w * derivative[j, b + 1, i, a, point]
+                r = q * k + b
+                for n in range(functions):
+                    into[n] += f0 * t[r, n] + f1 * t[r + 1, n]
+            if k % 2:
+                f0, r = w * derivative[j, k - 1, i, a, point], q * k + k - 1
+                for n in range(functions):
+                    into[n] += f0 * t[r, n]
+
+
+@called
+def assemble(table, weights, derivative, places, pairs, middle, local, sizes):
+    """Add Σ_q w_q Bᵀ J_ji B of every element to the blocks of components i and j.
+
+    ``table`` holds B (elements, points · components, functions), ``derivative`` J[j, b, i, a] of
+    forces (i, a) by derivatives (j, b) in rows as long as ``stride``; ``middle`` and ``local`` are
+    for use inside.  Where J is symmetric only i ≥ j is integrated.
+    """
+    s = carray(sizes, 8)
+    elements, points, k, functions = s[0], s[1], s[2], s[3]
+    m, couplings, stride, symmetric = s[4], s[5], s[6], s[7]
+    rows = points * k
+    table = carray(table, (elements, rows, functions))
+    weights = carray(weights, (elements, points))
+    derivative = carray(derivative, (m, k, m, k, stride))
+    places = carray(places, (elements, functions, functions))
+    pairs, middle = carray(pairs, (m, m, couplings)), carray(middle, (rows, functions))
+    local = carray(local, functions)
+    for e in range(elements):
+        t, place = table[e], places[e]
+        for j in range(m):
+            for i in range(j if symmetric else 0, m):
+                strained(middle, t, weights[e], derivative, j, i, e * points)
+                for f in range(functions):
+                    fill(local, 0.0)
+                    r = 0
+                    while r + 7 < rows:
+                        t0, t1, t2, t3 = t[r, f], t[r + 1, f], t[r + 2, f], t[r + 3, f]
+                        t4, t5, t6, t7 = t[r + 4, f], t[r + 5, f], t[r + 6, f], t[r + 7, f]
+                        for n in range(functions):
+                            local[n] += (
+                                t0 * middle[r, n]
+                                + t1 * middle[r + 1, n]
+                                + t2 * middle[r + 2, n]
+                                + t3 * middle[r + 3, n]
+                                + t4 * middle[r + 4, n]
+                                + t5 * middle[r + 5, n]
+                                + t6 * middle[r + 6, n]
+                                + t7 * middle[r + 7, n]
+                            )
+                        r += 8
+                    while r < rows:
+                        for n in range(functions):
+                            local[n] += t[r, f] * middle[r, n]
+                        r += 1
+                    for n in range(functions):
+                        pairs[i, j, place[f, n]] += local[n]
+                        if symmetric and i > j:
+                            pairs[j, i, place[n, f]] += local[n]
+
+
 def pointer_to(kind):
     """Function from an address to a pointer to numbers of a kind."""
 
@@ -432,6 +502,11 @@ def run(calls, count, k, w, orders):
                 integers(c[1]), floats(c[2]), floats(c[3]), integers(c[4]), integers(c[5]),
                 integers(c[6]), integers(c[7]), floats(c[8]), floats(c[9]), floats(c[10]),
                 floats(c[11]), floats(c[12]), c[13], k, floats(w), orders,
+            )  # fmt: skip
+        elif c[0] == tape.ASSEMBLE:
+            assemble(
+                floats(c[1]), floats(c[2]), floats(c[3]), integers(c[4]), floats(c[5]),
+                floats(c[6]), floats(c[7]), integers(c[8]),
             )  # fmt: skip
         else:
             derivatives(

@@ -46,7 +46,7 @@ TANH = 18  # b, a result too: 1 − c²
 SINE = 19  # b, a result too: the cosine
 
 # What a row of numbers asks :func:`anmstrip.taylor.kernels.run` for, and how long it is.
-LIFT, GATHER, ADVANCE, DERIVATIVES = range(4)
+LIFT, GATHER, ADVANCE, DERIVATIVES, ASSEMBLE = range(5)
 CALL = 16
 
 
