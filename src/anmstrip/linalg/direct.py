@@ -178,13 +178,25 @@ class Plan:
         columns = np.arange(matrix.shape[0], dtype=matrix.indices.dtype)
         self.columns = np.repeat(columns, np.diff(matrix.indptr))
 
-    def scaled(self, matrix: csc_matrix, d: Array) -> csc_matrix:
-        """Matrix of the entries d_i K_ij d_j, in the order of the given one."""
-        found = copy(matrix)
-        found.data = d[self.indices]
-        found.data *= d[self.columns]
-        found.data *= matrix.data
-        return found
+    def scaled(self, matrix: csc_matrix) -> tuple[csc_matrix, Array]:
+        """Matrix of the entries d_i K_ij d_j, in the order of the given one, and d.
+
+        See :func:`equilibrated`; of a matrix that is positive definite the diagonal is enough.
+        """
+        found, diagonal = copy(matrix), matrix.diagonal()
+
+        def multiply(d: Array) -> Array:
+            found.data = d[self.indices]
+            found.data *= d[self.columns]
+            found.data *= matrix.data
+            return d
+
+        if diagonal.min() > 0.0:
+            with np.errstate(over="ignore"):  # stiffness may be as small as doubles are
+                d = multiply(1.0 / np.sqrt(diagonal))
+            if max(found.data.max(), -found.data.min()) < SCALED:
+                return found, d
+        return found, multiply(equilibrated(matrix))
 
     def fits(self, matrix: csc_matrix) -> bool:
         """Whether the matrix has the pattern that was planned for."""
@@ -223,8 +235,7 @@ class BandPlan(Plan):
 
     def factorise(self, matrix: csc_matrix) -> Factors:
         """Cholesky factors of a symmetric positive definite matrix, LU factors of others."""
-        d = equilibrated(matrix)
-        scaled, place = self.scaled(matrix, d), self.place
+        (scaled, d), place = self.scaled(matrix), self.place
         solve_band, self.name = self._cholesky(scaled.data), "band Cholesky"
         definite = solve_band is not None
         if solve_band is None:
@@ -265,8 +276,7 @@ class SuperLUPlan(Plan):
 
     def factorise(self, matrix: csc_matrix) -> Factors:
         """LU factors of the equilibrated matrix, refined."""
-        d = equilibrated(matrix)
-        scaled = self.scaled(matrix, d)
+        scaled, d = self.scaled(matrix)
         norm = float(abs(scaled).sum(axis=1).max())
         try:
             solve = refined(self.unpivoted(scaled), scaled, norm)
