@@ -121,6 +121,9 @@ def test_override_may_mend_the_file(tmp_path: Path) -> None:
         ("strip.width=1\nstrip.length=2", "a value in TOML syntax"),
         ("strip..width=1", "a dotted key"),
         ("contact.eta=1e9", "below stiffness × delta"),
+        ("rollers.r1.torque=1", "another table, [[stages]] rollers.NAME.torque"),
+        ("strip.tension=1", "another table, [threading] tension or [[stages]] NAME.tension"),
+        ("strip.mode=1", "another table, [strip] imperfection.mode"),
     ],
 )
 def test_wrong_override_is_named(setting: str, words: str) -> None:

@@ -434,7 +434,10 @@ def mistakes_of(
         elif misspelt or found["type"] == "extra_forbidden":
             known = list(place.table.model_fields) if place.table else []
             known = [*STAGE_KEYS, *EDGE_NAMES] if misspelt else known
-            yield Mistake("", key, value, "a known key", nearest(place.keys[-1], known))
+            hint = nearest(place.keys[-1], known)
+            if others := " or ".join(keys_of(model, place.keys[-1])):
+                hint += f"; or in another table, {others}"
+            yield Mistake("", key, value, "a known key", hint)
         elif field is None:
             yield Mistake("", key, value, "a table of the scene", "[strip]")
         else:
@@ -445,6 +448,27 @@ def mistakes_of(
                     f"; numbers are at most {LARGEST:g}, and {SMALLEST:g} at least if positive"
                 )
             yield Mistake("", key, value, expected, example_of(place.name, field))
+
+
+def inner_tables(field: FieldInfo) -> list[type[BaseModel]]:
+    """Return the models that stand in a field, or in the entries of its collection."""
+    kinds = (field.annotation, *get_args(field.annotation))
+    return [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)]
+
+
+def keys_of(table: type[BaseModel], key: str) -> Iterator[str]:
+    """Yield where a key may stand in the tables below a model: ``[[stages]] rollers.NAME.torque``.
+
+    Names of edges stand beside the other keys of a stage.
+    """
+    for name, field in table.model_fields.items():
+        kind, outermost = get_origin(field.annotation), table.__name__ == "Scene"
+        title = "NAME" if name == "edges" and not outermost else name + ".NAME" * (kind is dict)
+        if outermost:
+            title = f"[[{name}]]" if kind is tuple else f"[{title}]"
+        for inner in inner_tables(field):
+            found = [key] * (key in inner.model_fields) + list(keys_of(inner, key))
+            yield from (f"{title}{' ' if outermost else '.'}{each}" for each in found)
 
 
 class Place(NamedTuple):
@@ -478,9 +502,7 @@ def find_place(
             name = str(part)
             keys.append(name)
             field, meaning, item = table.model_fields[name], meanings(table)[name], False
-            kinds = (field.annotation, *get_args(field.annotation))
-            models = [k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)]
-            table, entries = (models[0] if models else None), None
+            table, entries = next(iter(inner_tables(field)), None), None
             if get_origin(field.annotation) in (tuple, dict):
                 table, entries = None, table
         elif isinstance(part, str):
