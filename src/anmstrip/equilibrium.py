@@ -146,7 +146,7 @@ class Model:
         if key not in self._joinings:
             n = self.strip.unknowns
             every = np.concatenate([free, np.arange(n, len(chain.reached))])
-            place = np.full(len(chain.reached), -1)
+            place = np.full(len(chain.reached) + 1, -1)  # the last for what is no unknown
             place[every] = np.arange(len(every))
             order: Index = np.lexsort((every < n, chain.reached[every]))
             rows, columns = place[chain.rows], place[chain.columns]
@@ -365,7 +365,7 @@ class EquilibriumSeries:
             self.model.seconds[part.effect.name] += time.perf_counter() - begin
         return self.equations.supports.gathered(self.model.closed(total))
 
-    def tangent(self) -> csc_matrix | Bordered | Condensed | Joined:
+    def tangent(self) -> csc_matrix | Bordered | Condensed:
         """∂R/∂u + rate ∂R/∂v over the free unknowns; those of rollers and speed are a border.
 
         Where laws overflow it is not finite, which the factorisation tells.
@@ -384,7 +384,7 @@ class EquilibriumSeries:
         if blocks.internal is None:
             return matrix
         if isinstance(blocks.internal, Chained):
-            return self._joined(matrix, blocks.internal, coupled)
+            matrix = self._joined(matrix, blocks.internal, coupled)
         return self._condensed(matrix, blocks.internal, coupled)
 
     def restricted(self, blocks: Blocks, coupled: Index) -> Any:
@@ -396,32 +396,31 @@ class EquilibriumSeries:
         return joint.folded(matrix, chosen[chosen < n], coupled[coupled < n])
 
     def _joined(self, matrix: Any, part: Chained, coupled: Index) -> Joined:
-        """Return the tangent whose points' own unknowns are carried along the strip."""
+        """Return the tangent with those of the points' own unknowns that are kept."""
         model, chain, values = self.model, part.operator.chain, part.values
         inner = matrix.inner if isinstance(matrix, Bordered) else matrix
-        strip, pull = model.strip.unknowns, np.zeros(len(chain.reached))
+        strip, pull = model.strip.unknowns, np.zeros(len(chain.reached) + 1)
         if model.pull is not None:
-            first = slice(part.on_forces.size)  # entries of forces
-            pulled = model.pull[chain.rows[first]] * values[first]
-            pull[:] = np.bincount(chain.columns[first], pulled, len(pull))
+            on = np.flatnonzero(chain.rows < strip)  # entries of forces
+            np.add.at(pull, chain.columns[on], model.pull[chain.rows[on]] * values[on])
         joining = model.joining(chain, inner, coupled[coupled < strip])
-        return joining.joined(matrix, values, pull[strip:])
+        return joining.joined(matrix, values, pull[strip:-1])
 
     def _condensed(self, matrix: Any, part: Eliminated, coupled: Index) -> Condensed:
         """Return the tangent whose points have unknowns of their own."""
         model = self.model
 
-        def reduced(own: Array) -> Array:
-            total, forces = np.zeros(model.coupled), part.reduced(own)
+        def condensed(right: Array, own: Array) -> Array:
+            total, (forces, kept) = np.zeros(model.coupled), part.reduced(own)
             total[: len(forces)] = forces
-            return model.closed(total)[coupled]
+            return np.concatenate([right - model.closed(total)[coupled], kept])
 
-        def recovered(u: Array, own: Array) -> Array:
+        def recovered(x: Array, own: Array) -> Array:
             full = np.zeros(model.coupled)
-            full[coupled] = u
-            return part.recovered(full, own)
+            full[coupled] = x[: len(coupled)]
+            return part.recovered(full, x[len(coupled) :], own)
 
-        return Condensed(matrix, reduced, recovered)
+        return Condensed(matrix, len(coupled), condensed, recovered)
 
     def _changes(self, u: Array, control: float) -> tuple[Array, Array | None]:
         change = self.equations.supports.change(u, control)

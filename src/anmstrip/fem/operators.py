@@ -304,6 +304,15 @@ class CellOperator:
                 local = self.weighted @ middle[:, i].reshape(self.table.shape)
                 self._add(local, pattern, blocks.pairs[i, j])
 
+    def add_responses(self, responses: Array, pattern: Pattern, blocks: Blocks) -> None:
+        """Add Lᵀ w S of forces S that the unknowns of an element make at its points.
+
+        Shape (points, count of forces, components, count, local).
+        """
+        for i, j in np.ndindex(self.count, self.count):
+            middle = np.ascontiguousarray(responses[:, i, :, j]).reshape(self.table.shape)
+            self._add(self.weighted @ middle, pattern, blocks.pairs[i, j])
+
     def add_bilinear(self, matrix: Array, pattern: Pattern, block: Array) -> None:
         """Add Lᵀ w M L, one constant M (components, components), to one block of scalars."""
         middle = (matrix @ self.by_point).reshape(self.table.shape)
@@ -410,20 +419,21 @@ class InternalOperator:
         return self.cells.points
 
     @cached_property
-    def seeds(self) -> Array | None:
-        """Changes of strains and own unknowns that the tangent needs; None: of each one alone.
+    def seeds(self) -> Array:
+        """Changes of strains and own unknowns that the tangent needs, none of their slopes.
 
         Of each variable of all layers at once, the same and like the height: what forces are
         linear in, and what is zero between layers, follows from those.
         """
-        if self.slopes is not None:
-            return None
-        strains = np.eye(self.strains, self.strains + self.own)
+        others = self.own if self.slopes is None else 2 * self.own
+        strains = np.eye(self.strains, self.strains + others)
         if not self.flows:
             return strains
         shapes = np.kron(np.eye(self.variables), [np.ones_like(self.layers.heights)])
         shapes = np.vstack([shapes, shapes * np.tile(self.layers.heights, self.variables)])
-        return np.vstack([strains, np.hstack([np.zeros((len(shapes), self.strains)), shapes])])
+        whole = np.zeros((len(shapes), self.strains + others))
+        whole[:, self.strains : self.strains + self.own] = shapes
+        return np.vstack([strains, whole])
 
     @cached_property
     def chain(self) -> Chain:
@@ -471,12 +481,13 @@ class InternalOperator:
         """Add Lᵀ w J L, J[j, i] of change j and force i, without the own unknowns if they flow."""
         q, derivative = self.strains, derivative.copy() if self.flows else derivative  # kept
         on_strains = derivative[:q, :q]
-        if self.flows and self.slopes is None:
-            part = Eliminated(self, derivative)
-            on_strains = on_strains - part.relief
-            blocks.internal = part
-        elif self.flows:
-            blocks.internal = Chained(self, derivative)
+        if self.flows and self.slopes is not None:
+            blocks.internal = chained = Chained(self, derivative)
+            self.cells.add_responses(chained.on_strains(on_strains), pattern, blocks)
+            return
+        if self.flows:
+            blocks.internal = eliminated = Eliminated(self, derivative)
+            on_strains = on_strains - eliminated.relief
         shape = (self.cells.count, self.cells.components) * 2
         self.cells.add_tangent(on_strains.reshape(*shape, -1), pattern, blocks)
 
@@ -491,19 +502,33 @@ class Eliminated:
     operator : InternalOperator
     derivative : ndarray
         J[j, i] of change j along the seeds and result i, points last.
+    slopes : ndarray, shape (points,), optional
+        Derivatives of slopes by the unknowns that they are of, part of C.
+
+    Attributes
+    ----------
+    numbers : slice or ndarray of int
+        Of the points, in whose order everything else stands.
     """
 
-    def __init__(self, operator: InternalOperator, derivative: Array) -> None:
+    numbers: slice | Index = slice(None)
+
+    def __init__(
+        self, operator: InternalOperator, derivative: Array, slopes: Array | float = 0.0
+    ) -> None:
         self.operator, q, v = operator, operator.strains, operator.variables
         layers = operator.layers
         moments = np.stack([np.ones_like(layers.heights), layers.heights])
         sizes = (moments**2) @ layers.weights
         self.shapes = moments * layers.weights / sizes[:, None]
         own = derivative[q : q + v, q:].reshape(v, v, -1, operator.points)
+        own = own + np.eye(v)[..., None, None] * slopes
         by_strains = derivative[:q, q:].reshape(q, v, -1, operator.points)
-        self.inverse = np.linalg.inv(own.transpose(3, 2, 1, 0))  # (points, layers, v, v)
-        self.by_strains = self.inverse @ by_strains.transpose(3, 2, 1, 0)  # C⁻¹ A
+        inverse = np.linalg.inv(own.transpose(3, 2, 1, 0))  # (points, layers, v, v)
         self.on_forces = derivative[q:, :q].transpose(2, 1, 0)  # (points, q, 2 v)
+        self.flown = inverse @ by_strains.transpose(3, 2, 1, 0)  # C⁻¹ A, (points, layers, v, q)
+        self.inverse, self.by_strains = points_last(inverse), points_last(self.flown)
+        self.by_integrals = np.ascontiguousarray(derivative[q:, :q]).reshape(2, v, q, -1)
 
     def on_strip(self, own: Array) -> Array:
         """Return B z of z, (points, layers, v, changes), shape (points, q, changes)."""
@@ -513,108 +538,197 @@ class Eliminated:
     @property
     def relief(self) -> Array:
         """B C⁻¹ A as J[j, i], shape (strains, strains, points)."""
-        return self.on_strip(self.by_strains).transpose(2, 1, 0)
+        return self.on_strip(self.flown).transpose(2, 1, 0)
 
     def solved(self, own: Array) -> Array:
-        """Return C⁻¹ g, shape (points, layers, v, 1), of g, (own unknowns,)."""
-        each = own.reshape(self.operator.variables, -1, self.operator.points)
-        return np.asarray(self.inverse @ each.transpose(2, 1, 0)[..., None])
+        """Return C⁻¹ g, shape (v, layers, points), of g, (own unknowns,)."""
+        each = own.reshape(self.operator.variables, -1, self.operator.points)[..., self.numbers]
+        return np.einsum("vwlp,wlp->vlp", self.inverse, each)
 
-    def reduced(self, own: Array) -> Array:
-        """Return Lᵀ w B C⁻¹ g, shape (unknowns of the strip,)."""
+    def freed(self, full: Array, own: Array) -> Array:
+        """Return C⁻¹ (g − A L u), shape (v, layers, points)."""
+        strains = self.operator.cells.apply(full).reshape(self.operator.strains, -1)
+        change = np.einsum("vqlp,qp->vlp", self.by_strains, strains[:, self.numbers])
+        return self.solved(own) - change
+
+    def gathered(self, z: Array) -> Array:
+        """Return Lᵀ w B z, shape (unknowns of the strip,)."""
         cells = self.operator.cells
-        forces = self.on_strip(self.solved(own))[:, :, 0].T
+        forces = np.empty((self.operator.strains, cells.points))
+        integrals = np.einsum("sl,vlp->svp", self.shapes, z)
+        forces[:, self.numbers] = np.einsum("svqp,svp->qp", self.by_integrals, integrals)
         return cells.gather(forces.reshape(cells.count, cells.components, -1))
 
-    def recovered(self, full: Array, own: Array) -> Array:
+    def numbered(self, z: Array) -> Array:
+        """Return z in the order of its unknowns, shape (own unknowns,)."""
+        found = np.empty_like(z)
+        found[..., self.numbers] = z
+        return found.ravel()
+
+    def reduced(self, own: Array) -> tuple[Array, Array]:
+        """Return Lᵀ w B C⁻¹ g, (unknowns of the strip,), and what is left of g: nothing."""
+        return self.gathered(self.solved(own)), np.zeros(0)
+
+    def recovered(self, full: Array, kept: Array, own: Array) -> Array:
         """Return z = C⁻¹ (g − A L u), shape (own unknowns,)."""
-        strains = self.operator.cells.apply(full).reshape(self.operator.strains, -1).T
-        z = self.solved(own) - self.by_strains @ strains[:, None, :, None]
-        return z[..., 0].transpose(2, 1, 0).ravel()
+        del kept
+        return self.numbered(self.freed(full, own))
 
 
-class Chained:
-    """The same where the own unknowns of a point depend on those of the point before.
+def points_last(x: Array) -> Array:
+    """Return (points, layers, v, changes) as (v, changes, layers, points)."""
+    return np.ascontiguousarray(x.transpose(2, 3, 1, 0))
 
-    Nothing can be eliminated point by point: what flows at a point is carried along the strip.
-    The equations are the slopes of the own unknowns, less a law of all but these.
 
-    Parameters
-    ----------
-    operator : InternalOperator
-        With slopes.
-    derivative : ndarray
-        J[j, i] of change j and result i, points last.
+class Chained(Eliminated):
+    """The same where what flows is carried along: C z = g − A L u + z₋/h, z₋ of the point before.
+
+    Of a line of points in an element the last unknowns s are kept, the others are eliminated: with
+    z_i = Z_i (s₋, L u of all points up to i), s₋ of the element before, the equations that are left
+    are s − Z_last (s₋, L u) = what g makes of it.
 
     Attributes
     ----------
-    on_forces, by_strip : ndarray, shape (elements, per element, own, count, local)
-        ∂(forces)/∂z and ∂g/∂u.
-    own : ndarray, shape (variables, variables, layers, points)
-        ∂g/∂z at a point, by change and result.
+    carried : ndarray, shape (v, v, layers, points of a line, lines)
+        C⁻¹/h.
+    responses : ndarray, shape (points of a line, lines, layers, v, v + points of a line · q)
+        Z.
     """
 
     def __init__(self, operator: InternalOperator, derivative: Array) -> None:
         assert operator.slopes is not None
-        self.operator, q, m = operator, operator.strains, operator.own
-        cells, v = operator.cells, operator.variables
-        changed = (
-            derivative[:q, q:].transpose(2, 1, 0),
-            derivative[q : q + m, :q].transpose(2, 0, 1),
-        )
-        each = cells.by_point
-        shape = cells.elements, cells.per_element, m, cells.count, cells.local
-        by_strip, on_forces = (
-            (part.reshape(len(each), -1, cells.components) @ each).reshape(shape)
-            for part in changed
-        )
-        weights = cells.weights.reshape(cells.elements, -1, 1, 1, 1)
-        self.by_strip, self.on_forces = by_strip, on_forces * weights
-        own = derivative[q : q + m, q:].reshape(v, m // v, v, m // v, -1)
-        same = np.eye(v)[..., None, None] * operator.slopes.diagonal()
-        self.own = np.einsum("jlilp->jilp", own) + same
+        order, v, q = operator.chain.order, operator.variables, operator.strains
+        self.numbers, self.lines = order.ravel(), order.shape
+        slopes = operator.slopes.diagonal()[self.numbers]
+        super().__init__(operator, derivative[..., self.numbers], slopes)
+        self.carried = (self.inverse * slopes).reshape(*self.inverse.shape[:3], *self.lines)
+        carried = np.ascontiguousarray(self.carried.transpose(3, 4, 2, 0, 1))
+        flown = self.flown.reshape(*carried.shape[:-1], q)
+        self.responses = np.zeros((*carried.shape[:-1], v + len(order) * q))
+        before: Array = np.eye(v)
+        for i in range(len(order)):
+            known = v + i * q  # what z_i depends on besides its own strains
+            self.responses[i, ..., :known] = carried[i] @ before[..., :known]
+            self.responses[i, ..., known : known + q] = -flown[i]
+            before = self.responses[i]
+
+    def on_strains(self, local: Array) -> Array:
+        """Return forces by u without s, (points, count, components, count, local).
+
+        ``local`` are those of each point alone, as J[j, i].
+        """
+        v, q, cells = self.operator.variables, self.operator.strains, self.operator.cells
+        flown = self.responses[..., v:].reshape(cells.points, *self.responses.shape[2:4], -1)
+        forces = self.on_strip(flown).reshape(*self.lines, q, -1, q)
+        at = local[..., self.numbers].transpose(2, 1, 0).reshape(*self.lines, q, q)
+        for i, each in enumerate(at):
+            forces[i, :, :, i] += each
+        found = np.empty((cells.points, cells.count, cells.components, cells.count, cells.local))
+        found[self.numbers] = self._by_unknowns(forces).reshape(found.shape)
+        return found
+
+    def _by_unknowns(self, by_strains: Array) -> Array:
+        """Return (..., lines, x, points of a line, q) L, shape (..., lines, x, count, local)."""
+        count, table = self.operator.cells.count, self.operator.chain.table
+        *others, x, _, _ = by_strains.shape
+        each = by_strains.reshape(*others, x, self.lines[0], count, -1)
+        each = np.moveaxis(each, -2, -4).reshape(*others, count, x, -1)
+        return np.moveaxis(each @ table, -3, -2)
 
     @property
     def values(self) -> Array:
-        """Return all entries, in the order of :meth:`InternalOperator.chain`."""
-        chain = self.operator.chain.carried
-        return np.concatenate([x.ravel() for x in (self.on_forces, self.by_strip, self.own, chain)])
+        """Return all entries, in the order of :class:`Chain`."""
+        cells, v, (count, lines) = self.operator.cells, self.operator.variables, self.lines
+        last = self.responses[-1]
+        integrals = np.einsum("sl,iglvw->igsvwl", self.shapes, self.responses[..., :v])
+        forces = self.on_forces @ integrals.reshape(cells.points, 2 * v, -1)
+        forces = forces.reshape(count, lines, cells.count, cells.components, -1)
+        forces = np.moveaxis(forces, 0, 2).reshape(lines, cells.count, -1, self.operator.own)
+        flown = last[..., v:].swapaxes(1, 2).reshape(lines, -1, count, self.operator.strains)
+        parts = self.operator.chain.weighted @ forces, -self._by_unknowns(flown), -last[..., :v]
+        return np.concatenate([*(x.ravel() for x in parts), np.ones(lines * self.operator.own)])
+
+    def _along(self, z: Array, before: Array) -> tuple[Array, Array]:
+        """Return z with what is carried on from s₋, (v, layers, lines), and s."""
+        each = z.reshape(*z.shape[:2], *self.lines)
+        for i in range(len(self.operator.chain.order)):
+            each[:, :, i] += np.einsum("vwlg,wlg->vlg", self.carried[:, :, :, i], before)
+            before = each[:, :, i]
+        return z, before
+
+    def reduced(self, own: Array) -> tuple[Array, Array]:
+        """Return what g makes of forces, (unknowns of the strip,), and of the equations of s."""
+        z = self.solved(own)
+        z, last = self._along(z, np.zeros((*z.shape[:2], self.lines[1])))
+        return self.gathered(z), last.ravel()
+
+    def recovered(self, full: Array, kept: Array, own: Array) -> Array:
+        """Return z, shape (own unknowns,), with s."""
+        before, last = self.operator.chain.before, kept.reshape(*self.inverse.shape[1:3], -1)
+        start = np.where(before < 0, 0.0, last[..., before])
+        return self.numbered(self._along(self.freed(full, own), start)[0])
 
 
 class Chain:
-    """Places of the entries of :class:`Chained`, and an order of elimination that fills little.
+    """Lines of points in elements, places of the entries of :class:`Chained`, and an order.
 
-    Strip is eliminated from the entry on: own unknowns of a point, then the strip's own once all
-    points that they reach have been.  What is carried then joins the front one way only.
+    Strip is eliminated from the entry on: the last unknowns of a line in an element, then the
+    strip's own once all points that they reach have been.  What is carried then joins the front one
+    way only, and little fills in.
 
     Attributes
     ----------
+    order : ndarray of int, shape (points of a line, lines)
+        Numbers of the points, from the entry on.
+    before : ndarray of int, shape (lines,)
+        Number of the line that goes on in each, -1 at the entry.
+    table, weighted : ndarray, shapes (lines, 1, points of a line · components, local), transposed
+        L of the points of a line, and Lᵀ w.
     rows, columns : ndarray of int
-        By numbers of the strip's unknowns, own ones after them.
-    carried : ndarray
-        Entries of the points before.
-    reached : ndarray, shape (unknowns of the strip + own unknowns,)
+        By numbers of the strip's unknowns, s after them, variable by variable, layer by layer.
+    reached : ndarray, shape (unknowns of the strip + unknowns s,)
         Distance (m) from the entry at which an unknown can be eliminated.
     """
 
     def __init__(self, operator: InternalOperator) -> None:
         assert operator.slopes is not None
-        cells, m, points = operator.cells, operator.own, operator.points
-        n = cells.count * cells.sum.shape[0]
-        numbers = n + np.arange(m * points).reshape(m, cells.elements, 1, 1, -1)
-        own, on = np.moveaxis(numbers, (0, 4), (2, 1)), cells.dofs[:, None, None, None]
-        strip = cells.count * on.astype(np.int64) + np.arange(cells.count)[:, None]
-        strip, own = (x.ravel() for x in np.broadcast_arrays(strip, own))
+        cells, m, v, points = operator.cells, operator.own, operator.variables, operator.points
         slopes = operator.slopes.tocoo()
-        before = slopes.row != slopes.col
-        all_layers = n + points * np.arange(m)[:, None]
-        to, of = ((all_layers + x[before]).ravel() for x in (slopes.row, slopes.col))
-        self.carried = np.tile(slopes.data[before], m)
-        each = n + np.arange(m * points).reshape(operator.variables, -1, points)
-        given, result = (x.ravel() for x in np.broadcast_arrays(each[:, None], each[None]))
-        self.rows = np.concatenate([strip, own, result, to])
-        self.columns = np.concatenate([own, strip, given, of])
+        on = slopes.row != slopes.col
+        before, after = np.full((2, points), -1)
+        before[slopes.row[on]], after[slopes.col[on]] = slopes.col[on], slopes.row[on]
+        element = np.arange(points) // cells.per_element
+        order = [np.flatnonzero((before < 0) | (element[before] != element))]
+        lines = len(order[0])
+        for _ in range(points // lines - 1):
+            order.append(after[order[-1]])
+        self.order = np.stack(order)
+        line = np.empty(points, dtype=np.int64)
+        line[self.order] = np.arange(lines)
+        self.before = np.where(before[order[0]] < 0, -1, line[before[order[0]]])
+        each, weights = (
+            np.moveaxis(x[self.order], 0, 1).reshape(lines, 1, -1, cells.local)
+            for x in (cells.by_point, cells.by_point * cells.weights[:, None, None])
+        )
+        self.table, self.weighted = each, np.ascontiguousarray(weights.swapaxes(2, 3))
+        n = cells.count * cells.sum.shape[0]
+        last = n + np.arange(m * lines).reshape(m, lines).T
+        carried = np.where(self.before[:, None] < 0, -1, last[self.before])
+        on = cells.count * cells.dofs[element[order[0]], None].astype(np.int64)
+        strip = on + np.arange(cells.count)[:, None]  # (lines, count, local)
+
+        def by_layer(numbers: Index) -> Index:
+            return numbers.reshape(lines, v, -1).swapaxes(1, 2)
+
+        entries = (
+            (strip[..., None], carried[:, None, None]),
+            (last[:, :, None, None], strip[:, None]),
+            (by_layer(last)[..., None], by_layer(carried)[..., None, :]),
+            (last, last),
+        )
+        rows, columns = zip(*(np.broadcast_arrays(*pair) for pair in entries), strict=True)
+        self.rows, self.columns = (np.concatenate([x.ravel() for x in p]) for p in (rows, columns))
         x = spsolve(operator.slopes.tocsc(), np.ones(points))
-        last = np.zeros(cells.sum.shape[0])
-        np.maximum.at(last, cells.dofs, x.reshape(cells.elements, -1).max(axis=1)[:, None])
-        self.reached = np.concatenate([np.repeat(last, cells.count), np.tile(x, m)])
+        ends = np.zeros(cells.sum.shape[0])
+        np.maximum.at(ends, cells.dofs, x.reshape(cells.elements, -1).max(axis=1)[:, None])
+        self.reached = np.concatenate([np.repeat(ends, cells.count), np.tile(x[order[-1]], m)])
