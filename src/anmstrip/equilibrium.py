@@ -399,12 +399,13 @@ class EquilibriumSeries:
         """Return the tangent with those of the points' own unknowns that are kept."""
         model, chain, values = self.model, part.operator.chain, part.values
         inner = matrix.inner if isinstance(matrix, Bordered) else matrix
-        strip, pull = model.strip.unknowns, np.zeros(len(chain.reached) + 1)
+        strip, pull = model.strip.unknowns, np.zeros(1 + len(chain.reached))
         if model.pull is not None:
-            on = np.flatnonzero(chain.rows < strip)  # entries of forces
-            np.add.at(pull, chain.columns[on], model.pull[chain.rows[on]] * values[on])
+            on = np.flatnonzero(chain.rows < strip)  # entries of forces, some of no unknown
+            pulled = model.pull[chain.rows[on]] * values[on]
+            pull[:] = np.bincount(1 + chain.columns[on], pulled, len(pull))
         joining = model.joining(chain, inner, coupled[coupled < strip])
-        return joining.joined(matrix, values, pull[strip:-1])
+        return joining.joined(matrix, values, pull[1 + strip :])
 
     def _condensed(self, matrix: Any, part: Eliminated, coupled: Index) -> Condensed:
         """Return the tangent whose points have unknowns of their own."""

@@ -304,14 +304,10 @@ class CellOperator:
                 local = self.weighted @ middle[:, i].reshape(self.table.shape)
                 self._add(local, pattern, blocks.pairs[i, j])
 
-    def add_responses(self, responses: Array, pattern: Pattern, blocks: Blocks) -> None:
-        """Add Lᵀ w S of forces S that the unknowns of an element make at its points.
-
-        Shape (points, count of forces, components, count, local).
-        """
+    def add_elements(self, local: Array, pattern: Pattern, blocks: Blocks) -> None:
+        """Add matrices of elements, shape (elements, count, local, count, local)."""
         for i, j in np.ndindex(self.count, self.count):
-            middle = np.ascontiguousarray(responses[:, i, :, j]).reshape(self.table.shape)
-            self._add(self.weighted @ middle, pattern, blocks.pairs[i, j])
+            self._add(local[:, i, :, j], pattern, blocks.pairs[i, j])
 
     def add_bilinear(self, matrix: Array, pattern: Pattern, block: Array) -> None:
         """Add Lᵀ w M L, one constant M (components, components), to one block of scalars."""
@@ -483,9 +479,8 @@ class InternalOperator:
         on_strains = derivative[:q, :q]
         if self.flows and self.slopes is not None:
             blocks.internal = chained = Chained(self, derivative)
-            self.cells.add_responses(chained.on_strains(on_strains), pattern, blocks)
-            return
-        if self.flows:
+            self.cells.add_elements(chained.on_elements, pattern, blocks)
+        elif self.flows:
             blocks.internal = eliminated = Eliminated(self, derivative)
             on_strains = on_strains - eliminated.relief
         shape = (self.cells.count, self.cells.components) * 2
@@ -524,7 +519,7 @@ class Eliminated:
         own = derivative[q : q + v, q:].reshape(v, v, -1, operator.points)
         own = own + np.eye(v)[..., None, None] * slopes
         by_strains = derivative[:q, q:].reshape(q, v, -1, operator.points)
-        inverse = np.linalg.inv(own.transpose(3, 2, 1, 0))  # (points, layers, v, v)
+        inverse = np.asarray(np.linalg.inv(own.transpose(3, 2, 1, 0)))  # (points, layers, v, v)
         self.on_forces = derivative[q:, :q].transpose(2, 1, 0)  # (points, q, 2 v)
         self.flown = inverse @ by_strains.transpose(3, 2, 1, 0)  # C⁻¹ A, (points, layers, v, q)
         self.inverse, self.by_strains = points_last(inverse), points_last(self.flown)
@@ -575,6 +570,13 @@ class Eliminated:
         return self.numbered(self.freed(full, own))
 
 
+def by_unknowns(x: Array, functions: Array) -> Array:
+    """Return (points, ..., q) by derivatives of functions, shape (points, ..., count · local)."""
+    components = functions.shape[1]
+    found = x.reshape(len(x), -1, components) @ functions
+    return np.asarray(found.reshape(*x.shape[:-1], -1))
+
+
 def points_last(x: Array) -> Array:
     """Return (points, layers, v, changes) as (v, changes, layers, points)."""
     return np.ascontiguousarray(x.transpose(2, 3, 1, 0))
@@ -591,62 +593,54 @@ class Chained(Eliminated):
     ----------
     carried : ndarray, shape (v, v, layers, points of a line, lines)
         C⁻¹/h.
-    responses : ndarray, shape (points of a line, lines, layers, v, v + points of a line · q)
-        Z.
+    responses : ndarray, shape (points of a line, lines, layers, v, v + count · local)
+        Z, of s₋ and of the element's u.
+    work : ndarray, shape (lines, points of a line · 2 v, count · local)
+        Forces by S₀ and S₁ of z.
+    scale : ndarray, shape (lines, own)
+        By which the equations of s are multiplied, for entries as large as those of forces.
     """
 
     def __init__(self, operator: InternalOperator, derivative: Array) -> None:
         assert operator.slopes is not None
-        order, v, q = operator.chain.order, operator.variables, operator.strains
+        cells, order, v = operator.cells, operator.chain.order, operator.variables
         self.numbers, self.lines = order.ravel(), order.shape
         slopes = operator.slopes.diagonal()[self.numbers]
         super().__init__(operator, derivative[..., self.numbers], slopes)
         self.carried = (self.inverse * slopes).reshape(*self.inverse.shape[:3], *self.lines)
         carried = np.ascontiguousarray(self.carried.transpose(3, 4, 2, 0, 1))
-        flown = self.flown.reshape(*carried.shape[:-1], q)
-        self.responses = np.zeros((*carried.shape[:-1], v + len(order) * q))
-        before: Array = np.eye(v)
-        for i in range(len(order)):
-            known = v + i * q  # what z_i depends on besides its own strains
-            self.responses[i, ..., :known] = carried[i] @ before[..., :known]
-            self.responses[i, ..., known : known + q] = -flown[i]
+        functions = cells.by_point[self.numbers]
+        weighted = functions * cells.weights[self.numbers, None, None]
+        work = by_unknowns(self.on_forces.swapaxes(1, 2), weighted)
+        self.work = np.swapaxes(work.reshape(*self.lines, 2 * v, -1), 0, 1)
+        self.work = self.work.reshape(self.lines[1], -1, work.shape[-1])
+        flown = by_unknowns(self.flown, functions).reshape(*carried.shape[:-1], -1)
+        self.responses = np.zeros((*carried.shape[:-1], v + flown.shape[-1]))
+        np.negative(flown, out=self.responses[..., v:])
+        before: Array = np.eye(v, self.responses.shape[-1])
+        for i, there in enumerate(carried):
+            self.responses[i] += there @ before
             before = self.responses[i]
 
-    def on_strains(self, local: Array) -> Array:
-        """Return forces by u without s, (points, count, components, count, local).
-
-        ``local`` are those of each point alone, as J[j, i].
-        """
-        v, q, cells = self.operator.variables, self.operator.strains, self.operator.cells
-        flown = self.responses[..., v:].reshape(cells.points, *self.responses.shape[2:4], -1)
-        forces = self.on_strip(flown).reshape(*self.lines, q, -1, q)
-        at = local[..., self.numbers].transpose(2, 1, 0).reshape(*self.lines, q, q)
-        for i, each in enumerate(at):
-            forces[i, :, :, i] += each
-        found = np.empty((cells.points, cells.count, cells.components, cells.count, cells.local))
-        found[self.numbers] = self._by_unknowns(forces).reshape(found.shape)
-        return found
-
-    def _by_unknowns(self, by_strains: Array) -> Array:
-        """Return (..., lines, x, points of a line, q) L, shape (..., lines, x, count, local)."""
-        count, table = self.operator.cells.count, self.operator.chain.table
-        *others, x, _, _ = by_strains.shape
-        each = by_strains.reshape(*others, x, self.lines[0], count, -1)
-        each = np.moveaxis(each, -2, -4).reshape(*others, count, x, -1)
-        return np.moveaxis(each @ table, -3, -2)
+    @property
+    def on_elements(self) -> Array:
+        """Forces by u without s, shape (elements, count, local, count, local)."""
+        cells, v, lines = self.operator.cells, self.operator.variables, self.lines[1]
+        integrals = np.einsum("sl,iglvj->gisvj", self.shapes, self.responses[..., v:])
+        forces = self.work.swapaxes(1, 2) @ integrals.reshape(self.work.shape)
+        whole = forces.reshape(cells.elements, lines // cells.elements, -1).sum(axis=1)
+        return whole.reshape(-1, *(cells.count, cells.local) * 2)
 
     @property
     def values(self) -> Array:
         """Return all entries, in the order of :class:`Chain`."""
-        cells, v, (count, lines) = self.operator.cells, self.operator.variables, self.lines
-        last = self.responses[-1]
-        integrals = np.einsum("sl,iglvw->igsvwl", self.shapes, self.responses[..., :v])
-        forces = self.on_forces @ integrals.reshape(cells.points, 2 * v, -1)
-        forces = forces.reshape(count, lines, cells.count, cells.components, -1)
-        forces = np.moveaxis(forces, 0, 2).reshape(lines, cells.count, -1, self.operator.own)
-        flown = last[..., v:].swapaxes(1, 2).reshape(lines, -1, count, self.operator.strains)
-        parts = self.operator.chain.weighted @ forces, -self._by_unknowns(flown), -last[..., :v]
-        return np.concatenate([*(x.ravel() for x in parts), np.ones(lines * self.operator.own)])
+        v, lines, last = self.operator.variables, self.lines[1], self.responses[-1]
+        integrals = np.einsum("sl,iglvw->gisvwl", self.shapes, self.responses[..., :v])
+        forces = self.work.swapaxes(1, 2) @ integrals.reshape(*self.work.shape[:2], -1)
+        self.scale = np.abs(forces).max(axis=1) / self.operator.chain.largest[:, None]
+        flown = last.swapaxes(1, 2) * -self.scale.reshape(lines, v, -1, 1)
+        parts = forces, flown[..., v:], flown[..., :v], self.scale
+        return np.concatenate([x.ravel() for x in parts])
 
     def _along(self, z: Array, before: Array) -> tuple[Array, Array]:
         """Return z with what is carried on from s₋, (v, layers, lines), and s."""
@@ -660,7 +654,7 @@ class Chained(Eliminated):
         """Return what g makes of forces, (unknowns of the strip,), and of the equations of s."""
         z = self.solved(own)
         z, last = self._along(z, np.zeros((*z.shape[:2], self.lines[1])))
-        return self.gathered(z), last.ravel()
+        return self.gathered(z), last.ravel() * self.scale.T.ravel()
 
     def recovered(self, full: Array, kept: Array, own: Array) -> Array:
         """Return z, shape (own unknowns,), with s."""
@@ -682,8 +676,8 @@ class Chain:
         Numbers of the points, from the entry on.
     before : ndarray of int, shape (lines,)
         Number of the line that goes on in each, -1 at the entry.
-    table, weighted : ndarray, shapes (lines, 1, points of a line · components, local), transposed
-        L of the points of a line, and Lᵀ w.
+    largest : ndarray, shape (lines,)
+        Largest entry of L.
     rows, columns : ndarray of int
         By numbers of the strip's unknowns, s after them, variable by variable, layer by layer.
     reached : ndarray, shape (unknowns of the strip + unknowns s,)
@@ -706,24 +700,18 @@ class Chain:
         line = np.empty(points, dtype=np.int64)
         line[self.order] = np.arange(lines)
         self.before = np.where(before[order[0]] < 0, -1, line[before[order[0]]])
-        each, weights = (
-            np.moveaxis(x[self.order], 0, 1).reshape(lines, 1, -1, cells.local)
-            for x in (cells.by_point, cells.by_point * cells.weights[:, None, None])
-        )
-        self.table, self.weighted = each, np.ascontiguousarray(weights.swapaxes(2, 3))
+        self.largest = np.abs(cells.by_point[self.order]).max(axis=(0, 2, 3))
         n = cells.count * cells.sum.shape[0]
         last = n + np.arange(m * lines).reshape(m, lines).T
         carried = np.where(self.before[:, None] < 0, -1, last[self.before])
         on = cells.count * cells.dofs[element[order[0]], None].astype(np.int64)
         strip = on + np.arange(cells.count)[:, None]  # (lines, count, local)
 
-        def by_layer(numbers: Index) -> Index:
-            return numbers.reshape(lines, v, -1).swapaxes(1, 2)
-
+        by_layer = (lines, v, -1)
         entries = (
             (strip[..., None], carried[:, None, None]),
             (last[:, :, None, None], strip[:, None]),
-            (by_layer(last)[..., None], by_layer(carried)[..., None, :]),
+            (last.reshape(by_layer)[..., None], carried.reshape(by_layer).swapaxes(1, 2)[:, None]),
             (last, last),
         )
         rows, columns = zip(*(np.broadcast_arrays(*pair) for pair in entries), strict=True)
