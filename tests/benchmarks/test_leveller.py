@@ -96,3 +96,58 @@ def test_what_the_head_of_the_scene_promises(levelled):
     assert bends["r9"].elongation == pytest.approx(9.3e-4, rel=0.05)
     assert sum(b.yield_power for b in bends.values()) == pytest.approx(2960.0, rel=0.03)
     assert state.tension("entry") == pytest.approx(4.87e4, rel=0.01)
+
+
+def small_leveller(stages):
+    """Strip over five rollers, of which three bend it beyond yield and all turn 3 % too slowly."""
+    heights = {"r1": -0.02, "r2": 0.018, "r3": -0.0183, "r4": 0.0186, "r5": -0.02}
+    rollers = [
+        {
+            "name": name, "radius": 0.02, "centre": [0.05 * i, 0.0, z],
+            "wrap": "under" if z > 0.0 else "over",
+        }
+        for i, (name, z) in enumerate(heights.items())
+    ]  # fmt: skip
+    turning = {name: {"surface_speed": 0.97} for name in heights}
+    flow = {"exponent": 21, "reference_rate": 0.3, "layers": 11}
+    tables = {
+        "strip": {
+            "kinematics": "section", "width": 1.0, "thickness": THICKNESS,
+            "bending": "kirchhoff-love", "refined": 2e-3, "cells": [275, 1],
+        },
+        "material": {"young": YOUNG, "poisson": POISSON, "yield_stress": 3e8, "plasticity": flow},
+        "contact": {},
+        "friction": {"coefficient": 0.1},
+        "rollers": rollers,
+        "threading": {"tension": 6e4, "entry": [-0.25, 0.0, 0.0], "exit": [0.3, 0.0, 0.0]},
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [stages[0] | {"rollers": turning}, *stages[1:]],
+        "solver": {"tolerance": 1e-3, "max_tangents": 1500},
+    }  # fmt: skip
+    return Scene.from_tables(tables, "leveller.toml").run()
+
+
+def curls(state):
+    """Mean curl (1/m) of the strip behind each of the last four rollers, and T (N/m) before all."""
+    layers, contacts = YieldedStrip.of(state), state.contacts
+    begin, weights = layers.strip.mesh.p[0].min(), layers.strip.weights().ravel()
+    middles = [contacts[f"r{i}"].middle - begin for i in range(2, 6)]
+    spans = zip(middles, [*middles[1:], middles[-1] + 0.05], strict=True)
+    free = [(layers.x > a + 0.012) & (layers.x < b - 0.012) for a, b in spans]
+    left = [np.average(layers.residual_curvature[0, on], weights=weights[on]) for on in free]
+    return [*left, state.tension("entry")]
+
+
+@pytest.mark.slow
+def test_a_march_in_time_leaves_the_curls_of_the_stationary_state(claim):
+    """Once strip that yielded before the march began has left; nodes that pass make it ripple."""
+    *_, steady = small_leveller([{"steady": True, "strip": {"speed": 1.0}}])
+    pulled = {"entry": {"velocity": [1.0, 0.0, 0.0]}, "exit": {"tension": 6e4}}
+    run = small_leveller([{"duration": 0.005, **pulled}, {"name": "on", "duration": 0.205}])
+    times, found = zip(*((step.time, curls(step.state)) for step in run), strict=True)
+    *marched, tension = np.mean(np.array(found)[np.array(times) > times[-1] - 0.01], axis=0)
+    *conveyed, pull = curls(steady.state)
+    for i, (left, expected) in enumerate(zip(marched, conveyed, strict=True), 2):
+        told = f"curl behind r{i} of a leveller of five rollers that is marched in time (1/m)"
+        claim(told, left, expected, 0.02 * max(conveyed) / abs(expected), "its stationary state")
+    assert tension == pytest.approx(pull, rel=0.01)
