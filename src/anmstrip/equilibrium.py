@@ -411,17 +411,17 @@ class EquilibriumSeries:
         """Return the tangent whose points have unknowns of their own."""
         model = self.model
 
-        def condensed(right: Array, own: Array) -> Array:
-            total, (forces, kept) = np.zeros(model.coupled), part.reduced(own)
+        def condensed(right: Array, solved: Array) -> Array:
+            total, (forces, kept) = np.zeros(model.coupled), part.reduced(solved)
             total[: len(forces)] = forces
             return np.concatenate([right - model.closed(total)[coupled], kept])
 
-        def recovered(x: Array, own: Array) -> Array:
+        def recovered(x: Array, solved: Array) -> Array:
             full = np.zeros(model.coupled)
             full[coupled] = x[: len(coupled)]
-            return part.recovered(full, x[len(coupled) :], own)
+            return part.recovered(full, x[len(coupled) :], solved)
 
-        return Condensed(matrix, len(coupled), condensed, recovered)
+        return Condensed(matrix, len(coupled), part.solved, condensed, recovered)
 
     def _changes(self, u: Array, control: float) -> tuple[Array, Array | None]:
         change = self.equations.supports.change(u, control)

@@ -188,9 +188,15 @@ def test_reversals_do_not_stall_and_cost_like_the_logarithm_of_the_exponent(kind
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("exponent", "tangents"), [(5, 44), (21, 63), (51, 90), (101, 104)])
-def test_ten_cycles_take_the_tangents_that_the_documentation_tells(exponent, tangents):
-    piece = Piece(exponent, 0.2, tolerance=1e-3)
+@pytest.mark.parametrize(
+    ("kind", "exponent", "tangents"),
+    [
+        *((Piece, n, count) for n, count in ((5, 44), (21, 63), (51, 90), (101, 104))),
+        *((ShellPiece, n, count) for n, count in ((5, 44), (21, 52), (51, 64), (101, 74))),
+    ],
+)
+def test_ten_cycles_take_the_tangents_that_the_documentation_tells(kind, exponent, tangents):
+    piece = kind(exponent, 0.2, layers=11 if kind is Piece else 7, tolerance=1e-3)
     assert len(list(piece.bent(4.0, *([-4.0, 4.0] * 10)))) == 21
     assert np.mean(piece.tangents[1:]) == pytest.approx(tangents, rel=0.03)
 

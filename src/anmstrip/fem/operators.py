@@ -540,11 +540,10 @@ class Eliminated:
         each = own.reshape(self.operator.variables, -1, self.operator.points)[..., self.numbers]
         return np.einsum("vwlp,wlp->vlp", self.inverse, each)
 
-    def freed(self, full: Array, own: Array) -> Array:
-        """Return C⁻¹ (g − A L u), shape (v, layers, points)."""
+    def freed(self, full: Array, solved: Array) -> Array:
+        """Return C⁻¹ (g − A L u), shape (v, layers, points), from C⁻¹ g."""
         strains = self.operator.cells.apply(full).reshape(self.operator.strains, -1)
-        change = np.einsum("vqlp,qp->vlp", self.by_strains, strains[:, self.numbers])
-        return self.solved(own) - change
+        return solved - np.einsum("vqlp,qp->vlp", self.by_strains, strains[:, self.numbers])
 
     def gathered(self, z: Array) -> Array:
         """Return Lᵀ w B z, shape (unknowns of the strip,)."""
@@ -560,14 +559,14 @@ class Eliminated:
         found[..., self.numbers] = z
         return found.ravel()
 
-    def reduced(self, own: Array) -> tuple[Array, Array]:
+    def reduced(self, solved: Array) -> tuple[Array, Array]:
         """Return Lᵀ w B C⁻¹ g, (unknowns of the strip,), and what is left of g: nothing."""
-        return self.gathered(self.solved(own)), np.zeros(0)
+        return self.gathered(solved), np.zeros(0)
 
-    def recovered(self, full: Array, kept: Array, own: Array) -> Array:
+    def recovered(self, full: Array, kept: Array, solved: Array) -> Array:
         """Return z = C⁻¹ (g − A L u), shape (own unknowns,)."""
         del kept
-        return self.numbered(self.freed(full, own))
+        return self.numbered(self.freed(full, solved))
 
 
 def by_unknowns(x: Array, functions: Array) -> Array:
@@ -642,25 +641,25 @@ class Chained(Eliminated):
         parts = forces, flown[..., v:], flown[..., :v], self.scale
         return np.concatenate([x.ravel() for x in parts])
 
-    def _along(self, z: Array, before: Array) -> tuple[Array, Array]:
-        """Return z with what is carried on from s₋, (v, layers, lines), and s."""
+    def _along(self, z: Array, before: Array | None = None) -> Array:
+        """Return z with what is carried on, also from s₋ if there is any, (v, layers, lines)."""
         each = z.reshape(*z.shape[:2], *self.lines)
-        for i in range(len(self.operator.chain.order)):
-            each[:, :, i] += np.einsum("vwlg,wlg->vlg", self.carried[:, :, :, i], before)
+        for i in range(self.lines[0]):
+            if before is not None:
+                each[:, :, i] += np.einsum("vwlg,wlg->vlg", self.carried[:, :, :, i], before)
             before = each[:, :, i]
-        return z, before
+        return z
 
-    def reduced(self, own: Array) -> tuple[Array, Array]:
+    def reduced(self, solved: Array) -> tuple[Array, Array]:
         """Return what g makes of forces, (unknowns of the strip,), and of the equations of s."""
-        z = self.solved(own)
-        z, last = self._along(z, np.zeros((*z.shape[:2], self.lines[1])))
-        return self.gathered(z), last.ravel() * self.scale.T.ravel()
+        z = self._along(solved.copy())
+        return self.gathered(z), z[..., -self.lines[1] :].ravel() * self.scale.T.ravel()
 
-    def recovered(self, full: Array, kept: Array, own: Array) -> Array:
+    def recovered(self, full: Array, kept: Array, solved: Array) -> Array:
         """Return z, shape (own unknowns,), with s."""
-        before, last = self.operator.chain.before, kept.reshape(*self.inverse.shape[1:3], -1)
+        before, last = self.operator.chain.before, kept.reshape(*solved.shape[:2], -1)
         start = np.where(before < 0, 0.0, last[..., before])
-        return self.numbered(self._along(self.freed(full, own), start)[0])
+        return self.numbered(self._along(self.freed(full, solved), start))
 
 
 class Chain:

@@ -175,16 +175,18 @@ class Condensed:
 
     inner: Any  # A − B D⁻¹ C, sparse or bordered; of unknowns z that are kept, joined with theirs
     count: int  # of u
-    condensed: Callable[[Array, Array], Array]  # f and g to the right-hand side of ``inner``
-    recovered: Callable[[Array, Array], Array]  # solution of ``inner`` and g to z
+    solved: Callable[[Array], Array]  # g to D⁻¹ g
+    condensed: Callable[[Array, Array], Array]  # f and D⁻¹ g to the right-hand side of ``inner``
+    recovered: Callable[[Array, Array], Array]  # solution of ``inner`` and D⁻¹ g to z
 
     def factorised(self, factorise: Callable[[Any], Factors]) -> Factors:
         """Return factors of K from those of the condensed matrix."""
         inner, n = factorise(self.inner), self.count
 
         def solve(right: Array) -> Array:
-            x = inner.solve(self.condensed(right[:n], right[n:]))
-            return np.concatenate([x[:n], self.recovered(x, right[n:])])
+            solved = self.solved(right[n:])
+            x = inner.solve(self.condensed(right[:n], solved))
+            return np.concatenate([x[:n], self.recovered(x, solved)])
 
         return Factors(solve, lambda: inner.negatives)
 
