@@ -57,7 +57,7 @@ def test_what_could_be_told_before_is_told(tmp_path: Path) -> None:
 
 def test_a_tolerance_near_round_off(tmp_path: Path) -> None:
     """Twenty times what the last digit is worth; it is as small as can be reached."""
-    message, _ = stopped(scenes.LIFTED, tmp_path, "solver.tolerance=1e-11")
+    message, _ = stopped(scenes.LIFTED, tmp_path, "solver.tolerance=2e-12")
     found = re.search(r"worth (\S+) of the forces. Try --set solver.tolerance=(\S+)", message)
     assert found is not None
     worth, proposed = float(found[1]), float(found[2])
