@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import Cost, Equations, Outcome, PathStopped
+from anmstrip.continuation.equations import Cost, Equations, Outcome, PathStopped, Recurrence
 from anmstrip.continuation.follow import Pace, PathStep, Settings
 from anmstrip.continuation.path import Branch, predicted
 from anmstrip.linalg.direct import Factors, SingularTangentError
@@ -106,12 +107,15 @@ class Newton:
             residual = self.equations.residual(u, control)
             return residual, self.equations.imbalance(residual)
 
+    def _recurrence(self, u: Array, control: float) -> Recurrence:
+        return self.equations.recurrence(u, control, 1)
+
     def _factors(self, u: Array, control: float) -> Factors | None:
         """Factors of the tangent, or None if it is singular or no more are allowed."""
         if self.cost.expansions >= self.cost.most:
             return None
         with self.cost.timed("tangent"):
-            matrix = self.equations.recurrence(u, control, 1).tangent()
+            matrix = self._recurrence(u, control).tangent()
         self.cost.expansions += 1
         self.cost.factorisations += 1
         try:
@@ -119,6 +123,9 @@ class Newton:
                 return self.solver.factorise(matrix)
         except SingularTangentError:
             return None
+
+
+Iteration = Callable[[Equations, LinearSolver, Corrections, Cost], Newton]
 
 
 def narrowed(
@@ -188,6 +195,7 @@ def load_steps(
     start: float = 0.0,
     target: float = 1.0,
     cost: Cost | None = None,
+    iteration: Iteration = Newton,
 ) -> Iterator[Corrected]:
     """Yield converged states on the way from (u, start) to the control ``target``.
 
@@ -201,7 +209,7 @@ def load_steps(
         If load steps have become too short, or no more tangents are allowed.
     """
     settings, cost = settings or LoadSteps(), Cost() if cost is None else cost
-    iteration = Newton(equations, solver, settings, cost)
+    newton = iteration(equations, solver, settings, cost)
     past, whole = [(start, u)], target - start
     size = settings.first * whole
     while past[0][0] != target:
@@ -209,7 +217,7 @@ def load_steps(
         last = abs(size) >= abs(target - control) * (1.0 - 1e-9)
         aim = target if last else control + size
         times, states = zip(*past, strict=True)
-        found = iteration.corrected(predicted(times, states, aim), aim)
+        found = newton.corrected(predicted(times, states, aim), aim)
         if found is None:
             size = 0.5 * (aim - control)
             if cost.expansions >= cost.most:
@@ -232,6 +240,7 @@ class NewtonPath:
 
     steps: LoadSteps = QUICK_STEPS
     own: bool = True  # whether ``steps`` says what is accepted, instead of the path's settings
+    iteration: Iteration = Newton  # that corrects a state
 
     def __call__(
         self,
@@ -251,13 +260,13 @@ class NewtonPath:
             steps = replace(steps, tolerance=settings.tolerance)
         control = start if pace is None else pace.control
         if (guess := equations.unaccelerated()) is not None:
-            found = Newton(equations, solver, steps, cost).corrected(guess, target)
+            found = self.iteration(equations, solver, steps, cost).corrected(guess, target)
             if found is None:
                 raise PathStopped(Outcome.STALLED, control, "Newton's method does not converge")
             yield straight_step(u, control, found)
             return
-        ends = {"start": control, "target": target}
-        for found in load_steps(equations, u, solver=solver, settings=steps, cost=cost, **ends):
+        given: dict[str, Any] = {"start": control, "target": target, "iteration": self.iteration}
+        for found in load_steps(equations, u, solver=solver, settings=steps, cost=cost, **given):
             yield straight_step(u, control, found)
             u, control = found.u, found.control
 
