@@ -1,9 +1,9 @@
 """Series beside Newton's method, on the same equations, to the same final error.
 
 Newton's method is given what is known to help, one thing after the other: a guess from the last
-three states, a line search, steps as long as they converge, tangents that are kept.  In time both
-follow the same backward differences with the same error control; only the path of each step
-differs.
+three states, a line search, steps as long as they converge, tangents that are kept; and stress and
+pressure as unknowns of points' own, which need no line search.  In time both follow the same
+backward differences with the same error control; only the path of each step differs.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,12 +24,21 @@ from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import SparseSolver
 from cantilever import cantilever, tip
 from harness import Cell, Report, Sheet, main
+from newton_methods import Mixed, Own
 from strips import capstan, pressed, threaded
 
 PLAIN = LoadSteps(tolerance=1e-6)
 GUESSED = replace(PLAIN, degree=2)
 SEARCHED = replace(GUESSED, halvings=8)
 LONG = replace(SEARCHED, wanted=12, most=40)
+STRAIGHT = replace(PLAIN, degree=1)
+AT_ONCE = replace(PLAIN, first=1.0, most=50)
+
+
+def mixed(steps: LoadSteps, *, stress: bool = True, pressure: bool = True) -> NewtonPath:
+    """Newton's method with unknowns of points' own."""
+    return NewtonPath(steps, iteration=partial(Mixed, own=Own(stress, pressure)))
+
 
 METHODS: dict[str, PathSolver] = {
     "series": follow,
@@ -38,8 +48,14 @@ METHODS: dict[str, PathSolver] = {
     "+ long steps": NewtonPath(LONG),
     "+ tangents kept": NewtonPath(replace(LONG, kept=0.05)),
     "+ loose": NewtonPath(replace(LONG, kept=0.05, tolerance=1e-4)),
+    "independent stress": mixed(SEARCHED, pressure=False),
+    "primal-dual contact": mixed(GUESSED, stress=False),
+    "both": mixed(GUESSED),
+    "both, straight guess": mixed(STRAIGHT),
+    "the same, loose": mixed(replace(STRAIGHT, tolerance=1e-4)),
 }
-"""Every line has what the ones before have."""
+"""Every line with + has what the ones before have; those of points' own unknowns have the guess,
+and, with contact as it was, the line search."""
 
 FAR: dict[str, PathSolver] = {
     **METHODS,
@@ -50,7 +66,8 @@ and end elsewhere."""
 
 BENT: dict[str, PathSolver] = {
     **{name: METHODS[name] for name in ("series", "Newton", "+ guess")},
-    "at once": NewtonPath(replace(PLAIN, first=1.0, most=50)),
+    "at once": NewtonPath(AT_ONCE),
+    "independent stress": mixed(AT_ONCE),
 }
 """For the cantilever: its imbalance has to grow before it falls, so a line search only delays."""
 
@@ -100,7 +117,8 @@ def study(quick: bool = False) -> Report:
         "threaded": of_scene(lambda eps: threaded(*mesh, eps), _tension_ratio),
     }
     for name in ("cantilever", "press, section", "capstan, section"):
-        problems[name](follow, TOLERANCE)  # kernels are compiled once: that is not timed
+        for by in (follow, mixed(STRAIGHT)):  # kernels are compiled once: that is not timed
+            problems[name](by, TOLERANCE)
     rows = [row for name, problem in problems.items() for row in _rows(name, problem)]
     return Report(
         name="newton",

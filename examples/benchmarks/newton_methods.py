@@ -14,14 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.continuation.equations import (
-    Cost,
-    Equations,
-    Outcome,
-    PathStopped,
-    Recurrence,
-    inner,
-)
+from anmstrip.continuation.equations import Cost, Equations, Outcome, PathStopped, Recurrence, inner
 from anmstrip.continuation.newton import Corrected, Newton
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.fem.operators import Blocks, Pattern
@@ -257,9 +250,7 @@ class Mixed(Newton):
         own.latest = full, pressure
         return series
 
-    def _linearise(
-        self, series: Any, law: ContactLaw, pressure: Array, state: State
-    ) -> None:
+    def _linearise(self, series: Any, law: ContactLaw, pressure: Array, state: State) -> None:
         """Let the roller's tractions be those of a law linearised at the pressures of all pairs."""
         controls, own = self.equations.controls, self.own
         gap, slope = tangent_of(law, pressure)

@@ -13,9 +13,11 @@ from anmstrip.continuation.follow import follow
 from anmstrip.continuation.newton import Corrections, LoadSteps, Newton, NewtonPath, load_steps
 from anmstrip.driver.run import Run
 from anmstrip.linalg.solvers import DenseSolver
+from anmstrip.mechanics.laws import GradedSignorini, RepulsiveSignorini
 from function_equations import FunctionEquations
 from harness import run
-from newton import LONG, PLAIN, study
+from newton import AT_ONCE, LONG, PLAIN, STRAIGHT, bent, graded, mixed, study
+from newton_methods import tangent_of
 from strips import capstan, pressed
 
 
@@ -59,10 +61,37 @@ def reading(scene, method):
     "scene", [pressed("section", 2, 0.1, 1e-5), capstan("section", 2, 0.1, 1e-4)]
 )
 def test_a_run_by_newton_ends_where_one_by_series_does(scene):
-    force, ratio, _ = reading(scene, NewtonPath(LONG))
-    expected = reading(scene, follow)
-    assert force == pytest.approx(expected[0], rel=1e-5)
-    assert ratio == pytest.approx(expected[1], rel=1e-5)
+    expected, tangents = reading(scene, follow), {}
+    for name, method in {"long": NewtonPath(LONG), "mixed": mixed(STRAIGHT)}.items():
+        force, ratio, tangents[name] = reading(scene, method)
+        assert force == pytest.approx(expected[0], rel=1e-5)
+        assert ratio == pytest.approx(expected[1], rel=1e-5)
+    assert tangents["mixed"] < 0.75 * tangents["long"]
+
+
+@pytest.mark.parametrize("graded_too", [False, True])
+def test_a_foretold_pressure_saves_factorisations(graded_too):
+    scene = pressed("section", 2, 0.1, 1e-3)
+    scene = graded(scene) if graded_too else scene
+    without = reading(scene, mixed(STRAIGHT, pressure=False))
+    foretold = reading(scene, mixed(STRAIGHT))
+    assert foretold[0] == pytest.approx(without[0], rel=1e-5)
+    assert foretold[2] < 0.6 * without[2]
+
+
+def test_a_foretold_stress_saves_factorisations():
+    best, foretold = (bent(by, 1e-6, 8) for by in (NewtonPath(AT_ONCE), mixed(AT_ONCE)))
+    assert foretold.value == pytest.approx(best.value, rel=1e-8)
+    assert foretold.cost.factorisations < 0.5 * best.cost.factorisations
+
+
+@pytest.mark.parametrize("law", [GradedSignorini(2e4, 4e-5), RepulsiveSignorini(1e10, 10.0, 1e-3)])
+def test_a_law_is_linearised_at_its_pressure(law):
+    pressure = np.array([1e-3, 1.0, 1e5])
+    gap, slope = tangent_of(law, pressure)
+    assert law(gap) == pytest.approx(pressure, rel=1e-9)
+    step = 1e-5 * pressure / slope
+    assert (law(gap - step) - law(gap + step)) / (2.0 * step) == pytest.approx(slope, rel=1e-6)
 
 
 @pytest.mark.slow
@@ -78,7 +107,7 @@ def test_the_study(tmp_path: Path) -> None:
     assert "python examples/benchmarks/newton.py --quick" in report
     for problem in ("cantilever", "press, section", "press, shell", "capstan, shell"):
         lines = [line for line in report.splitlines() if line.startswith(f"| {problem} |")]
-        assert len(lines) == (5 if problem == "cantilever" else 8)
+        assert len(lines) == (6 if problem == "cantilever" else 13)
         errors = [float(line.split("|")[-2]) for line in lines[:-1]]
         assert max(errors) < 1e-3
 

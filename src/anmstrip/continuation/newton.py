@@ -126,6 +126,7 @@ class Newton:
 
 
 Iteration = Callable[[Equations, LinearSolver, Corrections, Cost], Newton]
+"""Newton's iteration, or one that does better in its place."""
 
 
 def narrowed(
@@ -182,8 +183,8 @@ class LoadSteps(Corrections):
 
 
 QUICK_STEPS = LoadSteps(degree=2, halvings=8, wanted=12, most=40, kept=0.05)
-"""The choices that take the fewest factorisations on graded contact, section and shell
-(``examples/benchmarks/newton.py``)."""
+"""The choices that take the fewest factorisations on graded contact, section and shell, of those
+with displacements as the only unknowns (``examples/benchmarks/newton.py``)."""
 
 
 def load_steps(
