@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.continuation.equations import Cost, Equations, Outcome, PathStopped, Recurrence, inner
-from anmstrip.continuation.newton import Corrected, Newton
+from anmstrip.continuation.follow import Pace, PathStep, Settings, follow
+from anmstrip.continuation.newton import Corrected, Corrections, Newton, straight_step
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.fem.operators import Blocks, Pattern
 from anmstrip.fem.sampling import remembered
@@ -323,6 +324,47 @@ class ForetoldStress(EffectSeries):
         forces = -0.5 * np.einsum("abcd,icp,idp->abp", stiffness, moved, moved)
         derivative = np.einsum("ij,bap->jbiap", np.eye(pattern.count), forces)
         operator.add_tangent(derivative, pattern, blocks)
+
+
+@dataclass(frozen=True)
+class ByWayOf:
+    """Series on another law of contact where nothing depends on time; their end is corrected.
+
+    In the place of :func:`~anmstrip.continuation.follow.follow`; a path is one step.
+    """
+
+    law: ContactLaw
+    last: Corrections
+
+    def __call__(
+        self,
+        equations: Equilibrium,
+        u: Array,
+        *,
+        solver: LinearSolver,
+        settings: Settings,
+        start: float = 0.0,
+        target: float = 1.0,
+        pace: Pace | None = None,
+        cost: Cost | None = None,
+    ) -> Iterator[PathStep]:
+        """Yield the steps of the path from (u, start) to the control ``target``."""
+        cost, model = cost or Cost(), equations.model
+        ways = {"solver": solver, "settings": settings, "start": start, "target": target}
+        if equations.velocity is not None:
+            yield from follow(equations, u, pace=pace, cost=cost, **ways)
+            return
+        effects = [
+            replace(e, signorini=self.law, reach=np.inf) if isinstance(e, Contact) else e
+            for e in model.effects
+        ]
+        graded = Equilibrium(model.with_effects(effects), equations.supports, equations.controls)
+        *_, step = follow(graded, u, cost=cost, **ways)
+        end = step.branch.end[0]
+        found = Mixed(equations, solver, self.last, cost).corrected(end, target)
+        if found is None:
+            raise PathStopped(Outcome.STALLED, target, "Newton's method does not converge")
+        yield straight_step(u, start, found)
 
 
 # steps of time ---------------------------------------------------------------------
