@@ -17,7 +17,7 @@ from anmstrip.mechanics.laws import GradedSignorini, RepulsiveSignorini
 from function_equations import FunctionEquations
 from harness import run
 from newton import AT_ONCE, LONG, PLAIN, STRAIGHT, bent, graded, mixed, study
-from newton_methods import tangent_of
+from newton_methods import ByWayOf, tangent_of
 from strips import capstan, pressed
 
 
@@ -77,6 +77,15 @@ def test_a_foretold_pressure_saves_factorisations(graded_too):
     foretold = reading(scene, mixed(STRAIGHT))
     assert foretold[0] == pytest.approx(without[0], rel=1e-5)
     assert foretold[2] < 0.6 * without[2]
+
+
+def test_a_penalty_by_way_of_graded_contact_ends_where_the_penalty_does():
+    scene = pressed("section", 2, 0.1, 1e-3)
+    law = Run(graded(scene)).march.assembly.signorini
+    exact = reading(scene, NewtonPath(LONG))
+    found = reading(scene, ByWayOf(law, PLAIN))
+    assert found[0] == pytest.approx(exact[0], rel=1e-6)
+    assert found[2] < 0.6 * reading(scene, follow)[2]
 
 
 def test_a_foretold_stress_saves_factorisations():
