@@ -598,6 +598,8 @@ class Chained(Eliminated):
         Forces by S₀ and S₁ of z.
     scale : ndarray, shape (lines, own)
         By which the equations of s are multiplied, for entries as large as those of forces.
+    values : ndarray
+        All entries, in the order of :class:`Chain`.
     """
 
     def __init__(self, operator: InternalOperator, derivative: Array) -> None:
@@ -620,6 +622,13 @@ class Chained(Eliminated):
         for i, there in enumerate(carried):
             self.responses[i] += there @ before
             before = self.responses[i]
+        lines = self.lines[1]
+        integrals = np.einsum("sl,iglvw->gisvwl", self.shapes, self.responses[..., :v])
+        forces = self.work.swapaxes(1, 2) @ integrals.reshape(*self.work.shape[:2], -1)
+        self.scale = np.abs(forces).max(axis=1) / operator.chain.largest[:, None]
+        last = before.swapaxes(1, 2) * -self.scale.reshape(lines, v, -1, 1)
+        parts = forces, last[..., v:], last[..., :v], self.scale
+        self.values = np.concatenate([x.ravel() for x in parts])
 
     @property
     def on_elements(self) -> Array:
@@ -629,17 +638,6 @@ class Chained(Eliminated):
         forces = self.work.swapaxes(1, 2) @ integrals.reshape(self.work.shape)
         whole = forces.reshape(cells.elements, lines // cells.elements, -1).sum(axis=1)
         return whole.reshape(-1, *(cells.count, cells.local) * 2)
-
-    @property
-    def values(self) -> Array:
-        """Return all entries, in the order of :class:`Chain`."""
-        v, lines, last = self.operator.variables, self.lines[1], self.responses[-1]
-        integrals = np.einsum("sl,iglvw->gisvwl", self.shapes, self.responses[..., :v])
-        forces = self.work.swapaxes(1, 2) @ integrals.reshape(*self.work.shape[:2], -1)
-        self.scale = np.abs(forces).max(axis=1) / self.operator.chain.largest[:, None]
-        flown = last.swapaxes(1, 2) * -self.scale.reshape(lines, v, -1, 1)
-        parts = forces, flown[..., v:], flown[..., :v], self.scale
-        return np.concatenate([x.ravel() for x in parts])
 
     def _along(self, z: Array, before: Array | None = None) -> Array:
         """Return z with what is carried on, also from s₋ if there is any, (v, layers, lines)."""

@@ -267,9 +267,9 @@ class Joined:
 
 
 WIDEST_BAND = 550
-"""Half bandwidth above which SuperLU is faster than the band LU (measured): at 515, forty elements
-across, they take as long, the Cholesky factors of a band a third of that, and the time of a band
-grows with the unknowns where that of SuperLU grows with their power 1.26."""
+"""Half bandwidth above which SuperLU is faster than the band LU: at 515, forty elements across, an
+expansion on 25 000, 49 000 and 99 000 unknowns takes 0.94, 1.86 and 4.02 s by band, 1.07, 2.68 and
+6.01 s by SuperLU; at 755 factors that are made once take as long."""
 
 WIDEST_BEFORE_PARDISO = 200
 """The same for PARDISO (measured)."""

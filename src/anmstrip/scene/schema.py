@@ -456,19 +456,20 @@ def inner_tables(field: FieldInfo) -> list[type[BaseModel]]:
     return [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)]
 
 
-def keys_of(table: type[BaseModel], key: str) -> Iterator[str]:
+def keys_of(table: type[BaseModel], key: str, outermost: bool = True) -> Iterator[str]:
     """Yield where a key may stand in the tables below a model: ``[[stages]] rollers.NAME.torque``.
 
     Names of edges stand beside the other keys of a stage.
     """
     for name, field in table.model_fields.items():
-        kind, outermost = get_origin(field.annotation), table.__name__ == "Scene"
-        title = "NAME" if name == "edges" and not outermost else name + ".NAME" * (kind is dict)
+        kind = get_origin(field.annotation)
         if outermost:
-            title = f"[[{name}]]" if kind is tuple else f"[{title}]"
+            title = f"[[{name}]] " if kind is tuple else f"[{name}{'.NAME' * (kind is dict)}] "
+        else:
+            title = "NAME." if name == "edges" else f"{name}.{'NAME.' * (kind is dict)}"
         for inner in inner_tables(field):
-            found = [key] * (key in inner.model_fields) + list(keys_of(inner, key))
-            yield from (f"{title}{' ' if outermost else '.'}{each}" for each in found)
+            found = [key] * (key in inner.model_fields) + list(keys_of(inner, key, False))
+            yield from (title + each for each in found)
 
 
 class Place(NamedTuple):

@@ -393,7 +393,7 @@ def gather(starts, places, entries, forces, total, rows, count, stride):
 
 
 @compiled
-def strained(middle, t, weights, derivative, j, i, first):
+def set_stresses(middle, t, weights, derivative, j, i, first):
     """Set rows (q, a) to Σ_b w_q J[j, b, i, a] B_b at the points q of an element from ``first``."""
     k, functions = derivative.shape[1], t.shape[1]
     for q in range(weights.shape[0]):
@@ -433,7 +433,7 @@ def assemble(table, weights, derivative, places, pairs, middle, local, sizes):
         t, place = table[e], places[e]
         for j in range(m):
             for i in range(j if symmetric else 0, m):
-                strained(middle, t, weights[e], derivative, j, i, e * points)
+                set_stresses(middle, t, weights[e], derivative, j, i, e * points)
                 for f in range(functions):
                     fill(local, 0.0)
                     r = 0
