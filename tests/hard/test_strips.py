@@ -90,7 +90,8 @@ def test_tension_lowered_to_nothing(level: str) -> None:
     """D11: arc, line, and a little below zero: no crash, and one outcome if it ends there.
 
     Beyond the limit point the strip swings freely, and how far its path goes to and fro before it
-    is back where the stage began, after 1 126 tangents on the shell, is a matter of round-off.
+    is back where the stage began is a matter of round-off: after 141 tangents on the shell, or
+    1 126, or not within 2 800.
     """
     trial = strips.lowered(level)
     assert trial.outcome == "done" or trial.outcome.startswith("Stopped in stage less")

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.sparse.linalg import ArpackError
 from threaded import ONE, ended, scene_of
 
 from anmstrip.driver.explain import explain
@@ -195,3 +196,26 @@ def test_section_does_not_pay(tmp_path, monkeypatch):
     for _ in pressed(0.5, kinematics="section").run(tmp_path):
         pass
     assert not json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["warnings"]
+
+
+def test_modes_that_are_not_found_end_no_run(tmp_path, monkeypatch):
+    """Past buckling as if the strip were perfect, where ARPACK gives up; it is told how often."""
+
+    def failing(*given, **ways):
+        raise ArpackError(3)
+
+    scene = pressed(1.2)
+    assert any(told["kind"] == "wrinkles" for told in run_of(scene, tmp_path / "found").wrinkles)
+    monkeypatch.setattr("anmstrip.results.wrinkles.eigsh", failing)
+    run = run_of(scene, tmp_path / "missed")
+    assert run.outcome.done
+    assert run.wrinkles == []
+    assert run.onsets is not None
+    sentence = f"Buckling modes were not found in {run.onsets.missed} states"
+    assert any(told.startswith(sentence) for told in run.warnings)
+
+
+def run_of(scene, directory):
+    run = scene.run(directory)
+    list(run)
+    return run

@@ -383,7 +383,7 @@ class Run:
                 facts["sensitivities"] = sensitivities(state, own, hanging)
             if self.assembly.kinematics is SHELL:
                 wrinkling = Wrinkling(state)
-                self.warnings += wrinkling.warnings
+                self.warnings += wrinkling.warnings + (self.onsets.warnings if self.onsets else [])
                 height, spacing = wrinkling.wave(self.recorder.surface) or (None, None)
                 facts |= {"wrinkle_amplitude": height, "wrinkle_spacing": spacing}
                 facts["compressive_membrane_force"] = wrinkling.compression

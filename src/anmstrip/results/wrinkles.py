@@ -19,13 +19,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
-from scipy.sparse.linalg import LinearOperator, eigs, eigsh
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.fem.operators import Blocks, CellOperator, Pattern
 from anmstrip.fem.sampling import l2_projection, quadrature_points, shape_of
+from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.linalg.solvers import Bordered, LinearSolver, SparseSolver
 from anmstrip.mechanics.shell import Membrane, eigenstrain, principal
 from anmstrip.results.fields import FieldSampler
@@ -472,12 +473,14 @@ class WrinkleWatch:
         Of the last state, ascending, if it was looked at; those of nothing else are near 1.
     last : float
         Lowest factor times share of what is borne, where it was looked at last.
+    missed : int
+        States in which the modes were not found.
     """
 
     def __init__(self, cost: Cost) -> None:
         self.cost, self.solver = cost, SparseSolver()
         self.plan: StageProblem | None = None
-        self.factors, self.last = np.zeros(0), 0.0
+        self.factors, self.last, self.missed = np.zeros(0), 0.0, 0
 
     def during(self, state: State) -> list[Onset]:
         """Return the onsets on the branch that ends in a state, in their order.
@@ -511,15 +514,33 @@ class WrinkleWatch:
                     factors = at(a)[0]
                     return level / float(factors[number]) - 1.0 if number < len(factors) else -1.0
 
+                if excess(0.0) * excess(length) > 0.0:  # modes are missed at one end
+                    continue
                 a = float(brentq(excess, 0.0, length, xtol=DATED * length, rtol=DATED))
                 factors, modes = at(a)
-                nearest = int(np.abs(factors - level).argmin())
-                if abs(factors[nearest] - level) < SHARP:  # no birth of a complex pair
+                distance = np.abs(factors - level)
+                if distance.min(initial=np.inf) < SHARP:  # no birth of a complex pair
+                    nearest = int(distance.argmin())
                     here = state.inside(a)
                     found.append((a, Onset(here, flattened(here, modes[:, nearest]), kind)))
         return [onset for _, onset in sorted(found, key=lambda each: each[0])]
 
     def _modes(self, state: State) -> tuple[Array, Array]:
+        """Return factors and modes; none where K + G is singular or ARPACK gives up."""
         self.cost.factorisations += 1
-        with self.cost.timed("wrinkles"):
-            return buckling(state, LOOKED_AT, self.solver)
+        try:
+            with self.cost.timed("wrinkles"):
+                return buckling(state, LOOKED_AT, self.solver)
+        except (SingularTangentError, ArpackError):
+            self.missed += 1
+            return np.zeros(0), np.zeros((0, 0))
+
+    @property
+    def warnings(self) -> list[str]:
+        """Sentence about the states in which there were no modes to be found."""
+        if not self.missed:
+            return []
+        return [
+            f"Buckling modes were not found in {self.missed} states, as in strip without tension: "
+            "wrinkles that begin there are not reported."
+        ]
