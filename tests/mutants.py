@@ -109,15 +109,15 @@ STATE = (
         "rollers",
     ),
     Mutant(
-        "state inside a step on another parabola",
-        "u + s * (change - (1.0 - s) * curved)",
-        "u + s * (change - 0.9 * (1.0 - s) * curved)",
+        "state inside a step on another polynomial",
+        "return value_at(self.series, s), ",
+        "return value_at(self.series, s * (1.1 - 0.1 * s)), ",
         "events",
     ),
     Mutant(
         "velocity inside a step is its mean",
-        "(change + (2.0 * s - 1.0) * curved) / h",
-        "change / h",
+        "value_at(derivative_coefficients(self.series), s) / h",
+        "self.series[1:].sum(axis=0) / h",
         "fields",
     ),
 )

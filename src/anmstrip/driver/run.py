@@ -314,7 +314,7 @@ class Run:
             self.recorder.record(step, before)
             self._checkpoint()
         else:
-            self.unread.append(replace(step, state=replace(state, branch=None)))
+            self.unread.append(replace(step, state=replace(state, branch=None, step=None)))
             if len(self.unread) * len(state.full) > UNREAD:
                 self._read()
         return step

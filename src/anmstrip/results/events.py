@@ -50,11 +50,14 @@ class Stretch:
             return cls(np.array([first, *orders]), None, branch.control, branch.length)
         begin = (before.time - plan.start) / plan.duration
         control, change = np.array([begin, state.control - begin]), state.full - before.full
-        u = np.stack([before.full, change, np.zeros_like(change)])
+        u = np.stack([before.full, change])
         if state.velocity is None:
             return cls(u, None, control, 1.0)
-        h, v = state.time - before.time, state.velocity
-        u[1], u[2] = 2.0 * change - h * v, h * v - change
+        if state.step is not None:
+            free = plan.supports.free
+            u = np.pad(u, [(0, state.step.order - 1), (0, 0)])
+            u[:, free] = state.step.series
+        v = state.velocity
         start = v if before.velocity is None else before.velocity
         return cls(u, np.stack([start, v - start]), control, 1.0)
 

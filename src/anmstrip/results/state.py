@@ -31,6 +31,7 @@ from anmstrip.results.rollers import (
 if TYPE_CHECKING:
     from anmstrip.mechanics.contact import Contact, Friction
     from anmstrip.mechanics.plasticity import Plasticity
+    from anmstrip.timestepping.formulas import TimeStep
 
 
 @dataclass(frozen=True, repr=False)
@@ -50,6 +51,8 @@ class State:
         Where the stage runs in time.
     branch : Branch or None
         Path of a rate-free step to this state, in the free unknowns.
+    step : TimeStep or None
+        In time, that ends in this state, if it is no snap.
     conveyed : float
         Length of unstressed strip (m) that has been fed in so far, in time.
     """
@@ -61,12 +64,13 @@ class State:
     velocity: Array | None
     branch: Branch | None = None
     conveyed: float = 0.0
+    step: TimeStep | None = None
 
     def at(self, time: float, before: State | None) -> State:
         """State at an instant of the step that ends here.
 
-        On the series of a rate-free step, on a parabola with the velocity of this end in
-        time; linear where there is neither.
+        On the series of a rate-free step, in time as the end of a shorter step, which takes a
+        few tangents; linear where there is neither.
 
         Parameters
         ----------
@@ -84,17 +88,21 @@ class State:
             a = 0.0 if begins else self.branch.reaches(control)
         if a is not None:
             return replace(self.inside(a), time=time, control=control)
+        begun = self.conveyed if before is None else before.conveyed
         start, u = self.plan.start, np.zeros_like(self.full)
         if before is not None:
             start, u = before.time, before.full
-        h, change = self.time - start, self.full - u
-        curved = 0.0 if self.velocity is None else h * self.velocity - change
-        s = (time - start) / h
-        full = u + s * (change - (1.0 - s) * curved)
-        velocity = None if self.velocity is None else (change + (2.0 * s - 1.0) * curved) / h
-        begun = self.conveyed if before is None else before.conveyed
+        s = (time - start) / (self.time - start)
         conveyed = begun + s * (self.conveyed - begun)
-        return State(self.plan, time, control, full, velocity, conveyed=conveyed)
+        if self.step is not None:
+            free, velocity = self.plan.supports.free, self.plan.moving(control)
+            within, velocity[free] = self.step.at(time)
+            full = self.plan.supports.full(within, control)
+            return State(self.plan, time, control, full, velocity, conveyed=conveyed)
+        change, velocity = self.full - u, None
+        if self.velocity is not None:
+            velocity = change / (self.time - start)
+        return State(self.plan, time, control, u + s * change, velocity, conveyed=conveyed)
 
     def inside(self, a: float) -> State:
         """State at a parameter of the branch of a rate-free step that ends here."""

@@ -419,7 +419,8 @@ class March:
         velocity = plan.moving(control)
         velocity[plan.supports.free] = step.v
         covered = step.end - step.start
-        state = State(plan, step.end, control, plan.supports.full(step.u, control), velocity)
+        full, within = plan.supports.full(step.u, control), None if step.snap else step
+        state = State(plan, step.end, control, full, velocity, step=within)
         if plan.fed:
             speeds = (self.velocity + velocity)[self.assembly.coupled - 1]  # linear in a step
             state = replace(state, conveyed=self.conveyed + 0.5 * covered * float(speeds))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -12,6 +13,7 @@ from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Equations
 from anmstrip.continuation.follow import PathSolver, follow
 from anmstrip.continuation.path import lagrange
+from anmstrip.taylor.polynomials import derivative_coefficients, value_at
 
 
 @dataclass(frozen=True)
@@ -158,3 +160,25 @@ class TimeStep:
     branches: int  # tangents that the step took
     memory: Memory  # what a later call needs to go on as if never interrupted
     snap: bool = False  # whether it holds a motion with drag, whose duration means nothing
+    solved: Callable[[float], tuple[Array, Array] | None] | None = None  # see :meth:`at`
+
+    @cached_property
+    def series(self) -> Array:
+        """Polynomial of the formula in the part of the step that has passed, (order + 1, n)."""
+        past, number = self.memory, self.order + 1
+        places = (np.array(past.times[:number]) - self.start) / (self.end - self.start)
+        changes = np.array(past.states[:number]) - self.u
+        orders = np.linalg.solve(np.vander(places, increasing=True), changes)
+        orders[0] += self.u
+        return np.asarray(orders)
+
+    def at(self, time: float) -> tuple[Array, Array]:
+        """State and velocity at an instant inside: solved for, or else on the polynomial.
+
+        What stiffness decides is in equilibrium at any time, and may be far from the polynomial.
+        """
+        if self.solved is not None and (found := self.solved(time)) is not None:
+            return found
+        h = self.end - self.start
+        s = (time - self.start) / h
+        return value_at(self.series, s), value_at(derivative_coefficients(self.series), s) / h

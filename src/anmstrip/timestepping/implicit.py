@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -234,9 +234,8 @@ class _Integrator:
                 states = (trial.u, *memory.states[: self.stepping.order])
                 errors = self.errors(memory, trial, local)
                 past = Memory(times, states, trial.v, (new - t) * growth, following, errors)
-                return TimeStep(
-                    t, new, trial.u, trial.v, order, error, trial.imbalance, trial.branches, past
-                )
+                found = t, new, trial.u, trial.v, order, error, trial.imbalance, trial.branches
+                return TimeStep(*found, past, solved=partial(self.inside, memory, order))
             if barred and memory.available == 2 and fixed is None:
                 begin = start_memory(t, memory.states[0], memory.v, new - t, memory.errors)
                 try:
@@ -316,6 +315,16 @@ class _Integrator:
         path, increment, imbalance, tangent = given
         v, spent = velocity(increment, 1.0), self.cost.expansions - before
         return _Trial(u + increment, v, imbalance, spent, path, increment, rate, tangent)
+
+    def inside(self, memory: Memory, order: int, time: float) -> tuple[Array, Array] | None:
+        """State and velocity inside an accepted step, as those of a shorter one that ends there."""
+        if time <= memory.times[0]:
+            return memory.states[0], memory.v
+        try:
+            trial = self.trial(memory, time, order)
+        except PathStopped:
+            return None
+        return trial.u, trial.v
 
     def ended(
         self, t: float, h: float, velocity: AffineVelocity, u: Array, **path: Any
