@@ -580,9 +580,10 @@ class StageProblem:
         return float(self.controls.at(control)["strip.speed"] + full[self.model.coupled - 1])
 
     def continues(self, past: StageProblem) -> bool:
-        """Whether a stage in time goes on where another ended, with no jump of a velocity.
+        """Whether a stage in time goes on where another ended, smoothly.
 
-        A velocity jumps with the rate of any control but a surface speed, which is one itself.
+        With the rate of a control a velocity jumps, or an acceleration if it is that of a speed: no
+        formula may then look back across its start.
         """
         if not (self.in_time and past.in_time):
             return False
@@ -594,7 +595,6 @@ class StageProblem:
         return all(
             np.allclose(self.rate(name), past.rate(name), rtol=1e-9, atol=0.0)
             for name in names
-            if not name.endswith((".surface_speed", ".passing"))
         )
 
     def before(self, past: StageProblem | None) -> dict[str, Array]:

@@ -427,11 +427,23 @@ class _Integrator:
         if memory.available == 1 or trial.turned <= tolerance:
             answer = self.answer(trial.resistance(trial.rate * local))
         spreading = self.answer(trial.resistance_in_tangent(trial.rate * local))
+        answers = [answer, spreading]
+        if memory.available == 1:
+            answers.append(self.at_start(memory, trial, local))
         fading = max(
             self.equations.error(trial.u, local),
-            *(self.equations.fading_error(trial.u, each) for each in (answer, spreading)),
+            *(self.equations.fading_error(trial.u, each) for each in answers),
         )
         return max(self.equations.error(trial.u, answer) / share, fading) / tolerance
+
+    def at_start(self, memory: Memory, trial: _Trial, local: Array) -> Array:
+        """Answer to an error of the formula by the tangent of the start of a step."""
+        zero = np.zeros_like(local)
+        tangent = trial.path.recurrence(zero, 0.0, 1).tangent()
+        self.cost.expansions += 1
+        self.cost.factorisations += 1
+        force = trial.path.resistance(zero, 0.0)(trial.rate * local)
+        return self.solver.solver.factorise(tangent).solve(force)
 
     def answer(self, force: Array) -> Array:
         """Change of state that a force makes, by the last factors."""
