@@ -593,8 +593,7 @@ class StageProblem:
             return False
         names = {*self.controls.slope, *past.controls.slope}
         return all(
-            np.allclose(self.rate(name), past.rate(name), rtol=1e-9, atol=0.0)
-            for name in names
+            np.allclose(self.rate(name), past.rate(name), rtol=1e-9, atol=0.0) for name in names
         )
 
     def before(self, past: StageProblem | None) -> dict[str, Array]:

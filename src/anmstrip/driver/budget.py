@@ -21,8 +21,10 @@ from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.fem.geometry import SECTION, SHELL
 from anmstrip.fem.sampling import l2_projection
 from anmstrip.fem.strip import Strip, line, renumbered
+from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls
+from anmstrip.mechanics.shell import Membrane
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import Span, free_spans
 from anmstrip.scene.schema import StageSpec
@@ -117,6 +119,7 @@ class Budget:
     time: float = 0.0
     loads: dict[str, Array] = field(default_factory=dict)
     spans: list[tuple[Span, Span]] = field(default_factory=list)
+    solver: SparseSolver = field(default_factory=SparseSolver)  # of written states: one pattern
 
     @property
     def can_halve(self) -> bool:
@@ -281,6 +284,40 @@ class Budget:
             moved[0, free] = factors.solve(resistance(errors.rate * before) + rest)
             moved[1, free] = errors.rate * (moved[0, free] - before)
             yield self.straight(state, moved, sharper=rest is sharpening)
+
+    def of_solver(self, state: State, memory: Memory | None) -> dict[str, float]:
+        """Return what path and steps in time together make of any state, nothing if not known.
+
+        The largest error of a membrane force (N/m) and of a ``position`` (m).  Of a state without
+        a past one correction by Newton's method tells it.
+
+        Parameters
+        ----------
+        state : State
+        memory : Memory or None
+            Of the step in time that the state belongs to.
+        """
+        moved, free = np.zeros_like(state.full), state.plan.supports.free
+        if state.plan.in_time:
+            if memory is None or memory.errors is None:
+                return {}
+            moved[free] = memory.errors.after[:2].sum(axis=0)
+        else:
+            still = held_still(state)
+            equations = Equilibrium(still.model, still.supports, still.controls)
+            point = equations.recurrence(np.zeros(len(free)), 0.0, 1)
+            try:
+                moved[free] = self.solver.factorise(point.tangent()).solve(point.residual)
+            except SingularTangentError:
+                return {}
+        membrane = next(e for e in state.plan.model.effects if isinstance(e, Membrane))
+        strip = state.plan.model.strip
+        return {
+            "membrane_force": float(
+                np.abs(membrane.change(state.full, moved, state.controls)).max()
+            ),
+            "position": float(np.abs(strip.nodal(moved)[strip.node_values]).max()),
+        }
 
     def look_finer(
         self, halved: Halved, stage: StageSpec, state: State, released: Collection[str]

@@ -7,7 +7,7 @@ import json
 import platform
 import shlex
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -51,6 +51,8 @@ STEP_COLUMNS = ("stage", "time", "step", "tangents", "order", "range", "residual
 
 EVENT_COLUMNS = ("time", "stage", "kind", "roller", "point", "x", "y", "gap", "slip")
 
+ERROR_COLUMNS = ("time", "stage", "membrane_force", "position")
+
 FEED_COLUMNS = ("strip_speed", "conveyed")
 
 
@@ -74,14 +76,20 @@ class Recorder:
     ----------
     assembly : Assembly
     directory : Path
+    errors : callable
+        Errors of a state by the solver, as far as they are known.
     resumed : mapping or None
         Facts of the checkpoint of an earlier run.
     """
 
     def __init__(
-        self, assembly: Assembly, directory: Path, resumed: Mapping[str, Any] | None = None
+        self,
+        assembly: Assembly,
+        directory: Path,
+        errors: Callable[[State], Mapping[str, float]],
+        resumed: Mapping[str, Any] | None = None,
     ) -> None:
-        self.assembly, self.directory = assembly, directory
+        self.assembly, self.directory, self.errors = assembly, directory, errors
         directory.mkdir(parents=True, exist_ok=True)
         self.lock = DirectoryLock(directory)
         names = [f"{r.name}_{column}" for r in assembly.rollers for column in STEP_READINGS]
@@ -93,7 +101,11 @@ class Recorder:
                 stale.unlink(missing_ok=True)
         until, contents = None if resumed is None else kept["time"], ("strip.pvd", "rollers.pvd")
         self.strip, self.rollers = (Collection(directory / name, until) for name in contents)
-        tables = {"history.csv": columns, "profile.csv": PROFILE_COLUMNS}
+        tables = {
+            "history.csv": columns,
+            "profile.csv": PROFILE_COLUMNS,
+            "errors.csv": ERROR_COLUMNS,
+        }
         if assembly.flow is not None:
             from anmstrip.results import plastic
 
@@ -140,6 +152,8 @@ class Recorder:
     def write_state(self, state: State) -> None:
         """Write the profile, the surface and the rollers, and list them."""
         self.tables["profile.csv"].extend(self.profile.columns(state))
+        wrong = {"time": state.time, "stage": state.plan.name, **self.errors(state)}
+        self.tables["errors.csv"].append(wrong)
         number = self.strip.count
         strip, rollers = (f"{name}_{number:05d}.vtu" for name in ("strip", "rollers"))
         fields = self.surface.sample(state)

@@ -176,7 +176,7 @@ class Run:
             self.onsets = WrinkleWatch(self.cost)
         self.recorder: Recorder | None = None
         if self.directory is not None:
-            self.recorder = Recorder(a, self.directory, resumed)
+            self.recorder = Recorder(a, self.directory, self._errors_of, resumed)
 
     @property
     def cost(self) -> Cost:
@@ -290,6 +290,11 @@ class Run:
             if self.state.time > before and self.state.plan.name == stage.name:
                 with self.cost.timed("errors"):
                     self.budget.look(stage, self.state, march.memory, march.course.released)
+
+    def _errors_of(self, state: State) -> dict[str, float]:
+        """Estimate what the solver makes a state wrong by that is about to be written."""
+        with self.cost.timed("errors"):
+            return self.budget.of_solver(state, self.march.memory)
 
     def _accept(self, step: Step) -> Step:
         """Count a step, look for events and snaps in it, and write it down."""

@@ -95,13 +95,12 @@ class State:
         s = (time - start) / (self.time - start)
         conveyed = begun + s * (self.conveyed - begun)
         if self.step is not None:
-            free, velocity = self.plan.supports.free, self.plan.moving(control)
-            within, velocity[free] = self.step.at(time)
+            free, moving = self.plan.supports.free, self.plan.moving(control)
+            within, moving[free] = self.step.at(time)
             full = self.plan.supports.full(within, control)
-            return State(self.plan, time, control, full, velocity, conveyed=conveyed)
-        change, velocity = self.full - u, None
-        if self.velocity is not None:
-            velocity = change / (self.time - start)
+            return State(self.plan, time, control, full, moving, conveyed=conveyed)
+        change = self.full - u
+        velocity = None if self.velocity is None else change / (self.time - start)
         return State(self.plan, time, control, u + s * change, velocity, conveyed=conveyed)
 
     def inside(self, a: float) -> State:

@@ -234,8 +234,11 @@ class _Integrator:
                 states = (trial.u, *memory.states[: self.stepping.order])
                 errors = self.errors(memory, trial, local)
                 past = Memory(times, states, trial.v, (new - t) * growth, following, errors)
-                found = t, new, trial.u, trial.v, order, error, trial.imbalance, trial.branches
-                return TimeStep(*found, past, solved=partial(self.inside, memory, order))
+                return TimeStep(
+                    *(t, new, trial.u, trial.v, order, error, trial.imbalance, trial.branches),
+                    past,
+                    solved=partial(self.inside, memory, order),
+                )
             if barred and memory.available == 2 and fixed is None:
                 begin = start_memory(t, memory.states[0], memory.v, new - t, memory.errors)
                 try:
