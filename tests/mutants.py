@@ -109,15 +109,15 @@ STATE = (
         "rollers",
     ),
     Mutant(
-        "state inside a step on another polynomial",
-        "return value_at(self.series, s), ",
-        "return value_at(self.series, s * (1.1 - 0.1 * s)), ",
+        "state inside a step is that of another instant",
+        "trial = self.trial(memory, time, order)",
+        "trial = self.trial(memory, 0.9 * time + 0.1 * memory.times[0], order)",
         "events",
     ),
     Mutant(
-        "velocity inside a step is its mean",
-        "value_at(derivative_coefficients(self.series), s) / h",
-        "self.series[1:].sum(axis=0) / h",
+        "velocity inside a step is that before",
+        "return trial.u, trial.v",
+        "return trial.u, memory.v",
         "fields",
     ),
 )

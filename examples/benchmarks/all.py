@@ -9,7 +9,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 
-REPORTS = ("effects", "tolerance", "errors", "cases", "friction", "contact", "order", "mesh",
+REPORTS = ("effects", "tolerance", "states", "errors", "cases", "friction", "contact", "order", "mesh",
            "solvers", "time", "newton", "peers", "stiff", "stability", "shells", "wrinkles",
            "roller_wrinkles", "constants")  # fmt: skip
 

@@ -269,15 +269,17 @@ def test_state_inside_a_rate_free_step_is_in_equilibrium(finished: Callable[...,
 
 
 def test_state_inside_a_step_in_time(capstan: Finished) -> None:
-    """On a parabola through both ends, with the velocity of the later one."""
+    """In equilibrium, and near both ends like these."""
     before, state = capstan.steps[-2].state, capstan.steps[-1].state
     h = state.time - before.time
     near = state.at(state.time - 1e-4 * h, before)
-    np.testing.assert_allclose(near.velocity, state.velocity, rtol=1e-3, atol=1e-9)
+    slip = state.rollers["r1"].max_slip
+    np.testing.assert_allclose(near.velocity, state.velocity, atol=1e-3 * slip)
+    np.testing.assert_allclose(near.full, state.full, atol=1e-6)
     start = state.at(before.time + 1e-9 * h, before)
     np.testing.assert_allclose(start.full, before.full, atol=1e-9)
-    difference = (state.full - near.full) / (1e-4 * h)
-    np.testing.assert_allclose(difference, state.velocity, atol=1e-3 * abs(difference).max() + 1e-9)
+    inside, free = state.at(state.time - 0.5 * h, before), state.plan.supports.free
+    assert np.abs(inside.imbalance[free]).max() < 1e-5 * state.tension("exit")
 
 
 def test_plain_surfaces(finished: Callable[..., Finished]) -> None:

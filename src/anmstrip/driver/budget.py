@@ -310,14 +310,13 @@ class Budget:
                 moved[free] = self.solver.factorise(point.tangent()).solve(point.residual)
             except SingularTangentError:
                 return {}
-        membrane = next(e for e in state.plan.model.effects if isinstance(e, Membrane))
         strip = state.plan.model.strip
-        return {
-            "membrane_force": float(
-                np.abs(membrane.change(state.full, moved, state.controls)).max()
-            ),
-            "position": float(np.abs(strip.nodal(moved)[strip.node_values]).max()),
-        }
+        found = {"position": float(np.abs(strip.nodal(moved)[strip.node_values]).max())}
+        for effect in state.plan.model.effects:
+            if isinstance(effect, Membrane):
+                forces = effect.change(state.full, moved, state.controls)
+                found["membrane_force"] = float(np.abs(forces).max())
+        return found
 
     def look_finer(
         self, halved: Halved, stage: StageSpec, state: State, released: Collection[str]
