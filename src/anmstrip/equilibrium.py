@@ -579,11 +579,11 @@ class StageProblem:
         """Speed of the strip in a state of a steady stage (m of unstressed strip per second)."""
         return float(self.controls.at(control)["strip.speed"] + full[self.model.coupled - 1])
 
-    def continues(self, past: StageProblem) -> bool:
-        """Whether a stage in time goes on where another ended, smoothly.
+    def continues(self, past: StageProblem, *, smoothly: bool = False) -> bool:
+        """Whether a stage in time goes on where another ended, with no jump of a velocity.
 
-        With the rate of a control a velocity jumps, or an acceleration if it is that of a speed: no
-        formula may then look back across its start.
+        A velocity jumps with the rate of any control but a surface speed, which is one itself:
+        an acceleration jumps with that, and the stage does not go on smoothly.
         """
         if not (self.in_time and past.in_time):
             return False
@@ -593,7 +593,9 @@ class StageProblem:
             return False
         names = {*self.controls.slope, *past.controls.slope}
         return all(
-            np.allclose(self.rate(name), past.rate(name), rtol=1e-9, atol=0.0) for name in names
+            np.allclose(self.rate(name), past.rate(name), rtol=1e-9, atol=0.0)
+            for name in names
+            if smoothly or not name.endswith((".surface_speed", ".passing"))
         )
 
     def before(self, past: StageProblem | None) -> dict[str, Array]:

@@ -427,10 +427,17 @@ class March:
         return Step(state, order, covered, step.imbalance, step.memory, step.snap)
 
     def _memory(self, plan: StageProblem) -> Memory:
-        """The past of a stage in time: that of the stage before, if nothing jumps."""
+        """The past of a stage in time: that of the stage before, if nothing jumps.
+
+        No formula looks back across a jump of an acceleration.
+        """
         fresh = self.past is not None and (plan.still or not plan.continues(self.past))
         if self.memory is not None and not fresh:
-            return self.memory
+            memory, first = self.memory, self._first(plan)
+            if self.past is None or plan.continues(self.past, smoothly=True):
+                return memory
+            latest = memory.times[:1], memory.states[:1], memory.v
+            return Memory(*latest, first, errors=memory.errors)
         free, errors = plan.supports.free, None
         if self.memory is not None and self.memory.errors is not None and self.past is not None:
             whole = np.zeros((3, len(self.full)))

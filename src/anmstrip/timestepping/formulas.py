@@ -51,6 +51,7 @@ class Memory:
     step: float  # length to try next
     order: int = 1  # of the formula to try next
     errors: Errors | None = None  # of the latest state; None for zero
+    settled: bool = True  # whether the velocity belongs to a latest state in equilibrium
 
     @property
     def available(self) -> int:
@@ -60,7 +61,7 @@ class Memory:
 
 def start_memory(t: float, u: Array, v: Array, step: float, errors: Errors | None = None) -> Memory:
     """Memory of an integration that begins."""
-    return Memory((t,), (u,), v, step, errors=errors)
+    return Memory((t,), (u,), v, step, errors=errors, settled=False)
 
 
 def formula(times: tuple[float, ...], new: float, order: int) -> tuple[Array, float]:
