@@ -84,11 +84,9 @@ at V_c = 1e-8 m/s takes 178 tangents so, and 434 where half of them are waited f
 NARROW = 1e-3
 """Shortest branch of a step in time, as a fraction of it.  Slip that comes to rest under sharp
 friction turns a corner there; branches would shrink towards it and grow again, and the error in
-time then ask for a shorter step.  Without it sharp friction takes a strip twice the tangents."""
-
-NARROWEST = 1e-6
-"""The same of the path to rest, for which there is no shorter step.  With NARROW strip that yields
-takes a quarter more tangents for ten cycles."""
+time then ask for a shorter step.  Without it sharp friction takes a strip twice the tangents.
+The path to rest has no shorter step, and no such bound: with it ten cycles of strip that yields
+take a quarter more."""
 
 LONGER = 10.0
 """Largest change of a step that is tried again: the shortest trial over the one before, and the
@@ -276,7 +274,8 @@ class _Integrator:
         t, u = memory.times[0], memory.states[0]
         velocity = AffineVelocity(1.0 / self.stepping.whole, memory.v, np.zeros_like(u))
         try:
-            _, rest, *_ = self.ended(t, 0.0, velocity, u, rational=False, shortest=NARROWEST)
+            ways: dict[str, Any] = {"rational": False, "shortest": self.settings.shortest}
+            _, rest, *_ = self.ended(t, 0.0, velocity, u, **ways)
             return self.begun(replace(memory, states=(u + rest,)))
         except PathStopped:
             return memory
