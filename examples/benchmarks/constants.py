@@ -44,7 +44,6 @@ REMOVED: tuple[tuple[str, str, Any], ...] = (
     (TIME, "GROWTH", (np.inf,) * 5),
     (TIME, "UNHURRIED", 0.0),
     (TIME, "NARROW", 1e-6),
-    (TIME, "LEAST_SHARE", 0.0),
     (TIME, "MOST_BRANCHES", 10**6),
     (TIME, "LONGER", 1e3),
 )
