@@ -31,7 +31,6 @@ MARCH = "anmstrip.simulation.march"
 REMOVED: tuple[tuple[str, str, Any], ...] = (
     (MARCH, "FIRST_STEP", 1.0),
     (MARCH, "FIRST_REST", 0.01),
-    (MARCH, "TURNING", 1e-9),
     (f"{CONTINUATION}.equations", "NEGLIGIBLE", 0.1),
     (f"{CONTINUATION}.newton", "SMOOTHEST", 1.0),
     (f"{CONTINUATION}.expansion", "SEEN", 0.5),
