@@ -27,6 +27,7 @@ from anmstrip.fem.sampling import (
 from anmstrip.fem.strip import Material, Strip, renumbered
 from anmstrip.mechanics.effects import Effect
 from anmstrip.mechanics.loads import (
+    Foundation,
     GrownWeight,
     Pretension,
     edge_force,
@@ -652,8 +653,6 @@ class Assembly:
             own.append(self.friction_in(stage))
             own.append(self.drives(stage.steady))
         if (stiffness := self.scene.strip.foundation) is not None:
-            from anmstrip.mechanics.foundation import Foundation
-
             own.append(Foundation(self.strip, stiffness))
         effects: list[Effect] = [effect for effect in own if effect is not None]
         makers = {"force": edge_force, "tension": edge_tension, "moment": edge_moment}
