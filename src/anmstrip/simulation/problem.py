@@ -304,7 +304,7 @@ class Assembly:
 
     @cached_property
     def growth(self) -> Growth | None:
-        """What runs between rollers take up, if labels follow rollers that move, or weight."""
+        """The strip that runs between rollers take up, where labels follow rollers or weight."""
         if self.thread is None:
             return None
         if not (follows_rollers(self.scene) or follows_weight(self.scene, self.thread)):
@@ -322,7 +322,7 @@ class Assembly:
         return dict(zip(names, loads_in_stages(self.scene), strict=True))
 
     def hanging(self, plan: StageProblem) -> Hanging | None:
-        """How labels follow strip that hangs between its rollers at the end of a stage."""
+        """The labels that follow strip hanging between its rollers at the end of a stage."""
         controls, loads = plan.controls.at(1.0), self.loads.get(plan.name)
         if self.growth is None or loads is None or not loads.weight > 0.0:
             return None
