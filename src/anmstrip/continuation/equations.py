@@ -133,9 +133,11 @@ LOOSEST_BALANCE = 1e-2
 """Largest imbalance on a rate-free path; at 0.1 some paths stall."""
 
 NEGLIGIBLE = 0.01
-"""Share of a quantity that is not seen in it: a residual in an error in time, an order of a series
-in a residual, the instant in which a start settles in the first step, and the last digit of the
-time in the shortest one."""
+"""Share of a quantity that is not seen in it: a residual in an error in time, the instant in which
+a start settles in the first step, the last digit of the time in the shortest one, and V_c in the
+speed of a surface that turns round, at which strip begins anew.
+With 0.03 and 0.001 of this speed strip that turns round on four rollers takes 80 and 91 tangents
+instead of 76, without a new beginning 1 140."""
 
 
 @dataclass(frozen=True)

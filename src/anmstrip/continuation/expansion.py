@@ -17,8 +17,8 @@ LARGEST = float(np.finfo(float).max) ** (1.0 / 3.0)
 
 SEEN = 0.1
 """Share of the tolerance above which an order is seen.  With a half of it sharp friction
-(ω = 1e-10, q = 0.01) stalls and conveying takes 327 tangents instead of 296; with a hundredth
-series are longer than need be."""
+(ω = 1e-10, q = 0.01) stalls and conveying takes 327 tangents instead of 296; with a tenth of it
+a press roll takes up to 186 tangents instead of 58, at tolerances within 6 %."""
 
 
 @dataclass(frozen=True)

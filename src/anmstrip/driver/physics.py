@@ -273,7 +273,7 @@ def two_digits(value: float, towards: Callable[[float], float]) -> float:
 
 @dataclass(frozen=True)
 class Pulled:
-    """What pulls at both ends of a strip that rollers alone hold along itself."""
+    """Loads of a stage that pull at both ends of a strip that rollers alone hold along itself."""
 
     stage: StageSpec
     ends: Mapping[str, float]  # tension (N/m) at the entry and at the exit

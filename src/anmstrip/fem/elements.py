@@ -63,7 +63,7 @@ class CentredMixin(ElementGlobal):
         """Physical derivative of a monomial as a function of local coordinates."""
         scale = np.prod(self.extent[list(orders)], axis=0)
         return lambda *x: (
-            derivatives([exponents], orders, powers(np.stack(x), self.highest))[0] / scale
+            differentiate([exponents], orders, powers(np.stack(x), self.highest))[0] / scale
         )
 
     def gbasis(self, mapping: Any, X: Array, i: int, tind: Any = None) -> Any:
@@ -87,7 +87,7 @@ class CentredMixin(ElementGlobal):
         weights, known = self.V[chosen].swapaxes(1, 2), dict[Orders, Array]()
         for orders in self.orders:
             if (mirrored := tuple(sorted(orders))) not in known:
-                monomials = derivatives(self.exponents, orders, table).swapaxes(0, 1)
+                monomials = differentiate(self.exponents, orders, table).swapaxes(0, 1)
                 scale = np.prod(extent[list(orders)], axis=0)
                 known[orders] = (weights @ monomials).swapaxes(0, 1) / scale
             known[orders] = known[mirrored]
@@ -113,7 +113,7 @@ def powers(x: Array, highest: int) -> Array:
     return table
 
 
-def derivatives(exponents: Sequence[tuple[int, ...]], orders: Orders, table: Array) -> Array:
+def differentiate(exponents: Sequence[tuple[int, ...]], orders: Orders, table: Array) -> Array:
     """Derivatives of monomials from the powers of their coordinates, shape (monomials, ...)."""
     factors = []
     for d, powers_of in enumerate(zip(*exponents, strict=True)):

@@ -290,12 +290,12 @@ class CellOperator:
         """
         m, k = self.count, self.components
         if AVAILABLE:
-            from anmstrip.taylor.compiled import assemble
+            from anmstrip.taylor.compiled import add_blocks
 
             table = self.table.reshape(self.elements, self.per_element, k, self.local)
             places = pattern.cells if self.cells is None else pattern.cells[self.cells]
             rows = derivative.reshape(m * k * m * k, -1)
-            assemble(table, self.weights, rows, places, blocks.pairs, self.symmetric)
+            add_blocks(table, self.weights, rows, places, blocks.pairs, self.symmetric)
             return
         for j, each in enumerate(derivative.reshape(m, k, m * k, -1)):
             middle = np.ascontiguousarray(each.transpose(2, 1, 0)) @ self.by_point

@@ -224,10 +224,10 @@ class ContactOperator(LinearOperator):
         every: Array = np.take(summed, self.cells[near], axis=1)
         table, places = inputs[near], pattern.cells[near]
         if AVAILABLE and inputs is self.table:
-            from anmstrip.taylor.compiled import assemble
+            from anmstrip.taylor.compiled import add_blocks
 
             at_points = every.reshape(len(every), -1)
-            assemble(table[:, :, None], weights, at_points, places, blocks.pairs, symmetric=False)
+            add_blocks(table[:, :, None], weights, at_points, places, blocks.pairs, symmetric=False)
             return
         for (j, i), each in zip(np.ndindex(self.count, self.count), every, strict=True):
             local = transposed @ ((each * weights)[:, :, None] * table)

@@ -1,4 +1,4 @@
-"""Loads: forces and tension on edges, weight, pressure, drag and guides."""
+"""Loads: forces and tension on edges, weight, pressure, drag, guides and foundations."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.fem.geometry import PLATE, dot, normal_vector, normal_work
 from anmstrip.fem.operators import CellOperator
+from anmstrip.fem.sampling import ContactOperator
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.effects import LawEffect, LoadEffect, Operator
 
@@ -240,3 +241,26 @@ class Guide(LawEffect):
         """Generalised stress, (3, 3, points): the value's part alone."""
         away = dot(self.normal, x[:, 0] - self.start)
         return on_value(self.normal * away * self.stiffness, 2)
+
+
+class Foundation(LawEffect):
+    """An elastic foundation, as an air cushion or a felt: the pressure −k w against the
+    displacement w along z (Winkler 1867).
+
+    Parameters
+    ----------
+    strip : Strip
+    stiffness : float
+        k (Pa/m).
+    """
+
+    name = "foundation"
+
+    def __init__(self, strip: Strip, stiffness: float) -> None:
+        self.operator, self.stiffness = ContactOperator(strip), stiffness
+        height = [component == 2 for component in strip.kinematics.components]
+        self.upwards = np.array(height, dtype=float)[:, None]
+
+    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+        """Return the residual per area, k w along z, shape (components, points)."""
+        return x * self.upwards * self.stiffness

@@ -117,7 +117,7 @@ CHANGE = 1e-4
 
 @dataclass(frozen=True)
 class Hanging:
-    """What runs hold at the end of a stage, as its loads change.
+    """The material that runs hold at the end of a stage, as its loads change.
 
     Attributes
     ----------

@@ -452,7 +452,7 @@ def hung(
 
 @dataclass(frozen=True)
 class Loads:
-    """What a stage pulls a strip with, and how much its rollers add.
+    """The loads with which a stage pulls a strip, and how much its rollers add.
 
     Attributes
     ----------

@@ -27,6 +27,7 @@ from anmstrip.fem.sampling import (
 from anmstrip.fem.strip import Material, Strip, renumbered
 from anmstrip.mechanics.effects import Effect
 from anmstrip.mechanics.loads import (
+    Foundation,
     GrownWeight,
     Pretension,
     edge_force,
@@ -303,7 +304,7 @@ class Assembly:
 
     @cached_property
     def growth(self) -> Growth | None:
-        """What runs between rollers take up, if labels follow rollers that move, or weight."""
+        """The strip that runs between rollers take up, where labels follow rollers or weight."""
         if self.thread is None:
             return None
         if not (follows_rollers(self.scene) or follows_weight(self.scene, self.thread)):
@@ -321,7 +322,7 @@ class Assembly:
         return dict(zip(names, loads_in_stages(self.scene), strict=True))
 
     def hanging(self, plan: StageProblem) -> Hanging | None:
-        """How labels follow strip that hangs between its rollers at the end of a stage."""
+        """The labels that follow strip hanging between its rollers at the end of a stage."""
         controls, loads = plan.controls.at(1.0), self.loads.get(plan.name)
         if self.growth is None or loads is None or not loads.weight > 0.0:
             return None
@@ -652,8 +653,6 @@ class Assembly:
             own.append(self.friction_in(stage))
             own.append(self.drives(stage.steady))
         if (stiffness := self.scene.strip.foundation) is not None:
-            from anmstrip.mechanics.foundation import Foundation
-
             own.append(Foundation(self.strip, stiffness))
         effects: list[Effect] = [effect for effect in own if effect is not None]
         makers = {"force": edge_force, "tension": edge_tension, "moment": edge_moment}

@@ -152,7 +152,7 @@ class Course:
         )
 
     def growing(self, stage: StageSpec, values: Mapping[str, Array]) -> dict[str, Array]:
-        """What labels hold, g, and the speed (m/s) that this adds to what passes them.
+        """The stretch g that labels hold, and the speed (m/s) that this adds to what passes them.
 
         At the quadrature points, ``strip.growth`` and ``strip.drift``, and at rollers; nothing
         unless labels follow rollers that move.

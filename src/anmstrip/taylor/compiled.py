@@ -138,7 +138,7 @@ def script(table: Array) -> Callable[..., None]:
     return make_calls
 
 
-def assemble(
+def add_blocks(
     table: Array, weights: Array, derivative: Array, places: Index, pairs: Array, symmetric: bool
 ) -> None:
     """Add the element matrices ∫ Bᵀ J B to entries of a tangent.

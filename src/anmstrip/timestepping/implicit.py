@@ -68,11 +68,6 @@ stretch of λ it asks for fast motion there, so that the stretches shrank for go
 not stop so take as many tangents without it.
 """
 
-LEAST_SHARE = 1e-6
-"""Of the tolerance, that any step may add: a layer at the start of a long stage, in which the
-velocity changes at once and hardly anything moves, need not be resolved.  Without it the capstan on
-elements of 50 mm stalls at a tolerance of 1e-7; looser ones do not show it."""
-
 ROUGH = 1e-4
 """Least error in time of a snap: its way depends on the drag, only where it rests does not."""
 
@@ -84,11 +79,9 @@ at V_c = 1e-8 m/s takes 178 tangents so, and 434 where half of them are waited f
 NARROW = 1e-3
 """Shortest branch of a step in time, as a fraction of it.  Slip that comes to rest under sharp
 friction turns a corner there; branches would shrink towards it and grow again, and the error in
-time then ask for a shorter step.  Without it sharp friction takes a strip twice the tangents."""
-
-NARROWEST = 1e-6
-"""The same of the path to rest, for which there is no shorter step.  With NARROW strip that yields
-takes a quarter more tangents for ten cycles."""
+time then ask for a shorter step.  Without it sharp friction takes a strip twice the tangents.
+The path to rest has no shorter step, and no such bound: with it ten cycles of strip that yields
+take a quarter more."""
 
 LONGER = 10.0
 """Largest change of a step that is tried again: the shortest trial over the one before, and the
@@ -278,7 +271,8 @@ class _Integrator:
         t, u = memory.times[0], memory.states[0]
         velocity = AffineVelocity(1.0 / self.stepping.whole, memory.v, np.zeros_like(u))
         try:
-            _, rest, *_ = self.ended(t, 0.0, velocity, u, rational=False, shortest=NARROWEST)
+            ways: dict[str, Any] = {"rational": False, "shortest": self.settings.shortest}
+            _, rest, *_ = self.ended(t, 0.0, velocity, u, **ways)
             return self.begun(replace(memory, states=(u + rest,)))
         except PathStopped:
             return memory
@@ -413,9 +407,11 @@ class _Integrator:
     def error(self, memory: Memory, trial: _Trial, new: float, local: Array) -> float:
         """Local error over what is allowed.
 
-        What lasts may add up to the tolerance over the whole time; what fades, and what
-        the path between the ends of a step is wrong by, may be as large as the tolerance in
-        every step.  The formula errs in the velocity; the
+        What lasts may add up to the tolerance over the whole time, which is known to the tolerance
+        as well: a layer at the start of a long stage need not be resolved, in which the velocity
+        changes at once and hardly anything moves.  Without that a capstan on elements of 50 mm
+        stalls at 1e-7.  What fades, and what the path between the ends of a step is wrong by, may
+        be as large as the tolerance in every step.  The formula errs in the velocity; the
         equations answer with a change of state, which is small where stiffness, not resistance
         to motion, decides: positions that the velocity has no part in are in equilibrium at any
         time, and what the residual leaves of them does not last.  Where slip turns round in a
@@ -426,7 +422,7 @@ class _Integrator:
         which is part of it, is looked at as well.
         """
         tolerance, answer = self.stepping.tolerance, local
-        share = max((new - memory.times[0]) / self.stepping.whole, LEAST_SHARE)
+        share = max((new - memory.times[0]) / self.stepping.whole, tolerance)
         if memory.available == 1 or trial.turned <= tolerance:
             answer = self.answer(trial.resistance(trial.rate * local))
         spreading = self.answer(trial.resistance_in_tangent(trial.rate * local))
