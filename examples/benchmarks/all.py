@@ -9,8 +9,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 
-REPORTS = ("effects", "tolerance", "states", "errors", "cases", "friction", "contact", "order", "mesh",
-           "solvers", "time", "newton", "peers", "stiff", "stability", "shells", "wrinkles",
+REPORTS = ("effects", "tolerance", "states", "errors", "cases", "friction", "contact", "order",
+           "mesh", "solvers", "time", "newton", "peers", "stiff", "stability", "shells", "wrinkles",
            "roller_wrinkles", "constants")  # fmt: skip
 
 SCRIPTS = {name: f"examples/benchmarks/{name}.py" for name in REPORTS} | {

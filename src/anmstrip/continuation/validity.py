@@ -186,7 +186,8 @@ def longest_quotient(
     The lengths that are tried are a ladder, on each of whose rungs an error that grows like
     a^(N+1) doubles: what round-off changes in an error does not change them, and an error on the
     last rung is well below the tolerance.  The first is twice that of the series; the error is
-    taken for a power of the length, which the lengths that are tried tell.
+    taken for a power of the length, which the lengths that are tried tell.  They are as many as a
+    bisection of the rungs would take: of more the last would hang on round-off.
 
     Returns
     -------
@@ -209,9 +210,9 @@ def longest_quotient(
     rung, best, least, power = rungs, 0, np.inf, float(rungs)
     last, last_error = np.inf, np.inf
     found: tuple[Branch, float] | None = None
-    while best < rung < least:
+    for _ in range(int(np.log2(rungs))):
         length = min(guess * 2.0 ** (rung / rungs), limit)
-        if length <= (guess if found is None else found[0].length):
+        if not best < rung < least or length <= (guess if found is None else found[0].length):
             break
         error, imbalance = residual_error(equations, quotient, length, cost, tolerance)
         if error <= tolerance:
