@@ -507,6 +507,24 @@ def test_a_shell_that_is_conveyed_yields_as_its_section_does(tmp_path, claim):
     claim(what, told[1], left[1], 0.05, "layers flowing on the same curvatures")
 
 
+def test_a_shell_that_is_conveyed_hardens_as_its_section_does():
+    """Its stationary state is found from strip on, that does not flow yet."""
+    flow, gained = {"reference_rate": 0.5, "layers": 5, "isotropic_hardening": 1e10}, []
+    for kind in ("section", "shell"):
+        changed = with_keys(
+            strip={"kinematics": kind, "width": 0.5, "refined": 2e-2, "cells": [8, 2]},
+            threading={"entry": [-0.15, 0.0, -0.05], "exit": [0.15, 0.0, -0.05]},
+            material={"poisson": 0.3, "plasticity": flow},
+            edges={"entry": {"fixed": ["x", "z"], "centred": kind == "shell"}},
+            solver={"tolerance": 1e-3},
+        )
+        found = Scene.from_tables(changed, "roller.toml").run()
+        *_, last = found
+        assert found.outcome.done, found.message
+        gained.append(last.state.tension("exit") - last.state.tension("entry"))
+    assert gained[1] == pytest.approx(gained[0], rel=0.05)
+
+
 def flown_across(layers, rate):
     """Curvatures (1/m) along and across that are left of plane stress on the way of κ and N.
 

@@ -625,7 +625,9 @@ class Chained(Eliminated):
         lines = self.lines[1]
         integrals = np.einsum("sl,iglvw->gisvwl", self.shapes, self.responses[..., :v])
         forces = self.work.swapaxes(1, 2) @ integrals.reshape(*self.work.shape[:2], -1)
-        self.scale = np.abs(forces).max(axis=1) / operator.chain.largest[:, None]
+        each = np.abs(forces).max(axis=1).reshape(lines, v, -1)
+        # by layer: p has no forces before strip flows
+        self.scale = np.tile(each.max(axis=1), v) / operator.chain.largest[:, None]
         last = before.swapaxes(1, 2) * -self.scale.reshape(lines, v, -1, 1)
         parts = forces, last[..., v:], last[..., :v], self.scale
         self.values = np.concatenate([x.ravel() for x in parts])
