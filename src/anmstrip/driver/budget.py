@@ -308,7 +308,7 @@ class Budget:
             point = equations.recurrence(np.zeros(len(free)), 0.0, 1)
             try:
                 moved[free] = self.solver.factorise(point.tangent()).solve(point.residual)
-            except SingularTangentError:
+            except (SingularTangentError, MemoryError):
                 return {}
         strip = state.plan.model.strip
         found = {"position": float(np.abs(strip.nodal(moved)[strip.node_values]).max())}

@@ -356,8 +356,8 @@ def coarse(failure: Failure) -> str | None:
 
 def sharp_contact(failure: Failure) -> str | None:
     """A typed onset of contact that the mesh is far from resolving."""
-    contact, location = failure.scene.contact, failure.location
-    if contact is None or contact.onset is None or location is None or not location.roller:
+    contact = failure.scene.contact
+    if contact is None or contact.onset is None:
         return None
     resolved = failure.scene.model_copy(
         update={"contact": contact.model_copy(update={"onset": None})}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, replace
-from functools import reduce
+from functools import partial, reduce
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -105,6 +105,12 @@ def unpack(run: Run, arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> N
         march.memory = Memory(*past, facts["next_step"], facts["time_order"], errors)
 
 
+def errors_of(budget: Budget, march: March, state: State) -> dict[str, float]:
+    """Return what the solver makes a state wrong by that is about to be written."""
+    with march.cost.timed("errors of states"):
+        return budget.of_solver(state, march.memory)
+
+
 class Run:
     """Iterator over the accepted steps of a scene; writes results as it goes.
 
@@ -176,7 +182,8 @@ class Run:
             self.onsets = WrinkleWatch(self.cost)
         self.recorder: Recorder | None = None
         if self.directory is not None:
-            self.recorder = Recorder(a, self.directory, self._errors_of, resumed)
+            errors = partial(errors_of, self.budget, self.march)
+            self.recorder = Recorder(a, self.directory, errors, resumed)
 
     @property
     def cost(self) -> Cost:
@@ -290,11 +297,6 @@ class Run:
             if self.state.time > before and self.state.plan.name == stage.name:
                 with self.cost.timed("errors"):
                     self.budget.look(stage, self.state, march.memory, march.course.released)
-
-    def _errors_of(self, state: State) -> dict[str, float]:
-        """Estimate what the solver makes a state wrong by that is about to be written."""
-        with self.cost.timed("errors"):
-            return self.budget.of_solver(state, self.march.memory)
 
     def _accept(self, step: Step) -> Step:
         """Count a step, look for events and snaps in it, and write it down."""

@@ -407,10 +407,10 @@ class _Integrator:
     def error(self, memory: Memory, trial: _Trial, new: float, local: Array) -> float:
         """Local error over what is allowed.
 
-        What lasts may add up to the tolerance over the whole time, which is known to the tolerance
-        as well, or to a negligible part of a start's first instant: a layer at the start of a long
-        stage need not be resolved, in which the velocity changes at once and hardly anything moves.
-        Without that a capstan on elements of 50 mm stalls at 1e-7.  What fades, and what the path between the ends of a step is wrong by, may
+        What lasts may add up to the tolerance over the whole time, and any step may add as much as
+        one of a millionth of it, a negligible part of a first instant: a layer at the start of a
+        long stage need not be resolved, in which the velocity changes at once and hardly anything
+        moves.  Without that a capstan on elements of 50 mm stalls at 1e-7.  What fades, and what the path between the ends of a step is wrong by, may
         be as large as the tolerance in every step.  The formula errs in the velocity; the
         equations answer with a change of state, which is small where stiffness, not resistance
         to motion, decides: positions that the velocity has no part in are in equilibrium at any
@@ -422,7 +422,7 @@ class _Integrator:
         which is part of it, is looked at as well.
         """
         tolerance, answer = self.stepping.tolerance, local
-        share = max((new - memory.times[0]) / self.stepping.whole, tolerance, NEGLIGIBLE**3)
+        share = max((new - memory.times[0]) / self.stepping.whole, NEGLIGIBLE**3)
         if memory.available == 1 or trial.turned <= tolerance:
             answer = self.answer(trial.resistance(trial.rate * local))
         spreading = self.answer(trial.resistance_in_tangent(trial.rate * local))
