@@ -410,16 +410,16 @@ class _Integrator:
         What lasts may add up to the tolerance over the whole time, and any step may add as much as
         one of a millionth of it, a negligible part of a first instant: a layer at the start of a
         long stage need not be resolved, in which the velocity changes at once and hardly anything
-        moves.  Without that a capstan on elements of 50 mm stalls at 1e-7.  What fades, and what the path between the ends of a step is wrong by, may
-        be as large as the tolerance in every step.  The formula errs in the velocity; the
-        equations answer with a change of state, which is small where stiffness, not resistance
-        to motion, decides: positions that the velocity has no part in are in equilibrium at any
-        time, and what the residual leaves of them does not last.  Where slip turns round in a
-        step, its end does not tell what resisted in between: the error of the formula itself
-        counts then, but in the first step of a start: it begins with the velocity of the first
-        instant, and is short.  Where slip spreads over a roller, points that it has just reached
-        hardly resist at the end of the step: the answer by the resistance of the last tangent,
-        which is part of it, is looked at as well.
+        moves. Without that a capstan on elements of 50 mm stalls at 1e-7. What fades, and what the
+        path between the ends of a step is wrong by, may be as large as the tolerance in every step.
+        The formula errs in the velocity; the equations answer with a change of state, which is
+        small where stiffness, not resistance to motion, decides: positions that the velocity has no
+        part in are in equilibrium at any time, and what the residual leaves of them does not last.
+        Where slip turns round in a step, its end does not tell what resisted in between: the error
+        of the formula itself counts then, but in the first step of a start, where the trapezoidal
+        rule tells it. Where slip spreads over a roller, points that
+        it has just reached hardly resist at the end of the step: the answer by the resistance of
+        the last tangent, which is part of it, is looked at as well.
         """
         tolerance, answer = self.stepping.tolerance, local
         share = max((new - memory.times[0]) / self.stepping.whole, NEGLIGIBLE**3)
