@@ -30,15 +30,19 @@ MARCH = "anmstrip.simulation.march"
 
 REMOVED: tuple[tuple[str, str, Any], ...] = (
     (MARCH, "FIRST_STEP", 1.0),
-    (MARCH, "FIRST_REST", 0.01),
     (f"{CONTINUATION}.equations", "NEGLIGIBLE", 0.1),
     (f"{CONTINUATION}.newton", "SMOOTHEST", 1.0),
     (f"{CONTINUATION}.expansion", "SEEN", 0.5),
+    (f"{CONTINUATION}.validity", "RUNG", 1.0001),
+    (f"{CONTINUATION}.validity", "FIRST_RUNG", 0),
+    (f"{CONTINUATION}.validity", "TRIALS", 100),
+    (f"{CONTINUATION}.validity", "AIM", 0.5),
     (f"{CONTINUATION}.validity", "LAST", 1),
     (f"{CONTINUATION}.validity", "FURTHER", 2.0),
     (TIME, "GROWTH", (np.inf,) * 5),
     (TIME, "UNHURRIED", 0.0),
     (TIME, "NARROW", 1e-6),
+    (TIME, "LEAST_SHARE", 0.0),
     (TIME, "MOST_BRANCHES", 10**6),
     (TIME, "LONGER", 1e3),
 )

@@ -234,8 +234,9 @@ def hold(duration: float = 1e3, refined: float = 0.0125) -> tuple[Trial, Run]:
     """
     less = {"force": [0.9 * TENSION, 0.0, -0.9 * 5773.5]}
     slacken = {"name": "slacken", "duration": 1.0, "exit": less}
-    long = {"name": "hold", "duration": duration, "entry": {"release": True}}
-    tables = tables_of(PULL, LAY, slacken, long, refined=refined)
+    half = {"name": "hold", "duration": 0.5 * duration, "entry": {"release": True}}
+    rest = {"name": "rest", "duration": 0.5 * duration}
+    tables = tables_of(PULL, LAY, slacken, half, rest, refined=refined)
     law = {"coefficient": 0.3, "exponent": 0.1, "omega": 1e-6, "speed": 1e-4}
     tables["friction"] = {"law": "norton-hoff", **law}
     tables["contact"] = {}

@@ -66,7 +66,7 @@ def test_reversal() -> None:
     """D5: work per cycle to 1e-5; it tends to 4 f R_N (A − f R_N/k) like q."""
     for q in (0.1, 0.01):
         trial = nodes.reversal(q)
-        right(trial, 1e-5, 2600)
+        right(trial, 1e-5, 2500)
         assert trial.found == pytest.approx(4.0 * 0.3 * 0.7, rel=0.3 * q)
 
 

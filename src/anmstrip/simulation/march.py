@@ -85,10 +85,6 @@ FIRST_STEP = 0.01
 stage on the bridle takes 26 tangents instead of 247 to where it ends, and nothing is seen of how it
 begins to slip; with 0.02 a press roll takes 73 tangents instead of 52."""
 
-FIRST_REST = 0.02
-"""The same of a stage that asks for nothing to move, of that stage.  A bridle that has stopped
-rests in 10 tangents; with 0.01 in 11, with 0.05 in 10."""
-
 NOTHING = 1e-9
 """Compression, over the scale of tension, that is round-off."""
 
@@ -441,9 +437,9 @@ class March:
         return start_memory(plan.start, self.full[free], self.velocity[free], first, errors)
 
     def _first(self, plan: StageProblem) -> float:
-        """First time step (s) of a stage that begins anew."""
-        stage, part = (plan.duration, FIRST_REST) if plan.still else (min(self.times), FIRST_STEP)
-        return self.scene.solver.time_step or part * stage
+        """First time step (s) of a stage that begins anew: all of it if nothing is to move."""
+        first = plan.duration if plan.still else FIRST_STEP * min(self.times)
+        return self.scene.solver.time_step or first
 
     @property
     def times(self) -> list[float]:

@@ -68,6 +68,11 @@ stretch of λ it asks for fast motion there, so that the stretches shrank for go
 not stop so take as many tangents without it.
 """
 
+LEAST_SHARE = 1e-6
+"""Of the tolerance, that any step may add: a layer at the start of a long stage, in which the
+velocity changes at once and hardly anything moves, need not be resolved.  Without it the capstan on
+elements of 50 mm stalls at a tolerance of 1e-7; looser ones do not show it."""
+
 ROUGH = 1e-4
 """Least error in time of a snap: its way depends on the drag, only where it rests does not."""
 
@@ -407,33 +412,33 @@ class _Integrator:
     def error(self, memory: Memory, trial: _Trial, new: float, local: Array) -> float:
         """Local error over what is allowed.
 
-        What lasts may add up to the tolerance over the whole time, and any step may add as much as
-        one of a millionth of it, a negligible part of a first instant: a layer at the start of a
-        long stage need not be resolved, in which the velocity changes at once and hardly anything
-        moves. Without that a capstan on elements of 50 mm stalls at 1e-7. What fades, and what the
-        path between the ends of a step is wrong by, may be as large as the tolerance in every step.
+        What lasts may add up to the tolerance over the whole time; what fades, and what the path
+        between the ends of a step is wrong by, may be as large as the tolerance in every step.
         The formula errs in the velocity; the equations answer with a change of state, which is
         small where stiffness, not resistance to motion, decides: positions that the velocity has no
         part in are in equilibrium at any time, and what the residual leaves of them does not last.
         Where slip turns round in a step, its end does not tell what resisted in between: the error
         of the formula itself counts then, but in the first step of a start, where the trapezoidal
-        rule tells it. Where slip spreads over a roller, points that
-        it has just reached hardly resist at the end of the step: the answer by the resistance of
-        the last tangent, which is part of it, is looked at as well.
+        rule tells it. Where slip spreads over a roller, points that it has just reached hardly
+        resist at the end of the step: the answer by the resistance of the last tangent, which is
+        part of it, is looked at as well.
         """
         tolerance, answer = self.stepping.tolerance, local
-        share = max((new - memory.times[0]) / self.stepping.whole, NEGLIGIBLE**3)
+        share = max((new - memory.times[0]) / self.stepping.whole, LEAST_SHARE)
         if memory.available == 1 or trial.turned <= tolerance:
             answer = self.answer(trial.resistance(trial.rate * local))
         spreading = self.answer(trial.resistance_in_tangent(trial.rate * local))
-        answers = [answer, spreading]
-        if memory.available == 1:
-            answers.append(self.trapezoidal(memory, trial, new))
         fading = max(
             self.equations.error(trial.u, local),
-            *(self.equations.fading_error(trial.u, each) for each in answers),
+            *(self.equations.fading_error(trial.u, each) for each in (answer, spreading)),
         )
-        return max(self.equations.error(trial.u, answer) / share, fading) / tolerance
+        found = max(self.equations.error(trial.u, answer) / share, fading) / tolerance
+        if memory.available > 1 or self.stepping.fixed is not None or found > 1.0:
+            return found
+        if self.equations.fading_error(trial.u, local) > tolerance:  # else no answer is larger
+            other = self.trapezoidal(memory, trial, new)
+            found = max(found, self.equations.fading_error(trial.u, other) / tolerance)
+        return found
 
     def trapezoidal(self, memory: Memory, trial: _Trial, new: float) -> Array:
         """Change of state that the trapezoidal rule makes of a first step, by a path from its end.
