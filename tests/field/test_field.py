@@ -28,7 +28,7 @@ SCENES = {path.stem: path for path in sorted(Path(__file__).parent.glob("[0-9][0
 SECONDS = 60
 """Processor time that a run may take."""
 
-RESTING = 10
+RESTING = 15
 """Most tangents of a stage in which nothing moves."""
 
 RUN = """
