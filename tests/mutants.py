@@ -109,6 +109,18 @@ STATE = (
         "rollers",
     ),
     Mutant(
+        "errors of states in time are those by their paths alone",
+        "memory.errors.after[:2].sum(axis=0)",
+        "memory.errors.after[1]",
+        "errors",
+    ),
+    Mutant(
+        "errors of states are five times as large",
+        'found["membrane_force"] = float(',
+        'found["membrane_force"] = 5.0 * float(',
+        "errors",
+    ),
+    Mutant(
         "state inside a step is that of another instant",
         "trial = self.trial(memory, time, order)",
         "trial = self.trial(memory, 0.9 * time + 0.1 * memory.times[0], order)",

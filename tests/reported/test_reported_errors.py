@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import reported_scenes as scenes
-from reported_files import Results, ran
+from reported_files import Results, ran, rows_of
 
 from anmstrip import Scene
 from anmstrip.continuation.equations import Cost, Tolerances
@@ -103,6 +103,22 @@ def test_path_and_time_cost_what_a_strict_tolerance_saves(coarse: Results, stric
         assert true[kind] / 3.0 < sum_of_both < 10.0 * true[kind], kind
         assert strict.summary["errors"]["time"][kind] < min(found["time"][kind], 0.1 * 1e-7 * 1.2e4)
     assert true["position"] < 1e-7 * 1e-3 * 4.0
+
+
+def test_every_written_state_has_its_error_by_the_solver(coarse: Results, strict: Results) -> None:
+    """A row for each; where stages end beside positions and forces at nodes of a strict run."""
+    rows, exact = rows_of(coarse.directory / "errors.csv"), {s.time: s for s in strict.surfaces}
+    assert [float(row["time"]) for row in rows] == [s.time for s in coarse.surfaces]
+    for time, close in ((2.5, 0.02), (2.9, 1.0)):  # along a path, and in time
+        (row,) = (row for row in rows if float(row["time"]) == time)
+        (found,) = (s for s in coarse.surfaces if s.time == time)
+        moved = np.abs(found.points - exact[time].points).max()
+        forces = [s.fields["membrane_force"] for s in (found, exact[time])]
+        assert float(row["position"]) == pytest.approx(moved, rel=close)
+        # at the quadrature points, where it is largest, to that at the nodes
+        share = float(row["membrane_force"]) / np.abs(forces[0] - forces[1]).max()
+        assert 0.5 < share < 2.0
+    assert {row["stage"] for row in rows} == set(coarse.history["stage"])
 
 
 OVERSPEED = Path(__file__).parents[1] / "field" / "27_copper_overspeed.toml"
