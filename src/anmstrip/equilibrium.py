@@ -145,12 +145,14 @@ class Model:
         key = free.tobytes()
         if key not in self._joinings:
             n = self.strip.unknowns
-            every = np.concatenate([free, np.arange(n, len(chain.reached))])
-            place = np.full(len(chain.reached) + 1, -1)  # the last for what is no unknown
+            every = np.concatenate([free, np.arange(n, len(chain.steps))])
+            place = np.full(len(chain.steps) + 1, -1)  # the last for what is no unknown
             place[every] = np.arange(len(every))
-            order: Index = np.lexsort((every < n, chain.reached[every]))
+            order: Index = np.lexsort((every >= n, chain.steps[every]))
             rows, columns = place[chain.rows], place[chain.columns]
-            self._joinings[key] = Joining(matrix, rows, columns, order)
+            at = np.bincount(2 * chain.steps[every] + (every >= n))
+            ends = np.cumsum(at).reshape(-1, 2)
+            self._joinings[key] = Joining(matrix, rows, columns, order, ends)
         return self._joinings[key]
 
     def force(
@@ -399,7 +401,7 @@ class EquilibriumSeries:
         """Return the tangent with those of the points' own unknowns that are kept."""
         model, chain, values = self.model, part.operator.chain, part.values
         inner = matrix.inner if isinstance(matrix, Bordered) else matrix
-        strip, pull = model.strip.unknowns, np.zeros(1 + len(chain.reached))
+        strip, pull = model.strip.unknowns, np.zeros(1 + len(chain.steps))
         if model.pull is not None:
             on = np.flatnonzero(chain.rows < strip)  # entries of forces, some of no unknown
             pulled = model.pull[chain.rows[on]] * values[on]

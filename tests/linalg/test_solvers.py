@@ -333,25 +333,36 @@ def test_a_border_that_is_singular_or_not_finite_is_refused():
 @pytest.mark.parametrize("others", [0, 2])
 @pytest.mark.parametrize("seed", range(3))
 def test_unknowns_that_are_carried_along_are_eliminated_in_their_order(others, seed):
-    """Of a strip with a border, then twice as many own unknowns, each behind the one before."""
-    rng, n, m = np.random.default_rng(seed), 30, 60
-    inner = 9.0 * np.eye(n) + np.tri(n, k=3) - np.tri(n, k=-3)
-    on, by = (np.where(rng.random((n, m)) < 0.1, rng.standard_normal((n, m)), 0.0) for _ in "ab")
-    own = 9.0 * np.eye(m) - np.eye(m, k=-1)
-    size, last = n + others, np.zeros((others, m))
+    """Of steps that have some unknowns of the strip or none, each with own ones; with a border."""
+    rng, sizes, owns = np.random.default_rng(seed), [0, 4, 3, 0, 5, 2], 7
+    steps = np.repeat(np.arange(len(sizes)), sizes)
+    step = np.concatenate([steps, np.repeat(np.arange(len(sizes)), owns)])
+    own = np.arange(len(step)) >= len(steps)
+    behind = step[:, None] - step  # of the equation behind the unknown
+    near = np.where(own, (behind == 1) | (behind == 2), np.abs(behind) < 2)
+    near[own] = np.where(own, behind == 1, (behind == 0) | (behind == -1))[own]
+    whole = np.where(near, rng.standard_normal(near.shape), 0.0) + 9.0 * np.eye(len(step))
+    n, m = len(steps), int(own.sum())
+    border = rng.standard_normal((others, n)), rng.standard_normal((n + m, others))
+    border[1][n:] = 0.0
+    last = np.zeros((others, m))
     last[-1:] = rng.standard_normal(m) if others else 0.0
-    strip = np.block([[inner, np.ones((n, others))], [np.ones((others, n)), 9.0 * np.eye(others)]])
-    sides = np.vstack([on, last]), np.hstack([by.T, np.zeros((m, others))])
-    full = np.block([[strip, sides[0]], [sides[1], own]])
-    part = np.block([[np.zeros((n, n)), on], [by.T, own]])
+    corner = 9.0 * np.eye(others)
+    inner, part = csc_matrix(whole[:n, :n]), whole.copy()
+    part[:n, :n] = 0.0
     rows, columns = np.nonzero(part)
     left_out = np.append(rows, -1), np.append(columns, 3)  # one of an unknown that is not free
-    order = np.argsort(np.concatenate([2.0 * np.arange(n) + 1.5, np.arange(m)]))
-    joining = Joining(csc_matrix(inner), *left_out, order)
+    order = np.lexsort((own, step))
+    ends = np.cumsum(np.column_stack([sizes, [owns] * len(sizes)]).ravel()).reshape(-1, 2)
+    joining = Joining(inner, *left_out, order, ends)
     assert np.array_equal(joining.place[order], np.arange(n + m))
-    strips = csc_matrix(inner)
-    matrix = Bordered(strips, strip[:n, n:], strip[n:, :n], strip[n:, n:]) if others else strips
+    matrix = Bordered(inner, border[1][:n], border[0], corner) if others else inner
     values, pull = np.append(part[rows, columns], np.nan), last[-1] if others else np.zeros(m)
-    factors = SparseSolver().factorise(joining.joined(matrix, values, pull))
-    right = full @ rng.standard_normal(size + m)
-    assert backward_error(full, factors.solve(right), right) < 1e-12
+    joined = joining.joined(matrix, values, pull)
+    full = np.block([[whole[:n, :n], border[1][:n], whole[:n, n:]], [border[0], corner, last],
+                     [whole[n:, :n], border[1][n:], whole[n:, n:]]])  # fmt: skip
+    right = full @ rng.standard_normal(n + m + others)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("anmstrip.linalg.direct.splu", None)  # no other factors
+        x = SparseSolver().factorise(joined).solve(right)
+    assert backward_error(full, x, right) < 1e-12

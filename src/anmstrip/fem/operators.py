@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.polynomial.legendre import Legendre
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, eye, kron
-from scipy.sparse.linalg import spsolve
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.strip import Strip
@@ -665,9 +664,8 @@ class Chained(Eliminated):
 class Chain:
     """Lines of points in elements, places of the entries of :class:`Chained`, and an order.
 
-    Strip is eliminated from the entry on: the last unknowns of a line in an element, then the
-    strip's own once all points that they reach have been.  What is carried then joins the front one
-    way only, and little fills in.
+    Strip is eliminated from the entry on, element by element: its own unknowns once all points that
+    they reach have been, and the last unknowns of a line in an element.
 
     Attributes
     ----------
@@ -679,8 +677,8 @@ class Chain:
         Largest entry of L.
     rows, columns : ndarray of int
         By numbers of the strip's unknowns, s after them, variable by variable, layer by layer.
-    reached : ndarray, shape (unknowns of the strip + unknowns s,)
-        Distance (m) from the entry at which an unknown can be eliminated.
+    steps : ndarray of int, shape (unknowns of the strip + unknowns s,)
+        Number, from the entry on, of the last element that an unknown belongs to.
     """
 
     def __init__(self, operator: InternalOperator) -> None:
@@ -715,7 +713,12 @@ class Chain:
         )
         rows, columns = zip(*(np.broadcast_arrays(*pair) for pair in entries), strict=True)
         self.rows, self.columns = (np.concatenate([x.ravel() for x in p]) for p in (rows, columns))
-        x = spsolve(operator.slopes.tocsc(), np.ones(points))
-        ends = np.zeros(cells.sum.shape[0])
-        np.maximum.at(ends, cells.dofs, x.reshape(cells.elements, -1).max(axis=1)[:, None])
-        self.reached = np.concatenate([np.repeat(ends, cells.count), np.tile(x[order[-1]], m)])
+        steps, at = np.zeros(lines, dtype=np.int64), self.before
+        while (at >= 0).any():
+            steps += at >= 0
+            at = np.where(at < 0, at, self.before[at])
+        last_step = np.zeros(cells.sum.shape[0], dtype=np.int64)
+        on_elements = np.empty(cells.elements, dtype=np.int64)
+        on_elements[element[order[0]]] = steps
+        np.maximum.at(last_step, cells.dofs, on_elements[:, None])
+        self.steps = np.concatenate([np.repeat(last_step, cells.count), np.tile(steps, m)])

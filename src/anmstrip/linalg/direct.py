@@ -15,7 +15,7 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
-from anmstrip.arrays import Array
+from anmstrip.arrays import Array, Index
 
 Solve = Callable[[Array], Array]
 
@@ -293,10 +293,94 @@ class SuperLUPlan(Plan):
         return solve
 
 
-class GivenOrderPlan(SuperLUPlan):
-    """The same for unknowns that are to be eliminated in the order in which they come."""
+def dense_lu(block: Array) -> Callable[..., Array]:
+    """Return a solver with a square block, which may be empty, or with its transposed."""
+    if not block.size:
+        return lambda right, trans=0: right
+    lu, pivots, info = lapack.dgetrf(block)
+    if info > 0:
+        raise SingularTangentError("a pivot along the chain is zero")
+    return lambda right, trans=0: lapack.dgetrs(lu, pivots, right, trans=trans)[0]
 
-    order = "NATURAL"
+
+class ChainPlan(SuperLUPlan):
+    """Block elimination of unknowns u and s that stand step by step along a chain.
+
+    The equations of s_g have s_g alone of their step, s_{g−1}, u_g and u_{g+1}; those of u_g have
+    u_{g±1}, s_{g−1} and s_{g−2}.  With s_{g−1} = P u_g + p all s are eliminated on the way, and
+    only dense blocks of u are inverted.
+
+    Parameters
+    ----------
+    matrix : csc_matrix
+        u_0, s_0, u_1, s_1 and so on.
+    ends : ndarray of int, shape (steps, 2)
+        Numbers after the last u and after the last s of each step.
+    """
+
+    name = "LU along a chain"
+
+    def __init__(self, matrix: csc_matrix, ends: Index) -> None:
+        super().__init__(matrix)
+        bounds = np.column_stack([np.append(0, ends[:-1, 1]), ends]).tolist()
+        self.steps: list[tuple[int, int, int]] = [tuple(each) for each in bounds]
+        self.own = np.concatenate([np.arange(b, c) for _, b, c in self.steps])
+        self.blocks, self.couplings = [], []
+        for g, (a, b, c) in enumerate(self.steps):
+            first, middle, _ = self.steps[g - 1] if g else (0, 0, 0)
+            stop = self.steps[g + 1][1] if g + 1 < len(self.steps) else c
+            on = np.arange(self.indptr[a], self.indptr[b])
+            place = (self.indices[on] - first) * (b - a) + self.columns[on] - a
+            self.blocks.append((on, place, (stop - first, b - a)))
+            on = np.arange(self.indptr[middle], self.indptr[a])
+            on = on[self.indices[on] != self.columns[on]]
+            index = self.indices[on] - a, self.columns[on] - middle
+            found = csc_matrix((on + 1.0, index), shape=(stop - a, a - middle))
+            self.couplings.append((found, found.data.astype(np.int64) - 1))
+
+    def unpivoted(self, scaled: csc_matrix) -> Solve:
+        """Solver with the blocks of a scaled matrix, each of u with pivots of its own."""
+        unit = np.ones(scaled.shape[0])
+        unit[self.own] = scaled.diagonal()[self.own]
+        data = scaled.data / unit[self.indices]
+        couplings: list[Any] = []  # of all below by s of the step before
+        solved: list[Callable[..., Array]] = []  # by the block of u
+        below: list[Array] = []  # what u of the equations of a step is in those of the rest
+        later: list[tuple[Array, Array]] = []  # u and s by u of the next step
+        for g, (a, b, _) in enumerate(self.steps):
+            on, place, shape = self.blocks[g]
+            column = np.zeros(shape)
+            column.ravel()[place] = data[on]
+            coupling, source = copy(self.couplings[g][0]), self.couplings[g][1]
+            coupling.data = data[source]
+            couplings.append(coupling)
+            above, own = np.split(column, [shape[0] - coupling.shape[0]])
+            if g:
+                count = below[-1].shape[1]
+                change = below[-1] @ above[:count]
+                s = change[: len(above) - count] - above[count:]
+                own[: b - a] -= change[len(s) :]
+                own += coupling @ s
+                later.append((solved[-1](above[:count]), s))
+            solved.append(dense_lu(own[: b - a]))
+            below.append(solved[-1](own[b - a :].T, trans=1).T)
+
+        def solve(right: Array) -> Array:
+            x = right / unit
+            for g, (a, b, _) in enumerate(self.steps):
+                if g:
+                    x[a : a + couplings[g].shape[0]] -= couplings[g] @ x[self.steps[g - 1][1] : a]
+                x[b : b + len(below[g])] -= below[g] @ x[a:b]
+            following: Array = np.zeros(0)
+            for g, (a, b, c) in reversed(list(enumerate(self.steps))):
+                x[a:b] = solved[g](x[a:b])
+                if len(following):
+                    x[a:b] -= later[g][0] @ following
+                    x[b:c] += later[g][1] @ following
+                following = x[a:b]
+            return x
+
+        return solve
 
 
 PARDISO_CHOICES = {1: 1, 2: 2, 8: 0, 10: 13, 11: 0, 12: 2, 13: 0}
