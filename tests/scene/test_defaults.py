@@ -76,6 +76,48 @@ def test_slip_speed_is_a_tenth_of_the_elastic_creep() -> None:
     assert speed(friction={"coefficient": 0.0}) > 0.0
 
 
+def test_a_line_that_stands_after_it_has_run_hardly_creeps() -> None:
+    """A thousandth of what its shortest span, 1.58 m, is stretched by; only once it stands."""
+    run, stop, wait, again = (
+        {"duration": time, "rollers": {"r1": {"surface_speed": v}} if v is not None else {}}
+        for time, v in ((1.0, 2.0), (1.0, 0.0), (5.0, None), (1.0, 1.0))
+    )
+    usual = 0.1 * 2.0 * 0.2 * 1e4 / 2e8
+    assert speed(wait, run, stop) == pytest.approx(usual, rel=1e-12)
+    for line in ((run, stop, wait), (run, stop, wait, again)):
+        span = np.hypot(0.5, 1.5)
+        assert speed(*line) == pytest.approx(1e-3 * span * 1e4 / 2e8 / 5.0, rel=1e-12)
+    moved = {"duration": 5.0, "rollers": {"r1": {"move": [0.0, 0.0, 0.1]}}}
+    assert speed(run, stop, moved) == pytest.approx(usual, rel=1e-12)
+
+
+def test_drag_of_an_idler_stays_where_a_line_stands() -> None:
+    """T out less T in is the bearing's torque over radius and width, 80 N/m, while it runs.
+
+    With the V_c of a line that only runs most of it has crept away after 5 s.
+    """
+    idler = {"name": "i", "radius": 0.25, "centre": [-2.0, 0.0, 0.25], "wrap": "under"}
+    tables = {**LINE, "rollers": [{**idler, "drive": "idle", "bearing": 20.0}, *LINE["rollers"]]}
+    tables |= {
+        "threading": {"tension": 1e4, "entry": [-4.0, 0.0, 1.0], "exit": [0.5, 0.0, -2.0]},
+        "stages": [
+            {**LINE["stages"][0], "entry": {"release": True, "tension": 1e4}},
+            {"duration": 0.5, "rollers": {"r1": {"surface_speed": 0.0}}},
+            {"duration": 5.0},
+        ],
+    }
+    drags = []
+    for friction in ({}, {"speed": 0.1 * 2.0 * 0.2 * 1e4 / 2e8}):
+        law = {"friction": {"coefficient": 0.2, **friction}}
+        *_, last = Scene.model_validate(tables | law).run()
+        reading = last.state.rollers["i"]
+        assert reading.tension_in is not None
+        assert reading.tension_out is not None
+        drags.append(reading.tension_out - reading.tension_in)
+    assert drags[0] == pytest.approx(80.0, rel=0.2)
+    assert drags[1] < 20.0
+
+
 def test_slip_speed_where_nothing_turns_is_a_displacement_over_the_time() -> None:
     still = {"duration": 4.0, "friction": False}
     moved = {"duration": 2.0, "rollers": {"r1": {"move": [0.0, 0.0, 0.3]}}}

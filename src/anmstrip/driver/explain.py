@@ -19,7 +19,7 @@ from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffe
 from anmstrip.results.files import error_rows
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import FieldSpec
-from anmstrip.simulation.defaults import elastic_creep, loose_across, pulls
+from anmstrip.simulation.defaults import HONEST, elastic_creep, loose_across, pulls, standstill
 from anmstrip.simulation.problem import Assembly, flat_gap, naturals
 from anmstrip.taylor.series import record
 
@@ -100,6 +100,10 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
             not any(pulls(scene))
         )
         why = "" if scene.friction.speed else f", a tenth of the elastic creep of {creep}"
+        if not scene.friction.speed and assembly.friction.speed < 0.99 * HONEST * elastic_creep(
+            scene
+        ):
+            why = f", with which little creeps in {standstill(scene):g} s of standstill"
         yield f"Friction: {scene.friction.law}, V_c = {assembly.friction.speed:.3g} m/s{why}."
     scales = assembly.scales
     yield (

@@ -375,15 +375,19 @@ class _Integrator:
     def local_error(self, memory: Memory, u: Array, new: float, order: int) -> Array:
         """Local error, from the predictor through order + 1 past states.
 
-        The predictor's error is Π(new − t_j) u^(k+1)/(k+1)!, the formula's is
-        that times 1/(rate (new − t_k)), so their ratio is known.
+        The predictor's error is Π(new − t_j) u^(k+1)/(k+1)!, the formula's is that times
+        1/(rate (new − t_k)), so their ratio is known.  Where that leaves more of the membrane
+        force than the tolerance no such derivative describes the motion, slip that reaches the end
+        of a wrap for one: all that the predictor misses counts.
         """
         used = min(memory.available, order + 1)
         times, states = memory.times[:used], memory.states[:used]
         if used > order:
             rate = formula(memory.times, new, order)[1]
-            factor = 1.0 / (rate * (new - times[-1]) + 1.0)
-            return factor * (u - predicted(times, states, new))
+            missed = u - predicted(times, states, new)
+            local = missed / (rate * (new - times[-1]) + 1.0)
+            smooth = self.equations.fading_error(u, local) <= self.stepping.tolerance
+            return local if smooth else missed
         return 0.5 * (u - memory.states[0] - (new - times[0]) * memory.v)
 
     def onward(self, memory: Memory, trial: _Trial, new: float) -> tuple[_Trial, Array, float]:
