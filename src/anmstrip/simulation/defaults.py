@@ -34,9 +34,9 @@ f = 0.25 leaves 1.7 % more at the entry than e^(fθ) after two seconds with 1, w
 KEPT = 1e-3
 """Share of the stretch of the shortest span by which strip on rollers creeps while a line stands.
 
-After 5 s the drag of two idlers, 119 N/m, is right to 14 N/m in 117 tangents; without this 113 of it
-are lost in 94.  Between two rolls of a bridle that rests for 2 s the 10.61 kN/m are right to 0.03
-in 201 tangents; without this 0.27 are lost in 58."""
+After 5 s the drag of two idlers, 119 N/m, is right to 14 N/m in 117 tangents; without this 113 are
+lost in 94.  Between two rolls of a bridle that rests for 2 s the 10.61 kN/m are right to 0.03 in
+201 tangents; without this 0.27 are lost in 58."""
 
 
 USUAL = 1e-4
