@@ -41,6 +41,7 @@ class Corrections:
 
     tolerance: float = 1e-8  # largest imbalance of a state that is found
     most: int = 20  # iterations after which a guess is given up
+    uncounted: float = 0.0  # part of the imbalance: an iteration that leaves less is none of those
     least: int = 0  # iterations at least, after which the factors are those of a state nearby
     kept: float = 0.0  # part of the imbalance: while an iteration leaves less, the tangent is kept
     helpful: float = 1.0  # part of the imbalance that a correction that helps leaves at most
@@ -72,7 +73,8 @@ class Newton:
         """The state nearby in equilibrium, or near to it; None if that does not converge."""
         cost, factors, before = self.cost, None, np.inf
         residual, imbalance = self._residual(u, control)
-        for iteration in range(self.settings.most + 1):
+        iteration = counted = 0
+        while counted <= self.settings.most:
             here = Corrected(u, control, iteration, imbalance)
             if imbalance <= self.settings.tolerance and iteration >= self.settings.least:
                 return here
@@ -88,8 +90,9 @@ class Newton:
             with cost.timed("back-substitution"):
                 change = factors.solve(residual)
             after, found = self._residual(u - change, control)
+            iteration += 1
             if not anew and found > imbalance:
-                factors = None
+                factors, counted = None, counted + 1
                 continue
             if self.settings.helpful * imbalance < found and imbalance <= self.settings.near:
                 return here
@@ -98,6 +101,7 @@ class Newton:
                     break
                 change = 0.5 * change
                 after, found = self._residual(u - change, control)
+            counted += found >= self.settings.uncounted * imbalance
             u, residual, before, imbalance = u - change, after, imbalance, found
         return None
 
