@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import io
+import logging
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -278,6 +279,26 @@ def test_progress_elsewhere_is_a_line_now_and_then() -> None:
     stream = io.StringIO()
     assert list(show_progress(steps, describe_step, stream, interval=1e9)) == steps
     assert not stream.getvalue()
+
+
+@pytest.mark.parametrize("stream", [io.StringIO(), Terminal()])
+def test_progress_tells_what_else_takes_time(
+    stream: io.StringIO, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is logged while steps are made, and not afterwards."""
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "200")
+    log = logging.getLogger("anmstrip.driver.budget")
+
+    def steps() -> Iterator[Any]:
+        yield step_at(1)
+        log.info("estimating the errors by the mesh")
+        yield step_at(3)
+
+    assert len(list(show_progress(steps(), describe_step, stream, interval=0.0))) == 2
+    assert "estimating the errors by the mesh" in stream.getvalue()
+    assert not logging.getLogger("anmstrip").handlers
+    assert not log.isEnabledFor(logging.INFO)
 
 
 def test_the_readme_shows_a_scene_that_is_right(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import ctypes
 import errno
 import gc
 import json
+import logging
 import math
 import os
 import shlex
@@ -138,19 +139,46 @@ def show_progress(
         columns = TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn()
         with Progress(*columns, console=Console(file=stream)) as bar:
             task = bar.add_task("starting", total=1.0)
-            for step in steps:
-                bar.update(task, completed=step.fraction, description=describe(step))
-                yield step
+            with Telling(lambda words: bar.update(task, description=words, refresh=True)):
+                for step in steps:
+                    bar.update(task, completed=step.fraction, description=describe(step))
+                    yield step
         return
     started = shown = time.monotonic()
-    for step in steps:
-        now, done = time.monotonic(), step.fraction
-        if now - shown >= interval:
-            ahead = (now - started) * (1 - done) / done if done > 0 else math.inf
-            left = f", {ahead:.0f} s left" if ahead < A_DAY else ""
-            print(f"{describe(step)}{left}", file=stream, flush=True)
+
+    def tell(words: str, since: float) -> None:
+        nonlocal shown
+        if (now := time.monotonic()) - since >= interval:
+            print(words, file=stream, flush=True)
             shown = now
-        yield step
+
+    with Telling(lambda words: tell(words, started)):
+        for step in steps:
+            spent, done = time.monotonic() - started, step.fraction
+            ahead = spent * (1 - done) / done if done > 0 else math.inf
+            left = f", {ahead:.0f} s left" if ahead < A_DAY else ""
+            tell(f"{describe(step)}{left}", shown)
+            yield step
+
+
+class Telling(logging.Handler):
+    """Context in which what the package logs for information, as its work goes on, is told."""
+
+    def __init__(self, tell: Callable[[str], object]) -> None:
+        super().__init__(logging.INFO)
+        self.tell, self.log = tell, logging.getLogger("anmstrip")
+
+    def __enter__(self) -> None:
+        self.log.addHandler(self)
+        self.log.setLevel(logging.INFO)
+
+    def __exit__(self, *error: object) -> None:
+        self.log.removeHandler(self)
+        self.log.setLevel(logging.NOTSET)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Tell a message."""
+        self.tell(record.getMessage())
 
 
 class Commands(click.Group):

@@ -6,6 +6,7 @@ the mesh a scene is made on elements of half the length; its states are taken th
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -216,6 +217,8 @@ class Budget:
         if any(len(passage.names) > 1 for passage in state.passages):
             self.parts["regularisation"] = None  # a nip presses as its law makes of its gap
         if self.halved is not None:
+            told = "estimating the errors by the mesh, on one of %d unknowns"
+            logging.getLogger(__name__).info(told, self.halved.unknowns)
             self.look_finer(self.halved, stage, exact, released)
         self.time = state.time
 
