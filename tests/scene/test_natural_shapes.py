@@ -13,8 +13,10 @@ from scipy.integrate import trapezoid
 from threaded import ONE, ended, roller, scene_of, values
 
 from anmstrip.driver.explain import explain
+from anmstrip.driver.preview import Preview
 from anmstrip.driver.run import Run, Step
 from anmstrip.driver.scene import Scene
+from anmstrip.driver.warnings import against_section, needless_shell
 from anmstrip.fem.sampling import quadrature_points
 from anmstrip.results.fields import FieldSampler
 from anmstrip.simulation.problem import Assembly
@@ -342,6 +344,19 @@ def test_explain_tells_what_the_strip_would_be_like() -> None:
     assert "Left out: heat" not in text
     bare = flat("section", {"exit": {"force": (1e3, 0.0, 0.0)}}, {})
     assert "Left out: heat, flatness, camber, coil set" in explain(bare)
+
+
+@pytest.mark.parametrize("begins", [True, False])
+def test_heat_along_a_part_of_the_strip_varies_across(begins: bool) -> None:
+    """Factors along that begin and end with 0, and are 1 within a tenth of the length."""
+    along = ((0.0, 0.0), (0.9, 0.0), (1.0, 1.0), (1.1, 0.0), (LENGTH, 0.0))
+    heat = {"temperature": {"table": ((-0.5, 40.0), (0.0, 0.0), (0.5, 40.0)), "along": along}}
+    stage = {"name": "heat", "strip": {} if begins else heat}
+    scene = flat("shell", stage, {}, cells=(200, 4), **(heat if begins else {}))
+    preview = Preview.of(Assembly(scene))
+    assert list(against_section(preview)) == ["temperature varies across the strip"]
+    assert not list(needless_shell(preview))
+    assert f"temperature 0 to 40 K{'' if begins else ' in stage heat'}." in explain(scene)
 
 
 def test_a_run_goes_on_with_its_fields(tmp_path: Path) -> None:

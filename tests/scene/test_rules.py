@@ -183,6 +183,18 @@ WRONG_THREADED = [
 WRONG_SECTION = [
     ("refined = 0.025", "camber = 1e-3", "strip.camber", "no width"),
     ("refined = 0.025", "flatness = { across = [0.0, 1.0] }", "strip.flatness", "no width"),
+    (
+        "refined = 0.025",
+        "flatness = { across = [0, 1], along = [[0, 0], [1, 1], [2, 0]] }",
+        "strip.flatness",
+        "no width",
+    ),
+    (
+        "= 0.6",
+        "= 0.6\nstrip.flatness = { table = [[0, 0], [0.001, 1], [0.002, 0]] }",
+        "stages.turn.strip.flatness",
+        "no width",
+    ),
     ("= 0.6", "= 0.6\nstrip.crossbow = 0.1", "stages.turn.strip.crossbow", "no width"),
     ("radius = 0.5", "radius = 0.5\ncrown = [0.0, -1e-3]", "rollers.r1.crown", "no width"),
     ("radius = 0.5", "radius = 0.5\ntaper = 1e-3", "rollers.r1.taper", "no width"),
