@@ -18,6 +18,7 @@ from anmstrip.driver.run import Run, Step
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.warnings import against_section, needless_shell
 from anmstrip.fem.sampling import quadrature_points
+from anmstrip.fem.strip import grid
 from anmstrip.results.fields import FieldSampler
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
@@ -96,6 +97,23 @@ def test_free_strip_curves_in_its_plane(
     claim(f"offset of a free strip with {next(iter(strip))} (m)", found, expected, 3e-3, "κ L²/2")
     force = np.abs(state.principal_forces).max()
     assert force < 1e-3 * YOUNG * T * abs(curvature) * WIDTH
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_tension_of_a_quadratic_flatness_is_that_at_the_edges(tmp_path: Path, turned: bool) -> None:
+    """N = −E t ε⁰(y) between held ends, in any order of the nodes of elements."""
+    strip: dict[str, Any] = {"cells": (4, 4)}
+    if turned:
+        mesh = grid(np.linspace(-1.0, 1.0, 5), np.linspace(-0.25, 0.25, 5))
+        path, sides = tmp_path / "strip.vtu", mesh.boundaries
+        turns = np.stack([np.roll(cell, k) for k, cell in enumerate(mesh.t.T)])
+        type(mesh)(mesh.p, turns.T).with_boundaries(sides).save(str(path))
+        strip = {"mesh": str(path), **dict.fromkeys(("length", "width", "cells"))}
+    flatness = {"across": (-40.0, 0.0, 80.0)}
+    held = {"exit": {"fixed": ["x", "z"]}}
+    _, state = ended(flat("shell", {"strip": {"flatness": flatness}}, held, **strip))
+    for key, expected in (("tension_min", 20.0), ("tension_max", 40.0)):
+        assert state.along(key) == pytest.approx(expected * 1e-5 * YOUNG * T, rel=1e-4)
 
 
 def test_coil_set_curves_a_free_section(claim: Claim) -> None:
