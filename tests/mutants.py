@@ -326,8 +326,8 @@ FIELDS = (
     ),
     Mutant(
         "membrane forces are not averaged at nodes",
-        "(sums / np.bincount(nodes.ravel()))[:, nodes] @ to_points.T",
-        "corners @ to_points.T + 0.0 * np.sum(sums)",
+        "(sums / np.bincount(places.ravel()))[:, places] @ to_points.T",
+        "ends @ to_points.T + 0.0 * np.sum(sums)",
         "fields",
     ),
     Mutant(

@@ -84,9 +84,9 @@ def nearest(word: str, known: Iterable[str]) -> str:
     'one of: width, thickness'
     """
     known = list(known)
-    matches = get_close_matches(word.lower(), known, n=1, cutoff=0.6)
-    if matches:
-        return f"{matches[0]} (the nearest known one)"
+    small = {name.lower(): name for name in known}
+    if matches := get_close_matches(word.lower(), small, n=1, cutoff=0.6):
+        return f"{small[matches[0]]} (the nearest known one)"
     known = [*known[:MOST_TOLD], "…"] if len(known) > MOST_TOLD else known
     return f"one of: {', '.join(known)}" if known else "nothing; take it out"
 

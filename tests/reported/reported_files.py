@@ -195,7 +195,9 @@ class Surface:
         return np.stack([0.5 * (dot[0] - 1.0), 0.5 * (dot[1] - 1.0), 0.5 * dot[2]], axis=-1)
 
     def recovered(self, values: np.ndarray) -> np.ndarray:
-        """What is bilinear between means at the corners of the linear part within the patches.
+        """What is linear along and quadratic across between means of such parts of patches.
+
+        Means are those at the corners and in the middles of the sides across.
 
         Parameters
         ----------
@@ -206,18 +208,32 @@ class Surface:
         -------
         array, shape (points, ...)
         """
-        legendre = np.stack([np.ones(5), 2.0 * GAUSS - 1.0])  # of norms 1 and 1/3
-        weighted = legendre * np.array([[1.0], [3.0]]) * GAUSS_WEIGHTS
-        part = np.einsum("lj,ki,nji...->nlk...", weighted, weighted, values)
+        x = 2.0 * GAUSS - 1.0
+        legendre = np.stack([np.ones(5), x, 1.5 * x**2 - 0.5])  # of norms 1, 1/3 and 1/5
+        weighted = legendre * np.array([[1.0], [3.0], [5.0]]) * GAUSS_WEIGHTS
+        part = np.einsum("lj,ki,nji...->nlk...", weighted, weighted[:2], values)
         ends = np.array([[1.0, -1.0], [1.0, 1.0]])
-        corners = np.einsum("jl,ik,nlk...->nji...", ends, ends, part)
-        ids = self.cells[:, ::3, ::3]
-        total = np.zeros((len(self.points), *values.shape[3:]))
-        np.add.at(total, ids.ravel(), corners.reshape(-1, *values.shape[3:]))
-        count = np.bincount(ids.ravel(), minlength=len(total)).clip(1)
+        across = np.array([[1.0, -1.0, 1.0], [1.0, 0.0, -0.5], [1.0, 1.0, 1.0]])
+        places = np.einsum("jl,ik,nlk...->nji...", across, ends, part)
+        corners = self.cells[:, ::3, ::3]
+        sides = np.sort(corners, axis=1)  # the middle of a side, by its ends
+        middles = np.unique(sides[:, 0] * len(self.points) + sides[:, 1], return_inverse=True)[1]
+        middles = len(self.points) + middles.reshape(sides[:, 0].shape)
+        ids = np.stack([corners[:, 0], middles, corners[:, 1]], axis=1)
+        total = np.zeros((ids.max() + 1, *values.shape[3:]))
+        np.add.at(total, ids.ravel(), places.reshape(-1, *values.shape[3:]))
+        count = np.bincount(ids.ravel()).clip(1)
         nodes = (total / count.reshape(-1, *(1,) * (total.ndim - 1)))[ids]
         hats = np.stack([1.0 - THIRDS, THIRDS], axis=-1)
-        return self.averaged(np.einsum("jl,ik,nlk...->nji...", hats, hats, nodes))
+        humps = np.stack(
+            [
+                (1.0 - THIRDS) * (1.0 - 2.0 * THIRDS),
+                4.0 * THIRDS * (1.0 - THIRDS),
+                THIRDS * (2.0 * THIRDS - 1.0),
+            ],
+            axis=-1,
+        )
+        return self.averaged(np.einsum("jl,ik,nlk...->nji...", humps, hats, nodes))
 
     @cached_property
     def curvature(self) -> np.ndarray:

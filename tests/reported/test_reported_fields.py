@@ -58,11 +58,15 @@ def test_membrane_forces_are_recovered_from_those_of_the_strains(
 ) -> None:
     """Recovered from N = E t/(1 − ν²) [(1 − ν) E + ν tr E 1] of Green's strains; E t E_xx else.
 
-    The natural shape of the imperfect strip is half a wave, to 1e-3 of its share of 10 N/m.
+    The natural shape of the imperfect strip is half a wave, to 1e-3 of its share of 10 N/m.  The
+    quadratic part across of squares of cubics is of degree 8, one more than the four points of
+    Gauss of a run sum up without an error.
     """
     name, surface = state
     expected = surface.recovered(forces_of(name, surface))
-    close(surface.fields["membrane_force"], expected, 2e-4 if name == "pressed" else 1e-6)
+    close(
+        surface.fields["membrane_force"], expected, {"pressed": 2e-4, "shell": 1e-4}.get(name, 1e-6)
+    )
 
 
 def forces_of(name: str, surface: Surface) -> np.ndarray:

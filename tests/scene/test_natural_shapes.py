@@ -13,9 +13,12 @@ from scipy.integrate import trapezoid
 from threaded import ONE, ended, roller, scene_of, values
 
 from anmstrip.driver.explain import explain
+from anmstrip.driver.preview import Preview
 from anmstrip.driver.run import Run, Step
 from anmstrip.driver.scene import Scene
+from anmstrip.driver.warnings import against_section, needless_shell
 from anmstrip.fem.sampling import quadrature_points
+from anmstrip.fem.strip import grid
 from anmstrip.results.fields import FieldSampler
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
@@ -94,6 +97,23 @@ def test_free_strip_curves_in_its_plane(
     claim(f"offset of a free strip with {next(iter(strip))} (m)", found, expected, 3e-3, "κ L²/2")
     force = np.abs(state.principal_forces).max()
     assert force < 1e-3 * YOUNG * T * abs(curvature) * WIDTH
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_tension_of_a_quadratic_flatness_is_that_at_the_edges(tmp_path: Path, turned: bool) -> None:
+    """N = −E t ε⁰(y) between held ends, in any order of the nodes of elements."""
+    strip: dict[str, Any] = {"cells": (4, 4)}
+    if turned:
+        mesh = grid(np.linspace(-1.0, 1.0, 5), np.linspace(-0.25, 0.25, 5))
+        path, sides = tmp_path / "strip.vtu", mesh.boundaries
+        turns = np.stack([np.roll(cell, k) for k, cell in enumerate(mesh.t.T)])
+        type(mesh)(mesh.p, turns.T).with_boundaries(sides).save(str(path))
+        strip = {"mesh": str(path), **dict.fromkeys(("length", "width", "cells"))}
+    flatness = {"across": (-40.0, 0.0, 80.0)}
+    held = {"exit": {"fixed": ["x", "z"]}}
+    _, state = ended(flat("shell", {"strip": {"flatness": flatness}}, held, **strip))
+    for key, expected in (("tension_min", 20.0), ("tension_max", 40.0)):
+        assert state.along(key) == pytest.approx(expected * 1e-5 * YOUNG * T, rel=1e-4)
 
 
 def test_coil_set_curves_a_free_section(claim: Claim) -> None:
@@ -342,6 +362,19 @@ def test_explain_tells_what_the_strip_would_be_like() -> None:
     assert "Left out: heat" not in text
     bare = flat("section", {"exit": {"force": (1e3, 0.0, 0.0)}}, {})
     assert "Left out: heat, flatness, camber, coil set" in explain(bare)
+
+
+@pytest.mark.parametrize("begins", [True, False])
+def test_heat_along_a_part_of_the_strip_varies_across(begins: bool) -> None:
+    """Factors along that begin and end with 0, and are 1 within a tenth of the length."""
+    along = ((0.0, 0.0), (0.9, 0.0), (1.0, 1.0), (1.1, 0.0), (LENGTH, 0.0))
+    heat = {"temperature": {"table": ((-0.5, 40.0), (0.0, 0.0), (0.5, 40.0)), "along": along}}
+    stage = {"name": "heat", "strip": {} if begins else heat}
+    scene = flat("shell", stage, {}, cells=(200, 4), **(heat if begins else {}))
+    preview = Preview.of(Assembly(scene))
+    assert list(against_section(preview)) == ["temperature varies across the strip"]
+    assert not list(needless_shell(preview))
+    assert f"temperature 0 to 40 K{'' if begins else ' in stage heat'}." in explain(scene)
 
 
 def test_a_run_goes_on_with_its_fields(tmp_path: Path) -> None:

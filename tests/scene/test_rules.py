@@ -138,6 +138,8 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
      "at least 1 m, the sum of both radii, between the axes of r1 and r2"),
     ("[edges.entry]", f"{SECOND}centre = [0, 0, -1.5]\n[edges.entry]", "rollers.r2.centre",
      "centre = [0, 0, -1.511], or smaller radii"),
+    ("[edges.entry]", f"{SECOND.replace('0.5', '500')}centre = [0, 0, -1.6]\n[edges.entry]",
+     "rollers.r2.radius", "was it meant in mm?"),
     ("[edges.entry]", f"{SECOND}centre = [0, 9, -0.501]\n[edges.entry]", "rollers.r2.centre",
      "centre = [0, 9, 0.509]"),
 ]  # fmt: skip
@@ -177,12 +179,26 @@ WRONG_THREADED = [
     ("exit = [2, 0, -1]", "exit = [2, 1, -1]", "threading.exit", "in the plane y = 0"),
     ("tension = 1.0e4", "tension = 1.01e7", "threading.tension", "at most 1e+07"),
     ("tension = 1.0e4", "tension = 2.0e7", "threading.tension", "by 10 %"),
+    ("young = 2.0e11", "young = 2.0e5", "material.young", "young = 2e+11"),
+    ("young = 2.0e11", "young = 200", "material.young", "was it meant in GPa?"),
     ("tension = 1.0e4", "tension = 2.0e7", "threading.tension", "tension = 2e+04"),
 ]  # fmt: skip
 
 WRONG_SECTION = [
     ("refined = 0.025", "camber = 1e-3", "strip.camber", "no width"),
     ("refined = 0.025", "flatness = { across = [0.0, 1.0] }", "strip.flatness", "no width"),
+    (
+        "refined = 0.025",
+        "flatness = { across = [0, 1], along = [[0, 0], [1, 1], [2, 0]] }",
+        "strip.flatness",
+        "no width",
+    ),
+    (
+        "= 0.6",
+        "= 0.6\nstrip.flatness = { table = [[0, 0], [0.001, 1], [0.002, 0]] }",
+        "stages.turn.strip.flatness",
+        "no width",
+    ),
     ("= 0.6", "= 0.6\nstrip.crossbow = 0.1", "stages.turn.strip.crossbow", "no width"),
     ("radius = 0.5", "radius = 0.5\ncrown = [0.0, -1e-3]", "rollers.r1.crown", "no width"),
     ("radius = 0.5", "radius = 0.5\ntaper = 1e-3", "rollers.r1.taper", "no width"),
@@ -239,6 +255,20 @@ def mistakes_of(directory: Path, text: str) -> dict[str, str]:
         Assembly(Scene.load(path)).strip  # noqa: B018
     assert all(mistake.file == str(path) for mistake in caught.value.mistakes)
     return {mistake.key: str(mistake) for mistake in caught.value.mistakes}
+
+
+def test_a_stage_that_is_wrong_in_itself_hides_no_mistake_between_tables(tmp_path: Path) -> None:
+    turned = 'name = "one"\nduration = 1.0\ngravity = -9.81\nrollers.{}.speed = 2.0\n'
+    text = GOOD.replace('"r1"', '"Main"')
+    text = text[: text.index("[[stages]]")] + "[[stages]]\n" + turned.format("main")
+    found = mistakes_of(tmp_path, text)
+    assert "Main (the nearest known one)" in found["stages.one.rollers.main"]
+    assert "since stage one has gravity" in found["material.density"]
+    assert {"stages.one.rollers.main.speed", "stages.one.gravity"} < found.keys()
+    odd = text.replace("rollers.main.speed = 2.0", "rollers = 2.0")
+    assert mistakes_of(tmp_path, odd).keys() == found.keys() - {
+        "stages.one.rollers.main", "stages.one.rollers.main.speed"
+    } | {"stages.one.rollers"}  # fmt: skip
 
 
 @pytest.mark.parametrize(("old", "new", "key", "words"), WRONG)

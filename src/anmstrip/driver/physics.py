@@ -16,6 +16,7 @@ from anmstrip.arrays import Array
 from anmstrip.driver.preview import Preview
 from anmstrip.equilibrium import StageProblem
 from anmstrip.mechanics.roller import Roller
+from anmstrip.scene.checks import meant_modulus
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, RollerSpec
 from anmstrip.simulation.defaults import (
@@ -87,9 +88,8 @@ def other_units(preview: Preview) -> Iterator[str]:
         if roller.radius > LARGEST["m"]:
             key = f"rollers.{roller.name}.radius"
             told.append((key, roller.radius, "m", "mm", 1e-3 * roller.radius))
-    if m.young < 1e7:
-        unit, factor = ("GPa", 1e9) if m.young < 1e3 else ("MPa", 1e6)
-        told.append(("material.young", m.young, "Pa", unit, factor * m.young))
+    if (meant_as := meant_modulus(m.young)) is not None:
+        told.append(("material.young", m.young, "Pa", *meant_as))
     if m.yield_stress is not None and m.yield_stress < 1e4:
         told.append(("material.yield_stress", m.yield_stress, "Pa", "MPa", 1e6 * m.yield_stress))
     if m.density is not None and m.density < 100.0:

@@ -305,6 +305,8 @@ class Strip:
 def grid(xs: Array, ys: Array) -> MeshQuad:
     """Rectangular mesh with the four edges named, nodes numbered along the strip.
 
+    The first side of an element is along y.
+
     Parameters
     ----------
     xs, ys : ndarray

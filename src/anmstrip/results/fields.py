@@ -13,6 +13,7 @@ from anmstrip.fem.sampling import (
     ContactOperator,
     contact_points,
     contact_shares,
+    joined,
     patches,
     shape_of,
     unit_grid,
@@ -172,7 +173,7 @@ class FieldSampler:
         stiffness = moduli(self.strip) if state.bends else np.zeros((3, 3))
         moments = np.einsum("xy,yep->xep", stiffness, bending)
         if (loss := state.controls.get("strip.softening")) is not None:
-            moments = moments * (1.0 - self._recovered(loss[None]))
+            moments = moments * (1.0 - self._recovered(loss[None], state.plasticity is not None))
         moments = moments + layers["moment"]
         tension = membrane[0]
         if sheet is not None:  # the work of M on κ = −n · r,ab is also one on the stretch
@@ -202,7 +203,9 @@ class FieldSampler:
         layers = YieldedStrip(state, state.plasticity)
         d = len(layers.curvature)
         parts = [layers.plastic_share, layers.face_strain, layers.flow.mises(layers.stress[:, -1])]
-        found = self._recovered(np.vstack([*layers.added, layers.residual_curvature, *parts]))
+        found = self._recovered(
+            np.vstack([*layers.added, layers.residual_curvature, *parts]), layered=True
+        )
         force, moment, left = (np.zeros((3, *found.shape[1:])) for _ in range(3))
         force[:d], moment[:d], left[:d] = found[:d], found[d : 2 * d], found[2 * d : 3 * d]
         if d == 1:
@@ -219,30 +222,43 @@ class FieldSampler:
         they are on the whole and from end to end is right: they are projected on the linear
         functions of the element (least squares over its area), the values at a node are averaged
         over its elements, and interpolated between the nodes (Zienkiewicz and Zhu, Int. J. Numer.
-        Meth. Engng. 24, 1987).
+        Meth. Engng. 24, 1987).  Across a rectangle, where no arc makes them swing, the functions
+        are quadratic, as the profiles of rolled strip are.
         """
         shape = (3, *self.own.shape)
         if state.membrane is None:
             pull = state.controls.get("exit.force", np.zeros(3))[0]
             return np.multiply.outer([pull, 0.0, 0.0], np.ones(shape[1:]))
-        return self._recovered(_components(state.membrane.at(state.full, state.controls)))
+        forces = _components(state.membrane.at(state.full, state.controls))
+        return self._recovered(forces, state.plasticity is not None)
 
-    def _recovered(self, values: Array) -> Array:
-        """Values at quadrature points (m, points) as recovered, shape (m, elements, points)."""
-        from_quadrature, to_points = self.recovery
-        corners = values.reshape(len(values), len(self.own), -1) @ from_quadrature.T
-        nodes = self.strip.mesh.t.T
-        sums = [np.bincount(nodes.ravel(), component.ravel()) for component in corners]
-        return np.asarray((sums / np.bincount(nodes.ravel()))[:, nodes] @ to_points.T)
+    def _recovered(self, values: Array, layered: bool = False) -> Array:
+        """Values at quadrature points (m, points) as recovered, shape (m, elements, points).
+
+        Of strip with layers that yield, which makes kinks across, by functions linear across too.
+        """
+        from_quadrature, to_points, places = self.recovery[layered]
+        ends = values.reshape(len(values), len(self.own), -1) @ from_quadrature.T
+        sums = [np.bincount(places.ravel(), component.ravel()) for component in ends]
+        return np.asarray((sums / np.bincount(places.ravel()))[:, places] @ to_points.T)
 
     @cached_property
-    def recovery(self) -> tuple[Array, Array]:
-        """Matrices from quadrature points to an element's corners, and from these to its points."""
-        basis, square = self.strip.basis, self.kind == "quad"
-        at, root = _monomials(basis.X, square), np.sqrt(basis.W)
-        corners = _monomials(self.strip.mesh.refdom.p, square)
-        coefficients = np.linalg.lstsq(root[:, None] * at, np.diag(root), rcond=None)[0]
-        return corners @ coefficients, _monomials(self.local, square) @ np.linalg.inv(corners)
+    def recovery(self) -> list[tuple[Array, Array, Index]]:
+        """How values are recovered, without layers and with them.
+
+        Matrices from quadrature points to places of an element, its corners and the middles of
+        its sides across, and from these to its points; and numbers of the places.
+        """
+        basis, found = self.strip.basis, []
+        root, corners = np.sqrt(basis.W), self.strip.mesh.refdom.p
+        for highest in (2, 1) if self.kind == "quad" else (0, 0):
+            middles = [[0.5, 0.5], [0.0, 1.0]] if highest == 2 else np.zeros((len(corners), 0))
+            places = np.hstack([corners, middles])
+            at, there, to = (_monomials(p, highest) for p in (basis.X, places, self.local))
+            coefficients = np.linalg.lstsq(root[:, None] * at, np.diag(root), rcond=None)[0]
+            numbers, _ = joined(basis.mapping.F(places), self.strip)
+            found.append((there @ coefficients, to @ np.linalg.inv(there), numbers))
+        return found
 
     def _geometry(self, full: Array, growth: Any = 1.0) -> tuple[Array, Array, Array]:
         """Tangent vectors r,a, normal n, and curvature −n · r,ab, positive with a stretched top.
@@ -265,10 +281,12 @@ class FieldSampler:
         return tangents, normal, curvature
 
 
-def _monomials(points: Array, square: bool) -> Array:
-    """1, ξ, η of points (d, n), and ξ η on squares, of which linear functions are made, (n, m)."""
-    rows = [np.ones(points.shape[1]), *points]
-    return np.stack([*rows, points[0] * points[1]] if square else rows, axis=-1)
+def _monomials(points: Array, highest: int) -> Array:
+    """1, ξ, η of points (d, n), on squares 1, η times powers of ξ up to the highest, (n, m)."""
+    if not highest:
+        return np.stack([np.ones(points.shape[1]), *points], axis=-1)
+    across, along = points  # as grids have it
+    return np.stack([f * across**k for k in range(highest + 1) for f in (1.0, along)], axis=-1)
 
 
 def _components(tensor: Array) -> Array:

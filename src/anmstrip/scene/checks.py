@@ -55,6 +55,15 @@ ACROSS = 0.9
 STRETCHED = 0.05
 """Largest strain of a threaded strip: metals yield long before."""
 
+SOFTEST = 1e7
+"""Least Young's modulus of a strip (Pa), that of firm rubber, a tenth of soft polyethylene's."""
+
+IN_MILLIMETRES = 10.0
+"""Radius over the distance to the next axis from which on it was typed in millimetres.
+
+Those of a line are a hundredth of that or more, and in millimetres a thousand times as large.
+"""
+
 
 def edge_controls(stages: Stages) -> Iterator[tuple[str, str, EdgeControl]]:
     """Yield the key, the edge and the control of every edge in every stage."""
@@ -550,7 +559,16 @@ def borne_tension(
     stiffness = material.young * strip.thickness
     if threading is None or threading.closed:  # belts of rubber are stretched more
         return
-    if threading.tension > STRETCHED * stiffness:
+    if threading.tension <= STRETCHED * stiffness:
+        return
+    if (meant := meant_modulus(material.young)) is not None:
+        unit, better = meant
+        expected = (
+            f"at least {SOFTEST:g} (Pa), as rubber has, to bear threading.tension = "
+            f"{threading.tension:g} N/m; was it meant in {unit}?"
+        )
+        yield Mistake("", "material.young", material.young, expected, f"young = {better:.3g}")
+    else:
         percent = 100.0 * threading.tension / stiffness
         expected = (
             f"at most {STRETCHED * stiffness:.3g} (N per metre of width); this would stretch the "
@@ -558,6 +576,20 @@ def borne_tension(
         )
         hint = f"tension = {1e-4 * stiffness:.3g}, or another young or thickness"
         yield Mistake("", "threading.tension", threading.tension, expected, hint)
+
+
+def meant_modulus(young: float) -> tuple[str, float] | None:
+    """Return the unit in which a Young's modulus was typed that no strip has, and it in Pa.
+
+    Examples
+    --------
+    >>> meant_modulus(2e5), meant_modulus(210.0), meant_modulus(2e11)
+    (('MPa', 200000000000.0), ('GPa', 210000000000.0), None)
+    """
+    if young >= SOFTEST:
+        return None
+    unit, factor = ("GPa", 1e9) if young < 1e3 else ("MPa", 1e6)
+    return unit, factor * young
 
 
 def wrapped_axes(rollers: Rollers) -> Iterator[Mistake]:
@@ -571,6 +603,7 @@ def wrapped_axes(rollers: Rollers) -> Iterator[Mistake]:
 
 def apart(rollers: Rollers) -> Iterator[Mistake]:
     """Yield rollers that overlap a parallel one before: axes closer than the sum of the radii."""
+    large: dict[str, tuple[float, float]] = {}  # radius, and distance to an axis within it
     radii = np.array([r.radius for r in rollers])
     centres = np.array([r.centre for r in rollers]).reshape(-1, 3).T.copy()
     axes = np.array([np.array(r.axis) / hypot(*r.axis) for r in rollers]).reshape(-1, 3).T.copy()
@@ -582,6 +615,11 @@ def apart(rollers: Rollers) -> Iterator[Mistake]:
         if not (overlap := parallel & (distance < least * (1.0 - 1e-9))).any():
             continue
         j = int(np.where(overlap, distance - least, np.inf).argmin())
+        far = float(distance[j])
+        absurd = [r for r in (rollers[j], second) if 0.0 < IN_MILLIMETRES * far < r.radius]
+        if absurd:
+            large |= {roller.name: (roller.radius, far) for roller in absurd}
+            continue
         expected = (
             f"at least {least[j]:g} m, the sum of both radii, between the axes of "
             f"{rollers[j].name} and {second.name}, which overlap; now {distance[j]:.4g} (m)"
@@ -591,6 +629,9 @@ def apart(rollers: Rollers) -> Iterator[Mistake]:
         hint = f"centre = [{', '.join(f'{c:.4g}' for c in centre)}], or smaller radii"
         key = f"rollers.{second.name}.centre"
         yield Mistake("", key, list(second.centre), expected, hint)
+    for name, (radius, far) in large.items():
+        expected = f"less than {far:.4g} (m), the way to the next axis; was it meant in mm?"
+        yield Mistake("", f"rollers.{name}.radius", radius, expected, f"radius = {1e-3 * radius:g}")
 
 
 RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
@@ -609,16 +650,23 @@ cannot have at all stands before what else is wrong with it.
 """
 
 
-def check_scene(tables: Mapping[str, Any]) -> Iterator[Mistake]:
+OF_KEYS = (known_rollers, gravity_has_density)
+"""Those that ask of a stage which keys it has, and for no values."""
+
+
+def check_scene(
+    tables: Mapping[str, Any], rules: Iterable[Callable[..., Iterable[Mistake]]] = RULES
+) -> Iterator[Mistake]:
     """Yield what is wrong between those tables of a scene that are right in themselves.
 
     Parameters
     ----------
     tables : mapping
         Tables by name; a rule whose tables are not all there is left out.
+    rules : iterable of callable, optional
     """
     told: set[str] = set()
-    for rule in RULES:
+    for rule in rules:
         needed = signature(rule).parameters
         if needed.keys() <= tables.keys():
             found = list(rule(**{name: tables[name] for name in needed}))

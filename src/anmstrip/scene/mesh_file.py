@@ -235,7 +235,11 @@ def named_mesh(raw: meshio.Mesh) -> Mesh:
         if np.isin(given, own).all():
             edges[name] = boundary[np.isin(own, given)]
     used, cells = np.unique(mesh.t, return_inverse=True)
-    smaller = type(mesh)(mesh.p[:, used], cells.reshape(mesh.t.shape))
+    cells = cells.reshape(mesh.t.shape)
+    if kind == "quad":  # the first side of rectangles along y, as in a grid
+        first = np.abs(np.diff(mesh.p[:, mesh.t[:2]], axis=1)[:, 0])
+        cells = np.where(first[0] > first[1], np.roll(cells, 1, axis=0), cells)
+    smaller = type(mesh)(mesh.p[:, used], cells)
     return smaller.with_boundaries(edges)  # facets are in the order of their nodes, which stays
 
 

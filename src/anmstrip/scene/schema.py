@@ -21,7 +21,7 @@ from pydantic.fields import FieldInfo
 
 from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.scene import tables as scene_tables
-from anmstrip.scene.checks import check_scene
+from anmstrip.scene.checks import OF_KEYS, check_scene
 from anmstrip.scene.tables import (
     EDGE_NAMES,
     LARGEST,
@@ -106,6 +106,10 @@ class SceneSpec(Table):
             if name not in tables and not field.is_required():
                 right[name] = field.get_default()
         found += check_scene(right)
+        if "stages" not in right:
+            told = {mistake.key for mistake in found}
+            between = check_scene({**right, "stages": as_typed(tables.get("stages"))}, OF_KEYS)
+            found += (mistake for mistake in between if mistake.key not in told)
         if found:
             raise InputError(replace(mistake, file=mistake.file or "Scene") for mistake in found)
 
@@ -347,6 +351,18 @@ def implied(scene: Mapping[str, Any]) -> dict[str, Any]:
                 for position, table in enumerate(tables, start=1)
             ]
     return named
+
+
+def as_typed(stages: object) -> tuple[StageSpec, ...]:
+    """Return stages that are wrong in themselves with the gravity and rollers that were typed."""
+    found = []
+    for table in stages if isinstance(stages, list | tuple) else ():
+        if isinstance(table, Mapping):
+            given: dict[str, Any] = {key: table.get(key) for key in ("name", "gravity", "rollers")}
+            if not isinstance(given["rollers"], Mapping):
+                given["rollers"] = {}
+            found.append(StageSpec.model_construct(**given))
+    return tuple(found)
 
 
 def read_text(source: Path) -> str:

@@ -200,9 +200,12 @@ class FieldSpec(Table):
 
     @property
     def samples(self) -> Any:
-        """Values at places spread evenly over the width and over the table along, (101, any)."""
-        places = [place for place, _ in self.along] or [0.0]
-        return self.at(np.linspace(-0.5, 0.5, 101)[:, None], np.linspace(places[0], places[-1], 21))
+        """Values at places all over the width by those of the table along, (any, any).
+
+        At all corners of the tables, between which values are linear.
+        """
+        across = np.union1d(np.linspace(-0.5, 0.5, 101), [eta for eta, _ in self.table])
+        return self.at(across[:, None], np.array([place for place, _ in self.along] or [0.0]))
 
 
 class NaturalShape(Table):
@@ -232,7 +235,7 @@ class NaturalShape(Table):
             key
             for key, given in self.natural.items()
             if key in ("camber", "crossbow")
-            or (isinstance(given, FieldSpec) and np.ptp(given.samples[:, 0]))
+            or (isinstance(given, FieldSpec) and np.ptp(given.samples, axis=0).any())
         ]
 
 
