@@ -88,14 +88,15 @@ def test_space_is_that_of_the_last_state(finished: tuple[Path, str]) -> None:
 def test_bends_of_strip_that_yields_have_their_table() -> None:
     """Of rollers that bend it; a section has no crossbow."""
     bend = {
-        "curvature": -6.2, "moment": -75.0, "plastic_share": 0.523, "residual_curvature": -2.1,
-        "residual_crossbow": None, "elongation": 2.75e-4, "yield_power": 149.5,
+        "curvature": -6.2, "moment": -75.0, "plastic_share": 0.523, "curl_on_roller": -2.1,
+        "crossbow_on_roller": None, "curl": 0.3, "crossbow": None,
+        "elongation": 2.75e-4, "yield_power": 149.5,
     }  # fmt: skip
     rollers, bends = tables({"rollers": {"u1": {"wrap": 0.1, "bend": bend}, "l3": {"bend": None}}})
     assert "<td>l3</td>" in rollers and "<td>l3</td>" not in bends
-    cells = ["u1", "-6.2", "-75", "52.3", "-2.1", "–", "0.000275", "149.5"]
+    cells = ["u1", "-6.2", "-75", "52.3", "-2.1", "–", "0.3", "–", "0.000275", "149.5"]
     assert "".join(f"<td>{cell}</td>" for cell in cells) in bends
-    assert "<th>crossbow left (1/m)</th>" in bends
+    assert "<th>crossbow behind (1/m)</th>" in bends
 
 
 def test_tables_are_those_of_the_summary(finished: tuple[Path, str]) -> None:

@@ -54,8 +54,8 @@ def run(tmp_path_factory):
     return last.state, directory, found
 
 
-def closed_integral(k, tension, steps=1000):
-    """∮ M/M_e dk of perfectly plastic strip that is bent to k and straightened under τ.
+def bent_and_straightened(k, tension, steps=1000):
+    """∮ M/M_e dk of perfectly plastic strip that is bent to k and straightened under τ; M/M_e left.
 
     By returning fibres to the yield surface, with the middle strained so that N = T.
     """
@@ -75,7 +75,7 @@ def closed_integral(k, tension, steps=1000):
         moment = 3.0 * (stress * eta).mean()
         work += 0.5 * (moment + before[1]) * (now - before[0])
         before = now, moment
-    return work
+    return work, moment
 
 
 def test_the_closed_integral_is_that_of_the_table():
@@ -135,7 +135,7 @@ def test_strip_goes_on_straight(run):
 
 def integral_in_newtons(k):
     """∮ M dκ (N/m) of perfectly plastic strip that is bent to k κ_e and straightened, τ = 0.1."""
-    return closed_integral(k, 0.1) * KAPPA * YIELD * THICKNESS**2 / 6.0
+    return bent_and_straightened(k, 0.1)[0] * KAPPA * YIELD * THICKNESS**2 / 6.0
 
 
 def bent_to(state):
@@ -248,10 +248,45 @@ def test_table_of_bends(run):
     moment = 1.5 * (1.0 - 0.1**2) - 0.5 / k**2
     assert bend["moment"] == pytest.approx(moment * YIELD * THICKNESS**2 / 6.0, rel=0.03)
     left = k - bend["moment"] / (YIELD * THICKNESS**2 / 6.0)
-    assert bend["residual_curvature"] == pytest.approx(left * KAPPA, rel=1e-6)
+    assert bend["curl_on_roller"] == pytest.approx(left * KAPPA, rel=1e-6)
     assert bend["plastic_share"] == pytest.approx(1.0 - 1.0 / k, abs=0.03)
     assert bend["elongation"] == pytest.approx(0.1 * (2.0 * k - 3.0) * STRAIN, rel=0.5)
     assert "Bends" in report(found)
+
+
+def test_the_curl_behind_a_roller_is_that_of_strip_that_tension_has_straightened(run, claim):
+    """Bent to the k that is reached, straightened under the same tension, and let go: k = −M/M_e.
+
+    It yields again as it is straightened, and curls the other way than it would on the roller.
+    In the 0.3 s behind it stress relaxes to (50 · 0.5 · E/σ_y · 0.3)^(−1/50) = 0.84 σ_y at n = 51.
+    """
+    state, directory, found = run
+    bend = json.loads((directory / "summary.json").read_text())["rollers"]["r"]["bend"]
+    tension = 0.5 * (state.tension("entry") + state.tension("exit")) / (YIELD * THICKNESS)
+    _, moment = bent_and_straightened(bend["curvature"] / KAPPA, tension)
+    assert bend["curl_on_roller"] > 3.0 * KAPPA
+    told = "curl behind a roller on which strip is bent to 5 κ_e, over κ_e"
+    claim(told, bend["curl"] / KAPPA, -moment, 0.16, "fibres bent, straightened and released")
+    layers = YieldedStrip.of(state)
+    order = layers.x.argsort()
+    x, curvature = layers.x[order], layers.curvature[0, order]
+    moments, _ = flown(51, 0.5, x, curvature, layers.force[0, order])
+    left = curvature - moments * KAPPA / (YIELD * THICKNESS**2 / 6.0)
+    expected = np.interp(np.linspace(*layers.free_strip()["r"]), x, left).mean()
+    claim(f"{told}, at n = 51", bend["curl"] / KAPPA, expected / KAPPA, 0.02, "flowing fibres")
+    assert bend["crossbow"] is None
+    assert f"Delivered, unloaded: a curl of {bend['curl']:.4g} 1/m." in report(found)
+
+
+def test_strip_that_is_straightened_elastically_keeps_the_curl_that_it_has_on_the_roller():
+    """Bent to 1.5 κ_e, M goes from 1.28 to −0.22 M_e; on the roller it creeps on at n = 51."""
+    (roller,) = TABLES["rollers"]
+    radius = 1.0 / (1.5 * KAPPA)
+    tables = {**with_keys(solver={"tolerance": 1e-3}), "rollers": [{**roller, "radius": radius}]}
+    tables["rollers"][0]["centre"] = [0.0, 0.0, -radius]
+    *_, last = Scene.from_tables(tables, "gentle.toml").run()
+    bend = YieldedStrip.of(last.state).rollers()["r"]
+    assert 0.1 * KAPPA < bend.curl_on_roller < bend.curl < bend.curl_on_roller + 0.1 * KAPPA
 
 
 BENT = {
@@ -499,9 +534,9 @@ def test_a_shell_that_is_conveyed_yields_as_its_section_does(tmp_path, claim):
     ]
     for key in ("curvature", "moment", "plastic_share"):
         assert bends[1][key] == pytest.approx(bends[0][key], rel=0.02), key
-    assert bends[0]["residual_crossbow"] is None
+    assert bends[0]["crossbow"] is None
     left = flown_across(YieldedStrip.of(state), 0.5)
-    told = [bends[1][f"residual_{key}"] for key in ("curvature", "crossbow")]
+    told = [bends[1][f"{key}_on_roller"] for key in ("curl", "crossbow")]
     assert told[0] == pytest.approx(left[0], rel=0.01)
     what = "crossbow of a shell that is bent beyond yield over a roller (1/m)"
     claim(what, told[1], left[1], 0.05, "layers flowing on the same curvatures")

@@ -357,7 +357,7 @@ def report(run: Run) -> str:
         if state.rollers:
             parts.append(roller_table(state))
             if state.plasticity is not None:
-                parts.append(bend_table(state))
+                parts += bend_table(state)
         parts.append(tensions(state))
         if any(part is not None for part in run.errors().values()):
             parts.append(error_table(run))
@@ -380,19 +380,27 @@ def roller_table(state: State) -> Table:
     return table
 
 
-def bend_table(state: State) -> Table:
-    """Return the sharpest bend at every roller of strip that can yield, and what it leaves."""
+def bend_table(state: State) -> list[str | Table]:
+    """Return the sharpest bend at every roller of strip that can yield, and what it leaves.
+
+    The curl and crossbow that a steady line delivers are told in a sentence.
+    """
     from anmstrip.results.plastic import YieldedStrip
 
-    title = "Bends, and the curl and crossbow that they leave in unloaded strip"
+    title = "Bends, and the curl and crossbow of unloaded strip behind the roller"
     heads = ("curvature\n(1/m)", "moment\n(N)", "plastic\nshare", "curl\n(1/m)", "crossbow\n(1/m)")
     table = plain_table(title, "\nroller", *heads, "elongation\n(1)", "power\n(W)")
     layers = YieldedStrip.of(state)
-    for name, b in layers.rollers().items() if layers else ():
-        values = b.residual_curvature, b.residual_crossbow, b.elongation, b.yield_power
+    bends = layers.rollers() if layers else {}
+    for name, b in bends.items():
+        values = b.curl, b.crossbow, b.elongation, b.yield_power
         share, told = f"{100.0 * b.plastic_share:.3g} %", [cell(value) for value in values]
         table.add_row(name, cell(b.curvature), cell(b.moment), share, *told)
-    return table
+    if not (bends and state.plan.steady):
+        return [table]
+    last = [*bends.values()][-1]
+    across = "" if last.crossbow is None else f" and a crossbow of {cell(last.crossbow)} 1/m"
+    return [table, f"Delivered, unloaded: a curl of {cell(last.curl)} 1/m{across}."]
 
 
 def cell(value: float | None, form: str = ".4g") -> str:

@@ -63,8 +63,10 @@ BENDS = {
     "curvature": ("curvature", "1/m", 1.0),
     "moment": ("moment", "N", 1.0),
     "plastic_share": ("plastic share", "%", 100.0),
-    "residual_curvature": ("curl left", "1/m", 1.0),
-    "residual_crossbow": ("crossbow left", "1/m", 1.0),
+    "curl_on_roller": ("curl if unloaded there", "1/m", 1.0),
+    "crossbow_on_roller": ("crossbow if unloaded there", "1/m", 1.0),
+    "curl": ("curl behind", "1/m", 1.0),
+    "crossbow": ("crossbow behind", "1/m", 1.0),
     "elongation": ("elongation", "", 1.0),
     "yield_power": ("power", "W", 1.0),
 }
@@ -264,7 +266,7 @@ def tables(summary: Mapping[str, Any]) -> Iterable[str]:
     if rollers:
         yield rows_by_roller("Rollers", rollers, SHOWN)
     if bends := {name: r["bend"] for name, r in rollers.items() if r.get("bend")}:
-        title = "Sharpest bends, and the curl and crossbow that they leave in unloaded strip"
+        title = "Sharpest bends, and the curl and crossbow of unloaded strip behind the roller"
         yield rows_by_roller(title, bends, BENDS)
     if edges := summary.get("edges"):
         rows = ([name, number(e["tension"]), *map(number, e["force"])] for name, e in edges.items())

@@ -24,6 +24,9 @@ FLOWS = 0.9
 """Share of the present yield stress from which on a layer counts as flowing.  With n = 51 its rate
 is 0.5 % of the reference rate there; in a bend the stress falls from it to 0 within the core."""
 
+MEANS = 101
+"""Places along free strip over which curl and crossbow are averaged."""
+
 
 @dataclass(frozen=True)
 class RollerBend:
@@ -32,8 +35,10 @@ class RollerBend:
     curvature: float  # κ, positive with a stretched top (1/m)
     moment: float  # N
     plastic_share: float  # of the thickness that flows
-    residual_curvature: float  # of the strip unloaded behind it (1/m)
-    residual_crossbow: float | None  # the same across; None of a section, which has no width
+    curl_on_roller: float  # of the strip, were it unloaded in this bend (1/m)
+    crossbow_on_roller: float | None  # the same across; None of a section, which has no width
+    curl: float  # of the strip unloaded behind the roller, where it has been straightened (1/m)
+    crossbow: float | None  # the same across
     elongation: float  # plastic, of the middle, since the entry
     yield_power: float  # W, of the flow between the middles of the spans
 
@@ -181,11 +186,27 @@ class YieldedStrip:
                 row = (self.state.time, *read, self.residual_stress[0, k, p])
                 yield dict(zip(LAYER_COLUMNS, map(float, row), strict=True))
 
+    def free_strip(self) -> dict[str, tuple[float, float]]:
+        """Return arc lengths (m) between which strip is free behind every roller that it touches.
+
+        As far from contacts and ends as where tensions are read off; the middle of a short span.
+        """
+        touched, (begin, end) = self.state.contacts, self.strip.span
+        passages = [p for p in self.state.passages if touched[p.names[0]].touching.any()]
+        stops = [p.places[0] for p in passages[1:]]
+        stops += [end - (p.places[1] - p.arc[1]) for p in passages[-1:]]
+        return {
+            name: (float(passage.places[1] - begin), float(stop - begin))
+            for passage, stop in zip(passages, stops, strict=True)
+            for name in passage.names
+        }
+
     def rollers(self) -> dict[str, RollerBend]:
         """Return the sharpest bend around every roller that the strip touches, by means across.
 
         In the sense in which the roller bends the strip: a roller behind others may bend it less
-        than the curl that they leave, the other way round.
+        than the curl that they leave, the other way round.  What it leaves is a mean over the free
+        strip behind it, since strip may yield again where tension straightens it.
         """
         begin = self.strip.mesh.p[0].min()
         middles = {n: c.middle - begin for n, c in self.state.contacts.items() if c.touching.any()}
@@ -195,7 +216,8 @@ class YieldedStrip:
             return {}
         (x, number), curvature = self.stations, self.mean(self.curvature[0])
         found, columns = {}, self.columns(x)
-        crossbow = None if len(self.moment) == 1 else self.mean(self.residual_curvature[1])
+        left = [self.mean(part) for part in self.residual_curvature[:2]]  # along, and across
+        free = self.free_strip()
         powers = np.bincount(number, self.strip.weights().ravel() * self.power)
         ends = np.concatenate([[-np.inf], 0.5 * (places[1:] + places[:-1]), [np.inf]])
         for name, low, high in zip(names, ends[:-1], ends[1:], strict=True):
@@ -204,12 +226,17 @@ class YieldedStrip:
             push = contact.normal @ (contact.pressure * contact.area)
             sense = np.sign(push @ np.cross(self.state.slope(contact.middle), [0.0, 1.0, 0.0]))
             p = here[(sense * curvature[here]).argmax()]
+            behind = np.linspace(*free[name], MEANS)
+            on_roller = [float(part[p]) for part in left]
+            told = [float(np.interp(behind, x, part).mean()) for part in left]
             found[name] = RollerBend(
                 curvature=float(curvature[p]),
                 moment=float(columns["moment"][p]),
                 plastic_share=float(columns["plastic_share"][p]),
-                residual_curvature=float(columns["residual_curvature"][p]),
-                residual_crossbow=None if crossbow is None else float(crossbow[p]),
+                curl_on_roller=on_roller[0],
+                crossbow_on_roller=on_roller[1] if on_roller[1:] else None,
+                curl=told[0],
+                crossbow=told[1] if told[1:] else None,
                 elongation=float(columns["elongation"][here[-1]]),
                 yield_power=float(powers[here].sum()),
             )

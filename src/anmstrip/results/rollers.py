@@ -525,6 +525,10 @@ class Readable(Protocol):
         """Roller → what is read off."""
 
     @property
+    def passages(self) -> Sequence[RollerPassage]:
+        """Rollers from the entry on, one by one, or at once those whose contacts overlap."""
+
+    @property
     def bends(self) -> bool:
         """Whether the strip resists bending."""
 
