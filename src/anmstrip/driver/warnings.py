@@ -190,6 +190,33 @@ def lifted_off(state: State, scene: SceneSpec) -> Iterator[str]:
             )
 
 
+def beside_rollers(state: State, scene: SceneSpec) -> Iterator[str]:
+    """Rollers that the strip lies beside, by more than half its width.
+
+    From the middle of a roller with a profile; from where the strip was laid on a cylinder, whose
+    middle is any place of its axis.
+    """
+    strip, beside = state.plan.model.strip, dict[str, float]()
+    laid = 0.5 * (strip.nodes[1].min() + strip.nodes[1].max())
+    for name, reading in state.rollers.items():
+        contact = state.contacts[name]
+        if reading.offset is None or not contact.touching.any():
+            continue
+        centre = float(state.controls[f"rollers.{name}.centre"][1])
+        middle = laid if contact.roller.is_cylinder else centre
+        beside[name] = laid + float(reading.offset) - middle
+    if far := {name: y for name, y in beside.items() if abs(y) > 0.5 * strip.width}:
+        name = max(far, key=lambda each: abs(far[each]))
+        free = not any(edge.centred or "y" in edge.fixed for edge in scene.edges.values())
+        advice = "Look whether axes and profiles of the rollers are as they were meant."
+        if free:
+            advice = "Try --set edges.entry.centred=true, which holds the entry in y"
+        yield (
+            f"the strip has left {', '.join(far)} sideways: its middle is {far[name]:.3g} m beside "
+            f"{name}, more than half its width. This state is of no use. {advice}"
+        )
+
+
 def slack_end(preview: Preview) -> Iterator[str]:
     """Stages at whose end an end that was pulled no longer is, and bending does not hold it.
 
