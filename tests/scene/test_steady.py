@@ -14,12 +14,12 @@ from pydantic import ValidationError
 from scipy.integrate import quad, solve_ivp
 from threaded import ONE, ended, roller, scene_of
 
-from anmstrip.driver.explain import explain
+from anmstrip.driver.explain import explain, report
 from anmstrip.driver.preview import Preview
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.sensitivities import response
-from anmstrip.driver.warnings import beside_rollers
+from anmstrip.driver.warnings import beside_rollers, standing_idlers
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.fem.sampling import SlopeOperator
 from anmstrip.linalg.solvers import Bordered
@@ -705,3 +705,25 @@ def test_strip_beside_its_rollers_is_told(crowned: State) -> None:
     (told,) = beside_rollers(replace(crowned, full=moved), scene)
     assert "the strip has left flat sideways: its middle is 0.53 m beside flat" in told
     assert "--set edges.entry.centred=true" in told
+
+
+@pytest.mark.parametrize(("bearing", "speed"), [(80.0, 2.00014), (2.0, 2.00014), (2.0, 2.02)])
+def test_strip_that_slides_over_rollers_is_told(bearing: float, speed: float) -> None:
+    """An idler of 3° stands under 80 N m; a driven roller that is 1 % faster is slid over alone."""
+    turning = {"a": {"surface_speed": speed}}
+    tables = {
+        **CROWNED,
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 5e-4, "refined": 0.02},
+        "threading": {"tension": 8e3, "entry": [-1.0, 0.0, -0.4], "exit": [3.0, 0.0, -0.1]},
+        "rollers": [
+            roller("a", 0.0, -0.3, 0.3, "over"),
+            roller("b", 1.0, -0.2, 0.2, "over", drive="idle", bearing=bearing),
+        ],
+        "stages": [{"name": "run", "steady": True, "strip": {"speed": 2.0}, "rollers": turning}],
+        "solver": {"tolerance": 1e-4},
+    }
+    run, state = ended(Scene.from_tables(tables, "idler.toml"))
+    told = list(standing_idlers(state, run.scene))
+    assert len(told) == (bearing == 80.0)
+    assert all("idle roller b stands still" in line for line in told)
+    assert ("slides over all driven rollers" in report(run)) == (speed > 2.01)

@@ -17,6 +17,7 @@ from anmstrip.driver.preview import UNSEEN, Preview, StringEstimate, free_motion
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.mechanics.roller import Roller
+from anmstrip.results.rollers import CREEPS, ContactState
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS
@@ -188,6 +189,27 @@ def lifted_off(state: State, scene: SceneSpec) -> Iterator[str]:
                 f"passes at {gap:.2g} m, where a taut string would touch. "
                 f"Try --set with another rollers.{roller.name}.centre, if it should"
             )
+
+
+def standing_idlers(state: State, scene: SceneSpec) -> Iterator[str]:
+    """Idle rollers that strip slides over and does not turn."""
+    for spec in scene.rollers:
+        contact = state.contacts.get(spec.name)
+        if spec.drive != "idle" or contact is None or not slides(contact):
+            continue
+        if abs(contact.surface_speed) < CREEPS * contact.max_slip:
+            given = abs(contact.torque)
+            yield (
+                f"idle roller {spec.name} stands still, and the strip slides over it at "
+                f"{contact.max_slip:.3g} m/s: friction turns it with {given:.3g} N m, and its "
+                f"bearings hold {spec.bearing:g} N m. "
+                f"Try --set rollers.{spec.name}.bearing={0.5 * given:.2g}, or more wrap or friction"
+            )
+
+
+def slides(contact: ContactState) -> bool:
+    """Whether strip touches a roller and slides over it wherever it does."""
+    return bool(contact.touching.any()) and contact.grip > 0.0
 
 
 def beside_rollers(state: State, scene: SceneSpec) -> Iterator[str]:
