@@ -429,6 +429,8 @@ ELSEWHERE = {
     "squeezed": "test_diagnosis.py, test_nip.py",
     "tips_over": "told where nothing pulls, among what is told before a run",
     "lifted_off": "of an idler that bent strip does not touch",
+    "standing_idlers": "test_steady.py",
+    "beside_rollers": "of a state beside its rollers, in test_steady.py",
     "uneven_heat": "test_diagnosis.py",
     "too_large": "test_diagnosis.py",
     "asked_too_much": "test_diagnosis.py",

@@ -16,9 +16,11 @@ from reported_files import Results, ran, rows_of
 
 from anmstrip import Scene
 from anmstrip.continuation.equations import Cost, Tolerances
+from anmstrip.driver.budget import Budget
 from anmstrip.driver.run import Run
 from anmstrip.results.state import State
 from anmstrip.simulation.march import March
+from anmstrip.simulation.problem import Assembly
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 COARSE = "strip.refined=0.2"
@@ -528,3 +530,18 @@ def test_false_compression_of_a_coarse_shell_is_warned_of(tmp_path: Path) -> Non
     assert numbers[1] == pytest.approx(halved, rel=0.02)
     assert not any(FALSE in words for words in refined.summary["warnings"])
     assert "(2 run(s)) the mesh" in refined.summary["message"]
+
+
+def test_errors_as_large_as_what_they_are_errors_of_are_told() -> None:
+    """Of a shell 0.8 m wide under 12 kN/m: half of its width, and its tension."""
+    given = ['strip.kinematics="shell"']
+    scene = Scene.from_tables(tomllib.loads(scenes.TURNING), "turning.toml", given)
+    budget = Budget(Assembly(scene))
+    small = {"tension": 100.0, "force": 2e4, "position": 1e-3}
+    budget.parts = {"path": None, "mesh": small}
+    assert not budget.useless
+    budget.parts["mesh"] = small | {"position": 0.8}
+    (told,) = budget.useless
+    assert "the mesh may make positions by 0.8 m, more than half the width, wrong" in told
+    budget.parts["path"] = small | {"tension": 2e5}
+    assert len(budget.useless) == 2 and "tensions by 2e+05 N/m" in budget.useless[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,12 @@ from pydantic import ValidationError
 from scipy.integrate import quad, solve_ivp
 from threaded import ONE, ended, roller, scene_of
 
-from anmstrip.driver.explain import explain
+from anmstrip.driver.explain import explain, report
 from anmstrip.driver.preview import Preview
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.sensitivities import response
+from anmstrip.driver.warnings import beside_rollers, standing_idlers
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.fem.sampling import SlopeOperator
 from anmstrip.linalg.solvers import Bordered
@@ -658,3 +660,70 @@ def test_summary_tells_the_speed_of_the_strip(tmp_path: Path) -> None:
     ratio = np.linalg.norm(velocity) / np.linalg.norm(along)
     assert written == pytest.approx(ratio, rel=1e-9)
     assert 1.99 < written < 2.0
+
+
+CROWNED: dict[str, Any] = {
+    "strip": {"width": 1.0, "thickness": 5e-4, "cells": [8, 2], "refined": 0.04},
+    "material": {"young": 2e11, "poisson": 0.3},
+    "contact": {},
+    "friction": {"coefficient": 0.3},
+    "threading": {"tension": 1.5e4, "entry": [-1.0, 0.0, -0.5], "exit": [7.0, 0.0, -0.5]},
+    "rollers": [
+        roller("flat", 0.0, -0.3, 0.3, "over"),
+        roller("crowned", 6.0, -0.3, 0.3, "over", crown=[0.0, -2e-4]),
+    ],
+    "edges": {"entry": {"fixed": ["x", "z"]}},
+    "stages": [
+        {
+            "name": "run", "steady": True, "entry": {"tension": 1.5e4},
+            "rollers": {name: {"surface_speed": 2.0} for name in ("flat", "crowned")},
+        }
+    ],
+    "solver": {"tolerance": 3e-3},
+}  # fmt: skip
+CROWNED["rollers"][1]["centre"] = [6.0, 0.05, -0.3]
+
+
+@pytest.fixture(scope="module")
+def crowned() -> State:
+    """Unguided strip over a flat and a crowned roller, in the stationary state."""
+    return ended(Scene.from_tables(CROWNED, "crowned.toml"))[1]
+
+
+def test_a_crown_guides_strip_that_nothing_else_guides(crowned: State) -> None:
+    """It slides off one without friction; on the way from rest it went on beside the rollers."""
+    offsets = [reading.offset for reading in crowned.rollers.values()]
+    assert offsets == pytest.approx([0.05, 0.05], abs=5e-4)
+
+
+def test_strip_beside_its_rollers_is_told(crowned: State) -> None:
+    """Moved by 0.53 m from where it was laid on a cylinder, and 0.48 m from a crown."""
+    scene, strip = Scene.from_tables(CROWNED, "crowned.toml"), crowned.plan.model.strip
+    assert not list(beside_rollers(crowned, scene))
+    moved = crowned.full.copy()
+    moved[strip.count * strip.node_values + 1] += 0.48
+    (told,) = beside_rollers(replace(crowned, full=moved), scene)
+    assert "the strip has left flat sideways: its middle is 0.53 m beside flat" in told
+    assert "--set edges.entry.centred=true" in told
+
+
+@pytest.mark.parametrize(("bearing", "speed"), [(80.0, 2.00014), (2.0, 2.00014), (2.0, 2.02)])
+def test_strip_that_slides_over_rollers_is_told(bearing: float, speed: float) -> None:
+    """An idler of 3° stands under 80 N m; a driven roller that is 1 % faster is slid over alone."""
+    turning = {"a": {"surface_speed": speed}}
+    tables = {
+        **CROWNED,
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 5e-4, "refined": 0.02},
+        "threading": {"tension": 8e3, "entry": [-1.0, 0.0, -0.4], "exit": [3.0, 0.0, -0.1]},
+        "rollers": [
+            roller("a", 0.0, -0.3, 0.3, "over"),
+            roller("b", 1.0, -0.2, 0.2, "over", drive="idle", bearing=bearing),
+        ],
+        "stages": [{"name": "run", "steady": True, "strip": {"speed": 2.0}, "rollers": turning}],
+        "solver": {"tolerance": 1e-4},
+    }
+    run, state = ended(Scene.from_tables(tables, "idler.toml"))
+    told = list(standing_idlers(state, run.scene))
+    assert len(told) == (bearing == 80.0)
+    assert all("idle roller b stands still" in line for line in told)
+    assert ("slides over all driven rollers" in report(run)) == (speed > 2.01)

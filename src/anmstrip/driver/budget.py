@@ -53,6 +53,19 @@ FAR = 3.0
 """Times the tolerance's share of the scene's tension by which the path must not make one wrong
 without a warning.  Scenes of tests and examples that are done end with half of it at most."""
 
+SOURCES = {
+    "path": "the path", "time": "steps in time", "mesh": "the mesh",
+    "regularisation": "laws of contact and friction",
+}  # fmt: skip
+"""What makes the parts of the errors."""
+
+CURES = {
+    **dict.fromkeys(("path", "time"), "Try a smaller solver.tolerance."),
+    "mesh": "Try shorter elements, and hold the strip in what nothing but friction holds.",
+    "regularisation": "Try --set 'friction.regularisation=\"auto\"'",
+}
+"""What makes them smaller."""
+
 SMALL = 1e-2
 """Change of gaps over the onset of contact, and of slip over V_c, over which laws are straight."""
 
@@ -143,6 +156,24 @@ class Budget:
     def warnings(self) -> list[str]:
         """Sentences about the last state of a run that is done."""
         return [*self.of_path, *self.of_mesh]
+
+    @property
+    def useless(self) -> list[str]:
+        """Sentences about errors that are as large as what they are errors of."""
+        assembly, told = self.assembly, list[str]()
+        sideways, half = 1 in assembly.kinematics.components, 0.5 * assembly.strip.width
+        for of, found in self.parts.items():
+            wrong = []
+            if found is not None and found["tension"] > assembly.scales.tension:
+                wrong.append(f"tensions by {found['tension']:.2g} N/m, more than they are,")
+            if found is not None and sideways and found["position"] > half:
+                wrong.append(f"positions by {found['position']:.2g} m, more than half the width,")
+            if wrong:
+                told.append(
+                    f"this state is of no use: {SOURCES[of]} may make {' and '.join(wrong)} wrong. "
+                    f"{CURES[of]}"
+                )
+        return told
 
     @property
     def of_path(self) -> list[str]:

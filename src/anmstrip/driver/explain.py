@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from anmstrip.driver.preview import Preview
-from anmstrip.driver.warnings import Level, justified_level, levels, warnings
+from anmstrip.driver.warnings import Level, justified_level, levels, slides, warnings
 from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import InputError, Mistake, printable
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
@@ -359,6 +359,10 @@ def report(run: Run) -> str:
             if state.plasticity is not None:
                 parts += bend_table(state)
         parts.append(tensions(state))
+        driven = [r.name for r in run.scene.rollers if r.drive == "speed"]
+        touched = [c for n in driven if (c := state.contacts.get(n)) and c.touching.any()]
+        if state.plan.steady and touched and all(map(slides, touched)):
+            parts.append("The strip slides over all driven rollers that it touches.")
         if any(part is not None for part in run.errors().values()):
             parts.append(error_table(run))
     return text_of([*parts, *(f"Warning: {warning}" for warning in run.warnings)])

@@ -17,6 +17,7 @@ from anmstrip.driver.preview import UNSEEN, Preview, StringEstimate, free_motion
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.mechanics.roller import Roller
+from anmstrip.results.rollers import CREEPS, ContactState
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS
@@ -188,6 +189,54 @@ def lifted_off(state: State, scene: SceneSpec) -> Iterator[str]:
                 f"passes at {gap:.2g} m, where a taut string would touch. "
                 f"Try --set with another rollers.{roller.name}.centre, if it should"
             )
+
+
+def standing_idlers(state: State, scene: SceneSpec) -> Iterator[str]:
+    """Idle rollers that strip slides over and does not turn."""
+    for spec in scene.rollers:
+        contact = state.contacts.get(spec.name)
+        if spec.drive != "idle" or contact is None or not slides(contact):
+            continue
+        if abs(contact.surface_speed) < CREEPS * contact.max_slip:
+            given = abs(contact.torque)
+            yield (
+                f"idle roller {spec.name} stands still, and the strip slides over it at "
+                f"{contact.max_slip:.3g} m/s: friction turns it with {given:.3g} N m, and its "
+                f"bearings hold {spec.bearing:g} N m. "
+                f"Try --set rollers.{spec.name}.bearing={0.5 * given:.2g}, or more wrap or friction"
+            )
+
+
+def slides(contact: ContactState) -> bool:
+    """Whether strip touches a roller and slides over it wherever it does."""
+    return bool(contact.touching.any()) and contact.grip > 0.0
+
+
+def beside_rollers(state: State, scene: SceneSpec) -> Iterator[str]:
+    """Rollers that the strip lies beside, by more than half its width.
+
+    From the middle of a roller with a profile; from where the strip was laid on a cylinder, whose
+    middle is any place of its axis.
+    """
+    strip, beside = state.plan.model.strip, dict[str, float]()
+    laid = 0.5 * (strip.nodes[1].min() + strip.nodes[1].max())
+    for name, reading in state.rollers.items():
+        contact = state.contacts[name]
+        if reading.offset is None or not contact.touching.any():
+            continue
+        centre = float(state.controls[f"rollers.{name}.centre"][1])
+        middle = laid if contact.roller.is_cylinder else centre
+        beside[name] = laid + float(reading.offset) - middle
+    if far := {name: y for name, y in beside.items() if abs(y) > 0.5 * strip.width}:
+        name = max(far, key=lambda each: abs(far[each]))
+        free = not any(edge.centred or "y" in edge.fixed for edge in scene.edges.values())
+        advice = "Look whether axes and profiles of the rollers are as they were meant."
+        if free:
+            advice = "Try --set edges.entry.centred=true, which holds the entry in y"
+        yield (
+            f"the strip has left {', '.join(far)} sideways: its middle is {far[name]:.3g} m beside "
+            f"{name}, more than half its width. This state is of no use. {advice}"
+        )
 
 
 def slack_end(preview: Preview) -> Iterator[str]:

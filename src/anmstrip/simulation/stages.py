@@ -28,7 +28,8 @@ ALIGNED = 0.02
 """Sine of the angle, 1°, up to which a velocity is that of strip that passes a held end."""
 
 RUNNING = 0.1
-"""Share of its speeds at which a steady stage with idlers begins."""
+"""Share of its speeds at which a steady stage with idlers, or of unguided strip, begins: there the
+elastic creep is as fast as V_c by default."""
 
 
 @dataclass
@@ -255,16 +256,28 @@ class Course:
         self.moved[name] = strip.kinematics.embed(places[0])
 
     @property
-    def may_begin_running(self) -> bool:
-        """Whether rollers of a threaded strip turn freely, and V_c is its default or more.
+    def guided(self) -> bool:
+        """Whether the strip stays in its plane, or an edge holds it in y."""
+        a = self.assembly
+        centred = any(edge.centred for edge in a.scene.edges.values())
+        held = any("y" in components for components in self._held().values())
+        return 1 not in a.strip.kinematics.components or centred or held
 
-        With less, point after point begins to slip: with V_c down to 1e-8 m/s a line of four
-        rollers takes up to 233 tangents, from rest up to 76.
+    @property
+    def may_begin_running(self) -> bool:
+        """Whether a threaded strip is unguided, or has rollers that turn freely at a usual V_c.
+
+        A crown drives strip off that slides on it, and guides strip that it carries along: on the
+        way from rest nothing holds unguided strip where the one becomes the other, at 0.5 % of the
+        speed for a crown of 0.1 mm/m², and the path went on 1.5 m beside it.  With V_c below its
+        default, point after point begins to slip: down to 1e-8 m/s a line of four rollers takes up
+        to 233 tangents, from rest up to 76.
         """
         a = self.assembly
-        if not a.turning or a.friction is None or a.thread is None:
+        if a.friction is None or a.thread is None:
             return False
-        return bool(a.friction.speed > 0.99 * HONEST * elastic_creep(a.scene))
+        usual = a.friction.speed > 0.99 * HONEST * elastic_creep(a.scene)
+        return not self.guided or bool(a.turning and usual)
 
     def set_going(self, stage: StageSpec) -> Array:
         """Let a strip at rest run slowly, RUNNING; return the speeds of free rollers.
