@@ -507,12 +507,7 @@ SUMMARY = (
         "self.conveyed + covered * ",
         "summary",
     ),
-    Mutant(
-        "time left is the whole time",
-        "(now - started) * (1 - done) / done",
-        "(now - started) / done",
-        "summary",
-    ),
+    Mutant("time left is the whole time", "spent * (1 - done) / done", "spent / done", "summary"),
     Mutant(
         "tensions of a sweep twice", '= values["tension"]', '= 2.0 * values["tension"]', "sweep"
     ),

@@ -179,11 +179,16 @@ class Model:
         return remembered(self._forces[1], key, found)
 
     def tension_error(
-        self, full: Array, change: Array, controls: Mapping[str, Any] | None = None
+        self,
+        full: Array,
+        change: Array,
+        controls: Mapping[str, Any] | None = None,
+        moments: bool = True,
     ) -> float:
         """Root mean square of the membrane forces of a change, over the tension scale.
 
-        Or of the moments of layers that can yield, over that of first yield, if it is larger.
+        Or of the moments of layers that can yield, over that of first yield, if it is larger and
+        they count.
         """
         error = 0.0
         for effect in self.effects:
@@ -192,7 +197,7 @@ class Model:
                 weights = effect.operator.weights
                 mean = np.einsum("abp,abp,p->", forces, forces, weights) / weights.sum()
                 error = max(error, float(np.sqrt(mean)) / self.scales.tension)
-            elif isinstance(effect, Plasticity):
+            elif moments and isinstance(effect, Plasticity):
                 error = max(error, effect.moment_error(full, change))
         return error
 
@@ -525,9 +530,18 @@ class Motion:
 
     def fading_error(self, u: Array, change: Array) -> float:
         """Error in membrane force over the tension scale: slip lets it relax."""
+        return self._tension_error(u, change)
+
+    def abrupt_error(self, u: Array, change: Array) -> float:
+        """Error in membrane force, where slip changes it from one moment to the next."""
+        if not any(effect.has_corners for effect in self.model.effects):
+            return 0.0
+        return self._tension_error(u, change, moments=False)
+
+    def _tension_error(self, u: Array, change: Array, **which: bool) -> float:
         full, moved = self.supports.start.copy(), np.zeros(self.model.unknowns)
         full[self.supports.free], moved[self.supports.free] = u, change
-        return self.model.tension_error(full, moved, self.controls.start)
+        return self.model.tension_error(full, moved, self.controls.start, **which)
 
 
 @dataclass(frozen=True)

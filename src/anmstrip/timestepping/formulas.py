@@ -130,6 +130,10 @@ class RateEquations(Protocol):
         """Size of the consequences of ``change`` that the motion forgets; none by default."""
         return 0.0
 
+    def abrupt_error(self, u: Array, change: Array) -> float:
+        """Size of those consequences that may begin at a moment, without a derivative; none."""
+        return 0.0
+
     def dragged(self, t: float, u: Array, v: Array, time: float) -> RateEquations | None:
         """The same with a drag that lasts so long: as large as the problem's forces where a
         motion as large as the problem takes this time; None, the default, if none can be told."""

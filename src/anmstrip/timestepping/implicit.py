@@ -386,7 +386,7 @@ class _Integrator:
             rate = formula(memory.times, new, order)[1]
             missed = u - predicted(times, states, new)
             local = missed / (rate * (new - times[-1]) + 1.0)
-            smooth = self.equations.fading_error(u, local) <= self.stepping.tolerance
+            smooth = self.equations.abrupt_error(u, local) <= self.stepping.tolerance
             return local if smooth else missed
         return 0.5 * (u - memory.states[0] - (new - times[0]) * memory.v)
 
