@@ -645,8 +645,8 @@ ESTIMATES = (
     ),
     Mutant(
         "creep without friction",
-        "return f * strain * line_speed(scene)",
-        "return strain * line_speed(scene)",
+        "return f * working_strain(scene) * line_speed(scene)",
+        "return working_strain(scene) * line_speed(scene)",
         "explain",
         "test_defaults.py",
     ),
