@@ -31,7 +31,7 @@ What sticks creeps on while the line rests: a step of 10 to 16 kN/m on a quarter
 f = 0.25 leaves 1.7 % more at the entry than e^(fθ) after two seconds with 1, with 0.2 0.6 %."""
 
 
-KEPT = 1e-3
+CREEPS_AT_REST = 1e-3
 """Share of the stretch of the shortest span by which strip on rollers creeps while a line stands.
 
 After 5 s the drag of two idlers, 119 N/m, is right to 14 N/m in 117 tangents; without this 113 are
@@ -104,7 +104,7 @@ def regularising_speed(scene: SceneSpec) -> float:
     speed, time = HONEST * elastic_creep(scene), standstill(scene)
     if time == 0.0:
         return speed
-    return min(speed, KEPT * working_strain(scene) * shortest_span(scene) / time)
+    return min(speed, CREEPS_AT_REST * working_strain(scene) * shortest_span(scene) / time)
 
 
 def standstill(scene: SceneSpec) -> float:
