@@ -174,7 +174,7 @@ def test_stick_and_slip() -> None:
     corner = run.watch.speeds[0]
     rubbed = [e for e in events if e.kind in ("stick", "slip") and e.point is not None]
     assert [e.kind for e in rubbed] == ["slip", "stick"]  # one point bears all of the load
-    assert rubbed[0].time == pytest.approx(3.00922, abs=5e-5)  # at 1e-6
+    assert rubbed[0].time == pytest.approx(3.00922, abs=1e-4)  # at 1e-6
     assert [e.slip for e in rubbed] == pytest.approx([corner] * len(rubbed), rel=1e-6)
     last = steps[-1].state.contacts["r"]
     assert np.linalg.norm(last.slip, axis=0)[last.touching].max() < corner
