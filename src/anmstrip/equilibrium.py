@@ -538,10 +538,10 @@ class Motion:
             return 0.0
         return self._tension_error(u, change, moments=False)
 
-    def _tension_error(self, u: Array, change: Array, **which: bool) -> float:
+    def _tension_error(self, u: Array, change: Array, moments: bool = True) -> float:
         full, moved = self.supports.start.copy(), np.zeros(self.model.unknowns)
         full[self.supports.free], moved[self.supports.free] = u, change
-        return self.model.tension_error(full, moved, self.controls.start, **which)
+        return self.model.tension_error(full, moved, self.controls.start, moments)
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ class Corrections:
 
     tolerance: float = 1e-8  # largest imbalance of a state that is found
     most: int = 20  # iterations after which a guess is given up
-    uncounted: float = 0.0  # part of the imbalance: an iteration that leaves less is none of those
+    uncounted: float = 0.0  # part of the imbalance: an iteration that leaves less does not count
     least: int = 0  # iterations at least, after which the factors are those of a state nearby
     kept: float = 0.0  # part of the imbalance: while an iteration leaves less, the tangent is kept
     helpful: float = 1.0  # part of the imbalance that a correction that helps leaves at most

@@ -248,7 +248,7 @@ class Budget:
         if any(len(passage.names) > 1 for passage in state.passages):
             self.parts["regularisation"] = None  # a nip presses as its law makes of its gap
         if self.halved is not None:
-            told = "estimating the errors by the mesh, on one of %d unknowns"
+            told = "estimating the errors by the mesh, on elements of half the length, %d unknowns"
             logging.getLogger(__name__).info(told, self.halved.unknowns)
             self.look_finer(self.halved, stage, exact, released)
         self.time = state.time

@@ -96,15 +96,14 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
         resolved = "" if given else ", as the mesh resolves"
         yield f"Contact: {law.words}, setting in over {law.width:.3g} m{resolved}."
     if scene.friction is not None and assembly.friction is not None:
-        creep = f"{elastic_creep(scene):.2g} m/s" + " under a usual strain" * (
-            not any(pulls(scene))
-        )
-        why = "" if scene.friction.speed else f", a tenth of the elastic creep of {creep}"
-        if not scene.friction.speed and assembly.friction.speed < 0.99 * HONEST * elastic_creep(
-            scene
-        ):
-            why = f", with which little creeps in {standstill(scene):g} s of standstill"
-        yield f"Friction: {scene.friction.law}, V_c = {assembly.friction.speed:.3g} m/s{why}."
+        creep, speed = elastic_creep(scene), assembly.friction.speed
+        under = "" if any(pulls(scene)) else " under a usual strain"
+        why = f", a tenth of the elastic creep of {creep:.2g} m/s{under}"
+        if speed < 0.99 * HONEST * creep:
+            way = speed * standstill(scene)
+            why = f", so that strip creeps by {way:.1g} m at most while the line stands"
+        why = "" if scene.friction.speed else why
+        yield f"Friction: {scene.friction.law}, V_c = {speed:.3g} m/s{why}."
     scales = assembly.scales
     yield (
         f"Errors are relative to {scales.length:g} m (positions), {scales.force:g} N (imbalance) "

@@ -112,11 +112,14 @@ def equilibrated(matrix: csc_matrix) -> Array:
     return d
 
 
-def symmetric_lu(matrix: csc_matrix, order: str = "MMD_AT_PLUS_A") -> SuperLU:
+def symmetric_lu(matrix: csc_matrix) -> SuperLU:
     """Sparse LU in a symmetric order that keeps the diagonal as pivots."""
     try:
         return splu(
-            matrix, permc_spec=order, diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+            matrix,
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
         )
     except RuntimeError as error:
         raise SingularTangentError(str(error)) from error
@@ -272,7 +275,7 @@ class BandPlan(Plan):
 class SuperLUPlan(Plan):
     """SuperLU in the symmetric mode, with pivoting where that does not solve the system."""
 
-    name, order = "sparse LU", "MMD_AT_PLUS_A"
+    name = "sparse LU"
 
     def factorise(self, matrix: csc_matrix) -> Factors:
         """LU factors of the equilibrated matrix, refined."""
@@ -289,7 +292,7 @@ class SuperLUPlan(Plan):
 
     def unpivoted(self, scaled: csc_matrix) -> Solve:
         """Solver with factors of a scaled matrix whose pivots are its diagonal."""
-        solve: Solve = symmetric_lu(scaled, self.order).solve
+        solve: Solve = symmetric_lu(scaled).solve
         return solve
 
 
