@@ -26,6 +26,7 @@ from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.shell import Membrane
+from anmstrip.results.files import ERROR_WORDS
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import Span, free_spans
 from anmstrip.scene.schema import StageSpec
@@ -52,12 +53,6 @@ without a warning."""
 FAR = 3.0
 """Times the tolerance's share of the scene's tension by which the path must not make one wrong
 without a warning.  Scenes of tests and examples that are done end with half of it at most."""
-
-SOURCES = {
-    "path": "the path", "time": "steps in time", "mesh": "the mesh",
-    "regularisation": "laws of contact and friction",
-}  # fmt: skip
-"""What makes the parts of the errors."""
 
 CURES = {
     **dict.fromkeys(("path", "time"), "Try a smaller solver.tolerance."),
@@ -169,10 +164,8 @@ class Budget:
             if found is not None and sideways and found["position"] > half:
                 wrong.append(f"positions by {found['position']:.2g} m, more than half the width,")
             if wrong:
-                told.append(
-                    f"this state is of no use: {SOURCES[of]} may make {' and '.join(wrong)} wrong. "
-                    f"{CURES[of]}"
-                )
+                found_wrong = f"{ERROR_WORDS[of]} may make {' and '.join(wrong)} wrong"
+                told.append(f"this state is of no use: {found_wrong}. {CURES[of]}")
         return told
 
     @property
