@@ -197,16 +197,19 @@ def test_levelling_rollers_take_their_share(claim: Claim) -> None:
         assert abs(reading.drag) == pytest.approx(f * reading.normal_force, rel=2e-3)
 
 
+@pytest.mark.parametrize(("across", "bound"), [(8, 0.07), (16, 0.03)])
 @pytest.mark.parametrize(
     ("scene", "tensions"),
     [
-        ("crowned", {0.0: 23.7e3, 0.25: 21.4e3}),
-        ("tapered", {0.0: 22.6e3, 0.125: 22.9e3, 0.375: 17.4e3}),
+        ("crowned", {0.0: 23.6e3, 0.25: 20.9e3, 0.375: 16.9e3}),
+        ("tapered", {0.0: 22.4e3, 0.125: 22.7e3, 0.375: 16.7e3}),
     ],
 )
-def test_profile_makes_the_middle_carry_more(scene: str, tensions: dict[float, float]) -> None:
-    """On the roller more in the middle than at the edges; symmetric; nothing rubs."""
-    run, last = ended(f"{scene}.toml")
+def test_profile_makes_the_middle_carry_more(
+    scene: str, tensions: dict[float, float], across: int, bound: float
+) -> None:
+    """On the roller as on 32 elements across, closer on more of them; symmetric; nothing rubs."""
+    run, last = ended(f"{scene}.toml", f"strip.cells=[24, {across}]")
     strip, state = run.assembly.strip, last.state
     surface = FieldSampler(strip)
     force = surface.sample(state)["membrane_force"][:, 0]
@@ -216,7 +219,7 @@ def test_profile_makes_the_middle_carry_more(scene: str, tensions: dict[float, f
         for side in (place, -place):
             line = on & np.isclose(y, side)
             assert line.sum() > 10
-            assert force[line].mean() == pytest.approx(expected, rel=0.02)
+            assert force[line].mean() == pytest.approx(expected, rel=bound)
     assert state.tension("entry") == pytest.approx(state.tension("exit"), rel=1e-5)
 
 
