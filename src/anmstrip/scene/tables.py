@@ -316,8 +316,9 @@ class PlasticitySpec(Table):
     """growth of the yield stress with plastic strain, a number of at least 0 (Pa)"""
     kinematic_hardening: NotNegative = Field(0.0, examples=["1.0e9"])
     """growth of the back stress with plastic strain, a number of at least 0 (Pa)"""
-    layers: Annotated[Integer, Field(ge=5, le=81)] = Field(21, examples=["21"])
-    """layers through the thickness, an integer from 5 to 81 (1)"""
+    layers: Annotated[Integer, Field(ge=5, le=81)] | None = Field(None, examples=["21"])
+    """layers through the thickness, an integer from 5 to 81; left out: 21 of a section, 11 of a
+    shell (1)"""
     law: Annotated[str, Field(strict=True, pattern=f"^{OWN_LAW}$")] | None = Field(
         None, examples=['"my_laws:Voce"']
     )
