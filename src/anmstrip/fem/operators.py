@@ -11,7 +11,6 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.polynomial.legendre import Legendre
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, eye, kron
 
 from anmstrip.arrays import Array, Index
@@ -338,16 +337,6 @@ def upwind(strip: Strip) -> csr_matrix:
     return csr_matrix((values, index), shape=(len(x), len(x)))
 
 
-def lobatto(count: int) -> tuple[Array, Array]:
-    """Return points in [−1, 1] and weights of Lobatto's rule, which includes both ends.
-
-    Weights 2/(n (n − 1) P_{n−1}(x)²), n the count (Abramowitz and Stegun, 25.4.32).
-    """
-    last = Legendre.basis(count - 1)
-    points = np.concatenate([[-1.0], last.deriv().roots(), [1.0]])
-    return points, 2.0 / (count * (count - 1) * last(points) ** 2)
-
-
 @dataclass(frozen=True)
 class Layers:
     """Points through the thickness at which fibres flow.
@@ -365,9 +354,17 @@ class Layers:
 
     @classmethod
     def of(cls, thickness: float, count: int) -> Layers:
-        """Return so many layers by Lobatto's rule, the first and the last on the faces."""
-        points, weights = lobatto(count)
-        return cls(0.5 * thickness * points, 0.5 * thickness * weights)
+        """Return at least five layers at equal distances, the first and the last on the faces.
+
+        By the trapezoidal rule with Gregory's corrections, exact for cubic polynomials (Davis and
+        Rabinowitz, Methods of Numerical Integration, 2.9).  Stress jumps where the elastic core
+        is: layers that are closer at the faces have too few about it.
+        """
+        weights = np.ones(count)
+        for ends in (np.s_[:3], np.s_[:-4:-1]):
+            weights[ends] += np.array([3.0 / 8.0, 7.0 / 6.0, 23.0 / 24.0]) - 1.0
+        heights = np.linspace(-0.5, 0.5, count) * thickness
+        return cls(heights, weights * thickness / (count - 1))
 
 
 class InternalOperator:
@@ -487,9 +484,11 @@ class InternalOperator:
 
 
 class Eliminated:
-    """Unknowns z of points, g = A L u + C z, that act on the others as Lᵀ w B z.
+    """Unknowns z of points, g = A L u + C z, that act on the others as Lᵀ w Fᵀ S z.
 
-    C couples the variables of each layer alone, and B z = Σ_l w_l (S₀ + ζ_l S₁) z_l.
+    C couples the variables of each layer alone, and S z are the k integrals of z and ζ z through
+    the thickness that make forces.  These work on strains F L u, and layers feel no others by the
+    principle of virtual work: A = X F, with fewer columns than L u has components.
 
     Parameters
     ----------
@@ -517,22 +516,31 @@ class Eliminated:
         self.shapes = moments * layers.weights / sizes[:, None]
         own = derivative[q : q + v, q:].reshape(v, v, -1, operator.points)
         own = own + np.eye(v)[..., None, None] * slopes
-        by_strains = derivative[:q, q:].reshape(q, v, -1, operator.points)
         inverse = np.asarray(np.linalg.inv(own.transpose(3, 2, 1, 0)))  # (points, layers, v, v)
-        self.on_forces = derivative[q:, :q].transpose(2, 1, 0)  # (points, q, 2 v)
-        self.flown = inverse @ by_strains.transpose(3, 2, 1, 0)  # C⁻¹ A, (points, layers, v, q)
-        self.inverse, self.by_strains = points_last(inverse), points_last(self.flown)
-        self.by_integrals = np.ascontiguousarray(derivative[q:, :q]).reshape(2, v, q, -1)
+        self.inverse = points_last(inverse)
+        largest = np.abs(derivative[q:, :q]).max(axis=(1, 2))
+        self.acting = np.flatnonzero(largest)
+        self.units = largest[self.acting, None]
+        self.felt = derivative[q:, :q][self.acting] / self.units[..., None]  # F, (k, q, points)
+        rows = self.felt.transpose(2, 0, 1)
+        back = rows.swapaxes(1, 2) @ np.linalg.inv(rows @ rows.swapaxes(1, 2))  # F Fᵀ (F Fᵀ)⁻¹ = 1
+        by_strains = derivative[:q, q:].transpose(2, 1, 0) @ back  # X, (points, v · layers, k)
+        by_strains = by_strains.reshape(operator.points, v, -1, len(self.acting)).swapaxes(1, 2)
+        self.flown = inverse @ by_strains  # C⁻¹ X, (points, layers, v, k)
+        self.by_strains = points_last(self.flown)
 
-    def on_strip(self, own: Array) -> Array:
-        """Return B z of z, (points, layers, v, changes), shape (points, q, changes)."""
-        integrals = np.einsum("sl,plvj->psvj", self.shapes, own)
-        return np.asarray(self.on_forces @ integrals.reshape(len(own), -1, own.shape[-1]))
+    def integrals(self, own: Array) -> Array:
+        """Return S z of z, (..., layers, v, changes), shape (..., k, changes)."""
+        whole = np.einsum("sl,...lvj->...svj", self.shapes, own)
+        shape = (*own.shape[:-3], -1, own.shape[-1])
+        return np.asarray(whole.reshape(shape)[..., self.acting, :] * self.units)
 
     @property
     def relief(self) -> Array:
-        """B C⁻¹ A as J[j, i], shape (strains, strains, points)."""
-        return self.on_strip(self.flown).transpose(2, 1, 0)
+        """Fᵀ S C⁻¹ A as J[j, i], shape (strains, strains, points)."""
+        rows = self.felt.transpose(2, 0, 1)
+        forces = rows.swapaxes(1, 2) @ (self.integrals(self.flown) @ rows)
+        return np.asarray(forces.transpose(2, 1, 0))
 
     def solved(self, own: Array) -> Array:
         """Return C⁻¹ g, shape (v, layers, points), of g, (own unknowns,)."""
@@ -542,14 +550,16 @@ class Eliminated:
     def freed(self, full: Array, solved: Array) -> Array:
         """Return C⁻¹ (g − A L u), shape (v, layers, points), from C⁻¹ g."""
         strains = self.operator.cells.apply(full).reshape(self.operator.strains, -1)
-        return solved - np.einsum("vqlp,qp->vlp", self.by_strains, strains[:, self.numbers])
+        felt = np.einsum("kqp,qp->kp", self.felt, strains[:, self.numbers])
+        return solved - np.einsum("vklp,kp->vlp", self.by_strains, felt)
 
     def gathered(self, z: Array) -> Array:
-        """Return Lᵀ w B z, shape (unknowns of the strip,)."""
+        """Return Lᵀ w Fᵀ S z, shape (unknowns of the strip,)."""
         cells = self.operator.cells
         forces = np.empty((self.operator.strains, cells.points))
-        integrals = np.einsum("sl,vlp->svp", self.shapes, z)
-        forces[:, self.numbers] = np.einsum("svqp,svp->qp", self.by_integrals, integrals)
+        whole = np.einsum("sl,vlp->svp", self.shapes, z).reshape(-1, cells.points)
+        integrals = whole[self.acting] * self.units
+        forces[:, self.numbers] = np.einsum("kqp,kp->qp", self.felt, integrals)
         return cells.gather(forces.reshape(cells.count, cells.components, -1))
 
     def numbered(self, z: Array) -> Array:
@@ -559,7 +569,7 @@ class Eliminated:
         return found.ravel()
 
     def reduced(self, solved: Array) -> tuple[Array, Array]:
-        """Return Lᵀ w B C⁻¹ g, (unknowns of the strip,), and what is left of g: nothing."""
+        """Return Lᵀ w Fᵀ S C⁻¹ g, (unknowns of the strip,), and what is left of g: nothing."""
         return self.gathered(solved), np.zeros(0)
 
     def recovered(self, full: Array, kept: Array, solved: Array) -> Array:
@@ -575,6 +585,12 @@ def by_unknowns(x: Array, functions: Array) -> Array:
     return np.asarray(found.reshape(*x.shape[:-1], -1))
 
 
+def of_lines(x: Array, count: int) -> Array:
+    """Return (points, k, ...), line by line, as (lines, points of a line · k, ...)."""
+    each = x.reshape(count, -1, *x.shape[1:]).swapaxes(0, 1)
+    return np.ascontiguousarray(each).reshape(len(each), -1, *x.shape[2:])
+
+
 def points_last(x: Array) -> Array:
     """Return (points, layers, v, changes) as (v, changes, layers, points)."""
     return np.ascontiguousarray(x.transpose(2, 3, 1, 0))
@@ -584,17 +600,19 @@ class Chained(Eliminated):
     """The same where what flows is carried along: C z = g − A L u + z₋/h, z₋ of the point before.
 
     Of a line of points in an element the last unknowns s are kept, the others are eliminated: with
-    z_i = Z_i (s₋, L u of all points up to i), s₋ of the element before, the equations that are left
-    are s − Z_last (s₋, L u) = what g makes of it.
+    z_i = Z_i (s₋, F L u of all points up to i), s₋ of the element before, the equations that are
+    left are s − Z_last (s₋, F L u) = what g makes of it.
 
     Attributes
     ----------
     carried : ndarray, shape (v, v, layers, points of a line, lines)
         C⁻¹/h.
-    responses : ndarray, shape (points of a line, lines, layers, v, v + count · local)
-        Z, of s₋ and of the element's u.
-    work : ndarray, shape (lines, points of a line · 2 v, count · local)
-        Forces by S₀ and S₁ of z.
+    strains : ndarray, shape (lines, points of a line · k, count · local)
+        F L of the element's u.
+    weights : ndarray, shape (lines, points of a line · k, 1)
+        Of the points, by which S z is multiplied.
+    of_strains : ndarray, shape (lines, points of a line · k, points of a line · k)
+        S z by F L u.
     scale : ndarray, shape (lines, own)
         By which the equations of s are multiplied, for entries as large as those of forces.
     values : ndarray
@@ -609,35 +627,38 @@ class Chained(Eliminated):
         super().__init__(operator, derivative[..., self.numbers], slopes)
         self.carried = (self.inverse * slopes).reshape(*self.inverse.shape[:3], *self.lines)
         carried = np.ascontiguousarray(self.carried.transpose(3, 4, 2, 0, 1))
-        functions = cells.by_point[self.numbers]
-        weighted = functions * cells.weights[self.numbers, None, None]
-        work = by_unknowns(self.on_forces.swapaxes(1, 2), weighted)
-        self.work = np.swapaxes(work.reshape(*self.lines, 2 * v, -1), 0, 1)
-        self.work = self.work.reshape(self.lines[1], -1, work.shape[-1])
-        flown = by_unknowns(self.flown, functions).reshape(*carried.shape[:-1], -1)
-        self.responses = np.zeros((*carried.shape[:-1], v + flown.shape[-1]))
-        np.negative(flown, out=self.responses[..., v:])
-        before: Array = np.eye(v, self.responses.shape[-1])
+        count, lines = self.lines
+        rows = np.ascontiguousarray(self.felt.transpose(2, 0, 1))
+        self.strains = of_lines(by_unknowns(rows, cells.by_point[self.numbers]), count)
+        k = rows.shape[1]
+        weights = np.broadcast_to(cells.weights[self.numbers, None, None], (count * lines, k, 1))
+        self.weights = of_lines(weights, count)
+        flown = self.flown.reshape(*carried.shape[:-1], k)
+        self.of_strains = np.zeros((lines, count * k, count * k))
+        by_start = np.empty((lines, count * k, v * len(self.shapes[0])))
+        response = np.eye(v)
         for i, there in enumerate(carried):
-            self.responses[i] += there @ before
-            before = self.responses[i]
-        lines = self.lines[1]
-        integrals = np.einsum("sl,iglvw->gisvwl", self.shapes, self.responses[..., :v])
-        forces = self.work.swapaxes(1, 2) @ integrals.reshape(*self.work.shape[:2], -1)
+            response = np.concatenate([there @ response, -flown[i]], axis=-1)  # of s₋, F L u
+            on = np.s_[:, i * k : (i + 1) * k]
+            self.of_strains[*on, : (i + 1) * k] = self.integrals(response[..., v:])
+            own = np.einsum("sl,glvw->gsvwl", self.shapes, response[..., :v])
+            by_start[on] = own.reshape(lines, -1, by_start.shape[-1])[:, self.acting] * self.units
+        forces = self.strains.swapaxes(1, 2) @ (self.weights * by_start)
         each = np.abs(forces).max(axis=1).reshape(lines, v, -1)
         # by layer: p has no forces before strip flows
         self.scale = np.tile(each.max(axis=1), v) / operator.chain.largest[:, None]
-        last = before.swapaxes(1, 2) * -self.scale.reshape(lines, v, -1, 1)
-        parts = forces, last[..., v:], last[..., :v], self.scale
+        last = response.swapaxes(1, 2) * -self.scale.reshape(lines, v, -1, 1)
+        on_u = last[..., v:].reshape(lines, -1, count * k) @ self.strains
+        parts = forces, on_u, last[..., :v], self.scale
         self.values = np.concatenate([x.ravel() for x in parts])
 
     @property
     def on_elements(self) -> Array:
         """Forces by u without s, shape (elements, count, local, count, local)."""
-        cells, v, lines = self.operator.cells, self.operator.variables, self.lines[1]
-        integrals = np.einsum("sl,iglvj->gisvj", self.shapes, self.responses[..., v:])
-        forces = self.work.swapaxes(1, 2) @ integrals.reshape(self.work.shape)
-        whole = forces.reshape(cells.elements, lines // cells.elements, -1).sum(axis=1)
+        cells = self.operator.cells
+        stresses = self.weights * (self.of_strains @ self.strains)
+        forces = self.strains.swapaxes(1, 2) @ stresses
+        whole = forces.reshape(cells.elements, self.lines[1] // cells.elements, -1).sum(axis=1)
         return whole.reshape(-1, *(cells.count, cells.local) * 2)
 
     def _along(self, z: Array, before: Array | None = None) -> Array:

@@ -162,8 +162,8 @@ FLOATS = 0.05
 half by which its middle is nearer to the roller than its face, which is not modelled."""
 
 LAYERS = {"section": 21, "shell": 11}
-"""Layers through the thickness unless the scene says: moments to 0.4 and to 1.4 %; those of a
-shell are most of its work."""
+"""Layers through the thickness unless the scene says: moments to 0.2 % and to 1 % of M_e; those
+of a shell are most of its work."""
 
 FAINT = 1e-4
 """Share of the pressure T/r of a wrapped strip below which there is no friction.
