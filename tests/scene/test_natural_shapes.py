@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import trapezoid
 from threaded import ONE, ended, roller, scene_of, values
 
-from anmstrip.driver.explain import explain
+from anmstrip.driver.explain import explain, report
 from anmstrip.driver.preview import Preview
 from anmstrip.driver.run import Run, Step
 from anmstrip.driver.scene import Scene
@@ -189,6 +189,8 @@ def test_flatness_in_the_summary(waved: tuple[Run, Path, list[Step]]) -> None:
     assert summary["manifest_flatness"] == pytest.approx(1e5 * np.ptp(excess), rel=0.01)
     wave = 1e5 * 0.25 * np.pi**2 * (4.73e-3 / 0.70) ** 2
     assert summary["manifest_flatness"] == pytest.approx(wave, rel=0.05)
+    told = f"Flatness: 24 I-units latent, {summary['manifest_flatness']:.3g} of them in waves."
+    assert told in report(waved[0])
 
 
 def test_threaded_hot_strip_has_its_tension() -> None:
@@ -391,3 +393,13 @@ def test_a_run_goes_on_with_its_fields(tmp_path: Path) -> None:
     scale = np.abs(expected.full).max()
     assert last.state.full == pytest.approx(expected.full, abs=1e-6 * scale)
     assert whole.outcome.done
+
+
+def test_explain_tells_how_warm_the_strip_is_at_rollers() -> None:
+    """Distances are those from the entry along the strip, not x: half of its length at the top."""
+    warm = {"temperature": {"across": (10.0, 0.0, 24.0), "along": ((0.0, 0.0), (4.0, 4.0))}}
+    scene = scene_of(ONE, "shell", strip=warm, material={"expansion": ALPHA})
+    half = 0.5 * Assembly(scene).strip.length
+    assert half == pytest.approx(np.hypot(2.0, 1.0), rel=0.1)
+    wanted = f"Unstressed: temperature 0 to 64 K, in the mean across {12.0 * half:.3g} at a."
+    assert wanted in " ".join(explain(scene).split())

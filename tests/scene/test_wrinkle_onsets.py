@@ -17,6 +17,7 @@ from threaded import ended
 
 from anmstrip.continuation.bifurcations import Kind, watched
 from anmstrip.continuation.follow import Settings, follow
+from anmstrip.driver.run import onset_words
 from anmstrip.driver.scene import Scene
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.linalg.solvers import Bordered, Remembering, SparseSolver
@@ -57,6 +58,14 @@ def test_column_is_told_where_euler_says(tmp_path: Path) -> None:
         assert found[kind]["time"] == pytest.approx(share / OVER, rel=1e-3)
         assert found[kind]["x"] == pytest.approx(0.0, abs=1e-9)
     assert "about to wrinkle" in run.message
+    assert "more" not in run.message
+    several = onset_words([*run.wrinkles[:1], *run.wrinkles[:1], {"time": 0.75}])
+    first = onset_words(run.wrinkles[:1])
+    assert several == f"{first[:-1]}; 2 more up to t = 0.75 s, in summary.json."
+    assert onset_words([]) == ""
+    assert "latent flatness" not in first
+    uneven = onset_words([{**run.wrinkles[0], "latent_flatness": 10.84}])
+    assert "N/m, latent flatness 10.8 I-units) the strip is about to wrinkle" in uneven
     assert "unstable" in run.message
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["wrinkles"] == run.wrinkles

@@ -80,7 +80,7 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
     if (bent := scene.strip.imperfection) is not None:
         words = f"by mode {bent.mode} of buckling at the end of stage {scene.course[0].name}"
         yield f"Bent without stress by {bent.amplitude:g} m, {words}."
-    yield from (f"Unstressed: {line}." for line in shape_lines(scene))
+    yield from (f"Unstressed: {line}." for line in shape_lines(preview))
     yield from (f"Left out: {line}" for line in left_out(preview))
     if scene.rollers:
         yield geometry_table(preview)
@@ -170,9 +170,13 @@ def memory(effect: Effect, order: int, plan: StageProblem) -> float:
     return program.nbytes(order)
 
 
-def shape_lines(scene: SceneSpec) -> Iterator[str]:
-    """Yield what the strip would be like unstressed, from the beginning and by stages."""
-    units = {"temperature": "K", "flatness": "I-units"}
+def shape_lines(preview: Preview) -> Iterator[str]:
+    """Yield what the strip would be like unstressed, from the beginning and by stages.
+
+    With the mean across, at the rollers in their order, of what varies along.
+    """
+    scene, units = preview.assembly.scene, {"temperature": "K", "flatness": "I-units"}
+    thread = preview.assembly.thread
     shapes = [("", scene.strip), *((f" in stage {s.name}", s.strip) for s in scene.stages)]
     for when, shape in shapes:
         for key, given in shape.natural.items():
@@ -182,6 +186,11 @@ def shape_lines(scene: SceneSpec) -> Iterator[str]:
                 low, high = given.samples.min(), given.samples.max()
                 value = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
                 value += f" {units[key]}"
+                if given.along and thread is not None:
+                    places = 0.5 * thread.length + np.mean([*thread.arcs.values()], axis=1)
+                    means = zip(thread.arcs, given.means(places), strict=True)
+                    at = ", ".join(f"{mean:.3g} at {name}" for name, mean in means)
+                    value += f", in the mean across {at}"
             yield f"{key.replace('_', ' ')} {value}{when}"
 
 
@@ -358,6 +367,9 @@ def report(run: Run) -> str:
             if state.plasticity is not None:
                 parts += bend_table(state)
         parts.append(tensions(state))
+        if (latent := run.flatness.get("latent_flatness")) is not None:
+            manifest = run.flatness["manifest_flatness"]
+            parts.append(f"Flatness: {latent:.3g} I-units latent, {manifest:.3g} of them in waves.")
         driven = [r.name for r in run.scene.rollers if r.drive == "speed"]
         touched = [c for n in driven if (c := state.contacts.get(n)) and c.touching.any()]
         if state.plan.steady and touched and all(map(slides, touched)):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial, reduce
 from operator import attrgetter
@@ -44,6 +44,23 @@ WRINKLE_WORDS = {
     "bifurcation": "the path bifurcates: beyond, the smooth strip is unstable, or again stable",
 }
 """What is said of the kinds of :class:`~anmstrip.results.wrinkles.Onset`."""
+
+
+def onset_words(found: Sequence[Mapping[str, Any]]) -> str:
+    """Say where the first of the onsets of one kind is, and how many follow."""
+    if not found:
+        return ""
+    first, last, following = found[0], found[-1], len(found) - 1
+    uneven = first.get("latent_flatness")
+    load = "" if uneven is None else f", latent flatness {uneven:.3g} I-units"
+    more = f"; {following} more up to t = {last['time']:.6g} s, in summary.json" * bool(following)
+    return (
+        f" At t = {first['time']:.6g} s (stage {first['stage']}, exit tension "
+        f"{first['exit_tension']:.5g} N/m{load}) {WRINKLE_WORDS[first['kind']]}, "
+        f"with wavelengths of {first['wavelength_along']:.3g} m along and "
+        f"{first['wavelength']:.3g} m across, most at x = {first['x']:.3g} m, "
+        f"y = {first['y']:.3g} m{more}."
+    )
 
 
 UNREAD = 1_000_000
@@ -169,6 +186,7 @@ class Run:
         self.state: State | None = None
         self.outcome, self.message = Outcome.TOO_MANY_STEPS, "The run has not ended."
         self.warnings: list[str] = []
+        self.flatness: dict[str, float] = {}
         self._forewarnings: list[str] | None = None
         self.rows: list[dict[str, Any]] = []
         self.unread: list[Step] = []
@@ -402,7 +420,8 @@ class Run:
                 height, spacing = wrinkling.wave(self.recorder.surface) or (None, None)
                 facts |= {"wrinkle_amplitude": height, "wrinkle_spacing": spacing}
                 facts["compressive_membrane_force"] = wrinkling.compression
-                facts |= wrinkling.flatness
+                self.flatness = wrinkling.flatness
+                facts |= self.flatness
         self.recorder.summary(facts | {"errors": self.errors(), "warnings": self.warnings}, state)
 
     def errors(self) -> dict[str, Part | None]:
@@ -461,12 +480,8 @@ class Run:
             for snap in self.snaps
         )
         wrinkles = "".join(
-            f" At t = {told['time']:.6g} s (stage {told['stage']}, exit tension "
-            f"{told['exit_tension']:.5g} N/m) {WRINKLE_WORDS[told['kind']]}, "
-            f"with wavelengths of {told['wavelength_along']:.3g} m along and "
-            f"{told['wavelength']:.3g} m across, most at x = {told['x']:.3g} m, "
-            f"y = {told['y']:.3g} m."
-            for told in self.wrinkles
+            onset_words([told for told in self.wrinkles if told["kind"] == kind])
+            for kind in WRINKLE_WORDS
         )
         return (
             f"Done: {self.end_time:g} s in {self.steps} steps, {self.cost.expansions} tangents, "

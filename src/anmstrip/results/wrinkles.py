@@ -456,6 +456,7 @@ class Onset:
             "y": float(y),
             "wavelength_along": along,
             "wavelength": across,
+            **{k: v for k, v in Wrinkling(state).flatness.items() if k == "latent_flatness"},
         }
 
 
