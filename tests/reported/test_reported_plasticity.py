@@ -189,18 +189,22 @@ def gained(state):
     return state.tension("exit") - state.tension("entry")
 
 
-def test_power_is_what_the_tensions_do(run):
-    """T v at the exit less that at the entry, and the energy of stress that goes and comes."""
-    state, *_ = run
+def test_power_is_what_the_tensions_do():
+    """T v at the exit less that at the entry, and the energy of stress that goes and comes.
+
+    On elements of 1 mm; on those of 2 mm it is 1.2 % off, with any number of layers.
+    """
+    *_, last = Scene.from_tables(with_keys(strip={"refined": 1e-3}), "fine.toml").run()
+    state = last.state
     speeds = [np.linalg.norm(state.velocity[place]) for place in ends_of(state)]
     powers = [2.0 * state.tension(n) * v for n, v in zip(("entry", "exit"), speeds, strict=True)]
     layers = YieldedStrip.of(state)
     stored = layers.effect.layers.weights @ layers.stress[0] ** 2 / (2.0 * YOUNG)
     kept = 2.0 * (stored[layers.x.argmax()] - stored[layers.x.argmin()])  # at 1 m/s
     told = layers.rollers()["r"].yield_power
-    assert told == pytest.approx(powers[1] - powers[0] - kept, rel=0.01)
+    assert told == pytest.approx(powers[1] - powers[0] - kept, rel=5e-3)
     column = np.trapezoid(state.along("yield_power"), state.along("arc_length"))
-    assert column == pytest.approx(told, rel=0.03)  # at nodes, between which its peak lies
+    assert column == pytest.approx(told, rel=0.01)  # at nodes, between which its peak lies
 
 
 def ends_of(state):
