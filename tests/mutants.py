@@ -296,8 +296,8 @@ FIELDS = (
     ),
     Mutant(
         "gap of the farthest roller",
-        "np.minimum.at(gaps, near.operator.chosen",
-        "np.maximum.at(gaps, near.operator.chosen",
+        "gaps[far] = np.minimum(gaps[far], part.restricted(far)",
+        "gaps[far] = np.maximum(-gaps[far], part.restricted(far)",
         "fields",
     ),
     Mutant(
