@@ -802,8 +802,8 @@ YIELD = (
            "np.asarray(self.curvature + elastic", "plasticity"),
     Mutant("plastic strain as if it were stress", "np.linalg.inv(MISES[len(self.strain)])",
            "MISES[len(self.strain)]", "plasticity"),
-    Mutant("what flows throughout is elastic", "flows[1:] & flows[:-1] & ~turns, 0.0",
-           "flows[1:] & flows[:-1] & turns, 0.0", "plasticity"),
+    Mutant("what flows throughout is elastic", "np.where(turns, 1.0, np.minimum(",
+           "np.where(turns, 1.0, np.maximum(", "plasticity"),
     Mutant("power of half of the stress", '"l,klp->p", self.effect.layers.weights, work)',
            '"l,klp->p", 0.5 * self.effect.layers.weights, work)', "plasticity"),
 )  # fmt: skip

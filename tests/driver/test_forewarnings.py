@@ -280,6 +280,8 @@ def test_an_ordinary_bridle_gives_no_cause() -> None:
     assert told(("rollers.1.drive", "idle"), ("stages.1.rollers", STOPPED)) == []
 
 
+SHELL = [("strip.kinematics", "shell"), ("edges.entry.centred", True)]
+
 WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
     ([("strip.thickness", 1.0)], "strip.thickness = 1 is in m", "strip.thickness=0.001"),
     (
@@ -323,6 +325,20 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
     ([("material.yield_stress", 300.0)], "in MPa", "material.yield_stress=3e+08"),
     ([("material.density", 7.85)], "in g/cm³", "material.density=7.85e+03"),
     ([("threading.tension", 9.0)], "threading.tension = 9", "threading.tension=9e+03"),
+    ([("threading.tension", 20.0)], "threading.tension = 20", "threading.tension=2e+04"),
+    (
+        [("stages.1.exit", {"tension": 12.0})],
+        "stages.run.exit.tension = 12", "stages.run.exit.tension=1.2e+04",
+    ),
+    (
+        [*SHELL, ("strip.flatness", {"across": [0.0, 0.0, 4e-4]})],
+        "strip.flatness = 0.0001 is in I-units", "'strip.flatness.across=[0, 0, 40]'",
+    ),
+    (
+        [*SHELL, ("stages.1.strip", {"flatness": {"table": [[-0.5, 1e-4], [0.5, 0.0]]}})],
+        "was it meant in strains",
+        "'stages.run.strip.flatness.table=[[-0.5, 10], [0.5, 0]]'",
+    ),
     ([("stages.1.rollers.a.surface_speed", 120.0)], "in m/min", "a.surface_speed=2"),
     (
         [("stages.1.rollers.b.move", [0.0, 0.0, 0.5])],

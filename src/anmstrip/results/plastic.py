@@ -119,19 +119,21 @@ class YieldedStrip:
 
         Between two layers of which one flows the stress changes by C κ per height in the part
         that does not, and not at all in the other; so it does between two that flow in different
-        directions.
+        directions.  Of two that flow the same way all flows, unless one has hardly begun to: the
+        share does not jump as layers begin to flow.
         """
         controls = self.state.controls
         s = self.flow.driving(self.stress, self.internal) / kept(1.0, controls, "strip.weakening")
-        flows, gaps = self.level(s) > FLOWS, np.diff(self.effect.layers.heights)[:, None]
+        level, gaps = self.level(s), np.diff(self.effect.layers.heights)[:, None]
+        low, high = np.sort([level[1:], level[:-1]], axis=0)
         turns = self.level(np.diff(s, axis=1)) > FLOWS
         engineering = self.curvature * self.effect.twice[:, None]
         slope = kept(self.flow.mises(self.effect.moduli @ engineering), controls)
         slope = np.tile(slope, (len(gaps), 1))
         change, elastic = self.flow.mises(np.diff(self.stress, axis=1)), gaps + 0.0 * slope
         np.divide(change, slope, out=elastic, where=change < slope * gaps)
-        elastic = np.where(flows[1:] & flows[:-1] & ~turns, 0.0, elastic)
-        plastic = np.where(flows[1:] | flows[:-1], gaps - elastic, 0.0)
+        elastic *= np.where(turns, 1.0, np.minimum((high - low) / np.abs(high - FLOWS), 1.0))
+        plastic = np.where(high > FLOWS, gaps - elastic, 0.0)
         return np.asarray(plastic.sum(axis=0) / gaps.sum())
 
     def level(self, s: Array) -> Array:
