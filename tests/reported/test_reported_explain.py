@@ -365,8 +365,8 @@ def test_a_heavy_strip_is_warned_of(tmp_path: Path) -> None:
     """ρ t L g of a span beside the largest tension."""
     text = scenes.LIFTED.replace("poisson = 0.3", "poisson = 0.3\ndensity = 7850.0")
     text = text.replace('name = "up"', 'name = "up"\ngravity = [0.0, 0.0, -1962.0]')
-    weight = 1962.0 * 7850.0 * T * 1.0  # of half the strip, before or behind the roller
-    told = whole(explained(text, tmp_path))
+    weight = 1962.0 * 7850.0 * T * 1.5  # of half the strip, before or behind the roller
+    told = whole(explained(text, tmp_path, "strip.length=3.0"))
     assert (
         f"in stage up a span of the strip weighs {weight:.2g} N/m, {weight / 1e4:.2g} times its"
         in told
