@@ -158,6 +158,7 @@ if __name__ == "__main__":
     given = parser.parse_args()
     others: list[dict[str, Any]] = [{"mesh": MESHES[10]}, {"mesh": MESHES[12]}]
     others += [{"friction": 0.1}, {"friction": 0.0}, {"heat": 0.5}]
+    others += [{"tension": 2e3}, {"tension": 5e3}]
     others += [{"yaw": 0.0, "mesh": mesh} for mesh in MESHES.values()]
     others += [{"yield_stress": stress} for stress in (8e7, 1e8, 1.5e8, None)]
     main([{}, *([] if given.quick else others)], given.o)
