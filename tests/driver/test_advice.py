@@ -246,7 +246,10 @@ STOPS: dict[str, tuple[dict[str, Any], str, list[str]]] = {
         "Nothing holds the strip in x", [],
     ),
     "round_off": (merged(SHORT, solver={"tolerance": 1e-11}), "near round-off", []),
-    "stiff_strip": (changed(("threading.tension", 30.0)), "bends over √(D/T) = 0.78 m", []),
+    "stiff_strip": (
+        changed(("strip.thickness", 4e-3), ("threading.tension", 1200.0)),
+        "bends over √(D/T) = 0.99 m", [],
+    ),
     "slack": (
         merged(SHORT, stages=[{**LIFT, "exit": {"force": [1e-3, 0.0, 0.0]}}]),
         "under no tension", [],

@@ -276,7 +276,7 @@ PULLED = "stages.run.entry.tension=9.0e3"
 CARRIED = "stages.run.strip.speed=0.99995"
 PRESSED, GRIPPED = ("contact.onset={:g}",), ("contact.onset={:g}", "friction.speed={:g}")
 NORTON_HOFF = ("contact.onset={:g}", "friction.exponent={:g}", "friction.omega={:g}")
-STOPPED = (
+STANDING = (
     scenes.STRIP
     + "[contact]\n[friction]\ncoefficient = 0.3\n"
     + scenes.PULL_AND_WRAP
@@ -299,7 +299,7 @@ LAWS = {
     "steady, all tensions given": (LINE, (PULLED,), GRIPPED, (5e-5, 1e-6)),
     "steady, the speed given": (LINE, (CARRIED,), GRIPPED, (5e-5, 1e-6)),
     "in time, full slip": (scenes.TURNING, (), NORTON_HOFF, (1e-4, 0.05, 0.1)),
-    "in time, at rest": (STOPPED, (), GRIPPED, (1e-4, 1e-5)),
+    "in time, at rest": (STANDING, (), GRIPPED, (1e-4, 1e-5)),
 }
 """Scene, settings, the keys of what its laws regularise by, and their values."""
 

@@ -124,7 +124,8 @@ def doubtful_loads(scene: SceneSpec) -> Iterator[Doubt]:
     for stage in scene.stages:
         uneven[f"stages.{stage.name}.strip.flatness"] = stage.strip.flatness
         for end, control in stage.edges.items():
-            pulls[f"stages.{stage.name}.{end}.tension"] = control.tension or np.inf
+            if (pull := control.tension or 0.0) >= 1.0:  # less is slack strip, no megapascals
+                pulls[f"stages.{stage.name}.{end}.tension"] = pull
         for name, roller in stage.rollers.items():
             if abs(speed := roller.surface_speed or 0.0) > LARGEST["m/s"]:
                 key = f"stages.{stage.name}.rollers.{name}.surface_speed"
