@@ -9,6 +9,18 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 from scipy.linalg import eigh
+from skfem import (
+    Basis,
+    BilinearForm,
+    DiscreteField,
+    ElementQuad2,
+    ElementVector,
+    LinearForm,
+    MeshQuad,
+    condense,
+    solve,
+)
+from skfem.helpers import ddot, sym_grad
 
 from anmstrip import Scene
 from anmstrip.continuation.bifurcations import Kind, SingularPoint, switched
@@ -151,3 +163,117 @@ def test_heated_span_between_rollers_buckles_as_a_clamped_one(claim: Claim) -> N
     wave = next(x for x in fit.deriv().roots().real if 0.6 < x < 0.8)
     told = "edges of a heated span between rollers: wavelength along (m)"
     claim(told, onset["wavelength_along"], wave, 0.05, "Ritz's method, endless")
+
+
+def crowned_span(crown: float, n: int = 12) -> float:
+    """ΔT (K) at which a flat span with a hot middle waves, of the strip of :func:`between_crowns`.
+
+    Plane stress by quadratic elements: heat all along, and on the rollers a crown, which leaves
+    fibres at the edges too long.  Then Ritz's method as in :func:`clamped_span`.
+    """
+    nu, t, alpha, basis = WAVES["POISSON"], 5e-4, 1.2e-5, np.polynomial.Legendre.basis
+    parts, x = (CROWNED["lead"], CROWNED["arc"], 1.0, CROWNED["arc"], CROWNED["lead"]), [0.0]
+    for part in parts:
+        count = max(4, int(np.ceil(part * n)))
+        x += list(x[-1] + part * (0.5 - 0.5 * np.cos(np.pi * np.arange(1, count + 1) / count)))
+    across = 0.5 * np.sin(0.5 * np.pi * np.linspace(-1.0, 1.0, n + 1))
+    mesh = MeshQuad.init_tensor(np.array(x) - 0.5 * x[-1], across)
+    plane = Basis(mesh, ElementVector(ElementQuad2()), intorder=5)
+    at = np.asarray(plane.global_coordinates())
+    flexible = np.array([[1.0, -nu, 0.0], [-nu, 1.0, 0.0], [0.0, 0.0, 2.0 * (1.0 + nu)]])
+    stiff = 2e11 * t * np.linalg.inv(flexible)
+
+    def forces(strain: np.ndarray) -> np.ndarray:
+        """N from (2, 2, …) strains, in their order."""
+        xx, yy, xy = np.einsum(
+            "ab,b...->a...", stiff, [strain[0, 0], strain[1, 1], 2.0 * strain[0, 1]]
+        )
+        return np.array([[xx, xy], [xy, yy]])
+
+    uneven = np.zeros((2, 2, 2, *at.shape[1:]))
+    uneven[0, 0, 0] = uneven[0, 1, 1] = alpha * (1.0 / 3.0 - 4.0 * at[1] ** 2)
+    on_rollers = np.abs(np.abs(at[0]) - 0.5 * (1.0 + CROWNED["arc"])) < 0.5 * CROWNED["arc"]
+    uneven[1, 0, 0] = on_rollers * 4.0 * at[1] ** 2 * crown / CROWNED["radius"]
+    stiffness = BilinearForm(lambda u, v, _: ddot(forces(sym_grad(u)), sym_grad(v))).assemble(plane)
+    entry = plane.get_dofs(lambda p: np.isclose(p[0], mesh.p[0].min()))
+    middle = np.argmin(np.hypot(mesh.p[0] - mesh.p[0].min(), mesh.p[1]))
+    held = np.append(entry.all("u^1"), plane.nodal_dofs[1, middle])
+    span = (np.abs(at[0]) < 0.5).all(axis=1)
+    made = []
+    for strain in uneven:
+        load = LinearForm(lambda v, w: ddot(forces(w.e), sym_grad(v)))
+        e = DiscreteField(strain)
+        u = solve(*condense(stiffness, load.assemble(plane, e=e), D=held))
+        made.append(forces(np.asarray(sym_grad(plane.interpolate(u))) - strain)[:, :, span])
+    x, y, w = at[0, span].ravel(), at[1, span].ravel(), plane.dx[span].ravel()
+    xi = basis(1, domain=[-0.5, 0.5])
+    rows = [(1.0 - xi * xi) ** 2 * basis(m, domain=[-0.5, 0.5]) for m in range(16)]
+    columns = [basis(m, domain=[-0.5, 0.5]) for m in range(16)]
+    f, g = (
+        [np.array([p.deriv(k)(s) if k else p(s) for p in part]) for k in range(3)]
+        for part, s in ((rows, x), (columns, y))
+    )
+    d = {
+        (a, b): np.einsum("mp,np->mnp", f[a], g[b]).reshape(-1, len(w))
+        for a in range(3) for b in range(3 - a)
+    }  # fmt: skip
+    rigid = t**2 / 12.0 * stiff
+    bent = np.array([d[2, 0], d[0, 2], 2.0 * d[1, 1]])
+    bending = np.einsum("aip,ab,bjp,p->ij", bent, rigid, bent, w, optimize=True)
+    slopes = np.array([d[1, 0], d[0, 1]])
+    heat, crowned, pulled = (
+        np.einsum("aip,abp,bjp,p->ij", slopes, n, slopes, w, optimize=True)
+        for n in (*(n.reshape(2, 2, -1) for n in made), np.diag([5e3, 0.0])[..., None] + 0.0 * w)
+    )
+    return float(1.0 / eigh(-heat, bending + pulled + crowned, eigvals_only=True).max())
+
+
+CROWNED = {"radius": 10.0, "arc": 0.5, "lead": 0.3}
+"""Rollers of :func:`between_crowns`, and the strip on them and beyond them (m)."""
+
+
+def between_crowns(crown: float, heat: float) -> Scene:
+    """A span of 1 m between a roller below and one above, with a middle that becomes hotter."""
+    radius, arc, lead = CROWNED.values()
+    angle = arc / radius
+    along = radius * np.sin(angle) + lead * np.cos(angle)
+    off = radius * (1.0 - np.cos(angle)) + lead * np.sin(angle)
+    tables = {
+        "strip": {"width": 1.0, "thickness": 5e-4, "cells": [16, 8], "refined": 0.05},
+        "material": {"young": 2e11, "poisson": 0.3, "expansion": 1.2e-5},
+        "contact": {},
+        "rollers": [
+            {"name": name, "radius": radius, "centre": [x, 0.0, z], "wrap": wrap,
+             "crown": [0.0, -4.0 * crown]}
+            for name, x, z, wrap in (("a", 0.0, -radius, "over"), ("b", 1.0, radius, "under"))
+        ],
+        "threading": {"tension": 5e3, "entry": [-along, 0.0, -off],
+                      "exit": [1.0 + along, 0.0, off]},
+        "edges": {"entry": {"fixed": ["x", "z"], "centred": True}, "exit": {"centred": True}},
+        "stages": [
+            {
+                "duration": 1.0, "friction": False,
+                "strip": {"temperature": {"across": [heat / 3.0, 0.0, -4.0 * heat]}},
+            }
+        ],
+    }  # fmt: skip
+    return Scene.from_tables(tables, "crowned.toml")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("crown", "share"), [(0.0, 0.03), (4e-4, 0.04), (8e-4, 0.04)])
+def test_heated_span_between_crowned_rollers_waves_where_a_flat_one_buckles(
+    claim: Claim, crown: float, share: float
+) -> None:
+    """Rollers bend the strip a little as it buckles: told where waves are half a thickness high.
+
+    The reference place counts from the middle of the span.
+    """
+    run = between_crowns(crown, 16.0).run()
+    list(run)
+    (told,) = run.wrinkles
+    assert told["kind"] == "waves" and "half its thickness" in run.message
+    assert abs(told["x"]) < 0.25 and abs(told["y"]) < 0.15
+    label = f"heated span between rollers with a crown of {1e3 * crown:g} mm: ΔT (K) of waves"
+    heat, expected = 16.0 * (told["time"] - 1.0), crowned_span(crown)
+    claim(label, heat, expected, share, "plane stress and Ritz's method, flat span")

@@ -97,12 +97,23 @@ def test_a_strip_does_not_pass_through_a_roller_that_no_end_of_a_step_feels(
     assert run.state.rollers["r1"].normal_force == pytest.approx(11676.0, rel=error)
 
 
-@pytest.mark.parametrize("profile", [{"crown": [0.0, -2e-4]}, {"axis": [3e-3, 1.0, 0.0]}])
-def test_it_is_sharper_where_gaps_would_stretch_fibres_unevenly(profile: dict[str, Any]) -> None:
-    """On a shell over such a roller: 0.01 of the elastic stretch, on the radius."""
+@pytest.mark.parametrize(
+    ("profile", "shape"),
+    [
+        ({"crown": [0.0, -2e-4]}, {}),
+        ({"axis": [3e-3, 1.0, 0.0]}, {}),
+        ({}, {"flatness": {"across": [0.0, 0.0, 40.0]}}),
+        ({}, {"camber": 1e-4}),
+    ],
+)
+def test_it_is_sharper_where_gaps_would_stretch_fibres_unevenly(
+    profile: dict[str, Any], shape: dict[str, Any]
+) -> None:
+    """On such a roller or of such fibres: 0.01 of the elastic stretch, on the radius."""
     tables = capstan("shell", 4, 0.1, 1e-3, stiffer=None).to_dict()
     plain = Assembly(Scene.model_validate(tables)).signorini
     tables["rollers"][0].update(profile)
+    tables["strip"].update(shape)
     law = Assembly(Scene.model_validate(tables)).signorini
     strain = 11547.0 / (2e11 * 1e-3)
     assert law.width == pytest.approx(0.01 * strain * 0.5, rel=1e-3)

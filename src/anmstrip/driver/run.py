@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
 WRINKLE_WORDS = {
     "wrinkles": "the strip is about to wrinkle",
+    "waves": "the strip, never quite flat, has waves as high as half its thickness",
     "bifurcation": "the path bifurcates: beyond, the smooth strip is unstable, or again stable",
 }
 """What is said of the kinds of :class:`~anmstrip.results.wrinkles.Onset`."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -303,11 +303,15 @@ FAR = 1.5
 """Lowest factor, known or in proportion to what presses, above which a state is not looked at.
 Without it a shell on a roller looks at every step, which takes half of its time."""
 
-NEAR, BIFURCATION = 1.01, "bifurcation"
+NEAR, BIFURCATION, WAVES = 1.01, "bifurcation", "waves"
 LEVELS = {NEAR: "wrinkles", 1.0: BIFURCATION}
 """Factors that are dated: the first where it falls, the second both ways.  Where the strip is bent
 a little as a mode is, its path has no bifurcation: it turns aside, and the factor remains above 1
 by less than this in the cases of ``examples/conveyed_wrinkles.py``."""
+
+WAVED = 0.5
+"""Height of waves over the thickness from which on strip waves that is near its onset and bent a
+little as its mode is, so that its path turns aside: within 4 % of the onset of the flat span."""
 
 
 def compressive_stiffness(
@@ -424,7 +428,7 @@ class Onset:
         The mode, at a bifurcation the tangent's null vector, as heights of the flat strip; 1 m the
         largest.
     kind : str
-        "wrinkles" or "bifurcation".
+        "wrinkles", "bifurcation" or "waves".
     """
 
     state: State
@@ -458,6 +462,12 @@ class Onset:
             "wavelength": across,
             **{k: v for k, v in Wrinkling(state).flatness.items() if k == "latent_flatness"},
         }
+
+
+def waves_over(state: State, a: float) -> float:
+    """Height of the waves at a on the branch over what counts as waved, less 1."""
+    heights = Wrinkling(state.inside(a)).amplitudes() or [0.0]
+    return max(heights) / (WAVED * state.plan.model.strip.thickness) - 1.0
 
 
 class WrinkleWatch:
@@ -524,6 +534,13 @@ class WrinkleWatch:
                     nearest = int(distance.argmin())
                     here = state.inside(a)
                     found.append((a, Onset(here, flattened(here, modes[:, nearest]), kind)))
+        if NEAR < ahead.min(initial=np.inf) < FAR and before.min(initial=np.inf) > NEAR:
+            waves = cache(partial(waves_over, state))
+            if waves(0.0) < 0.0 < waves(length):
+                a = float(brentq(waves, 0.0, length, xtol=DATED * length, rtol=DATED))
+                if (modes := at(a)[1]).shape[1]:
+                    here = state.inside(a)
+                    found.append((a, Onset(here, flattened(here, modes[:, 0]), WAVES)))
         return [onset for _, onset in sorted(found, key=lambda each: each[0])]
 
     def _modes(self, state: State) -> tuple[Array, Array]:

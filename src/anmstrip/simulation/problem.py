@@ -594,10 +594,9 @@ class Assembly:
         strip has half a spacing of contact points beyond where it lifts off.  It is that at a
         whole spacing where elements have several parts: the load of a roller then does not change
         by 17 %, but by 1e-4, as points pass it, and a plate takes half as many tangents.  Where
-        only weight
-        or pressure presses, q, the strip floats w log(p₀/q) high, which must be a small share of
-        its thickness.  Where rollers make the tension vary across, a gap stretches fibres by its
-        share of the radius, which must not be seen beside T/(E t).
+        only weight or pressure presses, q, the strip floats w log(p₀/q) high, which must be a
+        small share of its thickness.  Where tension varies across, by rollers, heat or flatness, a
+        gap stretches fibres by its share of the radius, which must not be seen beside T/(E t).
         """
         c = self.scene.contact
         assert c is not None
@@ -622,7 +621,7 @@ class Assembly:
         onset = (apart if parts > 1 else 0.5 * apart) ** 2 / (2.0 * radius)
         if load:
             onset = min(onset, FLOATS * thickness / max(1.0, float(np.log(pressure / load))))
-        if self.kinematics.count == 3 and any(map(varies_across, self.scene.rollers)):
+        if self.kinematics.count == 3 and fibres_differ(self.scene):
             onset = min(onset, UNSEEN * tension / (self.material.young * thickness) * radius)
         return GradedSignorini(pressure, c.onset or onset)
 
@@ -795,6 +794,12 @@ def varies_across(roller: RollerSpec) -> bool:
     """Whether the strip's fibres go different ways over a roller."""
     across = np.abs(roller.axis) / np.linalg.norm(roller.axis)
     return bool(roller.crown or roller.taper or roller.sides or across[1] < 1.0)
+
+
+def fibres_differ(scene: SceneSpec) -> bool:
+    """Whether tensions differ across on a roller, by its shape or by that of the strip itself."""
+    shapes = [scene.strip, *(stage.strip for stage in scene.stages)]
+    return any(map(varies_across, scene.rollers)) or any(s.varying_across for s in shapes)
 
 
 def check_geometry(scene: SceneSpec, strip: Strip, rollers: Sequence[Roller]) -> None:
