@@ -8,6 +8,7 @@ M/M_e = 3/2 (1 − τ²) − 1/(2k²), springs back by M/M_e, is τ (k − 1) ε
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from anmstrip.continuation.equations import Cost, Tolerances
 from anmstrip.continuation.follow import Settings
@@ -91,7 +92,7 @@ class Piece:
                 stepping=Stepping(float(len(curvatures)), self.tolerance),
                 cost=self.cost,
             ):  # fmt: skip
-                u, k = step.u, begin + (step.end - i) * (end - begin)
+                u, v, k = step.u, step.v, begin + (step.end - i) * (end - begin)
                 read = self.reading(motion.supports.full(u, step.end - i), k)
                 self.written.append((step.end, read))
             self.tangents.append(self.cost.expansions - before)
@@ -141,6 +142,25 @@ def first_bend(k, tension):
     return 1.5 * (1.0 - tension**2) - 0.5 / k**2
 
 
+def fibres(exponent, tension, *curvatures):
+    """Elongation over ε_y of 400 fibres of the law that are bent to given k in turn."""
+    heights, weights = np.polynomial.legendre.leggauss(400)
+    turns = np.diff((0.0, *curvatures))
+    rate = np.abs(turns).max()
+
+    def flow(_, values, turn):
+        stress = values[:-1]
+        flowing = rate * np.abs(stress) ** exponent * np.sign(stress)
+        stretched = weights @ (flowing - heights * turn) / 2.0
+        return np.append(stretched + heights * turn - flowing, stretched)
+
+    values = np.full(401, tension)
+    for turn in turns:
+        limits = {"rtol": 1e-8, "atol": 1e-10, "args": (turn,)}
+        values = solve_ivp(flow, (0.0, 1.0), values, "LSODA", **limits).y[:, -1]
+    return values[-1]
+
+
 @pytest.mark.parametrize("count", [5, 6, 11, 21])
 def test_layers_integrate_cubic_polynomials(count):
     layers = Layers.of(2.0, count)
@@ -169,12 +189,28 @@ def test_the_closed_form_is_approached_with_the_exponent():
 
 
 def test_bent_and_straightened_it_is_longer(claim):
-    """By τ (2k − 3) ε_y where the new core sweeps the old: 11 % more at n = 51, like 1/n."""
+    """By τ (2k − 3) ε_y where the new core sweeps the old, and by 1/n more as the law creeps."""
     found = [list(Piece(n, 0.5, layers=41).bent(3.0, 0.0))[-1][2] - 0.5 for n in (51, 101)]
     errors = np.array(found) - 1.5
-    assert errors[1] == pytest.approx(0.5 * errors[0], rel=0.15)
-    told = "plastic elongation over ε_y, k = 3 and back at τ = 0.5, n → ∞"
-    claim(told, 2.0 * found[1] - found[0], 1.5, 0.02, "perfectly plastic fibres, closed form")
+    assert errors[1] == pytest.approx(0.5 * errors[0], abs=3e-3)
+    told = "plastic elongation over ε_y, k = 3 and back at τ = 0.5"
+    claim(f"{told}, n = 51", found[0], 1.5, 0.02, "perfectly plastic fibres, closed form")
+    crept = fibres(51, 0.5, 3.0, 0.0) - 0.5
+    claim(f"{told}, n = 51, of the law", found[0], crept, 0.005, "400 fibres, by scipy")
+    claim(f"{told}, n → ∞", 2.0 * found[1] - found[0], 1.5, 0.01, "the closed form")
+
+
+def test_what_is_left_of_the_error_of_elongations_is_of_the_strain(monkeypatch):
+    """It counts to first order in κ t: from fibres of the law a bend differs by κ² t²/12."""
+    for stress in (YIELD, 0.1 * YIELD):
+        monkeypatch.setitem(globals(), "STRAIN", stress / YOUNG)
+        monkeypatch.setitem(globals(), "KAPPA", 2.0 * stress / (YOUNG * THICKNESS))
+        monkeypatch.setitem(globals(), "MOMENT", stress * THICKNESS**2 / 6.0)
+        monkeypatch.setitem(globals(), "YIELD", stress)
+        monkeypatch.setattr(Piece, "stress", stress)
+        ((_, _, elongation, _),) = Piece(51, 0.2, layers=41).bent(4.0)
+        second = 4.0**2 * stress / YOUNG / 3.0
+        assert elongation - fibres(51, 0.2, 4.0) == pytest.approx(second, abs=7e-4)
 
 
 @pytest.mark.parametrize(("kind", "layers"), [(Piece, 11), (ShellPiece, 7)])
@@ -185,7 +221,7 @@ def test_reversals_do_not_stall_and_cost_like_the_logarithm_of_the_exponent(kind
         *_, last = piece.bent(4.0, *([-4.0, 4.0] * 2))
         assert last[int(kind is Piece)] > 1.3
         tangents.append(np.mean(piece.tangents))
-    assert tangents[0] < 41
+    assert tangents[0] < 46
     assert (np.array(tangents) <= tangents[0] * np.log(exponents) / np.log(5)).all()
 
 
@@ -193,8 +229,8 @@ def test_reversals_do_not_stall_and_cost_like_the_logarithm_of_the_exponent(kind
 @pytest.mark.parametrize(
     ("kind", "exponent", "tangents"),
     [
-        *((Piece, n, count) for n, count in ((5, 42), (21, 61), (51, 85), (101, 93))),
-        *((ShellPiece, n, count) for n, count in ((5, 45), (21, 55), (51, 73), (101, 84))),
+        *((Piece, n, count) for n, count in ((5, 49), (21, 69), (51, 92), (101, 104))),
+        *((ShellPiece, n, count) for n, count in ((5, 50), (21, 68), (51, 84), (101, 92))),
     ],
 )
 def test_ten_cycles_take_the_tangents_that_the_documentation_tells(kind, exponent, tangents):
@@ -243,7 +279,7 @@ def test_a_shell_that_is_held_across_bends_like_a_section(exponent, poisson):
         kind.poisson = poisson
         piece = kind(exponent, tolerance=1e-3)
         found.append([read[int(kind is Piece)] for read in piece.bent(k, -k)])
-        assert sum(piece.tangents) < 160
+        assert sum(piece.tangents) < 170
         kind.poisson = 0.0
     assert found[1] == pytest.approx(found[0], rel=3e-3)
 
