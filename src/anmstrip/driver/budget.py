@@ -540,6 +540,7 @@ class Halved(Assembly):
         return replace(plan, supports=supports, controls=Controls(values))
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of iterations that run away
 def balanced(
     plan: StageProblem, state: State, velocity: Array | None = None, elapsed: float = 0.0
 ) -> State | None:
