@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -118,6 +119,27 @@ def test_it_is_sharper_where_gaps_would_stretch_fibres_unevenly(
     strain = 11547.0 / (2e11 * 1e-3)
     assert law.width == pytest.approx(0.01 * strain * 0.5, rel=1e-3)
     assert law.width < 0.01 * plain.width
+
+
+@pytest.mark.parametrize(("fall", "crown"), [(0.1, 0.0), (1.0, 0.0), (0.1, 1e-4)])
+def test_on_short_arcs_of_cylinders_uneven_strip_has_more_of_it(fall: float, crown: float) -> None:
+    """Times the width over the arc between the tangents from both ends."""
+    tables: dict[str, Any] = {
+        "strip": {"width": 1.0, "thickness": 5e-4, "flatness": {"across": [0.0, 0.0, 40.0]}},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "contact": {},
+        "rollers": [{"name": "a", "radius": 0.5, "centre": [0.0, 0.0, -0.5], "wrap": "over"}],
+        "threading": {"tension": 5e3, "entry": [-1.0, 0.0, -fall], "exit": [1.0, 0.0, -fall]},
+        "edges": {"entry": {"fixed": ["x", "z"]}, "exit": {}},
+        "stages": [{"duration": 1.0, "friction": False}],
+    }
+    if crown:
+        tables["rollers"][0]["crown"] = [0.0, -crown]
+    law = Assembly(Scene.from_tables(tables, "arc.toml")).signorini
+    least, above = 0.01 * 5e3 / (2e11 * 5e-4) * 0.5, 0.5 - fall  # of the ends, over the axis
+    half = math.acos(above / math.hypot(1.0, above)) - math.acos(0.5 / math.hypot(1.0, above))
+    spread = 1.0 if crown else max(1.0, 1.0 / half)  # arc of 2 half on half a metre
+    assert law.width == pytest.approx(spread * least, rel=0.01)
 
 
 def test_it_gives_the_tensions_of_a_crowned_roller_that_a_stiff_penalty_gives() -> None:

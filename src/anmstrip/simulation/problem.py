@@ -622,8 +622,19 @@ class Assembly:
         if load:
             onset = min(onset, FLOATS * thickness / max(1.0, float(np.log(pressure / load))))
         if self.kinematics.count == 3 and fibres_differ(self.scene):
-            onset = min(onset, UNSEEN * tension / (self.material.young * thickness) * radius)
+            stretch = tension / (self.material.young * thickness)
+            onset = min(onset, UNSEEN * stretch * radius * self._spread())
         return GradedSignorini(pressure, c.onset or onset)
+
+    def _spread(self) -> float:
+        """Width over the longest arc of uneven strip on cylinders, at least 1.
+
+        What differs between fibres on a short arc spreads along over a width.
+        """
+        if self.thread is None or any(map(varies_across, self.scene.rollers)):
+            return 1.0
+        longest = max((end - start for start, end in self.thread.arcs.values()), default=np.inf)
+        return max(1.0, self.strip.width / longest)
 
     def _contact(self, reaches: list[float]) -> Contact | None:
         """Contact of every point with every roller, up to the given gaps."""
