@@ -53,8 +53,9 @@ def test_where_it_is_not_reached_the_bound_is_told(monkeypatch: pytest.MonkeyPat
     assert run.passes[0]["error"] > 0.0
     assert run.passes[1]["error"] is None
     assert run.message.endswith(
-        "the mesh makes tensions wrong by an unknown part; half the length would take more than "
-        "400 unknowns."
+        "the mesh makes tensions wrong by an unknown part, by less than "
+        f"{run.passes[0]['error']:.2g} N/m, that of longer ones, if it converges; half the length "
+        "would take more than 400 unknowns."
     )
 
 

@@ -261,6 +261,8 @@ class RefinedRun(Run):
         told = f" On elements of {last['element']:.2g} m ({len(self.passes)} run(s)) the mesh "
         if last["error"] is None:
             told += "makes tensions wrong by an unknown part"
+            if known := [each["error"] for each in self.passes if each["error"] is not None]:
+                told += f", by less than {known[-1]:.2g} N/m, that of longer ones, if it converges"
         else:
             scale = self.assembly.scales.tension
             side = "below" if last["error"] <= share * scale else "above"
