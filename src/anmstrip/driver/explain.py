@@ -358,6 +358,11 @@ def level_table(found: Sequence[Level], own: str) -> Table:
     return table
 
 
+SPENT = 0.5
+"""Share of friction from which on strip that sticks nowhere is said to slide.  With less of it
+fibres creep to and fro, as over a crown, and rollers carry the strip all the same."""
+
+
 def report(run: Run) -> str:
     """Describe the last state of a run by roller, its ends, what it may be wrong by, and warn."""
     parts: list[str | Table] = []
@@ -371,8 +376,9 @@ def report(run: Run) -> str:
             manifest = run.flatness["manifest_flatness"]
             parts.append(f"Flatness: {latent:.3g} I-units latent, {manifest:.3g} of them in waves.")
         driven = [r.name for r in run.scene.rollers if r.drive == "speed"]
-        touched = [c for n in driven if (c := state.contacts.get(n)) and c.touching.any()]
-        if state.plan.steady and touched and all(map(slides, touched)):
+        touched = {n: c for n in driven if (c := state.contacts.get(n)) and c.touching.any()}
+        used = min((state.rollers[n].capacity_used or 0.0 for n in touched), default=0.0)
+        if state.plan.steady and used > SPENT and all(map(slides, touched.values())):
             parts.append("The strip slides over all driven rollers that it touches.")
         if any(part is not None for part in run.errors().values()):
             parts.append(error_table(run))
