@@ -329,11 +329,12 @@ def coarse_mesh(preview: Preview) -> Iterator[str]:
     if scene.strip.cells is None and scene.strip.mesh is None:
         wanted = shortest_wanted(scene, preview.assembly.rollers, preview.assembly.thread)
         finest, most = float(strip.cell_sizes[0].min()), most_unknowns(len(scene.rollers))
-        if finest * finer(scene) > 1.2 * wanted > 0.0:
+        if finest * min(1.0, finer(scene)) > 1.2 * wanted > 0.0:
+            less = ", or less travel" * any(not stage.steady for stage in scene.stages)
             yield (
                 f"elements where the strip lifts off its rollers are {finest:.2g} m long instead "
-                f"of {wanted:.2g} m, so that there are no more than {most} unknowns. Less travel "
-                "makes them shorter."
+                f"of {wanted:.2g} m, so that there are no more than {most} unknowns. "
+                f"Try --set strip.finer={finer(scene) * finest / wanted:.2g}{less}"
             )
         return
     for roller in preview.assembly.rollers if scene.contact and scene.strip.bending else ():
