@@ -728,6 +728,14 @@ WRINKLES = (
     Mutant("half of what a span bears", "float(2.0 * q", "float(1.0 * q", "summary"),
     Mutant("wrinkles that are told late", "CLOSE = 0.5", "CLOSE = 2.1", "summary"),
     Mutant("parabolas count as wrinkles", "SMOOTH = 2", "SMOOTH = 1", "summary"),
+    Mutant("waves told at a fifth", "WAVED = 0.5", "WAVED = 0.2", "summary", "test_waves.py"),
+    Mutant(
+        "contact of uneven strip as soft as the mesh allows",
+        "any(map(varies_across, scene.rollers)) or any(s.varying_across for s in shapes)",
+        "any(map(varies_across, scene.rollers))",
+        "explain",
+        "test_contact_law.py",
+    ),
     Mutant("spans that reach the rollers", "LAYERS = 4.0", "LAYERS = 1.0", "summary"),
     Mutant(
         "compression without its mean", "max(-low[worst], 0.0)", "max(-low.mean(), 0.0)", "summary"

@@ -260,8 +260,14 @@ def between_crowns(crown: float, heat: float) -> Scene:
     return Scene.from_tables(tables, "crowned.toml")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("crown", "share"), [(0.0, 0.03), (4e-4, 0.04), (8e-4, 0.04)])
+@pytest.mark.parametrize(
+    ("crown", "share"),
+    [
+        (0.0, 0.03),
+        pytest.param(4e-4, 0.04, marks=pytest.mark.slow),
+        pytest.param(8e-4, 0.04, marks=pytest.mark.slow),
+    ],
+)
 def test_heated_span_between_crowned_rollers_waves_where_a_flat_one_buckles(
     claim: Claim, crown: float, share: float
 ) -> None:
