@@ -10,10 +10,10 @@ Where friction makes K unsymmetric inertia has no such meaning.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import Any
 
 import numpy as np
@@ -465,10 +465,34 @@ class Onset:
         }
 
 
-def waves_over(state: State) -> list[float]:
-    """Height of the waves of every free span over what counts as waved, less 1."""
-    least = WAVED * state.plan.model.strip.thickness
-    return [height / least - 1.0 for height in Wrinkling(state).amplitudes() or []]
+def waves_on(state: State, modes: Callable[[float], Array]) -> Iterator[tuple[float, Onset]]:
+    """Places on the branch that ends in a state where waves of a free span become high.
+
+    Parameters
+    ----------
+    state : State
+    modes : callable
+        Modes at a place, in columns, ascending by their factors.
+    """
+    assert state.branch is not None
+    from scipy.optimize import brentq
+
+    least, length = WAVED * state.plan.model.strip.thickness, state.branch.length
+    heights = cache(lambda a: Wrinkling(state.inside(a)).amplitudes() or [])
+    begin, end = heights(0.0), heights(length)
+    for number, low in enumerate(begin if len(begin) == len(end) else []):  # none has joined
+        if low < least < end[number]:
+
+            def higher(a: float, number: int = number) -> float:
+                found = heights(a)[number : number + 1]
+                return found[0] / least - 1.0 if found else -1.0
+
+            a = float(brentq(higher, 0.0, length, xtol=DATED * length, rtol=DATED))
+            here = state.inside(a)
+            for span in Wrinkling(here).spans[number : number + 1]:
+                onsets = (Onset(here, flattened(here, mode), WAVES) for mode in modes(a).T)
+                inside = (o for o in onsets if span.start <= o.facts["x"] <= span.end)
+                yield from ((a, onset) for onset in islice(inside, 1))
 
 
 class WrinkleWatch:
@@ -536,15 +560,7 @@ class WrinkleWatch:
                     here = state.inside(a)
                     found.append((a, Onset(here, flattened(here, modes[:, nearest]), kind)))
         if NEAR < min(f.min(initial=np.inf) for f in (before, ahead)) < FAR:
-            heights = cache(lambda a: waves_over(state.inside(a)))
-            for number, low in enumerate(heights(0.0)):
-                if low < 0.0 < heights(length)[number]:
-                    ends = {"xtol": DATED * length, "rtol": DATED}
-                    a = float(brentq(lambda a, n=number: heights(a)[n], 0.0, length, **ends))
-                    here = state.inside(a)
-                    span = Wrinkling(here).spans[number]
-                    onsets = [Onset(here, flattened(here, m), WAVES) for m in at(a)[1].T]
-                    found += [(a, o) for o in onsets if span.start <= o.facts["x"] <= span.end][:1]
+            found += waves_on(state, lambda a: at(a)[1])
         return [onset for _, onset in sorted(found, key=lambda each: each[0])]
 
     def _modes(self, state: State) -> tuple[Array, Array]:
