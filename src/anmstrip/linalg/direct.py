@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 from scipy.linalg import lapack
-from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse import csc_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
@@ -341,7 +341,7 @@ class ChainPlan(SuperLUPlan):
             on = np.arange(self.indptr[middle], self.indptr[a])
             on = on[self.indices[on] != self.columns[on]]
             index = self.indices[on] - a, self.columns[on] - middle
-            found = csr_matrix((on + 1.0, index), shape=(stop - a, a - middle))
+            found = csc_matrix((on + 1.0, index), shape=(stop - a, a - middle))
             self.couplings.append((found, found.data.astype(np.int64) - 1))
 
     def unpivoted(self, scaled: csc_matrix) -> Solve:
