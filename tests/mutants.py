@@ -730,6 +730,13 @@ WRINKLES = (
     Mutant("parabolas count as wrinkles", "SMOOTH = 2", "SMOOTH = 1", "summary"),
     Mutant("waves told at a fifth", "WAVED = 0.5", "WAVED = 0.2", "summary", "test_waves.py"),
     Mutant(
+        "modes where K + G is indefinite by a method that takes it for a norm",
+        "if symmetric and not factors.negatives:",
+        "if symmetric:",
+        "summary",
+        "test_buckling.py",
+    ),
+    Mutant(
         "contact of uneven strip as soft as the mesh allows",
         "any(map(varies_across, scene.rollers)) or any(s.varying_across for s in shapes)",
         "any(map(varies_across, scene.rollers))",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse import csc_matrix, csr_matrix, diags
 
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.fem.constraints import Scales, Supports
@@ -108,3 +108,17 @@ def test_real_factors_below_one_tell_the_sign_of_the_determinant():
             left = whole @ mode + (1.0 - factor) * (pressing @ mode)
             assert np.abs(left).max() < 1e-8 * abs(factor) * np.abs(mode).max()
     assert set(signs) == {-1.0, 1.0}
+
+
+def test_factors_where_strip_is_unstable_without_compression():
+    """K + G has a negative eigenvalue, as of strip that slides off a concave roller."""
+    n, pressed = 300, 20
+    lowest = 2.0 - 2.0 * np.cos(np.pi / (n + 1))
+    sides = np.full(n - 1, -1.0)
+    spared = diags([sides, np.full(n, 2.0 - lowest - 1e-6), sides], [-1, 0, 1], format="csc")
+    pressing = diags([np.where(np.arange(n) < pressed, 0.1, 0.0)], [0], format="csc")
+    assert SparseSolver().factorise(spared).negatives == 1
+    exact = np.linalg.eigvals(np.linalg.solve(spared.toarray(), pressing.toarray()))
+    exact = np.sort(1.0 / exact[exact.real > 1e-3].real)[:6]
+    factors, _ = buckling_modes(csc_matrix(spared - pressing), pressing, SparseSolver(), 6)
+    np.testing.assert_allclose(factors, exact, rtol=1e-6)
