@@ -33,7 +33,10 @@ def plane_stress(strip: Strip) -> Array:
 
 
 def eigenstrain(strip: Strip, controls: Mapping[str, Any]) -> Any:
-    """Return the strain E⁰ that makes no stress: E⁰ = α ΔT δ + (ε⁰ − κ⁰ y) e_x ⊗ e_x.
+    """Return the strain that makes no stress: E⁰ = e + ½ e², e = α ΔT δ + (ε⁰ − κ⁰ y) e_x ⊗ e_x.
+
+    Strip without stress is longer by e, which heat in a furnace makes 0.01: the square, in Green's
+    strain, is then as much as the elastic strain.
 
     Parameters
     ----------
@@ -56,7 +59,12 @@ def eigenstrain(strip: Strip, controls: Mapping[str, Any]) -> Any:
         "strip.camber": along,
     }
     found = [part[..., None] * controls[key] for key, part in parts.items() if key in controls]
-    return sum(found[1:], found[0]) if found else None
+    return greens(sum(found[1:], found[0])) if found else None
+
+
+def greens(elongation: Any) -> Any:
+    """Return Green's strain of fibres that are longer by a share, e + ½ e²."""
+    return elongation + elongation * elongation * 0.5
 
 
 def kept(values: Any, controls: Mapping[str, Any], loss: str = "strip.softening") -> Any:

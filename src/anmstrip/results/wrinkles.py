@@ -252,7 +252,7 @@ class Wrinkling:
     def flatness(self) -> dict[str, float]:
         """Latent and manifest flatness (I-units of 1e-5) of an uneven strip; empty of another.
 
-        Latent is by how much the eigenstrain along differs between fibres, as means along the
+        Latent is by how much the unstressed lengths of fibres differ, as means along the
         strip: what waves and stress share.  Manifest is by how much the waves of fibres differ, of
         the free span where that is most: arc over chord of a fibre, less 1, which is (π²/4)(H/λ)²
         of waves H high.  Both reach to the edges by cubics.  Empty on triangles, too.
@@ -280,7 +280,7 @@ class Wrinkling:
                 chords = np.linalg.norm([sums(t, inside) for t in tangents], axis=0)
                 waves.append(unevenness(sums(lengths, inside) / chords - 1.0))
         area = sums(np.ones(len(x)), everywhere)
-        latent = unevenness(sums(own[0, 0], everywhere) / area)
+        latent = unevenness(sums(np.sqrt(1.0 + 2.0 * own[0, 0]), everywhere) / area)
         return {"latent_flatness": latent, "manifest_flatness": max(waves)}
 
 
