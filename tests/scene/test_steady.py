@@ -733,3 +733,60 @@ def test_strip_that_slides_over_rollers_is_told(
     assert used is not None and (used > 0.99) == (speed > 2.01)
     monkeypatch.setattr("anmstrip.driver.explain.SPENT", used)
     assert "slides over all driven rollers" not in report(run)
+
+
+def stopped(**stop: Any) -> dict[str, Any]:
+    """Tables of a line of two driven rollers that runs, stops, stands, starts, and runs."""
+
+    def driven(speed: float) -> dict[str, Any]:
+        return {"rollers": {name: {"surface_speed": speed} for name in ("a", "b")}}
+
+    return {
+        "strip": {"kinematics": "section", "width": 1.2, "thickness": 8e-4},
+        "material": {"young": 2.1e11, "poisson": 0.3},
+        "friction": {"coefficient": 0.2},
+        "threading": {"tension": 1e4, "entry": [-2.0, 0.0, 0.0], "exit": [3.0, 0.0, 0.0]},
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "rollers": [roller("a", 0.0, -0.3, 0.3, "over"), roller("b", 1.0, -1.0, 0.3, "under")],
+        "stages": [
+            {"name": "run", "steady": True, "entry": {"tension": 9e3}, **driven(2.0)},
+            {"name": "stop", "duration": 2.0, **driven(0.0), **stop},
+            {"name": "stand", "duration": 2.0},
+            {"name": "start", "duration": 2.0, **driven(2.0)},
+            {"name": "again", "steady": True},
+        ],
+    }
+
+
+def test_a_line_stops_and_starts_under_the_tension_of_its_entry() -> None:
+    """No more is typed than the speeds of the rollers; their torques hold the difference."""
+    run = Scene.model_validate(stopped()).run()
+    ends = {step.state.plan.name: step.state for step in run}
+    assert run.outcome.done
+    for name, speed in (
+        ("run", 2.0),
+        ("stop", 0.0),
+        ("stand", 0.0),
+        ("start", 2.0),
+        ("again", 2.0),
+    ):
+        state = ends[name]
+        assert state.tension("entry") == pytest.approx(9e3, rel=1e-6), name
+        torque = sum(reading.torque for reading in state.rollers.values())
+        assert torque == pytest.approx(-1e3 * 1.2 * 0.3, rel=4e-3), name  # bent strip is off
+        assert state.strip_speed == pytest.approx(speed, abs=2e-4), name
+    assert not [text for text in run.warnings if "holds the strip" in text]
+
+
+def test_an_entry_goes_on_where_the_stage_says_so() -> None:
+    kept = Scene.model_validate(stopped(entry={"release": False}))
+    assert not kept.stages[1].edges["entry"].release
+    assert Scene.model_validate(stopped()).stages[1].edges["entry"].release
+    led = Scene.model_validate(stopped(entry={"speed": 0.0}))
+    assert not led.stages[1].edges["entry"].release
+    again = Scene.model_validate(kept.model_dump(exclude_unset=True))
+    assert not again.stages[1].edges["entry"].release
+    untyped = stopped()
+    untyped["stages"][0] = {**untyped["stages"][0], "strip": {"speed": 2.0}}
+    del untyped["stages"][0]["entry"]
+    assert not Scene.model_validate(untyped).stages[1].edges

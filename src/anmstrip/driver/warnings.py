@@ -151,6 +151,8 @@ def released_strip(preview: Preview) -> Iterator[str]:
     for stage in (stage for stage in scene.stages if stage.name in names and holding):
         released = [name for name, edge in stage.edges.items() if edge.release]
         holding -= set(released)
+        if stage.steady:  # its entry is held where it is
+            holding.add("entry")
         if holding:
             continue
         if not preview.assembly.frictional(stage):

@@ -97,7 +97,7 @@ class SceneSpec(Table):
     def __init__(self, /, **tables: Any) -> None:
         right: dict[str, Any] = {}  # tables without mistakes of their own
         found: list[Mistake] = []
-        tables = implied(tables)
+        tables = let_go(implied(tables))
         try:
             self.__pydantic_validator__.validate_python(tables, self_instance=self, context=right)
         except ValidationError as error:
@@ -351,6 +351,42 @@ def implied(scene: Mapping[str, Any]) -> dict[str, Any]:
                 for position, table in enumerate(tables, start=1)
             ]
     return named
+
+
+LEADING = {"move", "velocity", "speed", "force", "release"}
+"""Keys of an edge in a stage that say how it is led, or that it is not."""
+
+
+def let_go(scene: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the tables with entries that are let go so that they keep their tension.
+
+    In stages in time that follow steady ones with the tension of the entry given, unless they say
+    themselves how the entry is led, or strip is fed there or endless.
+    """
+
+    def table_in(table: object, key: str) -> Mapping[str, Any]:
+        inner = table.get(key) if isinstance(table, Mapping) else None
+        return inner if isinstance(inner, Mapping) else {}
+
+    stages, found, pulled = scene.get("stages"), list[object](), False
+    rubs = "friction" in scene and not table_in(scene, "strip").get("feed")
+    if not isinstance(stages, list | tuple) or not rubs:
+        return dict(scene)
+    for table in stages:
+        around = "edges" if table_in(table, "edges") else ""
+        edges = table_in(table, around) if around else table
+        entry, steady = table_in(edges, "entry"), bool(table_in(scene, "threading").get("closed"))
+        if isinstance(table, Mapping) and not steady:
+            if table.get("steady"):
+                fast = "speed" in table_in(table, "strip")
+                pulled = not fast and (pulled or "tension" in entry)
+            elif pulled and table.get("friction", True):
+                pulled = False
+                if not LEADING & entry.keys():
+                    told = {"entry": {**entry, "release": True}}
+                    table = {**table, around: {**edges, **told}} if around else {**table, **told}
+        found.append(table)
+    return {**scene, "stages": found}
 
 
 def as_typed(stages: object) -> tuple[StageSpec, ...]:
