@@ -495,3 +495,57 @@ def test_ends_that_are_not_free_to_turn() -> None:
     lay = {**LAY, "exit": {"tension": 1e4}}
     assert len(free({"stages.1": lay})) == 1
     assert free({"stages.1": lay, "edges.exit": {"fixed": ["z"]}}) == []
+
+
+def helped(torque: float, **stage: Any) -> dict[str, Any]:
+    """Tables of a steady line of a driven roller and one that is turned by a torque, 27° wraps."""
+    roller = {"radius": 0.3, "wrap": "over"}
+    return {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 1e-3},
+        "material": {"young": 2.1e11, "poisson": 0.3},
+        "friction": {"coefficient": 0.2},
+        "threading": {"tension": 1e4, "entry": [-2.0, 0.0, -2.0], "exit": [4.0, 0.0, -1.0]},
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "rollers": [
+            {"name": "r1", "centre": [0.0, 0.0, -0.3], **roller},
+            {"name": "helper", "centre": [2.0, 0.0, -0.3], "drive": "torque", **roller},
+        ],
+        "stages": [{
+            "name": "run", "steady": True, "entry": {"tension": 1e4},
+            "rollers": {"r1": {"surface_speed": 1.0}, "helper": {"torque": torque}}, **stage}],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("torque", "most"), [(1500.0, 300.0), (-1500.0, 300.0 / 1.1)])
+def test_a_torque_beyond_friction_is_said_of_steady_strip_and_holds_no_more(
+    torque: float, most: float
+) -> None:
+    """Of e^(fθ) − 1 of 1e4 N/m, or 1 − e^(−fθ); the strip itself is held."""
+    preview = preview_of(helped(torque))
+    (helper,) = (r for r in preview.assembly.rollers if r.name == "helper")
+    grip = np.exp(0.2 * preview.turn(helper))
+    assert most == pytest.approx(3e3 * (grip - 1.0) / (grip if torque < 0.0 else 1.0), rel=0.01)
+    (said,) = warnings(preview)
+    held = re.search(r"which is (\S+) N m under", said)
+    assert "is more than friction can take on a wrap of 27.4°" in said and held, said
+    assert float(held[1]) == pytest.approx(most, rel=0.03)
+    advice = re.search(r"helper.torque=(\S+)", said)
+    assert advice and float(advice[1]) == pytest.approx(np.sign(torque) * 0.5 * most, rel=0.05)
+    assert not list(warnings(preview_of(helped(float(advice[1])))))
+
+
+def test_torques_that_push_where_an_end_pulls_are_said_to_have_the_wrong_sign() -> None:
+    """A lower pull is no cure, for there is none; the other sign of the torque, once typed, is."""
+    tables = helped(200.0, exit={"tension": 1.19e4})
+    said = " ".join(warnings(preview_of(tables)))
+    assert "or the other sign of stages.run.rollers.helper.torque." in said
+    assert not list(warnings(preview_of(helped(-200.0, exit={"tension": 1.19e4}))))
+
+
+def test_rollers_that_hold_nothing_ask_for_equal_tensions() -> None:
+    tables = helped(0.0, exit={"tension": 9e3})
+    tables["rollers"] = tables["rollers"][:1]
+    tables["threading"] |= {"entry": [-2.0, 0.0, 0.0], "exit": [4.0, 0.0, 0.0]}
+    del tables["stages"][0]["rollers"]["helper"]
+    said = " ".join(warnings(preview_of(tables)))
+    assert "Try --set stages.run.entry.tension=9000, or rollers that the strip wraps" in said

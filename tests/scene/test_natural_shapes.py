@@ -67,7 +67,7 @@ def softer(scene: Scene, **changed: float) -> Scene:
 
 
 def test_warm_strip_between_held_ends_is_softer() -> None:
-    """N = −E(T) t e (1 + e/2); in the middle of the stage too, where E has changed by half as much."""
+    """N = −E(T) t e (1 + e/2); in the middle of the stage too, where E has changed by half."""
     held = {"exit": {"fixed": ["x", "z"]}}
     _, state = ended(softer(flat("section", {"strip": {"temperature": 50.0}}, held)))
     expected = -0.9 * YOUNG * T * ALPHA * 50.0 * (1.0 + 0.5 * ALPHA * 50.0)

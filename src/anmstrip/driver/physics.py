@@ -382,21 +382,25 @@ def beyond_capacity(preview: Preview) -> Iterator[str]:
             runs = "runs away" if high > most else "nearly runs away"
             changed = stage.edges.get(end)
             key = "force" if changed is not None and changed.force is not None else "tension"
-            less = two_digits(bound, np.floor) if bound else 0.0
+            typed = f"stages.{stage.name}.{end}.{key}"
+            lower = f"a lower {typed}"
+            if bound > 0.0:
+                lower = f"{typed} below {two_digits(bound, np.floor):.2g} N/m"
+            if plain and not turn and key == "tension":
+                lower = f"--set {typed}={low:g}, or rollers that the strip wraps"
             yield (
                 f"only friction holds the strip in x in stage {stage.name}, which pulls at its "
                 f"{end} by {high:.3g} N/m against {low:.3g} N/m, and on {np.degrees(turn):.0f}° of "
                 f"wrap {held_by} at most: {none}the strip {runs}. "
-                f"Try stages.{stage.name}.{end}.{key} below {less:.2g} N/m"
-                f"{held_better(preview, end, pulled, turn * plain)}."
+                f"Try {lower}{held_better(preview, end, pulled, turn * plain)}."
             )
 
 
 def held_better(preview: Preview, end: str, pulled: Pulled, turn: float) -> str:
     """Return what else to type so that rollers hold what pulls more than they hold, at an end.
 
-    A nip that is closed farther, or the friction coefficient with which wraps of a turn (rad) in
-    all hold it alone.
+    A nip that is closed farther, torques that act the other way, or the friction coefficient with
+    which wraps of a turn (rad) in all hold it alone.
     """
     assembly, high = preview.assembly, pulled.ends[end]
     for nip in pulled.nips if assembly.rollers[0].half else ():
@@ -408,6 +412,10 @@ def held_better(preview: Preview, end: str, pulled: Pulled, turn: float) -> str:
             f"{SURE:g} times what would hold the strip: "
             f"{closer(assembly, pulled.stage.name, nip, squeeze)}"
         )
+    turned = replace(pulled, torques={name: -torque for name, torque in pulled.torques.items()})
+    if most_held(preview, end, turned, SURE) > max(high, most_held(preview, end, pulled, SURE)):
+        keys = (f"stages.{pulled.stage.name}.rollers.{name}.torque" for name in pulled.torques)
+        return f", or the other sign of {', '.join(keys)}"
     low = min(pulled.ends.values())
     f = np.log(high / low) / turn if low and turn else np.inf
     return f", or a friction coefficient above {two_digits(f, np.ceil):g}" if f < 2.0 else ""
@@ -442,6 +450,18 @@ def holding_squeeze(preview: Preview, end: str, pulled: Pulled, nip: Nip) -> flo
 def most_held(preview: Preview, end: str, pulled: Pulled, sure: float = 1.0) -> float:
     """Largest tension (N/m) at an end that rollers, bearings and weight hold against the other's.
 
+    See :func:`most_on_the_way`, which ends with it.
+    """
+    return dict(most_on_the_way(preview, end, pulled, sure))[end]
+
+
+def most_on_the_way(
+    preview: Preview, end: str, pulled: Pulled, sure: float = 1.0
+) -> Iterator[tuple[str, float]]:
+    """Yield rollers on the way to an end, and the largest tension (N/m) at which strip comes there.
+
+    Rollers, bearings and weight hold it against the pull at the other end.  The last is the end.
+
     Parameters
     ----------
     preview : Preview
@@ -474,18 +494,21 @@ def most_held(preview: Preview, end: str, pulled: Pulled, sure: float = 1.0) -> 
     pull, weight = pulled.ends[ENDS[0] if forth else ENDS[-1]], pulled.weight
     for roller, rise in zip(order, np.diff(heights), strict=False):
         pull = max(pull + weight * float(rise), 0.0)
+        yield roller.name, pull
         load = pull * preview.turn(roller)
         pull += sum(nip_friction(assembly, nip, load, sure) for nip in pressed.pop(roller.name, ()))
-        most = pull * holding(preview, roller)
+        grip = holding(preview, roller)
+        most = pull * grip
         if roller.name in assembly.turning:
             torque = pulled.torques.get(roller.name, 0.0) * roller.sense
             carried = torque * carrying_sense(roller, thread)
             gained = specs[roller.name].bearing + (-carried if forth else carried)
-            most = min(most, pull + gained / (roller.radius * assembly.strip.width))
+            held = pull + gained / (roller.radius * assembly.strip.width)
+            most = min(most, max(held, pull / grip))  # friction takes no more either way
         pull = max(most, 0.0)
     others = (nip for each in pressed.values() for nip in each)
     pull += sum(nip_friction(assembly, nip, 0.0, sure) for nip in others)
-    return max(pull + weight * (heights[-1] - heights[-2]), 0.0)
+    yield end, max(pull + weight * (heights[-1] - heights[-2]), 0.0)
 
 
 def sharpest_curvature(preview: Preview, roller: Roller) -> float:
@@ -572,16 +595,32 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
 
 
 def torque_beyond_friction(preview: Preview) -> Iterator[str]:
-    """Torques that turn a roller through under the strip, since friction cannot take them."""
-    assembly, tension = preview.assembly, preview.tension
+    """Torques that turn a roller through under the strip, since friction cannot take them.
+
+    At most (1 − e^(−fθ)) of the larger of its tensions, and e^(fθ) − 1 of the smaller.
+    """
+    assembly, thread = preview.assembly, preview.assembly.thread
     specs = {spec.name: spec for spec in assembly.scene.rollers}
+    pulls = {pulled.stage.name: pulled for pulled in pulled_at_both_ends(preview)}
     for stage in assembly.scene.stages:
-        for roller in assembly.rollers if assembly.rubs(stage) else ():
+        pulled = pulls.get(stage.name)
+        before, behind = (
+            dict(most_on_the_way(preview, end, pulled)) if pulled else dict[str, float]()
+            for end in ENDS[::-1]
+        )
+        for roller in assembly.rollers if assembly.rubs(stage) or stage.steady else ():
             control = stage.rollers.get(roller.name)
             if control is None or not control.torque:
                 continue
-            grip = holding(preview, roller) - 1.0
-            most = roller.radius * assembly.strip.width * tension * grip
+            forward = control.torque * roller.sense * carrying_sense(roller, thread) > 0.0
+            grip, sides = (
+                holding(preview, roller),
+                (before, behind) if forward else (behind, before),
+            )
+            high, low = (side.get(roller.name, np.inf) for side in sides)
+            tension = min(high / grip, low)  # the smaller one, at most
+            tension = tension if np.isfinite(tension) else preview.tension
+            most = roller.radius * assembly.strip.width * tension * (grip - 1.0)
             if not 0.0 < most < abs(control.torque) - specs[roller.name].bearing:
                 continue
             key = f"stages.{stage.name}.rollers.{roller.name}.torque"

@@ -29,6 +29,7 @@ from anmstrip.scene.tables import (
     STAGE_KEYS,
     THREADING,
     ContactSpec,
+    EdgeControl,
     EdgeSpec,
     FrictionSpec,
     MaterialSpec,
@@ -97,7 +98,7 @@ class SceneSpec(Table):
     def __init__(self, /, **tables: Any) -> None:
         right: dict[str, Any] = {}  # tables without mistakes of their own
         found: list[Mistake] = []
-        tables = let_go(implied(tables))
+        tables = implied(tables)
         try:
             self.__pydantic_validator__.validate_python(tables, self_instance=self, context=right)
         except ValidationError as error:
@@ -105,6 +106,11 @@ class SceneSpec(Table):
         for name, field in type(self).model_fields.items():
             if name not in tables and not field.is_required():
                 right[name] = field.get_default()
+        threading, strip = right.get("threading"), right.get("strip")
+        stays = (strip and strip.feed) or (threading and threading.closed)
+        if right.get("friction") and "stages" in right and not stays:
+            right["stages"] = tuple(let_go(right["stages"]))
+            self.__dict__["stages"] = right["stages"]
         found += check_scene(right)
         if "stages" not in right:
             told = {mistake.key for mistake in found}
@@ -357,36 +363,24 @@ LEADING = {"move", "velocity", "speed", "force", "release"}
 """Keys of an edge in a stage that say how it is led, or that it is not."""
 
 
-def let_go(scene: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the tables with entries that are let go so that they keep their tension.
+def let_go(stages: Iterable[StageSpec]) -> Iterator[StageSpec]:
+    """Yield stages with the entry let go where it keeps the tension that was given so.
 
     In stages in time that follow steady ones with the tension of the entry given, unless they say
-    themselves how the entry is led, or strip is fed there or endless.
+    themselves how it is led.
     """
-
-    def table_in(table: object, key: str) -> Mapping[str, Any]:
-        inner = table.get(key) if isinstance(table, Mapping) else None
-        return inner if isinstance(inner, Mapping) else {}
-
-    stages, found, pulled = scene.get("stages"), list[object](), False
-    rubs = "friction" in scene and not table_in(scene, "strip").get("feed")
-    if not isinstance(stages, list | tuple) or not rubs:
-        return dict(scene)
-    for table in stages:
-        around = "edges" if table_in(table, "edges") else ""
-        edges = table_in(table, around) if around else table
-        entry, steady = table_in(edges, "entry"), bool(table_in(scene, "threading").get("closed"))
-        if isinstance(table, Mapping) and not steady:
-            if table.get("steady"):
-                fast = "speed" in table_in(table, "strip")
-                pulled = not fast and (pulled or "tension" in entry)
-            elif pulled and table.get("friction", True):
-                pulled = False
-                if not LEADING & entry.keys():
-                    told = {"entry": {**entry, "release": True}}
-                    table = {**table, around: {**edges, **told}} if around else {**table, **told}
-        found.append(table)
-    return {**scene, "stages": found}
+    pulled = False
+    for stage in stages:
+        entry = stage.edges.get("entry", EdgeControl())
+        if stage.steady:
+            pulled = stage.strip.speed is None and (pulled or entry.tension is not None)
+        elif pulled and stage.friction:
+            pulled = False
+            if not LEADING & entry.model_fields_set:
+                free = {"entry": entry.model_copy(update={"release": True})}
+                yield stage.model_copy(update={"edges": {**stage.edges, **free}})
+                continue
+        yield stage
 
 
 def as_typed(stages: object) -> tuple[StageSpec, ...]:
