@@ -790,3 +790,17 @@ def test_an_entry_goes_on_where_the_stage_says_so() -> None:
     untyped["stages"][0] = {**untyped["stages"][0], "strip": {"speed": 2.0}}
     del untyped["stages"][0]["entry"]
     assert not Scene.model_validate(untyped).stages[1].edges
+
+
+@pytest.mark.parametrize(
+    ("changed", "by_default"),
+    [({}, False), ({"taper": 1e-4}, True), ({"axis": [0.0, 1.0, 1e-4]}, True)],
+)
+def test_the_entry_is_centred_where_rollers_drive_strip_to_a_side(
+    changed: dict[str, Any], by_default: bool
+) -> None:
+    """A crown alone guides it; a cone beside it went on until the strip was 35 m away."""
+    scene = Scene.from_tables(CROWNED, "crowned.toml").model_dump(exclude_unset=True)
+    scene["rollers"] = [{**roller, **changed} for roller in scene["rollers"]]
+    assembly = Assembly(Scene.model_validate(scene))
+    assert (assembly.scene.edges["entry"].centred is True) == by_default

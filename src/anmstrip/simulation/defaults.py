@@ -68,13 +68,15 @@ def loose_across(scene: SceneSpec) -> bool:
     """Return whether a threaded shell has its entry centred by default: nothing else holds its y.
 
     Threading is without friction, and steady strip slides through its shape.  Rollers with a
-    profile may guide it, and an odd number of elements across has no node in the middle.
+    profile may guide it, unless a taper or an axis out of line drives it to a side; an odd number
+    of elements across has no node in the middle.
     """
     threading, strip, edges = scene.threading, scene.strip, scene.edges
     if threading is None or threading.closed or strip.kinematics != "shell" or strip.mesh:
         return False
     held = any(edge.centred or "y" in edge.fixed for edge in edges.values())
-    guided = any(roller.profile for roller in scene.rollers)
+    driven = any(roller.taper or roller.axis[0] or roller.axis[2] for roller in scene.rollers)
+    guided = any(roller.profile for roller in scene.rollers) and not driven
     odd = strip.cells is not None and strip.cells[1] % 2 == 1
     return "entry" in edges and edges["entry"].centred is None and not (held or guided or odd)
 
