@@ -162,7 +162,28 @@ def test_a_speed_of_an_end_is_the_velocity_along_the_strip_there(feed: bool) -> 
         run = done(scene)
         assert run.state is not None
         ends.append((run.scene.friction.speed, run.cost.expansions, *run.state.full))
-    np.testing.assert_array_equal(*ends)
+    np.testing.assert_allclose(*ends, rtol=1e-9, atol=1e-9)
+
+
+def test_the_speed_of_an_end_is_along_the_strip_as_it_hangs_there() -> None:
+    """A run that sags comes in at 10°, by which its speed was wrong by 1/cos 10°."""
+    scene = tables(
+        threading={"tension": 400.0, "entry": [-4.0, 0.0, 0.0], "exit": [1.0, 0.0, -0.6]},
+        stages=[
+            {"name": "weight", "gravity": [0.0, 0.0, -9.81], "friction": False},
+            {"name": "start", "duration": 1.0, "entry": {"speed": 1.0}},
+            {"name": "run", "duration": 2.0},
+        ],
+    )
+    scene["strip"]["thickness"] = 5e-4
+    scene["material"]["density"] = 7850.0
+    scene["rollers"] = [
+        {"name": "r1", "radius": 0.4, "centre": [0.0, 0.0, -0.4], "wrap": "over", "drive": "idle"}
+    ]
+    state = done(scene).state
+    assert state is not None
+    assert state.strip_speed == pytest.approx(1.0, rel=1e-5)
+    assert state.rollers["r1"].surface_speed == pytest.approx(1.0, rel=1e-4)
 
 
 @pytest.mark.parametrize(("angle", "moved"), [(0.0, 0.0), (0.5, 0.0), (10.0, 0.1 * 0.5 * 0.1)])

@@ -196,6 +196,11 @@ class March:
             self.full[self.assembly.coupled - 1] = 0.0  # c counts from its control
             if state is not None and self.course.pulled(stage) and not self.assembly.closed:
                 self.course.values["entry.tension"] = np.array(state.tension("entry"))
+        if self.reached is None:
+            told = (name for name, control in stage.edges.items() if control.speed is not None)
+            for name in told:  # along the strip as it hangs there
+                along = self.assembly.strip.edge_tangent(name, self.full)
+                self.course.values[f"{name}.along"] = along
         return self.course.plan(stage, reactions, self.full)
 
     def here(self, plan: StageProblem) -> State:

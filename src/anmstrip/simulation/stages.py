@@ -189,7 +189,7 @@ class Course:
         """
         entry, exit = (self._holds_along(name, self._held().get(name, ())) for name in ENDS)
         edge = "exit" if exit and not entry else "entry"
-        return edge, self._directions[edge], entry or exit
+        return edge, self._along(edge), entry or exit
 
     def pulled(self, stage: StageSpec) -> bool:
         """Whether a steady stage has the tension of its entry given, and the strip's speed not."""
@@ -311,8 +311,8 @@ class Course:
             self.speeds[name] = self._speeds(stage, name)[1]
             if full is not None:
                 self.speeds[name] = speed * self.assembly.strip.edge_tangent(name, full)
-                if self.assembly.scene.strip.feed and name in self._directions:
-                    along = self._directions[name]
+                if self.assembly.scene.strip.feed and name in ENDS:
+                    along = self._along(name)
                     self.speeds[name] = (self.speeds[name] @ along) * along
         self.time += stage.duration
 
@@ -384,6 +384,11 @@ class Course:
         entry, exit = self.outward.get("entry", -flat), self.outward.get("exit", flat)
         return {"entry": -entry, "exit": exit}
 
+    def _along(self, name: str) -> Array:
+        """Direction of the strip at an end where a stage began that says its speed, (3,)."""
+        along = self.values.get(f"{name}.along", self._directions[name])
+        return np.asarray(along / np.linalg.norm(along))
+
     def _label_speeds(self, stage: StageSpec, name: str) -> tuple[Array, Array]:
         """The same of the labels there: of a fed strip those that material passes stay."""
         before, after = self._speeds(stage, name)
@@ -402,7 +407,7 @@ class Course:
         if stage.steady or (control is not None and control.move is not None):
             return np.zeros(3), np.zeros(3)
         if control is not None and control.speed is not None:
-            return begin, control.speed * self._directions[name]
+            return begin, control.speed * self._along(name)
         if control is None or control.velocity is None:
             return begin, begin
         return begin, np.array(control.velocity, dtype=float)
