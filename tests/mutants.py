@@ -730,6 +730,20 @@ WRINKLES = (
     Mutant("parabolas count as wrinkles", "SMOOTH = 2", "SMOOTH = 1", "summary"),
     Mutant("waves told at a fifth", "WAVED = 0.5", "WAVED = 0.2", "summary", "test_waves.py"),
     Mutant(
+        "friction along the axis is not part of what is used",
+        "np.hypot(used, sideways) / state.coefficient",
+        "used / state.coefficient",
+        "profile",
+        "test_examples.py",
+    ),
+    Mutant(
+        "strip without stress is longer in Green's strain",
+        "return elongation + elongation * elongation * 0.5",
+        "return elongation",
+        "summary",
+        "test_natural_shapes.py",
+    ),
+    Mutant(
         "modes where K + G is indefinite by a method that takes it for a norm",
         "if symmetric and not factors.negatives:",
         "if symmetric:",

@@ -314,6 +314,11 @@ def test_steering_is_that_of_shelton(claim: Claim) -> None:
     run, last = ended("steering.toml")
     y, found, expected = steered_over_shelton(run, last)
     claim("offset over angle and span of `steering.toml`", found, expected, 2e-3, "Shelton (1968)")
+    reading = last.state.rollers["r1"]
+    sideways = abs(reading.resultant @ [1e-3, 1.0, 0.0]) / reading.normal_force  # no normal has it
+    around = abs(reading.drag) / reading.normal_force
+    assert reading.capacity_used == pytest.approx(np.hypot(sideways, around) / 0.3, rel=0.01)
+    assert sideways > 5.0 * around
     assert y == pytest.approx(-1.370e-3, rel=2e-3)
     assert last.state.strip_speed == pytest.approx(0.99978, abs=1e-5)
     assert run.cost.expansions <= 26

@@ -363,7 +363,8 @@ def capacity_used(
     nearest to the wrap.  The angle of contact is smaller by √(D/T)/r at both ends, where the line
     loads do as much as it lacks.  Where more than the largest tension times θ presses, as a nip or
     strip so stiff that its shear forces bear its weight do, it is the friction force over f times
-    the normal force; and where the strip yields, which takes up tension without friction.
+    the normal force; and where the strip yields, which takes up tension without friction.  What
+    friction takes along the axis, over f times the normal force, is added as a square.
     """
     if not state.coefficient or not state.ends.size:
         return None
@@ -378,7 +379,9 @@ def capacity_used(
         used = np.log(high / low) / angle
     else:
         used = abs(state.drag) / max(state.normal_force, np.finfo(float).tiny)
-    return float(min(used / state.coefficient, 1.0))
+    sideways = abs(float(axis @ state.traction @ state.area))
+    sideways /= max(state.normal_force, np.finfo(float).tiny)
+    return float(min(np.hypot(used, sideways) / state.coefficient, 1.0))
 
 
 def lift_offs(
