@@ -19,7 +19,7 @@ from anmstrip.driver.preview import Preview
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.sensitivities import response
-from anmstrip.driver.warnings import beside_rollers, standing_idlers
+from anmstrip.driver.warnings import beside_rollers, lifted_off, standing_idlers
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.fem.sampling import SlopeOperator
 from anmstrip.linalg.solvers import Bordered
@@ -804,3 +804,13 @@ def test_the_entry_is_centred_where_rollers_drive_strip_to_a_side(
     scene["rollers"] = [{**roller, **changed} for roller in scene["rollers"]]
     assembly = Assembly(Scene.model_validate(scene))
     assert (assembly.scene.edges["entry"].centred is True) == by_default
+
+
+def test_rollers_are_not_said_to_be_untouched_before_strip_is_laid() -> None:
+    """Of a run that stops on the way of threading."""
+    run = Scene.model_validate(stopped()).run()
+    state = next(iter(run)).state
+    assert state.plan.name == "threading" and not list(lifted_off(state, run.scene))
+    away = replace(state, full=0.0 * state.full)
+    assert len(list(lifted_off(replace(away, control=1.0), run.scene))) == 2
+    assert not list(lifted_off(replace(away, control=0.5), run.scene))

@@ -20,7 +20,7 @@ from anmstrip.mechanics.roller import Roller
 from anmstrip.results.rollers import CREEPS, ContactState
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.scene.tables import ENDS
+from anmstrip.scene.tables import ENDS, THREADING
 from anmstrip.simulation.defaults import boundary_layer, elastic_creep
 from anmstrip.simulation.meshing import (
     QUARTER,
@@ -180,7 +180,8 @@ def running_loose(preview: Preview) -> str:
 def lifted_off(state: State, scene: SceneSpec) -> Iterator[str]:
     """Rollers that the strip is threaded around, and bent does not touch where it came to be."""
     moved = {name for stage in scene.stages for name, turn in stage.rollers.items() if turn.move}
-    for roller in scene.rollers:
+    laid = state.plan.name != THREADING or state.control == 1.0
+    for roller in scene.rollers if laid else ():
         contact = state.contacts.get(roller.name)
         if contact is None or roller.wrap is None or roller.name in moved:
             continue
