@@ -116,3 +116,27 @@ def test_torques_alone_do_not_fix_the_speed_of_an_endless_strip() -> None:
     del tables["stages"][0]["rollers"]["driving"]
     with pytest.raises(InputError, match="torques alone do not fix the speed"):
         Scene.from_tables(tables, "belt.toml", [])
+
+
+@pytest.mark.parametrize(("thickness", "tension"), [(1e-3, 5e3), (4e-4, 5e3), (1e-3, 2e4)])
+def test_a_stiff_belt_has_its_tension_at_rest(thickness: float, tension: float) -> None:
+    """The way of 1 mm of steel is longer than that of a string by 14 times what 5 kN/m stretches."""
+    roller = {"radius": 0.2, "wrap": "left", "drive": "idle"}
+    scene = Scene.model_validate({
+        "strip": {"kinematics": "section", "width": 0.5, "thickness": thickness},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "friction": {"coefficient": 0.3},
+        "threading": {"tension": tension, "closed": True},
+        "rollers": [
+            {"name": "drive", "radius": 0.3, "centre": [0.0, 0.0, 0.0], "wrap": "left"},
+            {"name": "nose", "centre": [1.0, 0.0, 1.2], **roller},
+            {"name": "braked", "centre": [2.0, 0.0, 0.0], **roller, "bearing": 300.0},
+        ],
+        "stages": [{"name": "run", "steady": True, "rollers": {"drive": {"surface_speed": 3.0}}}],
+    })  # fmt: skip
+    run = scene.run()
+    first, *_, last = run
+    assert run.outcome.done
+    assert first.state.tension("entry") == pytest.approx(tension, rel=3e-3)
+    taken = last.state.rollers["braked"].tension_out - last.state.rollers["braked"].tension_in
+    assert taken == pytest.approx(300.0 / 0.2 / 0.5, rel=1e-3)

@@ -317,13 +317,35 @@ def thread_of(
         ends = [joint, joint]
     crossing = np.array([roller.crossing for roller in scene.rollers if roller.wrap is not None])
     fixed = tuple(None if place is None else FixedEnd(place) for place in ends)
-    layer = 0.0 if spec.closed else float(np.sqrt(bending_stiffness(scene) / spec.tension))
+    layer = float(np.sqrt(bending_stiffness(scene) / spec.tension))
     shape = chosen, senses, crossing, depths, fixed, stretches_of(scene)
     thread = Thread(*shape, spec.tension, length, layer)
     try:
-        return _with_ends(scene, thread)
+        thread = _with_ends(scene, thread)
+        if not spec.closed:
+            return thread
+        length = float(thread.middle.length[0])
+        share = length / (length + bent_longer(scene, thread))
+        along = share * thread.stretches.along
+        return replace(thread, stretches=replace(thread.stretches, along=along))
     except (NotTouchedError, NoTangentError) as error:
         raise _refused(scene, chosen, error) from error
+
+
+def bent_longer(scene: SceneSpec, thread: Thread) -> float:
+    """Return by how much the way of stiff strip is longer than that of a string (m).
+
+    It is bent beside a roller over λ = √(D/T), and straight from λ²/2R outside the string's way on:
+    a² λ/4 − R a³/6 at either end of a wrap θ, a = λ/R, at most θ/2 of one that it only touches
+    along a line.
+    """
+    layer, longer = float(np.sqrt(bending_stiffness(scene) / thread.tension)), 0.0
+    starts, ends = thread.middle.arcs[:2]
+    for roller, depth, start, end in zip(thread.rollers, thread.depths, starts, ends, strict=True):
+        radius = roller.radius + roller.half + depth
+        angle = min(layer, 0.5 * float(end[0] - start[0])) / radius
+        longer += 2.0 * (0.25 * angle**2 * layer - radius * angle**3 / 6.0)
+    return longer
 
 
 def stretches_of(scene: SceneSpec) -> Stretches:
