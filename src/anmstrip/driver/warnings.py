@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anmstrip.driver import physics
+from anmstrip.driver import physics, units
 from anmstrip.driver.budget import Budget
 from anmstrip.driver.preview import UNSEEN, Preview, StringEstimate, free_motions, unheld
 from anmstrip.equilibrium import Equilibrium, StageProblem
@@ -64,12 +64,22 @@ UNLIKE = 0.1
 
 def warnings(preview: Preview) -> list[str]:
     """Return all warnings, the serious ones first."""
-    others = (told for rule in OTHER_RULES for told in rule(preview))
-    return list(dict.fromkeys([*serious(preview), *others]))
+    told, judged = list(units.other_units(preview)), units.as_meant(preview)
+    if judged is not None:
+        others = (words for rule in OTHER_RULES for words in rule(judged))
+        told += [*serious_as_meant(judged), *others]
+    return list(dict.fromkeys(told))
 
 
 def serious(preview: Preview) -> list[str]:
     """Return the warnings for which a run may stop."""
+    judged = units.as_meant(preview)
+    others = [] if judged is None else serious_as_meant(judged)
+    return [*units.other_units(preview), *others]
+
+
+def serious_as_meant(preview: Preview) -> list[str]:
+    """Return the same of a scene in which no value is likely to be in another unit."""
     if preview.tension == 0.0:  # the others compare with it
         return [*unheld_strip(preview), *physics.tips_over(preview)]
     return [told for rule in SERIOUS_RULES for told in rule(preview)]
@@ -452,7 +462,7 @@ def needless_shell(preview: Preview) -> Iterator[str]:
 
 
 SERIOUS_RULES = (
-    physics.other_units,
+    units.other_units,
     physics.roller_in_the_way,
     physics.meeting_rollers,
     physics.roller_over_an_end,
@@ -471,7 +481,14 @@ SERIOUS_RULES = (
     heavy_pass,
     strict_tolerance,
 )
-OTHER_RULES = (free_motions, coarse_mesh, slipping_friction, needless_shell, *physics.RULES)
+OTHER_RULES = (
+    free_motions,
+    coarse_mesh,
+    slipping_friction,
+    needless_shell,
+    *physics.RULES,
+    units.all_in_millimetres,
+)
 
 
 def element_over(assembly: Assembly, roller: Roller) -> float:
