@@ -65,7 +65,7 @@ class Doubt(NamedTuple):
 def doubt(key: str, value: float, unit: str, meant: str, better: float) -> Doubt:
     """Return the doubt about a value that no line has, with what it is in the unit of its key."""
     why = f"in {unit}, in which no line has such a value"
-    return Doubt(key, value, why, meant, f"{key}={better:.3g}")
+    return Doubt(key, value, why, meant, f"{key}={better:.6g}")
 
 
 def other_units(preview: Preview) -> Iterator[str]:
@@ -83,7 +83,7 @@ def all_in_millimetres(preview: Preview) -> Iterator[str]:
         yield (
             "the values of this scene fit together in N, mm, MPa and s, with t/mm³ and mm/s². "
             "Results are in these units too, whatever units labels and messages name: tensions "
-            "in N/mm and forces in N, for instance."
+            "in N/mm and torques in N mm, for instance."
         )
 
 
@@ -157,7 +157,7 @@ def doubtful_weight(scene: SceneSpec) -> Iterator[Doubt]:
     why = "in {} here, since the other values are in N, mm and MPa"
     if density is not None and density > MOST_TONNES:
         unit, share = ("kg/m³", 1e-12) if density > 100.0 else ("g/cm³", 1e-9)
-        typed = f"material.density={share * density:.3g}"
+        typed = f"material.density={share * density:.6g}"
         yield Doubt("material.density", density, why.format("t/mm³"), unit, typed)
     for stage in scene.stages:
         size = float(np.linalg.norm(stage.gravity or 0.0))
@@ -198,7 +198,7 @@ def doubtful_friction(scene: SceneSpec) -> Iterator[Doubt]:
     why = f"a ratio of forces, which exceeds {STICKS:g} on no roller"
     for key, value in given.items():
         if value is not None and value > STICKS:
-            yield Doubt(key, value, why, "per cent", f"{key}={0.01 * value:.3g}")
+            yield Doubt(key, value, why, "per cent", f"{key}={0.01 * value:.6g}")
 
 
 def doubtful_speeds(scene: SceneSpec) -> Iterator[Doubt]:
