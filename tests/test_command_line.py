@@ -46,6 +46,7 @@ class FakeRun:
     done: bool = True
     message: str = "Reached the end."
     warnings: tuple[str, ...] = ("The strip is compressed.",)
+    forewarned: tuple[str, ...] = ()
     state: None = None
     saved: list[bool] = field(default_factory=list)
 
@@ -54,7 +55,7 @@ class FakeRun:
         return SimpleNamespace(done=self.done)
 
     def forewarnings(self) -> tuple[str, ...]:
-        return ()
+        return self.forewarned
 
     def interrupted(self) -> None:
         self.saved.append(True)
@@ -131,6 +132,18 @@ def test_run_that_is_done(fakes: Fakes) -> None:
         "Report in results/capstan/report.html.",
         "Results in results/capstan. Next: anmstrip render results/capstan",
     ]
+
+
+def test_a_warning_is_told_once(fakes: Fakes) -> None:
+    """At the start if it is known there, unless nothing is told before the end."""
+    both = "It is wide.", "The strip is compressed."
+    fakes.put_run(warnings=both, forewarned=both[:1])
+    for quiet in ([], ["--quiet"]):
+        result = typed("run", CAPSTAN, *quiet)
+        before = [line for line in result.stderr.splitlines() if line.startswith("Warning: ")]
+        after = [line for line in result.stdout.splitlines() if line.startswith("Warning: ")]
+        assert before == ([] if quiet else ["Warning: It is wide."])
+        assert before + after == [f"Warning: {line}" for line in both]
 
 
 def test_run_is_given_what_was_typed(fakes: Fakes) -> None:

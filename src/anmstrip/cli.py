@@ -268,7 +268,8 @@ def run_command(
     loaded = Scene.load(scene, settings)
     directory = directory or Path("results", loaded.name)
     running = loaded.run(directory, resume=resume)
-    for line in () if quiet else running.forewarnings():
+    told = () if quiet else tuple(running.forewarnings())
+    for line in told:
         click.echo(f"Warning: {line}", err=True)
     usual = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
@@ -283,7 +284,7 @@ def run_command(
     finally:
         signal.signal(signal.SIGTERM, usual)
     click.echo(running.message)
-    click.echo(report(running))
+    click.echo(report(running, told))
     if not no_report:
         from anmstrip.pictures.report import write_report
 

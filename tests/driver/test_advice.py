@@ -445,6 +445,7 @@ ELSEWHERE = {
     "motion_words": "test_freedom.py",
     "differences": "test_resume.py",
     "finer_mesh": "coarse_mesh",
+    "shorter_elements": "coarse_mesh, in test_defaults.py",
     "unheld": "unheld_strip, not_held",
     "running_loose": "released_strip",
     "acts_as": "slipping_friction",

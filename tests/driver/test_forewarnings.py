@@ -313,7 +313,7 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
                       "rollers": {"a": {"surface_speed": 1.0}}}])],
         "roller a is out of line by 10 mrad", "rollers.a.axis=[0.00016",
     ),
-    ([("strip.width", 1200.0)], "strip.width = 1200 is in m", "strip.width=1.2"),
+    ([("strip.width", 1234.5)], "strip.width = 1234.5 is in m", "strip.width=1.2345"),
     (
         [("material.young", 2e5), ("threading.tension", 5.0)],
         "material.young = 200000 is in Pa", "material.young=2e+11",
@@ -323,7 +323,7 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
         "was it meant in GPa", "material.young=2e+11",
     ),
     ([("material.yield_stress", 300.0)], "in MPa", "material.yield_stress=3e+08"),
-    ([("material.density", 7.85)], "in g/cm³", "material.density=7.85e+03"),
+    ([("material.density", 7.85)], "in g/cm³", "material.density=7850"),
     ([("threading.tension", 9.0)], "threading.tension = 9", "threading.tension=9e+03"),
     ([("threading.tension", 20.0)], "threading.tension = 20", "threading.tension=2e+04"),
     (

@@ -372,6 +372,7 @@ def test_the_end_of_a_run_is_a_table_by_roller(shell: Results, tmp_path: Path) -
     for name in ("entry", "exit"):
         assert f"{edges[name]['tension']:.6g} N/m at the {name}" in told
     before = " ".join(explained(scenes.SHELL, tmp_path).split())
+    told = " ".join(f"{shell.progress} {told}".split())  # what is told before as well
     warnings = [f"Warning: {line}" for line in shell.summary["warnings"]]
     assert all(line in text for line in warnings for text in (told, before))
     assert len(warnings) == told.count("Warning: ") == before.count("Warning: ") >= 2

@@ -393,10 +393,78 @@ def test_long_lines_have_more_unknowns_and_are_told_how_many() -> None:
     preview = Preview.of(Assembly(Scene.model_validate(scene)))
     assert 17500 < preview.assembly.strip.unknowns < 18400
     (words,) = coarse_mesh(preview)
-    advice = re.search(r"no more than 18000 unknowns\. Try --set strip\.finer=([\d.]+)", words)
+    advice = re.search(
+        r"a mesh by default has about 18000 unknowns\. Shorter ones need (\d+) unknowns\. "
+        r"Try --set strip\.finer=([\d.]+)(?: or less travel)?$", words,
+    )  # fmt: skip
     assert advice is not None
-    scene["strip"]["finer"] = float(advice[1])
-    assert not list(coarse_mesh(Preview.of(Assembly(Scene.model_validate(scene)))))
+    scene["strip"]["finer"] = float(advice[2])
+    preview = Preview.of(Assembly(Scene.model_validate(scene)))
+    assert not list(coarse_mesh(preview))
+    assert preview.assembly.strip.unknowns == int(advice[1])
+
+
+TOWER = {
+    "strip": {"width": 1.8, "thickness": 0.7e-3},
+    "material": {"young": 2.1e11, "poisson": 0.3},
+    "threading": {"tension": 7e3, "entry": [-2.0, 0.0, 0.0], "exit": [6.0, 0.0, 0.0]},
+    "edges": {"entry": {"fixed": ["x", "z"]}},
+    "rollers": [
+        {"radius": 0.4, "centre": [float(k), 0.0, z], "wrap": wrap}
+        for k, (z, wrap) in enumerate([(0.4, "under"), (8.0, "over")] * 2 + [(0.4, "under")])
+    ],
+    "stages": [{"friction": False, "duration": 1.0}],
+}
+FOIL = {
+    **TOWER,
+    "strip": {"width": 0.6, "thickness": 35e-6},
+    "material": {"young": 1.2e11, "poisson": 0.34},
+    "threading": {"tension": 1e3, "entry": [-0.5, 0.0, 0.0], "exit": [1.5, 0.0, 0.0]},
+    "rollers": [
+        {"radius": 0.06, "centre": [0.5 * k, 0.0, z], "wrap": wrap}
+        for k, (z, wrap) in enumerate([(-0.06, "over"), (-0.4, "under"), (-0.06, "over")])
+    ],
+}
+
+
+def coarse(tables: dict[str, Any], *settings: str) -> tuple[list[str], int]:
+    """What is told of a coarse mesh, and its unknowns."""
+    assembly = Assembly(Scene.from_tables(tables, "line.toml", settings))
+    return list(coarse_mesh(Preview(assembly, (), ()))), assembly.strip.unknowns
+
+
+@pytest.mark.parametrize("tables", [TOWER, FOIL], ids=["tower", "foil"])
+@pytest.mark.parametrize("given", [0.0, 0.5, 1.1, 1.3, 2.0])
+def test_the_first_factor_that_is_told_suffices(tables: dict[str, Any], given: float) -> None:
+    """Across a whole number of elements they need not shrink in proportion."""
+    settings = [f"strip.finer={given}"] * (given > 0.0)
+    told, _ = coarse(tables, *settings)
+    for words in told:
+        assert (f"with strip.finer = {given:g}. Shorter ones need" in words) == bool(settings)
+        advice = re.search(
+            r" (\d+) unknowns\. Try --set (strip\.finer=[\d.]+) or less travel$", words
+        )
+        assert advice is not None, words
+        assert coarse(tables, advice[2]) == ([], int(advice[1]))
+
+
+def test_what_many_unknowns_cost_is_told_instead_of_an_advice(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def thin(radius: float) -> dict[str, Any]:
+        return {**TOWER, "rollers": [{**roller, "radius": radius} for roller in TOWER["rollers"]]}
+
+    tight = "threading.tension=2e5"
+    (words,), _ = coarse(thin(0.1), tight)
+    found = re.search(
+        r"--set (strip\.finer=[\d.]+) makes them so short, but with (\d+) unknowns, for which "
+        r"`anmstrip explain` alone takes about \d+ GB and \d+ s\.$", words,
+    )  # fmt: skip
+    assert found is not None, words
+    assert coarse(thin(0.1), tight, found[1]) == ([], int(found[2]))
+    monkeypatch.setattr("anmstrip.driver.warnings.MOST_ELEMENTS", 5000)
+    (words,), _ = coarse(thin(0.1), tight)
+    assert re.search(r"Shorter ones would be \d+, more than a mesh may have\.$", words), words
 
 
 def test_a_step_of_tension_at_a_standstill_leaves_what_friction_holds() -> None:

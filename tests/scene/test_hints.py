@@ -63,6 +63,8 @@ def typed(tables: dict[str, Any], mistake: Mistake) -> None:
     else:
         release = re.search(r"\w+\.release = true", hint)
         words = release[0] if release else re.split(r", or (?=[a-z])|, for |; ", hint)[0]
+        if mistake.expected == "a known key":
+            del inner(tables, path)[last]
         for key, value in tomllib.loads(words).items():
             place = [] if words.startswith("[") else path
             if key in path:  # in place of what is there

@@ -25,6 +25,9 @@ RELEASED = "= 0.6\nentry.release = true\n"
 WRONG = [  # what is replaced, by what, key that is named, words that must be there
     # a single value
     ("thickness = 1.0e-3", "thickness = -1.0e-3", "strip.thickness", "above 0 (m)"),
+    ("thickness = 1.0e-3", "thickness = -0.8e-3", "strip.thickness", "thickness = 0.0008"),
+    ("thickness = 1.0e-3", 'thickness = "0.8 mm"', "strip.thickness", "thickness = 0.0008"),
+    ("thickness = 1.0e-3", 'thickness = "thin"', "strip.thickness", "thickness = 1.0e-3"),
     ("thickness = 1.0e-3", "thickness = 0", "strip.thickness", "thickness = 1.0e-3"),
     ("thickness = 1.0e-3", 'thickness = "1 mm"', "strip.thickness", "above 0 (m)"),
     ("thickness = 1.0e-3", "thickness = true", "strip.thickness", "above 0 (m)"),
@@ -42,7 +45,8 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
     ("order = 20", "mesh_tolerance = 0.5", "solver.mesh_tolerance", "1e-9 to 0.1"),
     ("order = 20", 'method = "secant"', "solver.method", '"newton"'),
     ("refined = 0.025", "finer = 100.0", "strip.finer", "0.05 to 64"),
-    ("refined = 0.025", 'kinematics = "beam"', "strip.kinematics", '"shell"'),
+    ("refined = 0.025", 'kinematics = "Shell"', "strip.kinematics", 'kinematics = "shell"'),
+    ("refined = 0.025", 'kinematics = "beam"', "strip.kinematics", 'kinematics = "section"'),
     ("refined = 0.025", 'bending = "stiff"', "strip.bending", "kirchhoff-love"),
     ("refined = 0.025", "bending = 1", "strip.bending", "true, false"),
     ("= 0.6", '= 0.6\nexit.moment = "no"', "stages.turn.exit.moment", "number"),
@@ -64,15 +68,22 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
     ("radius = 0.5", f"radius = [0x{'f' * 5000}]", "rollers.r1.radius", "digits"),
     ("cells = [16, 2]", f"cells = [0x{'f' * 5000}, 2]", "strip.cells", "digits"),
     ("radius = 0.5", "radius = -0.5", "rollers.r1.radius", "above 0 (m)"),
+    ("radius = 0.5", "diameter = 0.8", "rollers.r1.diameter", "radius = 0.4"),
     ("centre = [0.0, 0.0, -0.501]", "centre = [0.0, 0.0]", "rollers.r1.centre", "three"),
     ("centre = [0.0, 0.0, -0.501]", 'centre = [0.0, 0.0, "b"]', "rollers.r1.centre", '"b"'),
     ("axis = [0.0, 1.0, 0.0]", "axis = [0.0, 0.0, 0.0]", "rollers.r1.axis", "not all 0"),
     ('name = "r1"', 'name = "roller 1"', "rollers.roller 1.name", "letters"),
+    ('name = "turn"', 'name = "turn again"', "stages.turn again.name", 'name = "turn_again"'),
     ('fixed = ["x", "z"]', 'fixed = ["x", "w"]', "edges.entry.fixed", '"w"'),
     ('fixed = ["x", "z"]', 'fixed = ["x", "x"]', "edges.entry.fixed", 'fixed = ["x"]'),
     ("centred = true", "centred = 1", "edges.entry.centred", "true or false"),
+    ("duration = 0.6", 'duration = "5 s"', "stages.turn.duration", "a number, without quotes"),
+    ("duration = 0.6", 'duration = "5 s"', "stages.turn.duration", "duration = 5.0"),
+    ("= 0.6", "= 0.6\nexit.tension = -9.0e3", "stages.turn.exit.tension", "of at least 0 (N/m)"),
+    ("= 0.6", "= 0.6\nexit.tension = -9.0e3", "stages.turn.exit.tension", "tension = 9000.0"),
     ("duration = 0.6", "duration = 0.0", "stages.turn.duration", "above 0 (s)"),
     ("order = 20", "order = 61", "solver.order", "from 2 to 60"),
+    ("order = 20", 'order = "12"', "solver.order", "order = 12"),
     ("order = 20", "order = 20.0", "solver.order", "integer"),
     ("order = 20", "time_order = 6", "solver.time_order", "from 1 to 5"),
     ("order = 20", "max_steps = 0", "solver.max_steps", "above 0"),
@@ -209,6 +220,12 @@ WRONG_SECTION = [
         "no width",
     ),
     ("axis = [0.0, 1.0, 0.0]", "axis = [0.001, 1.0, 0.0]", "rollers.r1.axis", "no width"),
+    (
+        "axis = [0.0, 1.0, 0.0]",
+        "axis = [0.0, 1.0, 0.01]",
+        "rollers.r1.axis",
+        'kinematics = "shell"',
+    ),
     ("axis = [0.0, 1.0, 0.0]", "axis = [1.0, 0.0, 0.0]", "rollers.r1.axis", "no width"),
     ("[edges.entry]", '[edges.left]\nfixed = ["z"]\n[edges.entry]', "edges.left", "no sides"),
     ("= 0.6", "= 0.6\nright.force = [0, 0, 1]", "stages.turn.right", 'kinematics = "shell"'),
@@ -501,3 +518,21 @@ def test_what_would_steer_a_terminal_is_told_in_escapes() -> None:
     text = str(caught.value)
     assert "\\x1b[2J" in text
     assert all(c.isprintable() or c == "\n" for c in text)
+
+
+@pytest.mark.parametrize("typed", ["poisson = 0,3", "poisson = 0, 3  # of steel"])
+def test_a_decimal_comma_is_told(tmp_path: Path, typed: str) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(GOOD.replace("poisson = 0.3", typed), encoding="utf-8")
+    with pytest.raises(InputError, match="numbers have a decimal point, not a comma") as refused:
+        Scene.load(path)
+    (mistake,) = refused.value.mistakes
+    assert mistake.hint == "poisson = 0.3"
+    path.write_text(GOOD, encoding="utf-8")
+    with pytest.raises(InputError) as refused:
+        Scene.load(path, ["material.poisson=0,3"])
+    assert refused.value.mistakes[0].hint == "--set material.poisson=0.3"
+    path.write_text(GOOD.replace("cells = [16, 2]", "cells = [16, 2"), encoding="utf-8")
+    with pytest.raises(InputError) as refused:
+        Scene.load(path)
+    assert "comma" not in refused.value.mistakes[0].expected

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -363,8 +363,11 @@ SPENT = 0.5
 fibres creep to and fro, as over a crown, and rollers carry the strip all the same."""
 
 
-def report(run: Run) -> str:
-    """Describe the last state of a run by roller, its ends, what it may be wrong by, and warn."""
+def report(run: Run, told: Collection[str] = ()) -> str:
+    """Describe the last state of a run by roller, its ends, what it may be wrong by, and warn.
+
+    Warnings that were told before are left out.
+    """
     parts: list[str | Table] = []
     if (state := run.state) is not None:
         if state.rollers:
@@ -382,7 +385,8 @@ def report(run: Run) -> str:
             parts.append("The strip slides over all driven rollers that it touches.")
         if any(part is not None for part in run.errors().values()):
             parts.append(error_table(run))
-    return text_of([*parts, *(f"Warning: {warning}" for warning in run.warnings)])
+    fresh = (warning for warning in run.warnings if warning not in told)
+    return text_of([*parts, *(f"Warning: {warning}" for warning in fresh)])
 
 
 def roller_table(state: State) -> Table:

@@ -16,7 +16,6 @@ from anmstrip.arrays import Array
 from anmstrip.driver.preview import Preview
 from anmstrip.equilibrium import StageProblem
 from anmstrip.mechanics.roller import Roller
-from anmstrip.scene.checks import meant_modulus
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, RollerSpec
 from anmstrip.simulation.defaults import (
@@ -69,78 +68,6 @@ SURE = 1.2
 
 NANOMETRES = 9
 """Decimals of a place (m) that is typed: the rest is round-off."""
-
-LARGEST = {"m": 20.0, "m/s": 100.0}
-"""Widths, radii and speeds in a line beyond which another unit was meant."""
-
-
-SMALLEST = {"Pa": 1e4, "Pa of metal": 3e5, "I-units": 0.01}
-"""Stresses by tension, of any strip and of metal, and flatness, which no line has less of."""
-
-Doubt = tuple[str, float, str, str, float | str]
-"""Key, value and unit of what is doubtful, the unit that was meant, and the value in the first.
-
-Or what to type, if that is another key.
-"""
-
-
-def other_units(preview: Preview) -> Iterator[str]:
-    """Values that no line has, but in millimetres, megapascals or metres per minute."""
-    scene = preview.assembly.scene
-    for key, value, unit, meant, better in (*doubtful_strip(scene), *doubtful_loads(scene)):
-        typed = better if isinstance(better, str) else f"{key}={better:.3g}"
-        yield (
-            f"{key} = {value:g} is in {unit}, in which no line has such a value; was it meant in "
-            f"{meant}? Try --set {typed}"
-        )
-
-
-def doubtful_strip(scene: SceneSpec) -> Iterator[Doubt]:
-    """Yield sizes of strip and rollers, and a material, that no line has."""
-    t, m = scene.strip.thickness, scene.material
-    least = min((roller.radius for roller in scene.rollers), default=np.inf)
-    if t > min(0.1 * least, 0.1):
-        yield "strip.thickness", t, "m", "mm", 1e-3 * t
-    if (width := scene.strip.width or 0.0) > LARGEST["m"]:
-        yield "strip.width", width, "m", "mm", 1e-3 * width
-    for roller in scene.rollers:
-        if roller.radius > LARGEST["m"]:
-            key = f"rollers.{roller.name}.radius"
-            yield key, roller.radius, "m", "mm", 1e-3 * roller.radius
-    if (meant_as := meant_modulus(m.young)) is not None:
-        yield "material.young", m.young, "Pa", *meant_as
-    if m.yield_stress is not None and m.yield_stress < 1e4:
-        yield "material.yield_stress", m.yield_stress, "Pa", "MPa", 1e6 * m.yield_stress
-    if m.density is not None and m.density < 100.0:
-        yield "material.density", m.density, "kg/m³", "g/cm³", 1e3 * m.density
-
-
-def doubtful_loads(scene: SceneSpec) -> Iterator[Doubt]:
-    """Yield tensions, flatness and speeds that no line has."""
-    t, metal = scene.strip.thickness, scene.material.young > METAL
-    least = SMALLEST["Pa of metal" if metal else "Pa"] * t
-    pulls = {} if scene.threading is None else {"threading.tension": scene.threading.tension}
-    uneven = {"strip.flatness": scene.strip.flatness}
-    for stage in scene.stages:
-        uneven[f"stages.{stage.name}.strip.flatness"] = stage.strip.flatness
-        for end, control in stage.edges.items():
-            if (pull := control.tension or 0.0) >= 1.0:  # less is slack strip, no megapascals
-                pulls[f"stages.{stage.name}.{end}.tension"] = pull
-        for name, roller in stage.rollers.items():
-            if abs(speed := roller.surface_speed or 0.0) > LARGEST["m/s"]:
-                key = f"stages.{stage.name}.rollers.{name}.surface_speed"
-                yield key, speed, "m/s", "m/min", speed / 60.0
-    for key, tension in pulls.items():
-        if tension < least:
-            yield key, tension, "N/m", "MPa", 1e6 * t * tension
-    for key, field in uneven.items():
-        most = 0.0 if field is None else float(np.abs(field.samples).max())
-        if field is not None and 0.0 < most < SMALLEST["I-units"]:
-            if field.across:
-                typed = f"across=[{', '.join(f'{1e5 * c:g}' for c in field.across)}]"
-            else:
-                typed = f"table=[{', '.join(f'[{eta:g}, {1e5 * c:g}]' for eta, c in field.table)}]"
-            yield key, most, "I-units", "strains", f"'{key}.{typed}'"
 
 
 def meeting_rollers(preview: Preview) -> Iterator[str]:

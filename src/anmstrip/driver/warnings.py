@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anmstrip.driver import physics
-from anmstrip.driver.budget import Budget
+from anmstrip.driver import physics, units
+from anmstrip.driver.budget import MOST_UNKNOWNS, Budget
 from anmstrip.driver.preview import UNSEEN, Preview, StringEstimate, free_motions, unheld
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
@@ -23,9 +23,11 @@ from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS, THREADING
 from anmstrip.simulation.defaults import boundary_layer, elastic_creep
 from anmstrip.simulation.meshing import (
+    MOST_ELEMENTS,
     QUARTER,
     finer,
     most_unknowns,
+    refinement,
     shortest_wanted,
     stands,
     surface_speed,
@@ -58,18 +60,37 @@ SAFE = 20.0
 LOOSEST = 1e-2
 """The same at most: what needs a looser one has another cause."""
 
+LONGER = 1.2
+"""Length of the shortest elements, over the one that is wanted, from which on a mesh is coarse."""
+
+EXPLAINED = np.array([452e3, 18.0, 281.0])
+"""Unknowns of a shell, and gigabytes and seconds that it takes ``anmstrip explain``."""
+
+GROWING = np.array([1.0, 1.8])
+"""Exponents by which both grow: 94 000 unknowns take 2.5 GB and 17 s, others of 101 000 4.4 GB."""
+
 UNLIKE = 0.1
 """Share by which a friction coefficient may act as another one than was typed, unsaid."""
 
 
 def warnings(preview: Preview) -> list[str]:
     """Return all warnings, the serious ones first."""
-    others = (told for rule in OTHER_RULES for told in rule(preview))
-    return list(dict.fromkeys([*serious(preview), *others]))
+    told, judged = list(units.other_units(preview)), units.as_meant(preview)
+    if judged is not None:
+        others = (words for rule in OTHER_RULES for words in rule(judged))
+        told += [*serious_as_meant(judged), *others]
+    return list(dict.fromkeys(told))
 
 
 def serious(preview: Preview) -> list[str]:
     """Return the warnings for which a run may stop."""
+    judged = units.as_meant(preview)
+    others = [] if judged is None else serious_as_meant(judged)
+    return [*units.other_units(preview), *others]
+
+
+def serious_as_meant(preview: Preview) -> list[str]:
+    """Return the same of a scene in which no value is likely to be in another unit."""
     if preview.tension == 0.0:  # the others compare with it
         return [*unheld_strip(preview), *physics.tips_over(preview)]
     return [told for rule in SERIOUS_RULES for told in rule(preview)]
@@ -331,13 +352,14 @@ def coarse_mesh(preview: Preview) -> Iterator[str]:
     coarse: dict[str, list[str]] = {}
     if scene.strip.cells is None and scene.strip.mesh is None:
         wanted = shortest_wanted(scene, preview.assembly.rollers, preview.assembly.thread)
-        finest, most = float(strip.cell_sizes[0].min()), most_unknowns(len(scene.rollers))
-        if finest * min(1.0, finer(scene)) > 1.2 * wanted > 0.0:
-            less = ", or less travel" * any(not stage.steady for stage in scene.stages)
+        finest = float(strip.cell_sizes[0].min())
+        if finest * min(1.0, finer(scene)) > LONGER * wanted > 0.0:
+            why = f"since a mesh by default has about {most_unknowns(len(scene.rollers))} unknowns"
+            if scene.strip.finer is not None:
+                why = f"with strip.finer = {scene.strip.finer:g}"
             yield (
                 f"elements where the strip lifts off its rollers are {finest:.2g} m long instead "
-                f"of {wanted:.2g} m, so that there are no more than {most} unknowns. "
-                f"Try --set strip.finer={finer(scene) * finest / wanted:.2g}{less}"
+                f"of {wanted:.2g} m, {why}. {shorter_elements(preview.assembly, LONGER * wanted)}"
             )
         return
     for roller in preview.assembly.rollers if scene.contact and scene.strip.bending else ():
@@ -350,6 +372,24 @@ def coarse_mesh(preview: Preview) -> Iterator[str]:
             f"boundary layer √(D/T) = {layer:.3g} m{estimated}. "
             f"Try {finer_mesh(scene, QUARTER * layer)}"
         )
+
+
+def shorter_elements(assembly: Assembly, longest: float) -> str:
+    """Return what to type for shorter elements by default (m), or what they would cost."""
+    scene = assembly.scene
+    found = refinement(scene, assembly.rollers, assembly.thread, longest)
+    key, count = f"--set strip.finer={found.finer:g}", f"{found.unknowns} unknowns"
+    if found.elements > MOST_ELEMENTS:
+        return f"Shorter ones would be {found.elements}, more than a mesh may have."
+    if found.unknowns <= MOST_UNKNOWNS:
+        less = " or less travel" * any(not stage.steady for stage in scene.stages)
+        return f"Shorter ones need {count}. Try {key}{less}"
+    memory, seconds = EXPLAINED[1:] * (found.unknowns / EXPLAINED[0]) ** GROWING
+    time = f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} minutes"
+    return (
+        f"{key} makes them so short, but with {count}, for which `anmstrip explain` alone takes "
+        f"about {memory:.0f} GB and {time}."
+    )
 
 
 def strict_tolerance(preview: Preview) -> Iterator[str]:
@@ -455,7 +495,7 @@ def needless_shell(preview: Preview) -> Iterator[str]:
 
 
 SERIOUS_RULES = (
-    physics.other_units,
+    units.other_units,
     physics.roller_in_the_way,
     physics.meeting_rollers,
     physics.roller_over_an_end,
@@ -474,7 +514,14 @@ SERIOUS_RULES = (
     heavy_pass,
     strict_tolerance,
 )
-OTHER_RULES = (free_motions, coarse_mesh, slipping_friction, needless_shell, *physics.RULES)
+OTHER_RULES = (
+    free_motions,
+    coarse_mesh,
+    slipping_friction,
+    needless_shell,
+    *physics.RULES,
+    units.all_in_millimetres,
+)
 
 
 def element_over(assembly: Assembly, roller: Roller) -> float:

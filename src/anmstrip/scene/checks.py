@@ -169,7 +169,8 @@ def rollers_of_a_section(strip: StripSpec, rollers: Rollers) -> Iterator[Mistake
             yield Mistake("", f"rollers.{roller.name}.{key}", value, expected, OTHER["section"])
         if roller.axis[0] or roller.axis[2]:
             expected = 'an axis along y, since "section" has no width'
-            hint = "axis = [0.0, 1.0, 0.0]"
+            along_y = abs(roller.axis[1]) >= ACROSS * hypot(*roller.axis)
+            hint = OTHER["section"] if along_y else "axis = [0.0, 1.0, 0.0]"
             yield Mistake("", f"rollers.{roller.name}.axis", roller.axis, expected, hint)
 
 

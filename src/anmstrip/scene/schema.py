@@ -22,6 +22,7 @@ from pydantic.fields import FieldInfo
 from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.scene import tables as scene_tables
 from anmstrip.scene.checks import OF_KEYS, check_scene
+from anmstrip.scene.hints import asked_for, is_number, meant, name_like, with_decimal_point
 from anmstrip.scene.tables import (
     EDGE_NAMES,
     LARGEST,
@@ -294,6 +295,8 @@ class Override:
             (value,) = tomllib.loads(f"value = {typed}").values()
         except (ValueError, RecursionError):
             hint = f"""a number, true, [1.0, 0.0, 0.0], or text in quotes: '{key}="{typed}"'"""
+            if pointed := with_decimal_point(f"{key}={typed}"):
+                hint = f"--set {pointed}"
             raise wrong_override(text, key, typed, "a value in TOML syntax", hint) from None
         return cls(text, tuple(path), value)
 
@@ -438,6 +441,9 @@ def parse_scene(text: str, source: str) -> dict[str, Any]:
             key, lines = f"line {number}", text.splitlines()
             value = lines[int(number) - 1] if int(number) <= len(lines) else None
             hint = "valid TOML: key = value, text in quotes, each key once"
+            if pointed := with_decimal_point(value or ""):
+                expected += "; numbers have a decimal point, not a comma"
+                hint = pointed
     raise InputError([Mistake(source, key, value, expected, hint)])
 
 
@@ -481,19 +487,25 @@ def mistakes_of(
             known = list(place.table.model_fields) if place.table else []
             known = [*STAGE_KEYS, *EDGE_NAMES] if misspelt else known
             hint = nearest(place.keys[-1], known)
-            if others := " or ".join(keys_of(model, place.keys[-1])):
+            if place.keys[-1] == "diameter" and "radius" in known and is_number(value):
+                hint = f"radius = {0.5 * value:g}"
+            elif others := " or ".join(keys_of(model, place.keys[-1])):
                 hint += f"; or in another table, {others}"
             yield Mistake("", key, value, "a known key", hint)
         elif field is None:
             yield Mistake("", key, value, "a table of the scene", "[strip]")
         else:
             value = None if found["type"] == "missing" and not place.item else value
-            expected = place.meaning
+            expected = f"{asked_for(found['type'], value)}{place.meaning}"
             if isinstance(value, float) and (abs(value) > LARGEST or 0.0 < value < SMALLEST):
                 expected += (
                     f"; numbers are at most {LARGEST:g}, and {SMALLEST:g} at least if positive"
                 )
-            yield Mistake("", key, value, expected, example_of(place.name, field))
+            better = None if place.item else meant(found["type"], value, place.meaning, field)
+            named = place.name == "name" and found["type"] == "string_pattern_mismatch"
+            better = f'"{name_like(value)}"' if named and name_like(value) else better
+            hint = example_of(place.name, field) if better is None else f"{place.name} = {better}"
+            yield Mistake("", key, value, expected, hint)
 
 
 def inner_tables(field: FieldInfo) -> list[type[BaseModel]]:

@@ -574,8 +574,8 @@ class EdgeControl(Table):
 
     force: Vector | None = Field(None, examples=["[1.0e4, 0.0, 0.0]"])
     """dead force per length of edge, three numbers (N/m)"""
-    tension: Number | None = Field(None, examples=["1.0e4"])
-    """force along the strip's own direction per length of edge, a number (N/m)"""
+    tension: NotNegative | None = Field(None, examples=["1.0e4"])
+    """force along the strip's own direction per length of edge, a number of at least 0 (N/m)"""
     moment: Number | None = Field(None, examples=["10.0"])
     """moment about the edge per length, towards the upper side, a number (N)"""
     move: Vector | None = Field(None, examples=["[0.0, 0.0, -0.45]"])

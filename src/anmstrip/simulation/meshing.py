@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from skfem import MeshLine, MeshQuad
@@ -98,6 +98,12 @@ MOST_UNKNOWNS, PER_ROLLER = 12_000, 300
 
 With 75 for each, 161 rollers are threaded in 108 tangents instead of 16."""
 
+FINEST = 64.0
+"""Largest ``strip.finer``."""
+
+MOST_AT_ONCE = 1.5
+"""Factor by which elements are shortened at once where the least ``strip.finer`` is looked for."""
+
 SAMPLES = 1_000_000
 """Most places at which the length of elements is looked at."""
 
@@ -164,9 +170,7 @@ class Lines:
         All are longer by one factor where there would be more than :func:`most_unknowns`.
         """
         scene, coarse = self.scene, 2.0 * self.half / COARSEST
-        per_line = {"section": 4, "plate": 4, "shell": 12}[scene.strip.kinematics]
-        if scene.strip.kinematics != "section":
-            per_line *= round(cells_across(scene) / finer(scene)) + 1
+        per_line = unknowns_per_line(scene, round(cells_across(scene) / finer(scene)))
         most = most_unknowns(len(self.rollers)) // per_line - 1
         zones = self.default_zones()
         marks = sorted([*self.lifts, *self.corners])
@@ -241,6 +245,47 @@ class Lines:
             )
             hint = f"refined = {finest:.1g}" if zones else "cells = [16, 2]"
             raise scene.refused(f"strip.{key}", now, expected, hint)
+
+
+def unknowns_per_line(scene: SceneSpec, across: int) -> int:
+    """Return the number of unknowns on a line of nodes with so many elements across."""
+    level = scene.strip.kinematics
+    return 4 if level == "section" else {"plate": 4, "shell": 12}[level] * (across + 1)
+
+
+class Refinement(NamedTuple):
+    """A mesh by default that is finer by a factor."""
+
+    finer: float
+    unknowns: int
+    elements: int
+
+
+def refinement(
+    scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None, longest: float
+) -> Refinement:
+    """Return a ``strip.finer``, of two digits, with which the shortest elements have a length (m).
+
+    Meshes are looked at until one does, since elements do not shrink in proportion: marks are
+    nodes, and numbers across are whole.  It is at least what was typed and the usual 1, and at most
+    :data:`FINEST`.
+    """
+    length = scene.strip.length if thread is None else thread.length
+    assert length is not None
+    factor, section = max(1.0, finer(scene)), scene.strip.kinematics == "section"
+    while True:
+        strip = scene.strip.model_copy(update={"finer": factor})
+        other = scene.model_copy(update={"strip": strip})
+        xs = Lines(other, rollers, thread, length / 2.0).by_default()
+        shortest = float(np.diff(xs).min())
+        if shortest <= longest or factor >= FINEST:
+            across = 1 if section else cells_across(other)
+            unknowns = len(xs) * unknowns_per_line(other, across)
+            return Refinement(factor, unknowns, (len(xs) - 1) * across)
+        step = 10.0 ** (np.floor(np.log10(factor)) - 1.0)
+        wanted = factor * min(shortest / longest, MOST_AT_ONCE)
+        factor = float(step * np.ceil(max(wanted, factor + step) / step - 1e-9))
+        factor = min(round(factor, 9), FINEST)
 
 
 def cells_across(scene: SceneSpec) -> int:

@@ -1,0 +1,241 @@
+"""Values that no line has in the unit of their key, and the scene as it was presumably meant.
+
+A value that is in doubt is no measure of others: these are judged in the scene as it was meant.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from anmstrip.driver.preview import Preview
+from anmstrip.errors import InputError
+from anmstrip.scene.checks import meant_modulus
+from anmstrip.scene.schema import SceneSpec
+from anmstrip.simulation.defaults import largest_force, regularising_speed
+from anmstrip.simulation.problem import Assembly
+
+LARGEST = {"m": 20.0, "m/s": 100.0}
+"""Widths, radii and speeds in a line beyond which another unit was meant."""
+
+LEAST_FLATNESS = 0.01
+"""Flatness (I-units) of which no line has less."""
+
+STICKS = 1.5
+"""Friction coefficient that no roller exceeds: dry rubber has about 1."""
+
+LOOP = 2.0
+"""Height of strip (m) whose weight pulls at any strip, be it in a free loop."""
+
+LIGHTEST = 2.6e7
+"""Young's modulus over density (m²/s²) of steel, aluminium and titanium alike; others have less."""
+
+EARTH = 9.81
+"""Acceleration of gravity (m/s²)."""
+
+STRETCHED = 5e-3
+"""Strain by tension that no strip in millimetres has: it is that of a tension in N/m."""
+
+MILLIMETRES = {"young": (1e3, 1e6), "thickness": (1e-3, 20.0), "width": (10.0, 2e4)}
+"""Least and largest modulus (MPa), thickness and width (mm) of strip."""
+
+LEAST_RADIUS = 1.0
+"""Radius (mm) of which no roller has less."""
+
+LEAST_GRAVITY = 100.0
+"""Acceleration from which on gravity may be in mm/s²."""
+
+MOST_TONNES = 1e-7
+"""Density (t/mm³) that nothing has more of."""
+
+
+class Doubt(NamedTuple):
+    """A value that is likely to be in another unit."""
+
+    key: str
+    value: float
+    why: str  # what it is, and why it cannot be meant so
+    meant: str  # the unit that was meant
+    typed: str  # what to set, as ``--set`` takes it
+
+
+def doubt(key: str, value: float, unit: str, meant: str, better: float) -> Doubt:
+    """Return the doubt about a value that no line has, with what it is in the unit of its key."""
+    why = f"in {unit}, in which no line has such a value"
+    return Doubt(key, value, why, meant, f"{key}={better:.6g}")
+
+
+def other_units(preview: Preview) -> Iterator[str]:
+    """Values that no line has, but in millimetres, megapascals or metres per minute."""
+    for each in doubts(preview.assembly.scene):
+        yield (
+            f"{each.key} = {each.value:g} is {each.why}; was it meant in {each.meant}? "
+            f"Try --set {shlex.quote(each.typed)}"
+        )
+
+
+def all_in_millimetres(preview: Preview) -> Iterator[str]:
+    """A scene in newtons, millimetres and megapascals, of which labels do not know."""
+    if in_millimetres(preview.assembly.scene):
+        yield (
+            "the values of this scene fit together in N, mm, MPa and s, with t/mm³ and mm/s². "
+            "Results are in these units too, whatever units labels and messages name: tensions "
+            "in N/mm and torques in N mm, for instance."
+        )
+
+
+def as_meant(preview: Preview) -> Preview | None:
+    """Return the preview of the scene as it was presumably meant.
+
+    That is the given one where nothing is in doubt, and none where that scene cannot be.
+    """
+    assembly = preview.assembly
+    found = list(doubts(assembly.scene))
+    if not found:
+        return preview
+    if (scene := mended(assembly.scene, found)) is None:
+        return None
+    try:
+        other = Preview.of(Assembly(scene, assembly.imperfection, assembly.added))
+    except InputError:
+        return None
+    count = len(preview.plans)
+    return Preview(other.assembly, other.plans[:count], other.strings[:count])
+
+
+def doubts(scene: SceneSpec) -> Iterator[Doubt]:
+    """Yield all values in doubt; loads by a strip that is none."""
+    if in_millimetres(scene):
+        yield from doubtful_weight(scene)
+        return
+    found = [*doubtful_strip(scene), *doubtful_friction(scene), *doubtful_speeds(scene)]
+    yield from found
+    if (meant := mended(scene, found)) is not None:
+        yield from doubtful_tensions(meant)
+    yield from doubtful_flatness(scene)
+
+
+def mended(scene: SceneSpec, found: Sequence[Doubt]) -> SceneSpec | None:
+    """Return a scene with what was meant instead of what is in doubt, or none if it cannot be.
+
+    A speed of friction that follows from values of the scene is found anew.
+    """
+    if not found:
+        return scene
+    tables: dict[str, Any] = scene.model_dump(mode="json", exclude_unset=True)
+    for stage in tables["stages"]:
+        stage.update(stage.pop("edges", {}))
+    if scene.friction is not None and scene.friction.speed == regularising_speed(scene):
+        tables["friction"].pop("speed", None)
+    try:
+        typed = [each.typed for each in found]
+        return SceneSpec.from_tables(tables, scene.source or "scene", typed)
+    except InputError:
+        return None
+
+
+def in_millimetres(scene: SceneSpec) -> bool:
+    """Return whether sizes, modulus and tension fit together in N, mm and MPa, and not in SI."""
+    strip, young = scene.strip, scene.material.young
+    given = {"young": young, "thickness": strip.thickness, "width": strip.width}
+    return (
+        all(
+            value is not None and MILLIMETRES[key][0] <= value <= MILLIMETRES[key][1]
+            for key, value in given.items()
+        )
+        and all(roller.radius >= LEAST_RADIUS for roller in scene.rollers)
+        and largest_force(scene) <= STRETCHED * young * strip.thickness
+    )
+
+
+def doubtful_weight(scene: SceneSpec) -> Iterator[Doubt]:
+    """Yield a density and a gravity in SI units beside millimetres and megapascals."""
+    density = scene.material.density
+    why = "in {} here, since the other values are in N, mm and MPa"
+    if density is not None and density > MOST_TONNES:
+        unit, share = ("kg/m³", 1e-12) if density > 100.0 else ("g/cm³", 1e-9)
+        typed = f"material.density={share * density:.6g}"
+        yield Doubt("material.density", density, why.format("t/mm³"), unit, typed)
+    for stage in scene.stages:
+        size = float(np.linalg.norm(stage.gravity or 0.0))
+        if stage.gravity is not None and 0.0 < size < LEAST_GRAVITY:
+            key = f"stages.{stage.name}.gravity"
+            typed = f"{key}=[{', '.join(f'{1e3 * g:g}' for g in stage.gravity)}]"
+            yield Doubt(key, size, why.format("mm/s²"), "m/s²", typed)
+
+
+def doubtful_strip(scene: SceneSpec) -> Iterator[Doubt]:
+    """Yield sizes of strip and rollers, and a material, that no line has.
+
+    What nothing pulls around rollers may be thick plate that lies on them.
+    """
+    t, m = scene.strip.thickness, scene.material
+    least = min((roller.radius for roller in scene.rollers), default=np.inf)
+    if t > min(0.1 * least if largest_force(scene) else np.inf, 0.1):
+        yield doubt("strip.thickness", t, "m", "mm", 1e-3 * t)
+    if (width := scene.strip.width or 0.0) > LARGEST["m"]:
+        yield doubt("strip.width", width, "m", "mm", 1e-3 * width)
+    for roller in scene.rollers:
+        if roller.radius > LARGEST["m"]:
+            key = f"rollers.{roller.name}.radius"
+            yield doubt(key, roller.radius, "m", "mm", 1e-3 * roller.radius)
+    if (meant_as := meant_modulus(m.young)) is not None:
+        yield doubt("material.young", m.young, "Pa", *meant_as)
+    if m.yield_stress is not None and m.yield_stress < 1e4:
+        yield doubt("material.yield_stress", m.yield_stress, "Pa", "MPa", 1e6 * m.yield_stress)
+    if m.density is not None and m.density < 100.0:
+        yield doubt("material.density", m.density, "kg/m³", "g/cm³", 1e3 * m.density)
+
+
+def doubtful_friction(scene: SceneSpec) -> Iterator[Doubt]:
+    """Yield friction coefficients beyond those of any roller."""
+    given = {f"rollers.{roller.name}.friction": roller.friction for roller in scene.rollers}
+    if scene.friction is not None:
+        given = {"friction.coefficient": scene.friction.coefficient, **given}
+    why = f"a ratio of forces, which exceeds {STICKS:g} on no roller"
+    for key, value in given.items():
+        if value is not None and value > STICKS:
+            yield Doubt(key, value, why, "per cent", f"{key}={0.01 * value:.6g}")
+
+
+def doubtful_speeds(scene: SceneSpec) -> Iterator[Doubt]:
+    """Yield speeds of rollers that no line has."""
+    for stage in scene.stages:
+        for name, roller in stage.rollers.items():
+            if abs(speed := roller.surface_speed or 0.0) > LARGEST["m/s"]:
+                key = f"stages.{stage.name}.rollers.{name}.surface_speed"
+                yield doubt(key, speed, "m/s", "m/min", speed / 60.0)
+
+
+def doubtful_tensions(scene: SceneSpec) -> Iterator[Doubt]:
+    """Yield tensions below those of strip that hangs in a loop by its own weight."""
+    t, m = scene.strip.thickness, scene.material
+    least = EARTH * LOOP * t * (m.density or m.young / LIGHTEST)
+    pulls = {} if scene.threading is None else {"threading.tension": scene.threading.tension}
+    for stage in scene.stages:
+        for end, control in stage.edges.items():
+            if (pull := control.tension or 0.0) >= 1.0:  # less is slack strip, no megapascals
+                pulls[f"stages.{stage.name}.{end}.tension"] = pull
+    why = f"in N/m, and {LOOP:g} m of the strip weigh {least:.3g} N/m"
+    for key, tension in pulls.items():
+        if tension < least:
+            yield Doubt(key, tension, why, "MPa", f"{key}={1e6 * t * tension:.3g}")
+
+
+def doubtful_flatness(scene: SceneSpec) -> Iterator[Doubt]:
+    """Yield flatness so small that it may be a strain."""
+    uneven = {"strip.flatness": scene.strip.flatness}
+    for stage in scene.stages:
+        uneven[f"stages.{stage.name}.strip.flatness"] = stage.strip.flatness
+    for key, field in uneven.items():
+        most = 0.0 if field is None else float(np.abs(field.samples).max())
+        if field is not None and 0.0 < most < LEAST_FLATNESS:
+            if field.across:
+                typed = f"across=[{', '.join(f'{1e5 * c:g}' for c in field.across)}]"
+            else:
+                typed = f"table=[{', '.join(f'[{eta:g}, {1e5 * c:g}]' for eta, c in field.table)}]"
+            why = "in I-units, in which no line has such a value"
+            yield Doubt(key, most, why, "strains", f"{key}.{typed}")

@@ -1,0 +1,135 @@
+"""What was presumably meant by a value that a scene cannot have."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Iterable
+from difflib import get_close_matches
+from typing import Annotated, Any, get_args
+
+from pydantic import TypeAdapter, ValidationError
+from pydantic.fields import FieldInfo
+
+FACTORS = {
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "µm": 1e-6, "um": 1e-6},
+    "s": {"s": 1.0, "ms": 1e-3, "min": 60.0},
+    "Pa": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9},
+    "N/m": {"N/m": 1.0, "kN/m": 1e3, "N/mm": 1e3},
+    "m/s": {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0},
+}
+"""Units by the one of a key, with what they are of it."""
+
+SYNONYMS = {"beam": "section"}
+"""Words of other programs for one of ours."""
+
+QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)\s*")
+"""A number, with a unit or without."""
+
+DECIMAL_COMMA = re.compile(r"(=\s*[-+]?\d+),\s*(\d)")
+"""A decimal comma behind a key, which is not in a list."""
+
+
+def number_in(text: str, meaning: str) -> float | None:
+    """Return the number in a text, in the unit that ends the meaning of its key; None without one.
+
+    Examples
+    --------
+    >>> number_in("5 s", "(s)"), number_in("0.5 mm", "above 0 (m)"), number_in("5 h", "(s)")
+    (5.0, 0.0005, None)
+    """
+    found = QUANTITY.fullmatch(text)
+    unit = meaning.rpartition("(")[2].removesuffix(")")
+    factors = {**FACTORS.get(unit, {unit: 1.0}), "": 1.0}
+    if found is None or found[2] not in factors:
+        return None
+    return float(f"{float(found[1]) * factors[found[2]]:.12g}")
+
+
+def word_like(word: str, known: Iterable[str]) -> str | None:
+    """Return the known word that was meant: the same in any case, a synonym, or the nearest one.
+
+    Examples
+    --------
+    >>> [word_like(word, ["shell", "section"]) for word in ("Section", "beam", "sectoin", "x")]
+    ['section', 'section', 'section', None]
+    """
+    small = {name.lower(): name for name in known}
+    word = SYNONYMS.get(word.lower(), word.lower())
+    matches = get_close_matches(word, small, n=1, cutoff=0.6)
+    return small[matches[0]] if matches else None
+
+
+def name_like(text: str) -> str:
+    """Return a text as a name of letters, digits, - and _, or nothing if none are in it.
+
+    Examples
+    --------
+    >>> name_like("run again"), name_like("Öl 2!"), name_like("?")
+    ('run_again', 'Ol_2', '')
+    """
+    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", plain).strip("_")[:64]
+
+
+def with_decimal_point(line: str) -> str | None:
+    """Return a line of TOML with decimal points instead of commas, None if it has no such commas.
+
+    Examples
+    --------
+    >>> with_decimal_point("poisson = 0,3  # of steel"), with_decimal_point("cells = [16, 2]")
+    ('poisson = 0.3', None)
+    """
+    typed = line.partition("#")[0].strip()
+    better = DECIMAL_COMMA.sub(r"\1.\2", typed)
+    return better if better != typed else None
+
+
+def is_number(value: object) -> bool:
+    """Return whether a value is an integer or a float; true is none."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def asked_for(kind: str, value: object) -> str:
+    """Return that a number is expected where pydantic finds text instead of one."""
+    wanted = kind in ("float_type", "int_type") and isinstance(value, str)
+    return "a number, without quotes and unit: " if wanted else ""
+
+
+def meant(kind: str, value: Any, meaning: str, field: FieldInfo) -> str | None:
+    """Return what was presumably meant by a wrong value, in TOML; None if nothing is likely.
+
+    Parameters
+    ----------
+    kind : str
+        Type of error of pydantic.
+    value : object
+    meaning : str
+        That of the key, with its unit in brackets at the end.
+    field : FieldInfo
+    """
+    better: float | str | None = None
+    if kind in ("float_type", "int_type") and isinstance(value, str):
+        better = number_in(value, meaning)
+    elif kind in ("greater_than", "greater_than_equal") and value < 0:
+        better = -value
+    elif kind == "literal_error" and isinstance(value, str):
+        kinds = (field.annotation, *get_args(field.annotation))
+        better = word_like(value, [w for k in kinds for w in get_args(k) if isinstance(w, str)])
+    if kind == "int_type" and isinstance(better, float) and better.is_integer():
+        better = int(better)
+    if better is None or not accepts(field, better):
+        return None
+    return f'"{better}"' if isinstance(better, str) else repr(better)
+
+
+def accepts(field: FieldInfo, value: object) -> bool:
+    """Return whether a field may have a value."""
+    kind: Any = field.annotation
+    for bound in field.metadata:
+        kind = Annotated[kind, bound]
+    try:
+        TypeAdapter(kind).validate_python(value)
+    except ValidationError:
+        return False
+    return True

@@ -1,0 +1,133 @@
+"""Values in other units than those of their keys, and what is told of the values beside them."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+import pytest
+from test_advice import typed
+
+from anmstrip.driver.preview import Preview
+from anmstrip.driver.scene import Scene
+from anmstrip.driver.warnings import warnings
+from anmstrip.simulation.problem import Assembly
+
+BRIDLE = """
+strip = { kinematics = "section", width = 1.2, thickness = 0.8e-3 }
+material = { young = 2.1e11, poisson = 0.3 }
+friction = { coefficient = 0.2 }
+threading = { tension = 1.0e4, entry = [-2.0, 0.0, 0.0], exit = [3.0, 0.0, 0.0] }
+edges.entry.fixed = ["x", "z"]
+[[rollers]]
+radius = 0.3
+centre = [0.0, 0.0, -0.3]
+wrap = "over"
+[[rollers]]
+radius = 0.3
+centre = [1.0, 0.0, -1.0]
+wrap = "under"
+[[stages]]
+name = "run"
+steady = true
+entry.tension = 9.0e3
+rollers.r1.surface_speed = 2.0
+rollers.r2.surface_speed = 2.0
+"""
+
+IN_MILLIMETRES = [
+    "strip.width=1200.0", "strip.thickness=0.8", "material.young=2.1e5",
+    "threading={ tension = 10.0, entry = [-2000.0, 0.0, 0.0], exit = [3000.0, 0.0, 0.0] }",
+    "rollers.r1.radius=300.0", "rollers.r1.centre=[0.0, 0.0, -300.0]",
+    "rollers.r2.radius=300.0", "rollers.r2.centre=[1000.0, 0.0, -1000.0]",
+    "stages.run.entry.tension=9.0", "stages.run.rollers.r1.surface_speed=2000.0",
+    "stages.run.rollers.r2.surface_speed=2000.0",
+]  # fmt: skip
+
+
+def scene_of(*settings: str) -> Scene:
+    return Scene.from_tables(tomllib.loads(BRIDLE), "line.toml", settings)
+
+
+def told(*settings: str) -> list[str]:
+    """All warnings before the bridle runs with some settings."""
+    return warnings(Preview.of(Assembly(scene_of(*settings))))
+
+
+def begins(found: list[str], *words: str) -> bool:
+    """Whether these are the warnings, by their beginnings, and there are no others."""
+    return len(found) == len(words) and all(map(str.startswith, found, words))
+
+
+MISTYPED: list[tuple[list[str], list[str]]] = [
+    (
+        ["strip.thickness=0.8", "strip.width=1200"],
+        ["strip.thickness = 0.8 is in m, in", "strip.width = 1200 is in m, in"],
+    ),
+    (["material.yield_stress=400"], ["material.yield_stress = 400 is in Pa, in"]),
+    (  # as it would be in megapascals
+        ["material.yield_stress=300"],
+        ["material.yield_stress = 300 is in Pa", "bending over r1 gives 308 MPa at the surface, "
+         "above the yield stress 300 MPa", "bending over r2 gives 308 MPa"],
+    ),
+    (  # a tension that fits the modulus that was meant
+        ["material.young=2.1e5", "threading.tension=5.0", "stages.run.entry.tension=5.0"],
+        ["material.young = 210000 is in Pa", "threading.tension = 5 is in N/m, and 2 m",
+         "stages.run.entry.tension = 5 is"],
+    ),
+    (
+        ["stages.run.exit.tension=90.0", "stages.run.entry.tension=90.0"],
+        ["stages.run.entry.tension = 90 is in N/m, and 2 m of the strip weigh 127 N/m; was it "
+         "meant in MPa?", "stages.run.exit.tension = 90"],
+    ),
+    (["friction.coefficient=20"], ["friction.coefficient = 20 is a ratio of forces"]),
+    (["rollers.r2.friction=30"], ["rollers.r2.friction = 30 is a ratio of forces"]),
+    (
+        [*IN_MILLIMETRES, "material.density=7850.0", "stages.run.gravity=[0, 0, -9.81]"],
+        ["material.density = 7850 is in t/mm³", "stages.run.gravity = 9.81 is in mm/s² here",
+         "the values of this scene fit together in N, mm, MPa and s"],
+    ),
+    ([*IN_MILLIMETRES, "material.density=7.85"], ["material.density = 7.85 is in t/mm³", "the v"]),
+]  # fmt: skip
+"""Settings with mistakes, and beginnings of all that is told of them."""
+
+
+@pytest.mark.parametrize(("settings", "words"), MISTYPED)
+def test_values_are_judged_by_others_as_they_were_meant(
+    settings: list[str], words: list[str]
+) -> None:
+    found = told(*settings)
+    assert begins(found, *words), found
+    doubts = [line for line in found if "was it meant" in line]
+    better = [setting for line in doubts for setting in typed(line)]
+    assert begins(told(*settings, *better), *words[len(doubts) :])
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ["friction.coefficient=1.2"],
+        ["strip.thickness=0.5e-3", "stages.run.exit.tension=130.0", "stages.run.entry.tension=200"],
+        ["material.density=2700.0", "stages.run.exit.tension=60.0", "stages.run.entry.tension=80"],
+    ],
+)
+def test_loops_and_rough_rollers_are_not_in_doubt(settings: list[str]) -> None:
+    assert not [line for line in told(*settings) if "was it meant" in line]
+
+
+def end_tensions(*settings: str) -> list[float]:
+    """Tensions on both sides of both rollers at the end of a run."""
+    run = scene_of(*settings).run()
+    for _ in run:
+        pass
+    assert run.outcome.done and run.state is not None, run.message
+    sides: list[Any] = [(r.tension_in, r.tension_out) for r in run.state.rollers.values()]
+    return [float(tension) for side in sides for tension in side]
+
+
+def test_a_line_in_millimetres_is_the_same_and_told_once() -> None:
+    found = told(*IN_MILLIMETRES)
+    assert begins(found, "the values of this scene fit together in N, mm, MPa and s"), found
+    assert not [line for line in told() if "fit together" in line]
+    millimetres, metres = end_tensions(*IN_MILLIMETRES), end_tensions()
+    assert [1e3 * tension for tension in millimetres] == pytest.approx(metres, rel=1e-6)
