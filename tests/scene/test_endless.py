@@ -120,7 +120,7 @@ def test_torques_alone_do_not_fix_the_speed_of_an_endless_strip() -> None:
 
 @pytest.mark.parametrize(("thickness", "tension"), [(1e-3, 5e3), (4e-4, 5e3), (1e-3, 2e4)])
 def test_a_stiff_belt_has_its_tension_at_rest(thickness: float, tension: float) -> None:
-    """The way of 1 mm of steel is longer than that of a string by 14 times what 5 kN/m stretches."""
+    """Of 1 mm of steel the way is longer than a string by 14 times what 5 kN/m stretches."""
     roller = {"radius": 0.2, "wrap": "left", "drive": "idle"}
     scene = Scene.model_validate({
         "strip": {"kinematics": "section", "width": 0.5, "thickness": thickness},
