@@ -381,6 +381,24 @@ def test_heat_along_a_part_of_the_strip_varies_across(begins: bool) -> None:
     assert f"temperature 0 to 40 K{'' if begins else ' in stage heat'}." in explain(scene)
 
 
+@pytest.mark.parametrize(("along", "needless"), [((), True), (((2.0, 0.0), (4.0, 1.0)), False)])
+def test_a_wide_strip_that_is_heated_along_is_no_section(along: Any, needless: bool) -> None:
+    """It is wider behind, which presses it across where it widens: only a shell tells of it."""
+    tables: dict[str, Any] = {
+        "strip": {"width": 1.0, "thickness": 8e-4,
+                  "temperature": {"across": [300.0], "along": along}},
+        "material": {"young": 2e11, "poisson": 0.3, "expansion": 1.2e-5},
+        "friction": {"coefficient": 0.3},
+        "threading": {"tension": 1e4, "entry": [0.0, 0.0, -1.0], "exit": [10.0, 0.0, -1.0]},
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "rollers": [roller("a", 1.0, -0.4, 0.4, "over"), roller("b", 7.0, -0.4, 0.4, "over")],
+        "stages": [{"steady": True, "entry": {"tension": 1e4},
+                    "rollers": {"a": {"surface_speed": 2.0}, "b": {"surface_speed": 2.0}}}],
+    }  # fmt: skip
+    preview = Preview.of(Assembly(Scene.model_validate(tables)))
+    assert bool(list(needless_shell(preview))) == needless
+
+
 def test_a_run_goes_on_with_its_fields(tmp_path: Path) -> None:
     """Interrupted within a stage that heats, and resumed: as if nothing had been."""
     heat = {"across": (300.0,), "along": ((0.5, 0.0), (1.5, 1.0))}

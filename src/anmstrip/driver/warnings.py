@@ -20,7 +20,7 @@ from anmstrip.mechanics.roller import Roller
 from anmstrip.results.rollers import CREEPS, ContactState
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.scene.tables import ENDS, THREADING
+from anmstrip.scene.tables import ENDS, THREADING, FieldSpec
 from anmstrip.simulation.defaults import boundary_layer, elastic_creep
 from anmstrip.simulation.meshing import (
     MOST_ELEMENTS,
@@ -481,10 +481,16 @@ MANY = 5000
 
 
 def needless_shell(preview: Preview) -> Iterator[str]:
-    """Large shells, by default, of scenes in which nothing varies across the strip."""
-    assembly = preview.assembly
-    count, typed = assembly.strip.unknowns, assembly.scene.strip.model_fields_set
-    if count < MANY or "kinematics" in typed or any(against_section(preview)):
+    """Large shells, by default, of scenes in which nothing varies across the strip.
+
+    Heat or flatness that varies along it does: strip that is wider behind is pressed across.
+    """
+    assembly, scene = preview.assembly, preview.assembly.scene
+    count, typed = assembly.strip.unknowns, scene.strip.model_fields_set
+    strips = scene.strip, *(stage.strip for stage in scene.stages)
+    fields = [given for strip in strips for given in strip.natural.values()]
+    along = any(isinstance(given, FieldSpec) and given.along for given in fields)
+    if count < MANY or "kinematics" in typed or along or any(against_section(preview)):
         return
     size = size_of(assembly, KINEMATICS["section"])
     if size is not None:
