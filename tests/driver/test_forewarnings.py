@@ -549,3 +549,17 @@ def test_rollers_that_hold_nothing_ask_for_equal_tensions() -> None:
     del tables["stages"][0]["rollers"]["helper"]
     said = " ".join(warnings(preview_of(tables)))
     assert "Try --set stages.run.entry.tension=9000, or rollers that the strip wraps" in said
+
+
+def test_strip_that_is_led_at_both_ends_is_not_asked_to_be_fed() -> None:
+    """A fed strip has a free end: what leads the exit is to be left out, which is then enough."""
+    ends = {"entry": {"speed": 1.0}, "exit": {"speed": 1.0}}
+    tables = helped(0.0)
+    tables["rollers"] = tables["rollers"][:1]
+    tables["edges"]["exit"] = {"fixed": ["x", "z"]}
+    tables["stages"] = [{"name": "run", "duration": 9.0, "rollers": {"r1": {"surface_speed": 1.0}}}]
+    tables["stages"][0] |= ends
+    (said,) = (line for line in warnings(preview_of(tables)) if "strip travels" in line)
+    assert said.endswith("try it without stages.run.exit.speed, edges.exit"), said
+    del tables["stages"][0]["exit"], tables["edges"]["exit"]
+    assert not [line for line in warnings(preview_of(tables)) if "strip travels" in line]

@@ -16,6 +16,7 @@ from anmstrip.arrays import Array
 from anmstrip.driver.preview import Preview
 from anmstrip.equilibrium import StageProblem
 from anmstrip.mechanics.roller import Roller
+from anmstrip.scene.checks import moved_ends
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, RollerSpec
 from anmstrip.simulation.defaults import (
@@ -635,11 +636,17 @@ def strip_runs_out(preview: Preview) -> Iterator[str]:
     half = 0.5 * thread.length
     first = min(start for start, _ in thread.arcs.values()) + half
     last = half - max(end for _, end in thread.arcs.values())
+    led = [key for key, _ in moved_ends(scene.edges, scene.stages) if ".exit." in key]
+    advice = "So that fresh strip follows, try --set strip.feed=true"
+    if led:  # a fed strip passes ends that stay, one of them free
+        led = [*dict.fromkeys(led), "edges.exit"]
+        advice = f"So that fresh strip follows and runs off at its tension, try it without {led[0]}"
+        advice += "".join(f", {key}" for key in led[1:])
     for travel, run, end in ((ahead, first, "entry"), (back, last, "exit")):
         if travel > run > 0.0:
             yield (
                 f"the strip travels {travel:.3g} m, and after {run:.3g} m its {end} comes to a "
-                "roller. So that fresh strip follows, try --set strip.feed=true"
+                f"roller. {advice}"
             )
 
 
