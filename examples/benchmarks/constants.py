@@ -55,7 +55,7 @@ ELSEWHERE = {
         *("LOOSEST_BALANCE", "SHRUNK", "PATIENCE", "STEEPER", "LONG"),
         *("LOOKED_AT", "ALIKE", "FAINT"),
     ),
-    "threading": ("MOST_CORRECTIONS", "GUESS_GROWTH", "SLIDING", "MOST_SLIDING"),
+    "threading": ("MOST_CORRECTIONS", "GUESS_GROWTH", "SLIDING", "MOST_SLIDING", "ASTRAY"),
     "steady stages": ("FEW_STATES", "MOST_STATES", "CALMLY", "UNFELT", "LAST_CORRECTIONS"),
     "balancing at the end": ("UNSURE", "KEPT", "HELPFUL"),
     "snaps": ("LASTING", "CALM", "RAN", "SOON", "FIRST", "MOST", "ROUGH"),

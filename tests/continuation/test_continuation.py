@@ -9,6 +9,7 @@ from dense import DenseEquations, coupled, followed, one
 from anmstrip.continuation.equations import Cost, Outcome, PathStopped
 from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.follow import Pace, Settings, _nears_limit_point, follow
+from anmstrip.continuation.newton import Corrections, Newton
 from anmstrip.continuation.path import Branch
 from anmstrip.continuation.validity import validated
 from anmstrip.linalg.solvers import DenseSolver
@@ -333,3 +334,12 @@ def test_a_limit_point_is_told_by_a_path_that_steepens_in_every_step(slopes, tol
     lengths = (1.0, 0.7, 0.5, 0.4, 0.3)
     assert _nears_limit_point(tuple(zip(lengths, slopes, strict=True))) is told
     assert not _nears_limit_point(tuple(zip((1.0, 0.9, 0.8, 0.7, 0.6), slopes, strict=True)))
+
+
+def test_a_correction_that_throws_strip_deep_into_a_roller_is_given_up():
+    """From a gap of ten widths, where contact is hardly felt, by e⁸⁶ after eight halvings."""
+    equations, cost = one(lambda u, control: np.exp(-u) - 1.0), Cost()
+    newton = Newton(equations, DenseSolver(), Corrections(1e-10, 200, growth=2.0), cost)
+    assert newton.corrected(np.array([10.0]), 0.0) is None
+    assert cost.factorisations == 1
+    assert newton.corrected(np.array([2.0]), 0.0).imbalance <= 1e-10

@@ -35,6 +35,11 @@ leaves more.  Where it converges in one to five tangents each leaves 0.4 at most
 friction turn it back and forth it takes eight, or thirteen are not enough."""
 
 
+ASTRAY = 1e20
+"""Growth of the imbalance, after all halvings, from which an iteration is given up: contact so deep
+comes back by a factor of e or so in each, in forty of them."""
+
+
 @dataclass(frozen=True)
 class Corrections:
     """Choices of the iteration."""
@@ -101,6 +106,8 @@ class Newton:
                     break
                 change = 0.5 * change
                 after, found = self._residual(u - change, control)
+            if found > ASTRAY * imbalance:
+                return None
             counted += found >= self.settings.uncounted * imbalance
             u, residual, before, imbalance = u - change, after, imbalance, found
         return None
