@@ -481,7 +481,8 @@ def test_the_part_of_the_mesh_where_friction_is_at_its_corners(tmp_path: Path) -
     finer = run(IDLERS, tmp_path / "finer", "strip.finer=4.0")
     (here, _), (there, _) = read_off(usual), read_off(finer)
     exact = max(abs(there[key] - here[key]) for key in here)
-    assert 0.3 * exact < usual.summary["errors"]["mesh"]["tension"] < 3.0 * exact
+    unsure = 0.2 * 1e-3 * 2e3  # of two runs to a tolerance of 1e-3 of 2 kN/m
+    assert 0.3 * exact < usual.summary["errors"]["mesh"]["tension"] < max(3.0 * exact, unsure)
     assert usual.summary["warnings"] == []
 
 
