@@ -374,14 +374,17 @@ def capacity_used(
     angles = np.abs(turn + 2.0 * np.pi * np.array([-1.0, 0.0, 1.0]))
     angle = float(angles[np.abs(angles - wrap).argmin()])
     low, high = np.sort(passage.tensions) - state.lifting * state.roller.radius
-    pressed = state.normal_force / state.width
-    if not yields and len(passage.names) == 1 and low > 0.0 and pressed <= high * angle:
-        used = np.log(high / low) / angle
+    pressed, most = state.normal_force / state.width, state.coefficient * state.normal_force
+
+    def of_most(force: float) -> float:  # forces of points that barely touch are near to nothing
+        return force / most if force < most else float(force > 0.0)
+
+    if not yields and len(passage.names) == 1 and low > 0.0 and 0.0 < pressed <= high * angle:
+        used = float(np.log(high / low)) / angle / state.coefficient
     else:
-        used = abs(state.drag) / max(state.normal_force, np.finfo(float).tiny)
-    sideways = abs(float(axis @ state.traction @ state.area))
-    sideways /= max(state.normal_force, np.finfo(float).tiny)
-    return float(min(np.hypot(used, sideways) / state.coefficient, 1.0))
+        used = of_most(abs(state.drag))
+    sideways = of_most(abs(float(axis @ state.traction @ state.area)))
+    return float(min(np.hypot(used, sideways), 1.0))
 
 
 def lift_offs(
