@@ -21,6 +21,7 @@ from anmstrip.driver.diagnosis import Failure, diagnosis
 from anmstrip.driver.preview import Preview
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
+from anmstrip.driver.units import other_units
 from anmstrip.driver.warnings import OTHER_RULES, SERIOUS_RULES, warnings
 from anmstrip.simulation.problem import Assembly
 
@@ -473,7 +474,8 @@ def test_every_function_that_proposes_a_setting_is_tested() -> None:
     wanted = set().union(*map(proposing, folder.glob("*.py"))) - set(ELSEWHERE) - set(STOPS)
     scenes = [Scene.from_tables(tables, "line.toml") for tables, _, _ in SAID]
     previews = [Preview.of(Assembly(scene)) for scene in scenes]
-    rules = [rule for rule in (*SERIOUS_RULES, *OTHER_RULES) if rule.__name__ in wanted]
+    all_of_them = (other_units, *SERIOUS_RULES, *OTHER_RULES)
+    rules = [rule for rule in all_of_them if rule.__name__ in wanted]
     assert wanted == {rule.__name__ for rule in rules}
     for rule in rules:
         assert any(any(True for _ in rule(preview)) for preview in previews), rule.__name__

@@ -311,11 +311,12 @@ def beyond_capacity(preview: Preview) -> Iterator[str]:
             changed = stage.edges.get(end)
             key = "force" if changed is not None and changed.force is not None else "tension"
             typed = f"stages.{stage.name}.{end}.{key}"
-            lower = f"a lower {typed}"
-            if bound > 0.0:
-                lower = f"{typed} below {two_digits(bound, np.floor):.2g} N/m"
             if plain and not turn and key == "tension":
                 lower = f"--set {typed}={low:g}, or rollers that the strip wraps"
+            elif bound > 0.0:
+                lower = f"{typed} below {two_digits(bound, np.floor):.2g} N/m"
+            else:
+                lower = f"a lower {typed}"
             yield (
                 f"only friction holds the strip in x in stage {stage.name}, which pulls at its "
                 f"{end} by {high:.3g} N/m against {low:.3g} N/m, and on {np.degrees(turn):.0f}° of "
@@ -378,17 +379,18 @@ def holding_squeeze(preview: Preview, end: str, pulled: Pulled, nip: Nip) -> flo
 def most_held(preview: Preview, end: str, pulled: Pulled, sure: float = 1.0) -> float:
     """Largest tension (N/m) at an end that rollers, bearings and weight hold against the other's.
 
-    See :func:`most_on_the_way`, which ends with it.
+    See :func:`largest_tensions`, which ends with it.
     """
-    return dict(most_on_the_way(preview, end, pulled, sure))[end]
+    return dict(largest_tensions(preview, end, pulled, sure))[end]
 
 
-def most_on_the_way(
+def largest_tensions(
     preview: Preview, end: str, pulled: Pulled, sure: float = 1.0
 ) -> Iterator[tuple[str, float]]:
-    """Yield rollers on the way to an end, and the largest tension (N/m) at which strip comes there.
+    """Yield rollers on the way to an end, and the largest tension (N/m) of strip that comes there.
 
-    Rollers, bearings and weight hold it against the pull at the other end.  The last is the end.
+    Rollers, bearings and weight on the way hold it against the pull at the other end.  The end
+    itself is the last.
 
     Parameters
     ----------
@@ -533,7 +535,7 @@ def torque_beyond_friction(preview: Preview) -> Iterator[str]:
     for stage in assembly.scene.stages:
         pulled = pulls.get(stage.name)
         before, behind = (
-            dict(most_on_the_way(preview, end, pulled)) if pulled else dict[str, float]()
+            dict(largest_tensions(preview, end, pulled)) if pulled else dict[str, float]()
             for end in ENDS[::-1]
         )
         for roller in assembly.rollers if assembly.rubs(stage) or stage.steady else ():
@@ -541,11 +543,9 @@ def torque_beyond_friction(preview: Preview) -> Iterator[str]:
             if control is None or not control.torque:
                 continue
             forward = control.torque * roller.sense * carrying_sense(roller, thread) > 0.0
-            grip, sides = (
-                holding(preview, roller),
-                (before, behind) if forward else (behind, before),
-            )
-            high, low = (side.get(roller.name, np.inf) for side in sides)
+            high, low = (side.get(roller.name, np.inf) for side in (before, behind))
+            high, low = (high, low) if forward else (low, high)
+            grip = holding(preview, roller)
             tension = min(high / grip, low)  # the smaller one, at most
             tension = tension if np.isfinite(tension) else preview.tension
             most = roller.radius * assembly.strip.width * tension * (grip - 1.0)

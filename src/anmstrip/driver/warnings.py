@@ -501,7 +501,6 @@ def needless_shell(preview: Preview) -> Iterator[str]:
 
 
 SERIOUS_RULES = (
-    units.other_units,
     physics.roller_in_the_way,
     physics.meeting_rollers,
     physics.roller_over_an_end,

@@ -59,11 +59,11 @@ def eigenstrain(strip: Strip, controls: Mapping[str, Any]) -> Any:
         "strip.camber": along,
     }
     found = [part[..., None] * controls[key] for key, part in parts.items() if key in controls]
-    return greens(sum(found[1:], found[0])) if found else None
+    return green_strain(sum(found[1:], found[0])) if found else None
 
 
-def greens(elongation: Any) -> Any:
-    """Return Green's strain of fibres that are longer by a share, e + ½ e²."""
+def green_strain(elongation: Any) -> Any:
+    """Return Green's strain e + ½ e² of fibres that are longer by a share e."""
     return elongation + elongation * elongation * 0.5
 
 

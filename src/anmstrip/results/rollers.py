@@ -376,14 +376,14 @@ def capacity_used(
     low, high = np.sort(passage.tensions) - state.lifting * state.roller.radius
     pressed, most = state.normal_force / state.width, state.coefficient * state.normal_force
 
-    def of_most(force: float) -> float:  # forces of points that barely touch are near to nothing
+    def share(force: float) -> float:  # of points that barely touch both are near to nothing
         return force / most if force < most else float(force > 0.0)
 
     if not yields and len(passage.names) == 1 and low > 0.0 and 0.0 < pressed <= high * angle:
         used = float(np.log(high / low)) / angle / state.coefficient
     else:
-        used = of_most(abs(state.drag))
-    sideways = of_most(abs(float(axis @ state.traction @ state.area)))
+        used = share(abs(state.drag))
+    sideways = share(abs(float(axis @ state.traction @ state.area)))
     return float(min(np.hypot(used, sideways), 1.0))
 
 

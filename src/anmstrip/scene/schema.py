@@ -108,9 +108,9 @@ class SceneSpec(Table):
             if name not in tables and not field.is_required():
                 right[name] = field.get_default()
         threading, strip = right.get("threading"), right.get("strip")
-        stays = (strip and strip.feed) or (threading and threading.closed)
-        if right.get("friction") and "stages" in right and not stays:
-            right["stages"] = tuple(let_go(right["stages"]))
+        labels_stay = (strip and strip.feed) or (threading and threading.closed)
+        if right.get("friction") and "stages" in right and not labels_stay:
+            right["stages"] = tuple(with_entries_released(right["stages"]))
             self.__dict__["stages"] = right["stages"]
         found += check_scene(right)
         if "stages" not in right:
@@ -366,11 +366,11 @@ LEADING = {"move", "velocity", "speed", "force", "release"}
 """Keys of an edge in a stage that say how it is led, or that it is not."""
 
 
-def let_go(stages: Iterable[StageSpec]) -> Iterator[StageSpec]:
-    """Yield stages with the entry let go where it keeps the tension that was given so.
+def with_entries_released(stages: Iterable[StageSpec]) -> Iterator[StageSpec]:
+    """Yield stages whose entry is released where it can keep its tension only so.
 
-    In stages in time that follow steady ones with the tension of the entry given, unless they say
-    themselves how it is led.
+    These are stages in time that follow a steady one with the tension of the entry given, unless
+    they say themselves how the entry is led.
     """
     pulled = False
     for stage in stages:

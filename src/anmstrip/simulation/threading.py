@@ -22,7 +22,7 @@ from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls, Effect
 from anmstrip.mechanics.loads import Guide, edge_force
 from anmstrip.mechanics.roller import Roller
-from anmstrip.mechanics.shell import Membrane, greens, uniaxial_stretches
+from anmstrip.mechanics.shell import Membrane, green_strain, uniaxial_stretches
 from anmstrip.mechanics.string_path import (
     FixedEnd,
     NoTangentError,
@@ -362,7 +362,7 @@ def stretches_of(scene: SceneSpec) -> Stretches:
     share = np.interp(warm, *np.transpose(m.young_at)) if m.young_at else 1.0
     heat = (m.expansion or 0.0) * warm
     stiffness, eigen = m.young * scene.strip.thickness * share, (heat + I_UNIT * rolled, heat)
-    given = scene.threading.tension, stiffness, m.poisson, tuple(map(greens, eigen))
+    given = scene.threading.tension, stiffness, m.poisson, tuple(map(green_strain, eigen))
     return Stretches(labels, *uniaxial_stretches(*given))
 
 
