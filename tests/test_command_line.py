@@ -386,3 +386,8 @@ def test_memory_of_arrays_is_kept_for_the_next_ones() -> None:
         [sys.executable, "-c", REPEATED], capture_output=True, text=True, check=True
     )
     assert int(shown.stdout) < 1000
+
+
+def test_python_runs_the_package_as_the_command() -> None:
+    asked = [sys.executable, "-m", "anmstrip", "--version"]
+    assert "anmstrip" in subprocess.run(asked, capture_output=True, text=True, check=True).stdout

@@ -30,6 +30,7 @@ FLOORS = (
     ("paper",),
     ("sweep",),
     ("cli",),
+    ("__main__",),
 )
 """Rooms from the ground up; a module imports from its own room and from lower floors."""
 

@@ -121,6 +121,8 @@ CAPSTAN = merged(  # of which a steady stage asks more than e^(fπ/2)
     stages=[{"name": "run", "steady": True, "entry": {"tension": 1.4e4},
              "exit": {"tension": 7e3}, "rollers": {"a": {"surface_speed": 3.0}}}],
 )  # fmt: skip
+BENT = merged(CAPSTAN, material={"young": 2e11, "poisson": 0.3, "yield_stress": 2e8}, stages=[
+    {**CAPSTAN["stages"][0], "exit": {"tension": 1.2e4}}])  # fmt: skip
 PLACES = (-1.6, -0.8, 0.0, 0.8, 1.6, 2.4)
 PLATE = {  # which nothing holds but the rollers that carry it on
     "strip": {"kinematics": "section", "length": 4.0, "width": 2.0, "thickness": 0.02},
@@ -171,6 +173,8 @@ MORE: list[tuple[dict[str, Any], str, list[str]]] = [
      "the strip runs away", ["friction.coefficient=0.5"]),
     (CAPSTAN, "and on 90° of wrap friction holds 1.27 times", ["friction.coefficient=0.45"]),
     (PLATE, "in stage settle nothing holds the strip in x", []),
+    (BENT, "bending over a gives 275 MPa", ["material.plasticity={}"]),
+    (BENT, "bending over a gives 275 MPa", ["rollers.a.radius=0.56"]),
     (CAPSTAN, "there is no stationary state", ["stages.run.entry.tension=8.8e3"]),
     (TIPPING, "tips over in stage settle: the rollers below it, from x = 0.4 to 1.2 m",
      [f"rollers.r{k + 1}.centre=[{x}, 0.0, -0.15]" for k, x in enumerate(PLACES[:5])]),

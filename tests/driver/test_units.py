@@ -131,3 +131,14 @@ def test_a_line_in_millimetres_is_the_same_and_told_once() -> None:
     assert not [line for line in told() if "fit together" in line]
     millimetres, metres = end_tensions(*IN_MILLIMETRES), end_tensions()
     assert [1e3 * tension for tension in millimetres] == pytest.approx(metres, rel=1e-6)
+
+
+def test_stresses_of_a_line_in_millimetres_are_in_megapascals() -> None:
+    """Bending over 2 r = 600 mm: E t/2r(1 − ν²) = 308 MPa; t/2r = 0.57 % over 70 mm."""
+    (found,) = [
+        line for line in told(*IN_MILLIMETRES, "material.yield_stress=150.0") if "r1" in line
+    ]
+    assert "r1 gives 308 MPa at the surface, above the yield stress 150 MPa" in found
+    assert typed(found) == ["material.plasticity={}", "rollers.r1.radius=620"]
+    small = told(*IN_MILLIMETRES, "rollers.r1.radius=70", "rollers.r1.centre=[0, 0, -70]")
+    assert any("at the surface, a strain of 0.57 %" in line for line in small), small

@@ -32,6 +32,9 @@ MEGABYTE = 2.0**20
 INTERNAL = {"strip.held", "strip.growth", "strip.softening", "strip.weakening", "yielding"}
 """Controls that follow from others, and are typed by nobody."""
 
+UNREAD = 1e-12
+"""Number of a table below which it is round-off, whatever its unit."""
+
 POINTS = 400
 """Of each run and each wrap of a drawn strip."""
 
@@ -431,13 +434,16 @@ def bend_table(state: State) -> list[str | Table]:
 def cell(value: float | None, form: str = ".4g") -> str:
     """Return a number of a table, without an exponent up to seven digits; a dash for none.
 
+    What is less than round-off of the numbers it follows from is 0.
+
     Examples
     --------
-    >>> cell(14753.2), cell(0.0123456), cell(3.2e9), cell(None)
-    ('14753', '0.01235', '3.2e+09', '–')
+    >>> cell(14753.2), cell(0.0123456), cell(3.2e9), cell(3e-17), cell(None)
+    ('14753', '0.01235', '3.2e+09', '0', '–')
     """
     if value is None:
         return "–"
+    value = value if abs(value) > UNREAD else 0.0
     return format(value, ".0f" if 1e3 <= abs(value) < 1e7 else form)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.driver.preview import Preview
+from anmstrip.driver.units import in_megapascals
 from anmstrip.equilibrium import StageProblem
 from anmstrip.mechanics.roller import Roller
 from anmstrip.scene.checks import moved_ends
@@ -457,30 +458,46 @@ def beyond_yield(preview: Preview) -> Iterator[str]:
         strain = 0.5 * t * sharpest_curvature(preview, roller)
         stress = m.young * strain / (1.0 - m.poisson**2)
         if limit is not None and stress > limit:
-            bound = f"above the yield stress {limit / 1e6:.0f} MPa"
+            bound = f"above the yield stress {in_megapascals(scene, limit):.0f} MPa"
             least = m.young * t / (2.0 * limit * (1.0 - m.poisson**2))
-        elif limit is None and m.young > METAL and strain > PLASTIC:
+        elif limit is None and is_metal(scene) and strain > PLASTIC:
             bound, least = f"a strain of {100.0 * strain:.2g} %", 0.5 * t / PLASTIC
         else:
             continue
         yield (
-            f"bending over {roller.name} gives {stress / 1e6:.0f} MPa at the surface, {bound}; "
-            f"plasticity is not modelled. Try --set rollers.{roller.name}.radius="
-            f"{two_digits(least, np.ceil):g}"
+            f"bending over {roller.name} gives {in_megapascals(scene, stress):.0f} MPa at the "
+            f"surface, {bound}, but this strip stays elastic. Try {yielding_instead(scene)}"
+            f"--set rollers.{roller.name}.radius={two_digits(least, np.ceil):g}"
         )
+
+
+def is_metal(scene: SceneSpec) -> bool:
+    """Return whether strip is as stiff as metal, in the units of the scene."""
+    return 1e6 * in_megapascals(scene, scene.material.young) > METAL
+
+
+def yielding_instead(scene: SceneSpec) -> str:
+    """Return what lets strip yield, as the first of two settings; nothing where it cannot.
+
+    Strip that runs in time and is fed does not yield, since its labels change.
+    """
+    runs = any(stage.steady for stage in scene.stages) or not scene.strip.feed
+    if scene.material.yield_stress is None or scene.strip.kinematics == "plate" or not runs:
+        return ""
+    return "--set 'material.plasticity={}' so that it can yield, or "
 
 
 def stretched_beyond_yield(preview: Preview) -> Iterator[str]:
     """Tensions beyond the yield stress."""
     scene, t = preview.assembly.scene, preview.assembly.scene.strip.thickness
     m, stress = scene.material, preview.tension / t
-    limit = m.yield_stress or (PLASTIC * m.young if m.young > METAL else np.inf)
+    limit = m.yield_stress or (PLASTIC * m.young if is_metal(scene) else np.inf)
     if stress > limit and not scene.material.plasticity:
+        pulled, yields = (f"{in_megapascals(scene, each):.0f} MPa" for each in (stress, limit))
         yield (
-            f"the largest tension, {preview.tension:.3g} N/m, is a stress of {stress / 1e6:.0f} "
-            f"MPa, beyond {limit / 1e6:.0f} MPa, at which the strip yields; plasticity is not "
-            f"modelled. Try tensions below {two_digits(limit * t, np.floor):.2g} N/m, in N per "
-            "metre of width."
+            f"the largest tension, {preview.tension:.3g} N/m, is a stress of {pulled}, beyond "
+            f"{yields}, at which all of the strip yields. Try tensions below "
+            f"{two_digits(limit * t, np.floor):.2g} N/m, in N per metre of width."
         )
 
 

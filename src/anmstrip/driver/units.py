@@ -151,6 +151,11 @@ def in_millimetres(scene: SceneSpec) -> bool:
     )
 
 
+def in_megapascals(scene: SceneSpec, stress: float) -> float:
+    """Return a stress in MPa, from the units of the scene."""
+    return stress if in_millimetres(scene) else 1e-6 * stress
+
+
 def doubtful_weight(scene: SceneSpec) -> Iterator[Doubt]:
     """Yield a density and a gravity in SI units beside millimetres and megapascals."""
     density = scene.material.density
