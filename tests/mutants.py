@@ -219,13 +219,15 @@ READINGS = (
         "rollers",
     ),
     Mutant("creep has the other sign", "creep_speed=-float(", "creep_speed=float(", "rollers"),
-    Mutant("touching is a fifth of the mean", "TOUCHING = 0.1", "TOUCHING = 0.2", "rollers"),
+    Mutant(
+        "touching is a fifth of the mean", "TOUCHING_SHARE = 0.1", "TOUCHING_SHARE = 0.2", "rollers"
+    ),
 )
 
 REGULARISATION = (
     Mutant(
         "creep of what slips",
-        "slip[touching & (traction < STICKS * cone)].max",
+        "slip[touching & (traction < STICKING_SHARE * cone)].max",
         "slip[touching].max",
         "rollers",
     ),
@@ -259,7 +261,7 @@ REGULARISATION = (
         "self.by_creep + self.by_penetration",
         "rollers",
     ),
-    Mutant("what sticks is less", "STICKS = 0.95", "STICKS = 0.5", "rollers"),
+    Mutant("what sticks is less", "STICKING_SHARE = 0.95", "STICKING_SHARE = 0.5", "rollers"),
     Mutant(
         "strip stays as long as the roller turns",
         "abs(speed - reading.creep_speed)",
@@ -417,7 +419,7 @@ PROFILE = (
     Mutant("bent strip's tension is its membrane's", "stretch + bent / stretch", "stretch",
            "fields"),
     Mutant("least squares without areas", "np.sqrt(basis.W)", "np.ones_like(basis.W)", "fields"),
-    Mutant("all that touches slips", "self.cone_share >= STICKS, 2.0, 1.0",
+    Mutant("all that touches slips", "self.cone_share >= STICKING_SHARE, 2.0, 1.0",
            "self.cone_share >= 0.0, 2.0, 1.0", "fields"),
     Mutant("cells seen from below", "= first[0] * second[1] <", "= first[0] * second[1] >",
            "fields"),
@@ -435,7 +437,7 @@ PROFILE = (
            "for x, load in zip(contact.arc[:1] * 2, ends, strict=True):", "profile"),
     Mutant("share of the cone by points", '"cone_share": self._mean(shares, cone * self.areas)',
            '"cone_share": self._mean(shares, touching * self.areas)', "profile"),
-    Mutant("states twice as often", "WRITTEN = 100", "WRITTEN = 200", "profile"),
+    Mutant("states twice as often", "DEFAULT_STATES = 100", "DEFAULT_STATES = 200", "profile"),
     Mutant("the end of a stage is not written", "step.state.control > 1.0 - 1e-9",
            "step.state.control > 2.0", "profile"),
     Mutant("the beginning is a step's end", "a = 0.0 if begins else", "a = None if begins else",
@@ -546,8 +548,8 @@ EVENTS = (
     ),
     Mutant(
         "contact at another pressure",
-        "max(TOUCHING * tension / roller.radius, law.faint)",
-        "max(TOUCHING * tension * roller.radius, law.faint)",
+        "max(TOUCHING_SHARE * tension / roller.radius, law.faint)",
+        "max(TOUCHING_SHARE * tension * roller.radius, law.faint)",
         "events",
     ),
     Mutant("stick for slip", '("slip", "stick"), (', '("stick", "slip"), (', "events"),
@@ -639,7 +641,7 @@ ESTIMATES = (
     ),
     Mutant(
         "elements of a whole layer",
-        "Try {finer_mesh(scene, QUARTER * layer)}",
+        "Try {finer_mesh(scene, LAYER_SHARE * layer)}",
         "Try {finer_mesh(scene, layer)}",
         "explain",
     ),
@@ -726,9 +728,15 @@ BUDGET = (
 
 WRINKLES = (
     Mutant("half of what a span bears", "float(2.0 * q", "float(1.0 * q", "summary"),
-    Mutant("wrinkles that are told late", "CLOSE = 0.5", "CLOSE = 2.1", "summary"),
-    Mutant("parabolas count as wrinkles", "SMOOTH = 2", "SMOOTH = 1", "summary"),
-    Mutant("waves told at a fifth", "WAVED = 0.5", "WAVED = 0.2", "summary", "test_waves.py"),
+    Mutant("wrinkles that are told late", "NEAR_BUCKLING = 0.5", "NEAR_BUCKLING = 2.1", "summary"),
+    Mutant("parabolas count as wrinkles", "SMOOTH_DEGREE = 2", "SMOOTH_DEGREE = 1", "summary"),
+    Mutant(
+        "waves told at a fifth",
+        "WAVE_HEIGHT = 0.5",
+        "WAVE_HEIGHT = 0.2",
+        "summary",
+        "test_waves.py",
+    ),
     Mutant(
         "friction along the axis is not part of what is used",
         "np.hypot(used, sideways)",
@@ -757,7 +765,7 @@ WRINKLES = (
         "explain",
         "test_contact_law.py",
     ),
-    Mutant("spans that reach the rollers", "LAYERS = 4.0", "LAYERS = 1.0", "summary"),
+    Mutant("spans that reach the rollers", "FREE_DISTANCE = 4.0", "FREE_DISTANCE = 1.0", "summary"),
     Mutant(
         "compression without its mean", "max(-low[worst], 0.0)", "max(-low.mean(), 0.0)", "summary"
     ),
@@ -778,7 +786,7 @@ ADVICE = (
     ),
     Mutant(
         "elements of a layer",
-        "finer_mesh(failure.scene, QUARTER * layer)",
+        "finer_mesh(failure.scene, LAYER_SHARE * layer)",
         "finer_mesh(failure.scene, layer)",
         "advice",
         "test_diagnosis.py",
@@ -812,8 +820,8 @@ ADVICE = (
     ),
     Mutant(
         "friction too steep by its width",
-        "DIGITS * seen / corner",
-        "DIGITS * seen",
+        "TURNING_SPEEDS * seen / corner",
+        "TURNING_SPEEDS * seen",
         "advice",
         "test_diagnosis.py",
     ),
@@ -829,10 +837,10 @@ ADVICE = (
 YIELD = (
     Mutant("curl the other way", "np.asarray(self.curvature - elastic",
            "np.asarray(self.curvature + elastic", "plasticity"),
-    Mutant("plastic strain as if it were stress", "np.linalg.inv(MISES[len(self.strain)])",
-           "MISES[len(self.strain)]", "plasticity"),
-    Mutant("what flows throughout is elastic", "np.where(turns, 1.0, np.minimum(",
-           "np.where(turns, 1.0, np.maximum(", "plasticity"),
+    Mutant("plastic strain as if it were stress", "np.linalg.inv(VON_MISES[len(self.strain)])",
+           "VON_MISES[len(self.strain)]", "plasticity"),
+    Mutant("what flows throughout is elastic", "turns, 1.0, np.minimum(",
+           "turns, 1.0, np.maximum(", "plasticity"),
     Mutant("power of half of the stress", '"l,klp->p", self.effect.layers.weights, work)',
            '"l,klp->p", 0.5 * self.effect.layers.weights, work)', "plasticity"),
 )  # fmt: skip

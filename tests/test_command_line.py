@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from anmstrip.cli import THREADS, describe_step, main, show_progress
+from anmstrip.cli import THREAD_VARIABLES, describe_step, main, show_progress
 from anmstrip.errors import InputError, Mistake
 
 CAPSTAN = str(Path(__file__).parent / "scene" / "capstan.toml")
@@ -360,7 +360,7 @@ def test_blas_gets_one_thread_unless_told_otherwise(monkeypatch, given: dict[str
     environment = dict(given)
     monkeypatch.setattr("os.environ", environment)
     assert CliRunner().invoke(main, ["schema"]).exit_code == 0
-    assert environment == (given or dict.fromkeys(THREADS, "1"))
+    assert environment == (given or dict.fromkeys(THREAD_VARIABLES, "1"))
 
 
 REPEATED = """

@@ -26,6 +26,7 @@ FLOORS = (
     ("results",),
     ("pictures",),
     ("simulation",),
+    ("advice",),
     ("driver",),
     ("paper",),
     ("sweep",),
@@ -108,6 +109,17 @@ def test_no_two_modules_need_each_other() -> None:
         TopologicalSorter({name: imported(name) for name in modules()}).prepare()
     except CycleError as error:
         raise AssertionError(" -> ".join(error.args[1])) from None
+
+
+def test_no_constant_has_two_values() -> None:
+    found: dict[str, set[str]] = {}
+    for tree in modules().values():
+        for node in tree.body:
+            for target in node.targets if isinstance(node, ast.Assign) else ():
+                for each in target.elts if isinstance(target, ast.Tuple) else [target]:
+                    if isinstance(each, ast.Name) and each.id.isupper() and len(each.id) > 1:
+                        found.setdefault(each.id, set()).add(ast.unparse(node.value))
+    assert not {name: values for name, values in found.items() if len(values) > 1}
 
 
 def test_every_room_has_its_floor_and_a_sentence() -> None:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from anmstrip.continuation.equations import PathStopped
-from anmstrip.paper.cases import ROWS, distances, solve_case
+from anmstrip.paper.cases import WRITTEN_ROWS, distances, solve_case
 from anmstrip.paper.mass_spring import CASES, MassSpring, Reference, reference_solution
 from figures import Measured, crossed, curves, measured, patiently, plotted, sheet, work_precision
 from harness import Report, main
@@ -85,7 +85,7 @@ def _runs(name: str, extent: Extent) -> Iterator[Measured]:
 def true_error(
     case: MassSpring, reference: Reference, scheme: str, order: int, tolerance: float
 ) -> tuple[float, int]:
-    """Return the largest distance from the reference in ``ROWS`` instants (m), and tangents.
+    """Return the largest distance from the reference at ``WRITTEN_ROWS`` times (m), and tangents.
 
     The distance is that of the curves in (V_c t, u), as in the report of a case; it is
     not a number where the path has stopped before its time.
@@ -96,7 +96,7 @@ def true_error(
         return np.nan, 0
     if found.stopped is not None:
         return np.nan, found.cost.factorisations
-    times = np.linspace(0.0, case.parameters.t_end, ROWS)
+    times = np.linspace(0.0, case.parameters.t_end, WRITTEN_ROWS)
     u = np.array([found.path(t)[0] for t in times])
     error = distances(reference, times, u, case.parameters.V_c, 0.01 * tolerance)[0]
     return error, found.cost.factorisations

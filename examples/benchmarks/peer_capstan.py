@@ -80,7 +80,7 @@ def solved(name: str, stiffer: float | None) -> Answer:
     """
     if name not in OURS:
         return import_module(f"peer_{name}").solved(stiffer)
-    if program.AVAILABLE:
+    if program.COMPILED:
         import_module("anmstrip.taylor.kernels")
     make, level, across, refined = OURS[name]
     scene, runs = make(level, across, refined, TOLERANCE, stiffer=stiffer), []

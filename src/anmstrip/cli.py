@@ -35,26 +35,26 @@ if TYPE_CHECKING:
 
 S = TypeVar("S", "Step", "Ended", "MapStep")
 
-STOPPED, WRONG = 1, 2
+EXIT_STOPPED, EXIT_INVALID = 1, 2
 """Exit statuses: stopped before the end, wrong input."""
 
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Settings of BLAS.  Without any of them it gets one thread: the vectors of a strip are too short
 for more, and on two busy cores threads that wait for each other triple the processor time."""
 
-ALLOCATION = {-3: 2**25, -1: 2**28}
+MALLOC_OPTIONS = {-3: 2**25, -1: 2**28}
 """Options of the GNU C library: from how many bytes on a piece of memory is one of its own
 (M_MMAP_THRESHOLD, here the most that it takes), and how many free ones are kept (M_TRIM_THRESHOLD).
 Memory of arrays that goes back to the system after each use takes 0.25 s of a run of capstan.toml;
 kept, the run needs 5 % more."""
 
-KINDS = ("bridle", "furnace", "leveller", "roller", "steering")
+TEMPLATES = ("bridle", "furnace", "leveller", "roller", "steering")
 """Lines of which ``anmstrip new`` writes a scene."""
 
-A_DAY = 86400.0
+LONGEST_FORECAST = 86400.0
 """Time (s) from which on what is left of a run is not foretold."""
 
-INTERVAL = 5.0
+PROGRESS_INTERVAL = 5.0
 """Seconds between two lines where there is no terminal."""
 
 directory_option = click.option(
@@ -119,7 +119,7 @@ def show_progress(
     steps: Iterable[S],
     describe: Callable[[S], str],
     stream: TextIO | None = None,
-    interval: float = INTERVAL,
+    interval: float = PROGRESS_INTERVAL,
 ) -> Iterator[S]:
     """Yield steps, and show how far they are and how much time is left.
 
@@ -156,7 +156,7 @@ def show_progress(
         for step in steps:
             spent, done = time.monotonic() - started, step.fraction
             ahead = spent * (1 - done) / done if done > 0 else math.inf
-            left = f", {ahead:.0f} s left" if ahead < A_DAY else ""
+            left = f", {ahead:.0f} s left" if ahead < LONGEST_FORECAST else ""
             tell(f"{describe(step)}{left}", shown)
             yield step
 
@@ -192,16 +192,16 @@ class Commands(click.Group):
             return super().invoke(ctx)
         except InputError as error:
             click.echo(str(error), err=True)
-            ctx.exit(WRONG)
+            ctx.exit(EXIT_INVALID)
         except OSError as error:
             if error.errno == errno.EPIPE:
                 raise  # click's own: the reader of our output has gone
             click.echo(f"Stopped: {error.filename or 'writing'}: {error.strerror}.", err=True)
-            ctx.exit(STOPPED)
+            ctx.exit(EXIT_STOPPED)
         except MemoryError:
             told = "there is not enough memory for the strip's tangent: type longer elements"
             click.echo(f"Stopped: {told} (strip.refined), or a section.", err=True)
-            ctx.exit(STOPPED)
+            ctx.exit(EXIT_STOPPED)
 
 
 @click.group(
@@ -218,8 +218,8 @@ def main() -> None:
       anmstrip run examples/capstan.toml
       anmstrip render results/capstan
     """
-    if not any(name in os.environ for name in THREADS):
-        os.environ.update(dict.fromkeys(THREADS, "1"))
+    if not any(name in os.environ for name in THREAD_VARIABLES):
+        os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
     keep_memory()
     atexit.register(gc.freeze)  # or Python searches all it has for what nothing needs, for 0.1 s
 
@@ -228,7 +228,7 @@ def keep_memory() -> None:
     """Keep the memory of arrays for those that come after, where the C library can be told to."""
     keep = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if keep is not None:
-        for option, size in ALLOCATION.items():
+        for option, size in MALLOC_OPTIONS.items():
             keep(option, size)
 
 
@@ -280,7 +280,7 @@ def run_command(
         click.echo(f"Interrupted. Everything up to here is in {directory}.")
         afresh = resuming_command(scene, directory, settings).removesuffix(" --resume")
         click.echo(f"Next: {afresh}{'' if loaded.repeated else ' --resume'}")
-        sys.exit(STOPPED)
+        sys.exit(EXIT_STOPPED)
     finally:
         signal.signal(signal.SIGTERM, usual)
     click.echo(running.message)
@@ -291,7 +291,7 @@ def run_command(
         click.echo(f"Report in {write_report(directory)}.")
     click.echo(f"Results in {directory}. Next: anmstrip render {directory}")
     if not running.outcome.done:
-        sys.exit(STOPPED)
+        sys.exit(EXIT_STOPPED)
 
 
 def resuming_command(scene: Path, directory: Path | None, settings: Iterable[str]) -> str:
@@ -301,7 +301,7 @@ def resuming_command(scene: Path, directory: Path | None, settings: Iterable[str
 
 
 @main.command("new", short_help="Write a commented scene to start from.")
-@click.argument("kind", metavar="KIND", type=click.Choice(KINDS))
+@click.argument("kind", metavar="KIND", type=click.Choice(TEMPLATES))
 @click.option(
     *("-o", "--output", "target"),
     metavar="FILE",
@@ -398,7 +398,7 @@ def map_command(scene: Scene, along: tuple[str, ...], directory: Path, quiet: bo
     click.echo(made.message)
     click.echo(f"Table, figure and summary in {made.directory}.")
     if not made.done:
-        sys.exit(STOPPED)
+        sys.exit(EXIT_STOPPED)
 
 
 @main.command("response", short_help="Frequency response of a stationary state.")
@@ -421,7 +421,7 @@ def response_command(scene: Scene, of: str, to: str, directory: Path) -> None:
     message = respond(scene, of, to, directory)
     click.echo(message)
     if not message.startswith("Done"):
-        sys.exit(STOPPED)
+        sys.exit(EXIT_STOPPED)
     click.echo(f"Table and figure in {directory}.")
 
 
@@ -469,10 +469,10 @@ def case_command(name: str, settings: tuple[str, ...], directory: Path | None, *
         report = run_case(name, settings=symbols, directory=directory, **how)
     except PathStopped as stopped:
         click.echo(f"Stopped: {stopped}.", err=True)
-        sys.exit(STOPPED)
+        sys.exit(EXIT_STOPPED)
     click.echo(str(report))
     if not report.done:
-        sys.exit(STOPPED)
+        sys.exit(EXIT_STOPPED)
 
 
 def parse_numbers(settings: Iterable[str]) -> dict[str, float]:
@@ -568,7 +568,7 @@ def sweep_command(
     if find_spec("distributed") is None:
         needed = 'pip install "dask[distributed]"'
         click.echo(f"anmstrip sweep shares its scenes out by dask. Type: {needed}", err=True)
-        sys.exit(WRONG)
+        sys.exit(EXIT_INVALID)
     from anmstrip.sweep.study import Sweep
 
     directory = directory or Path("results", f"{scene.stem}-sweep")
@@ -612,7 +612,7 @@ def end_study(study: Sweep, interrupted: str) -> None:
     if interrupted:
         click.echo(f"{interrupted} Next: the same command, which goes on from here.")
     if study.stopped:
-        sys.exit(STOPPED)
+        sys.exit(EXIT_STOPPED)
 
 
 @main.command("accuracy", short_help="Measure what accuracy costs on a scene.")

@@ -20,7 +20,7 @@ from anmstrip.fem.sampling import remembered
 from anmstrip.fem.strip import Strip
 from anmstrip.linalg.solvers import Bordered, Condensed, Joined, Joining
 from anmstrip.mechanics.effects import (
-    WIDTH,
+    LAW_WIDTH,
     Controls,
     Effect,
     Moment,
@@ -262,8 +262,8 @@ class Equilibrium:
         if not any(effect.has_corners for effect in self.model.effects):
             return None
         model, wide = self.model.wider, np.array(np.log(width))
-        before = replace(self.controls, start={**self.controls.start, WIDTH: wide})
-        controls = Controls(before.at(1.0), {WIDTH: -wide})
+        before = replace(self.controls, start={**self.controls.start, LAW_WIDTH: wide})
+        controls = Controls(before.at(1.0), {LAW_WIDTH: -wide})
         still = np.zeros_like(self.supports.slope)
         end = self.supports.start + self.supports.slope
         supports = replace(self.supports, start=end, slope=still, bow=None)

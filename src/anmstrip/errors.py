@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
 
-MOST_TOLD = 100
+MAX_LISTED = 100
 """Mistakes that a message lists: more of them are one and the same, made by a program."""
 
 
@@ -54,8 +54,8 @@ class InputError(ValueError):
         super().__init__(self.mistakes)
 
     def __str__(self) -> str:
-        lines = [str(mistake) for mistake in self.mistakes[:MOST_TOLD]]
-        if (more := len(self.mistakes) - MOST_TOLD) > 0:
+        lines = [str(mistake) for mistake in self.mistakes[:MAX_LISTED]]
+        if (more := len(self.mistakes) - MAX_LISTED) > 0:
             lines.append(f"and {more} more mistakes")
         return "\n".join(lines)
 
@@ -87,7 +87,7 @@ def nearest(word: str, known: Iterable[str]) -> str:
     small = {name.lower(): name for name in known}
     if matches := get_close_matches(word.lower(), small, n=1, cutoff=0.6):
         return f"{small[matches[0]]} (the nearest known one)"
-    known = [*known[:MOST_TOLD], "…"] if len(known) > MOST_TOLD else known
+    known = [*known[:MAX_LISTED], "…"] if len(known) > MAX_LISTED else known
     return f"one of: {', '.join(known)}" if known else "nothing; take it out"
 
 

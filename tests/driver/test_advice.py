@@ -17,12 +17,12 @@ from test_diagnosis import stalled
 from test_forewarnings import BRIDLE, LAY, PULL, WRONG, changed
 
 import anmstrip
-from anmstrip.driver.diagnosis import Failure, diagnosis
-from anmstrip.driver.preview import Preview
+from anmstrip.advice.diagnosis import Failure, diagnosis
+from anmstrip.advice.preview import Preview
+from anmstrip.advice.units import other_units
+from anmstrip.advice.warnings import OTHER_RULES, SERIOUS_RULES, warnings
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
-from anmstrip.driver.units import other_units
-from anmstrip.driver.warnings import OTHER_RULES, SERIOUS_RULES, warnings
 from anmstrip.simulation.problem import Assembly
 
 FLAT, SHORT = test_forewarnings.TABLES, test_diagnosis.TABLES

@@ -18,7 +18,7 @@ from test_forewarnings import BRIDLE
 
 from anmstrip.continuation.equations import Evidence, NO_EVIDENCE, Outcome, PathStopped
 from anmstrip.driver import budget
-from anmstrip.driver.diagnosis import Failure, diagnosis, slack
+from anmstrip.advice.diagnosis import Failure, diagnosis, slack
 from anmstrip.driver.explain import report
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from anmstrip.advice.preview import Preview
+from anmstrip.advice.warnings import Level, justified_level, levels, warnings
 from anmstrip.driver.explain import explain, stage_table
-from anmstrip.driver.preview import Preview
 from anmstrip.driver.scene import Scene
-from anmstrip.driver.warnings import Level, justified_level, levels, warnings
 from anmstrip.simulation.problem import Assembly
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anmstrip.driver.physics import slack_edge
-from anmstrip.driver.preview import Preview, free_motions
+from anmstrip.advice.physics import slack_edge
+from anmstrip.advice.preview import Preview, free_motions
+from anmstrip.advice.warnings import serious, warnings
 from anmstrip.driver.scene import Scene
-from anmstrip.driver.warnings import serious, warnings
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.fem.sampling import l2_projection, quadrature_points
 from anmstrip.mechanics.shell import uniaxial_stretches

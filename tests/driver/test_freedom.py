@@ -12,9 +12,9 @@ import pytest
 from click.testing import CliRunner
 from scipy.linalg import eigh
 
+from anmstrip.advice.preview import Preview, free_motions, softest_motions
 from anmstrip.cli import main
 from anmstrip.driver.explain import explain
-from anmstrip.driver.preview import Preview, free_motions, softest_motions
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.linalg.solvers import DenseSolver

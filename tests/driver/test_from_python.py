@@ -69,7 +69,7 @@ def test_rows_of_a_run_without_files_are_read_when_they_are_asked_for(
     monkeypatch.setattr("anmstrip.driver.run.history_row", counted)
     histories = []
     for unread in (1_000_000, 0):
-        monkeypatch.setattr("anmstrip.driver.run.UNREAD", unread)
+        monkeypatch.setattr("anmstrip.driver.run.MAX_WAITING_UNKNOWNS", unread)
         asked.clear()
         run = Scene(**TABLES).run()
         *_, step = run

@@ -10,12 +10,12 @@ import pytest
 from test_advice import typed
 from test_diagnosis import stalled
 
-from anmstrip.driver.diagnosis import Failure, diagnosis
-from anmstrip.driver.physics import closer, nip_force
-from anmstrip.driver.preview import Preview
+from anmstrip.advice.diagnosis import Failure, diagnosis
+from anmstrip.advice.physics import closer, nip_force
+from anmstrip.advice.preview import Preview
+from anmstrip.advice.warnings import warnings
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
-from anmstrip.driver.warnings import warnings
 from anmstrip.errors import InputError
 from anmstrip.simulation.meshing import nips_in_stages
 from anmstrip.simulation.problem import Assembly

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from test_advice import typed
 
-from anmstrip.driver.preview import Preview
+from anmstrip.advice.preview import Preview
+from anmstrip.advice.warnings import warnings
 from anmstrip.driver.scene import Scene
-from anmstrip.driver.warnings import warnings
 from anmstrip.simulation.problem import Assembly
 
 BRIDLE = """

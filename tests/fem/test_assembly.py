@@ -6,7 +6,7 @@ import pytest
 from anmstrip.fem import operators, sampling
 from anmstrip.fem.geometry import SECTION
 from anmstrip.fem.strip import Material, Strip, grid, line
-from anmstrip.taylor.program import AVAILABLE
+from anmstrip.taylor.program import COMPILED
 
 XS, STEEL = np.array([-0.5, -0.2, 0.0, 0.1, 0.5]), Material(2e9, 0.3)
 MESH = grid(XS, np.array([-0.2, 0.1, 0.3]))
@@ -42,7 +42,7 @@ def rows_of(parts, strip, points):
 @pytest.fixture(params=[True, False], ids=["machine code", "numpy"])
 def compiled(request, monkeypatch):
     for module in (operators, sampling):
-        monkeypatch.setattr(module, "AVAILABLE", AVAILABLE and request.param)
+        monkeypatch.setattr(module, "COMPILED", COMPILED and request.param)
 
 
 @pytest.mark.parametrize("kind", OPERATORS)

@@ -14,7 +14,7 @@ from anmstrip.driver.run import Run, Step
 from anmstrip.driver.scene import Scene
 from anmstrip.mechanics.shell import uniaxial_stretches
 from anmstrip.results.state import State
-from anmstrip.simulation.problem import FAINT
+from anmstrip.simulation.problem import FAINT_PRESSURE
 from motions import Trial
 from strips import CONTACT, MATERIAL, RADIUS, TENSION
 
@@ -146,7 +146,7 @@ def tangent(speed: float = 1.0, gap: float = 1e-3) -> Trial:
     """D1: a straight strip beside a turning roller, which rubs with the faint pressure there.
 
     At a distance the drag is exactly 0; else an error is what is outside of 0 to f_eff R_N, of
-    which a part has no friction, see :data:`anmstrip.simulation.problem.FAINT`.
+    which a part has no friction, see :data:`anmstrip.simulation.problem.FAINT_PRESSURE`.
     """
     tables = tables_of(PULL, turning(duration=0.1))
     tables["friction"]["speed"] = speed
@@ -248,7 +248,7 @@ def hold(duration: float = 1e3, refined: float = 0.0125) -> tuple[Trial, Run]:
     high, low, angle = ends_of(run)
     stiff = strip.bending_stiffness / low / RADIUS**2
     taken = brentq(lambda f: arc_ratio(f, angle, stiff) - high / low, 0.0, 0.3, xtol=1e-15)
-    exact = 1e-4 * (taken / (0.3 * (1.0 - FAINT))) ** 10.0
+    exact = 1e-4 * (taken / (0.3 * (1.0 - FAINT_PRESSURE))) ** 10.0
     return trial(run, float(moved) / (ends[1].time - ends[0].time), exact), run
 
 

@@ -25,10 +25,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from anmstrip.driver.preview import Preview
+from anmstrip.advice.preview import Preview
+from anmstrip.advice.warnings import serious
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
-from anmstrip.driver.warnings import serious
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.errors import InputError
 from anmstrip.results.vtk import read_surface

@@ -18,7 +18,7 @@ from anmstrip.paper.mass_spring import RotatingCircle
 from anmstrip.timestepping import formulas as backward_differences
 from anmstrip.timestepping import implicit as implicit_dae
 from anmstrip.timestepping.formulas import TimeStep
-from anmstrip.timestepping.implicit import LASTING
+from anmstrip.timestepping.implicit import SNAP_TIMES
 from anmstrip.timestepping.index_one import FunctionRateEquations, instabilities, pivot
 from answers import right
 from hard_nodes import CONTACT, CoupledNode, Slider, WrappedLinks
@@ -122,7 +122,7 @@ def test_a_bounded_law_snaps_where_nothing_balances(speed: float, late: float) -
     (snap,) = [step for step in motion.steps if step.snap]
     assert snap.start == pytest.approx(nodes.crept(node, 1e3)[0], abs=late)
     assert snap.start == pytest.approx(1e3 * 1.5 / 2.2, abs=4e4 * speed + 0.1)
-    assert snap.end - snap.start < 120.0 * LASTING[0] * 1e3
+    assert snap.end - snap.start < 120.0 * SNAP_TIMES[0] * 1e3
     assert snap.branches > 10
     assert all(a.end == b.start for a, b in zip(motion.steps, motion.steps[1:], strict=False))
 
@@ -207,7 +207,7 @@ def test_a_snap_of_hardly_any_repulsion() -> None:
     assert motion.outcome == "done"
     assert motion.end == pytest.approx(node.separated(1.8), abs=1e-3)
     (snap,) = [step for step in motion.steps if step.snap]
-    assert snap.end - snap.start < 20.0 * LASTING[0] * 100.0
+    assert snap.end - snap.start < 20.0 * SNAP_TIMES[0] * 100.0
 
 
 # contact, chains -------------------------------------------------------------------

@@ -171,7 +171,7 @@ def test_laws_are_sharpened_until_the_error_budget_does_not_see_them() -> None:
 def test_laws_that_are_not_sharp_enough_are_told_with_the_reason(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("anmstrip.driver.scene.MOST_RUNS", 1)
+    monkeypatch.setattr("anmstrip.driver.scene.MAX_RUNS", 1)
     run = Scene.model_validate(capstan(speed=0.1, regularisation="auto")).run()
     assert list(run)
     assert "above the tolerance" in run.message

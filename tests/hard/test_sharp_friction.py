@@ -200,7 +200,7 @@ def test_many_stationary_states_end_by_way_of_smoother_laws(
     """At the state of the whole path and of statics, also of a run that is killed just before."""
     whole = steady_line("algebraic", 1e-6)
     expected = settled(whole)
-    monkeypatch.setattr(march, "FEW_STATES", 6)
+    monkeypatch.setattr(march, "LONG_PATH_STATES", 6)
     short = steady_line("algebraic", 1e-6)
     statics = {"r3": 9950.0, "r4": 1e4}
     assert settled(short) == pytest.approx(expected | statics, rel=1e-4)

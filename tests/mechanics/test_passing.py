@@ -5,10 +5,10 @@ import pytest
 
 from anmstrip.fem.sampling import ContactOperator
 from anmstrip.fem.strip import Material, Strip, grid
-from anmstrip.mechanics.contact import Contact, MOST, Neighbours, deepest
+from anmstrip.mechanics.contact import Contact, MAX_CHECKS, Neighbours, deepest
 from anmstrip.mechanics.laws import GradedSignorini
 from anmstrip.mechanics.roller import Roller, combine
-from anmstrip.taylor.program import AVAILABLE
+from anmstrip.taylor.program import COMPILED
 
 LAW = GradedSignorini(pressure=2e4, width=1e-4)
 RADIUS = 0.25
@@ -65,7 +65,7 @@ def test_a_small_roller_on_a_long_way_is_seen(operator):
     small = Roller("r", 0.01, (0.0, 0.0, 0.0))
     contact = contact_of(operator, small)
     share = deepest(contact, way(contact, 0.7, -1.9))
-    assert share == pytest.approx(0.7 / 2.6, abs=1.0 / MOST)
+    assert share == pytest.approx(0.7 / 2.6, abs=1.0 / MAX_CHECKS)
 
 
 def test_every_roller_is_looked_at(operator):
@@ -87,7 +87,7 @@ def test_points_are_seen_alike_with_and_without_machine_code(
     operator, crown, points, compiled, monkeypatch
 ):
     """Two rollers that move: positions in their frames, and gaps below."""
-    monkeypatch.setattr("anmstrip.mechanics.effects.AVAILABLE", AVAILABLE and compiled)
+    monkeypatch.setattr("anmstrip.mechanics.effects.COMPILED", COMPILED and compiled)
     centres = np.array([[-0.1, 0.0, -0.2], [0.1, 0.0, 0.3]])
     rollers = [Roller(f"r{k}", 0.2, tuple(c), crown=crown) for k, c in enumerate(centres)]
     pairs = np.arange(points)
@@ -102,13 +102,13 @@ def test_points_are_seen_alike_with_and_without_machine_code(
         seen = [*expected, part.roller.project(expected).gap]
         np.testing.assert_allclose(near.seen(look, controls), seen, rtol=0.0, atol=1e-14)
     compilable = points != 3  # as many as a centre has components
-    assert (near.programs[0].compiled is not None) == (AVAILABLE and compiled and compilable)
+    assert (near.programs[0].compiled is not None) == (COMPILED and compiled and compilable)
 
 
 @pytest.mark.parametrize("crown", [(), (0.0, -0.8)])
 def test_near_points_are_those_of_all_pairs_wherever_the_strip_goes(operator, crown, monkeypatch):
     """Along a random way, points and rollers moving; all pairs are looked at now and then only."""
-    monkeypatch.setattr("anmstrip.mechanics.contact.FEW", 0)
+    monkeypatch.setattr("anmstrip.mechanics.contact.ALWAYS_CHECKED", 0)
     rng = np.random.default_rng(2)
     centres = [np.array([x, 0.0, z]) for x in (-0.3, 0.0, 0.4) for z in (-0.4, 0.5)]
     rollers = [Roller(f"r{k}", 0.05, tuple(c), crown=crown) for k, c in enumerate(centres)]
@@ -133,7 +133,7 @@ def test_near_points_are_those_of_all_pairs_wherever_the_strip_goes(operator, cr
 @pytest.mark.parametrize("few", [0, 1000])
 def test_a_step_that_leaves_the_neighbours_is_looked_at_whole(operator, few, monkeypatch):
     """A long way past a far roller, and back to where it began."""
-    monkeypatch.setattr("anmstrip.mechanics.contact.FEW", few)
+    monkeypatch.setattr("anmstrip.mechanics.contact.ALWAYS_CHECKED", few)
     rollers = [Roller("a", 0.2, (0.0, 0.0, -3.0)), Roller("b", 0.2, (0.0, 0.0, -0.8))]
     contact = contact_of(operator, *rollers)
     contact = Contact(contact.roller, LAW, contact.operator, 0.1)

@@ -14,7 +14,7 @@ from PIL.ImageSequence import Iterator
 
 from anmstrip.errors import InputError
 from anmstrip.pictures import render as pictures
-from anmstrip.pictures.render import HEAD, Eye, labelled, render, title
+from anmstrip.pictures.render import HEAD_SHARE, Eye, labelled, render, title
 from anmstrip.results.vtk import FIELDS, Collection, read_surface, subdivide, write_surface
 from wrapped_strip import lattice, tensor_grids, wrapped, write_state
 
@@ -99,7 +99,7 @@ def test_a_movie_has_all_states(any_renderer, run):
 )
 def test_where_vtk_crashes_one_line_says_what_helps(run, monkeypatch, caplog, program):
     monkeypatch.delenv("ANMSTRIP_RENDERER", raising=False)
-    monkeypatch.setattr(pictures, "DRAWING", (sys.executable, "-c", program))
+    monkeypatch.setattr(pictures, "DRAW_COMMAND", (sys.executable, "-c", program))
     with caplog.at_level(logging.WARNING):
         still, _ = render(run)
     assert share_of(pixels(still), GREY) > 0.02
@@ -187,9 +187,11 @@ def test_the_eye_sees_the_whole_box_below_the_scale_and_fills_the_picture():
     np.testing.assert_allclose(eye.axes @ eye.axes.T, np.eye(3), atol=1e-14)
     corners = np.array([[x, y, z] for x in (-2.0, 2.0) for y in (-0.6, 0.6) for z in (-1.0, 0.0)])
     right, up, _ = eye.projected(corners).T / eye.half_height
-    assert max(np.ptp(right) / 3.5, np.ptp(up) / (2.0 - 2.0 * HEAD)) == pytest.approx(1.0 / 1.06)
+    assert max(np.ptp(right) / 3.5, np.ptp(up) / (2.0 - 2.0 * HEAD_SHARE)) == pytest.approx(
+        1.0 / 1.06
+    )
     assert right.max() == pytest.approx(-right.min())
-    assert -1.0 < up.min() < up.max() < 1.0 - 2.0 * HEAD
+    assert -1.0 < up.min() < up.max() < 1.0 - 2.0 * HEAD_SHARE
 
 
 @pytest.mark.parametrize(

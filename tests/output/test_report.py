@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from anmstrip.cli import main
 from anmstrip.errors import InputError
-from anmstrip.pictures.report import DIGITS, MOST_TIMES, tables, write_report
+from anmstrip.pictures.report import MAX_TIMES, PLOT_DIGITS, tables, write_report
 from anmstrip.results.files import read_history
 from anmstrip.results.vtk import read_surface
 from anmstrip.sweep.study import Sweep
@@ -43,7 +43,9 @@ def data_of(folder: Path) -> dict[str, Any]:
 def close(found: list[float | None], expected: Any) -> bool:
     """Whether numbers are the same to the digits of a report, and are missing together."""
     values = np.array([np.nan if v is None else v for v in found])
-    return bool(np.allclose(values, expected, rtol=10.0 ** (1 - DIGITS), atol=0.0, equal_nan=True))
+    return bool(
+        np.allclose(values, expected, rtol=10.0 ** (1 - PLOT_DIGITS), atol=0.0, equal_nan=True)
+    )
 
 
 def test_plots_are_those_of_the_files(finished: tuple[Path, str]) -> None:
@@ -51,7 +53,7 @@ def test_plots_are_those_of_the_files(finished: tuple[Path, str]) -> None:
     assert f"Report in {folder / 'report.html'}." in printed
     data, profile = data_of(folder), read_history(folder / "profile.csv")
     times = np.asarray(profile["time"])
-    assert 2 < len(data["along"]) <= MOST_TIMES
+    assert 2 < len(data["along"]) <= MAX_TIMES
     for one in data["along"]:
         rows = np.isclose(times, one["time"], rtol=1e-4, atol=0.0)
         first = np.flatnonzero(rows)[0]

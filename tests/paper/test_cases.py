@@ -13,7 +13,7 @@ from anmstrip.continuation.equations import Cost
 from anmstrip.errors import InputError
 from anmstrip.mechanics.laws import NortonHoff, Tanh, cone_speed, corner_speed
 from anmstrip.paper.cases import (
-    COLUMNS,
+    CASE_COLUMNS,
     PAPER_STEPS,
     events_of,
     explicit_scheme,
@@ -303,7 +303,7 @@ def test_files(reports, name):
     directory = report.files[0].parent
     assert directory.parts[-2:] == ("results", f"case-{name}")
     table = np.genfromtxt(directory / "case.csv", delimiter=",", names=True)
-    assert table.dtype.names == COLUMNS
+    assert table.dtype.names == CASE_COLUMNS
     assert len(table) >= 200
     assert np.diff(table["time"]) == pytest.approx(np.full(len(table) - 1, table["time"][1]))
     assert (table["time"][0], table["time"][-1]) == (0.0, report.case.parameters.t_end)

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from threaded import ended, roller, scene_of
 
-from anmstrip.driver.preview import Preview
+from anmstrip.advice.preview import Preview
+from anmstrip.advice.warnings import coarse_mesh
 from anmstrip.driver.scene import Scene
-from anmstrip.driver.warnings import coarse_mesh
 from anmstrip.fem.sampling import ContactOperator
 from anmstrip.simulation.defaults import elastic_creep
-from anmstrip.simulation.meshing import GROWTH, Zone, graded_nodes
+from anmstrip.simulation.meshing import LENGTH_GROWTH, Zone, graded_nodes
 from anmstrip.simulation.problem import Assembly
 
 FIELD = sorted((Path(__file__).parents[1] / "field").glob("*.toml"))
@@ -367,7 +367,7 @@ def test_elements_are_as_short_as_the_nearest_zones_ask_for() -> None:
     nodes = graded_nodes(50.0, zones, 5.0)
     middles, sizes = 0.5 * (nodes[1:] + nodes[:-1]), np.diff(nodes)
     away = [np.maximum(np.maximum(z.first - middles, middles - z.last), 0.0) for z in zones]
-    asked = np.min([z.size + GROWTH * a for z, a in zip(zones, away, strict=True)], axis=0)
+    asked = np.min([z.size + LENGTH_GROWTH * a for z, a in zip(zones, away, strict=True)], axis=0)
     ratio = sizes / np.minimum(asked, 5.0)
     assert ratio.max() < 1.2
     assert ratio.min() > 0.8
@@ -462,7 +462,7 @@ def test_what_many_unknowns_cost_is_told_instead_of_an_advice(
     )  # fmt: skip
     assert found is not None, words
     assert coarse(thin(0.1), tight, found[1]) == ([], int(found[2]))
-    monkeypatch.setattr("anmstrip.driver.warnings.MOST_ELEMENTS", 5000)
+    monkeypatch.setattr("anmstrip.advice.warnings.MAX_ELEMENTS", 5000)
     (words,), _ = coarse(thin(0.1), tight)
     assert re.search(r"Shorter ones would be \d+, more than a mesh may have\.$", words), words
 

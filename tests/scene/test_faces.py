@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from threaded import ended, roller, scene_of, values
 
-from anmstrip.driver.preview import Preview
+from anmstrip.advice.preview import Preview
+from anmstrip.advice.warnings import warnings
 from anmstrip.driver.scene import Scene
-from anmstrip.driver.warnings import warnings
 from anmstrip.errors import InputError
 from anmstrip.fem.sampling import ContactOperator
 from anmstrip.simulation.problem import Assembly, flat_gap

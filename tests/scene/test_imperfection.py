@@ -85,10 +85,10 @@ def test_nothing_that_compresses_is_refused():
 
 def test_compression_far_from_buckling_is_refused(monkeypatch):
     """Half of Euler's force has to grow twofold."""
-    monkeypatch.setattr("anmstrip.simulation.march.FARTHEST", 1.9)
+    monkeypatch.setattr("anmstrip.simulation.march.MAX_COMPRESSION_GROWTH", 1.9)
     with pytest.raises(InputError, match="would take 2 times as much to buckle it"):
         pressed(0.5, imperfection=bent()).run()
-    monkeypatch.setattr("anmstrip.simulation.march.FARTHEST", 2.1)
+    monkeypatch.setattr("anmstrip.simulation.march.MAX_COMPRESSION_GROWTH", 2.1)
     assert pressed(0.5, imperfection=bent()).run().assembly.imperfection is not None
 
 

@@ -81,7 +81,7 @@ def test_same_orders(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     machine, by_machine = orders(state)
     assert machine >= {"membrane", "contact", "friction"}
     for module in (program, effects):
-        monkeypatch.setattr(module, "AVAILABLE", False)
+        monkeypatch.setattr(module, "COMPILED", False)
     none, by_numpy = orders(state)
     assert not none
     for i, (found, expected) in enumerate(zip(by_machine, by_numpy, strict=True)):

@@ -12,11 +12,11 @@ import pytest
 from scipy.integrate import trapezoid
 from threaded import ONE, ended, roller, scene_of, values
 
+from anmstrip.advice.preview import Preview
+from anmstrip.advice.warnings import against_section, needless_shell
 from anmstrip.driver.explain import explain, report
-from anmstrip.driver.preview import Preview
 from anmstrip.driver.run import Run, Step
 from anmstrip.driver.scene import Scene
-from anmstrip.driver.warnings import against_section, needless_shell
 from anmstrip.fem.sampling import quadrature_points
 from anmstrip.fem.strip import grid
 from anmstrip.results.fields import FieldSampler

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from anmstrip import InputError, Scene
-from anmstrip.driver.budget import Budget
 from anmstrip.driver.explain import explain
 from anmstrip.driver.scene import RefinedRun
 from anmstrip.simulation.problem import Assembly
@@ -46,8 +45,8 @@ def test_elements_are_halved_until_the_error_is_small(tmp_path: Path) -> None:
 
 
 def test_where_it_is_not_reached_the_bound_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in ("budget", "scene"):
-        monkeypatch.setattr(f"anmstrip.driver.{module}.MOST_UNKNOWNS", 400)
+    for module in ("simulation.problem", "driver.scene"):
+        monkeypatch.setattr(f"anmstrip.{module}.MAX_HALVED_UNKNOWNS", 400)
     run = ran(*AUTO, "solver.mesh_tolerance=1e-9")
     assert [each["unknowns"] for each in run.passes] == [140, 276]
     assert run.passes[0]["error"] > 0.0
@@ -96,4 +95,4 @@ def test_what_it_does_not_go_with_is_refused(more: list[str], words: str) -> Non
 
 def test_steady_strip_that_yields_is_refined() -> None:
     scene = Scene.load(PRESS.parent / "leveller.toml", ['strip.refined="auto"'])
-    assert Budget(Assembly(scene)).can_halve
+    assert Assembly(scene).can_halve

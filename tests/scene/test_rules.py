@@ -12,7 +12,7 @@ import pytest
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
 from anmstrip.fem.geometry import KINEMATICS
-from anmstrip.scene.checks import SEEN
+from anmstrip.scene.checks import DISPLACEMENTS
 from anmstrip.simulation.problem import Assembly
 
 GOOD = Path(__file__).with_name("capstan.toml").read_text(encoding="utf-8")
@@ -327,7 +327,7 @@ def test_what_is_harmless_on_a_plate(tmp_path: Path) -> None:
 
 
 def test_levels_are_those_of_mechanics() -> None:
-    seen = {name: tuple("xyz".index(c) for c in seen) for name, seen in SEEN.items()}
+    seen = {name: tuple("xyz".index(c) for c in seen) for name, seen in DISPLACEMENTS.items()}
     assert seen == {name: level.components for name, level in KINEMATICS.items()}
 
 

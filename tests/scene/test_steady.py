@@ -14,12 +14,12 @@ from pydantic import ValidationError
 from scipy.integrate import quad, solve_ivp
 from threaded import ONE, ended, roller, scene_of
 
+from anmstrip.advice.preview import Preview
+from anmstrip.advice.warnings import beside_rollers, lifted_off, standing_idlers
 from anmstrip.driver.explain import explain, report
-from anmstrip.driver.preview import Preview
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.sensitivities import response
-from anmstrip.driver.warnings import beside_rollers, lifted_off, standing_idlers
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.fem.sampling import SlopeOperator
 from anmstrip.linalg.solvers import Bordered
@@ -731,7 +731,7 @@ def test_strip_that_slides_over_rollers_is_told(
     assert ("slides over all driven rollers" in report(run)) == (speed > 2.01)
     used = state.rollers["a"].capacity_used  # little, where fibres only creep to and fro
     assert used is not None and (used > 0.99) == (speed > 2.01)
-    monkeypatch.setattr("anmstrip.driver.explain.SPENT", used)
+    monkeypatch.setattr("anmstrip.driver.explain.SLIDING_SHARE", used)
     assert "slides over all driven rollers" not in report(run)
 
 

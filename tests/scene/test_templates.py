@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from anmstrip import Scene
-from anmstrip.cli import KINDS, main
+from anmstrip.cli import TEMPLATES, main
 from anmstrip.results.plastic import YieldedStrip
 from anmstrip.results.state import State
 
@@ -24,10 +24,10 @@ def written(kind: str, target: Path) -> str:
 
 def test_every_template_has_its_kind() -> None:
     found = (Path(__file__).parents[2] / "src/anmstrip/scene/templates").glob("*.toml")
-    assert sorted(path.stem for path in found) == sorted(KINDS)
+    assert sorted(path.stem for path in found) == sorted(TEMPLATES)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", TEMPLATES)
 def test_every_table_is_commented_and_accepted(kind: str, tmp_path: Path) -> None:
     text = written(kind, tmp_path / "mine.toml")
     assert tomllib.loads(text)["title"]

@@ -11,9 +11,9 @@ import pytest
 from pydantic import ValidationError
 from threaded import ended, roller, scene_of
 
+from anmstrip.advice.warnings import Preview, serious
 from anmstrip.driver.explain import explain
 from anmstrip.driver.scene import Scene
-from anmstrip.driver.warnings import Preview, serious
 from anmstrip.simulation.problem import Assembly
 
 RADIUS, WIDTH, SPEED = 0.2, 0.5, 0.2

@@ -22,7 +22,7 @@ from anmstrip.driver.scene import Scene
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.linalg.solvers import Bordered, Remembering, SparseSolver
 from anmstrip.results.state import State
-from anmstrip.results.wrinkles import DATED, NEAR, Wrinkling
+from anmstrip.results.wrinkles import ONSET_FACTOR, ONSET_TOLERANCE, Wrinkling
 from claims import Claim
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -53,7 +53,7 @@ def test_column_is_told_where_euler_says(tmp_path: Path) -> None:
     list(run)
     found = {told["kind"]: told for told in run.wrinkles}
     assert list(found) == ["wrinkles", "bifurcation"]
-    for kind, share in (("wrinkles", 1.0 / NEAR), ("bifurcation", 1.0)):
+    for kind, share in (("wrinkles", 1.0 / ONSET_FACTOR), ("bifurcation", 1.0)):
         assert found[kind]["exit_tension"] == pytest.approx(-share * EULER, rel=1e-3)
         assert found[kind]["time"] == pytest.approx(share / OVER, rel=1e-3)
         assert found[kind]["x"] == pytest.approx(0.0, abs=1e-9)
@@ -83,7 +83,7 @@ def test_factors_find_the_bifurcation_that_inertia_finds() -> None:
     steps = follow(equations, start, solver=solver, settings=settings)
     points = [point for _, here in watched(equations, steps, solver, settings) for point in here]
     assert [point.kind for point in points] == [Kind.BIFURCATION]
-    assert run.wrinkles[1]["time"] == pytest.approx(points[0].control, abs=2.0 * DATED)
+    assert run.wrinkles[1]["time"] == pytest.approx(points[0].control, abs=2.0 * ONSET_TOLERANCE)
 
 
 def test_a_strip_that_is_pulled_is_not_looked_at() -> None:

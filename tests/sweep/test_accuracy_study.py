@@ -68,7 +68,7 @@ def test_what_does_not_apply_is_refused(tmp_path: Path, along: str, words: str) 
 
 def test_an_interrupted_study_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Finished rows are kept, and are not run again; the truth is known first."""
-    monkeypatch.setattr(module, "TOLERANCES", (1e-2, 1e-3))
+    monkeypatch.setattr(module, "COMPARED_TOLERANCES", (1e-2, 1e-3))
     study = Accuracy(tiny(), ["tolerance"], directory=tmp_path)
     assert "3 runs along tolerance, 3 of them still to do" in study.plan
     steps = study.run()
@@ -85,7 +85,7 @@ def test_an_interrupted_study_goes_on(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 def test_scenes_that_stop_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "TOLERANCES", (1e-3,))
+    monkeypatch.setattr(module, "COMPARED_TOLERANCES", (1e-3,))
     study = Accuracy(tiny("solver.max_tangents=3"), ["tolerance"], directory=tmp_path)
     assert len(list(study.run())) == 2
     assert {row["status"] for row in study.results()} == {"too_many_tangents"}
@@ -96,7 +96,7 @@ def test_scenes_that_stop_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 def test_the_command_without_dask(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without dask the scenes run in the process itself; Newton's method has the same equations."""
     monkeypatch.setattr("anmstrip.cli.find_spec", lambda _: None)
-    monkeypatch.setattr(module, "TOLERANCES", (1e-3,))
+    monkeypatch.setattr(module, "COMPARED_TOLERANCES", (1e-3,))
     options = ("--set", SECTION, "--set", "strip.finer=0.3", "--set", "solver.tolerance=1e-3")
     done = typed(
         EXAMPLES / "press.toml", "-o", tmp_path, *options,
@@ -115,7 +115,7 @@ def test_the_command_without_dask(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 def test_workers_of_dask_do_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed", reason="dask is not installed")
-    monkeypatch.setattr(module, "TOLERANCES", (1e-3,))
+    monkeypatch.setattr(module, "COMPARED_TOLERANCES", (1e-3,))
     study = Accuracy(tiny(), ["tolerance"], directory=tmp_path)
     with sweeps.local_workers(1) as client:
         assert len(list(study.run(client))) == 2

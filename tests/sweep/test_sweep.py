@@ -193,7 +193,7 @@ def test_without_dask(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 def test_a_scheduler_that_is_not_there(
     monkeypatch: pytest.MonkeyPatch, pull: Path, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("anmstrip.sweep.study.PATIENCE", 0.2)
+    monkeypatch.setattr("anmstrip.sweep.study.SCHEDULER_TIMEOUT", 0.2)
     ended = typed(
         pull,
         "-o",

@@ -150,7 +150,7 @@ def test_a_law_that_mixes_points_has_a_row_for_every_entry(name):
 
 
 def test_numpy_without_numba(monkeypatch):
-    monkeypatch.setattr(program, "AVAILABLE", False)
+    monkeypatch.setattr(program, "COMPILED", False)
     recorded = record(LAWS["norm"], *state(), points=POINTS, compiled=True)
     assert isinstance(recorded.executor, NumpyExecutor)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from anmstrip.continuation.equations import Cost, PathStopped
-from anmstrip.timestepping.explicit import HASTE, integrate_explicitly, join_series
+from anmstrip.timestepping.explicit import MAX_ERROR_RATE, integrate_explicitly, join_series
 from anmstrip.timestepping.index_one import Point, consistent
 
 
@@ -74,7 +74,7 @@ def test_a_fraction_of_the_tolerance_goes_to_every_step():
     path = run(decay, [0.0], 20.0, order=8, tolerance=1e-6)
     assert path.errors.sum() <= 1e-6
     even = 1e-6 * np.diff(path.knots) / 20.0
-    assert (path.errors <= HASTE * even * (1 + 1e-9)).all()
+    assert (path.errors <= MAX_ERROR_RATE * even * (1 + 1e-9)).all()
     before = np.concatenate([[0.0], np.cumsum(path.errors)[:-1]])
     assert (path.errors <= (1e-6 - before) * even / 1e-6 * 20.0 / (20.0 - path.knots[:-1])).all()
 

@@ -26,19 +26,19 @@ from anmstrip.continuation.path import Branch
 from anmstrip.linalg.direct import Factors
 from anmstrip.linalg.solvers import LinearSolver, Remembering
 
-PUSH = 1e-6
+PERTURBATION = 1e-6
 """Force of the pushed branch, as a share of what moves the path along."""
 
-NEAR = 1e-3
+POLE_DISTANCE = 1e-3
 """Distance to a pole, in steps, from which the first two orders reach it."""
 
-ASIDE = 1e-3
+LIMIT_POINT_OFFSET = 1e-3
 """Distance from a limit point, in steps, at which the inertia is looked at."""
 
-CORRECTING = 6
+CORRECTION_ORDER = 6
 """Order of the series that brings a point into equilibrium."""
 
-MOST_ITERATIONS = 20
+MAX_POINT_ITERATIONS = 20
 
 Mark = tuple[float, int]
 """Parameter of a branch, and negative eigenvalues there."""
@@ -137,7 +137,7 @@ class _Finder:
         change = abs(after - before)
         hidden = change > len(folds) or bool((change - len(folds)) % 2)
         low = (0.0, before)
-        aside = ASIDE * branch.length
+        aside = LIMIT_POINT_OFFSET * branch.length
         for fold in folds:
             if hidden:
                 yield from self._bifurcations(branch, low, self._mark(branch, fold - aside))
@@ -160,7 +160,7 @@ class _Finder:
         a, u, control, mode = self._bifurcation(branch, low[0], high[0], low[1])
         below, above = low, high
         if abs(low[1] - high[1]) > 1:
-            aside = ASIDE * branch.length
+            aside = LIMIT_POINT_OFFSET * branch.length
             below = self._mark(branch, a - aside) if a - aside > low[0] else low
             above = self._mark(branch, a + aside) if a + aside < high[0] else high
         if below != low:
@@ -174,12 +174,12 @@ class _Finder:
     ) -> tuple[float, Array, float, Array]:
         """Parameter, state, control and mode at a pole of the response."""
         a = 0.5 * (low + high)
-        for _ in range(MOST_ITERATIONS):
+        for _ in range(MAX_POINT_ITERATIONS):
             here = self._about(branch, a)
             low, high = (a, high) if self.solver.factors.negatives == before else (low, a)
             response = self._response(here)
             pole = inner(self.equations, *response) / size(self.equations, response[1]) ** 2
-            if abs(pole) < NEAR * branch.length:
+            if abs(pole) < POLE_DISTANCE * branch.length:
                 here = Branch(here.u[:3], here.control[:3], 1.0, here.residual)
                 break
             a = a + pole if low < a + pole < high else 0.5 * (low + high)
@@ -194,7 +194,7 @@ class _Finder:
         """
         u, control = branch(a)
         direction = branch.direction(a)
-        for order, moving in ((CORRECTING, 0.0), (self.settings.order, 1.0)):
+        for order, moving in ((CORRECTION_ORDER, 0.0), (self.settings.order, 1.0)):
             scale = moving * np.hypot(size(self.equations, direction[0]), direction[1])
             parameter = Parameter(scale, arclength=True, forward=direction)
             here = expand(
@@ -211,7 +211,7 @@ class _Finder:
         factors = self.solver.factors
         push = np.cos(np.arange(1.0, len(here.residual) + 1.0) ** 2)
         answer = factors.solve(push)
-        push *= PUSH * size(self.equations, here.u[1]) / size(self.equations, answer)
+        push *= PERTURBATION * size(self.equations, here.u[1]) / size(self.equations, answer)
         pushed = expand(
             _Pushed(self.equations, push),
             here.u[0],
@@ -282,7 +282,7 @@ def switched(
     """
     cost = Cost() if cost is None else cost
     u, control = point.u + distance * point.mode, point.control
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(MAX_POINT_ITERATIONS):
         recurrence = equations.recurrence(u, control, 1)
         if equations.imbalance(recurrence.residual) <= tolerance:
             forward = (np.sign(distance) * point.mode, 0.0)

@@ -129,10 +129,10 @@ class Cost:
         return Timer(self.seconds, phase)
 
 
-LOOSEST_BALANCE = 1e-2
+LARGEST_PATH_IMBALANCE = 1e-2
 """Largest imbalance on a rate-free path; at 0.1 some paths stall."""
 
-NEGLIGIBLE = 0.01
+NEGLIGIBLE_SHARE = 0.01
 """Share of a quantity that is not seen in it: a residual in an error in time, the instant in which
 a start settles in the first step, the last digit of the time in the shortest one, and V_c in the
 speed of a surface that turns round, at which strip begins anew.
@@ -152,7 +152,7 @@ class Tolerances:
     @property
     def path(self) -> float:
         """Largest imbalance at the end of a branch of a rate-free path."""
-        return min(self.tolerance, LOOSEST_BALANCE)
+        return min(self.tolerance, LARGEST_PATH_IMBALANCE)
 
     @property
     def time(self) -> float:
@@ -162,7 +162,7 @@ class Tolerances:
     @property
     def time_residual(self) -> float:
         """Largest imbalance at the end of a branch within a time step."""
-        return NEGLIGIBLE * self.tolerance
+        return NEGLIGIBLE_SHARE * self.tolerance
 
     @property
     def correction(self) -> float:

@@ -12,10 +12,10 @@ from anmstrip.continuation.equations import TINY, Cost, Equations, Outcome, Path
 from anmstrip.continuation.path import Branch
 from anmstrip.linalg.solvers import LinearSolver
 
-LARGEST = float(np.finfo(float).max) ** (1.0 / 3.0)
+LARGEST_COEFFICIENT = float(np.finfo(float).max) ** (1.0 / 3.0)
 """Size of a coefficient after which a series ends, so that products of three do not overflow."""
 
-SEEN = 0.1
+SIGNIFICANT_SHARE = 0.1
 """Share of the tolerance above which an order is seen.  With a half of it sharp friction
 (ω = 1e-10, q = 0.01) stalls and conveying takes 327 tangents instead of 296; with a tenth of it
 a press roll takes up to 186 tangents instead of 58, at tolerances within 6 %."""
@@ -127,7 +127,7 @@ def expand(
         forces.append(force if k > 1 else 0.0)
         seen = k == 1 or _is_seen(force, k, parameter.reach, tolerance)
         unseen = 0 if seen else unseen + 1
-        if unseen == 2 or k == order or size(equations, u_k) > LARGEST:
+        if unseen == 2 or k == order or size(equations, u_k) > LARGEST_COEFFICIENT:
             break
         with cost.timed("series"):
             recurrence.correct(k, u_k, control_k)
@@ -146,4 +146,6 @@ def _is_seen(force: float, k: int, reach: float, tolerance: float) -> bool:
     """Whether force · reach^k, left without order k, is more than a share of the tolerance."""
     if not force > 0.0:
         return force != 0.0
-    return math.log(force) + k * math.log(reach) > math.log(max(SEEN * tolerance, TINY))
+    return math.log(force) + k * math.log(reach) > math.log(
+        max(SIGNIFICANT_SHARE * tolerance, TINY)
+    )

@@ -23,20 +23,20 @@ from anmstrip.continuation.validity import (
 from anmstrip.linalg.direct import NonFiniteTangentError, SingularTangentError
 from anmstrip.linalg.solvers import LinearSolver
 
-SHRUNK = 0.4
+STEP_REDUCTION = 0.4
 """Fraction of its length to which a step shrinks, ever shorter, before the control is given up."""
 
-PATIENCE = 3
+MIN_REDUCTIONS = 3
 """Steps in a row, each shorter and steeper than the last, that this takes at least."""
 
-STEEPER = 1.25
+LIMIT_POINT_GROWTH = 1.25
 """Growth of |du/dλ| over all shortened steps that tells a limit point from a contact being made.
 
 Near a limit point |du/dλ| grows like the inverse root of the distance, by 1.6 when
-the steps shrink to SHRUNK.
+the steps shrink to STEP_REDUCTION.
 """
 
-LONG = 20
+LONG_PATH = 20
 """Branches after which a path is long."""
 
 
@@ -154,7 +154,7 @@ class _Follower:
         """Expand, validate, and adapt."""
         settings, remaining = self.settings, self.target - pace.control
         unhurried = settings.unhurried * abs(remaining)
-        if pace.taken >= LONG:
+        if pace.taken >= LONG_PATH:
             unhurried = max(unhurried, settings.calmly * abs(self.target - self.start))
         arclength = pace.arclength or (settings.give_way and _nears_limit_point(pace.shrinking))
         if arclength:
@@ -223,8 +223,12 @@ class _Follower:
 
 def _nears_limit_point(shrinking: tuple[tuple[float, float], ...]) -> bool:
     """Whether steps shrink, and the path steepens step by step, as before a limit point."""
-    if len(shrinking) <= PATIENCE:
+    if len(shrinking) <= MIN_REDUCTIONS:
         return False
     lengths, slopes = zip(*shrinking, strict=True)
-    steeper = all(b > a for a, b in pairwise(slopes[-PATIENCE - 1 :]))
-    return lengths[-1] < SHRUNK * lengths[0] and steeper and slopes[-1] > STEEPER * slopes[0]
+    steeper = all(b > a for a, b in pairwise(slopes[-MIN_REDUCTIONS - 1 :]))
+    return (
+        lengths[-1] < STEP_REDUCTION * lengths[0]
+        and steeper
+        and slopes[-1] > LIMIT_POINT_GROWTH * slopes[0]
+    )

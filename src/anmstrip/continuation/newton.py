@@ -15,27 +15,27 @@ from anmstrip.continuation.path import Branch, predicted
 from anmstrip.linalg.direct import Factors, SingularTangentError
 from anmstrip.linalg.solvers import LinearSolver
 
-SMOOTHEST = 1e5
+WIDEST_FRICTION = 1e5
 """Width of the smoothest corners of friction over the given one, from which a state is sought: with
 the default V_c, 1e-6 of the speed of a line or so, they are as wide as the speeds of slip.
 With 1e7 a dancer takes a third more tangents in a step; with 1e3 the first path stalls as well."""
 
-UNSURE = 4.0
+ROUND_OFF_MARGIN = 4.0
 """Least imbalance that is asked for, over what the last digits of one state are worth: corrections
 of a line of thirteen rollers stay at 1.1 to 2.4 times that."""
 
-KEPT = 0.3
+TANGENT_REUSE_RATIO = 0.3
 """Part of the imbalance: a tangent is kept while an iteration leaves less of it.  On 40 000
 unknowns a tangent costs as much as ten iterations; with 0.03 nine scenes take up to half as many
 again."""
 
-HELPFUL = 0.5
+SLOW_CONVERGENCE_RATIO = 0.5
 """Part of the imbalance: Newton's method turns to a wider law of friction where a new tangent
 leaves more.  Where it converges in one to five tangents each leaves 0.4 at most; where corners of
 friction turn it back and forth it takes eight, or thirteen are not enough."""
 
 
-ASTRAY = 1e20
+DIVERGENCE_GROWTH = 1e20
 """Growth of the imbalance, after all halvings, from which an iteration is given up: contact so deep
 comes back by a factor of e or so in each, in forty of them."""
 
@@ -106,7 +106,7 @@ class Newton:
                     break
                 change = 0.5 * change
                 after, found = self._residual(u - change, control)
-            if found > ASTRAY * imbalance:
+            if found > DIVERGENCE_GROWTH * imbalance:
                 return None
             counted += found >= self.settings.uncounted * imbalance
             u, residual, before, imbalance = u - change, after, imbalance, found
@@ -168,7 +168,7 @@ def narrowed(
     tolerance : float
         Imbalance of the state.
     """
-    laws = equations.smoother(SMOOTHEST)
+    laws = equations.smoother(WIDEST_FRICTION)
     if laws is None:
         return None
     try:

@@ -117,19 +117,19 @@ def excess(equations: Equations, branch: Branch, a: float, cost: Cost) -> Array:
         return np.asarray(residual - branch.residual * (1.0 - a / branch.carried_over))
 
 
-LOOKED_AT = 4
+COMPARED_ORDERS = 4
 """Last orders that must be parallel, and in one ratio."""
 
-ALIKE = 1e-3
+PROGRESSION_TOLERANCE = 1e-3
 """Deviation from a progression, relative, that is allowed."""
 
-FAINT = 1e-5
+ROUND_OFF_SHARE = 1e-5
 """Share of the first order up to which a progression is an answer to round-off."""
 
 
 def progression(equations: Equations, branch: Branch) -> float | None:
     """Ratio a_c of the last orders, signed, if they are a progression that began faintly."""
-    last, count = branch.u[-1], LOOKED_AT
+    last, count = branch.u[-1], COMPARED_ORDERS
     norm = inner(equations, last, last)
     if branch.order < 2 * count or not 0.0 < norm < np.inf:
         return None
@@ -139,10 +139,13 @@ def progression(equations: Equations, branch: Branch) -> float | None:
         return None
     for j, (share, u) in enumerate(zip(shares, branch.u[-2 : -count - 1 : -1], strict=True)):
         bent = size(equations, u - share * last)
-        if bent > ALIKE * size(equations, u) or abs(share / ratio ** (j + 1) - 1.0) > ALIKE:
+        if (
+            bent > PROGRESSION_TOLERANCE * size(equations, u)
+            or abs(share / ratio ** (j + 1) - 1.0) > PROGRESSION_TOLERANCE
+        ):
             return None
     began = np.sqrt(norm) * abs(ratio) ** (branch.order - 1)
-    return ratio if began < FAINT * size(equations, branch.u[1]) else None
+    return ratio if began < ROUND_OFF_SHARE * size(equations, branch.u[1]) else None
 
 
 def cleared(equations: Equations, branch: Branch) -> Branch:
@@ -160,35 +163,35 @@ def cleared(equations: Equations, branch: Branch) -> Branch:
     return replace(branch, u=u, control=control, forces=forces)
 
 
-RUNG = 1.05
+LENGTH_RATIO = 1.05
 """Lengths that are tried are powers of this, times that of the series: what round-off changes in
 an error does not change them."""
 
-FIRST_RUNG = 10
+FIRST_TRIAL = 10
 """Rung that is tried first: most quotients hold up to there.  From 0 the coarse capstan takes 82
 tangents instead of 58, the bridle 317 instead of 253."""
 
-TRIALS = 4
+MAX_TRIALS = 4
 """Lengths that are tried."""
 
-AIM = 0.7
+TARGET_SHARE = 0.7
 """Share of the tolerance that the next one aims at.  With half of it conveying takes 354 tangents
 instead of 322."""
 
-LAST = 4
+MATCHED_ORDERS = 4
 """Orders of the product that are to vanish.  With one, the bridle takes 271 tangents,
 not 253."""
 
-FURTHER = 4.0
+LONGEST_QUOTIENT = 4.0
 """Where they are weighted, and the longest that is tried, over the length of the series.  With 2
 the bridle takes 299 tangents instead of 253."""
 
-DAMPING = 1e-7
+DENOMINATOR_DAMPING = 1e-7
 """Damping of the denominator's coefficients, over the largest term.  With 1e-9 steps in mm and in
 m are of other lengths, by 4e-3 after 50 of them, with 1e-7 by 5e-9; tangents are hardly fewer."""
 
 
-TALL = 256
+BLOCK_ROWS = 256
 """Rows of a matrix that are orthogonalised (Demmel, Grigori, Hoemmen & Langou, SIAM J. Sci. Comput.
 34, 2012) or multiplied at once: BLAS shares larger ones among threads, which wait for others."""
 
@@ -212,16 +215,16 @@ def longest_quotient(
     guess, reach = guessed_range(equations, series, tolerance, reach)
     if series.order < 3 or guess >= reach:
         return None
-    quotient, limit = rational(equations, series.cut(guess)), min(reach, FURTHER * guess)
+    quotient, limit = rational(equations, series.cut(guess)), min(reach, LONGEST_QUOTIENT * guess)
     if quotient is None:
         return None
     pole = first_root(quotient.denominator, limit)
-    limit = limit if pole is None else pole / RUNG
-    rung, best, least, power = FIRST_RUNG, 0, np.inf, series.order + 1.0
+    limit = limit if pole is None else pole / LENGTH_RATIO
+    rung, best, least, power = FIRST_TRIAL, 0, np.inf, series.order + 1.0
     last, last_error = np.inf, np.inf
     found: tuple[Branch, float] | None = None
-    for _ in range(TRIALS):
-        length = min(guess * RUNG**rung, limit)
+    for _ in range(MAX_TRIALS):
+        length = min(guess * LENGTH_RATIO**rung, limit)
         if not best < rung < least or length <= (guess if found is None else found[0].length):
             break
         error, imbalance = residual_error(equations, quotient, length, cost, tolerance)
@@ -232,8 +235,8 @@ def longest_quotient(
         if length != last and 0.0 < error < np.inf and 0.0 < last_error < np.inf:
             power = max(float(np.log(error / last_error) / np.log(length / last)), 1.0)
         last, last_error = length, error
-        growth = np.log(AIM * tolerance / max(error, TINY)) / power
-        rung += int(np.floor(np.clip(growth, -np.log(2.0), np.log(2.0)) / np.log(RUNG)))
+        growth = np.log(TARGET_SHARE * tolerance / max(error, TINY)) / power
+        rung += int(np.floor(np.clip(growth, -np.log(2.0), np.log(2.0)) / np.log(LENGTH_RATIO)))
     return found
 
 
@@ -243,8 +246,8 @@ def rational(equations: Equations, branch: Branch) -> Branch | None:
     The denominator's coefficients d_1 … d_m make the last orders of the product vanish, in
     coordinates of what the orders span, by damped least squares.
     """
-    n, scale = branch.order, FURTHER * branch.length
-    degree, last = n - 1, min(LAST, n - 1)
+    n, scale = branch.order, LONGEST_QUOTIENT * branch.length
+    degree, last = n - 1, min(MATCHED_ORDERS, n - 1)
     with np.errstate(all="ignore"):
         powers = scale ** np.arange(1.0, n + 1)
         terms = coordinates(equations, branch) * powers[:, None]
@@ -255,14 +258,16 @@ def rational(equations: Equations, branch: Branch) -> Branch | None:
         columns = [
             padded[degree + n - last - j : degree + n - j].ravel() for j in range(degree + 1)
         ]
-        matrix = np.vstack([np.stack(columns[1:], axis=1), DAMPING * largest * np.eye(degree)])
+        matrix = np.vstack(
+            [np.stack(columns[1:], axis=1), DENOMINATOR_DAMPING * largest * np.eye(degree)]
+        )
         wanted = -np.concatenate([columns[0], np.zeros(degree)])
         found = lapack.dgels(matrix, wanted)[1][:degree] / powers[:degree]
         denominator = np.concatenate([[1.0], found])
         first = np.concatenate([denominator, np.zeros(n - degree)])
         orders = np.arange(n + 1)
         product = np.tril(first[orders[:, None] - orders])
-        parts = np.array_split(branch.u, -(-branch.u.shape[1] // TALL), axis=1)
+        parts = np.array_split(branch.u, -(-branch.u.shape[1] // BLOCK_ROWS), axis=1)
         u, control = np.hstack([product @ part for part in parts]), product @ branch.control
     return replace(branch, u=u, control=control, denominator=denominator)
 
@@ -273,7 +278,7 @@ def coordinates(equations: Equations, branch: Branch) -> Array:
     seen = np.flatnonzero(weights)
     both = np.vstack([(branch.u[1:, seen] * weights[seen]).T, branch.control[1:]])
     found = both[:0]
-    for first in range(0, len(both), TALL):  # R of a tall matrix from those of its parts
-        part = np.vstack([found, both[first : first + TALL]])
+    for first in range(0, len(both), BLOCK_ROWS):  # R of a tall matrix from those of its parts
+        part = np.vstack([found, both[first : first + BLOCK_ROWS]])
         found = np.triu(lapack.dgeqrf(part)[0][: part.shape[1]])
     return found.T

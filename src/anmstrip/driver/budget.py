@@ -17,9 +17,16 @@ import numpy as np
 from anmstrip.arrays import Array, Index
 from anmstrip.continuation.equations import Cost, Equations, PathStopped
 from anmstrip.continuation.follow import PathStep, Settings, follow
-from anmstrip.continuation.newton import HELPFUL, KEPT, UNSURE, Corrections, Newton, narrowed
+from anmstrip.continuation.newton import (
+    ROUND_OFF_MARGIN,
+    SLOW_CONVERGENCE_RATIO,
+    TANGENT_REUSE_RATIO,
+    Corrections,
+    Newton,
+    narrowed,
+)
 from anmstrip.equilibrium import Equilibrium, StageProblem
-from anmstrip.fem.geometry import SECTION, SHELL
+from anmstrip.fem.geometry import SHELL
 from anmstrip.fem.sampling import l2_projection
 from anmstrip.fem.strip import Strip, line, renumbered
 from anmstrip.linalg.direct import SingularTangentError
@@ -42,26 +49,22 @@ if TYPE_CHECKING:
 Part = dict[str, float]
 """Largest errors of a ``tension`` (N/m), of a roller's ``force`` (N) and of a ``position`` (m)."""
 
-MOST_UNKNOWNS = 100_000
-"""On elements of half the length, beyond which the mesh's part is not looked for: the factors of a
-shell of so many, twenty elements across, take 1.5 GB."""
-
-LARGE = 0.1
+LARGE_MESH_ERROR = 0.1
 """Share of the scene's tension, or of a compression, by which the mesh must not make one wrong
 without a warning."""
 
-FAR = 3.0
+LARGE_PATH_ERROR = 3.0
 """Times the tolerance's share of the scene's tension by which the path must not make one wrong
 without a warning.  Scenes of tests and examples that are done end with half of it at most."""
 
-CURES = {
+BUDGET_ADVICE = {
     **dict.fromkeys(("path", "time"), "Try a smaller solver.tolerance."),
     "mesh": "Try shorter elements, and hold the strip in what nothing but friction holds.",
     "regularisation": "Try --set 'friction.regularisation=\"auto\"'",
 }
 """What makes them smaller."""
 
-SMALL = 1e-2
+LINEAR_RANGE = 1e-2
 """Change of gaps over the onset of contact, and of slip over V_c, over which laws are straight."""
 
 
@@ -130,22 +133,10 @@ class Budget:
     spans: list[tuple[Span, Span]] = field(default_factory=list)
     solver: SparseSolver = field(default_factory=SparseSolver)  # of written states: one pattern
 
-    @property
-    def can_halve(self) -> bool:
-        """Whether elements of half the length are few enough, of strip whose flow is known there.
-
-        Layers that flow are taken to the finer mesh of a section, and in stationary states, whose
-        past is all upstream; in time it would be that of every point.
-        """
-        assembly, strip = self.assembly, self.assembly.strip
-        few = int(2 ** strip.mesh.dim()) * assembly.unknowns <= MOST_UNKNOWNS
-        steady = assembly.kinematics is SECTION and all(s.steady for s in assembly.scene.stages)
-        return few and (assembly.flow is None or steady)
-
     @cached_property
     def halved(self) -> Halved | None:
-        """The scene on elements of half the length; None if :attr:`can_halve` says no."""
-        return Halved.of(self.assembly) if self.can_halve else None
+        """The scene on elements of half the length; None if it cannot be."""
+        return Halved.of(self.assembly) if self.assembly.can_halve else None
 
     @property
     def warnings(self) -> list[str]:
@@ -165,7 +156,7 @@ class Budget:
                 wrong.append(f"positions by {found['position']:.2g} m, more than half the width,")
             if wrong:
                 found_wrong = f"{ERROR_WORDS[of]} may make {' and '.join(wrong)} wrong"
-                told.append(f"this state is of no use: {found_wrong}. {CURES[of]}")
+                told.append(f"this state is of no use: {found_wrong}. {BUDGET_ADVICE[of]}")
         return told
 
     @property
@@ -173,7 +164,7 @@ class Budget:
         """A sentence if it is far from the balance near it, over the tolerance."""
         tolerance, found = self.assembly.scene.solver.tolerance, self.parts.get("path")
         allowed = tolerance * self.assembly.scales.tension
-        if found is None or found["tension"] <= FAR * allowed:
+        if found is None or found["tension"] <= LARGE_PATH_ERROR * allowed:
             return []
         return [
             f"this is not the state that was asked for: tensions are wrong by about "
@@ -185,7 +176,11 @@ class Budget:
     def doubtful(self) -> list[tuple[Span, Span]]:
         """Spans near wrinkles whose compression depends on the mesh, and the same on the finer."""
         pairs = ((here, there, there.compression - here.compression) for here, there in self.spans)
-        return [(a, b) for a, b, change in pairs if a.near and abs(change) > LARGE * a.compression]
+        return [
+            (a, b)
+            for a, b, change in pairs
+            if a.near and abs(change) > LARGE_MESH_ERROR * a.compression
+        ]
 
     @property
     def of_mesh(self) -> list[str]:
@@ -207,7 +202,7 @@ class Budget:
         ]
         found, scale = self.parts.get("mesh"), self.assembly.scales.tension
         asked = None if scene.strip.refined == "auto" else scene.solver.mesh_tolerance
-        if found is None or found["tension"] <= (asked or LARGE) * scale:
+        if found is None or found["tension"] <= (asked or LARGE_MESH_ERROR) * scale:
             return told
         wrong = f"the mesh makes tensions wrong by about {found['tension']:.2g} N/m"
         wrong += f", above solver.mesh_tolerance = {asked:g} of {scale:.5g} N/m" if asked else ""
@@ -277,7 +272,7 @@ class Budget:
         if self.assembly.friction is not None:
             scales[1] = self.assembly.friction.speed
         values = np.abs(moved[:, state.plan.model.value_unknowns]).max(axis=1)
-        share = min(0.5, SMALL / max(*(values / scales), 1e-300))
+        share = min(0.5, LINEAR_RANGE / max(*(values / scales), 1e-300))
 
         def changed(by: float) -> State:
             plan, full, velocity = state.plan, state.full - by * moved[0], None
@@ -383,33 +378,33 @@ def held_still(state: State) -> StageProblem:
     return replace(state.plan, supports=supports, controls=Controls(state.controls))
 
 
-REMAINS = 1e-5
+IMBALANCE_REDUCTION = 1e-5
 """Imbalance that is left of the one that is taken away: the change is known to a few per cent."""
 
-ROUND_OFF = 1e-10
+SMALLEST_IMBALANCE = 1e-10
 """Least imbalance that is asked for, over the force scale, where displacements are small."""
 
-ROUGH = 1e-3
+LARGEST_IMBALANCE_LEFT = 1e-3
 """Largest imbalance that is left, over the force scale: contact that a finer mesh finds deep inside
 a roller begins with any."""
 
-WIDER = 10.0
+WIDER_LAW = 10.0
 """Width of that law over the given one: two or three tangents, and three to five from there to the
 given one, for which a width of 100 is too far."""
 
-ROUGHLY = 1e-2
+WIDER_LAW_REDUCTION = 1e-2
 """Part of the imbalance that is left with the wider law."""
 
-MOST_CORRECTIONS = 8
+MAX_CORRECTIONS = 8
 """Iterations of Newton's method, each with a line search.  23 random lines with idlers, where it
 goes back and forth at corners, take 390 tangents for all balances; 381 with 6, 429 with 12."""
 
-FALLING = 0.5
+FAST_REDUCTION = 0.5
 """Part of the imbalance below which an iteration is not counted: contact that begins deep inside a
 roller gives way by its onset at a time, and leaves 1/e.  A shell of 8 m on a roller 0.3 mm/m out of
 line begins with 1.5e6 times its force scale and takes 23 tangents."""
 
-MOST_BRANCHES = 20
+MAX_BALANCING_BRANCHES = 20
 """Of paths by way of the smoothest laws, and of that on which the imbalance fades away, where
 friction holds the strip and Newton's method finds no way: one to ten are enough.  Without smoothest
 laws, which take six to ten tangents, seven of 109 stages of 35 such lines had no balance."""
@@ -566,17 +561,28 @@ def balanced(
     equations = Equilibrium(plan.model, plan.supports, plan.controls, rates, moving)
     zero = np.zeros(len(free))
     first = equations.imbalance(equations.residual(zero, 0.0))
-    floor = UNSURE * equations.round_off(zero, 0.0)
-    wanted, solver = max(min(max(REMAINS * first, floor), ROUGH), ROUND_OFF), SparseSolver()
-    corrections = Corrections(wanted, MOST_CORRECTIONS, FALLING, least=1, kept=KEPT)
-    quick = replace(corrections, near=np.inf, helpful=HELPFUL)
+    floor = ROUND_OFF_MARGIN * equations.round_off(zero, 0.0)
+    wanted, solver = (
+        max(
+            min(max(IMBALANCE_REDUCTION * first, floor), LARGEST_IMBALANCE_LEFT), SMALLEST_IMBALANCE
+        ),
+        SparseSolver(),
+    )
+    corrections = Corrections(
+        wanted, MAX_CORRECTIONS, FAST_REDUCTION, least=1, kept=TANGENT_REUSE_RATIO
+    )
+    quick = replace(corrections, near=np.inf, helpful=SLOW_CONVERGENCE_RATIO)
     found = Newton(equations, solver, quick, Cost()).corrected(zero, 0.0)
     if found is not None and found.imbalance > wanted:
-        if (laws := equations.smoother(WIDER)) is not None:
-            rough = replace(corrections, tolerance=max(wanted, ROUGHLY * first), least=0)
+        if (laws := equations.smoother(WIDER_LAW)) is not None:
+            rough = replace(
+                corrections, tolerance=max(wanted, WIDER_LAW_REDUCTION * first), least=0
+            )
             found = Newton(laws[0], solver, rough, Cost()).corrected(found.u, 0.0)
         found = found and Newton(equations, solver, corrections, Cost()).corrected(found.u, 0.0)
-    settings = Settings(tolerance=wanted, max_steps=MOST_BRANCHES, give_way=False, rational=True)
+    settings = Settings(
+        tolerance=wanted, max_steps=MAX_BALANCING_BRANCHES, give_way=False, rational=True
+    )
 
     def path(laws: Equations, u: Array, start: float) -> PathStep:
         *_, last = follow(laws, u, solver=solver, settings=settings, start=start)

@@ -11,15 +11,15 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from anmstrip.driver.preview import Preview
-from anmstrip.driver.warnings import Level, justified_level, levels, slides, warnings
+from anmstrip.advice.preview import Preview
+from anmstrip.advice.warnings import Level, justified_level, levels, slides, warnings
 from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import InputError, Mistake, printable
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
 from anmstrip.results.files import error_rows
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import FieldSpec
-from anmstrip.simulation.defaults import HONEST, elastic_creep, loose_across, pulls, standstill
+from anmstrip.simulation.defaults import CREEP_SHARE, elastic_creep, loose_across, pulls, standstill
 from anmstrip.simulation.problem import Assembly, flat_gap, naturals
 from anmstrip.taylor.series import record
 
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 
 MEGABYTE = 2.0**20
 
-INTERNAL = {"strip.held", "strip.growth", "strip.softening", "strip.weakening", "yielding"}
+INTERNAL_CONTROLS = {"strip.held", "strip.growth", "strip.softening", "strip.weakening", "yielding"}
 """Controls that follow from others, and are typed by nobody."""
 
-UNREAD = 1e-12
+DISPLAYED_ZERO = 1e-12
 """Number of a table below which it is round-off, whatever its unit."""
 
-POINTS = 400
+POINTS_PER_PIECE = 400
 """Of each run and each wrap of a drawn strip."""
 
 
@@ -102,7 +102,7 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
         creep, speed = elastic_creep(scene), assembly.friction.speed
         under = "" if any(pulls(scene)) else " under a usual strain"
         why = f", a tenth of the elastic creep of {creep:.2g} m/s{under}"
-        if speed < 0.99 * HONEST * creep:
+        if speed < 0.99 * CREEP_SHARE * creep:
             way = speed * standstill(scene)
             why = f", so that strip creeps by {way:.1g} m at most while the line stands"
         why = "" if scene.friction.speed else why
@@ -283,11 +283,11 @@ def draw_line(scene: SceneSpec, picture: Path) -> None:
     line, wheels, arcs = np.array([[-half, half], [0.0, 0.0]]), [], {}
     if path is not None:
         joints = np.arange(len(path.starts))
-        places = np.linspace(0.0, joints[-1], POINTS * joints[-1] + 1)
+        places = np.linspace(0.0, joints[-1], POINTS_PER_PIECE * joints[-1] + 1)
         line = path.at(np.interp(places, joints, path.starts[:, 0]), 0)[0]
         ends = zip(path.arcs.start[:, 0], path.arcs.end[:, 0], strict=True)
         for name, (start, end) in zip(turns, ends, strict=True):
-            arcs[name] = path.at(np.linspace(start, end, POINTS), 0)[0] + origin[:, None]
+            arcs[name] = path.at(np.linspace(start, end, POINTS_PER_PIECE), 0)[0] + origin[:, None]
     for roller, spec in zip(assembly.rollers, scene.rollers, strict=True):
         centre = np.asarray(controls[f"rollers.{roller.name}.centre"])[[0, 2]] + origin
         wrap = f"\n{np.degrees(turns[roller.name]):.4g}°" if roller.name in arcs else ""
@@ -306,7 +306,7 @@ def stage_table(preview: Preview) -> Table:
     typed, strip = dict[str, str](), preview.assembly.strip
     for plan, stage in zip(preview.plans, preview.assembly.scene.course, strict=True):
         typed |= typed_keys(stage)
-        moving = sorted(set(plan.controls.slope) - INTERNAL)
+        moving = sorted(set(plan.controls.slope) - INTERNAL_CONTROLS)
         for name in preview.assembly.scene.edges:
             unknowns = strip.unknowns_of(strip.edges[name].trace)
             moving += [f"{name}.move"] * bool(np.any(plan.supports.slope[unknowns]))
@@ -361,7 +361,7 @@ def level_table(found: Sequence[Level], own: str) -> Table:
     return table
 
 
-SPENT = 0.5
+SLIDING_SHARE = 0.5
 """Share of friction from which on strip that sticks nowhere is said to slide.  With less of it
 fibres creep to and fro, as over a crown, and rollers carry the strip all the same."""
 
@@ -384,7 +384,7 @@ def report(run: Run, told: Collection[str] = ()) -> str:
         driven = [r.name for r in run.scene.rollers if r.drive == "speed"]
         touched = {n: c for n in driven if (c := state.contacts.get(n)) and c.touching.any()}
         used = min((state.rollers[n].capacity_used or 0.0 for n in touched), default=0.0)
-        if state.plan.steady and used > SPENT and all(map(slides, touched.values())):
+        if state.plan.steady and used > SLIDING_SHARE and all(map(slides, touched.values())):
             parts.append("The strip slides over all driven rollers that it touches.")
         if any(part is not None for part in run.errors().values()):
             parts.append(error_table(run))
@@ -443,7 +443,7 @@ def cell(value: float | None, form: str = ".4g") -> str:
     """
     if value is None:
         return "–"
-    value = value if abs(value) > UNREAD else 0.0
+    value = value if abs(value) > DISPLAYED_ZERO else 0.0
     return format(value, ".0f" if 1e3 <= abs(value) < 1e7 else form)
 
 

@@ -17,10 +17,9 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.errors import InputError, Mistake, toml_text
-from anmstrip.results.fields import COLUMNS as PROFILE_COLUMNS
-from anmstrip.results.fields import FieldSampler, Profile
+from anmstrip.results.fields import PROFILE_COLUMNS, FieldSampler, Profile
 from anmstrip.results.files import (
-    AFRESH,
+    START_AFRESH,
     DirectoryLock,
     History,
     load_checkpoint,
@@ -40,11 +39,11 @@ from anmstrip.simulation.stages import Course
 CHECKPOINT_SECONDS = 2.0
 """Least time between two checkpoints inside a stage."""
 
-WRITTEN = 100
+DEFAULT_STATES = 100
 """States of a run that are written by default: the first one in each of so many equal parts of its
 time, and the ends of the stages."""
 
-STALE = ("checkpoint.npz", "summary.json", "report.html")
+STALE_FILES = ("checkpoint.npz", "summary.json", "report.html")
 """Files of an earlier run in the same directory that no longer belong to anything."""
 
 STEP_COLUMNS = ("stage", "time", "step", "tangents", "order", "range", "residual")
@@ -97,7 +96,7 @@ class Recorder:
         columns = (*STEP_COLUMNS, "entry_tension", "exit_tension", *feed, *names)
         kept: Mapping[str, Any] = resumed or {"rows": {}, "time": -1.0, "turned": {}}
         if resumed is None:
-            for stale in (*directory.glob("*.pvd"), *map(directory.joinpath, STALE)):
+            for stale in (*directory.glob("*.pvd"), *map(directory.joinpath, STALE_FILES)):
                 stale.unlink(missing_ok=True)
         until, contents = None if resumed is None else kept["time"], ("strip.pvd", "rollers.pvd")
         self.strip, self.rollers = (Collection(directory / name, until) for name in contents)
@@ -109,7 +108,7 @@ class Recorder:
         if assembly.flow is not None:
             from anmstrip.results import plastic
 
-            tables["profile.csv"] += plastic.COLUMNS
+            tables["profile.csv"] += plastic.PLASTIC_COLUMNS
         if assembly.scene.output.events:
             tables["events.csv"] = EVENT_COLUMNS
         else:
@@ -146,7 +145,7 @@ class Recorder:
         if (every := self.assembly.scene.output.every) is not None:
             return step.step % every == 0
         times = self.strip.last or 0.0, step.time
-        before, now = (int(WRITTEN * time / step.end_time) for time in times)
+        before, now = (int(DEFAULT_STATES * time / step.end_time) for time in times)
         return now > before or step.state.control > 1.0 - 1e-9
 
     def write_state(self, state: State) -> None:
@@ -236,7 +235,7 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version(), **{name: version(name) for name in packages}}
 
 
-FREE = ("title", "solver.max_steps", "solver.max_tangents")
+CHANGEABLE_KEYS = ("title", "solver.max_steps", "solver.max_tangents")
 """Keys that may differ: nothing that is computed depends on them."""
 
 
@@ -272,10 +271,14 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any], file: str) ->
     """Yield the keys in which a scene differs from the one with which a run began."""
     old, new = dict(flat_keys(before)), dict(flat_keys(now))
     for key in dict.fromkeys((*old, *new)):
-        if key not in FREE and old.get(key) != new.get(key):
+        if key not in CHANGEABLE_KEYS and old.get(key) != new.get(key):
             was = toml_text(old.get(key))
             expected = f"{was}, with which this run began; what is there would not fit the rest"
-            hint = f"--set {shlex.quote(f'{key}={was}')}, or {AFRESH}" if key in old else AFRESH
+            hint = (
+                f"--set {shlex.quote(f'{key}={was}')}, or {START_AFRESH}"
+                if key in old
+                else START_AFRESH
+            )
             yield Mistake(file, key, new.get(key), expected, hint)
 
 

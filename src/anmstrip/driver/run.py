@@ -12,19 +12,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anmstrip.arrays import Array
-from anmstrip.continuation.equations import Cost, Outcome, PathStopped
-from anmstrip.continuation.follow import Pace
-from anmstrip.driver.budget import Budget, Part
-from anmstrip.driver.preview import Preview
-from anmstrip.driver.recorder import Recorder, history_row, identity, kept_values, read_checkpoint
-from anmstrip.driver.warnings import (
+from anmstrip.advice.preview import Preview
+from anmstrip.advice.warnings import (
     beside_rollers,
     coarse_mesh,
     lifted_off,
     standing_idlers,
     warnings,
 )
+from anmstrip.arrays import Array
+from anmstrip.continuation.equations import Cost, Outcome, PathStopped
+from anmstrip.continuation.follow import Pace
+from anmstrip.driver.budget import Budget, Part
+from anmstrip.driver.recorder import Recorder, history_row, identity, kept_values, read_checkpoint
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import SHELL
 from anmstrip.results.files import ERROR_WORDS, read_history
@@ -64,10 +64,10 @@ def onset_words(found: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
-UNREAD = 1_000_000
+MAX_WAITING_UNKNOWNS = 1_000_000
 """Unknowns of the states, 16 bytes each, that wait until the history is asked for."""
 
-KEPT = {
+CHECKPOINT_ATTRIBUTES = {
     **{name: name for name in ("steps", "stages", "effects", "snaps", "wrinkles")},
     **{name: f"march.{name}" for name in ("reached", "slack", "conveyed")},
     **{name: f"cost.{name}" for name in ("expansions", "factorisations")},
@@ -83,7 +83,7 @@ def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
     kept = (kept_values(march.course) | {"load": run.budget.loads}).items()
     arrays = {f"{kind}.{name}": x for kind, values in kept for name, x in values.items()}
     arrays |= {"full": march.full, "velocity": march.velocity}
-    facts = {key: attrgetter(attribute)(run) for key, attribute in KEPT.items()}
+    facts = {key: attrgetter(attribute)(run) for key, attribute in CHECKPOINT_ATTRIBUTES.items()}
     facts |= {"input": run.identity, "seconds": run.seconds}
     facts |= {"time": 0.0 if run.state is None else run.state.time}
     facts |= {"released": sorted(march.course.released)}
@@ -105,7 +105,7 @@ def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
 def unpack(run: Run, arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> None:
     """Bring a new run to where a packed one was."""
     march = run.march
-    for key, attribute in KEPT.items():
+    for key, attribute in CHECKPOINT_ATTRIBUTES.items():
         *owners, name = attribute.split(".")
         setattr(reduce(getattr, owners, run), name, facts[key])
     march.full, march.velocity = arrays["full"], arrays["velocity"]
@@ -258,7 +258,7 @@ class Run:
                 yield from self._run_stage(stage)
             self.outcome, self.message = Outcome.DONE, self.words_of_success()
         except (PathStopped, MemoryError) as error:
-            from anmstrip.driver.diagnosis import Failure, diagnosis, ran_away
+            from anmstrip.advice.diagnosis import Failure, diagnosis, ran_away
 
             stopped = error if isinstance(error, PathStopped) else self.too_large()
             self.outcome = stopped.outcome
@@ -347,7 +347,7 @@ class Run:
             self._checkpoint()
         else:
             self.unread.append(replace(step, state=replace(state, branch=None, step=None)))
-            if len(self.unread) * len(state.full) > UNREAD:
+            if len(self.unread) * len(state.full) > MAX_WAITING_UNKNOWNS:
                 self._read()
         return step
 

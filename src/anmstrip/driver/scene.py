@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anmstrip.continuation.equations import Outcome
-from anmstrip.driver.budget import MOST_UNKNOWNS
 from anmstrip.driver.run import Run
 from anmstrip.results.rollers import Regularisation
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.simulation.march import Step
-from anmstrip.simulation.problem import EffectMaker
+from anmstrip.simulation.problem import MAX_HALVED_UNKNOWNS, EffectMaker
 
 if TYPE_CHECKING:
     from anmstrip.driver.stationary import OperatingMap
@@ -101,15 +100,15 @@ class Scene(SceneSpec):
         return made
 
 
-MOST_RUNS = 6
+MAX_RUNS = 6
 
-AIM = 0.2
+PART_SHARE = 0.2
 """Share of the tolerance that each of the three parts is aimed at."""
 
-TOGETHER = 3.0 * AIM
+SUM_SHARE = 3.0 * PART_SHARE
 """The same of the three together, where the error budget knows their sum alone."""
 
-CONSTANTS = {
+SHARPENED_CONSTANTS = {
     "exponent": ("friction", "q = {:.2g}", "by_cone", 1e-7),
     "omega": ("friction", "ω = {:.2g}", "by_creep", 1e-13),
     "speed": ("friction", "V_c = {:.2g} m/s", "by_creep", 1e-12),
@@ -149,7 +148,9 @@ class SharpenedRun(Run):
             laws, sharper, tolerance = self.laws(), self.sharper(), self.scene.solver.tolerance
             done = {"effect": self.effect, "tangents": self.cost.expansions}
             self.passes = (*self.passes, {**laws, **done})
-            *words, last = (CONSTANTS[key][1].format(value) for key, value in laws.items())
+            *words, last = (
+                SHARPENED_CONSTANTS[key][1].format(value) for key, value in laws.items()
+            )
             sharp = self.effect <= tolerance
             self.message += (
                 f" Regularisation changes tensions by about {self.effect:.2g}, "
@@ -158,10 +159,12 @@ class SharpenedRun(Run):
             )
             bound = "their constants are the least" if laws == sharper else "there are no more"
             self.message += "." if sharp else f": {bound}."
-            if sharp or len(self.passes) == MOST_RUNS or laws == sharper:
+            if sharp or len(self.passes) == MAX_RUNS or laws == sharper:
                 self._finish()
                 return
-            again(self, {(CONSTANTS[key][0], key): value for key, value in sharper.items()})
+            again(
+                self, {(SHARPENED_CONSTANTS[key][0], key): value for key, value in sharper.items()}
+            )
 
     def facts(self) -> dict[str, Any]:
         """Return the counters of the run, and what was done to sharpen its laws."""
@@ -203,11 +206,11 @@ class SharpenedRun(Run):
         tolerance, whole, sharper = self.scene.solver.tolerance, self.budgeted, {}
         every = [cost for costs in self.costs.values() for cost in costs]
         for key, value in self.laws().items():
-            table, _, part, limit = CONSTANTS[key]
+            table, _, part, limit = SHARPENED_CONSTANTS[key]
             found = max((getattr(cost, part) for cost in every), default=0.0)
-            factor = min(1.0, AIM * tolerance / max(found, 1e-300))
+            factor = min(1.0, PART_SHARE * tolerance / max(found, 1e-300))
             if whole is not None:
-                together = min(1.0, TOGETHER * tolerance / max(whole, 1e-300))
+                together = min(1.0, SUM_SHARE * tolerance / max(whole, 1e-300))
                 factor = together if table == "friction" else max(factor, together)
             limit = limit / friction.speed if key == "omega" else limit
             least, most = sorted((value, limit))
@@ -221,8 +224,8 @@ class RefinedRun(Run):
 
     It ends where the mesh's part of the error of tensions is below ``solver.mesh_tolerance`` and no
     wrinkles are told that may come from the mesh alone, or where half the length would take more
-    than :data:`~anmstrip.driver.budget.MOST_UNKNOWNS`.  A path that stops is followed again too, as
-    long as the mesh may be what stopped it.
+    than :data:`~anmstrip.simulation.problem.MAX_HALVED_UNKNOWNS`.  A path that stops is followed
+    again too, as long as the mesh may be what stopped it.
 
     Attributes
     ----------
@@ -249,7 +252,7 @@ class RefinedRun(Run):
                 },
             )
             spent = self.outcome in (Outcome.TOO_MANY_STEPS, Outcome.TOO_MANY_TANGENTS)
-            if self.fine_enough or spent or not self.budget.can_halve:
+            if self.fine_enough or spent or not self.assembly.can_halve:
                 self.message += self.words()
                 self._finish()
                 return
@@ -268,8 +271,8 @@ class RefinedRun(Run):
             side = "below" if last["error"] <= share * scale else "above"
             told += f"makes tensions wrong by about {last['error']:.2g} N/m, {side}"
             told += f" the {share:g} of {scale:.5g} N/m that is asked for"
-        if not self.fine_enough and not self.budget.can_halve:
-            told += f"; half the length would take more than {MOST_UNKNOWNS} unknowns"
+        if not self.fine_enough and not self.assembly.can_halve:
+            told += f"; half the length would take more than {MAX_HALVED_UNKNOWNS} unknowns"
         return f"{told}."
 
     def facts(self) -> dict[str, Any]:

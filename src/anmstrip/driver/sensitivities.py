@@ -38,11 +38,11 @@ Explicit = Mapping[str, Array]
 STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
 """Places and weights of the difference of fourth order for a first derivative."""
 
-SMALL = 1e-2
+DIFFERENCE_STEP = 1e-2
 """Change of gaps over the onset of contact, and of slip over V_c, in a difference: its error is of
-the order SMALL⁴/30 and, by round-off, 1e-16/SMALL of radii over onsets."""
+the order SMALL⁴/30 and, by round-off, 1e-16/DIFFERENCE_STEP of radii over onsets."""
 
-POWERS = {"membrane": 1.0, "bending": 3.0}
+THICKNESS_POWERS = {"membrane": 1.0, "bending": 3.0}
 """Powers of the thickness to which elastic effects are proportional."""
 
 
@@ -246,7 +246,7 @@ class Partials:
         tangent, state = self.tangent, self.tangent.state
         if not (change := tangent.grown(key)).any():
             return {}
-        step = SMALL / float(np.abs(change).max())
+        step = DIFFERENCE_STEP / float(np.abs(change).max())
 
         def law(effect: Any, h: float) -> Array:
             controls = state.controls | {
@@ -254,7 +254,7 @@ class Partials:
             }
             return np.asarray(effect.law(effect.operator.apply(state.full), None, controls))
 
-        names = (name for name in (*POWERS, "weight") if name in tangent.parts)
+        names = (name for name in (*THICKNESS_POWERS, "weight") if name in tangent.parts)
         effects = {name: tangent.law_part(name).effect for name in names}
         return {
             name: sum((w / step * law(effect, at * step) for at, w in STENCIL), np.array(0.0))
@@ -305,11 +305,11 @@ class Partials:
         unit = replace(friction, coefficients=[0.0 if own else 1.0 for own in self.own])
         x = tangent.law_part("friction").operator.apply(state.full)
         yield "friction.coefficient", {"friction": np.asarray(unit.law(x, None, state.controls))}
-        parts = {name: tangent.parts[name] for name in POWERS if name in tangent.parts}
+        parts = {name: tangent.parts[name] for name in THICKNESS_POWERS if name in tangent.parts}
         elastic = {name: self._of_law(name) for name in parts}
         yield "material.young", {n: e / strip.material.young for n, e in elastic.items()}
         t = strip.thickness
-        thicker = {n: POWERS[n] / t * e for n, e in elastic.items()}
+        thicker = {n: THICKNESS_POWERS[n] / t * e for n, e in elastic.items()}
         if "weight" in tangent.parts:
             thicker["weight"] = self._of_law("weight") / t
         if any(roller.half for roller in friction.roller.members):
@@ -355,7 +355,7 @@ class Partials:
         tangent, state = self.tangent, self.tangent.state
         speed = max(abs(c.surface_speed) for c in state.contacts.values()) or 1.0
         slip = tangent.friction.law_of_slip.speed / speed
-        h = SMALL * min(tangent.friction.contact.signorini.width / arm, slip * 0.5 * arm)
+        h = DIFFERENCE_STEP * min(tangent.friction.contact.signorini.width / arm, slip * 0.5 * arm)
 
         def law(effect: Any, h: float) -> Array:
             roller = effect.roller
@@ -494,7 +494,7 @@ class Readings:
         worst = int(np.where(free, values[:, 0], np.inf).argmin())
         changed = membrane.change(state.full, self.change, state.controls)[:, :, worst]
         if (grown := self.tangent.grown(self.key)).any():
-            at, step = state.controls["strip.growth"], SMALL / float(np.abs(grown).max())
+            at, step = state.controls["strip.growth"], DIFFERENCE_STEP / float(np.abs(grown).max())
             sides = [state.controls | {"strip.growth": at + h * grown} for h in (-step, step)]
             before, after = (membrane.at(state.full, c)[:, :, worst] for c in sides)
             changed = changed + (after - before) / (2.0 * step)

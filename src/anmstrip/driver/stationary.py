@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
+from anmstrip.advice.diagnosis import Failure, diagnosis
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import PathStopped
 from anmstrip.continuation.path import Branch
-from anmstrip.driver.diagnosis import Failure, diagnosis
 from anmstrip.driver.run import Run
 from anmstrip.driver.sensitivities import response, unknown_name
 from anmstrip.equilibrium import StageProblem
@@ -27,10 +27,10 @@ from anmstrip.simulation.march import Step
 from anmstrip.simulation.problem import EffectMaker
 from anmstrip.taylor.polynomials import value_at
 
-POINTS, CURVES = 101, 5
+DEFAULT_POINTS, DEFAULT_CURVES = 101, 5
 """Rows of a curve, and curves of a second control, if they are not typed."""
 
-READINGS = (
+ROLLER_COLUMNS = (
     "tension_in", "tension_out", "torque", "surface_speed", "slip_arc", "capacity_used", "wrap",
 )  # fmt: skip
 """Columns of every roller, besides its ``offset``."""
@@ -274,7 +274,9 @@ class OperatingMap:
         require_steady_end(scene, "a map is made of stationary states")
         if not 1 <= len(along) <= 2:
             raise wrong_control(" ".join(along), "", "one control or two", len(along))
-        self.along = [Along.parse(t, n) for t, n in zip(along, (POINTS, CURVES), strict=False)]
+        self.along = [
+            Along.parse(t, n) for t, n in zip(along, (DEFAULT_POINTS, DEFAULT_CURVES), strict=False)
+        ]
         self.stages = [[a.stage(scene, v) for v in a.values[[0, -1]]] for a in self.along]
         if len({a.key for a in self.along}) < len(along):
             raise wrong_control(along[1], self.along[1].key, "another control")
@@ -414,12 +416,12 @@ def map_row(state: State) -> dict[str, Any]:
     row: dict[str, Any] = {f"{edge}_tension": state.tension(edge) for edge in ("entry", "exit")}
     row["strip_speed"] = state.strip_speed
     for name, reading in state.rollers.items():
-        row |= {f"{name}_{column}": getattr(reading, column) for column in READINGS}
+        row |= {f"{name}_{column}": getattr(reading, column) for column in ROLLER_COLUMNS}
         row[f"{name}_offset"] = reading.offset or 0.0
     return row
 
 
-DECADES, FREQUENCIES = (-2.0, 2.0), 41
+DEFAULT_DECADES, DEFAULT_FREQUENCIES = (-2.0, 2.0), 41
 """Frequencies by default: powers of ten of V/L with the length L of the strip, and how many."""
 
 
@@ -459,7 +461,7 @@ def respond(scene: SceneSpec, of: str, to: str, directory: Path) -> str:
     if state is None or state.strip_speed is None or not run.outcome.done:
         return run.message
     unit = state.strip_speed / run.assembly.strip.length
-    omega = unit * np.logspace(*DECADES, FREQUENCIES)
+    omega = unit * np.logspace(*DEFAULT_DECADES, DEFAULT_FREQUENCIES)
     found = response(state, [r.friction is not None for r in scene.rollers], to, omega)
     name = of if of in found else f"{to.removeprefix('rollers.').partition('.')[0]}_{of}"
     if name not in found:

@@ -57,9 +57,9 @@ SECTION = Kinematics("section", (0, 2), 1)
 PLATE = Kinematics("plate", (2,), 2)
 KINEMATICS = {level.name: level for level in (PLATE, SECTION, SHELL)}
 
-CROSS = np.zeros((3, 3, 3))
-CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
-CROSS[[0, 2, 1], [2, 1, 0], [1, 0, 2]] = -1.0
+LEVI_CIVITA = np.zeros((3, 3, 3))
+LEVI_CIVITA[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
+LEVI_CIVITA[[0, 2, 1], [2, 1, 0], [1, 0, 2]] = -1.0
 """ε_ijk in (a × b)_i = ε_ijk a_j b_k."""
 
 QUARTER_TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -73,7 +73,7 @@ def dot(a: Any, b: Any) -> Any:
 
 def cross(a: Any, b: Any) -> Any:
     """a × b, components first."""
-    return np.einsum("ik...,k...->i...", np.einsum("ijk,j...->ik...", CROSS, a), b)
+    return np.einsum("ik...,k...->i...", np.einsum("ijk,j...->ik...", LEVI_CIVITA, a), b)
 
 
 def normal_vector(tangents: Any) -> Any:
@@ -101,7 +101,7 @@ def normal_work(tangents: Any, p: Any) -> list[Any]:
     return [cross(tangents[:, 1], p), cross(p, tangents[:, 0])]
 
 
-PAIRS = {1: ((0, 0),), 2: ((0, 0), (1, 1), (0, 1))}
+DERIVATIVE_PAIRS = {1: ((0, 0),), 2: ((0, 0), (1, 1), (0, 1))}
 """Second derivatives that are kept, by the number of directions."""
 
 
@@ -126,7 +126,7 @@ class Frames:
     """
 
     tangents: Array  # e_α, shape (components, directions, points or 1)
-    seconds: Array  # R;αβ for αβ in PAIRS, shape (components, pairs, points or 1)
+    seconds: Array  # R;αβ for αβ in DERIVATIVE_PAIRS, shape (components, pairs, points or 1)
     density: Array  # √det A_ab, area over that in the parameter plane, (points or 1,)
     inverse: Array | None = None  # G^a_α, shape (2, 2, points)
     christoffel: Array | None = None  # Γ^c_ab, shape (2, 2, 2, points)
@@ -144,7 +144,7 @@ class Frames:
         seconds = np.einsum("aip,bjp,cabp->cijp", inverse, inverse, covariant)
         return cls(
             np.einsum("aip,cap->cip", inverse, first),
-            np.stack([seconds[:, a, b] for a, b in PAIRS[2]], axis=1),
+            np.stack([seconds[:, a, b] for a, b in DERIVATIVE_PAIRS[2]], axis=1),
             np.sqrt(np.linalg.det(metric)),
             inverse,
             christoffel,
@@ -166,8 +166,8 @@ class Frames:
         return np.einsum("aiep,aep->iep", inverse, field)
 
     def hessian(self, gradient: Array, hessian: Array) -> list[Array]:
-        """u;αβ for αβ in :data:`PAIRS`, from u,a and u,ab."""
-        pairs = PAIRS[len(gradient)]
+        """u;αβ for αβ in :data:`DERIVATIVE_PAIRS`, from u,a and u,ab."""
+        pairs = DERIVATIVE_PAIRS[len(gradient)]
         if self.inverse is None or self.christoffel is None:
             return [hessian[a, b] for a, b in pairs]
         shape = gradient.shape[1:]

@@ -16,7 +16,7 @@ from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, eye, kron
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.strip import Strip
 from anmstrip.linalg.solvers import WIDEST_BORDER, Bordered
-from anmstrip.taylor.program import AVAILABLE
+from anmstrip.taylor.program import COMPILED
 
 
 @dataclass
@@ -287,7 +287,7 @@ class CellOperator:
             J[j, b, i, a]: change of force (i, a) with derivative (j, b).
         """
         m, k = self.count, self.components
-        if AVAILABLE:
+        if COMPILED:
             from anmstrip.taylor.compiled import add_blocks
 
             table = self.table.reshape(self.elements, self.per_element, k, self.local)

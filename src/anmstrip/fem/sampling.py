@@ -16,7 +16,7 @@ from skfem.element import DiscreteField
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.operators import Blocks, CellOperator, LinearOperator, Part, Pattern
 from anmstrip.fem.strip import Strip
-from anmstrip.taylor.program import AVAILABLE
+from anmstrip.taylor.program import COMPILED
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def joined(grid: Array, strip: Strip) -> tuple[Index, Array]:
 
 SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
 
-SHARES = {
+POINT_WEIGHTS = {
     "line": SIMPSON,
     "quad": np.outer(SIMPSON, SIMPSON).ravel(),
     "triangle": np.repeat([1 / 90, 16 / 225, 81 / 320, 49**2 / 14400], [3, 3, 1, 3]),
@@ -83,7 +83,7 @@ is carried without bending: cubics in each coordinate, quintics on triangles.
 
 SQUARE = np.arange(9).reshape(3, 3)
 
-LINES = {
+POINT_LINES = {
     "quad": np.concatenate([SQUARE, SQUARE.T]),
     "triangle": np.array([[0, 3, 1], [1, 4, 2], [0, 5, 2]]),
 }
@@ -91,8 +91,8 @@ LINES = {
 
 
 def contact_shares(strip: Strip) -> Array:
-    """Return the weights of an element's contact points, see :data:`SHARES`."""
-    shares, parts = SHARES[shape_of(strip)], strip.contact_parts
+    """Return the weights of an element's contact points, see :data:`POINT_WEIGHTS`."""
+    shares, parts = POINT_WEIGHTS[shape_of(strip)], strip.contact_parts
     if parts == 1:
         return shares
     found = np.zeros(1 + 2 * parts)
@@ -101,7 +101,7 @@ def contact_shares(strip: Strip) -> Array:
     return found
 
 
-REMEMBERED = 4
+CACHE_SIZE = 4
 """Latest choices of points, for what is near a roller hardly changes within a step."""
 
 
@@ -112,7 +112,7 @@ def remembered(parts: dict[bytes, T], points: Index, make: Callable[[Index], T])
     """Object of a choice of points, made anew if it is none of the latest ones."""
     key = points.tobytes()
     if key not in parts:
-        while len(parts) >= REMEMBERED:
+        while len(parts) >= CACHE_SIZE:
             parts.pop(next(iter(parts)))
         parts[key] = make(points)
     return parts[key]
@@ -156,7 +156,7 @@ class ContactOperator(LinearOperator):
         self.functions = patch.functions
         self.shares = strip.areas[:, None] * contact_shares(strip)
         firsts = 2 * np.arange(strip.contact_parts)[:, None]
-        self.lines: Index = LINES.get(shape_of(strip), firsts + np.arange(3))
+        self.lines: Index = POINT_LINES.get(shape_of(strip), firsts + np.arange(3))
         total = np.bincount(self.cells.ravel(), self.shares.ravel())
         self.weights: Array = total.astype(float)
         self.matrix = self._at_points(strip, self.table)
@@ -223,7 +223,7 @@ class ContactOperator(LinearOperator):
         summed = [np.bincount(self.chosen, each, self.whole.points) for each in flat]
         every: Array = np.take(summed, self.cells[near], axis=1)
         table, places = inputs[near], pattern.cells[near]
-        if AVAILABLE and inputs is self.table:
+        if COMPILED and inputs is self.table:
             from anmstrip.taylor.compiled import add_blocks
 
             at_points = every.reshape(len(every), -1)

@@ -12,7 +12,7 @@ from skfem import Basis, FacetBasis, Mesh, MeshLine, MeshQuad, MeshTri
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.elements import Argyris, BognerFoxSchmit, Hermite
-from anmstrip.fem.geometry import PAIRS, SHELL, Frames, Kinematics, ReferenceSurface
+from anmstrip.fem.geometry import DERIVATIVE_PAIRS, SHELL, Frames, Kinematics, ReferenceSurface
 
 EDGES = ("entry", "exit", "left", "right")
 
@@ -175,7 +175,7 @@ class Strip:
         """Frames of the reference at the quadrature points of the strip, or of another basis."""
         if self.surface is None:
             level = self.kinematics
-            straight = np.zeros((level.count, len(PAIRS[level.directions]), 1))
+            straight = np.zeros((level.count, len(DERIVATIVE_PAIRS[level.directions]), 1))
             return Frames(level.flat, straight, np.ones(1))
         points = np.asarray((self.basis if basis is None else basis).global_coordinates())
         return Frames.of(self.surface(points.reshape(2, -1)))

@@ -19,18 +19,18 @@ from anmstrip.arrays import Array, Index
 
 Solve = Callable[[Array], Array]
 
-SCALED = 20.0
+WELL_SCALED = 20.0
 """Largest entry of a column, or its reciprocal, that counts as of order one."""
 
-MOST_SCALINGS = 10
+MAX_SCALINGS = 10
 
-ENOUGH = 1e-15
+TARGET_BACKWARD_ERROR = 1e-15
 """Backward error after which refinement stops."""
 
-TOO_MUCH = 1e-9
+LARGEST_BACKWARD_ERROR = 1e-9
 """Backward error with which factors are of no use."""
 
-MOST_REFINEMENTS = 3
+MAX_REFINEMENTS = 3
 
 
 class SingularTangentError(ArithmeticError):
@@ -103,9 +103,9 @@ def equilibrated(matrix: csc_matrix) -> Array:
     diagonal = np.abs(matrix.diagonal())
     d = 1.0 / np.sqrt(np.where(diagonal > 1e-8 * largest, diagonal, largest))
     with np.errstate(all="ignore"):  # stiffness may be as small as doubles are
-        for _ in range(MOST_SCALINGS):
+        for _ in range(MAX_SCALINGS):
             size = d * column_maxima(magnitude * d[matrix.indices])
-            if size.max() < SCALED and size.min() > 1.0 / SCALED:
+            if size.max() < WELL_SCALED and size.min() > 1.0 / WELL_SCALED:
                 break
             d /= np.sqrt(size)
         require_stiffness(np.isfinite(d))
@@ -155,11 +155,11 @@ def refined(solve: Solve, matrix: Any, norm: float) -> Solve:
     left, steps = np.inf, 0
     with np.errstate(over="ignore", invalid="ignore"):  # of factors that are no solver
         x = solve(b)
-        while (error := backward_error(x)) > ENOUGH and steps < MOST_REFINEMENTS:
+        while (error := backward_error(x)) > TARGET_BACKWARD_ERROR and steps < MAX_REFINEMENTS:
             if not error < left / 2:
                 break
             x, left, steps = x + solve(b - matrix @ x), error, steps + 1
-    if not error < TOO_MUCH:
+    if not error < LARGEST_BACKWARD_ERROR:
         raise SingularTangentError(f"the factors leave a residual of {error:.1g}")
 
     def solve_and_refine(b: Array) -> Array:
@@ -197,7 +197,7 @@ class Plan:
         if diagonal.min() > 0.0:
             with np.errstate(over="ignore"):  # stiffness may be as small as doubles are
                 d = multiply(1.0 / np.sqrt(diagonal))
-            if max(found.data.max(), -found.data.min()) < SCALED:
+            if max(found.data.max(), -found.data.min()) < WELL_SCALED:
                 return found, d
         return found, multiply(equilibrated(matrix))
 

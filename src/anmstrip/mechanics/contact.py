@@ -14,7 +14,7 @@ from anmstrip.arrays import Array, Index
 from anmstrip.fem.geometry import SHELL, Kinematics
 from anmstrip.fem.sampling import ContactOperator, remembered
 from anmstrip.mechanics.effects import (
-    WIDTH,
+    LAW_WIDTH,
     Controls,
     LawEffect,
     Moment,
@@ -25,24 +25,24 @@ from anmstrip.mechanics.effects import (
 from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
 from anmstrip.mechanics.roller import Projection, Roller
 
-CHORD = 0.25
+LONGEST_WAY = 0.25
 """Longest way of a point between two looks, in radii; it is taken as straight in between."""
 
-MOST = 1024
+MAX_CHECKS = 1024
 """Looks at one step."""
 
-FEW = 1000
+ALWAYS_CHECKED = 1000
 """Pairs up to which all are looked at always: that takes less time than to tell how far they have
 moved."""
 
-STEEPEST = 1.5
+GAP_RATE = 1.5
 """Bound of the change of a gap over the way of its point: (1 + |R'|)/√(1 + R'²) ≤ √2."""
 
 
 Look = tuple[Array, Array]
 """Unknowns of the strip, and centres of rollers (m), (rollers, 3)."""
 
-ENDS_AND_MIDDLE = np.linspace(0.0, 1.0, 3)
+FIRST_CHECKS = np.linspace(0.0, 1.0, 3)
 """Shares of a step at which it is looked at first."""
 
 
@@ -67,17 +67,17 @@ def deepest(contact: Contact, places: Callable[[Array], Array]) -> float | None:
         with np.errstate(invalid="ignore"):  # on the axis there is no direction
             return np.asarray(contact.roller.project(y.swapaxes(0, 1)).gap)
 
-    shares = ENDS_AND_MIDDLE
+    shares = FIRST_CHECKS
     y = places(shares)
     least = gaps(y).min(axis=0) - contact.reaches
     while True:
         step = y[1:] - y[:-1]
         moved = np.sqrt((step**2).sum(axis=1))
-        chords = np.where(least < STEEPEST * moved, moved / contact.roller.radius, 0.0)
-        more = float(chords.max(initial=0.0)) / CHORD
-        if more <= 1.0 or len(shares) >= MOST:
+        chords = np.where(least < GAP_RATE * moved, moved / contact.roller.radius, 0.0)
+        more = float(chords.max(initial=0.0)) / LONGEST_WAY
+        if more <= 1.0 or len(shares) >= MAX_CHECKS:
             break
-        shares = np.linspace(0.0, 1.0, min(int(np.ceil(more * (len(shares) - 1))), MOST) + 1)
+        shares = np.linspace(0.0, 1.0, min(int(np.ceil(more * (len(shares) - 1))), MAX_CHECKS) + 1)
         y = places(shares)
     across = step[:, :2]  # every piece is nearest to the axis at a share of it
     square = np.maximum((across**2).sum(axis=1), np.finfo(float).tiny)
@@ -199,7 +199,7 @@ class Contact(LawEffect):
         def looked(shares: Array) -> list[tuple[Look, Mapping[str, Any]]]:
             return [(self.look(full, controls), controls) for full, _, controls in states(shares)]
 
-        first = looked(ENDS_AND_MIDDLE)
+        first = looked(FIRST_CHECKS)
         near = self.neighbours(*first[0])
         farthest = max(near.moved(look) for look, _ in first[1:])
 
@@ -239,7 +239,7 @@ class Contact(LawEffect):
         """
         latest = self.latest.get("neighbours")
         if latest is None or not latest.moved(look) <= latest.skin:
-            if self.operator.points <= FEW:
+            if self.operator.points <= ALWAYS_CHECKED:
                 pairs = np.arange(self.operator.points)
                 latest = Neighbours(self._part(pairs), pairs, np.inf, *look)
             else:
@@ -250,7 +250,7 @@ class Contact(LawEffect):
 
     def _looked_up(self, look: Look, controls: Mapping[str, Any], skin: float) -> Neighbours:
         """Pairs that may come within reach while nothing moves farther than the skin (m)."""
-        found, farthest = [], STEEPEST * skin
+        found, farthest = [], GAP_RATE * skin
         whole = self.operator.whole
         places = (whole.reference + self.kinematics.embed(whole.apply(look[0])))[[0, 2]]
         for numbers, part in zip(self.numbers, self.by_roller.values(), strict=True):
@@ -535,7 +535,11 @@ class Friction(LawEffect):
         """
         found = self.acting(self.contact.pressure(place), slowed(slip, controls))
         growth = self.law_of_slip.growth
-        return found * np.exp(growth * controls[WIDTH]) if growth and WIDTH in controls else found
+        return (
+            found * np.exp(growth * controls[LAW_WIDTH])
+            if growth and LAW_WIDTH in controls
+            else found
+        )
 
     def on_strip(self, tangents: Any, traction: Any) -> Any:
         """Residual per area of a traction along the tangents, (components, points)."""

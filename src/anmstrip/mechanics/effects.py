@@ -13,15 +13,15 @@ from scipy.sparse import csr_matrix
 from anmstrip.arrays import Array
 from anmstrip.fem.geometry import Kinematics
 from anmstrip.fem.operators import Blocks, Part, Pattern
-from anmstrip.fem.sampling import REMEMBERED
-from anmstrip.taylor.program import AVAILABLE
+from anmstrip.fem.sampling import CACHE_SIZE
+from anmstrip.taylor.program import COMPILED
 from anmstrip.taylor.series import Series, record
 from anmstrip.taylor.tape import Tape
 
 if TYPE_CHECKING:
     from anmstrip.mechanics.compiled import CompiledLaw
 
-SHARPER = 1e-4
+SHARPENING_STEP = 1e-4
 """Share in the difference that tells what sharper laws would do: its error is of the order of its
 square and, by round-off, of 1e-16 over it."""
 
@@ -57,13 +57,13 @@ Moment = tuple[Array, Array | None, Mapping[str, Any]]
 """Displacements and velocities of all unknowns, and the values of the controls."""
 
 
-WIDTH = "laws.width"
+LAW_WIDTH = "laws.width"
 """Control: logarithm of the width of the corners of laws in velocity over that given, 0 without."""
 
 
 def slowed(speeds: Any, controls: Mapping[str, Any]) -> Any:
     """Return speeds (m/s) over the width of the corners: what wider laws see is what these see."""
-    return speeds * np.exp(-controls[WIDTH]) if WIDTH in controls else speeds
+    return speeds * np.exp(-controls[LAW_WIDTH]) if LAW_WIDTH in controls else speeds
 
 
 class Effect:
@@ -74,7 +74,7 @@ class Effect:
        feel may end with the unknowns of the strip.
     3. ``rate_dependent`` says that the residual depends on v; stages with such an effect run
        in time.
-    4. ``has_corners`` says that its law has corners in velocity, which ``WIDTH`` widens.
+    4. ``has_corners`` says that its law has corners in velocity, which ``LAW_WIDTH`` widens.
     5. The remaining methods matter to contact and friction; others keep the defaults.
     """
 
@@ -154,15 +154,15 @@ class LawEffect(Effect):
 
     @cached_property
     def sharpened(self) -> tuple[Any, ...]:
-        """The effect with laws nearer to sharp by ``± SHARPER``."""
-        return self.sharper(SHARPER), self.sharper(-SHARPER)
+        """The effect with laws nearer to sharp by ``± SHARPENING_STEP``."""
+        return self.sharper(SHARPENING_STEP), self.sharper(-SHARPENING_STEP)
 
     def sharpening(self, full: Array, velocity: Array | None, controls: Values) -> Array | None:
         near = self.near(full, controls)
         if near.sharpened[0] is near:
             return None
         more, less = (law.force_here(full, velocity, controls) for law in near.sharpened)
-        return (more - less) / (2.0 * SHARPER)
+        return (more - less) / (2.0 * SHARPENING_STEP)
 
 
 @dataclass(frozen=True)
@@ -335,7 +335,7 @@ class RecordedLaw:
         """Return the way from unknowns to forces, if it is compiled and keeps points apart."""
         program = self.program
         laned = program.output.laned and all(x.laned for x in program.inputs[: self.kinematic])
-        if not (AVAILABLE and (laned or self.effect.operator.points == 1)):
+        if not (COMPILED and (laned or self.effect.operator.points == 1)):
             return None
         from anmstrip.mechanics.compiled import CompiledLaw
 
@@ -427,7 +427,7 @@ class RecordedLaws:
         latest = self.latest[effect.name]
         kinematic = [effect.operator.apply(x) for x in motions_of(effect, state)]
         latest.insert(0, RecordedLaw(effect, kinematic, state[2], controls, self))
-        del latest[REMEMBERED:]
+        del latest[CACHE_SIZE:]
         return latest[0]
 
 

@@ -148,7 +148,7 @@ class RepulsiveSignorini(ContactLaw):
         return f"K = {self.stiffness:.3g} Pa/m"
 
 
-DEEPEST = 100.0
+SATURATION_DEPTH = 100.0
 """Depth over the width from which a graded reaction grows no more: 1e43 times its pressure is more
 than any strip bears, and still a number."""
 
@@ -165,8 +165,8 @@ class GradedSignorini(ContactLaw):
     width: float  # w (m)
 
     def __call__(self, gap: Any) -> Any:
-        """Reaction at a gap, at most that at a depth of ``DEEPEST`` widths."""
-        deepest = -DEEPEST * self.width
+        """Reaction at a gap, at most that at a depth of ``SATURATION_DEPTH`` widths."""
+        deepest = -SATURATION_DEPTH * self.width
         seen = np.where(gap < deepest, deepest, gap)
         return np.exp(seen * (-1.0 / self.width)) * self.pressure
 

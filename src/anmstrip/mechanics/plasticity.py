@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.fem.geometry import PAIRS, dot
+from anmstrip.fem.geometry import DERIVATIVE_PAIRS, dot
 from anmstrip.fem.operators import InternalOperator
 from anmstrip.mechanics.effects import LawEffect
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, eigenstrain, kept, moduli
 
-MISES = {1: np.eye(1), 3: np.array([[1.0, -0.5, 0.0], [-0.5, 1.0, 0.0], [0.0, 0.0, 3.0]])}
+VON_MISES = {1: np.eye(1), 3: np.array([[1.0, -0.5, 0.0], [-0.5, 1.0, 0.0], [0.0, 0.0, 3.0]])}
 """A in σ_eq² = σ · A σ of a fibre's stress, and of (xx, yy, xy) in plane stress."""
 
 
@@ -31,7 +31,7 @@ class FlowLaw:
 
     X = H_k A⁻¹ ε_p is the back stress, R = σ_y + H_i p the yield stress as it grows with
     p' = ε₀ s_eqⁿ⁺¹.  Where material flows s_eq is about 1, and p the length of its plastic path.
-    Strain has twice the shear of the tensor; A is :data:`MISES`.  Another hardening is another
+    Strain has twice the shear of the tensor; A is :data:`VON_MISES`.  Another hardening is another
     ``resistance``, another yield surface another ``normal``.
     """
 
@@ -49,7 +49,7 @@ class FlowLaw:
 
     def variables(self, directions: int) -> int:
         """Return how many internal variables a layer has: ε_p, and p if it matters."""
-        return len(MISES[3 if directions > 1 else 1]) + self.hardens
+        return len(VON_MISES[3 if directions > 1 else 1]) + self.hardens
 
     def resistance(self, path: Any) -> Any:
         """Return R (Pa), positive, from p, both (layers, points)."""
@@ -57,13 +57,13 @@ class FlowLaw:
 
     def normal(self, s: Any) -> Any:
         """Return A s of the shape of s, (1 or 3, layers, points); s · A s is s_eq²."""
-        return np.einsum("kl,l...->k...", MISES[s.shape[0]], s)
+        return np.einsum("kl,l...->k...", VON_MISES[s.shape[0]], s)
 
     def driving(self, stress: Any, internal: Any) -> Any:
         """Return s, (1 or 3, layers, points), from σ (Pa) and the internal variables."""
         d = stress.shape[0]
         if self.kinematic:
-            back = self.kinematic * np.linalg.inv(MISES[d])
+            back = self.kinematic * np.linalg.inv(VON_MISES[d])
             stress = stress - np.einsum("kl,l...->k...", back, internal[:d])
         if not self.hardens:
             return stress * (1.0 / self.yield_stress)
@@ -89,7 +89,7 @@ class FlowLaw:
 
     def mises(self, stress: Array) -> Array:
         """Return the equivalent stress σ_eq (Pa) of stress, (1 or 3, ...)."""
-        form = MISES[len(stress)]
+        form = VON_MISES[len(stress)]
         return self.equivalent * np.sqrt(np.einsum("k...,kl,l...->...", stress, form, stress))
 
 
@@ -163,7 +163,7 @@ class Plasticity(LawEffect):
         tangents = derivatives[:, : self.bending.directions]
         strain = self.membrane.strain(tangents, eigenstrain(self.strip, controls))
         bent, heights = self.bending.change(derivatives, controls), self.layers.heights[:, None]
-        pairs = PAIRS[self.bending.directions]
+        pairs = DERIVATIVE_PAIRS[self.bending.directions]
         each = [
             strain[a, b] * (self.contracting * twice) - bent[k] * (heights * twice) - internal[k]
             for k, ((a, b), twice) in enumerate(zip(pairs, self.twice, strict=True))

@@ -13,7 +13,7 @@ from anmstrip.fem.operators import CellOperator, Pattern
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.effects import LawEffect, LinearEffect
 
-FIRST, SECOND = (1, 0), (2, 0, 1)
+FIRST_DERIVATIVES, SECOND_DERIVATIVES = (1, 0), (2, 0, 1)
 """How many times the first derivatives (x, y) and the second ones (xx, yy, xy) go along x."""
 
 
@@ -134,7 +134,7 @@ class Membrane(LawEffect):
         self.stiffness = plane_stress(strip)
         self.flat = strip.frames().tangents
         self.metric = np.eye(strip.kinematics.directions)[:, :, None]
-        self.powers = FIRST[: strip.kinematics.directions]
+        self.powers = FIRST_DERIVATIVES[: strip.kinematics.directions]
         self.imperfection = imperfection
         if imperfection is not None:
             natural = self.flat + self.operator.apply(imperfection)
@@ -218,7 +218,7 @@ def principal_values(forces: Array) -> Array:
     return np.stack([mean - radius, mean + radius], axis=-1)
 
 
-FLAT = 1e-10
+FLAT_CURVATURE = 1e-10
 """Curvature times thickness that is round-off."""
 
 
@@ -239,7 +239,7 @@ def isometric_bending(strip: Strip, pattern: Pattern) -> LinearEffect:
     ValueError
         If the reference is curved.
     """
-    if np.abs(strip.frames().seconds).max() * strip.thickness > FLAT:
+    if np.abs(strip.frames().seconds).max() * strip.thickness > FLAT_CURVATURE:
         raise ValueError("isometric bending is for flat references; take KirchhoffLove")
     operator = CellOperator(strip, [2])
     block = np.zeros(pattern.couplings)
@@ -303,7 +303,9 @@ class KirchhoffLove(LawEffect):
         self.operator = CellOperator(strip, (1, 2), symmetric=True)
         self.directions = strip.kinematics.directions
         self.stiffness = stiffness(strip)
-        self.powers = FIRST[: self.directions] + SECOND[: len(self.stiffness)]
+        self.powers = (
+            FIRST_DERIVATIVES[: self.directions] + SECOND_DERIVATIVES[: len(self.stiffness)]
+        )
         self.reference = np.concatenate([frames.tangents, frames.seconds], axis=1)
         natural = 0.0 if imperfection is None else self.operator.apply(imperfection)
         self.curvature = self.bent(self.reference + natural)

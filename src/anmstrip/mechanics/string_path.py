@@ -12,10 +12,10 @@ from anmstrip.arrays import Array
 
 Mask = NDArray[np.bool_]
 
-ROUNDING = 1e-7
-"""Turns (rad) above −ROUNDING count as zero: the root of the rounding of a length."""
+TURN_ROUND_OFF = 1e-7
+"""Turns (rad) above −TURN_ROUND_OFF count as zero: the root of the rounding of a length."""
 
-FINE = 64
+LENGTH_SAMPLES = 64
 """Places to a boundary layer at which the length of bent strip is summed up."""
 
 LARGEST_TURN = 1.75 * np.pi
@@ -81,10 +81,10 @@ class StraightEnd:
 End = FixedEnd | StraightEnd
 
 
-LIGHT = 1e-6
+NEGLIGIBLE_WEIGHT = 1e-6
 """Weight of a run over its tension, below which it is straight."""
 
-DEEP = 2.4
+DEEP_CATENARY = 2.4
 """Chord over H/w of the catenary whose ends are pulled least, between level ends: 2 · 1.1997."""
 
 
@@ -119,11 +119,11 @@ def hanging(run: Array, weight: float, pull: float) -> tuple[float, float, float
     def missing(a: float) -> float:
         return weight * a * float(np.hypot(1.0, shape(a)[2])) - pull
 
-    if not LIGHT * pull < weight * across or missing(across / DEEP) >= 0.0:
+    if not NEGLIGIBLE_WEIGHT * pull < weight * across or missing(across / DEEP_CATENARY) >= 0.0:
         return 0.0, 0.0, 0.0
     from scipy.optimize import brentq
 
-    length, first, last = shape(brentq(missing, across / DEEP, pull / weight))
+    length, first, last = shape(brentq(missing, across / DEEP_CATENARY, pull / weight))
     longer = length - float(np.hypot(across, rise))
     return longer, float(angle - np.arctan(first)), float(np.arctan(last) - angle)
 
@@ -224,7 +224,11 @@ class StringPath:
                 left += signed[joint] * np.where(arc, lying, ahead)
             return left - 0.5 * arc * signed[piece], piece
 
-        steps = layer * np.arange(-FINE, 12 * FINE + 1)[:, None, None] / FINE
+        steps = (
+            layer
+            * np.arange(-LENGTH_SAMPLES, 12 * LENGTH_SAMPLES + 1)[:, None, None]
+            / LENGTH_SAMPLES
+        )
         outward = np.where(np.arange(len(joints) - 2) % 2, 1.0, -1.0)[:, None]
         near = (self.starts[1:-1] + steps * outward).reshape(-1, count)
         nodes = np.sort(np.vstack([self.starts, np.clip(near, 0.0, self.length)]), axis=0)
@@ -370,7 +374,7 @@ def wrap_angles(t: Array, runs: Array, rho: Array, crossing: Mask) -> Array:
     bridle at any angle; very short runs tell nothing and leave the decision to LARGEST_TURN.
     A strip that may cross itself, in a helix around the roller, is believed to be wrapped.
     """
-    turn = np.mod(-np.sign(rho) * np.diff(t, axis=0) + ROUNDING, 2.0 * np.pi) - ROUNDING
+    turn = np.mod(-np.sign(rho) * np.diff(t, axis=0) + TURN_ROUND_OFF, 2.0 * np.pi) - TURN_ROUND_OFF
     meeting = np.abs(rho) * np.tan(np.pi - 0.5 * turn)
     shorter = np.minimum(runs[:-1], runs[1:])
     untouched = (turn > LARGEST_TURN) | ((turn > np.pi) & (meeting < shorter))

@@ -33,6 +33,7 @@ from anmstrip.paper.mass_spring import (
     reference_solution,
 )
 from anmstrip.pictures.curves import paneled_figure, save_figure
+from anmstrip.results.events import EVENT_KINDS
 from anmstrip.results.files import atomic_write, write_summary, write_table
 from anmstrip.taylor.polynomials import Watch, derivative_coefficients, value_at
 from anmstrip.taylor.series import recorded, taylor_series
@@ -51,17 +52,17 @@ from anmstrip.timestepping.index_one import (
 
 Step = TypeVar("Step")
 
-FIRST_STEP = 1e-3
+FIRST_STEP_SHARE = 1e-3
 """First step of the implicit scheme, as a fraction of the time span."""
 
-FAST = 4.0
+FAST_SPEED = 4.0
 """Speed over V_c above which an error counts along the curve, in the explicit scheme.
 
 In a snap an error along the curve is a larger one at equal times.  At V_c itself the third case
 keeps 1e-4 m along the curve, and is off by 2.7e-4 m in a row of ``case.csv``.
 """
 
-MOST_STEPS = 200_000
+MAX_CASE_STEPS = 200_000
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,7 @@ def solve_case(case: MassSpring, scheme: str, *, order: int, tolerance: float) -
         reasons.append(reason)
         return path
 
-    found = controlled(run, case.residual, tolerance, speed=FAST * case.parameters.V_c)
+    found = controlled(run, case.residual, tolerance, speed=FAST_SPEED * case.parameters.V_c)
     return CaseSolution(found.path, found.error, found.passes, cost, reasons[-1])
 
 
@@ -109,7 +110,7 @@ def explicit_scheme(
 ) -> tuple[TimePath, PathStopped | None]:
     """The paper's scheme, explicit in time."""
     p, rest = case.parameters, np.zeros(case.size)
-    how: dict[str, Any] = {"order": order, "tolerance": tolerance, "speed": FAST * p.V_c}
+    how: dict[str, Any] = {"order": order, "tolerance": tolerance, "speed": FAST_SPEED * p.V_c}
     steps = integrate_explicitly(case.residual, rest, rest, (0.0, p.t_end), cost=cost, **how)
     pieces, reason = collect_steps(steps)
     return join_series(pieces), reason
@@ -123,10 +124,10 @@ def implicit_scheme(
     u, v = consistent(case.residual, rest, rest, 0.0, tolerance, 0.0)
     steps = integrate(
         FunctionRateEquations(case.residual, p.t_end, p.V_c),
-        start_memory(0.0, u, v, FIRST_STEP * p.t_end),
+        start_memory(0.0, u, v, FIRST_STEP_SHARE * p.t_end),
         p.t_end,
         solver=DenseSolver(),
-        settings=Settings(order, Tolerances(tolerance).time_residual, MOST_STEPS),
+        settings=Settings(order, Tolerances(tolerance).time_residual, MAX_CASE_STEPS),
         stepping=Stepping(p.t_end, tolerance),
         cost=cost,
     )
@@ -150,15 +151,10 @@ def collect_steps(steps: Iterable[Step]) -> tuple[list[Step], PathStopped | None
     return found, None
 
 
-KINDS = (
-    ("contact lost", "contact made"),
-    ("slip", "stick"),
-    ("cone left", "cone regained"),
-    ("law left", "law regained"),
-)
+CASE_EVENTS = (*EVENT_KINDS, ("law left", "law regained"))
 """Names of the events, where a function rises through zero and where it falls."""
 
-SAMPLES = 9
+SLIDING_SAMPLES = 9
 """Instants of a piece at which the sense of sliding is looked at."""
 
 
@@ -191,7 +187,7 @@ def events_of(case: MassSpring, pieces: Iterator[tuple[float, float, Array]]) ->
     corners = np.array([corner_speed(p.friction), cone_speed(p.friction)]) ** 2
 
     def indicators(u: Any, v: Any) -> Any:
-        """Functions whose roots are events, in the order of ``KINDS``."""
+        """Functions whose roots are events, in the order of ``CASE_EVENTS``."""
         h, slip = case.gap(u), case.slip(u, v)
         return np.stack([h - level, *(slip * slip - s for s in corners), h - p.delta])
 
@@ -207,7 +203,7 @@ def events_of(case: MassSpring, pieces: Iterator[tuple[float, float, Array]]) ->
             if which in (1, 2) and not (pressed or case.gap(x) <= level):
                 continue
             value = float(case.slip(x, speed) if which in (1, 2) else case.gap(x))
-            kind = KINDS[which][0 if sense > 0 else 1]
+            kind = CASE_EVENTS[which][0 if sense > 0 else 1]
             ux, uy = (*map(float, x), 0.0)[:2]
             event = CaseEvent(float(start + a), kind, ux, uy, value)
             if kind == "stick":
@@ -239,12 +235,12 @@ def turn_of_sliding(
         first, last = max(start, since), min(start + length, stick.time)
         if not last > first:
             continue
-        times = np.linspace(first, last, SAMPLES)
+        times = np.linspace(first, last, SLIDING_SAMPLES)
         ahead = [sliding(t, u, start) > 0.0 for t in times]
         if ahead[-1]:
             return stick
         if any(ahead):
-            k = SAMPLES - 1 - ahead[::-1].index(True)
+            k = SLIDING_SAMPLES - 1 - ahead[::-1].index(True)
             t = float(brentq(sliding, times[k], times[k + 1], args=(u, start), xtol=1e-12))
             x, v = value_at(u, t - start), value_at(derivative_coefficients(u), t - start)
             ux, uy = (*map(float, x), 0.0)[:2]
@@ -275,14 +271,14 @@ def coulomb_slip(case: MassSpring, u: Array, t: float, sense: float) -> float:
 PAPER_STEPS = {"pressed-plane": 34, "moving-plane": 90, "rotating-circle": 90}
 """Steps that the paper reports, at order 19 and tolerance 1e-4."""
 
-COLUMNS = ("time", "ux", "uy", "vx", "vy", "normal_reaction", "tangential_reaction")
+CASE_COLUMNS = ("time", "ux", "uy", "vx", "vy", "normal_reaction", "tangential_reaction")
 
-ROWS = 401
+WRITTEN_ROWS = 401
 """Instants written, evenly spaced."""
 
 ANY_SIGN = {"V", "Omega"}
 
-RANGE = 1e6
+SYMBOL_RANGE = 1e6
 """Factor from the paper's values within which all symbols together leave digits for the rest."""
 
 NOTHING_SET: Mapping[str, float] = MappingProxyType({})
@@ -425,7 +421,7 @@ def run_case(
     begin = time.perf_counter()
     solution = solve_case(case, scheme, order=order, tolerance=tolerance)
     seconds = time.perf_counter() - begin
-    rows = table_rows(case, solution, np.linspace(0.0, solution.path.knots[-1], ROWS))
+    rows = table_rows(case, solution, np.linspace(0.0, solution.path.knots[-1], WRITTEN_ROWS))
     events = tuple(events_of(case, solution.path.polynomials()))
     unstable = tuple(instabilities(case.residual, solution.path))
     error = equal = None
@@ -439,7 +435,7 @@ def run_case(
 
 def table_rows(case: MassSpring, solution: CaseSolution, times: Array) -> Array:
     """The columns of ``case.csv``, from the dense output."""
-    rows = np.zeros((len(times), len(COLUMNS)))
+    rows = np.zeros((len(times), len(CASE_COLUMNS)))
     rows[:, 0] = times
     for row in rows:
         u, v = solution.path(row[0])
@@ -475,7 +471,12 @@ def write_case(report: CaseReport, directory: Path) -> tuple[Path, ...]:
     table, summary = directory / "case.csv", directory / "case.json"
     with atomic_write(table) as temporary:
         np.savetxt(
-            temporary, report.rows, "%.12g", delimiter=",", header=",".join(COLUMNS), comments=""
+            temporary,
+            report.rows,
+            "%.12g",
+            delimiter=",",
+            header=",".join(CASE_COLUMNS),
+            comments="",
         )
     write_summary(summary, report.summary())
     events = directory / "events.csv"
@@ -506,8 +507,10 @@ def find_mistakes(
         hint = f"{key}={defaults[key]}"
         if not np.isfinite(value):
             yield Mistake("--set", key, value, "a finite number", hint)
-        elif value and not 1.0 / RANGE <= abs(value / defaults[key]) <= RANGE:
-            expected = f"a number within a factor of {RANGE:g} of the paper's {defaults[key]:g}"
+        elif value and not 1.0 / SYMBOL_RANGE <= abs(value / defaults[key]) <= SYMBOL_RANGE:
+            expected = (
+                f"a number within a factor of {SYMBOL_RANGE:g} of the paper's {defaults[key]:g}"
+            )
             yield Mistake("--set", key, value, expected, hint)
         elif key == "q" and not 0.0 < value <= 1.0:
             yield Mistake("--set", key, value, "above 0 and at most 1", hint)

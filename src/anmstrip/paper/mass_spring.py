@@ -268,10 +268,10 @@ def balanced_reactions(case: MovingPlane | RotatingCircle, t: Array, u: Array) -
     return np.stack([(force * n).sum(0), force[0] * n[1] - force[1] * n[0]])
 
 
-ACCURACY = 1e-10
+REDUCED_TOLERANCE = 1e-10
 """Relative tolerance of the reduced equations."""
 
-TINY = 1e-300
+SMALLEST_DIVISOR = 1e-300
 
 
 def slip_at(law: NortonHoff, ratio: ArrayLike) -> Array:
@@ -303,10 +303,10 @@ def slip_at(law: NortonHoff, ratio: ArrayLike) -> Array:
     q, w = law.exponent, law.omega
     y = np.abs(np.asarray(ratio, dtype=float)) / law.coefficient
     s = np.maximum(y * w ** (1.0 - q), y ** (1.0 / q))
-    target = np.log(np.maximum(y, TINY))
+    target = np.log(np.maximum(y, SMALLEST_DIVISOR))
     for _ in range(60):
         m2 = s * s + w * w
-        excess = np.log(np.maximum(s, TINY)) + 0.5 * (q - 1.0) * np.log(m2) - target
+        excess = np.log(np.maximum(s, SMALLEST_DIVISOR)) + 0.5 * (q - 1.0) * np.log(m2) - target
         step = -excess / (1.0 + (q - 1.0) * s * s / m2)
         s = s * np.exp(np.maximum(step, 0.0))
         if np.all(step <= 1e-15):
@@ -408,7 +408,7 @@ class Reference:
         return self(self.nodes)
 
 
-def reference_solution(case: MassSpring, accuracy: float = ACCURACY) -> Reference:
+def reference_solution(case: MassSpring, accuracy: float = REDUCED_TOLERANCE) -> Reference:
     """Solution of the reduced equation by Radau's method, from rest to ``t_end``."""
     equation = reduced(case)
     solution = solve_ivp(

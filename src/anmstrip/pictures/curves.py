@@ -16,7 +16,7 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from anmstrip.arrays import Array
-from anmstrip.pictures.render import GREYS, OUTLINE, STEEL
+from anmstrip.pictures.render import OUTLINE, ROLLER_COLOURS, STEEL
 from anmstrip.results.files import atomic_write
 
 Rows = Sequence[Mapping[str, Any]]
@@ -31,7 +31,7 @@ PANELS = {
 }
 """Columns of a map that are drawn for every roller, with their titles and units."""
 
-LEGEND = 12
+MAX_LEGEND = 12
 """Most curves that a legend tells apart."""
 
 
@@ -84,7 +84,7 @@ def map_figure(rows: Rows, keys: Sequence[str], rollers: Sequence[str], events: 
         axes.set_xlabel(keys[0])
         axes.xaxis.set_major_locator(MaxNLocator(4))  # long labels would overlap
     labels = dict(zip(*grid[0].get_legend_handles_labels()[::-1], strict=True))
-    if len(labels) <= LEGEND:
+    if len(labels) <= MAX_LEGEND:
         grid[0].legend(labels.values(), labels, frameon=False, fontsize=8)
     for axes in grid[len(panels) :]:
         axes.remove()
@@ -146,7 +146,7 @@ def accuracy_figure(rows: Rows, tension: float) -> Figure:
     return figure
 
 
-CURVES = 7
+MAX_CURVES = 7
 """Most values of a second key that are drawn as curves; more of them make a map."""
 
 
@@ -162,7 +162,7 @@ def sweep_figure(rows: Rows, varied: Sequence[str]) -> Figure:
     columns = ratios or ["entry_tension", "exit_tension"]
     figure, panels = paneled_figure(1, len(columns), (4.8 * len(columns), 3.8))
     second = {json.dumps(row[varied[1]]) for row in rows} if len(varied) == 2 else set()
-    draw = draw_map if len(second) > CURVES else draw_curves
+    draw = draw_map if len(second) > MAX_CURVES else draw_curves
     for axes, name in zip(panels, columns, strict=True):
         values = np.array([row.get(name) for row in rows], dtype=float)
         draw(axes, rows, varied, values)
@@ -179,7 +179,7 @@ def draw_curves(axes: Axes, rows: Rows, varied: Sequence[str], values: Array) ->
         curves.setdefault(label, []).append((place, value))
     for label, points in curves.items():
         axes.plot(*np.array(sorted(points)).T, marker="o", markersize=3, label=label)
-    if others and len(curves) <= CURVES:
+    if others and len(curves) <= MAX_CURVES:
         axes.legend(frameon=False, fontsize=7)
 
 
@@ -225,13 +225,13 @@ def save_figure(figure: Figure, path: Path) -> None:
 SUFFIXES = (".png", ".svg", ".pdf")
 """Kinds of files that can be drawn, by their names."""
 
-ARROWS = 6
+TRAVEL_ARROWS = 6
 """Arrows along the strip that show which way it travels."""
 
-SMALL = 0.04
+SMALL_ROLLER = 0.04
 """Radius of a roller, over the larger side of the picture, that has no room for a caption."""
 
-ROOM = 0.08
+LINE_MARGIN = 0.08
 """Room around the line, over its larger side."""
 
 
@@ -262,7 +262,7 @@ def draw_layout(picture: Path, title: str, line: Array, wheels: Sequence[Wheel])
     ]
     everything = np.hstack([line, *circles])
     low, high = everything.min(axis=1), everything.max(axis=1)
-    room = ROOM * float((high - low).max())
+    room = LINE_MARGIN * float((high - low).max())
     width, height = high - low + 2.0 * room
     inches = 12.0, float(np.clip(12.0 * height / width, 3.0, 12.0)) + 0.8
     figure = Figure(figsize=inches, dpi=100, facecolor="white", layout="constrained")
@@ -270,7 +270,7 @@ def draw_layout(picture: Path, title: str, line: Array, wheels: Sequence[Wheel])
     axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room))
     axes.spines[["top", "right"]].set_visible(False)
     for wheel in wheels:
-        draw_wheel(axes, wheel, line, wheel.radius < SMALL * max(width, height))
+        draw_wheel(axes, wheel, line, wheel.radius < SMALL_ROLLER * max(width, height))
     axes.plot(*line, color=OUTLINE, linewidth=2.0, zorder=3)
     draw_travel(axes, line)
     for name, place, along in (("entry", line[:, 0], -1), ("exit", line[:, -1], 1)):
@@ -285,7 +285,7 @@ def draw_wheel(axes: Axes, wheel: Wheel, line: Array, small: bool) -> None:
     Its caption stands on it, or beside it if it is small: beyond its wrap, where no strip is, or
     away from the strip that passes it.
     """
-    axes.add_patch(Circle(tuple(wheel.centre), wheel.radius, color=GREYS[1], zorder=1))
+    axes.add_patch(Circle(tuple(wheel.centre), wheel.radius, color=ROLLER_COLOURS[1], zorder=1))
     axes.plot(*wheel.arc, color=STEEL[3], linewidth=6.0, solid_capstyle="butt", zorder=2)
     turn = -1.0 if wheel.clockwise else 1.0
     angle = turn * np.radians(np.linspace(-60.0, 60.0, 25)) + 0.5 * np.pi
@@ -312,7 +312,7 @@ def draw_wheel(axes: Axes, wheel: Wheel, line: Array, small: bool) -> None:
 def draw_travel(axes: Axes, line: Array) -> None:
     """Draw arrows along a strip, from entry to exit, equally far apart."""
     s = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=1), axis=0)))
-    for share in (np.arange(ARROWS) + 0.5) / ARROWS:
+    for share in (np.arange(TRAVEL_ARROWS) + 0.5) / TRAVEL_ARROWS:
         begin, end = (
             (np.interp(at * s[-1], s, line[0]), np.interp(at * s[-1], s, line[1]))
             for at in (share, share + 1e-3)

@@ -34,7 +34,7 @@ from anmstrip.errors import InputError, Mistake
 from anmstrip.results.files import atomic_write
 from anmstrip.results.vtk import (
     FIELDS,
-    TENSOR,
+    TENSOR_COMPONENTS,
     Field,
     SurfaceMesh,
     read_collection,
@@ -52,15 +52,15 @@ RENDERER = "ANMSTRIP_RENDERER"
 
 PREFERRED = "normal_pressure", "von_mises", "displacement"
 SIZE, MOVIE_SIZE = (1400, 800), (980, 560)
-MOST_FRAMES = 120
+MAX_FRAMES = 120
 FRAME_MILLISECONDS = 80
 MOVIE_COLOURS = 128
-TINY = 0.02
-CAPPED = 2.0
+SMALL_SHARE = 0.02
+PRESSURE_SCALE = 2.0
 """End of the scale of pressures, over the pressure that bears half of the force: the peaks where a
 strip lifts off grow with every refinement of the mesh, the force that they bear does not."""
 SECONDS_TO_START, SECONDS_PER_FRAME = 120.0, 20.0
-DRAWING = sys.executable, "-P", "-m", "anmstrip.pictures.render"
+DRAW_COMMAND = sys.executable, "-P", "-m", "anmstrip.pictures.render"
 State = tuple[float, Path, Path | None]
 """Time, file of the strip, and file of the rollers if there is one."""
 
@@ -117,7 +117,7 @@ def render(
             draw_side(drawn := replace(last, frames=(frame,)))
             pictures.append(save_picture(drawn, folder / f"picture_side.{vector}"))
         if movie:
-            count = min(len(states), MOST_FRAMES)
+            count = min(len(states), MAX_FRAMES)
             kept = np.unique(np.linspace(0, len(states) - 1, count).round().astype(int))
             every = plan_job([states[k] for k in kept], chosen, MOVIE_SIZE, Path(scratch))
             draw_in_space(every)
@@ -188,7 +188,9 @@ def plan_job(states: Sequence[State], field: str, size: tuple[int, int], scratch
     strips = [frame.read_strip(field) for frame in frames]
     values = np.concatenate([values for _, _, values in strips])
     if field == "normal_pressure":
-        values = np.minimum(values, max(CAPPED * bearing_pressure(*strip) for strip in strips))
+        values = np.minimum(
+            values, max(PRESSURE_SCALE * bearing_pressure(*strip) for strip in strips)
+        )
     eye = Eye.seeing(points.min(axis=0), points.max(axis=0), size)
     low, high, labels = labelled(*scale_limits(values))
     return Job(frames, field, (low, high), eye, size, labels)
@@ -217,11 +219,11 @@ def scale_limits(values: Array) -> tuple[float, float]:
         return 0.0, 1.0
     low, high = float(finite.min()), float(finite.max())
     largest = max(-low, high)
-    if min(-low, high) > TINY * largest:
+    if min(-low, high) > SMALL_SHARE * largest:
         return -largest, largest
     if abs(low + high) / 2.0 < 1.5 * (high - low):
         return (0.0, high) if high > -low else (low, 0.0)
-    room = max(high - low, TINY * largest) - (high - low)
+    room = max(high - low, SMALL_SHARE * largest) - (high - low)
     return low - 0.5 * room, high + 0.5 * room
 
 
@@ -245,7 +247,7 @@ def draw_in_space(job: Job) -> None:
     seconds = SECONDS_TO_START + SECONDS_PER_FRAME * len(job.frames)
     try:
         done = subprocess.run(
-            DRAWING, input=pickle.dumps(job), capture_output=True, timeout=seconds, check=False
+            DRAW_COMMAND, input=pickle.dumps(job), capture_output=True, timeout=seconds, check=False
         )
     except subprocess.TimeoutExpired:
         reason = f"no picture after {seconds:g} s"
@@ -311,7 +313,7 @@ def title(name: str, largest: float) -> tuple[str, float]:
     """
     base, _, component = name.partition(".")
     field = FIELDS.get(base, Field(base.replace("_", " "), ""))
-    component = component or ("xx" if field.components == TENSOR else "")
+    component = component or ("xx" if field.components == TENSOR_COMPONENTS else "")
     label = f"{field.label}, {component}" if component else field.label
     power = 0
     if field.unit and not field.unit.startswith("1") and 0.0 < largest < np.inf:
@@ -324,11 +326,11 @@ def title(name: str, largest: float) -> tuple[str, float]:
     return label + unit, 10.0**-power
 
 
-DIRECTION = np.array([-0.32, -0.80, 0.50])
+VIEW_DIRECTION = np.array([-0.32, -0.80, 0.50])
 """Vector from the scene towards the eye: the side, the top and the entry are all seen."""
-GREYS = "#8d9197", "#a9adb2"
+ROLLER_COLOURS = "#8d9197", "#a9adb2"
 """The two tones of a roller, whose sectors show its turning."""
-LIGHT = np.array([-0.15, 0.5, 0.85])
+LAMP_DIRECTION = np.array([-0.15, 0.5, 0.85])
 """Vector towards the lamp, in the axes of the eye."""
 AMBIENT = 0.45
 """Share of light that comes from everywhere."""
@@ -337,9 +339,9 @@ NO_VALUE = "#d9d9d9"
 STEEL = "#c4ced8", "#9fc3d4", "#f2c14e", "#e4652c", "#8c1c2b"
 SIGNED = "#2a5d9f", "#e8e8e6", "#b0303a"
 MARGIN = 1.06
-HEAD = 0.2
+HEAD_SHARE = 0.2
 """Share of a picture, at its top, that the time and the scale have for themselves."""
-STEPS = 1.0, 2.0, 2.5, 5.0
+LABEL_STEPS = 1.0, 2.0, 2.5, 5.0
 """Distances of the labels of a scale, times powers of ten."""
 
 
@@ -386,7 +388,7 @@ class Eye:
     @classmethod
     def seeing(cls, low: Array, high: Array, size: tuple[int, int]) -> Self:
         """Look at a box so that it fits into a picture of a size in pixels, below its head."""
-        towards = DIRECTION / np.linalg.norm(DIRECTION)
+        towards = VIEW_DIRECTION / np.linalg.norm(VIEW_DIRECTION)
         right = np.cross([0.0, 0.0, 1.0], towards)
         right /= np.linalg.norm(right)
         axes = np.array([right, np.cross(towards, right), towards])
@@ -394,9 +396,9 @@ class Eye:
         seen = corners @ axes.T
         middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
         width, height, _ = np.ptp(seen, axis=0)
-        tallest = max(height / (1.0 - HEAD), width * size[1] / size[0])
+        tallest = max(height / (1.0 - HEAD_SHARE), width * size[1] / size[0])
         half_height = max(0.5 * MARGIN * tallest, np.finfo(float).tiny)
-        middle[1] += HEAD * half_height
+        middle[1] += HEAD_SHARE * half_height
         return cls(axes, middle @ axes, half_height)
 
     def projected(self, points: Array) -> Array:
@@ -421,7 +423,7 @@ def labelled(low: float, high: float) -> tuple[float, float, int]:
     (-3.0, 3.0, 7)
     """
     power = np.floor(np.log10(high - low))
-    for step in [s * 10.0**p for p in (power - 1.0, power) for s in STEPS]:
+    for step in [s * 10.0**p for p in (power - 1.0, power) for s in LABEL_STEPS]:
         first, last = np.floor(low / step + 1e-9), np.ceil(high / step - 1e-9)
         if last - first <= 7.0:
             break
@@ -453,13 +455,13 @@ class Job:
         return label, factor, (low * factor, high * factor)
 
 
-NEARER = 0.02
+STRIP_SHIFT = 0.02
 """Shift of the strip to the eye, over half the height seen: a parallel projection stays the same,
 and the roller does not shine through where both coincide."""
-JOINED = 1e-6
+MERGE_DISTANCE = 1e-6
 """Largest distance, over the size of the surface, of points of neighbours that are one: VTK finds
 them in single precision, a triangle's from either end of the side."""
-BAR = {
+SCALAR_BAR = {
     **{"color": "black", "vertical": False, "title_font_size": 22, "label_font_size": 18},
     **{"width": 0.34, "height": 0.11, "position_x": 0.62, "position_y": 0.84, "fmt": "%.3g"},
 }
@@ -479,7 +481,7 @@ def draw_with_pyvista(job: Job) -> None:
         if rollers := frame.read_rollers():
             points, cells, tones = rollers
             surface = pyvista.PolyData(points, np.insert(cells, 0, 4, axis=1))
-            for tone, grey in enumerate(GREYS):
+            for tone, grey in enumerate(ROLLER_COLOURS):
                 sectors = surface.extract_cells(tones == tone)
                 sectors = sectors.extract_surface(algorithm="dataset_surface")
                 plotter.add_mesh(sectors, color=grey, **SHADING)
@@ -492,7 +494,7 @@ def draw_with_pyvista(job: Job) -> None:
         camera.up = eye.axes[1]
         camera.parallel_scale = eye.half_height
         plotter.renderer.reset_camera_clipping_range()
-        lamp = pyvista.Light(position=eye.focus + LIGHT @ eye.axes, focal_point=eye.focus)
+        lamp = pyvista.Light(position=eye.focus + LAMP_DIRECTION @ eye.axes, focal_point=eye.focus)
         lamp.positional = False
         plotter.add_light(lamp)
         plotter.screenshot(frame.picture)
@@ -508,8 +510,8 @@ def add_strip(plotter: pyvista.Plotter, job: Job, frame: Frame) -> None:
     grid.clear_data()
     grid[label] = frame.read_strip(job.field)[2] * factor
     surface = grid.extract_surface(nonlinear_subdivision=3, algorithm="dataset_surface")
-    surface = surface.clean(tolerance=JOINED, absolute=False)
-    nearer = NEARER * job.eye.half_height * job.eye.axes[2]
+    surface = surface.clean(tolerance=MERGE_DISTANCE, absolute=False)
+    nearer = STRIP_SHIFT * job.eye.half_height * job.eye.axes[2]
     surface.translate(nearer, inplace=True)
     plotter.add_mesh(
         surface,
@@ -518,7 +520,7 @@ def add_strip(plotter: pyvista.Plotter, job: Job, frame: Frame) -> None:
         clim=list(limits),
         nan_color=NO_VALUE,
         specular=0.1,
-        scalar_bar_args={"title": label + "\n", "n_labels": job.labels, **BAR},
+        scalar_bar_args={"title": label + "\n", "n_labels": job.labels, **SCALAR_BAR},
         **SHADING,
     )
     outline = surface.extract_feature_edges(feature_edges=False, manifold_edges=False)
@@ -527,34 +529,34 @@ def add_strip(plotter: pyvista.Plotter, job: Job, frame: Frame) -> None:
 
 
 DOTS_PER_INCH = 100
-IN_FRONT = 0.06
+SORTED_STRIP_SHIFT = 0.06
 """The same where facets are sorted by the distances of their middles, which takes more."""
-FACET = 0.03
+FACET_SIZE = 0.03
 """Longest side of a facet, over half the height seen."""
-MOST_PIECES = 64
+MAX_FACET_PIECES = 64
 """Most pieces along a side of a facet."""
-ROOM = 0.06
+SIDE_MARGIN = 0.06
 """Room around strip and rollers in the view from the side, over their extent."""
-PIECES = 6
+SEGMENT_PIECES = 6
 """Pieces of a segment of the middle line, each of one colour."""
 
 
 def draw_with_matplotlib(job: Job) -> None:
     """Draw every frame of a job as seen in space, the farthest facets first."""
     eye, height = job.eye, job.eye.half_height
-    greys = np.array([to_rgb(grey) for grey in GREYS])
+    greys = np.array([to_rgb(grey) for grey in ROLLER_COLOURS])
     for frame in job.frames:
         points, cells, values = frame.read_strip(job.field)
-        quads, levels = cut_facets(points[cells], values[cells], FACET * height)
+        quads, levels = cut_facets(points[cells], values[cells], FACET_SIZE * height)
         corners, towards, light = project_facets(eye, quads)
         colours = colours_of(job, levels.mean(axis=1)) * light[:, None]
-        polygons = [(corners, towards + IN_FRONT * height, colours)]
+        polygons = [(corners, towards + SORTED_STRIP_SHIFT * height, colours)]
         if rollers := frame.read_rollers():
             points, cells, tones = rollers
             quads = points[cells]
             seen = normals_of(quads) @ eye.axes[2] > 0.0
             tone = np.repeat(tones[seen, None], 4, axis=1).astype(float)
-            quads, tone = cut_facets(quads[seen], tone, FACET * height)
+            quads, tone = cut_facets(quads[seen], tone, FACET_SIZE * height)
             corners, towards, light = project_facets(eye, quads)
             colours = greys[np.rint(tone[:, 0]).astype(int)] * light[:, None]
             polygons.append((corners, towards, colours))
@@ -580,14 +582,16 @@ def draw_side(job: Job) -> None:
             points, cells, tones = rollers
             faces = points[:, [0, 2]]
             seen = np.concatenate([seen, faces])
-            add_polygons(axes, faces[cells], np.array([to_rgb(grey) for grey in GREYS])[tones], 0.4)
+            add_polygons(
+                axes, faces[cells], np.array([to_rgb(grey) for grey in ROLLER_COLOURS])[tones], 0.4
+            )
         colours = colours_of(job, values)
         axes.add_collection(LineCollection(list(segments), colors=colours, lw=3, capstyle="round"))
         # a box around everything, and some room, with the same scale in both directions
         share = axes.get_position()
         sheet = np.array([share.width * job.size[0], share.height * job.size[1]])
         low, high = seen.min(axis=0), seen.max(axis=0)
-        middle, reach = 0.5 * (low + high), 0.5 * (1.0 + ROOM) * (high - low)
+        middle, reach = 0.5 * (low + high), 0.5 * (1.0 + SIDE_MARGIN) * (high - low)
         left, right = (middle + side * sheet * max(reach / sheet) for side in (-1, 1))
         axes.set(xlim=(left[0], right[0]), ylim=(left[1], right[1]))
         axes.set(xlabel="x [m]", ylabel="z [m]")
@@ -635,7 +639,9 @@ def cut_facets(quads: Array, values: Array, longest: float) -> tuple[Array, Arra
     """Cut facets (n, 4, 3) and values (n, 4) into pieces small enough to be sorted by distance."""
     corners = np.concatenate([quads, values[..., None]], axis=-1)
     edges = np.linalg.norm(np.roll(quads, -1, axis=1) - quads, axis=2).max(axis=0)
-    counts = np.ceil(np.maximum(edges[:2], edges[2:]) / longest).astype(int).clip(1, MOST_PIECES)
+    counts = (
+        np.ceil(np.maximum(edges[:2], edges[2:]) / longest).astype(int).clip(1, MAX_FACET_PIECES)
+    )
     u, v = (np.linspace(0.0, 1.0, count + 1) for count in counts)
     weights = np.stack(
         [np.outer(a, b) for a, b in ((1 - u, 1 - v), (u, 1 - v), (u, v), (1 - u, v))]
@@ -651,7 +657,7 @@ def project_facets(eye: Eye, quads: Array) -> tuple[Array, Array, Array]:
     seen = eye.projected(quads)
     normals = normals_of(quads) @ eye.axes.T
     normals *= np.where(normals[:, 2:] < 0.0, -1.0, 1.0)
-    lamp = LIGHT / np.linalg.norm(LIGHT)
+    lamp = LAMP_DIRECTION / np.linalg.norm(LAMP_DIRECTION)
     light = AMBIENT + (1.0 - AMBIENT) * np.clip(normals @ lamp, 0.0, 1.0)
     return seen[..., :2], seen[..., 2].mean(axis=1), light
 
@@ -675,7 +681,7 @@ def middle_line(points: Array, cells: Index, values: Array) -> tuple[Array, Arra
     ends = points[near] + share[:, None] * (points[far] - points[near])
     levels = values[near] + share * (values[far] - values[near])
     line = np.column_stack([ends[:, [0, 2]], levels]).reshape(-1, 2, 3)
-    along = np.linspace(0.0, 1.0, PIECES + 1)[:, None]
+    along = np.linspace(0.0, 1.0, SEGMENT_PIECES + 1)[:, None]
     nodes = line[:, None, 0] + along * (line[:, None, 1] - line[:, None, 0])
     pieces = np.stack([nodes[:, :-1], nodes[:, 1:]], axis=2).reshape(-1, 2, 3)
     return pieces[..., :2], pieces[..., 2].mean(axis=1)

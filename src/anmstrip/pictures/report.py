@@ -26,17 +26,17 @@ from anmstrip.results.vtk import (
     subdivide,
 )
 
-MOST_TIMES, MOST_STATIONS, MOST_STEPS, MOST_POINTS = 40, 400, 2000, 12_000
+MAX_TIMES, MAX_STATIONS, MAX_HISTORY_STEPS, MAX_SURFACE_POINTS = 40, 400, 2000, 12_000
 """Instants and stations of profiles, steps of the history and points of the surface that a report
 keeps: with ten rollers these make about 3 MB, beside the 4.8 MB of plotly's own code."""
 
 Columns = Mapping[str, NDArray[np.float64] | list[str]]
 """Of a table, by their names."""
 
-DIGITS = 5
+PLOT_DIGITS = 5
 """Significant digits of numbers in plots; the files of the run have all of them."""
 
-UNITS = {
+COLUMN_UNITS = {
     **dict.fromkeys(("arc_length", "x", "y", "z"), "m"),
     **dict.fromkeys(("tension", "tension_min", "tension_max", "line_load"), "N/m"),
     **{"pressure": "Pa", "slip": "m/s", "cone_share": "1", "curvature": "1/m", "moment": "N"},
@@ -45,7 +45,7 @@ UNITS = {
 }
 """Unit of a column of ``profile.csv`` or ``history.csv``, by the end of its name."""
 
-SHOWN = {
+ROLLER_TABLE = {
     "wrap": ("wrap", "°", 180.0 / np.pi),
     "tension_in": ("tension in", "N/m", 1.0),
     "tension_out": ("tension out", "N/m", 1.0),
@@ -59,7 +59,7 @@ SHOWN = {
 }
 """Columns of the table of rollers: entry of ``summary.json``, head, unit and factor."""
 
-BENDS = {
+BEND_TABLE = {
     "curvature": ("curvature", "1/m", 1.0),
     "moment": ("moment", "N", 1.0),
     "plastic_share": ("plastic share", "%", 100.0),
@@ -72,10 +72,15 @@ BENDS = {
 }
 """The same of the table of bends of strip that can yield."""
 
-STUDIES = {"sweep": "status", "map": "entry_tension", "response": "gain", "accuracy": "tolerance"}
+STUDY_TABLES = {
+    "sweep": "status",
+    "map": "entry_tension",
+    "response": "gain",
+    "accuracy": "tolerance",
+}
 """Tables of studies, and their first columns that are not varied."""
 
-DRAWN = ("tension_ratio", "true_tension", "entry_tension", "gain")
+DRAWN_RESULTS = ("tension_ratio", "true_tension", "entry_tension", "gain")
 """Ends of the names of results of which the first to be found is drawn."""
 
 
@@ -106,8 +111,8 @@ def write_report(directory: AnyPath) -> Path:
     """
     folder = Path(directory)
     history = folder / "history.csv"
-    study = next((p for name in STUDIES if (p := folder / f"{name}.csv").is_file()), None)
-    found: dict[str, Any] = {"units": UNITS}
+    study = next((p for name in STUDY_TABLES if (p := folder / f"{name}.csv").is_file()), None)
+    found: dict[str, Any] = {"units": COLUMN_UNITS}
     if history.is_file():
         known = read_json(folder / "summary.json") or {}
         body = tables(known)
@@ -146,11 +151,11 @@ def study_plots(path: Path, rows: Columns) -> dict[str, Any]:
         Columns by name; the names of what is varied and of what was found; the pair that is drawn
         first; and for every row a label, and the group whose points a line joins.
     """
-    varied = list(rows)[: list(rows).index(STUDIES[path.stem])]
+    varied = list(rows)[: list(rows).index(STUDY_TABLES[path.stem])]
     numbers = {name: rounded(c) for name, c in rows.items() if not isinstance(c, list)}
     known = {name: c for name, c in numbers.items() if any(v is not None for v in c)}
     found = [name for name in known if name not in varied]
-    first = [name for end in DRAWN for name in found if name.endswith(end)]
+    first = [name for end in DRAWN_RESULTS for name in found if name.endswith(end)]
     over, joined = varied[0], varied[1:]
     if path.stem == "accuracy" and "seconds" in known:
         over, joined = "seconds", varied[:1]
@@ -183,7 +188,7 @@ def rounded(values: ArrayLike) -> list[float | None]:
     """Return numbers with few digits, None for those that are not finite."""
     x = np.asarray(values, dtype=float).ravel()
     with np.errstate(all="ignore"):
-        power = np.clip(DIGITS - 1.0 - np.floor(np.log10(np.abs(x))), -300.0, 300.0)
+        power = np.clip(PLOT_DIGITS - 1.0 - np.floor(np.log10(np.abs(x))), -300.0, 300.0)
         unit = 10.0 ** np.abs(power)  # of few digits, which one over it need not be
         found = np.where(power > 0.0, np.round(x * unit) / unit, np.round(x / unit) * unit)
     return [v if isfinite(v) else None for v in found.tolist()]
@@ -203,9 +208,9 @@ def along(path: Path) -> list[dict[str, Any]]:
         next(lines, None)
         times = np.array([float(line.partition(",")[0]) for line in lines])
     instants = np.unique(times)
-    shown = instants[spread(len(instants), MOST_TIMES)]
+    shown = instants[spread(len(instants), MAX_TIMES)]
     parts = [
-        rows[spread(len(rows), MOST_STATIONS)]
+        rows[spread(len(rows), MAX_STATIONS)]
         for rows in map(np.flatnonzero, times == shown[:, None])
     ]
     table = read_history(path, set(np.concatenate([np.zeros(0, dtype=int), *parts]).tolist()))
@@ -214,7 +219,7 @@ def along(path: Path) -> list[dict[str, Any]]:
     for time, rows in zip(shown, parts, strict=True):
         part = slice(begin, begin := begin + len(rows))
         columns = {name: rounded(np.asarray(column)[part]) for name, column in table.items()}
-        found.append({"time": float(f"{time:.{DIGITS}g}"), "columns": columns})
+        found.append({"time": float(f"{time:.{PLOT_DIGITS}g}"), "columns": columns})
     return found
 
 
@@ -223,7 +228,7 @@ def over_time(path: Path) -> dict[str, list[Any]]:
     table = read_history(path)
     kept = {name: np.asarray(c) for name, c in table.items() if not isinstance(c, list)}
     count = len(next(iter(kept.values()), ()))
-    rows = spread(count, MOST_STEPS)
+    rows = spread(count, MAX_HISTORY_STEPS)
     return {name: rounded(column[rows]) for name, column in kept.items()}
 
 
@@ -232,7 +237,7 @@ def in_space(folder: Path) -> dict[str, Any] | None:
     if not (entries := read_collection(folder / "strip.pvd")):
         return None
     surface = read_surface(folder / entries[-1].file)
-    fine = len(surface.points) <= MOST_POINTS
+    fine = len(surface.points) <= MAX_SURFACE_POINTS
     corners = {16: [0, 3, 15, 12], 21: [0, 5, 20]}.get(surface.cells.shape[1])
     cells = subdivide(surface.cells) if fine or corners is None else surface.cells[:, corners]
     used, cells = np.unique(cells, return_inverse=True)
@@ -264,10 +269,10 @@ def tables(summary: Mapping[str, Any]) -> Iterable[str]:
         yield f'<p class="warning">{escape(warning)}</p>'
     rollers = summary.get("rollers") or {}
     if rollers:
-        yield rows_by_roller("Rollers", rollers, SHOWN)
+        yield rows_by_roller("Rollers", rollers, ROLLER_TABLE)
     if bends := {name: r["bend"] for name, r in rollers.items() if r.get("bend")}:
         title = "Sharpest bends, and the curl and crossbow of unloaded strip behind the roller"
-        yield rows_by_roller(title, bends, BENDS)
+        yield rows_by_roller(title, bends, BEND_TABLE)
     if edges := summary.get("edges"):
         rows = ([name, number(e["tension"]), *map(number, e["force"])] for name, e in edges.items())
         yield table("Ends", ["end", "tension (N/m)", "force x (N)", "y (N)", "z (N)"], rows)

@@ -15,18 +15,18 @@ from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.effects import LawEffect
 from anmstrip.mechanics.laws import FrictionLaw, cone_speed, corner_speed
 from anmstrip.mechanics.roller import Roller
-from anmstrip.results.rollers import TOUCHING
+from anmstrip.results.rollers import TOUCHING_SHARE
 from anmstrip.results.state import State
 from anmstrip.taylor.polynomials import Watch, minima, value_at
 from anmstrip.taylor.series import taylor_series
 
-ORDER = 8
+MIN_EVENT_ORDER = 8
 """Least order of the series of gap and slip; those of a parabola end long before."""
 
-FASTEST = 1e150
+NEVER = 1e150
 """Speed (m/s) that stands for never."""
 
-KINDS = (("contact lost", "contact made"), ("slip", "stick"), ("cone left", "cone regained"))
+EVENT_KINDS = (("contact lost", "contact made"), ("slip", "stick"), ("cone left", "cone regained"))
 """Names, where gap, slip and slip again rise through their levels and where they fall."""
 
 
@@ -93,7 +93,7 @@ def gap_and_slip(
     inputs = [_at_points(friction or contact, stretch.full), stretch.control]
     if friction is not None and stretch.velocity is not None:
         inputs.append(_at_points(friction, stretch.velocity))
-    count = max(len(stretch.full), ORDER + 1)
+    count = max(len(stretch.full), MIN_EVENT_ORDER + 1)
     padded = (np.pad(c, [(0, count - len(c)), *[(0, 0)] * (c.ndim - 1)]) for c in inputs)
     found = taylor_series(trace, *padded)
     return found[:, 0], None if friction is None else found[:, 1]
@@ -154,7 +154,9 @@ class EventWatch:
     def levels(self) -> Array:
         """Gap (m) below which a pair touches, shape (pairs,)."""
         law, tension = self.contact.signorini, self.tension
-        least = [max(TOUCHING * tension / roller.radius, law.faint) for roller in self.rollers]
+        least = [
+            max(TOUCHING_SHARE * tension / roller.radius, law.faint) for roller in self.rollers
+        ]
         return self._of_pairs([float(law.gap(pressure)) for pressure in least])
 
     @cached_property
@@ -166,7 +168,7 @@ class EventWatch:
     def speeds(self) -> tuple[float, float]:
         """Slip (m/s) of the corner and of the cone."""
         assert self.friction_law is not None
-        return corner_speed(self.friction_law), min(cone_speed(self.friction_law), FASTEST)
+        return corner_speed(self.friction_law), min(cone_speed(self.friction_law), NEVER)
 
     def _of_pairs(self, values: list[Any]) -> Array:
         """Return one value for each roller as one for each pair."""
@@ -228,7 +230,7 @@ class EventWatch:
             fresh = touching & (slips.signs[chosen] == 0.0)  # not looked at before
             self.sticking[chosen[fresh]] = functions[1][0, fresh] <= 0.0
         found = []
-        for watch, values, kinds in zip(self.watches, functions, KINDS, strict=False):
+        for watch, values, kinds in zip(self.watches, functions, EVENT_KINDS, strict=False):
             roots = watch.changes(values, stretch.length, chosen)
             columns = np.searchsorted(chosen, roots.which)
             for column, a, sense in zip(columns, roots.where, roots.sense, strict=True):
@@ -241,7 +243,7 @@ class EventWatch:
         x, y = np.add([x, y], self.plan.model.strip.flat_origin[:, None])
         for a, column, kind in sorted(found):
             pair = int(chosen[column])
-            if kind in (*KINDS[1], *KINDS[2]) and not self.touching[pair]:
+            if kind in (*EVENT_KINDS[1], *EVENT_KINDS[2]) and not self.touching[pair]:
                 continue
             slow = len(functions) > 1 and bool(value_at(functions[1][:, column], a) <= 0.0)
             time = self.plan.start + self.plan.duration * float(value_at(stretch.control, a))
@@ -257,10 +259,10 @@ class EventWatch:
         """Yield an event, and what it means for its roller as a whole."""
         mine = self.which == self.which[pair]
         touched, stuck = self.touching[mine].any(), self.sticking[mine].any()
-        if event.kind in KINDS[0]:
+        if event.kind in EVENT_KINDS[0]:
             self.touching[pair] = event.kind == "contact made"
             self.sticking[pair] = self.touching[pair] and slow
-        elif event.kind in KINDS[1]:
+        elif event.kind in EVENT_KINDS[1]:
             self.sticking[pair] = event.kind == "stick"
         yield event
         whole = Event(event.time, event.stage, "", event.roller)

@@ -23,7 +23,7 @@ from anmstrip.mechanics.shell import eigencurvature, moduli
 from anmstrip.results.rollers import Readable
 from anmstrip.results.vtk import FIELDS, facing, triangle_lattice
 
-POINTS = {"line": unit_grid(4, 1), "quad": unit_grid(4), "triangle": triangle_lattice(6)}
+OUTPUT_POINTS = {"line": unit_grid(4, 1), "quad": unit_grid(4), "triangle": triangle_lattice(6)}
 """Points of the output on each kind of element: cubic patches, quintic triangles."""
 
 
@@ -51,7 +51,7 @@ class FieldSampler:
     def __init__(self, strip: Strip, local: Array | None = None) -> None:
         self.strip = strip
         self.kind, self.kinematics = shape_of(strip), strip.kinematics
-        self.local = POINTS[self.kind] if local is None else local
+        self.local = OUTPUT_POINTS[self.kind] if local is None else local
         self.lines = 4 if self.kind == "line" and local is None else 1
         patch = patches(strip, self.local)
         self.own = patch.cells
@@ -298,7 +298,7 @@ def _components(tensor: Array) -> Array:
     return found
 
 
-COLUMNS = (
+PROFILE_COLUMNS = (
     *("time", "arc_length", "x", "y", "z", "tension", "tension_min", "tension_max", "pressure"),
     *("line_load", "slip", "cone_share", "curvature", "moment"),
 )
@@ -329,12 +329,12 @@ class Profile:
         What belongs to contact is NaN where no point of the station touches a roller.
         """
         fields, flat = self.fields.sample(state), self.fields.reference
-        names: tuple[str, ...] = COLUMNS
+        names: tuple[str, ...] = PROFILE_COLUMNS
         yielded: dict[str, Array] = {}
         if state.plasticity is not None:
             from anmstrip.results import plastic
 
-            names = (*COLUMNS, *plastic.COLUMNS)
+            names = (*PROFILE_COLUMNS, *plastic.PLASTIC_COLUMNS)
             yielded = plastic.YieldedStrip(state, state.plasticity).columns(fields["arc_length"])
         position = flat.T + fields["displacement"] + self.fields.strip.origin
         low, high = (np.full(self.station.max() + 1, end) for end in (np.inf, -np.inf))

@@ -25,10 +25,10 @@ AnyPath = str | os.PathLike[str]
 
 _FACTS, _ARRAY = "facts", "array/"
 
-AFRESH = "the same command without --resume, to start from the beginning"
+START_AFRESH = "the same command without --resume, to start from the beginning"
 """Advice for a run that cannot be resumed."""
 
-AT_ONCE = 10_000
+ROWS_AT_ONCE = 10_000
 """Lines of a table whose text is in memory at a time: it is ten times as large as the numbers."""
 
 ERROR_WORDS = {
@@ -279,7 +279,7 @@ def load_checkpoint(path: AnyPath) -> tuple[dict[str, NDArray[Any]], dict[str, A
 def refused_checkpoint(path: AnyPath, found: str) -> InputError:
     """Return the error of a checkpoint that no run has written."""
     expected = "the checkpoint that an interrupted run left"
-    return InputError([Mistake(str(path), "", found, expected, AFRESH)])
+    return InputError([Mistake(str(path), "", found, expected, START_AFRESH)])
 
 
 class History:
@@ -383,7 +383,7 @@ def read_history(
             line for number, line in enumerate(lines) if rows is None or number in rows
         )
         parts: list[list[Any]] = [[] for _ in header]
-        while some := list(islice(records, AT_ONCE)):
+        while some := list(islice(records, ROWS_AT_ONCE)):
             for part, cells in zip(parts, zip(*some, strict=True), strict=True):
                 part.append(_numbers(cells))
     table: dict[str, NDArray[np.float64] | list[str]] = {}

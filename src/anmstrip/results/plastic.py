@@ -11,20 +11,26 @@ import numpy as np
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.sampling import shape_of
-from anmstrip.mechanics.plasticity import MISES, Plasticity
+from anmstrip.mechanics.plasticity import VON_MISES, Plasticity
 from anmstrip.mechanics.shell import kept, moduli
 from anmstrip.results.rollers import Readable
 
-COLUMNS = ("residual_curvature", "elongation", "plastic_share", "plastic_strain", "yield_power")
+PLASTIC_COLUMNS = (
+    "residual_curvature",
+    "elongation",
+    "plastic_share",
+    "plastic_strain",
+    "yield_power",
+)
 """Columns of ``profile.csv`` for strip that can yield."""
 
 LAYER_COLUMNS = ("time", "arc_length", "height", "stress", "plastic_strain", "residual_stress")
 
-FLOWS = 0.9
+FLOWING_SHARE = 0.9
 """Share of the present yield stress from which on a layer counts as flowing.  With n = 51 its rate
 is 0.5 % of the reference rate there; in a bend the stress falls from it to 0 within the core."""
 
-MEANS = 101
+MEAN_SAMPLES = 101
 """Places along free strip over which curl and crossbow are averaged."""
 
 
@@ -110,7 +116,7 @@ class YieldedStrip:
     @cached_property
     def face_strain(self) -> Array:
         """Equivalent plastic strain, √(ε_p · A⁻¹ ε_p), of the face where it is larger."""
-        faces, form = self.strain[:, [0, -1]], np.linalg.inv(MISES[len(self.strain)])
+        faces, form = self.strain[:, [0, -1]], np.linalg.inv(VON_MISES[len(self.strain)])
         return np.asarray(np.sqrt(np.einsum("kfp,kl,lfp->fp", faces, form, faces).max(axis=0)))
 
     @cached_property
@@ -126,14 +132,16 @@ class YieldedStrip:
         s = self.flow.driving(self.stress, self.internal) / kept(1.0, controls, "strip.weakening")
         level, gaps = self.level(s), np.diff(self.effect.layers.heights)[:, None]
         low, high = np.sort([level[1:], level[:-1]], axis=0)
-        turns = self.level(np.diff(s, axis=1)) > FLOWS
+        turns = self.level(np.diff(s, axis=1)) > FLOWING_SHARE
         engineering = self.curvature * self.effect.twice[:, None]
         slope = kept(self.flow.mises(self.effect.moduli @ engineering), controls)
         slope = np.tile(slope, (len(gaps), 1))
         change, elastic = self.flow.mises(np.diff(self.stress, axis=1)), gaps + 0.0 * slope
         np.divide(change, slope, out=elastic, where=change < slope * gaps)
-        elastic *= np.where(turns, 1.0, np.minimum((high - low) / np.abs(high - FLOWS), 1.0))
-        plastic = np.where(high > FLOWS, gaps - elastic, 0.0)
+        elastic *= np.where(
+            turns, 1.0, np.minimum((high - low) / np.abs(high - FLOWING_SHARE), 1.0)
+        )
+        plastic = np.where(high > FLOWING_SHARE, gaps - elastic, 0.0)
         return np.asarray(plastic.sum(axis=0) / gaps.sum())
 
     def level(self, s: Array) -> Array:
@@ -228,7 +236,7 @@ class YieldedStrip:
             push = contact.normal @ (contact.pressure * contact.area)
             sense = np.sign(push @ np.cross(self.state.slope(contact.middle), [0.0, 1.0, 0.0]))
             p = here[(sense * curvature[here]).argmax()]
-            behind = np.linspace(*free[name], MEANS)
+            behind = np.linspace(*free[name], MEAN_SAMPLES)
             on_roller = [float(part[p]) for part in left]
             told = [float(np.interp(behind, x, part).mean()) for part in left]
             found[name] = RollerBend(

@@ -19,27 +19,27 @@ if TYPE_CHECKING:
     from anmstrip.mechanics.plasticity import Plasticity
 
 
-TOUCHING = 0.1
+TOUCHING_SHARE = 0.1
 """Share of a roller's mean pressure above which a point counts as in contact."""
 
-BEYOND = 2.0
+LOAD_RANGE = 2.0
 """Distance from an end of contact, in √(D/T), up to which its line load is looked for.  On meshes
 of 1 to 1/8 of that length and onsets of contact over 1e-6 to 1e-4 m the loads of a roller in the
 middle of a 50° wrap are then within 2 per cent of the theory; at 1 they are up to 40 per cent off,
 at 4 up to 6."""
 
-LAYERS = 4.0
+FREE_DISTANCE = 4.0
 """Distance from a roller, in √(D/T), from which on a strip is free: what it bends where it lifts
 off falls off as e^(−x/√(D/T)), to 2 % there."""
 
-CREEPS = 0.01
+RUNNING_SLIP = 0.01
 """Slip over the speed of a roller at which it runs: elastic strip on one creeps by 1e-3 at most."""
 
-LINE = 0.2
+LINE_CONTACT = 0.2
 """Length of contact, in √(D/T), up to which it is along a line: where its length is 0 in theory, it
 is 0.01 to 0.17 by the default law."""
 
-STICKS = 0.95
+STICKING_SHARE = 0.95
 """Share of the cone f R_N up to which a point counts as sticking."""
 
 STEP_READINGS = ("normal_force", "drag", "wrap", "max_slip", "surface_speed", "torque")
@@ -48,7 +48,7 @@ STEP_READINGS = ("normal_force", "drag", "wrap", "max_slip", "surface_speed", "t
 READ_AS_THEY_ARE = (*STEP_READINGS[:2], *STEP_READINGS[3:], "bearing_torque")
 """Those of a :class:`ContactState` that are readings themselves."""
 
-FIBRES = 16
+WIDTH_STRIPES = 16
 """Stripes of the width, along each of which gaps are averaged."""
 
 
@@ -77,7 +77,7 @@ class ContactState:
         """
         force = self.pressure * self.area
         mean = float((force * self.pressure).sum()) / max(float(force.sum()), 1e-300)
-        return max(TOUCHING * mean, self.contact.signorini.faint)
+        return max(TOUCHING_SHARE * mean, self.contact.signorini.faint)
 
     @cached_property
     def touching(self) -> NDArray[np.bool_]:
@@ -135,7 +135,7 @@ class ContactState:
     @property
     def status(self) -> Array:
         """Status of each point: 0 free, 1 in contact, 2 in contact and slipping."""
-        return np.where(self.touching, np.where(self.cone_share >= STICKS, 2.0, 1.0), 0.0)
+        return np.where(self.touching, np.where(self.cone_share >= STICKING_SHARE, 2.0, 1.0), 0.0)
 
     @cached_property
     def sliding(self) -> Array:
@@ -159,7 +159,7 @@ class ContactState:
         return np.stack([share, angle / area])[:, order]
 
     def slip_arc(self, ends: Array) -> float | None:
-        """Angle (rad) over which friction is above :data:`STICKS` of the cone, between two angles.
+        """Angle (rad) between two, over which friction is above :data:`STICKING_SHARE` of the cone.
 
         The share is linear between rows of elements, and constant beyond the outermost ones.  There
         is no such angle without friction, nor at rest, where what sticks creeps as fast as the
@@ -170,16 +170,18 @@ class ContactState:
             return None
         first, last = np.sort(ends)  # angles may fall along the strip
         angle = np.clip(np.concatenate([[first], angle, [last]]), first, last)
-        above = np.concatenate([share[:1], share, share[-1:]]) - STICKS
+        above = np.concatenate([share[:1], share, share[-1:]]) - STICKING_SHARE
         low, high = np.sort([above[:-1], above[1:]], axis=0)
         part = np.clip(high / np.maximum(high - low, 1e-300), 0.0, 1.0)
         arc = float(np.diff(angle) @ part)
-        return None if arc == 0.0 and self.max_slip >= CREEPS * abs(self.surface_speed) else arc
+        return (
+            None if arc == 0.0 and self.max_slip >= RUNNING_SLIP * abs(self.surface_speed) else arc
+        )
 
     @property
     def grip(self) -> float:
-        """Least share of the cone in contact less :data:`STICKS`: above 0 the whole wrap slips."""
-        return float(self.sliding[0].min(initial=1.0)) - STICKS
+        """Least share of the cone in contact, less :data:`STICKING_SHARE`: above 0 all slips."""
+        return float(self.sliding[0].min(initial=1.0)) - STICKING_SHARE
 
     @property
     def area(self) -> Array:
@@ -262,8 +264,8 @@ class RollerPassage:
 
     The tension is the component, along the strip, of the force on it, which by equilibrium from the
     entry is known where contact begins and ends.  The strip's direction is that at
-    :data:`LAYERS` √(D/T) from there, or in the middle of the way to the next contact or to the end:
-    where the strip bends onto the roller shear takes a part of the force.
+    :data:`FREE_DISTANCE` √(D/T) from there, or in the middle of the way to the next contact or to
+    the end: where the strip bends onto the roller shear takes a part of the force.
     """
 
     names: tuple[str, ...]
@@ -400,10 +402,11 @@ def lift_offs(
 
         q + κ u = Σ F_i,  q u + κ u²/2 = Σ F_i u_i  ⟹  q² = (Σ F_i)² − 2 κ Σ F_i u_i.
 
-    The point is :data:`BEYOND` √(D/T) behind the place where the gap is that of the least pressure,
-    at most in the middle.  By a soft law strip has lifted off before that place, whose distance
-    from the load falls with the cube root of the onset alone.  There are no such loads along a line
-    of contact, shorter than :data:`LINE` √(D/T), and where elements are longer than √(D/T).
+    The point is :data:`LOAD_RANGE` √(D/T) behind the place where the gap is that of the least
+    pressure, at most in the middle.  By a soft law strip has lifted off before that place, whose
+    distance from the load falls with the cube root of the onset alone.  There are no such loads
+    along a line of contact, shorter than :data:`LINE_CONTACT` √(D/T), and where elements are longer
+    than √(D/T).
     """
     if not (state.ends.size and state.pressure.any()):
         return np.zeros(2), [None, None]
@@ -421,7 +424,7 @@ def lift_offs(
     for k, (tension, other) in enumerate((tensions, tensions[::-1])):
         sense, layers[k] = 1 - 2 * k, np.sqrt(bending / tension)
         first, last = sense * state.arc[k], sense * state.middle
-        point = min(first + BEYOND * layers[k], last)
+        point = min(first + LOAD_RANGE * layers[k], last)
         u = np.maximum(point - sense * x, 0.0)
         ordered = np.stack([force, rubbed])[:, ::sense]  # summed up to the middle of each
         sums = np.cumsum(ordered, axis=1) - 0.5 * ordered
@@ -432,7 +435,7 @@ def lift_offs(
         ends[k] = sense * (point - (held - load) / pressure)
         there = elements[np.abs(elements.mean(axis=1) - state.arc[k]).argmin()]
         loads.append(load if np.ptp(there) <= layers[k] else None)
-    along_a_line = np.ptp(ends) <= LINE * layers.max()
+    along_a_line = np.ptp(ends) <= LINE_CONTACT * layers.max()
     return np.interp(ends, x, angle), [None, None] if along_a_line else loads
 
 
@@ -478,14 +481,14 @@ def regularisation_of(
     if state.coefficient and tension > 0.0:
         slip, traction = (np.linalg.norm(v, axis=0) for v in (state.slip, state.traction))
         cone = state.coefficient * state.pressure
-        creep = float(slip[touching & (traction < STICKS * cone)].max(initial=0.0))
+        creep = float(slip[touching & (traction < STICKING_SHARE * cone)].max(initial=0.0))
         excess = np.maximum(traction - cone, 0.0) * state.area
         by_cone = float(excess[touching].sum()) / (tension * state.width)
         arc = max(reading.wrap, 1e-3) * radius
         stay = min(arc / max(abs(speed - reading.creep_speed), 1e-300), elapsed)
         by_creep = creep * stay / arc * stiffness / tension
     y = state.contact.operator.reference[1, touching]
-    _, fibre = np.unique(np.round(FIBRES * y / state.width), return_inverse=True)
+    _, fibre = np.unique(np.round(WIDTH_STRIPES * y / state.width), return_inverse=True)
     if tension > 0.0 and fibre.any():
         gaps = np.bincount(fibre, state.gap[touching]) / np.bincount(fibre)
         uneven = float(np.abs(gaps - gaps.mean()).max()) / radius / (tension / stiffness)

@@ -19,7 +19,7 @@ from anmstrip.mechanics.loads import FollowerLoad
 from anmstrip.mechanics.shell import Membrane, principal_values
 from anmstrip.results.fields import Profile
 from anmstrip.results.rollers import (
-    LAYERS,
+    FREE_DISTANCE,
     ContactState,
     Regularisation,
     RollerPassage,
@@ -383,7 +383,7 @@ class State:
                 stops[stops > end].min(initial=strip.span[1]) - end,
             ]
             sizes = np.maximum(np.linalg.norm(forces, axis=1) / strip.width, 1e-300)
-            away = np.minimum(LAYERS * np.sqrt(stiffness / sizes), 0.5 * np.array(free))
+            away = np.minimum(FREE_DISTANCE * np.sqrt(stiffness / sizes), 0.5 * np.array(free))
             places = np.array([begin - away[0], end + away[1]])
             pulls, slopes = forces + self.pressure_before(places) - pushed, self.slope(places)
             given = tuple(names), (begin, end), places, slopes, forces, pulls

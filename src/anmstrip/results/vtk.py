@@ -32,13 +32,13 @@ TRIANGLE_ORDER = np.array(
 )
 """Lattice index of each node of a cell of type 69: corners, edges, interior as a triangle again."""
 
-RINGS = 49
+PROFILE_RINGS = 49
 """Circles by which a roller is drawn that is no cylinder."""
 
-SECTORS = 12
+ROLLER_SECTORS = 12
 """Sectors of a roller, of two tones in turn."""
 
-PROBE, WORTH = 2048, 0.8
+COMPRESSION_PROBE, COMPRESSION_RATIO = 2048, 0.8
 """Bytes of an array that are compressed first, and what is to be left of them: arrays of which more
 is left are stored as they are.  States of a shell are 8 % larger and take two thirds of the time;
 level 1 makes files 1 % larger than the default, in half the time."""
@@ -53,10 +53,10 @@ _KINDS = {
 
 CELL_ARRAYS = ("connectivity", "offsets", "types")
 
-HEADER = 44
+BLOCK_HEADER = 44
 """Characters in which the four sizes before a compressed block are written."""
 
-VECTOR, TENSOR = ("x", "y", "z"), ("xx", "yy", "xy")
+VECTOR_COMPONENTS, TENSOR_COMPONENTS = ("x", "y", "z"), ("xx", "yy", "xy")
 
 
 @dataclass(frozen=True)
@@ -69,23 +69,23 @@ class Field:
 
 
 FIELDS = {
-    "displacement": Field("displacement", "m", VECTOR),
-    "velocity": Field("velocity", "m/s", VECTOR),
-    "normal": Field("normal", "1", VECTOR),
+    "displacement": Field("displacement", "m", VECTOR_COMPONENTS),
+    "velocity": Field("velocity", "m/s", VECTOR_COMPONENTS),
+    "normal": Field("normal", "1", VECTOR_COMPONENTS),
     "arc_length": Field("arc length", "m"),
     "tension": Field("tension", "N/m"),
     "normal_pressure": Field("normal pressure", "Pa"),
-    "friction_traction": Field("friction traction", "Pa", VECTOR),
-    "slip_velocity": Field("slip velocity", "m/s", VECTOR),
+    "friction_traction": Field("friction traction", "Pa", VECTOR_COMPONENTS),
+    "slip_velocity": Field("slip velocity", "m/s", VECTOR_COMPONENTS),
     "gap": Field("gap", "m"),
     "contact_status": Field("contact (0 free, 1 touches, 2 slips)", "1"),
-    "membrane_force": Field("membrane force", "N/m", TENSOR),
-    "bending_moment": Field("bending moment", "N", TENSOR),
+    "membrane_force": Field("membrane force", "N/m", TENSOR_COMPONENTS),
+    "bending_moment": Field("bending moment", "N", TENSOR_COMPONENTS),
     "von_mises": Field("von Mises stress, top", "Pa"),
     "mean_curvature": Field("mean curvature", "1/m"),
     "plastic_share": Field("share of the thickness that flows", "1"),
     "plastic_strain": Field("plastic strain of the faces", "1"),
-    "residual_curvature": Field("curvature without moments", "1/m", TENSOR),
+    "residual_curvature": Field("curvature without moments", "1/m", TENSOR_COMPONENTS),
     "surface_angle": Field("angle of the surface", "rad"),
     "roller": Field("number of the roller", "1"),
 }
@@ -140,7 +140,7 @@ def write_surface(
     count, size = indices.shape
     kinds = np.full(count, number)
     corners = indices[:, order].ravel(), size * np.arange(1, count + 1), kinds
-    text = TEMPLATE.format(
+    text = FILE_TEMPLATE.format(
         points=len(positions),
         cells=count,
         shading=' Normals="normal"' if "normal" in data else "",
@@ -152,7 +152,7 @@ def write_surface(
         temporary.write_text(text, encoding="utf-8")
 
 
-TEMPLATE = """<?xml version='1.0' encoding='utf-8'?>
+FILE_TEMPLATE = """<?xml version='1.0' encoding='utf-8'?>
 <VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" header_type="UInt64" \
 compressor="vtkZLibDataCompressor">
 <UnstructuredGrid><Piece NumberOfPoints="{points}" NumberOfCells="{cells}">
@@ -187,8 +187,8 @@ def _array(name: str, values: NDArray[np.generic]) -> str:
 
 def _encoded(content: bytes) -> str:
     """Return content as one compressed block, its three sizes before it."""
-    probe = content[:PROBE]
-    worth = len(zlib.compress(probe, 1)) < WORTH * len(probe)
+    probe = content[:COMPRESSION_PROBE]
+    worth = len(zlib.compress(probe, 1)) < COMPRESSION_RATIO * len(probe)
     squeezed = zlib.compress(content, 1 if worth else 0)
     sizes = np.array([1, len(content), len(content), len(squeezed)], dtype="<u8").tobytes()
     return (base64.b64encode(sizes) + base64.b64encode(squeezed)).decode()
@@ -225,7 +225,9 @@ def read_surface(path: AnyPath) -> SurfaceMesh:
 def _decoded(array: ElementTree.Element) -> NDArray[Any]:
     """Return the values of an array that :func:`_array` wrote."""
     text, columns = array.text or "", array.get("NumberOfComponents")
-    content = bytearray(zlib.decompress(base64.b64decode(text[HEADER:])))  # which can be changed
+    content = bytearray(
+        zlib.decompress(base64.b64decode(text[BLOCK_HEADER:]))
+    )  # which can be changed
     values = np.frombuffer(content, dtype="<f8" if array.get("type") == "Float64" else "<i8")
     return values.reshape(-1, int(columns)) if columns else values
 
@@ -260,13 +262,13 @@ def scalars(name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
     components = FIELDS[base].components if base in FIELDS else ()
     if component:
         return values[:, components.index(component)]
-    return values[:, 0] if components == TENSOR else np.linalg.norm(values, axis=1)
+    return values[:, 0] if components == TENSOR_COMPONENTS else np.linalg.norm(values, axis=1)
 
 
 def sector_tones(rollers: SurfaceMesh) -> Cells:
     """Return 0 or 1 for each cell of rollers, whose sectors of two tones show their turning."""
     angle = rollers.fields["surface_angle"][rollers.cells].mean(axis=1)
-    return np.floor(angle * SECTORS / (2.0 * np.pi)).astype(int) % 2
+    return np.floor(angle * ROLLER_SECTORS / (2.0 * np.pi)).astype(int) % 2
 
 
 def triangle_lattice(n: int) -> Points:
@@ -367,7 +369,7 @@ def roller_surface(
     first, second, along = roller.frame
     painted = np.linspace(0.0, 2.0 * np.pi, sectors + 1)
     turned = painted[:, None, None] + angle
-    rings = np.linspace(-0.5, 0.5, 2 if roller.is_cylinder else RINGS) * length
+    rings = np.linspace(-0.5, 0.5, 2 if roller.is_cylinder else PROFILE_RINGS) * length
     radius, slope = roller.radius_at(rings), roller.slope_at(rings)
     radial = np.cos(turned) * first + np.sin(turned) * second
     height = np.pad(rings, 2, mode="edge")[:, None]
@@ -457,12 +459,12 @@ class Collection:
             with named_errors(self.path), self.path.open("rb+", buffering=0) as stream:
                 stream.seek(self._end)
                 try:
-                    if stream.write(line + TAIL) < len(line + TAIL):
+                    if stream.write(line + COLLECTION_TAIL) < len(line + COLLECTION_TAIL):
                         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
                     os.fsync(stream.fileno())
                 except OSError:  # a full disk leaves the list as it was
                     stream.seek(self._end)
-                    stream.write(TAIL)
+                    stream.write(COLLECTION_TAIL)
                     stream.truncate()
                     raise
             self._end += len(line)
@@ -470,17 +472,17 @@ class Collection:
 
     def _write(self, entries: Iterable[Entry]) -> None:
         """Write the whole list, all at once."""
-        content = HEAD + b"".join(map(_line, entries))
+        content = COLLECTION_HEAD + b"".join(map(_line, entries))
         with atomic_write(self.path) as temporary:
-            temporary.write_bytes(content + TAIL)
+            temporary.write_bytes(content + COLLECTION_TAIL)
         self._end = len(content)
 
 
-HEAD = b"""<?xml version='1.0' encoding='utf-8'?>
+COLLECTION_HEAD = b"""<?xml version='1.0' encoding='utf-8'?>
 <VTKFile type="Collection" version="0.1">
   <Collection>
 """
-TAIL = b"  </Collection>\n</VTKFile>\n"
+COLLECTION_TAIL = b"  </Collection>\n</VTKFile>\n"
 
 
 def _line(entry: Entry) -> bytes:

@@ -30,10 +30,10 @@ from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.linalg.solvers import Bordered, LinearSolver, SparseSolver
 from anmstrip.mechanics.shell import Membrane, eigenstrain, principal
 from anmstrip.results.fields import FieldSampler
-from anmstrip.results.rollers import LAYERS
+from anmstrip.results.rollers import FREE_DISTANCE
 from anmstrip.results.state import State
 
-CLOSE = 0.5
+NEAR_BUCKLING = 0.5
 """Share of the compression that a span bears, as a mean along it, above which it is told.
 
 Where strip begins to wrinkle beside a crown (``examples/roller_wrinkles.py``) the mean is 0.84 to
@@ -41,16 +41,19 @@ Where strip begins to wrinkle beside a crown (``examples/roller_wrinkles.py``) t
 where strip lifts off a straight roller in a span of 30 m: 1.5 times as much, as a mean 0.05 times.
 """
 
-FIBRE = 0.1
+FIBRE_WIDTH = 0.1
 """Half the width, in elements, of a fibre along which a mean is taken: one line of points."""
 
-PART = 0.1
+COMPRESSED_SHARE = 0.1
 """Share of the largest compression that counts as compressed."""
 
-I_UNIT, EDGES = 1e-5, (-0.5, 0.5)
-"""Strain of one I-unit of flatness, and where the edges are, over the width."""
+I_UNIT = 1e-5
+"""Strain of one I-unit of flatness."""
 
-SMOOTH = 2
+EDGE_POSITIONS = (-0.5, 0.5)
+"""Where the edges are, over the width."""
+
+SMOOTH_DEGREE = 2
 """Degree in y of what is no wrinkle: a line across may be shifted, tilted and bowed."""
 
 
@@ -74,7 +77,7 @@ class Span:
 
         A wave is as long as its span, or bears more: what works on it is the mean along.
         """
-        return self.mean > CLOSE * self.bearable
+        return self.mean > NEAR_BUCKLING * self.bearable
 
     def __str__(self) -> str:
         return (
@@ -92,7 +95,7 @@ def free_spans(state: State) -> Iterator[Span]:
     model = state.plan.model
     strip, d = model.strip, model.strip.bending_stiffness
     ends = float(strip.nodes[0].min()), float(strip.nodes[0].max())
-    reach = LAYERS * np.sqrt(d / model.scales.tension) * np.array([-1.0, 1.0])
+    reach = FREE_DISTANCE * np.sqrt(d / model.scales.tension) * np.array([-1.0, 1.0])
     touched = [(name, c) for name, c in state.contacts.items() if c.touching.any()]
     arcs = sorted((*(contact.arc + reach), name) for name, contact in touched)
     stations = [(*2 * ends[:1], "the entry"), *arcs, (*2 * ends[1:], "the exit")]
@@ -103,16 +106,18 @@ def free_spans(state: State) -> Iterator[Span]:
         place = before, after, float(start), float(end)
         q = np.pi / float(np.diff(state.unstressed_length(np.array([start, end])))[0])
         within = (start <= positions) & (positions <= end)
-        inside = within & beyond_points(state, PART * bearable(d, q, model.scales.tension))
+        inside = within & beyond_points(
+            state, COMPRESSED_SHARE * bearable(d, q, model.scales.tension)
+        )
         if not inside.any():
             yield Span(*place, 0.0, 0.0, np.inf, 0.0, inside)
             continue
         low, high = state.principal_forces.T
         worst = int(np.where(inside, low, np.inf).argmin())
         beside = inside & (np.abs(positions - positions[worst]) <= 0.5 * strip.cell_sizes[0].max())
-        compressed = beside & (low < PART * low[worst])
+        compressed = beside & (low < COMPRESSED_SHARE * low[worst])
         share, pressed = weights[compressed].sum() / weights[beside].sum(), max(-low[worst], 0.0)
-        fibre = within & (np.abs(fibres - fibres[worst]) <= FIBRE * strip.cell_sizes[1].max())
+        fibre = within & (np.abs(fibres - fibres[worst]) <= FIBRE_WIDTH * strip.cell_sizes[1].max())
         pressure = np.where(inside, np.maximum(-low, 0.0), 0.0)
         mean = np.average(pressure[fibre], weights=weights[fibre])
         borne = bearable(d, q, max(high[worst], 0.0))
@@ -209,9 +214,9 @@ class Wrinkling:
         rows = np.round(reference[0] / (1e-3 * strip.cell_sizes[0].min())).astype(np.int64)
         order = np.lexsort((reference[1], rows))
         lines = np.split(order, np.flatnonzero(np.diff(rows[order])) + 1)
-        lines = [line for line in lines if len(line) > SMOOTH + 1]
+        lines = [line for line in lines if len(line) > SMOOTH_DEGREE + 1]
         x = reference[0, [line[0] for line in lines]]
-        bases = [np.vander(reference[1, line], SMOOTH + 1) for line in lines]
+        bases = [np.vander(reference[1, line], SMOOTH_DEGREE + 1) for line in lines]
         pairs = list(zip(bases, lines, strict=True))
         fits = np.stack(
             [np.linalg.lstsq(basis, points[line], rcond=None)[0] for basis, line in pairs]
@@ -271,7 +276,7 @@ class Wrinkling:
 
         def unevenness(profile: Array) -> float:
             ends = [np.polyfit(places[k], profile[k], 3) for k in (slice(4), slice(-4, None))]
-            sides = [np.polyval(fit, eta) for fit, eta in zip(ends, EDGES, strict=True)]
+            sides = [np.polyval(fit, eta) for fit, eta in zip(ends, EDGE_POSITIONS, strict=True)]
             return float(np.ptp([*profile, *sides])) / I_UNIT
 
         everywhere, waves = np.ones(len(x), dtype=bool), [0.0]
@@ -284,36 +289,36 @@ class Wrinkling:
         return {"latent_flatness": latent, "manifest_flatness": max(waves)}
 
 
-LOOKED_AT = 6
+TRACKED_MODES = 6
 """Modes of which the factors are looked at along a path."""
 
-DATED = 1e-4
+ONSET_TOLERANCE = 1e-4
 """Share of a step to which an onset is dated: of a tension that is halved in ten steps to 1e-5."""
 
-PRESSED = 0.2
+COLUMN_SHARE = 0.2
 """Share of what a span bears across that it may bear along: as a column a quarter."""
 
-ROUND_OFF = 1e-12
+SYMMETRY_ROUND_OFF = 1e-12
 """Asymmetry of a tangent, over its largest entry, that is none."""
 
-SETTLED = 1e-8
+EIGENVALUE_TOLERANCE = 1e-8
 """Relative error of the inverse of a factor.  Round-off of contact, 1e11 times as stiff as bending,
 leaves 1e-7 of a solution: with 0 ARPACK goes on for three times as many, and may end astray."""
 
-SHARP = 1e-3
+FACTOR_TOLERANCE = 1e-3
 """Distance of a dated factor from its level; else it was a complex pair that was born there."""
 
-FAR = 1.5
+FAR_FROM_BUCKLING = 1.5
 """Lowest factor, known or in proportion to what presses, above which a state is not looked at.
 Without it a shell on a roller looks at every step, which takes half of its time."""
 
-NEAR, BIFURCATION, WAVES = 1.01, "bifurcation", "waves"
-LEVELS = {NEAR: "wrinkles", 1.0: BIFURCATION}
+ONSET_FACTOR, BIFURCATION, WAVES = 1.01, "bifurcation", "waves"
+DATED_FACTORS = {ONSET_FACTOR: "wrinkles", 1.0: BIFURCATION}
 """Factors that are dated: the first where it falls, the second both ways.  Where the strip is bent
 a little as a mode is, its path has no bifurcation: it turns aside, and the factor remains above 1
 by less than this in the cases of ``examples/conveyed_wrinkles.py``."""
 
-WAVED = 0.5
+WAVE_HEIGHT = 0.5
 """Height of waves over the thickness from which on strip waves that is near its onset and bent a
 little as its mode is, so that its path turns aside.  It is within 4 % of the onset of flat strip
 in ``tests/benchmarks/test_waves.py``, and earlier where rollers bend the strip more."""
@@ -339,7 +344,7 @@ def compressive_stiffness(
 
 def is_symmetric(matrix: csc_matrix) -> bool:
     """Whether a matrix is its transpose but for round-off."""
-    return bool(abs(matrix - matrix.T).max() <= ROUND_OFF * abs(matrix).max())
+    return bool(abs(matrix - matrix.T).max() <= SYMMETRY_ROUND_OFF * abs(matrix).max())
 
 
 def buckling_modes(
@@ -371,11 +376,11 @@ def buckling_modes(
     solve, start = factors.solve, factors.solve(np.cos(np.arange(1.0, n + 1.0) ** 2))
     if symmetric and not factors.negatives:
         inverse = LinearOperator((n, n), matvec=solve)
-        given = {"M": spared, "Minv": inverse, "v0": start, "tol": SETTLED}
+        given = {"M": spared, "Minv": inverse, "v0": start, "tol": EIGENVALUE_TOLERANCE}
         values, modes = eigsh(compressive, count, which="LA", **given)
     else:
         growing = LinearOperator((n, n), matvec=lambda u: solve(compressive @ u), dtype=float)
-        values, modes = eigs(growing, count, which="LR", v0=start, tol=SETTLED)
+        values, modes = eigs(growing, count, which="LR", v0=start, tol=EIGENVALUE_TOLERANCE)
         real = values.imag == 0.0
         values, modes = values[real].real, modes[:, real].real
     order = np.argsort(values)[::-1]
@@ -492,7 +497,7 @@ def waves_on(state: State, modes: Callable[[float], Array]) -> Iterator[tuple[fl
     assert state.branch is not None
     from scipy.optimize import brentq
 
-    least, length = WAVED * state.plan.model.strip.thickness, state.branch.length
+    least, length = WAVE_HEIGHT * state.plan.model.strip.thickness, state.branch.length
     heights = cache(lambda a: Wrinkling(state.inside(a)).amplitudes() or [])
     begin, end = heights(0.0), heights(length)
     for number, low in enumerate(begin if len(begin) == len(end) else []):  # none has joined
@@ -502,7 +507,9 @@ def waves_on(state: State, modes: Callable[[float], Array]) -> Iterator[tuple[fl
                 found = heights(a)[number : number + 1]
                 return found[0] / least - 1.0 if found else -1.0
 
-            a = float(brentq(higher, 0.0, length, xtol=DATED * length, rtol=DATED))
+            a = float(
+                brentq(higher, 0.0, length, xtol=ONSET_TOLERANCE * length, rtol=ONSET_TOLERANCE)
+            )
             here = state.inside(a)
             for span in Wrinkling(here).spans[number : number + 1]:
                 onsets = (Onset(here, flattened(here, mode), WAVES) for mode in modes(a).T)
@@ -545,19 +552,25 @@ class WrinkleWatch:
         pressed = max((s.compression / s.bearable for s in free_spans(state)), default=0.0)
         if self.plan is not state.plan:
             self.plan, self.factors, self.last = state.plan, np.zeros(0), 0.0
-        near = bool((self.factors < FAR).any())
-        if state.branch is None or (not near and (pressed < PRESSED or self.last > FAR * pressed)):
+        near = bool((self.factors < FAR_FROM_BUCKLING).any())
+        if state.branch is None or (
+            not near and (pressed < COLUMN_SHARE or self.last > FAR_FROM_BUCKLING * pressed)
+        ):
             self.factors = np.zeros(0)
             return []
         at, length = cache(lambda a: self._modes(state.inside(a))), state.branch.length
         ahead = at(length)[0]
-        before = self.factors if len(self.factors) or not (ahead < FAR).any() else at(0.0)[0]
+        before = (
+            self.factors
+            if len(self.factors) or not (ahead < FAR_FROM_BUCKLING).any()
+            else at(0.0)[0]
+        )
         self.factors = ahead
         self.last = pressed * float(ahead.min(initial=np.inf))
         found = []
         from scipy.optimize import brentq
 
-        for level, kind in LEVELS.items():
+        for level, kind in DATED_FACTORS.items():
             counts = [int((factors < level).sum()) for factors in (before, self.factors)]
             for number in range(*(sorted(counts) if kind == BIFURCATION else counts)):
 
@@ -567,14 +580,16 @@ class WrinkleWatch:
 
                 if excess(0.0) * excess(length) > 0.0:  # modes are missed at one end
                     continue
-                a = float(brentq(excess, 0.0, length, xtol=DATED * length, rtol=DATED))
+                a = float(
+                    brentq(excess, 0.0, length, xtol=ONSET_TOLERANCE * length, rtol=ONSET_TOLERANCE)
+                )
                 factors, modes = at(a)
                 distance = np.abs(factors - level)
-                if distance.min(initial=np.inf) < SHARP:  # no birth of a complex pair
+                if distance.min(initial=np.inf) < FACTOR_TOLERANCE:  # no birth of a complex pair
                     nearest = int(distance.argmin())
                     here = state.inside(a)
                     found.append((a, Onset(here, flattened(here, modes[:, nearest]), kind)))
-        if NEAR < min(f.min(initial=np.inf) for f in (before, ahead)) < FAR:
+        if ONSET_FACTOR < min(f.min(initial=np.inf) for f in (before, ahead)) < FAR_FROM_BUCKLING:
             found += waves_on(state, lambda a: at(a)[1])
         return [onset for _, onset in sorted(found, key=lambda each: each[0])]
 
@@ -583,7 +598,7 @@ class WrinkleWatch:
         self.cost.factorisations += 1
         try:
             with self.cost.timed("wrinkles"):
-                return buckling(state, LOOKED_AT, self.solver)
+                return buckling(state, TRACKED_MODES, self.solver)
         except (SingularTangentError, ArpackError):
             self.missed += 1
             return np.zeros(0), np.zeros((0, 0))

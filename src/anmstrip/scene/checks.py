@@ -38,27 +38,27 @@ Friction = FrictionSpec | None
 Contact = ContactSpec | None
 Threading = ThreadingSpec | None
 
-SEEN = {"shell": "xyz", "section": "xz", "plate": "z"}
+DISPLACEMENTS = {"shell": "xyz", "section": "xz", "plate": "z"}
 """Displacements that a level has; holding another one is harmless, moving or loading it is not."""
 
-WHY = {"section": 'a "section" has no width', "plate": 'a "plate" only moves up and down'}
+WHY_NOT = {"section": 'a "section" has no width', "plate": 'a "plate" only moves up and down'}
 
-OTHER = {"section": 'kinematics = "shell"', "plate": 'kinematics = "section"'}
+NEXT_KINEMATICS = {"section": 'kinematics = "shell"', "plate": 'kinematics = "section"'}
 """The next level, which has more displacements."""
 
-PARALLEL = 0.99
+PARALLEL_COSINE = 0.99
 """Least cosine of the angle between axes that count as parallel."""
 
-ACROSS = 0.9
+MIN_AXIS_ACROSS = 0.9
 """Least component along y of the unit axis of a roller that the strip is threaded around."""
 
-STRETCHED = 0.05
+MAX_THREADED_STRAIN = 0.05
 """Largest strain of a threaded strip: metals yield long before."""
 
-SOFTEST = 1e7
+MIN_MODULUS = 1e7
 """Least Young's modulus of a strip (Pa), that of firm rubber, a tenth of soft polyethylene's."""
 
-IN_MILLIMETRES = 10.0
+MILLIMETRE_RATIO = 10.0
 """Radius over the distance to the next axis from which on it was typed in millimetres.
 
 Those of a line are a hundredth of that or more, and in millimetres a thousand times as large.
@@ -154,7 +154,7 @@ def plates(strip: StripSpec, friction: Friction, threading: Threading) -> Iterat
     for reason, given in why.items():
         if given is not None:
             expected = f'"shell" or "section": a plate {reason}'
-            yield Mistake("", "strip.kinematics", "plate", expected, OTHER["plate"])
+            yield Mistake("", "strip.kinematics", "plate", expected, NEXT_KINEMATICS["plate"])
     if strip.feed:
         yield Mistake("", "strip.feed", True, "false: a plate does not move along", "feed = false")
 
@@ -166,11 +166,13 @@ def rollers_of_a_section(strip: StripSpec, rollers: Rollers) -> Iterator[Mistake
     for roller in rollers:
         for key, value in roller.profile.items():
             expected = f'no {key}, since "section" has no width'
-            yield Mistake("", f"rollers.{roller.name}.{key}", value, expected, OTHER["section"])
+            yield Mistake(
+                "", f"rollers.{roller.name}.{key}", value, expected, NEXT_KINEMATICS["section"]
+            )
         if roller.axis[0] or roller.axis[2]:
             expected = 'an axis along y, since "section" has no width'
-            along_y = abs(roller.axis[1]) >= ACROSS * hypot(*roller.axis)
-            hint = OTHER["section"] if along_y else "axis = [0.0, 1.0, 0.0]"
+            along_y = abs(roller.axis[1]) >= MIN_AXIS_ACROSS * hypot(*roller.axis)
+            hint = NEXT_KINEMATICS["section"] if along_y else "axis = [0.0, 1.0, 0.0]"
             yield Mistake("", f"rollers.{roller.name}.axis", roller.axis, expected, hint)
 
 
@@ -186,12 +188,14 @@ def directions(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
         given.append((f"stages.{stage.name}.gravity", "gravity", stage.gravity))
     for key, short, vector in given:
         # along x the force on a plate's exit is its tension
-        seen = "xz" if (level, short) == ("plate", "exit.force") else SEEN[level]
+        seen = "xz" if (level, short) == ("plate", "exit.force") else DISPLACEMENTS[level]
         unseen = [c for c in nonzero(vector) if c not in seen]
         if vector is not None and unseen:
             kept = [v if c in seen else 0.0 for c, v in zip("xyz", vector, strict=True)]
-            expected = f"0 along {' and '.join(unseen)}: {WHY[level]}"
-            yield Mistake("", key, vector, expected, f"{short} = {kept}, or {OTHER[level]}")
+            expected = f"0 along {' and '.join(unseen)}: {WHY_NOT[level]}"
+            yield Mistake(
+                "", key, vector, expected, f"{short} = {kept}, or {NEXT_KINEMATICS[level]}"
+            )
 
 
 def tensions_and_moments(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
@@ -210,7 +214,7 @@ def tensions_and_moments(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
             yield Mistake("", f"{key}.tension", control.tension, expected, "exit.tension = 1.0e4")
         if control.moment is not None and (plate or not strip.bending):
             expected = 'nothing: a strip without bending has no moments, a "plate" takes none'
-            hint = OTHER["plate"] if strip.bending else "bending = true"
+            hint = NEXT_KINEMATICS["plate"] if strip.bending else "bending = true"
             yield Mistake("", f"{key}.moment", control.moment, expected, hint)
 
 
@@ -249,7 +253,7 @@ def speeds_at_ends(strip: StripSpec, edges: Edges, stages: Stages) -> Iterator[M
             continue
         held = edges[name].fixed if name in edges and name not in released else ()
         if strip.kinematics == "plate":
-            expected, hint = 'nothing: a "plate" does not move along', OTHER["plate"]
+            expected, hint = 'nothing: a "plate" does not move along', NEXT_KINEMATICS["plate"]
         elif name not in ENDS:
             expected = "entry or exit, the ends of the strip"
             hint = f"entry.speed = {control.speed}"
@@ -280,10 +284,10 @@ def natural_shapes(strip: StripSpec, material: MaterialSpec, stages: Stages) -> 
             value, along = given.model_dump(exclude_defaults=True), given.along
         if strip.kinematics == "plate":
             expected = 'nothing: a "plate" stays stressed as exit.force says'
-            yield Mistake("", where, value, expected, OTHER["plate"])
+            yield Mistake("", where, value, expected, NEXT_KINEMATICS["plate"])
         elif strip.kinematics == "section" and key in shape.varying_across:
             expected = 'nothing that varies across: a "section" has no width'
-            yield Mistake("", where, value, expected, OTHER["section"])
+            yield Mistake("", where, value, expected, NEXT_KINEMATICS["section"])
         elif curved and not strip.bending:
             expected = "nothing: a strip without bending has no moments"
             yield Mistake("", where, value, expected, "bending = true")
@@ -309,13 +313,15 @@ def moderate_strain(
     units = {"temperature": material.expansion or 0.0, "flatness": I_UNIT}
     unit = units.get(key, 0.5 * (strip.width or 0.0))
     largest = float(np.abs(given.samples if isinstance(given, FieldSpec) else given).max())
-    if unit * largest > STRETCHED:
+    if unit * largest > MAX_THREADED_STRAIN:
         name = {"temperature": "K", "flatness": "I-units of 1e-5"}.get(key, "1/m")
         expected = (
-            f"at most {STRETCHED / unit:.3g} ({name}); {largest:.3g} would be a strain of "
-            f"{100.0 * unit * largest:.3g} %"
+            f"at most {MAX_THREADED_STRAIN / unit:.3g} ({name}); {largest:.3g} would be a strain "
+            f"of {100.0 * unit * largest:.3g} %"
         )
-        yield Mistake("", where, largest, expected, f"{key} = {0.01 * STRETCHED / unit:.2g}")
+        yield Mistake(
+            "", where, largest, expected, f"{key} = {0.01 * MAX_THREADED_STRAIN / unit:.2g}"
+        )
 
 
 def moved_ends(edges: Edges, stages: Stages) -> Iterator[tuple[str, float | tuple[float, ...]]]:
@@ -560,20 +566,20 @@ def borne_tension(
     stiffness = material.young * strip.thickness
     if threading is None or threading.closed:  # belts of rubber are stretched more
         return
-    if threading.tension <= STRETCHED * stiffness:
+    if threading.tension <= MAX_THREADED_STRAIN * stiffness:
         return
     if (meant := meant_modulus(material.young)) is not None:
         unit, better = meant
         expected = (
-            f"at least {SOFTEST:g} (Pa), as rubber has, to bear threading.tension = "
+            f"at least {MIN_MODULUS:g} (Pa), as rubber has, to bear threading.tension = "
             f"{threading.tension:g} N/m; was it meant in {unit}?"
         )
         yield Mistake("", "material.young", material.young, expected, f"young = {better:.3g}")
     else:
         percent = 100.0 * threading.tension / stiffness
         expected = (
-            f"at most {STRETCHED * stiffness:.3g} (N per metre of width); this would stretch the "
-            f"strip by {percent:.3g} %, with young × thickness = {stiffness:.3g} N/m"
+            f"at most {MAX_THREADED_STRAIN * stiffness:.3g} (N per metre of width); this would "
+            f"stretch the strip by {percent:.3g} %, with young × thickness = {stiffness:.3g} N/m"
         )
         hint = f"tension = {1e-4 * stiffness:.3g}, or another young or thickness"
         yield Mistake("", "threading.tension", threading.tension, expected, hint)
@@ -587,7 +593,7 @@ def meant_modulus(young: float) -> tuple[str, float] | None:
     >>> meant_modulus(2e5), meant_modulus(210.0), meant_modulus(2e11)
     (('MPa', 200000000000.0), ('GPa', 210000000000.0), None)
     """
-    if young >= SOFTEST:
+    if young >= MIN_MODULUS:
         return None
     unit, factor = ("GPa", 1e9) if young < 1e3 else ("MPa", 1e6)
     return unit, factor * young
@@ -596,7 +602,7 @@ def meant_modulus(young: float) -> tuple[str, float] | None:
 def wrapped_axes(rollers: Rollers) -> Iterator[Mistake]:
     """Yield axes along the strip: threading cuts rollers by planes y = const."""
     for roller in rollers:
-        if roller.wrap is not None and abs(roller.axis[1]) < ACROSS * hypot(*roller.axis):
+        if roller.wrap is not None and abs(roller.axis[1]) < MIN_AXIS_ACROSS * hypot(*roller.axis):
             key = f"rollers.{roller.name}.axis"
             expected = "an axis nearly along y, since it says its wrap"
             yield Mistake("", key, roller.axis, expected, "axis = [0.0, 1.0, 0.0]")
@@ -612,12 +618,12 @@ def apart(rollers: Rollers) -> Iterator[Mistake]:
         axis, way = axes[:, i], centres[:, i, None] - centres[:, :i]
         offset = way - axis[:, None] * (axis @ way)
         distance, least = np.sqrt(np.sum(offset * offset, axis=0)), radii[:i] + second.radius
-        parallel = np.abs(axis @ axes[:, :i]) >= PARALLEL
+        parallel = np.abs(axis @ axes[:, :i]) >= PARALLEL_COSINE
         if not (overlap := parallel & (distance < least * (1.0 - 1e-9))).any():
             continue
         j = int(np.where(overlap, distance - least, np.inf).argmin())
         far = float(distance[j])
-        absurd = [r for r in (rollers[j], second) if 0.0 < IN_MILLIMETRES * far < r.radius]
+        absurd = [r for r in (rollers[j], second) if 0.0 < MILLIMETRE_RATIO * far < r.radius]
         if absurd:
             large |= {roller.name: (roller.radius, far) for roller in absurd}
             continue
@@ -651,7 +657,7 @@ cannot have at all stands before what else is wrong with it.
 """
 
 
-OF_KEYS = (known_rollers, gravity_has_density)
+KEY_RULES = (known_rollers, gravity_has_density)
 """Those that ask of a stage which keys it has, and for no values."""
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any, get_args
 from pydantic import TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
-FACTORS = {
+UNIT_FACTORS = {
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "µm": 1e-6, "um": 1e-6},
     "s": {"s": 1.0, "ms": 1e-3, "min": 60.0},
     "Pa": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9},
@@ -40,7 +40,7 @@ def number_in(text: str, meaning: str) -> float | None:
     """
     found = QUANTITY.fullmatch(text)
     unit = meaning.rpartition("(")[2].removesuffix(")")
-    factors = {**FACTORS.get(unit, {unit: 1.0}), "": 1.0}
+    factors = {**UNIT_FACTORS.get(unit, {unit: 1.0}), "": 1.0}
     if found is None or found[2] not in factors:
         return None
     return float(f"{float(found[1]) * factors[found[2]]:.12g}")

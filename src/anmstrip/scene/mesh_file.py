@@ -19,24 +19,24 @@ from skfem.io import from_meshio
 from anmstrip.arrays import Array
 from anmstrip.errors import InputError, nearest
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.scene.tables import ENDS, LARGEST
+from anmstrip.scene.tables import ENDS, LARGEST_NUMBER
 
-NEARLY = 1e-6
+ZERO_LENGTH = 1e-6
 """Lengths below this share of an element's size count as none."""
 
-FARTHEST = 1e7
+FARTHEST_ORIGIN = 1e7
 """Distance from the origin, in sizes of the mesh, at which its file has kept nine digits of it."""
 
-NODES = {"triangle": 3, "quad": 4}
+CELL_NODES = {"triangle": 3, "quad": 4}
 """Of a cell."""
 
-NAMING = (
+NAMING_ADVICE = (
     "name the sides in the mesh file: physical groups of lines (Gmsh, .msh) or node sets "
     "(Abaqus, .inp); most other formats, .vtk and .vtu too, keep no names of lines"
 )
 """Advice for a mesh without names."""
 
-EXAMPLES = "see meshes/README.md for meshes that are right and the commands that make them"
+EXAMPLE_ADVICE = "see meshes/README.md for meshes that are right and the commands that make them"
 """Advice for a mesh that cannot be used."""
 
 
@@ -57,15 +57,15 @@ def check_flat(points: ArrayLike, cells: ArrayLike) -> None:
     cells : (m, k) array of int
     """
     used = np.asarray(points, dtype=float)[np.unique(cells)]
-    if not (np.abs(used) <= LARGEST).all():
-        raise MeshError(f"nodes at finite places, at most {LARGEST:g} m away")
+    if not (np.abs(used) <= LARGEST_NUMBER).all():
+        raise MeshError(f"nodes at finite places, at most {LARGEST_NUMBER:g} m away")
     farthest, size = float(np.abs(used).max()), float(np.ptp(used, axis=0).max())
-    if farthest > FARTHEST * size:
+    if farthest > FARTHEST_ORIGIN * size:
         found = f"they are {farthest:.3g} m from the origin, {farthest / size:.2g} times the size"
         expected = f"nodes of which digits are left: {found} of the mesh"
         raise MeshError(expected, "the mesh with its origin near it")
     height = np.abs(used[:, 2:]).max(initial=0.0)
-    if height > NEARLY * size:
+    if height > ZERO_LENGTH * size:
         raise MeshError(f"a flat mesh in the plane z = 0 (a node is {height:g} m off)")
 
 
@@ -79,7 +79,7 @@ def check_shapes(mesh: Mesh) -> None:
     corners = mesh.p[:, mesh.t]
     if isinstance(mesh, MeshQuad):
         low, high = corners.min(axis=1), corners.max(axis=1)
-        room = NEARLY * (high - low)
+        room = ZERO_LENGTH * (high - low)
         aside = np.minimum(np.abs(corners - low[:, None]), np.abs(corners - high[:, None]))
         near = aside <= room[:, None]
         bent = np.abs(corners[:, 0] - corners[:, 1] + corners[:, 2] - corners[:, 3]) > 4.0 * room
@@ -89,14 +89,14 @@ def check_shapes(mesh: Mesh) -> None:
     else:
         (x1, y1), (x2, y2) = (corners[:, k] - corners[:, 0] for k in (1, 2))
         longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=0).max(axis=0)
-        wrong = np.abs(x1 * y2 - x2 * y1) <= NEARLY * longest**2
+        wrong = np.abs(x1 * y2 - x2 * y1) <= ZERO_LENGTH * longest**2
         kind, more, hint = "triangles with an area", "have none", ""
     if wrong.any():
         place = point_text(corners.mean(axis=1)[:, wrong])
         raise MeshError(f"{kind} ({wrong.sum()} {more}, the first at {place})", hint)
     ends = mesh.p[:, mesh.facets[:, mesh.boundary_facets()]]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=0)
-    pairs = cKDTree(mesh.p.T).query_pairs(NEARLY * lengths.min(), output_type="ndarray")
+    pairs = cKDTree(mesh.p.T).query_pairs(ZERO_LENGTH * lengths.min(), output_type="ndarray")
     if len(pairs):
         place = point_text(mesh.p[:, pairs[:, 0]])
         found = f"{len(pairs)} pairs of nodes lie at one place, the first at {place}"
@@ -132,11 +132,11 @@ def hanging_nodes(ends: Array, lengths: Array) -> Array:
     """
     nodes = np.unique(ends.reshape(2, -1), axis=1)
     found: set[int] = set()
-    near = cKDTree(nodes.T).query_ball_point(ends.mean(axis=1).T, (0.5 - NEARLY) * lengths)
+    near = cKDTree(nodes.T).query_ball_point(ends.mean(axis=1).T, (0.5 - ZERO_LENGTH) * lengths)
     for k, candidates in enumerate(near):
         (x, y), (dx, dy) = ends[:, 0, k], ends[:, 1, k] - ends[:, 0, k]
         aside = np.abs((nodes[0, candidates] - x) * dy - (nodes[1, candidates] - y) * dx)
-        found.update(np.asarray(candidates)[aside < NEARLY * lengths[k] ** 2].tolist())
+        found.update(np.asarray(candidates)[aside < ZERO_LENGTH * lengths[k] ** 2].tolist())
     return nodes[:, sorted(found)]
 
 
@@ -167,15 +167,15 @@ def read_mesh(scene: SceneSpec) -> Mesh:
         mesh = named_mesh(read_silently(path))
         check_shapes(mesh)
     except MeshError as error:
-        hint = error.hint or EXAMPLES
+        hint = error.hint or EXAMPLE_ADVICE
         raise scene.refused("strip.mesh", str(path), str(error), hint) from error
     known = sorted(mesh.boundaries or {})
     wanted = [(f"edges.{name}", name) for name in scene.edges]
     wanted += [(f"stages.{s.name}.{name}", name) for s in scene.stages for name in s.edges]
     expected = "an edge on the boundary that the mesh names"
-    hints = {name: nearest(name, known) if known else NAMING for _, name in wanted}
+    hints = {name: nearest(name, known) if known else NAMING_ADVICE for _, name in wanted}
     told = [(key, name, expected, hints[name]) for key, name in wanted]
-    told += [("strip.mesh", name, "edges named entry and exit", NAMING) for name in ENDS]
+    told += [("strip.mesh", name, "edges named entry and exit", NAMING_ADVICE) for name in ENDS]
     mistakes = [scene.mistake(*words) for words in told if words[1] not in known]
     if mistakes:
         raise InputError(mistakes)
@@ -206,13 +206,13 @@ def named_mesh(raw: meshio.Mesh) -> Mesh:
     of them is an end of a side between two of the set.  Nodes of no cell are left out.
     """
     kinds = {block.type for block in raw.cells if len(block.data)} - {"vertex", "line"}
-    if len(kinds) != 1 or not kinds <= set(NODES):
+    if len(kinds) != 1 or not kinds <= set(CELL_NODES):
         found = f"{', '.join(sorted(kinds))} were found" if kinds else "no cells were found"
         raise MeshError(f"quadrilaterals alone or triangles alone, of straight sides ({found})")
     (kind,) = kinds
     blocks = [k for k, block in enumerate(raw.cells) if block.type == kind]
     cells = np.concatenate([raw.cells[k].data for k in blocks]).astype(np.int64)
-    whole = cells.shape[1:] == (NODES[kind],)
+    whole = cells.shape[1:] == (CELL_NODES[kind],)
     if not whole or cells.min() < 0 or cells.max() >= len(raw.points):
         raise MeshError("cells of nodes that exist (it is damaged)")
     check_flat(raw.points, cells)

@@ -21,12 +21,12 @@ from pydantic.fields import FieldInfo
 
 from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.scene import tables as scene_tables
-from anmstrip.scene.checks import OF_KEYS, check_scene
+from anmstrip.scene.checks import KEY_RULES, check_scene
 from anmstrip.scene.hints import asked_for, is_number, meant, name_like, with_decimal_point
 from anmstrip.scene.tables import (
     EDGE_NAMES,
-    LARGEST,
-    SMALLEST,
+    LARGEST_NUMBER,
+    SMALLEST_NUMBER,
     STAGE_KEYS,
     THREADING,
     ContactSpec,
@@ -115,7 +115,7 @@ class SceneSpec(Table):
         found += check_scene(right)
         if "stages" not in right:
             told = {mistake.key for mistake in found}
-            between = check_scene({**right, "stages": as_typed(tables.get("stages"))}, OF_KEYS)
+            between = check_scene({**right, "stages": as_typed(tables.get("stages"))}, KEY_RULES)
             found += (mistake for mistake in between if mistake.key not in told)
         if found:
             raise InputError(replace(mistake, file=mistake.file or "Scene") for mistake in found)
@@ -362,7 +362,7 @@ def implied(scene: Mapping[str, Any]) -> dict[str, Any]:
     return named
 
 
-LEADING = {"move", "velocity", "speed", "force", "release"}
+LEADING_KEYS = {"move", "velocity", "speed", "force", "release"}
 """Keys of an edge in a stage that say how it is led, or that it is not."""
 
 
@@ -379,7 +379,7 @@ def with_entries_released(stages: Iterable[StageSpec]) -> Iterator[StageSpec]:
             pulled = stage.strip.speed is None and (pulled or entry.tension is not None)
         elif pulled and stage.friction:
             pulled = False
-            if not LEADING & entry.model_fields_set:
+            if not LEADING_KEYS & entry.model_fields_set:
                 free = {"entry": entry.model_copy(update={"release": True})}
                 yield stage.model_copy(update={"edges": {**stage.edges, **free}})
                 continue
@@ -497,10 +497,9 @@ def mistakes_of(
         else:
             value = None if found["type"] == "missing" and not place.item else value
             expected = f"{asked_for(found['type'], value)}{place.meaning}"
-            if isinstance(value, float) and (abs(value) > LARGEST or 0.0 < value < SMALLEST):
-                expected += (
-                    f"; numbers are at most {LARGEST:g}, and {SMALLEST:g} at least if positive"
-                )
+            least, largest = SMALLEST_NUMBER, LARGEST_NUMBER
+            if isinstance(value, float) and (abs(value) > largest or 0.0 < value < least):
+                expected += f"; numbers are at most {largest:g}, and {least:g} at least if positive"
             better = None if place.item else meant(found["type"], value, place.meaning, field)
             named = place.name == "name" and found["type"] == "string_pattern_mismatch"
             better = f'"{name_like(value)}"' if named and name_like(value) else better

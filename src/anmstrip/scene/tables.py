@@ -32,17 +32,21 @@ THREADING = "threading"
 I_UNIT = 1e-5
 """Strain of one I-unit of flatness."""
 
-SMALLEST, LARGEST = 1e-30, 1e30
+SMALLEST_NUMBER, LARGEST_NUMBER = 1e-30, 1e30
 """Bounds of numbers in a scene, so that no product of a handful of them over- or underflows."""
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
-Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=SMALLEST, le=LARGEST)]
+Number = Annotated[
+    float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)
+]
+Positive = Annotated[
+    float, Field(strict=True, allow_inf_nan=False, ge=SMALLEST_NUMBER, le=LARGEST_NUMBER)
+]
 NotNegative = Annotated[Number, Field(ge=0)]
 Integer = Annotated[int, Field(strict=True, ge=1)]
 Count = Annotated[Integer, Field(le=100_000)]
 Vector = tuple[Number, Number, Number]
 Component = Literal["x", "y", "z"]
-OWN_LAW = r"[A-Za-z_][\w.]*:[A-Za-z_]\w*"
+OWN_LAW_PATTERN = r"[A-Za-z_][\w.]*:[A-Za-z_]\w*"
 """Pattern of the name of a class in a module, ``module:Class``."""
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=64)]
@@ -112,7 +116,7 @@ def check_bending(value: object) -> bool | str:
 def check_refined(value: object) -> float | str:
     """Return an element length (m), or "auto"."""
     number = isinstance(value, int | float) and not isinstance(value, bool)
-    if value == "auto" or (number and SMALLEST <= value <= LARGEST):  # type: ignore[operator]
+    if value == "auto" or (number and SMALLEST_NUMBER <= value <= LARGEST_NUMBER):  # type: ignore[operator]
         return value if isinstance(value, str) else float(value)  # type: ignore[arg-type]
     raise ValueError
 
@@ -319,7 +323,7 @@ class PlasticitySpec(Table):
     layers: Annotated[Integer, Field(ge=5, le=81)] | None = Field(None, examples=["21"])
     """layers through the thickness, an integer from 5 to 81; left out: 21 of a section, 11 of a
     shell (1)"""
-    law: Annotated[str, Field(strict=True, pattern=f"^{OWN_LAW}$")] | None = Field(
+    law: Annotated[str, Field(strict=True, pattern=f"^{OWN_LAW_PATTERN}$")] | None = Field(
         None, examples=['"my_laws:Voce"']
     )
     """a law of one's own, "module:Class"; left out: von Mises's with linear hardening (text)"""
@@ -391,7 +395,7 @@ class ContactSpec(Table):
     can resolve, unless ``onset`` and ``pressure`` say otherwise.
     """
 
-    law: Annotated[str, Field(strict=True, pattern=f"^{OWN_LAW}$")] | None = Field(
+    law: Annotated[str, Field(strict=True, pattern=f"^{OWN_LAW_PATTERN}$")] | None = Field(
         None, examples=['"my_laws:HardContact"']
     )
     """a law of one's own, "module:Class"; left out: a built-in law (text)"""
@@ -443,9 +447,9 @@ class ContactSpec(Table):
 class FrictionSpec(Table):
     """Regularised friction."""
 
-    law: Annotated[str, Field(strict=True, pattern=f"^(algebraic|norton-hoff|tanh|{OWN_LAW})$")] = (
-        Field("algebraic", examples=['"algebraic"'])
-    )
+    law: Annotated[
+        str, Field(strict=True, pattern=f"^(algebraic|norton-hoff|tanh|{OWN_LAW_PATTERN})$")
+    ] = Field("algebraic", examples=['"algebraic"'])
     """friction law, "algebraic", "norton-hoff", "tanh", or "module:Class" of one's own (text)"""
     parameters: dict[str, Number] = Field({}, examples=["{ dip = 0.2 }"])
     """further arguments of a law of one's own, a table of numbers (1)"""

@@ -10,28 +10,28 @@ from anmstrip.scene.checks import moved_ends
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import StageSpec
 
-HONEST = 0.1
+CREEP_SHARE = 0.1
 """Share of the elastic creep that V_c is by default.
 
 What sticks creeps at up to about V_c, and the algebraic law in full slip, which the elastic creep
 at least is, then misses f by 0.5 %."""
 
 
-SLACK = 0.1
+SLACK_SHARE = 0.1
 """Share of the largest tension below which a tension does not make V_c smaller.
 
 Errors are told relative to the largest; strip that breaks, 30 to 0.3 kN/m within 20 ms, takes
 1 155 tangents with it, and without it is not at rest after 2 070."""
 
 
-GIVES_WAY = 0.2
+STANDING_GIVE = 0.2
 """Share of a radius by which strip around rollers that stand gives way to a change of tension.
 
 What sticks creeps on while the line rests: a step of 10 to 16 kN/m on a quarter of a turn at
 f = 0.25 leaves 1.7 % more at the entry than e^(fθ) after two seconds with 1, with 0.2 0.6 %."""
 
 
-CREEPS_AT_REST = 1e-3
+REST_CREEP_SHARE = 1e-3
 """Share of the stretch of the shortest span by which strip on rollers creeps while a line stands.
 
 After 5 s the drag of two idlers, 119 N/m, is right to 14 N/m in 117 tangents; without this 113 are
@@ -39,14 +39,14 @@ lost in 94.  Between two rolls of a bridle that rests for 2 s the 10.61 kN/m are
 201 tangents; without this 0.27 are lost in 58."""
 
 
-SHARPEST = 2e-3
+SHARPEST_AT_REST = 2e-3
 """Least V_c for the sake of a line that stands, over that of one that runs.
 
 Idlers that are to stand for a minute ask for it, and take 372 tangents; with what ten minutes ask
 for they take 766, and the error of the laws can no longer be told."""
 
 
-USUAL = 1e-4
+USUAL_STRAIN = 1e-4
 """Strain of strip that nothing pulls, from which its V_c is chosen: of steel under 20 MPa."""
 
 
@@ -110,11 +110,11 @@ def follows_rollers(scene: SceneSpec) -> bool:
 
 def regularising_speed(scene: SceneSpec) -> float:
     """Return V_c (m/s): a share of the elastic creep, and no more than a line may creep at rest."""
-    speed, time = HONEST * elastic_creep(scene), standstill(scene)
+    speed, time = CREEP_SHARE * elastic_creep(scene), standstill(scene)
     if time == 0.0:
         return speed
-    at_rest = CREEPS_AT_REST * working_strain(scene) * shortest_span(scene) / time
-    return float(np.clip(at_rest, SHARPEST * speed, speed))
+    at_rest = REST_CREEP_SHARE * working_strain(scene) * shortest_span(scene) / time
+    return float(np.clip(at_rest, SHARPEST_AT_REST * speed, speed))
 
 
 def standstill(scene: SceneSpec) -> float:
@@ -155,7 +155,7 @@ def elastic_creep(scene: SceneSpec) -> float:
 
 def working_strain(scene: SceneSpec) -> float:
     """Return that of the least tension of a scene, or of a tenth of the largest if that is more."""
-    tension = max(least_tension(scene), SLACK * largest_force(scene))
+    tension = max(least_tension(scene), SLACK_SHARE * largest_force(scene))
     return tension / (scene.material.young * scene.strip.thickness)
 
 
@@ -171,7 +171,7 @@ def pulls(scene: SceneSpec) -> Iterator[float]:
 def least_tension(scene: SceneSpec) -> float:
     """Return the least tension above 0 (N/m) that is asked for, else that of a usual strain."""
     wanted = [pull for pull in pulls(scene) if pull > 0.0]
-    return min(wanted, default=USUAL * scene.material.young * scene.strip.thickness)
+    return min(wanted, default=USUAL_STRAIN * scene.material.young * scene.strip.thickness)
 
 
 def largest_force(scene: SceneSpec) -> float:
@@ -214,7 +214,9 @@ def line_speed(scene: SceneSpec) -> float:
     if max(speeds) > 0.0:
         return max(speeds)
     time = sum(stage.duration for stage in scene.stages if stage.friction)
-    way = max(moves) or GIVES_WAY * min((roller.radius for roller in scene.rollers), default=1.0)
+    way = max(moves) or STANDING_GIVE * min(
+        (roller.radius for roller in scene.rollers), default=1.0
+    )
     return way / (time or sum(stage.duration for stage in scene.stages))
 
 

@@ -29,11 +29,11 @@ from anmstrip.simulation.meshing import (
 )
 from anmstrip.simulation.threading import Thread
 
-RAMP = 0.25
+RAMP_SHARE = 0.25
 """Share of a run over which g leaves 1 at both of its ends; with 0.05, 0.25 and 0.5 a dancer takes
 45 tangents to the same tensions."""
 
-LEAST, MOST = 0.1, 10.0
+MIN_GROWTH, MAX_GROWTH = 0.1, 10.0
 """Bounds of g, so that elements neither vanish nor become more than ten times as long; beyond,
 labels are carried off their rollers, and points of contact pass again."""
 
@@ -67,7 +67,7 @@ class Growth:
         ends.append([x[-1], x[-1]])
         shapes = []
         for (_, begin), (end, _) in pairwise(ends):
-            inside = np.minimum(x - begin, end - x) / (RAMP * abs(end - begin) or 1.0)
+            inside = np.minimum(x - begin, end - x) / (RAMP_SHARE * abs(end - begin) or 1.0)
             shape = np.clip(inside, 0.0, 1.0)
             whole = float(trapezoid(shape, x))
             shapes.append(shape / whole if whole > 0.0 else 0.0 * x)
@@ -94,7 +94,7 @@ class Growth:
             hung = 0.0 if loads is None else hanging_runs(now, loads)[:, 0]
             longer = (_runs(now) - _runs(thread) + hung) / thread.stretches.along[0]  # fed: uniform
             peaks = self.shapes.max(axis=0)
-            bounded = np.clip(peaks * longer, LEAST - 1.0, MOST - 1.0)
+            bounded = np.clip(peaks * longer, MIN_GROWTH - 1.0, MAX_GROWTH - 1.0)
             return np.divide(bounded, peaks, out=np.zeros_like(peaks), where=peaks > 0.0)
         return before
 
@@ -111,7 +111,7 @@ class Growth:
         return np.append(0.0, np.cumsum(steps))[place] + here
 
 
-CHANGE = 1e-4
+DIFFERENCE_SHARE = 1e-4
 """Share of a load over which a central difference, wrong by its square, tells how strip hangs."""
 
 
@@ -149,7 +149,7 @@ class Hanging:
             "exit.force": loads.exit,
             "entry.tension": loads.entry or 0.0,
         } | {name: arm * loads.exit for name, arm in arms.items()}
-        if not (step := CHANGE * scales.get(key, 0.0)):
+        if not (step := DIFFERENCE_SHARE * scales.get(key, 0.0)):
             return nothing
         sides = []
         for h in (-step, step):

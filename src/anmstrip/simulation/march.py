@@ -13,8 +13,8 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import (
-    LOOSEST_BALANCE,
-    NEGLIGIBLE,
+    LARGEST_PATH_IMBALANCE,
+    NEGLIGIBLE_SHARE,
     Cost,
     Equations,
     Outcome,
@@ -23,9 +23,9 @@ from anmstrip.continuation.equations import (
 )
 from anmstrip.continuation.follow import Pace, PathSolver, PathStep, Settings, follow
 from anmstrip.continuation.newton import (
-    HELPFUL,
-    KEPT,
-    UNSURE,
+    ROUND_OFF_MARGIN,
+    SLOW_CONVERGENCE_RATIO,
+    TANGENT_REUSE_RATIO,
     Corrected,
     Corrections,
     Newton,
@@ -43,13 +43,13 @@ from anmstrip.scene.tables import THREADING
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course, stretched
 from anmstrip.timestepping.formulas import Errors, Memory, TimeStep, start_memory
-from anmstrip.timestepping.implicit import UNHURRIED, Stepping, integrate
+from anmstrip.timestepping.implicit import MIN_BALANCING_SHARE, Stepping, integrate
 
 if TYPE_CHECKING:
     from anmstrip.results.events import Event
 
 
-MOST_CORRECTIONS = 100
+MAX_GUESS_CORRECTIONS = 100
 """Iterations on the guess of a threaded strip, after which its path is followed: with 20, strips
 that begin deep inside a roller, or on soft contact over a crown, stall."""
 
@@ -59,23 +59,23 @@ Grippo, Lampariello & Lucidi, SIAM J. Numer. Anal. 23, 707, 1986), for contact o
 strip lifts off before it settles.  On a contact a ten thousandth as stiff a strip is threaded and
 started in less than 60 tangents, with 1 in 113."""
 
-SLIDING, MOST_SLIDING = 0.05, 4
+SLIDING_IMBALANCE, MAX_SLIDING_BRANCHES = 0.05, 4
 """Imbalance from which strip slides into place on a path, where corrections make it grow, and the
 branches of this path.  Lines of 100 to 200 rollers so take 6 tangents, without 10 to 12."""
 
-UNFELT = 1e-6
+NEGLIGIBLE_IMBALANCE = 1e-6
 """Imbalance at which a steady stage with free rollers ends as it is.  In a line that is pulled by
 18 kN it is 0.02 N, and the drag of a roller's bearings some 10 to 300 N."""
 
-LAST_CORRECTIONS = 8
+MAX_LAST_CORRECTIONS = 8
 """Iterations at most that balance the state in which a steady stage ends; four lines took one."""
 
-FEW_STATES, MOST_STATES = 80, 100
+LONG_PATH_STATES, MAX_STATES = 80, 100
 """States of a steady stage, after which smoother laws lead to its end, and of the path there.  Of
 random lines most take 4 to 15.  With 30 a line of four rollers with the law of Norton and Hoff
 takes 105 tangents at V_c = 1e-8 m/s, not 76."""
 
-CALMLY = 0.1
+MIN_RELAXATION_SHARE = 0.1
 """Least share of a steady stage over which a small imbalance is taken away where its path is long:
 friction on a corner would answer to a shorter one with slip.  Without it a shell of two rollers
 takes more than 290 tangents.  Strip that yields remembers: its tension would be wrong by 1 %."""
@@ -85,10 +85,10 @@ FIRST_STEP = 0.01
 stage on the bridle takes 26 tangents instead of 247 to where it ends, and nothing is seen of how it
 begins to slip; with 0.02 a press roll takes 73 tangents instead of 52."""
 
-NOTHING = 1e-9
+COMPRESSION_ROUND_OFF = 1e-9
 """Compression, over the scale of tension, that is round-off."""
 
-FARTHEST = 1e4
+MAX_COMPRESSION_GROWTH = 1e4
 """Growth of a compression up to which it is one, and no imprecision."""
 
 
@@ -255,11 +255,15 @@ class March:
     def _rate_free(self, plan: StageProblem, settings: Settings) -> Iterator[Step]:
         u, equations = self._start(plan)
         begun, floor = self.reached or 0.0, 0.0
-        if equations.imbalance(equations.residual(u, begun)) < LOOSEST_BALANCE:  # not of a guess
+        if (
+            equations.imbalance(equations.residual(u, begun)) < LARGEST_PATH_IMBALANCE
+        ):  # not of a guess
             floor = equations.round_off(u, begun)
         tolerance = max(settings.tolerance, floor)
-        calmly = CALMLY if plan.steady and self.assembly.flow is None else 0.0
-        settings = replace(settings, tolerance=tolerance, unhurried=UNHURRIED, calmly=calmly)
+        calmly = MIN_RELAXATION_SHARE if plan.steady and self.assembly.flow is None else 0.0
+        settings = replace(
+            settings, tolerance=tolerance, unhurried=MIN_BALANCING_SHARE, calmly=calmly
+        )
         for step in (self._settled if plan.steady else self._path)(equations, u, settings):
             (u, control), imbalance = step.branch.end, step.imbalance
             if plan.steady and control == 1.0 and self.assembly.turning:
@@ -278,10 +282,17 @@ class March:
         Balanced to the tolerance the drag of free rollers would be wrong by that share of the
         line's tension, which is many times as large.
         """
-        floor = UNSURE * equations.round_off(u, 1.0)
-        if imbalance <= max(floor, UNFELT):
+        floor = ROUND_OFF_MARGIN * equations.round_off(u, 1.0)
+        if imbalance <= max(floor, NEGLIGIBLE_IMBALANCE):
             return u, imbalance
-        aim = Corrections(floor, LAST_CORRECTIONS, least=1, kept=KEPT, helpful=HELPFUL, near=np.inf)
+        aim = Corrections(
+            floor,
+            MAX_LAST_CORRECTIONS,
+            least=1,
+            kept=TANGENT_REUSE_RATIO,
+            helpful=SLOW_CONVERGENCE_RATIO,
+            near=np.inf,
+        )
         found = Newton(equations, self.solver, aim, self.cost).corrected(u, 1.0)
         if found is None or found.imbalance > imbalance:
             return u, imbalance
@@ -322,7 +333,7 @@ class March:
     ) -> Corrected | None:
         """Stationary state at the end of a stage by way of smoother laws, None if there is none."""
         given: dict[str, Any] = {"solver": self.solver, "cost": self.cost}
-        few = replace(settings, max_steps=MOST_STATES, give_way=False, rational=True)
+        few = replace(settings, max_steps=MAX_STATES, give_way=False, rational=True)
 
         def path(laws: Equations, u: Array, start: float) -> PathStep:
             *_, last = self.follow(laws, u, settings=few, start=start, **given)
@@ -356,14 +367,18 @@ class March:
         what each of them makes its way longer: this is a path along the rollers, not straight.
         """
         aim = self.tolerances.correction
-        settings = Corrections(aim, MOST_CORRECTIONS, growth=GUESS_GROWTH, near=SLIDING)
+        settings = Corrections(
+            aim, MAX_GUESS_CORRECTIONS, growth=GUESS_GROWTH, near=SLIDING_IMBALANCE
+        )
         found = Newton(equations, self.solver, settings, self.cost).corrected(guess, 0.0)
         if found is None:
             return None
         aim = max(aim, equations.round_off(found.u, 0.0))
         if found.imbalance <= aim:
             return found.u
-        path = Settings(tolerance=aim, max_steps=MOST_SLIDING, give_way=False, rational=True)
+        path = Settings(
+            tolerance=aim, max_steps=MAX_SLIDING_BRANCHES, give_way=False, rational=True
+        )
         given: dict[str, Any] = {"solver": self.solver, "settings": path, "cost": self.cost}
         try:
             *_, last = self.follow(equations, found.u, **given)
@@ -396,7 +411,7 @@ class March:
         ways: dict[str, Any] = {"solver": self.solver, "stepping": stepping, "cost": self.cost}
         friction, ends = self.assembly.friction, [plan.start + plan.duration]
         if friction is not None and solver.time_step is None:
-            ends = [*plan.reversals(friction.speed / NEGLIGIBLE), *ends]
+            ends = [*plan.reversals(friction.speed / NEGLIGIBLE_SHARE), *ends]
         for until in ends:
             if until > memory.times[0]:
                 for step in integrate(motion, memory, until, settings=settings, **ways):
@@ -454,7 +469,7 @@ class March:
 
 def _many(pace: Pace) -> bool:
     """Whether a path of stationary states has just become long."""
-    return pace.taken == FEW_STATES and pace.control < 1.0
+    return pace.taken == LONG_PATH_STATES and pace.control < 1.0
 
 
 @contextmanager
@@ -508,7 +523,7 @@ def imperfection_of(scene: SceneSpec) -> Array:
     assert scene.strip.imperfection is not None
     state = _perfect(scene)
     factors, modes = buckling(state, scene.strip.imperfection.mode)
-    if factors[-1] > FARTHEST:
+    if factors[-1] > MAX_COMPRESSION_GROWTH:
         raise _refused(scene, f"it would take {factors[-1]:.1g} times as much to buckle it")
     return flattened(state, modes[:, -1]) * scene.strip.imperfection.amplitude
 
@@ -524,7 +539,7 @@ def _perfect(scene: SceneSpec) -> State:
         *_, last = march.through(plan, scene.solver.max_steps)
     except PathStopped as stopped:
         raise _refused(scene, f"without imperfection it stops: {stopped}") from stopped
-    if last.state.principal_forces.min() > -NOTHING * march.assembly.scales.tension:
+    if last.state.principal_forces.min() > -COMPRESSION_ROUND_OFF * march.assembly.scales.tension:
         raise _refused(scene, "nothing compresses it")
     return last.state
 

@@ -15,6 +15,7 @@ from anmstrip.arrays import Array
 from anmstrip.fem.strip import grid, line
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError, hanging
+from anmstrip.scene.checks import PARALLEL_COSINE
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import RollerControl
 from anmstrip.simulation.defaults import (
@@ -30,81 +31,78 @@ if TYPE_CHECKING:
     from anmstrip.simulation.threading import Thread
 
 
-MOST_ELEMENTS = 250_000
+MAX_ELEMENTS = 250_000
 """Of a strip; the tangent of a shell of so many takes tens of gigabytes."""
 
-QUARTER = 0.25
+LAYER_SHARE = 0.25
 """Share of the boundary layer √(D/T) that an element over a roller may cover."""
 
-NEAR_LIFT = 2.0
+FINE_LAYERS = 2.0
 """Boundary layers on both sides of a place where a strip lifts on or off that are fine."""
 
-HINGE = 0.2
+HINGE_SHARE = 0.2
 """Share of the length over which the moment falls that a plastic hinge takes.
 
 Before a leveller of nine rollers 30 mm apart, with 0.2 and 0.4, the tension is off by 1.0 % and
 1.7 % of itself, and the curl behind it by 0.2 % and 4 %; with elements of r/8 by 12 % and 26 %."""
 
-GROWTH = 0.15
+LENGTH_GROWTH = 0.15
 """Growth of the element length per length of strip beyond.  With 0.15 the difference of tensions
 over a roller is within 0.1 % of that on an evenly fine mesh, with 0.3 within 0.3 %, with 0.6 within
-1 %; with twice ``NEAR_LIFT`` it changes by 0.02 %."""
+1 %; with twice ``FINE_LAYERS`` it changes by 0.02 %."""
 
-APART = 0.01
+MIN_NODE_DISTANCE = 0.01
 """Least distance of two marks that become nodes, in elements.  With 0.5, which joins both ends of
 the arcs of a leveller, the curl behind it is wrong by 5 %."""
 
-ARC = 0.05
+ARC_ELEMENT = 0.05
 """Longest element inside an arc, over the radius.  The tension of a strip that
 sticks is off by 7e-5 of itself with 0.1, by 1e-6 with 0.05: a cubic stretches on a circle."""
 
-STRING, FOLLOWS = 1.0 / 64.0, 1.0 / 8.0
+MIN_LIFT_ELEMENT, MAX_LIFT_ELEMENT = 1.0 / 64.0, 1.0 / 8.0
 """Shares of a roller's radius between which elements are by default where the strip lifts off.
 
 On foil in full slip over half a turn, with √(D/T) a 440th of the radius, the ratio of tensions is
 off by 5e-5, 1e-5 and 2e-5 of itself with a 64th, a 32nd and a 16th."""
 
-NIPPED = 1.0 / 12.0
+NIP_ELEMENT = 1.0 / 12.0
 """The same at most of rollers that nip the strip.  Of 21 pinch rolls that close by up to 0.05 mm
 more than the strip is thick, at seven places between its nodes, an eighth of the radius stops 15
 when they begin to turn, a twelfth none."""
 
-SETTLES = 0.0125
+SETTLING_DEPTH = 0.0125
 """Depth by which one roller may bear deeper than others, over that which takes all its load off it.
 
 Loads of 24 plates of 4 to 60 mm on three to seven rollers are off by 2 % of their mean at most,
 half of them by 0.4 %; with 0.015 by 2.3 %, with 0.01 by 1.5 %, but a plate that is carried takes a
 sixth more tangents."""
 
-MOST_PARTS = 32
+MAX_CONTACT_PARTS = 32
 """Parts of an element with their own points of contact.  With 16 the loads of a plate of 50 mm on
 rollers of 0.3 m are off by 2.3 %, with 32 by less than 2 %."""
 
-FALLS = 0.1
+MIN_FALL_DEPTH = 0.1
 """Least depth over the gap to a roller at the beginning.  Of eight plates that fall by 20 to 2 800
 times the onset four do not arrive, of eight that fall by 10 to 170 times all do."""
 
-PARALLEL = 0.99
-"""Least cosine of the angle between axes of rollers that face each other."""
-
-TOUCHES = 1.0 + 1e-6
+NIP_GAP = 1.0 + 1e-6
 """Gap, in thicknesses of the strip, up to which facing rollers nip it: round-off of centres."""
 
-COARSEST = 20
+MIN_ELEMENTS = 20
 """Least number of elements along a strip by default."""
 
-MOST_UNKNOWNS, PER_ROLLER = 12_000, 300
+DEFAULT_UNKNOWNS, UNKNOWNS_PER_ROLLER = 12_000, 300
 """Of a mesh by default: at most so many, or so many for each roller.
 
 With 75 for each, 161 rollers are threaded in 108 tangents instead of 16."""
 
-FINEST = 64.0
+MAX_FINER = 64.0
 """Largest ``strip.finer``."""
 
-MOST_AT_ONCE = 1.5
+MAX_FINER_STEP = 1.5
 """Factor by which elements are shortened at once where the least ``strip.finer`` is looked for."""
 
-SAMPLES = 1_000_000
+MAX_SAMPLES = 1_000_000
 """Most places at which the length of elements is looked at."""
 
 
@@ -125,8 +123,8 @@ def strip_mesh(
     lines, across = Lines(scene, rollers, thread, length / 2.0), cells_across(scene)
     xs = lines.by_default() if spec.cells is None else lines.chosen(spec.cells)
     count = (len(xs) - 1) * (1 if section else across)
-    if spec.finer is not None and count > MOST_ELEMENTS:
-        expected = f"at most {MOST_ELEMENTS} elements; there would be {count}"
+    if spec.finer is not None and count > MAX_ELEMENTS:
+        expected = f"at most {MAX_ELEMENTS} elements; there would be {count}"
         raise scene.refused("strip.finer", spec.finer, expected, "finer = 1.0")
     return line(xs) if section else grid(xs, np.linspace(-0.5, 0.5, across + 1) * spec.width)
 
@@ -169,7 +167,7 @@ class Lines:
 
         All are longer by one factor where there would be more than :func:`most_unknowns`.
         """
-        scene, coarse = self.scene, 2.0 * self.half / COARSEST
+        scene, coarse = self.scene, 2.0 * self.half / MIN_ELEMENTS
         per_line = unknowns_per_line(scene, round(cells_across(scene) / finer(scene)))
         most = most_unknowns(len(self.rollers)) // per_line - 1
         zones = self.default_zones()
@@ -204,7 +202,7 @@ class Lines:
                 lifts, margin = np.array([[min(x) - reach, max(x) + reach]] * 2).T, 0.0
             first, last = lifts.min(axis=0) - ahead - margin, lifts.max(axis=0) + back + margin
             zones += [Zone(float(lo), float(hi), size) for lo, hi in zip(first, last, strict=True)]
-            arc = min(2.0 * size, max(size, ARC * roller.radius))
+            arc = min(2.0 * size, max(size, ARC_ELEMENT * roller.radius))
             zones.append(Zone(float(lifts.min()), float(lifts.max()), arc))
         return zones
 
@@ -212,18 +210,18 @@ class Lines:
         """Coordinates of nodes with the number of elements of ``strip.cells``, and finer ones."""
         scene, spec, half, thread = self.scene, self.scene.strip, self.half, self.thread
         coarse = 2.0 * half / cells[0]
-        fine = spec.element_length or QUARTER * boundary_layer(scene) or np.inf
+        fine = spec.element_length or LAYER_SHARE * boundary_layer(scene) or np.inf
         zones = list[tuple[float, float]]()
         if scene.contact is not None and fine < coarse:
             zones = fine_zones(scene, self.rollers, thread, half)
         graded = list[Zone]()
         if zones and thread is not None and self.lifts:
-            near = NEAR_LIFT * max(boundary_layer(scene), fine / QUARTER)
+            near = FINE_LAYERS * max(boundary_layer(scene), fine / LAYER_SHARE)
             others = [r for r in self.rollers if r.name not in thread.arcs]  # they may touch it
             zones = [(x - near, x + near) for x in self.lifts]
             zones += fine_zones(scene, others, thread, half)
             graded = [Zone(*zone, fine) for zone in zones]
-            graded += [Zone(*thread.arcs[r.name], ARC * r.radius) for r in thread.rollers]
+            graded += [Zone(*thread.arcs[r.name], ARC_ELEMENT * r.radius) for r in thread.rollers]
         self._refuse_more(cells, zones, fine)
         if graded:
             return graded_nodes(half, graded, coarse, self.lifts, finer=finer(scene))
@@ -236,11 +234,11 @@ class Lines:
         scene, half = self.scene, self.half
         across = 1 if scene.strip.kinematics == "section" else cells[1]
         along = cells[0] + sum(hi - lo for lo, hi in zones) / fine
-        if not along * across <= MOST_ELEMENTS:
+        if not along * across <= MAX_ELEMENTS:
             key, now = ("refined", fine) if zones else ("cells", list(cells))
-            finest = 2.0 * half * across / (0.5 * MOST_ELEMENTS)
+            finest = 2.0 * half * across / (0.5 * MAX_ELEMENTS)
             expected = (
-                f"at most {MOST_ELEMENTS} elements; {along * across:.3g} would come from elements "
+                f"at most {MAX_ELEMENTS} elements; {along * across:.3g} would come from elements "
                 f"of {fine if zones else 2.0 * half / along:.3g} m"
             )
             hint = f"refined = {finest:.1g}" if zones else "cells = [16, 2]"
@@ -268,7 +266,7 @@ def refinement(
 
     Meshes are looked at until one does, since elements do not shrink in proportion: marks are
     nodes, and numbers across are whole.  It is at least what was typed and the usual 1, and at most
-    :data:`FINEST`.
+    :data:`MAX_FINER`.
     """
     length = scene.strip.length if thread is None else thread.length
     assert length is not None
@@ -278,14 +276,14 @@ def refinement(
         other = scene.model_copy(update={"strip": strip})
         xs = Lines(other, rollers, thread, length / 2.0).by_default()
         shortest = float(np.diff(xs).min())
-        if shortest <= longest or factor >= FINEST:
+        if shortest <= longest or factor >= MAX_FINER:
             across = 1 if section else cells_across(other)
             unknowns = len(xs) * unknowns_per_line(other, across)
             return Refinement(factor, unknowns, (len(xs) - 1) * across)
         step = 10.0 ** (np.floor(np.log10(factor)) - 1.0)
-        wanted = factor * min(shortest / longest, MOST_AT_ONCE)
+        wanted = factor * min(shortest / longest, MAX_FINER_STEP)
         factor = float(step * np.ceil(max(wanted, factor + step) / step - 1e-9))
-        factor = min(round(factor, 9), FINEST)
+        factor = min(round(factor, 9), MAX_FINER)
 
 
 def cells_across(scene: SceneSpec) -> int:
@@ -320,12 +318,12 @@ def contact_parts(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | 
     asked = (4.0 * np.sqrt(2.0 * d * r.radius) for d, r in zip(depths, rollers, strict=True))
     longest = (wanted_size(scene, r.radius, layer, nips=r.name in nipping) for r in rollers)
     parts = max((h / a for h, a in zip(longest, asked, strict=True)), default=1.0)
-    return int(np.clip(np.ceil(parts), 1, MOST_PARTS))
+    return int(np.clip(np.ceil(parts), 1, MAX_CONTACT_PARTS))
 
 
 def most_unknowns(rollers: int) -> int:
     """Return how many unknowns a mesh has at most by default, on so many rollers."""
-    return max(MOST_UNKNOWNS, PER_ROLLER * rollers)
+    return max(DEFAULT_UNKNOWNS, UNKNOWNS_PER_ROLLER * rollers)
 
 
 def shortest_wanted(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> float:
@@ -350,8 +348,8 @@ def wanted_size(
         return typed
     if scene.strip.kinematics == "section":
         deepest = np.inf  # see contact_parts
-    longest = min(NIPPED if nips else FOLLOWS, 4.0 * np.sqrt(2.0 * deepest / radius))
-    return radius * float(np.clip(QUARTER * layer / radius, STRING, longest))
+    longest = min(NIP_ELEMENT if nips else MAX_LIFT_ELEMENT, 4.0 * np.sqrt(2.0 * deepest / radius))
+    return radius * float(np.clip(LAYER_SHARE * layer / radius, MIN_LIFT_ELEMENT, longest))
 
 
 def deepest_bearing(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> Array:
@@ -370,7 +368,9 @@ def deepest_bearing(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread 
     p = min(pitches)
     stiffness = 15.0 * bending_stiffness(scene) / p**3 + 4.0 * largest_force(scene) / p
     falls = np.array([abs(r.centre[2]) - r.radius - r.half for r in rollers])
-    return np.maximum(SETTLES * load * p / stiffness if stiffness else np.inf, FALLS * falls)
+    return np.maximum(
+        SETTLING_DEPTH * load * p / stiffness if stiffness else np.inf, MIN_FALL_DEPTH * falls
+    )
 
 
 def bending_layer(scene: SceneSpec, thread: Thread | None) -> float:
@@ -389,7 +389,7 @@ def bending_layer(scene: SceneSpec, thread: Thread | None) -> float:
     falls = np.minimum(0.5 * np.minimum(runs[:-1], runs[1:]), np.sqrt(3.0) * layer)
     sharpest = 1.0 / np.array([roller.radius for roller in thread.rollers])
     bends = np.minimum(1.5 * thread.middle.arcs.turn[:, 0] / falls, sharpest)
-    return float(np.min(HINGE * falls, where=bends > yields, initial=layer))
+    return float(np.min(HINGE_SHARE * falls, where=bends > yields, initial=layer))
 
 
 @dataclass(frozen=True)
@@ -419,8 +419,10 @@ def nips(rollers: Sequence[Roller], thread: Thread | None, thickness: float) -> 
         way = centres[i + 1 :] - centres[i]
         across = np.linalg.norm(way - np.outer(way @ axes[i], axes[i]), axis=1)
         gaps = across - radii[i + 1 :] - radii[i]
-        faced = (side[i + 1 :] * side[i] < 0.0) & (np.abs(axes[i + 1 :] @ axes[i]) > PARALLEL)
-        for j in map(int, np.flatnonzero(faced & (gaps <= TOUCHES * thickness))):
+        faced = (side[i + 1 :] * side[i] < 0.0) & (
+            np.abs(axes[i + 1 :] @ axes[i]) > PARALLEL_COSINE
+        )
+        for j in map(int, np.flatnonzero(faced & (gaps <= NIP_GAP * thickness))):
             found.append(Nip(first, rollers[i + 1 + j], float(gaps[j])))
     return found
 
@@ -450,7 +452,7 @@ def nipping_rollers(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread 
 
 def fine_beside(layer: float, size: float) -> float:
     """Length (m) of strip with elements of a size on both sides of a place where it lifts off."""
-    return float(np.clip(NEAR_LIFT * layer, 2.0 * size, 16.0 * size))
+    return float(np.clip(FINE_LAYERS * layer, 2.0 * size, 16.0 * size))
 
 
 def arcs_in_stages(scene: SceneSpec, thread: Thread) -> list[dict[str, tuple[float, float]]]:
@@ -567,7 +569,7 @@ def hanging_runs(thread: Thread, loads: Loads) -> Array:
     return found
 
 
-HANGS = 0.25
+FOLLOWED_SAG = 0.25
 """Strip that runs take up by hanging, over the boundary layer √(D/T), from which labels follow: as
 much as the finest elements are long, so that less hardly matters to the mesh."""
 
@@ -578,7 +580,7 @@ def follows_weight(scene: SceneSpec, thread: Thread) -> bool:
     if not scene.strip.feed or scene.strip.mesh or threading is None or threading.closed:
         return False
     runs = [hanging_runs(thread, loads)[:, 0] for loads in loads_in_stages(scene)]
-    return bool(np.sum(runs, axis=-1).max() > HANGS * boundary_layer(scene))
+    return bool(np.sum(runs, axis=-1).max() > FOLLOWED_SAG * boundary_layer(scene))
 
 
 def lines_of_nodes(
@@ -613,29 +615,29 @@ def graded_nodes(
 ) -> Array:
     """Coordinates from −half to half, fine in the zones and growing away from them.
 
-    The length of the elements is at most that of a zone inside it, grows by ``GROWTH`` per length
-    beyond, up to ``coarse``.  All are longer by one factor where there would be more than ``most``,
-    and then ``finer`` times shorter.  The marks become nodes, but for those that are next to
-    another one, as on a roller that a string only grazes.
+    The length of the elements is at most that of a zone inside it, grows by ``LENGTH_GROWTH`` per
+    length beyond, up to ``coarse``.  All are longer by one factor where there would be more than
+    ``most``, and then ``finer`` times shorter.  The marks become nodes, but for those that are next
+    to another one, as on a roller that a string only grazes.
     """
     finest = min([coarse, *(zone.size for zone in zones)])
-    x = np.linspace(-half, half, 1 + min(int(np.ceil(8.0 * half / finest)), SAMPLES))
+    x = np.linspace(-half, half, 1 + min(int(np.ceil(8.0 * half / finest)), MAX_SAMPLES))
     sizes = np.full_like(x, coarse)
     edges = sorted((zone.first, zone.last) for zone in zones)
     begins = np.array([*(first for first, _ in edges), half])
     ends = np.maximum.accumulate([-half, *(last for _, last in edges)])
     widest = float(np.max(begins - ends, initial=0.0))
-    largest = max((zone.size for zone in zones), default=coarse) + GROWTH * widest
+    largest = max((zone.size for zone in zones), default=coarse) + LENGTH_GROWTH * widest
     for zone in zones:  # farther away another one asks for less
-        within = (min(coarse, largest) - zone.size) / GROWTH
+        within = (min(coarse, largest) - zone.size) / LENGTH_GROWTH
         here = slice(*np.searchsorted(x, [zone.first - within, zone.last + within]))
         away = np.maximum(np.maximum(zone.first - x[here], x[here] - zone.last), 0.0)
-        sizes[here] = np.minimum(sizes[here], zone.size + GROWTH * away)
+        sizes[here] = np.minimum(sizes[here], zone.size + LENGTH_GROWTH * away)
     passed = np.cumsum(np.append(0.0, 0.5 * np.diff(x) * (1.0 / sizes[1:] + 1.0 / sizes[:-1])))
     passed *= finer * min(1.0, most / passed[-1])
     xs, places = [np.array([-half])], [0.0]
     for place in np.interp(marks, x, passed) if len(marks) else ():
-        if min(place - places[-1], passed[-1] - place) > APART:
+        if min(place - places[-1], passed[-1] - place) > MIN_NODE_DISTANCE:
             places.append(float(place))
     for a, b in pairwise([*places, float(passed[-1])]):
         xs.append(

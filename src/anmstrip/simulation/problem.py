@@ -72,7 +72,7 @@ if TYPE_CHECKING:
     from anmstrip.simulation.growth import Growth, Hanging
     from anmstrip.simulation.threading import Thread
 
-GENTLE = {
+GENTLE_PROFILES = {
     "crown": "crown = [0.0, -{:g}]",
     "taper": "taper = {:g}",
     "sides": "sides = {{ taper = {:g}, flat = 0.5, rounding = 0.05 }}",
@@ -145,27 +145,31 @@ def size_of(assembly: Assembly, level: Kinematics) -> Size | None:
 
 EffectMaker = Callable[[Strip], Effect]
 
-SHORT = 0.5
+MIN_ONSET_ELEMENT = 0.5
 """Share of the usual length of elements over rollers that the onset of contact counts with at
 least: arcs that are shorter are single elements, with longer ones beside them that touch as well.
 With 0 a leveller of nine rollers takes 330 tangents instead of 119."""
 
-UNSEEN = 0.01
+ONSET_STRETCH = 0.01
 """Stretch that the onset of contact may make, over the elastic one."""
 
-AIR = 1e-14
+AIR_DRAG = 1e-14
 """Drag on a free roller at V_c, over the force scale: at the speed of a line, which is some 1e5
 times V_c, a billionth of the strip's tension; and the one thing that holds an untouched roller."""
 
-FLOATS = 0.05
+FLOATING_SHARE = 0.05
 """Share of its thickness by which a strip that only its weight presses may float: a tenth of the
 half by which its middle is nearer to the roller than its face, which is not modelled."""
 
-LAYERS = {"section": 21, "shell": 11}
+DEFAULT_LAYERS = {"section": 21, "shell": 11}
 """Layers through the thickness unless the scene says: moments to 0.2 % and to 1 % of M_e; those
 of a shell are most of its work."""
 
-FAINT = 1e-4
+MAX_HALVED_UNKNOWNS = 100_000
+"""On elements of half the length, beyond which the mesh's part is not looked for: the factors of a
+shell of so many, twenty elements across, take 1.5 GB."""
+
+FAINT_PRESSURE = 1e-4
 """Share of the pressure T/r of a wrapped strip below which there is no friction.
 
 The regularised pressure never ends, but points without weight would shorten every
@@ -406,6 +410,17 @@ class Assembly:
             return KirchhoffLove(self.strip, self.imperfection)
         return isometric_bending(self.strip, self.pattern)
 
+    @property
+    def can_halve(self) -> bool:
+        """Whether elements of half the length are few enough, of strip whose flow is known there.
+
+        Layers that flow are taken to the finer mesh of a section, and in stationary states, whose
+        past is all upstream; in time it would be that of every point.
+        """
+        few = int(2 ** self.strip.mesh.dim()) * self.unknowns <= MAX_HALVED_UNKNOWNS
+        steady = self.kinematics is SECTION and all(s.steady for s in self.scene.stages)
+        return few and (self.flow is None or steady)
+
     @cached_property
     def flow(self) -> FlowLaw | None:
         """Flow law of the scene's material, if it yields.
@@ -435,7 +450,9 @@ class Assembly:
         """Return plastic flow that is frozen, in time, or along the strip."""
         p = self.scene.material.plasticity
         assert p is not None and self.membrane is not None
-        layers = Layers.of(self.strip.thickness, p.layers or LAYERS[self.scene.strip.kinematics])
+        layers = Layers.of(
+            self.strip.thickness, p.layers or DEFAULT_LAYERS[self.scene.strip.kinematics]
+        )
         variables = flow.variables(self.kinematics.directions)
         slopes = upwind(self.strip) if along else None
         assert isinstance(self.bending, KirchhoffLove)
@@ -522,7 +539,7 @@ class Assembly:
         law = self.friction
         if law is None or self.contact is None:
             return None
-        faint = [FAINT * self.scales.tension / roller.radius for roller in self.rollers]
+        faint = [FAINT_PRESSURE * self.scales.tension / roller.radius for roller in self.rollers]
         contact = self._contact([float(self.signorini.gap(pressure)) for pressure in faint])
         assert contact is not None
         from anmstrip.mechanics.contact import Friction
@@ -554,7 +571,7 @@ class Assembly:
         chosen = [spec for spec in self.scene.rollers if spec.name in self.turning]
         radii, bearings = (np.array([getattr(s, k) for s in chosen]) for k in ("radius", "bearing"))
         speed, force = self.friction.speed, self.scales.force
-        given = self.turning, radii, bearings, speed, AIR * force / speed, self.strip.unknowns
+        given = self.turning, radii, bearings, speed, AIR_DRAG * force / speed, self.strip.unknowns
         return SteadyDrives(*given) if steady else Drives(*given)
 
     def friction_in(self, stage: StageSpec) -> Friction | None:
@@ -615,15 +632,17 @@ class Assembly:
         element = float(self.strip.cell_sizes[0].min())
         if self.scene.strip.cells is None and self.scene.strip.mesh is None:
             usual = shortest_wanted(self.scene, self.rollers, self.thread) / finer(self.scene)
-            element = max(element, SHORT * usual)
+            element = max(element, MIN_ONSET_ELEMENT * usual)
         parts = self.strip.contact_parts
         apart = 0.5 * element / parts  # two points to a part
         onset = (apart if parts > 1 else 0.5 * apart) ** 2 / (2.0 * radius)
         if load:
-            onset = min(onset, FLOATS * thickness / max(1.0, float(np.log(pressure / load))))
+            onset = min(
+                onset, FLOATING_SHARE * thickness / max(1.0, float(np.log(pressure / load)))
+            )
         if self.kinematics.count == 3 and fibres_differ(self.scene):
             stretch = tension / (self.material.young * thickness)
-            onset = min(onset, UNSEEN * stretch * radius * self._spread())
+            onset = min(onset, ONSET_STRETCH * stretch * radius * self._spread())
         return GradedSignorini(pressure, c.onset or onset)
 
     def _spread(self) -> float:
@@ -828,7 +847,10 @@ def check_geometry(scene: SceneSpec, strip: Strip, rollers: Sequence[Roller]) ->
         least = float(np.min(roller.radius_at(across - roller.centre[1])))
         if not least > 0.0:
             profile, value = next(iter(spec.profile.items()))
-            key, hint = f"rollers.{spec.name}.{profile}", GENTLE[profile].format(1e-3 * spec.radius)
+            key, hint = (
+                f"rollers.{spec.name}.{profile}",
+                GENTLE_PROFILES[profile].format(1e-3 * spec.radius),
+            )
             expected = f"a radius above 0 all across the strip; it falls to {least:.3g} (m)"
             mistakes.append(scene.mistake(key, value, expected, hint))
         elif scene.threading is None and (gap := flat_gap(strip, roller)) < -1e-12 * spec.radius:

@@ -17,17 +17,17 @@ from anmstrip.mechanics.shell import eigenstrain, uniaxial_stretches
 from anmstrip.results.state import State
 from anmstrip.scene.schema import StageSpec
 from anmstrip.scene.tables import ENDS, THREADING
-from anmstrip.simulation.defaults import HONEST, bending_stiffness, elastic_creep
+from anmstrip.simulation.defaults import CREEP_SHARE, bending_stiffness, elastic_creep
 from anmstrip.simulation.meshing import label_at, surface_speed
 from anmstrip.simulation.problem import Assembly, middle_node
 
-ALONG = 0.5
+HELD_ALONG = 0.5
 """Least share of a held direction that holds an end along the strip."""
 
-ALIGNED = 0.02
+ALIGNED_SINE = 0.02
 """Sine of the angle, 1°, up to which a velocity is that of strip that passes a held end."""
 
-RUNNING = 0.1
+INITIAL_SPEED_SHARE = 0.1
 """Share of its speeds at which a steady stage with idlers, or of unguided strip, begins: there the
 elastic creep is as fast as V_c by default."""
 
@@ -276,11 +276,11 @@ class Course:
         a = self.assembly
         if a.friction is None or a.thread is None:
             return False
-        usual = a.friction.speed > 0.99 * HONEST * elastic_creep(a.scene)
+        usual = a.friction.speed > 0.99 * CREEP_SHARE * elastic_creep(a.scene)
         return not self.guided or bool(a.turning and usual)
 
     def set_going(self, stage: StageSpec) -> Array:
-        """Let a strip at rest run slowly, RUNNING; return the speeds of free rollers.
+        """Let a strip at rest run slowly, INITIAL_SPEED_SHARE; return the speeds of free rollers.
 
         From rest, bearings would begin to brake at about V_c: a line of forty rollers takes 14
         tangents, so 5.  A threaded strip under T with the stretch λ sticks to rollers that run at
@@ -299,9 +299,9 @@ class Course:
         speed = float(end["strip.speed"])
         if self.pulled(stage):
             speed = max((float(end[driven[r]]) / sticking[r] for r in driven), key=abs, default=0.0)
-        self.values |= {key: RUNNING * end[key] for key in driven.values()}
-        self.values["strip.speed"] = np.array(RUNNING * speed)
-        return np.array([RUNNING * speed * sticking[name] for name in a.turning])
+        self.values |= {key: INITIAL_SPEED_SHARE * end[key] for key in driven.values()}
+        self.values["strip.speed"] = np.array(INITIAL_SPEED_SHARE * speed)
+        return np.array([INITIAL_SPEED_SHARE * speed * sticking[name] for name in a.turning])
 
     def finish(self, stage: StageSpec, full: Array | None = None, speed: float = 0.0) -> None:
         """Remember where a stage has ended; if it was steady, in which state and at which speed."""
@@ -368,7 +368,7 @@ class Course:
 
     def _holds_along(self, name: str, components: tuple[str, ...]) -> bool:
         """Whether components that are held at an end hold it along the strip."""
-        return any(abs(self._directions[name]["xyz".index(c)]) > ALONG for c in components)
+        return any(abs(self._directions[name]["xyz".index(c)]) > HELD_ALONG for c in components)
 
     def _destination(self, stage: StageSpec, name: str) -> Array:
         now = self.moved.get(name, np.zeros(3))
@@ -397,7 +397,7 @@ class Course:
             return before, after
         both = np.stack([before, after])
         across = both - np.outer(both @ direction, direction)
-        large = np.linalg.norm(across, axis=1) > ALIGNED * np.linalg.norm(both, axis=1)
+        large = np.linalg.norm(across, axis=1) > ALIGNED_SINE * np.linalg.norm(both, axis=1)
         first, last = np.where(large[:, None], across, 0.0)
         return first, last
 

@@ -42,18 +42,18 @@ so that it turns to the right."""
 
 OTHER_SIDE = {"over": "under", "under": "over", "left": "right", "right": "left"}
 
-DEEPEST = 0.5
+MAX_DEPTH = 0.5
 """Share of a roller's radius that a threaded strip may sink into it."""
 
-ROOM = 4.0
+FREE_RUN = 4.0
 """Run beside a roller, in boundary layers √(D/T), above which the guess bends the strip onto it,
 and length of the finest elements below which: with 9 a yawed roller is not threaded.  Lines of 2
 and 40 rollers so take 3 and 5 corrections, without 9 and 9; with 1 as many."""
 
-LOOKS = 2001
+STRIP_SAMPLES = 2001
 """Places along a threaded strip, of which the one next to a roller is sought."""
 
-PIECES = 16
+TABLE_PIECES = 16
 """Of each piece of a table along, between which the stretch is linear: to 1e-8 beside strains of
 1 %, a thousandth of that of a usual tension."""
 
@@ -166,7 +166,7 @@ class Thread:
 
     def passing(self, centre: Array) -> tuple[float, float]:
         """Reference x at which the strip passes a point (x, z), and its sense round it."""
-        s = np.linspace(0.0, float(self.middle.length[0]), LOOKS)
+        s = np.linspace(0.0, float(self.middle.length[0]), STRIP_SAMPLES)
         position, heading = self.middle.at(s, 0)
         way = centre[:, None] - position
         i = int((way**2).sum(axis=0).argmin())
@@ -221,7 +221,7 @@ class Thread:
         """
         runs, turn = np.diff(self.middle.starts[:, 0])[::2], self.middle.arcs.turn[:, 0]
         radii = np.array([roller.radius for roller in self.rollers])
-        room = np.minimum(runs[:-1], runs[1:]) > ROOM * self.layer
+        room = np.minimum(runs[:-1], runs[1:]) > FREE_RUN * self.layer
         return np.where(room & (radii * turn > 2.0 * self.layer), self.layer**2 / radii, 0.0)
 
     def ends_in_space(self, reference: Array) -> tuple[Array, Array, Array, Array]:
@@ -283,7 +283,7 @@ class Thread:
         lines, fibre = np.unique(y, return_inverse=True)
         label, stretches, heights = x - begin, self.stretches, self.heights
         s = stretches.place(label)
-        if finest < ROOM * self.layer and heights.any():
+        if finest < FREE_RUN * self.layer and heights.any():
             path, signed = self.touching(lines, heights)
             position = path.stiff(s, fibre, self.layer, signed)
         else:
@@ -356,7 +356,7 @@ def stretches_of(scene: SceneSpec) -> Stretches:
     assert scene.threading is not None
     m, fields = scene.material, (scene.strip.temperature, scene.strip.flatness)
     ends = sorted({0.0}.union(*(dict(field.along) for field in fields if field is not None)))
-    pieces = np.arange(PIECES * (len(ends) - 1) + 1) / PIECES
+    pieces = np.arange(TABLE_PIECES * (len(ends) - 1) + 1) / TABLE_PIECES
     labels = np.interp(pieces, np.arange(len(ends)), ends)
     warm, rolled = (0.0 * labels + (0.0 if f is None else f.means(labels)) for f in fields)
     share = np.interp(warm, *np.transpose(m.young_at)) if m.young_at else 1.0
@@ -401,7 +401,7 @@ def _depth(scene: SceneSpec, roller: Roller) -> float:
     line_force = scene.threading.tension - bending_stiffness(scene) / (2.0 * roller.radius**2)
     pressure = max(line_force, 0.1 * scene.threading.tension) / roller.radius
     gap = float(RepulsiveSignorini(*scene.contact.constants).gap(pressure))
-    if gap < -DEEPEST * roller.radius:
+    if gap < -MAX_DEPTH * roller.radius:
         expected = (
             f"a contact that carries the tension: pressed by T/r = {pressure:.3g} Pa the strip "
             f"would sink {-gap:.3g} m into roller {roller.name}, of radius {roller.radius:g} m"

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from anmstrip.advice.preview import Preview, free_motions
+from anmstrip.advice.warnings import levels
 from anmstrip.driver.explain import cell, plain_table, text_of
-from anmstrip.driver.preview import Preview, free_motions
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
-from anmstrip.driver.warnings import levels
 from anmstrip.errors import InputError, Mistake
 from anmstrip.fem.sampling import displacement_at
 from anmstrip.results.files import load_checkpoint, read_json, write_table
@@ -27,28 +27,28 @@ if TYPE_CHECKING:
     from distributed import Client
     from matplotlib.figure import Figure
 
-TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
+COMPARED_TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
 """Compared beside the scene's own; a tenth of the strictest is the truth."""
 
-STRICTEST = 1e-9
+MIN_TRUE_TOLERANCE = 1e-9
 """Least tolerance of the truth: from about there on the last digits of positions show."""
 
-FINER = {1: (0.25, 0.5, 1.0, 2.0, 4.0), 2: (0.5, 1.0, 2.0)}
+FINER_VALUES = {1: (0.25, 0.5, 1.0, 2.0, 4.0), 2: (0.5, 1.0, 2.0)}
 """Values of ``strip.finer`` over the scene's own, by the dimensions of its mesh; the last is the
 truth, with four times the unknowns."""
 
-ORDERS = (8, 12, 16, 20, 25)
+TRIED_ORDERS = (8, 12, 16, 20, 25)
 
-SPEEDS = (10.0, 1.0, 0.1, 0.01)
+SPEED_RATIOS = (10.0, 1.0, 0.1, 0.01)
 """Values of V_c over the scene's own; the last is the truth."""
 
-SHARPENED = ("algebraic", "tanh")
+SHARPENED_LAWS = ("algebraic", "tanh")
 """Friction laws that V_c only regularises; Norton and Hoff's is another one with another V_c."""
 
-DEAREST = 32.0
+MAX_LEVEL_COST = 32.0
 """Seconds of an expansion, over the scene's own, that a level of kinematics may take."""
 
-PARTS = {
+VARIED_PARTS = {
     "tolerance": ("path", "time"),
     "newton": ("path", "time"),
     "order": ("path", "time"),
@@ -58,22 +58,22 @@ PARTS = {
 }
 """What can be varied, and the parts of the error budget that go with it."""
 
-NOT_ALONG = {
+REQUIREMENTS = {
     "mesh": "strip.length, width and cells instead of strip.mesh",
     "speed": '[friction] with law = "algebraic" or "tanh", and regularisation = "fixed"',
     "kinematics": "a scene that two levels see whole and hold, see anmstrip explain",
 }
 """What a scene must have to be varied along some of them."""
 
-KINDS = ("tension", "force", "position")
+ERROR_KINDS = ("tension", "force", "position")
 
-COLUMNS = (
+ACCURACY_COLUMNS = (
     *("along", "value", "tolerance", "element", "unknowns", "status", "seconds", "tangents"),
-    *(f"{of}_{kind}" for kind in KINDS for of in ("true", "estimated")),
+    *(f"{of}_{kind}" for kind in ERROR_KINDS for of in ("true", "estimated")),
     *("directory", "truth"),
 )
 
-ENDS_ALONE = 1_000_000
+WRITE_ENDS_ONLY = 1_000_000
 """Steps between states that are written: writing would be part of what is measured."""
 
 Settings = dict[str, Any]
@@ -97,26 +97,28 @@ def trials(assembly: Assembly, scene: Scene) -> Iterator[Trial]:
     else is seen.
     """
     own = scene.solver.tolerance
-    chosen = sorted({own, *TOLERANCES}, reverse=True)
-    strict: Settings = {"solver.tolerance": max(float(f"{0.1 * chosen[-1]:.6g}"), STRICTEST)}
+    chosen = sorted({own, *COMPARED_TOLERANCES}, reverse=True)
+    strict: Settings = {
+        "solver.tolerance": max(float(f"{0.1 * chosen[-1]:.6g}"), MIN_TRUE_TOLERANCE)
+    }
     for name, method in (("tolerance", "series"), ("newton", "newton")):
         for value in chosen:
             here = {"solver.tolerance": value, "solver.method": method}
             yield Trial(name, value, here, strict)
-    for order in sorted({assembly.order, *ORDERS}):
+    for order in sorted({assembly.order, *TRIED_ORDERS}):
         yield Trial("order", order, {"solver.tolerance": own, "solver.order": order}, strict)
     if scene.strip.mesh is None:
-        shares, usual = FINER[assembly.strip.mesh.dim()], scene.strip.finer or 1.0
+        shares, usual = FINER_VALUES[assembly.strip.mesh.dim()], scene.strip.finer or 1.0
         meshes = [{**strict, "strip.finer": share * usual} for share in shares]
         for share, settings in zip(shares[:-1], meshes, strict=False):
             yield Trial("mesh", share, settings, meshes[-1])
     law = assembly.scene.friction
-    if law is not None and law.law in SHARPENED and law.regularisation != "auto":
-        laws = [{**strict, "friction.speed": share * (law.speed or 0.0)} for share in SPEEDS]
+    if law is not None and law.law in SHARPENED_LAWS and law.regularisation != "auto":
+        laws = [{**strict, "friction.speed": share * (law.speed or 0.0)} for share in SPEED_RATIOS]
         for settings in laws[:-1]:
             yield Trial("speed", settings["friction.speed"], settings, laws[-1])
     found = [level for level in levels(Preview.of(assembly)) if not level.against]
-    names = [level.kinematics.name for level in found if (level.cost or np.inf) <= DEAREST]
+    names = [level.kinematics.name for level in found if (level.cost or np.inf) <= MAX_LEVEL_COST]
     names = [name for name in names if not loose(adjusted(scene, {"strip.kinematics": name}))]
     for name in names[:-1]:
         settings, truth = ({**strict, "strip.kinematics": each} for each in (name, names[-1]))
@@ -131,7 +133,7 @@ def loose(scene: Scene) -> bool:
 def adjusted(scene: Scene, settings: Settings) -> Scene:
     """Return a scene with other values, checked as if typed, that writes its end alone."""
     tables, texts = scene.to_dict(), [f"{key}={json.dumps(v)}" for key, v in settings.items()]
-    tables["output"] = {"events": scene.output.events, "every": ENDS_ALONE}
+    tables["output"] = {"events": scene.output.events, "every": WRITE_ENDS_ONLY}
     if scene.strip.refined == "auto":
         del tables["strip"]["refined"]
     return Scene.from_tables(tables, scene.source or Path("scene"), texts)
@@ -202,9 +204,9 @@ class Final:
 
     def estimate(self, along: str) -> dict[str, float]:
         """Return what the error budget says of the parts that go with an axis, as a sum."""
-        parts = [self.summary["errors"][name] for name in PARTS[along]]
+        parts = [self.summary["errors"][name] for name in VARIED_PARTS[along]]
         known = [part for part in parts if part is not None]
-        return {kind: sum(part[kind] for part in known) for kind in KINDS if known}
+        return {kind: sum(part[kind] for part in known) for kind in ERROR_KINDS if known}
 
     @property
     def seconds(self) -> float:
@@ -225,7 +227,7 @@ class Accuracy(Sweep):
     ----------
     scene : Scene
     along : iterable of str, optional
-        Some of `PARTS`; all that apply to the scene if left out.
+        Some of `VARIED_PARTS`; all that apply to the scene if left out.
     directory : path
         For ``accuracy.csv``, ``accuracy.png`` and a directory of results for every scene.
 
@@ -255,7 +257,7 @@ class Accuracy(Sweep):
         wrong = [name for name in chosen if name not in known]
         if wrong:
             expected = f"what this scene can be varied along: {', '.join(known)}"
-            hints = [NOT_ALONG.get(name, f"--along {known[0]}") for name in wrong]
+            hints = [REQUIREMENTS.get(name, f"--along {known[0]}") for name in wrong]
             given = zip(wrong, hints, strict=True)
             raise InputError(Mistake("--along", "", name, expected, hint) for name, hint in given)
         self.trials = tuple(trial for trial in every if not chosen or trial.along in chosen)
@@ -269,7 +271,7 @@ class Accuracy(Sweep):
                 made[name] = Variant({**tolerance, **sizes}, here, directory / name)
         self.finals: dict[str, Final] = {}
         self._prepare(tuple(made.values()), directory / "accuracy.csv")
-        easiest = adjusted(scene, {"solver.tolerance": TOLERANCES[0]})
+        easiest = adjusted(scene, {"solver.tolerance": COMPARED_TOLERANCES[0]})
         self.job = partial(timed_run, json.dumps(easiest.to_dict()), str(scene.source or "scene"))
 
     def name(self, settings: Settings) -> str:
@@ -296,7 +298,7 @@ class Accuracy(Sweep):
         return self.finals.get(name)
 
     def results(self) -> Iterator[dict[str, Any]]:
-        """Yield a row of `COLUMNS` for every trial; what is not known yet is not in it."""
+        """Yield a row of `ACCURACY_COLUMNS` for every trial; what is not known yet is not in it."""
         rows = {row["directory"]: row for row in self.rows}
         for trial in self.trials:
             row = {"along": trial.along, "value": trial.value, "truth": self.name(trial.truth)}
@@ -312,7 +314,7 @@ class Accuracy(Sweep):
 
     def write_table(self) -> None:
         """Write all rows of ``accuracy.csv``."""
-        write_table(self.table, COLUMNS, self.results())
+        write_table(self.table, ACCURACY_COLUMNS, self.results())
 
     def figure(self) -> Figure:
         """Return the errors of tensions against seconds and tangents."""
@@ -328,7 +330,9 @@ class Accuracy(Sweep):
         for row in self.results():
             value = f"{row['element']:.3g} m" if row["along"] == "mesh" else row["value"]
             told = value if isinstance(value, str) else f"{value:.3g}"
-            errors = [row.get(f"{of}_{kind}") for kind in KINDS for of in ("true", "estimated")]
+            errors = [
+                row.get(f"{of}_{kind}") for kind in ERROR_KINDS for of in ("true", "estimated")
+            ]
             cells = [cell(error, ".2g") for error in errors]
             spent = f"{row['seconds']:.2f}" if "seconds" in row else row["status"]
             table.add_row(row["along"], told, *cells, spent, str(row.get("tangents") or "–"))
@@ -337,7 +341,7 @@ class Accuracy(Sweep):
     def advice(self) -> str:
         """Return what the scene's own tolerance and mesh give at what cost, and a tenth of it."""
         done = [row for row in self.results() if "true_tension" in row]
-        by = {name: [row for row in done if row["along"] == name] for name in PARTS}
+        by = {name: [row for row in done if row["along"] == name] for name in VARIED_PARTS}
         own = self.scene.solver.tolerance
         here = next((row for row in by["tolerance"] if row["value"] == own), None)
         if here is None:

@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from distributed import Client
     from matplotlib.figure import Figure
 
-MOST = 100_000
+MAX_SCENES = 100_000
 """Scenes of a sweep; more of them were surely not meant."""
 
-RANGE = re.compile(r"([^:\[\]\"',]+):([^:]+):([^:]+)")
+RANGE_PATTERN = re.compile(r"([^:\[\]\"',]+):([^:]+):([^:]+)")
 
 
 def parse_variation(text: str) -> tuple[str, tuple[Any, ...]]:
@@ -54,7 +54,7 @@ def parse_variation(text: str) -> tuple[str, tuple[Any, ...]]:
     key, _, given = (part.strip() for part in text.partition("="))
     values: Any = ()
     try:
-        if spaced := RANGE.fullmatch(given):
+        if spaced := RANGE_PATTERN.fullmatch(given):
             values = spaced_values(*spaced.groups())
         elif "\n" not in given:
             (values,) = tomllib.loads(f"values = [{given}]").values()
@@ -74,7 +74,7 @@ def spaced_values(first: str, last: str, number: str) -> list[float]:
     They are integers where all of them are, and none if the ends or the number are no good.
     """
     low, high, count = float(first), float(last), int(number)
-    wrong = not 1 <= count <= MOST or not np.isfinite([low, high]).all()
+    wrong = not 1 <= count <= MAX_SCENES or not np.isfinite([low, high]).all()
     if wrong or (count == 1) != (low == high):
         return []
     values = [float(f"{value:.12g}") for value in np.linspace(low, high, count)]
@@ -158,8 +158,10 @@ def parse_variations(texts: Iterable[str]) -> dict[str, tuple[Any, ...]]:
             mistakes += [replace(mistake, file=f"--vary {text}") for mistake in error.mistakes]
     if not texts:
         mistakes += variation_error("", None, "at least one key that varies").mistakes
-    if (count := math.prod(len(values) for values in varied.values())) > MOST:
-        mistakes += variation_error("…", f"{count:g} scenes", f"at most {MOST} scenes").mistakes
+    if (count := math.prod(len(values) for values in varied.values())) > MAX_SCENES:
+        mistakes += variation_error(
+            "…", f"{count:g} scenes", f"at most {MAX_SCENES} scenes"
+        ).mistakes
     if mistakes:
         raise InputError(mistakes)
     return varied
@@ -199,7 +201,7 @@ def folder(values: Mapping[str, Any]) -> str:
     return name if plain == name else f"{plain},{mark}"
 
 
-PATIENCE = 10.0
+SCHEDULER_TIMEOUT = 10.0
 """Seconds to wait for a scheduler's answer."""
 
 IGNORE_INTERRUPT = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
@@ -207,7 +209,7 @@ IGNORE_INTERRUPT = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 
 INPUT, SUMMARY, CHECKPOINT = "input.json", "summary.json", "checkpoint.npz"
 
-FACTS = ("status", "message", "steps", "tangents", "wall_seconds")
+FACT_COLUMNS = ("status", "message", "steps", "tangents", "wall_seconds")
 """Columns of the table for every scene."""
 
 
@@ -244,7 +246,7 @@ def remote_workers(address: str) -> Iterator[Client]:
     from distributed.utils import silence_logging_cmgr
 
     try:
-        client = Client(address, timeout=PATIENCE)
+        client = Client(address, timeout=SCHEDULER_TIMEOUT)
     except (OSError, ValueError) as error:
         expected = f"the address of a scheduler that runs ({error})"
         hint = "dask scheduler, then dask worker ADDRESS with the address that it prints"
@@ -292,7 +294,7 @@ def has_begun(scene: SceneSpec, directory: Path) -> bool:
 
 def row_of(summary: Mapping[str, Any]) -> dict[str, Any]:
     """Return the columns of the table for a scene, from its ``summary.json``."""
-    row = {fact: summary.get(fact) for fact in FACTS}
+    row = {fact: summary.get(fact) for fact in FACT_COLUMNS}
     for edge, values in summary.get("edges", {}).items():
         row[f"{edge}_tension"] = values["tension"]
     return {**row, **flatten(summary.get("rollers", {}))}
@@ -331,7 +333,7 @@ class Sweep:
     """All scenes of a parameter study, and their table ``sweep.csv``.
 
     The table has a row for every scene, and is replaced whenever one changes, so that it can be
-    read at any time.  Columns: the varied keys, `FACTS`, ``EDGE_tension`` (N/m),
+    read at any time.  Columns: the varied keys, `FACT_COLUMNS`, ``EDGE_tension`` (N/m),
     ``ROLLER_normal_force`` and all else that ``summary.json`` says of a roller, ``directory``.
 
     Parameters
@@ -450,7 +452,7 @@ class Sweep:
 
     def write_table(self) -> None:
         """Write all rows of ``sweep.csv``."""
-        first = (*self.variants[0].values, *FACTS)
+        first = (*self.variants[0].values, *FACT_COLUMNS)
         found = dict.fromkeys(column for row in self.rows for column in row)
         more = [column for column in found if column not in (*first, "directory")]
         write_table(self.table, (*first, *more, "directory"), self.rows)

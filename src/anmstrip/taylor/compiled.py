@@ -23,14 +23,14 @@ import numpy as np
 from anmstrip.arrays import Array, Index
 from anmstrip.taylor.tape import ADVANCE, ASSEMBLE, CALL, DERIVATIVES, Tables
 
-SPARE = ctypes.create_string_buffer(16)
+RETURN_BUFFER = ctypes.create_string_buffer(16)
 """Where numba's functions put that they have nothing to return, and no error."""
 
-DIGEST = hashlib.sha256().digest_size
-KEPT: list[Any] = []
+DIGEST_SIZE = hashlib.sha256().digest_size
+LOADED_CODE: list[Any] = []
 """Loaded code, which goes with its engine."""
 
-LOST: list[str] = []
+CACHE_FAILURES: list[str] = []
 """Why machine code cannot be kept, once that was told."""
 
 
@@ -54,7 +54,7 @@ def entry() -> Callable[..., None]:
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    KEPT.append(engine)
+    LOADED_CODE.append(engine)
     types = [*3 * [ctypes.c_void_p], *4 * [ctypes.c_int64]]
     return ctypes.CFUNCTYPE(None, *types)(engine.get_function_address("run"))
 
@@ -68,8 +68,8 @@ def machine_code(machine: llvm.TargetMachine, host: str) -> bytes:
     for place in places:
         with suppress(OSError):
             kept = place.read_bytes()
-            if hashlib.sha256(kept[DIGEST:]).digest() == kept[:DIGEST]:
-                return kept[DIGEST:]
+            if hashlib.sha256(kept[DIGEST_SIZE:]).digest() == kept[:DIGEST_SIZE]:
+                return kept[DIGEST_SIZE:]
     code = made(machine)
     keep(hashlib.sha256(code).digest() + code, places)
     return code
@@ -106,8 +106,8 @@ def keep(content: bytes, places: list[Path]) -> None:
             reason = str(error)
             with suppress(OSError):
                 aside.unlink()
-    if not LOST:
-        LOST.append(reason)
+    if not CACHE_FAILURES:
+        CACHE_FAILURES.append(reason)
         logging.getLogger(__name__).warning(
             "Compiled kernels cannot be kept (%s): each run compiles them again. "
             "Set NUMBA_CACHE_DIR to a directory that can be written.",
@@ -133,7 +133,7 @@ def script(table: Array) -> Callable[..., None]:
     run, address, count = entry(), table.ctypes.data, len(table)
 
     def make_calls(k: int, w: int = 0, orders: int = 0, kept: Array = table) -> None:
-        run(SPARE, SPARE, address, count, k, w, orders)
+        run(RETURN_BUFFER, RETURN_BUFFER, address, count, k, w, orders)
 
     return make_calls
 

@@ -25,16 +25,16 @@ from anmstrip.arrays import Array, Index
 
 EPSILON = float(np.finfo(float).eps)
 
-END = 1e-12
+END_SHARE = 1e-12
 """Share of an interval by which a root may lie behind its end, or just after its start."""
 
-MOST_ITERATIONS = 60
+MAX_DIVISIONS = 60
 """Divisions of an interval, and steps to a root, at most; round-off ends them long before."""
 
-NEAR = 2.0 ** -np.arange(50.0, 0.0, -1.0)
+NEAR_SHARES = 2.0 ** -np.arange(50.0, 0.0, -1.0)
 """Shares at which to look for a sign, if there is none at an end."""
 
-MIDDLES = np.array([0.5, 0.45, 0.55, 0.4, 0.6, 0.35, 0.65, 0.3, 0.7])
+DIVISION_SHARES = np.array([0.5, 0.45, 0.55, 0.4, 0.6, 0.35, 0.65, 0.3, 0.7])
 """Shares at which to divide an interval: the first at which there is a sign."""
 
 
@@ -207,10 +207,12 @@ class _Isolation:
         low, high = np.zeros(bernstein.shape[1]), np.ones(bernstein.shape[1])
         vague = np.flatnonzero(np.abs(bernstein[0]) <= noise)
         if len(vague):
-            _, bernstein[:, vague], low[vague] = _divided(bernstein[:, vague], noise[vague], NEAR)
+            _, bernstein[:, vague], low[vague] = _divided(
+                bernstein[:, vague], noise[vague], NEAR_SHARES
+            )
         vague = np.flatnonzero(np.abs(bernstein[-1]) <= noise)
         if len(vague):
-            kept, _, t = _divided(bernstein[:, vague], noise[vague], 1.0 - NEAR)
+            kept, _, t = _divided(bernstein[:, vague], noise[vague], 1.0 - NEAR_SHARES)
             bernstein[:, vague], high[vague] = kept, low[vague] + t * (1.0 - low[vague])
         ends = np.where(np.abs(bernstein) > noise, np.sign(bernstein), 0.0)[[0, -1]]
         self.first, self.last = np.where((ends == 0.0).any(axis=0), 0.0, ends)
@@ -220,14 +222,14 @@ class _Isolation:
     def _isolate(
         self, bernstein: Array, noise: Array, which: Index, low: Array, high: Array
     ) -> None:
-        for _ in range(MOST_ITERATIONS):
+        for _ in range(MAX_DIVISIONS):
             if not len(which):
                 return
             changes = _changes(bernstein, noise[which])
             self._keep(changes == 1, bernstein, which, low, high)
             more = changes > 1
             bernstein, which, low, high = bernstein[:, more], which[more], low[more], high[more]
-            left, right, t = _divided(bernstein, noise[which], MIDDLES)
+            left, right, t = _divided(bernstein, noise[which], DIVISION_SHARES)
             vague = np.abs(left[-1]) <= noise[which]
             self._keep(vague, bernstein, which, low, high)
             middle, clear = low + t * (high - low), ~vague
@@ -259,7 +261,7 @@ def _refined(coefficients: Array, low: Array, high: Array, first: Array) -> Arra
     """
     slopes, orders = derivative_coefficients(coefficients), np.arange(float(len(coefficients)))
     x, last = 0.5 * (low + high), high - low
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(MAX_DIVISIONS):
         powers = x ** orders[:, None]
         value = (powers * coefficients).sum(axis=0)
         slope = (powers[:-1] * slopes).sum(axis=0)
@@ -316,7 +318,7 @@ def roots_within(coefficients: Array, length: float) -> list[float]:
     coefficients : ndarray, shape (order + 1,)
     length : float
     """
-    column, further = coefficients[:, None], length * (1.0 + END)
+    column, further = coefficients[:, None], length * (1.0 + END_SHARE)
     bernstein, noise = _bernstein(column, further)
     if bernstein.min() > noise[0] or bernstein.max() < -noise[0] or not noise[0]:
         return []
@@ -326,7 +328,7 @@ def roots_within(coefficients: Array, length: float) -> list[float]:
     if abs(value_at(coefficients, length)) <= noise[0]:
         found.append(np.array([length]))
     whole = np.concatenate(found)
-    whole = np.minimum(whole[whole > END * length], length)
+    whole = np.minimum(whole[whole > END_SHARE * length], length)
     return [float(x) for x in np.unique(whole)]
 
 

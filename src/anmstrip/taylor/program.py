@@ -28,7 +28,7 @@ from anmstrip.arrays import Array
 from anmstrip.taylor import tape
 from anmstrip.taylor.tape import Tables, Tape, Variable
 
-AVAILABLE = find_spec("numba") is not None and os.environ.get("ANMSTRIP_COMPILED", "1") != "0"
+COMPILED = find_spec("numba") is not None and os.environ.get("ANMSTRIP_COMPILED", "1") != "0"
 """Whether programs are compiled; the environment variable ANMSTRIP_COMPILED=0 says no."""
 
 
@@ -82,7 +82,7 @@ class Program:
         self.inputs, self.output, self.points = tuple(tape.inputs), output, tape.points
         self.reusable = not tape.decided
         kind: type[Executor]
-        if compiled and AVAILABLE:
+        if compiled and COMPILED:
             from anmstrip.taylor.compiled import CompiledExecutor
 
             kind = CompiledExecutor

@@ -19,7 +19,7 @@ from anmstrip.taylor import tape as kinds
 from anmstrip.taylor.program import Orders, Program
 from anmstrip.taylor.tape import MixedPointsError, PerPoint, Rows, Table, Tape, Variable
 
-FEW = 32
+FEW_POINTS = 32
 """Entries of the last axis from which on they are taken for points."""
 
 
@@ -142,7 +142,7 @@ class RecordedFunction:
             or shapes != [variable.shape for variable in program.inputs]
         ):
             lengths = {shape[-1] for shape in shapes if shape}
-            alike = len(lengths) == 1 and min(lengths) >= FEW
+            alike = len(lengths) == 1 and min(lengths) >= FEW_POINTS
             points = lengths.pop() if alike else 1
             self.program = program = record(self.function, *values, points=points)
         return program.start(*values, order=order)

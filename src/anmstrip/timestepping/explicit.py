@@ -21,15 +21,15 @@ from anmstrip.timestepping.index_one import (
     stretch,
 )
 
-MOST_STEPS = 200_000
+MAX_EXPLICIT_STEPS = 200_000
 
-HASTE = 1.5
+MAX_ERROR_RATE = 1.5
 """Largest error per time over that which would use the tolerance up evenly.
 
 What is left near the end would allow any velocity there.
 """
 
-CAREFUL = 0.1
+LENGTHENING_SHARE = 0.1
 """Share of what a step may err below which a longer one is tried: its last terms had told of a
 shorter one."""
 
@@ -112,8 +112,8 @@ def integrate_explicitly(
     cost = Cost() if cost is None else cost
     stepper = _Stepper(recorded(residual), order, tolerance, span[1] - span[0], speed, cost)
     left, (t, end) = tolerance, span
-    for _ in range(MOST_STEPS):
-        rate = min(left / (end - t), HASTE * tolerance / stepper.whole)
+    for _ in range(MAX_EXPLICIT_STEPS):
+        rate = min(left / (end - t), MAX_ERROR_RATE * tolerance / stepper.whole)
         piece = replace(stepper, rate=rate).step(u, v, t, end)
         yield piece
         left -= piece.error / stretch(piece(piece.end)[1], speed)
@@ -160,7 +160,7 @@ class _Stepper:
             if excess <= 1.0:
                 break
             length = (piece.end - t) * min(max(self.longer(excess), 0.2), 0.95)
-        if excess < CAREFUL and piece.end < end:
+        if excess < LENGTHENING_SHARE and piece.end < end:
             further = (piece.end - t) * min(self.longer(excess), 2.0)
             longer, excess = self.tried(series, further)
             return longer if excess <= 1.0 else piece

@@ -12,7 +12,7 @@ import numpy as np
 
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import (
-    NEGLIGIBLE,
+    NEGLIGIBLE_SHARE,
     Cost,
     Equations,
     Evidence,
@@ -35,24 +35,24 @@ from anmstrip.timestepping.formulas import (
     start_memory,
 )
 
-LASTING = (1e-6, 1e-4)
+SNAP_TIMES = (1e-6, 1e-4)
 """Times in which forces overcome the drag of motions as large as the problem, over the whole: the
 second for snaps of single points of a stiff strip, which the first does not slow down."""
 
-CALM, RAN = 1e-2, 3.0
+REST_CHANGE, SNAP_WAY = 1e-2, 3.0
 """A state rests again where its velocity changes by less than the first of these parts of its way
 in this time, and has run away if its way is so many times what it is at the speed of the end."""
 
-SOON = 1e4
+SNAP_TIME_LIMIT = 1e4
 """When the state must have run away, in units of this time: otherwise no drag was missing."""
 
-FIRST = 1e-4
+FIRST_SNAP_STEP = 1e-4
 """First step, in units of this time."""
 
-MOST = 400
+MAX_SNAP_STEPS = 400
 """Steps of a snap."""
 
-GROWTH = (2.0, 2.0, 1.5, 1.25, 1.12)
+STEP_GROWTH = (2.0, 2.0, 1.5, 1.25, 1.12)
 """Largest ratio of successive steps by order, below the bounds of stability.
 
 Those are 1 + √2, 1.53, 1.28 and 1.13 for the orders 2 to 5 with variable steps (Calvo,
@@ -60,7 +60,7 @@ Grande & Grigorieff, *On the zero stability of the variable order variable steps
 BDF-formulas*, Numer. Math. 57, 1990).
 """
 
-UNHURRIED = 0.03
+MIN_BALANCING_SHARE = 0.03
 """Share of what is left of a step over which a small imbalance is taken away at least.
 
 Friction of faint pressure cannot carry what the tolerance leaves: taken away within a short
@@ -68,27 +68,27 @@ stretch of λ it asks for fast motion there, so that the stretches shrank for go
 not stop so take as many tangents without it.
 """
 
-LEAST_SHARE = 1e-6
+MIN_ERROR_SHARE = 1e-6
 """Of the tolerance, that any step may add: a layer at the start of a long stage, in which the
 velocity changes at once and hardly anything moves, need not be resolved.  Without it the capstan on
 elements of 50 mm stalls at a tolerance of 1e-7; looser ones do not show it."""
 
-ROUGH = 1e-4
+SNAP_TOLERANCE = 1e-4
 """Least error in time of a snap: its way depends on the drag, only where it rests does not."""
 
-MOST_BRANCHES = 60
+MAX_STEP_BRANCHES = 60
 """Of the path of a step: a shorter step is cheaper.  Where it would take more than a quarter of
 them at its pace so far, smoother laws lead to its end, which takes 8 to 10 tangents: the capstan
 at V_c = 1e-8 m/s takes 178 tangents so, and 434 where half of them are waited for."""
 
-NARROW = 1e-3
+SHORTEST_BRANCH = 1e-3
 """Shortest branch of a step in time, as a fraction of it.  Slip that comes to rest under sharp
 friction turns a corner there; branches would shrink towards it and grow again, and the error in
 time then ask for a shorter step.  Without it sharp friction takes a strip twice the tangents.
 The path to rest has no shorter step, and no such bound: with it ten cycles of strip that yields
 take a quarter more."""
 
-LONGER = 10.0
+MAX_RETRY_RATIO = 10.0
 """Largest change of a step that is tried again: the shortest trial over the one before, and the
 other way round the second trial of a first step in which slip turns round.  A roller that is moved
 at a standstill takes 144 tangents, with 3 and 30 it takes 159 and 1921."""
@@ -194,11 +194,12 @@ class _Integrator:
     def tried(self, memory: Memory, end: float, shortest: float) -> TimeStep:
         """Try, estimate, and shorten until the error is allowed.
 
-        A first step in which slip turns round is also tried LONGER times as long: within that all
-        of it may have turned round, and forgotten how.  The velocity of the first instant says
-        nothing of it, so that the error is that from the mean velocity of the shorter step.  Where
-        it is refused, the velocity at its end is looked at as well, but not for higher orders, that
-        go on from the mean: at 1e-7 strip on a roller then takes 254 tangents instead of 203.
+        A first step in which slip turns round is also tried MAX_RETRY_RATIO times as long: within
+        that all of it may have turned round, and forgotten how.  The velocity of the first instant
+        says nothing of it, so that the error is that from the mean velocity of the shorter step.
+        Where it is refused, the velocity at its end is looked at as well, but not for higher
+        orders, that go on from the mean: at 1e-7 strip on a roller then takes 254 tangents instead
+        of 203.
         A second step that is refused twice begins anew: the mean velocity of a first step that
         has passed such a change is not that at its end, and would be mended by no step.
         """
@@ -227,7 +228,7 @@ class _Integrator:
             ratio = _ratio(error, order)
             if error <= 1.0 or fixed is not None:
                 following, ratio = self.next_order(memory, trial, new, order, ratio)
-                growth = min(ratio, 1.0 if barred else GROWTH[following - 1])
+                growth = min(ratio, 1.0 if barred else STEP_GROWTH[following - 1])
                 times = (new, *memory.times[: self.stepping.order])
                 states = (trial.u, *memory.states[: self.stepping.order])
                 errors = self.errors(memory, trial, local)
@@ -247,12 +248,12 @@ class _Integrator:
                 else:
                     return self.tried(begin, end, shortest)
             h, shorter, since = (
-                shorter or max(1.0 / LONGER, min(ratio, 0.9)) * (new - t),
+                shorter or max(1.0 / MAX_RETRY_RATIO, min(ratio, 0.9)) * (new - t),
                 0.0,
                 memory,
             )
             if turns and not barred and new < end:
-                h, shorter = min(LONGER * (new - t), end - t), h
+                h, shorter = min(MAX_RETRY_RATIO * (new - t), end - t), h
                 since = replace(memory, v=trial.v)
             barred = True
             detail = f"the error in time is {error:.2g} times what is allowed"
@@ -285,22 +286,22 @@ class _Integrator:
     def begun(self, memory: Memory) -> Memory:
         """Return the memory after the first instant, with the velocity there."""
         t = memory.times[0]
-        after = t + max(NEGLIGIBLE * memory.step, told_apart(t))
+        after = t + max(NEGLIGIBLE_SHARE * memory.step, told_apart(t))
         first = self.trial(memory, after, 1)
         return start_memory(after, first.u, first.v, memory.step, memory.errors)
 
     def path(
-        self, equations: Equations, u: Array, *, rational: bool, shortest: float = NARROW
+        self, equations: Equations, u: Array, *, rational: bool, shortest: float = SHORTEST_BRANCH
     ) -> Iterator[PathStep]:
         """Steps of the path of the increment from λ = 0 to 1."""
         settings = replace(
             self.settings,
             tolerance=self.balance(equations, u),
-            max_steps=MOST_BRANCHES,
+            max_steps=MAX_STEP_BRANCHES,
             shortest=shortest,
             give_way=False,
             rational=rational,
-            unhurried=UNHURRIED,
+            unhurried=MIN_BALANCING_SHARE,
         )
         ways: dict[str, Any] = {"solver": self.solver, "settings": settings, "cost": self.cost}
         return self.stepping.follow(equations, u, **ways)
@@ -428,7 +429,7 @@ class _Integrator:
         part of it, is looked at as well.
         """
         tolerance, answer = self.stepping.tolerance, local
-        share = max((new - memory.times[0]) / self.stepping.whole, LEAST_SHARE)
+        share = max((new - memory.times[0]) / self.stepping.whole, MIN_ERROR_SHARE)
         if memory.available == 1 or trial.turned <= tolerance:
             answer = self.answer(trial.resistance(trial.rate * local))
         spreading = self.answer(trial.resistance_in_tangent(trial.rate * local))
@@ -518,15 +519,15 @@ class _Integrator:
         None if no drag can be told, or the state does not run away with it, or does not rest.
         """
         t, u, v = memory.times[0], memory.states[0], memory.v
-        tolerance = max(self.stepping.tolerance, ROUGH)
-        for lasting in (share * self.stepping.whole for share in LASTING):
+        tolerance = max(self.stepping.tolerance, SNAP_TOLERANCE)
+        for lasting in (share * self.stepping.whole for share in SNAP_TIMES):
             dragged = self.equations.dragged(t, u, v, lasting)
-            if dragged is None or told_apart(t) > FIRST * lasting:
+            if dragged is None or told_apart(t) > FIRST_SNAP_STEP * lasting:
                 continue
             stepping = replace(self.stepping, tolerance=tolerance)
             other = replace(self, equations=dragged, stepping=stepping)
             slowed = min(1.0, float(np.abs(u).max() / np.abs(v).max()) / lasting)
-            begin = start_memory(t, u, slowed * v, FIRST * lasting)
+            begin = start_memory(t, u, slowed * v, FIRST_SNAP_STEP * lasting)
             try:
                 begin = replace(begin, v=other.trial(begin, t + begin.step, 1).v)
                 step = other.run_away(begin, end, lasting)
@@ -544,15 +545,15 @@ class _Integrator:
         ``lasting`` is the duration (s) that the drag was chosen for.
         """
         t, u, v, branches = memory.times[0], memory.states[0], memory.v, 0
-        for _ in range(MOST):
+        for _ in range(MAX_SNAP_STEPS):
             step = self.tried(memory, end, 0.0)
             memory, branches = step.memory, branches + step.branches
             way, spent = np.abs(step.u - u).max(), step.end - t
-            ran = way > RAN * np.abs(step.v).max() * spent
-            rests, v = np.abs(step.v - v).max() * lasting < CALM * way, step.v
+            ran = way > SNAP_WAY * np.abs(step.v).max() * spent
+            rests, v = np.abs(step.v - v).max() * lasting < REST_CHANGE * way, step.v
             if ran and rests and step.end - step.start > lasting:
                 break
-            if not ran and spent > SOON * lasting:
+            if not ran and spent > SNAP_TIME_LIMIT * lasting:
                 return None
         else:
             return None
@@ -564,18 +565,18 @@ class _Integrator:
 
 
 def _slow(pace: Pace) -> bool:
-    """Whether a path would take more than a quarter of MOST_BRANCHES at its pace so far.
+    """Whether a path would take more than a quarter of MAX_STEP_BRANCHES at its pace so far.
 
     The first branch has none: friction may turn its corner there.
     """
-    return pace.taken > 1 and pace.control < 4.0 * pace.taken / MOST_BRANCHES
+    return pace.taken > 1 and pace.control < 4.0 * pace.taken / MAX_STEP_BRANCHES
 
 
 def _ratio(error: float, order: int) -> float:
     """Ratio of the next step to this one with which three tenths of what is allowed are used."""
-    return GROWTH[0] if error == 0.0 else float((0.3 / error) ** (1.0 / order))
+    return STEP_GROWTH[0] if error == 0.0 else float((0.3 / error) ** (1.0 / order))
 
 
 def told_apart(t: float) -> float:
     """Length of a step from t in which round-off of the time is negligible."""
-    return float(np.spacing(t)) / NEGLIGIBLE
+    return float(np.spacing(t)) / NEGLIGIBLE_SHARE

@@ -23,10 +23,10 @@ from anmstrip.timestepping.formulas import AffineVelocity, RateEquations, StepEq
 Residual = Callable[[Any, Any, Any], Any]
 """``residual(u, v, t)`` of arrays (n,), (n,), () → (n,), written in numpy."""
 
-CONSISTENT = 1e-3
+CONSISTENCY_SHARE = 1e-3
 """A state is consistent when Newton's correction is this fraction of the tolerance."""
 
-MOST_ITERATIONS = 500
+MAX_NEWTON_ITERATIONS = 500
 """Of Newton's method: far away a saturating law, like |v|^q, lets it come nearer by a third."""
 
 
@@ -122,12 +122,12 @@ def consistent(
     """
     residual = recorded(residual)
     allowed = tolerance if rate_tolerance is None else rate_tolerance
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(MAX_NEWTON_ITERATIONS):
         point = Point.at(residual, u, v, t)
         shift, kick = point.correction()
         changes = ((shift, tolerance, u), (kick, allowed, v))
         if all(
-            np.abs(change).max() <= CONSISTENT * max(bound, 1e-9 * np.abs(value).max(), TINY)
+            np.abs(change).max() <= CONSISTENCY_SHARE * max(bound, 1e-9 * np.abs(value).max(), TINY)
             for change, bound, value in changes  # the second bound is that of round-off
         ):
             return u + shift, v + kick
@@ -149,8 +149,8 @@ def stretch(v: Array, speed: float) -> float:
     return float(np.hypot(1.0, np.abs(v).max() / speed))
 
 
-NODES = np.array([0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15)])
-WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
+GAUSS_NODES = np.array([0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15)])
+GAUSS_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 
 
 @dataclass(frozen=True)
@@ -189,9 +189,9 @@ def estimated(residual: Residual, path: TimePath) -> Array:
     """Estimated error of u at the knots of a path, shape (m + 1,)."""
     residual, total, errors = recorded(residual), 0.0, [0.0]
     for start, end, error in zip(path.knots[:-1], path.knots[1:], path.errors, strict=True):
-        times = start + (end - start) * NODES
+        times = start + (end - start) * GAUSS_NODES
         rates = np.array([Point.at(residual, *path(t), t).growth_rate for t in times])
-        grown = np.exp(min((end - start) * float(WEIGHTS @ rates), 700.0))
+        grown = np.exp(min((end - start) * float(GAUSS_WEIGHTS @ rates), 700.0))
         total = total * grown + error
         errors.append(total)
     return np.array(errors) + np.array([0.0, *path.passing])
@@ -241,7 +241,7 @@ def controlled(
     return Controlled(path, error, passes)
 
 
-MANY = 10.0
+UNSTABLE_GROWTH = 10.0
 """Powers of e by which neighbours would drift apart in the whole time, that count as unstable."""
 
 
@@ -288,7 +288,7 @@ def instabilities(residual: Residual, path: TimePath) -> list[Instability]:
     current: list[tuple[float, float, float]] = []
     for t in [*path.knots[1:], np.inf]:
         S, rate = pivot(residual, *path(t), t) if np.isfinite(t) else (np.inf, -np.inf)
-        if rate * whole > MANY:
+        if rate * whole > UNSTABLE_GROWTH:
             current.append((float(t), S, rate))
         elif current:
             start, end = current[0][0], current[-1][0]

@@ -1,7 +1,7 @@
 """Warnings before a scene runs, and the level of kinematics that its numbers justify.
 
-Every rule is a function that looks at a :class:`~anmstrip.driver.preview.Preview` and yields
-sentences; those of statics stand in :mod:`anmstrip.driver.physics`.
+Every rule is a function that looks at a :class:`~anmstrip.advice.preview.Preview` and yields
+sentences; those of statics stand in :mod:`anmstrip.advice.physics`.
 """
 
 from __future__ import annotations
@@ -11,20 +11,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anmstrip.driver import physics, units
-from anmstrip.driver.budget import MOST_UNKNOWNS, Budget
-from anmstrip.driver.preview import UNSEEN, Preview, StringEstimate, free_motions, unheld
+from anmstrip.advice import physics, units
+from anmstrip.advice.preview import (
+    NEGLIGIBLE_BEARING,
+    Preview,
+    StringEstimate,
+    free_motions,
+    unheld,
+)
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.mechanics.roller import Roller
-from anmstrip.results.rollers import CREEPS, ContactState
+from anmstrip.results.rollers import RUNNING_SLIP, ContactState
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS, THREADING, FieldSpec
 from anmstrip.simulation.defaults import boundary_layer, elastic_creep
 from anmstrip.simulation.meshing import (
-    MOST_ELEMENTS,
-    QUARTER,
+    LAYER_SHARE,
+    MAX_ELEMENTS,
     finer,
     most_unknowns,
     refinement,
@@ -32,44 +37,44 @@ from anmstrip.simulation.meshing import (
     stands,
     surface_speed,
 )
-from anmstrip.simulation.problem import Assembly, Size, naturals, size_of
+from anmstrip.simulation.problem import MAX_HALVED_UNKNOWNS, Assembly, Size, naturals, size_of
 
-STEEPEST = np.radians(5.0)
+PLATE_SLOPE = np.radians(5.0)
 """Slope up to which a plate is offered: it errs by slope²/2, which is 0.4 % there."""
 
-BENT = 0.5
+MAX_ELEMENT_TURN = 0.5
 """Turn (rad) within one element over a roller that it cannot follow."""
 
-SUNK = 0.1
+MAX_PENETRATION = 0.1
 """Share of a roller's radius that a strip may sink into it, pressed by its tension."""
 
-SLACK = 1e-2
+SLACK_END = 1e-2
 """Share of the largest force below which an end that was pulled is slack."""
 
-RESTS = 3.0
+RESTING_SLOPE = 3.0
 """Slope q L³/6D up to which a beam on rollers L apart lies there by its weight, without tension.
 
 On four rollers 0.8 m apart steel of 0.5 mm (2.7) comes to rest, and of 0.3 mm (7.4) it does not."""
 
-STRICT = 1e-4
+STRICT_TOLERANCE = 1e-4
 """Tolerance below which round-off is looked at before a run."""
 
-SAFE = 20.0
+SAFE_TOLERANCE_RATIO = 20.0
 """Tolerance that is proposed, over what round-off makes of the imbalance."""
 
-LOOSEST = 1e-2
+LOOSEST_TOLERANCE = 1e-2
 """The same at most: what needs a looser one has another cause."""
 
-LONGER = 1.2
+COARSE_RATIO = 1.2
 """Length of the shortest elements, over the one that is wanted, from which on a mesh is coarse."""
 
-EXPLAINED = np.array([452e3, 18.0, 281.0])
+EXPLAIN_COST = np.array([452e3, 18.0, 281.0])
 """Unknowns of a shell, and gigabytes and seconds that it takes ``anmstrip explain``."""
 
-GROWING = np.array([1.0, 1.8])
+EXPLAIN_COST_EXPONENTS = np.array([1.0, 1.8])
 """Exponents by which both grow: 94 000 unknowns take 2.5 GB and 17 s, others of 101 000 4.4 GB."""
 
-UNLIKE = 0.1
+FRICTION_DIFFERENCE = 0.1
 """Share by which a friction coefficient may act as another one than was typed, unsaid."""
 
 
@@ -103,11 +108,11 @@ def sharp_roller(preview: Preview) -> Iterator[str]:
     """Elements that cannot follow a roller."""
     for roller in preview.assembly.rollers if preview.assembly.scene.contact else ():
         turn, h = preview.turn(roller), element_over(preview.assembly, roller)
-        if min(h / roller.radius, turn) > BENT:
+        if min(h / roller.radius, turn) > MAX_ELEMENT_TURN:
             yield (
                 f"roller {roller.name} turns the strip by {np.degrees(turn):.0f}°, and elements of "
                 f"{h:.2g} m cannot follow its radius of {roller.radius:.2g} m. "
-                f"Try --set strip.refined={QUARTER * roller.radius:.1g}"
+                f"Try --set strip.refined={LAYER_SHARE * roller.radius:.1g}"
             )
 
 
@@ -121,8 +126,8 @@ def soft_contact(preview: Preview) -> Iterator[str]:
     for roller in preview.assembly.rollers if contact is not None else ():
         assert contact is not None
         law, pressure = preview.assembly.signorini, preview.tension / roller.radius
-        depth, least = -float(law.gap(np.float64(pressure))), SUNK**2 * roller.radius
-        if depth > SUNK * roller.radius and preview.turn(roller) > SUNK:
+        depth, least = -float(law.gap(np.float64(pressure))), MAX_PENETRATION**2 * roller.radius
+        if depth > MAX_PENETRATION * roller.radius and preview.turn(roller) > MAX_PENETRATION:
             key = f"contact.onset={law.width * least / depth:.1g}"
             if contact.constants is not None:
                 key = f"contact.stiffness={pressure / least:.1g}"
@@ -130,8 +135,8 @@ def soft_contact(preview: Preview) -> Iterator[str]:
                 f"pressed by T/r = {pressure:.2g} Pa the strip sinks {depth:.2g} m "
                 f"into roller {roller.name}, of radius {roller.radius:.2g} m. Try --set {key}"
             )
-        elif contact.constants is None and law.width > SUNK * roller.radius:
-            key = f"strip.refined={QUARTER * roller.radius:.1g}"
+        elif contact.constants is None and law.width > MAX_PENETRATION * roller.radius:
+            key = f"strip.refined={LAYER_SHARE * roller.radius:.1g}"
             if contact.onset is not None:
                 key = f"contact.onset={least:.1g}"
             yield (
@@ -191,7 +196,7 @@ def running_loose(preview: Preview) -> str:
     if any(roller.drive == "speed" or roller.bearing for roller in rollers):
         return ""
     first, width = rollers[0], preview.assembly.strip.width
-    bearing = UNSEEN * preview.tension * width * first.radius
+    bearing = NEGLIGIBLE_BEARING * preview.tension * width * first.radius
     return (
         "no edge holds it in x, and no roller is driven by speed or braked by bearings. "
         f"Try --set rollers.{first.name}.bearing={bearing:.1g}"
@@ -221,7 +226,7 @@ def standing_idlers(state: State, scene: SceneSpec) -> Iterator[str]:
         contact = state.contacts.get(spec.name)
         if spec.drive != "idle" or contact is None or not slides(contact):
             continue
-        if abs(contact.surface_speed) < CREEPS * contact.max_slip:
+        if abs(contact.surface_speed) < RUNNING_SLIP * contact.max_slip:
             given = abs(contact.torque)
             yield (
                 f"idle roller {spec.name} stands still, and the strip slides over it at "
@@ -277,10 +282,10 @@ def slack_end(preview: Preview) -> Iterator[str]:
         if force is None or "exit.tension" in end or largest < 10.0 * bearable:
             continue
         weight, span = weight_of(preview, plan), longest_span(preview, string)
-        if stiff and 0.0 < weight * span**3 < 6.0 * RESTS * strip.bending_stiffness:
+        if stiff and 0.0 < weight * span**3 < 6.0 * RESTING_SLOPE * strip.bending_stiffness:
             continue
         before = plan.controls.at(0.0)["exit.force"]
-        if np.linalg.norm(force) < SLACK * largest < (pulled := np.linalg.norm(before)):
+        if np.linalg.norm(force) < SLACK_END * largest < (pulled := np.linalg.norm(before)):
             kept = ", ".join(f"{pull:.2g}" for pull in 0.1 * largest / pulled * before)
             key = f"'stages.{plan.name}.exit.force=[{kept}]'"
             typed = next(stage.edges.get("exit") for stage in stages if stage.name == plan.name)
@@ -353,24 +358,25 @@ def coarse_mesh(preview: Preview) -> Iterator[str]:
     if scene.strip.cells is None and scene.strip.mesh is None:
         wanted = shortest_wanted(scene, preview.assembly.rollers, preview.assembly.thread)
         finest = float(strip.cell_sizes[0].min())
-        if finest * min(1.0, finer(scene)) > LONGER * wanted > 0.0:
+        if finest * min(1.0, finer(scene)) > COARSE_RATIO * wanted > 0.0:
             why = f"since a mesh by default has about {most_unknowns(len(scene.rollers))} unknowns"
             if scene.strip.finer is not None:
                 why = f"with strip.finer = {scene.strip.finer:g}"
+            shorter = shorter_elements(preview.assembly, COARSE_RATIO * wanted)
             yield (
                 f"elements where the strip lifts off its rollers are {finest:.2g} m long instead "
-                f"of {wanted:.2g} m, {why}. {shorter_elements(preview.assembly, LONGER * wanted)}"
+                f"of {wanted:.2g} m, {why}. {shorter}"
             )
         return
     for roller in preview.assembly.rollers if scene.contact and scene.strip.bending else ():
-        if (h := element_over(preview.assembly, roller)) > 1.01 * QUARTER * layer:
+        if (h := element_over(preview.assembly, roller)) > 1.01 * LAYER_SHARE * layer:
             coarse.setdefault(f"{h:.3g} m", []).append(roller.name)
     for size, names in coarse.items():
-        estimated = "; the run estimates what that costs" * Budget(preview.assembly).can_halve
+        estimated = "; the run estimates what that costs" * preview.assembly.can_halve
         yield (
             f"elements over {', '.join(names)} are {size} long, more than a quarter of the "
             f"boundary layer √(D/T) = {layer:.3g} m{estimated}. "
-            f"Try {finer_mesh(scene, QUARTER * layer)}"
+            f"Try {finer_mesh(scene, LAYER_SHARE * layer)}"
         )
 
 
@@ -379,12 +385,14 @@ def shorter_elements(assembly: Assembly, longest: float) -> str:
     scene = assembly.scene
     found = refinement(scene, assembly.rollers, assembly.thread, longest)
     key, count = f"--set strip.finer={found.finer:g}", f"{found.unknowns} unknowns"
-    if found.elements > MOST_ELEMENTS:
+    if found.elements > MAX_ELEMENTS:
         return f"Shorter ones would be {found.elements}, more than a mesh may have."
-    if found.unknowns <= MOST_UNKNOWNS:
+    if found.unknowns <= MAX_HALVED_UNKNOWNS:
         less = " or less travel" * any(not stage.steady for stage in scene.stages)
         return f"Shorter ones need {count}. Try {key}{less}"
-    memory, seconds = EXPLAINED[1:] * (found.unknowns / EXPLAINED[0]) ** GROWING
+    memory, seconds = (
+        EXPLAIN_COST[1:] * (found.unknowns / EXPLAIN_COST[0]) ** EXPLAIN_COST_EXPONENTS
+    )
     time = f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} minutes"
     return (
         f"{key} makes them so short, but with {count}, for which `anmstrip explain` alone takes "
@@ -395,7 +403,7 @@ def shorter_elements(assembly: Assembly, longest: float) -> str:
 def strict_tolerance(preview: Preview) -> Iterator[str]:
     """A tolerance that the last digits of the positions of a threaded strip do not allow."""
     assembly, plan = preview.assembly, preview.plans[0]
-    if assembly.thread is None or assembly.scene.solver.tolerance >= STRICT:
+    if assembly.thread is None or assembly.scene.solver.tolerance >= STRICT_TOLERANCE:
         return
     laid = assembly.thread.laid(assembly.strip, assembly.pattern)[plan.supports.free]
     equations = Equilibrium(plan.model, plan.supports, plan.controls)
@@ -408,8 +416,8 @@ def below_round_off(scene: SceneSpec, floor: float, share: float = 1.0) -> str:
 
     The imbalance that is allowed is the given share of the tolerance.
     """
-    reachable = SAFE * floor / share
-    if not scene.solver.tolerance < 0.5 * reachable < 0.5 * LOOSEST:
+    reachable = SAFE_TOLERANCE_RATIO * floor / share
+    if not scene.solver.tolerance < 0.5 * reachable < 0.5 * LOOSEST_TOLERANCE:
         return ""
     return (
         f"solver.tolerance = {scene.solver.tolerance:g} is near round-off: the last digit of the "
@@ -463,7 +471,7 @@ def slipping_friction(preview: Preview) -> Iterator[str]:
         )
     elif spec.law == "norton-hoff" and np.isfinite(slip):
         share = float(law.share(slip))
-        if abs(share - 1.0) > UNLIKE:
+        if abs(share - 1.0) > FRICTION_DIFFERENCE:
             yield acts_as(spec.coefficient, share, slip)
 
 
@@ -476,7 +484,7 @@ def acts_as(coefficient: float, share: float, slip: float) -> str:
     )
 
 
-MANY = 5000
+LARGE_SHELL = 5000
 """Unknowns of a shell from which on it is told that a section would do."""
 
 
@@ -490,7 +498,7 @@ def needless_shell(preview: Preview) -> Iterator[str]:
     strips = scene.strip, *(stage.strip for stage in scene.stages)
     fields = [given for strip in strips for given in strip.natural.values()]
     along = any(isinstance(given, FieldSpec) and given.along for given in fields)
-    if count < MANY or "kinematics" in typed or along or any(against_section(preview)):
+    if count < LARGE_SHELL or "kinematics" in typed or along or any(against_section(preview)):
         return
     size = size_of(assembly, KINEMATICS["section"])
     if size is not None:
@@ -524,7 +532,7 @@ OTHER_RULES = (
     coarse_mesh,
     slipping_friction,
     needless_shell,
-    *physics.RULES,
+    *physics.PHYSICS_RULES,
     units.all_in_millimetres,
 )
 
@@ -630,7 +638,7 @@ def against_plate(preview: Preview) -> Iterator[str]:
         yield "friction moves the strip along"
     if naturals(scene):
         yield "heat, flatness or coil set stress the strip in its plane, or bend it"
-    if steep.slope > STEEPEST:
+    if steep.slope > PLATE_SLOPE:
         wraps = [f"{n} by {np.degrees(t):.3g}°" for n, t in steep.turns.items() if t > 0.0]
         error = (
             f"{50.0 * steep.slope**2:.0f} %" if steep.slope <= 1.0 else "beyond all small slopes"
@@ -638,7 +646,7 @@ def against_plate(preview: Preview) -> Iterator[str]:
         yield (
             f"slopes reach {np.degrees(steep.slope):.3g}°"
             f"{', wrapping ' if wraps else ''}{', '.join(wraps)}: the error, slope²/2, would be "
-            f"{error} (bound {np.degrees(STEEPEST):.0f}°)"
+            f"{error} (bound {np.degrees(PLATE_SLOPE):.0f}°)"
         )
     if scene.threading is not None:
         yield "[threading] lays the strip around rollers"

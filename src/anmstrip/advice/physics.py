@@ -1,6 +1,6 @@
 """What is wrong with the physics of a line, by statics and before it runs.
 
-Every rule is a function that looks at a :class:`~anmstrip.driver.preview.Preview` and yields
+Every rule is a function that looks at a :class:`~anmstrip.advice.preview.Preview` and yields
 sentences, each with what to type.
 """
 
@@ -12,12 +12,12 @@ from itertools import combinations
 
 import numpy as np
 
+from anmstrip.advice.preview import Preview
+from anmstrip.advice.units import in_megapascals
 from anmstrip.arrays import Array
-from anmstrip.driver.preview import Preview
-from anmstrip.driver.units import in_megapascals
 from anmstrip.equilibrium import StageProblem
 from anmstrip.mechanics.roller import Roller
-from anmstrip.scene.checks import moved_ends
+from anmstrip.scene.checks import PARALLEL_COSINE, moved_ends
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, RollerSpec
 from anmstrip.simulation.defaults import (
@@ -27,7 +27,6 @@ from anmstrip.simulation.defaults import (
     largest_force,
 )
 from anmstrip.simulation.meshing import (
-    PARALLEL,
     Nip,
     carried,
     carrying_sense,
@@ -36,39 +35,39 @@ from anmstrip.simulation.meshing import (
     surface_speed,
 )
 from anmstrip.simulation.problem import Assembly
-from anmstrip.simulation.stages import ALIGNED, Course
+from anmstrip.simulation.stages import ALIGNED_SINE, Course
 
-PLASTIC = 5e-3
+METAL_YIELD_STRAIN = 5e-3
 """Strain at which no metal is elastic any more, for a scene without a yield stress."""
 
-METAL = 1e10
+METAL_MODULUS = 1e10
 """Young's modulus (Pa) from which a strip is taken for metal; film and paper have less."""
 
-CLEAR = 1.01
+CLEARANCE = 1.01
 """Distance of axes over the sum of radii that is proposed of rollers that move into one another."""
 
-GRAZES = 1e-3
+GRAZING_DEPTH = 1e-3
 """Share of a roller's radius by which a string may be nearer to it than its surface."""
 
-UNEQUAL = 0.01
+SPEED_DIFFERENCE = 0.01
 """Share by which speeds of rollers may differ: far more than the elastic creep of any strip."""
 
-UNLOADED = 0.1
+BRAKING_SHARE = 0.1
 """Share of its tension to which rollers may brake a strip, unsaid."""
 
-BORNE = 0.8
+SAFE_ANGLE_SHARE = 0.8
 """Share of the angle at which an edge is slack that is proposed for a roller out of line."""
 
-SLENDER = 2.0
+SLENDER_RUN = 2.0
 """Least length of a run, in widths of the strip, that bends in its plane as a beam."""
 
-FADES = 80.0
+NIP_RANGE = 80.0
 """Onsets of contact over which the pressure of a nip is summed up."""
 
-SURE = 1.2
+NIP_SAFETY = 1.2
 """Force of a nip, an estimate, over the one by which friction would just hold the strip."""
 
-NANOMETRES = 9
+PLACE_DECIMALS = 9
 """Decimals of a place (m) that is typed: the rest is round-off."""
 
 
@@ -79,14 +78,14 @@ def meeting_rollers(preview: Preview) -> Iterator[str]:
         moving = {key for key, slope in plan.controls.slope.items() if np.any(slope)}
         for a, b in combinations(preview.assembly.rollers, 2):
             keys = [f"rollers.{roller.name}.centre" for roller in (a, b)]
-            if not moving.intersection(keys) or abs(a.unit_axis @ b.unit_axis) < PARALLEL:
+            if not moving.intersection(keys) or abs(a.unit_axis @ b.unit_axis) < PARALLEL_COSINE:
                 continue
             way, axis = np.subtract(*(np.asarray(end[key]) for key in keys)), a.unit_axis
             way -= (way @ axis) * axis
             overlap = a.radius + b.radius - float(np.linalg.norm(way))
             if overlap > 0.0:
                 moved, towards = (a, way) if keys[0] in moving else (b, -way)
-                how = shorter_move(plan, moved, towards, CLEAR * (a.radius + b.radius))
+                how = shorter_move(plan, moved, towards, CLEARANCE * (a.radius + b.radius))
                 yield (
                     f"stage {plan.name} moves {a.name} and {b.name} {overlap:.2g} m into one "
                     f"another. Try {how}"
@@ -112,10 +111,11 @@ def roller_over_an_end(preview: Preview) -> Iterator[str]:
                 way = plan.controls.at(1.0)[centre] - np.array([x, 0.0, z])
                 way -= (way @ roller.unit_axis) * roller.unit_axis
                 inside = roller.radius - float(np.linalg.norm(way))
-                if inside > GRAZES * roller.radius:
+                if inside > GRAZING_DEPTH * roller.radius:
+                    shorter = shorter_move(plan, roller, way, CLEARANCE * roller.radius)
                     yield (
                         f"stage {plan.name} moves {roller.name} {inside:.2g} m over the {name} of "
-                        f"the strip. Try {shorter_move(plan, roller, way, CLEAR * roller.radius)}"
+                        f"the strip. Try {shorter}"
                     )
 
 
@@ -154,7 +154,7 @@ def roller_in_the_way(preview: Preview) -> Iterator[str]:
     nipping = {r.name for nip in drawn if nip.gap >= 0.0 for r in (nip.first, nip.second)}
     for roller in assembly.rollers:
         inside = -preview.strings[0].gaps.get(roller.name, 0.0)
-        if inside > GRAZES * roller.radius and roller.name not in nipping:
+        if inside > GRAZING_DEPTH * roller.radius and roller.name not in nipping:
             yield (
                 f"the threaded strip would run {inside:.2g} m inside of roller {roller.name}. "
                 f'Try rollers.{roller.name}.wrap = "over" or "under", in its place among the '
@@ -171,7 +171,7 @@ def untouched_roller(preview: Preview) -> Iterator[str]:
         if not abs(roller.unit_axis[1]) > 0.1:
             continue
         gap = min(string.gaps.get(roller.name, 0.0) for string in preview.strings)
-        if preview.turn(roller) == 0.0 and gap > GRAZES * roller.radius:
+        if preview.turn(roller) == 0.0 and gap > GRAZING_DEPTH * roller.radius:
             yield (
                 f"roller {roller.name} is touched by nothing: the strip passes at {gap:.2g} m. "
                 f"Try --set with another rollers.{roller.name}.centre, a move that long in a "
@@ -299,7 +299,7 @@ def beyond_capacity(preview: Preview) -> Iterator[str]:
         for end, other in (ENDS, ENDS[::-1]):
             high, low, stage = pulled.ends[end], pulled.ends[other], pulled.stage
             most = most_held(preview, end, pulled)
-            bound = most_held(preview, end, pulled, SURE)
+            bound = most_held(preview, end, pulled, NIP_SAFETY)
             if high <= bound * 1.001:
                 continue
             others = any(pulled.torques.values()) or any(s.bearing for s in assembly.scene.rollers)
@@ -339,11 +339,13 @@ def held_better(preview: Preview, end: str, pulled: Pulled, turn: float) -> str:
         squeeze = holding_squeeze(preview, end, pulled, nip)
         return (
             f", or a nip that presses with about {nip_force(assembly, nip, squeeze):.2g} N, "
-            f"{SURE:g} times what would hold the strip: "
+            f"{NIP_SAFETY:g} times what would hold the strip: "
             f"{closer(assembly, pulled.stage.name, nip, squeeze)}"
         )
     turned = replace(pulled, torques={name: -torque for name, torque in pulled.torques.items()})
-    if most_held(preview, end, turned, SURE) > max(high, most_held(preview, end, pulled, SURE)):
+    if most_held(preview, end, turned, NIP_SAFETY) > max(
+        high, most_held(preview, end, pulled, NIP_SAFETY)
+    ):
         keys = (f"stages.{pulled.stage.name}.rollers.{name}.torque" for name in pulled.torques)
         return f", or the other sign of {', '.join(keys)}"
     low = min(pulled.ends.values())
@@ -366,7 +368,7 @@ def holding_squeeze(preview: Preview, end: str, pulled: Pulled, nip: Nip) -> flo
     """Return by how much a nip squeezes the strip (m) that surely holds what pulls at an end."""
 
     def spare(squeeze: float) -> float:
-        held = most_held(preview, end, pulled.with_squeeze(nip, squeeze), SURE)
+        held = most_held(preview, end, pulled.with_squeeze(nip, squeeze), NIP_SAFETY)
         return held - pulled.ends[end]
 
     from scipy.optimize import brentq
@@ -460,8 +462,8 @@ def beyond_yield(preview: Preview) -> Iterator[str]:
         if limit is not None and stress > limit:
             bound = f"above the yield stress {in_megapascals(scene, limit):.0f} MPa"
             least = m.young * t / (2.0 * limit * (1.0 - m.poisson**2))
-        elif limit is None and is_metal(scene) and strain > PLASTIC:
-            bound, least = f"a strain of {100.0 * strain:.2g} %", 0.5 * t / PLASTIC
+        elif limit is None and is_metal(scene) and strain > METAL_YIELD_STRAIN:
+            bound, least = f"a strain of {100.0 * strain:.2g} %", 0.5 * t / METAL_YIELD_STRAIN
         else:
             continue
         yield (
@@ -473,7 +475,7 @@ def beyond_yield(preview: Preview) -> Iterator[str]:
 
 def is_metal(scene: SceneSpec) -> bool:
     """Return whether strip is as stiff as metal, in the units of the scene."""
-    return 1e6 * in_megapascals(scene, scene.material.young) > METAL
+    return 1e6 * in_megapascals(scene, scene.material.young) > METAL_MODULUS
 
 
 def yielding_instead(scene: SceneSpec) -> str:
@@ -491,7 +493,7 @@ def stretched_beyond_yield(preview: Preview) -> Iterator[str]:
     """Tensions beyond the yield stress."""
     scene, t = preview.assembly.scene, preview.assembly.scene.strip.thickness
     m, stress = scene.material, preview.tension / t
-    limit = m.yield_stress or (PLASTIC * m.young if is_metal(scene) else np.inf)
+    limit = m.yield_stress or (METAL_YIELD_STRAIN * m.young if is_metal(scene) else np.inf)
     if stress > limit and not scene.material.plasticity:
         pulled, yields = (f"{in_megapascals(scene, each):.0f} MPa" for each in (stress, limit))
         yield (
@@ -529,7 +531,7 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
         others = [roller.name for roller in touched if holding(preview, roller) > 1.0]
         for name in others:
             speed, given = last.get(name, 0.0), last[fast]
-            if abs(speed - given) > UNEQUAL * abs(given):
+            if abs(speed - given) > SPEED_DIFFERENCE * abs(given):
                 how = f"goes at {speed:g} m/s" if speed else "stands"
                 told = next(r for r in touched if r.name == fast)
                 typed = given * told.sense * carrying_sense(told, assembly.thread)
@@ -583,7 +585,7 @@ def strip_without_tension(preview: Preview) -> Iterator[str]:
     if (thread := assembly.thread) is None or assembly.friction is None:
         return
     stretch = {r.name: thread.stretch(label_at(r, thread)) for r in assembly.rollers}
-    unpulled = (1.0 - UNLOADED) * thread.tension / assembly.strip.tensile_stiffness
+    unpulled = (1.0 - BRAKING_SHARE) * thread.tension / assembly.strip.tensile_stiffness
     for stage in assembly.scene.stages:
         for roller in assembly.rollers:
             if (speed := surface_speed(stage.rollers.get(roller.name), roller)) is not None:
@@ -594,7 +596,7 @@ def strip_without_tension(preview: Preview) -> Iterator[str]:
             for roller in assembly.rollers
             if given and 0.0 < last.get(roller.name, 0.0) / given < stretch[roller.name] - unpulled
         ]
-        if given and np.prod([holding(preview, roller) for roller in slow]) > 1.0 / UNLOADED:
+        if given and np.prod([holding(preview, roller) for roller in slow]) > 1.0 / BRAKING_SHARE:
             name = min((roller.name for roller in slow), key=lambda each: last[each])
             yield (
                 f"roller {name} goes at {last[name]:.9g} m/s in stage {stage.name}, and strip that "
@@ -634,7 +636,7 @@ def sideways_entry(preview: Preview) -> Iterator[str]:
         along = float(np.dot(control.velocity, direction))
         speed = float(np.linalg.norm(control.velocity))
         apart = np.arccos(np.clip(abs(along) / speed, 0.0, 1.0)) if speed else 0.0
-        if np.sin(apart) > ALIGNED:
+        if np.sin(apart) > ALIGNED_SINE:
             typed = ", ".join(f"{np.copysign(speed, along) * d:.4g}" for d in direction)
             yield (
                 f"{edge}.velocity in stage {stage.name} is {np.degrees(apart):.2g}° off the strip "
@@ -698,7 +700,7 @@ def nip_force(assembly: Assembly, nip: Nip, squeeze: float) -> float:
     than the onset reaches, a sum is another force than the integral.
     """
     law, curvature = assembly.signorini, 0.5 / nip.first.radius + 0.5 / nip.second.radius
-    reach = np.sqrt((max(squeeze, 0.0) + FADES * law.width) / curvature)
+    reach = np.sqrt((max(squeeze, 0.0) + NIP_RANGE * law.width) / curvature)
     axis, way = nip.first.unit_axis, np.subtract(nip.second.centre, nip.first.centre)
     way -= (way @ axis) * axis
     way /= np.linalg.norm(way)
@@ -742,7 +744,7 @@ def typed_place(assembly: Assembly, stage: str, roller: Roller, centre: Array) -
             value = centre - np.asarray(roller.centre)
         if each.name == stage:
             break
-    rounded = np.round(value, NANOMETRES) + 0.0
+    rounded = np.round(value, PLACE_DECIMALS) + 0.0
     return f"--set '{key}=[{', '.join(f'{x:.12g}' for x in rounded)}]'"
 
 
@@ -785,9 +787,9 @@ def slack_edge(preview: Preview) -> Iterator[str]:
         heading = path.at(start[0], 0)[1]
         angle = abs(float((axis - before)[[0, 2]] @ heading))
         bearable = 2.0 * strain / (width * k) * np.tanh(0.5 * k * (start[0] - since))
-        slender = start[0] - since > SLENDER * width
+        slender = start[0] - since > SLENDER_RUN * width
         if guided and slender and angle > bearable:
-            nearer = before + BORNE * bearable / angle * (axis - before)
+            nearer = before + SAFE_ANGLE_SHARE * bearable / angle * (axis - before)
             typed = ", ".join(f"{component:.2g}" for component in nearer)
             yield (
                 f"roller {roller.name} is out of line by {1e3 * angle:.3g} mrad with what guides "
@@ -798,7 +800,7 @@ def slack_edge(preview: Preview) -> Iterator[str]:
         before, since, guided = axis, end[0], True
 
 
-RULES = (
+PHYSICS_RULES = (
     nip,
     slack_edge,
     untouched_roller,

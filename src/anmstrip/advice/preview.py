@@ -34,7 +34,7 @@ from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course, stretched
 from anmstrip.timestepping.formulas import AffineVelocity
 
-LOOKS = 4000
+STRING_SAMPLES = 4000
 """Places of a string from which its distance to rollers is measured."""
 
 
@@ -138,7 +138,9 @@ def string_estimate(course: Course) -> StringEstimate:
         middles = path.at(0.5 * (path.arcs.start[:, 0] + path.arcs.end[:, 0]), 0)[0].T
         ways = middles - np.array(centres)[:, :, 0]
         least = min(float(roller.radius) for roller in a.rollers)
-        looks = max(LOOKS, int(20.0 * float(path.length[0]) / least))  # chords cut in by r/3200
+        looks = max(
+            STRING_SAMPLES, int(20.0 * float(path.length[0]) / least)
+        )  # chords cut in by r/3200
         sides = ["over" if sense > 0.0 else "under" for sense in senses]
         kept = path.arcs.turn[:, 0].tolist(), sides, ways
         turns, sides_of, places = (dict(zip(names, values, strict=True)) for values in kept)
@@ -189,23 +191,23 @@ def end_of(course: Course, name: str) -> End:
     return StraightEnd(0.25 * float(np.ptp(x)), float(np.arctan2(way[2], way[0])))
 
 
-FREE = 1e-4
+FREE_STIFFNESS = 1e-4
 """Stiffness of a motion, over force/length of the scene, below which nothing holds the strip.
 
 Measured on 105 stages of the examples and of lines of the field: 0.6 at the least; of motions that
 nothing holds 3e-9 at the most.
 """
 
-MOST = 3
+MAX_FREE_MOTIONS = 3
 """Motions that are looked for at once: along, across and out of the plane."""
 
-ITERATIONS = 6
+INVERSE_ITERATIONS = 6
 """Of the inverse iteration: what is free is 1e8 times softer than the rest, so that two do."""
 
-UNSEEN = 1e-3
+NEGLIGIBLE_BEARING = 1e-3
 """Torque of bearings that hardly counts, over that of the tension."""
 
-WORK = 1e-6
+INDIFFERENT_WORK = 1e-6
 """Share of the forces that may work on a motion to an equilibrium that is indifferent to it."""
 
 
@@ -224,9 +226,9 @@ def softest_motions(factors: Factors, metric: Array) -> Iterator[tuple[float, Ar
     stiffness : float
     motion : ndarray, shape (n,)
     """
-    root, count = np.sqrt(metric), min(MOST, int(np.count_nonzero(metric)))
+    root, count = np.sqrt(metric), min(MAX_FREE_MOTIONS, int(np.count_nonzero(metric)))
     motions = np.cos(np.outer(np.arange(1.0, len(metric) + 1.0) ** 2, np.arange(1.0, count + 1.0)))
-    for _ in range(ITERATIONS):
+    for _ in range(INVERSE_ITERATIONS):
         basis, _ = np.linalg.qr(root[:, None] * motions)
         motions = np.stack([factors.solve(root * column) for column in basis.T], axis=1)
     softness, shapes = np.linalg.eig(basis.T @ (root[:, None] * motions))
@@ -299,12 +301,12 @@ def motions_at(
     except (MemoryError, SingularTangentError):  # the run will say so
         return
     for stiffness, motion in softest_motions(factors, equations.metric):
-        if not stiffness < FREE * force * model.scales.length:
+        if not stiffness < FREE_STIFFNESS * force * model.scales.length:
             return
         moved = np.zeros(model.unknowns)
         moved[free] = motion
         moved /= np.abs(moved[model.value_unknowns]).max()
-        indifferent = bool(abs(moved[free] @ series.residual) < WORK * force)
+        indifferent = bool(abs(moved[free] @ series.residual) < INDIFFERENT_WORK * force)
         yield from motion_words(assembly, plan, moved, indifferent)
 
 

@@ -11,44 +11,44 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from anmstrip.driver.preview import Preview
+from anmstrip.advice.preview import Preview
 from anmstrip.errors import InputError
 from anmstrip.scene.checks import meant_modulus
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.simulation.defaults import largest_force, regularising_speed
 from anmstrip.simulation.problem import Assembly
 
-LARGEST = {"m": 20.0, "m/s": 100.0}
+LARGEST_IN_LINES = {"m": 20.0, "m/s": 100.0}
 """Widths, radii and speeds in a line beyond which another unit was meant."""
 
-LEAST_FLATNESS = 0.01
+MIN_FLATNESS = 0.01
 """Flatness (I-units) of which no line has less."""
 
-STICKS = 1.5
+MAX_FRICTION = 1.5
 """Friction coefficient that no roller exceeds: dry rubber has about 1."""
 
-LOOP = 2.0
+LOOP_HEIGHT = 2.0
 """Height of strip (m) whose weight pulls at any strip, be it in a free loop."""
 
-LIGHTEST = 2.6e7
+SPECIFIC_STIFFNESS = 2.6e7
 """Young's modulus over density (m²/s²) of steel, aluminium and titanium alike; others have less."""
 
-EARTH = 9.81
+EARTH_GRAVITY = 9.81
 """Acceleration of gravity (m/s²)."""
 
-STRETCHED = 5e-3
+MAX_TENSION_STRAIN = 5e-3
 """Strain by tension that no strip in millimetres has: it is that of a tension in N/m."""
 
-MILLIMETRES = {"young": (1e3, 1e6), "thickness": (1e-3, 20.0), "width": (10.0, 2e4)}
+MILLIMETRE_RANGES = {"young": (1e3, 1e6), "thickness": (1e-3, 20.0), "width": (10.0, 2e4)}
 """Least and largest modulus (MPa), thickness and width (mm) of strip."""
 
-LEAST_RADIUS = 1.0
+MIN_RADIUS = 1.0
 """Radius (mm) of which no roller has less."""
 
-LEAST_GRAVITY = 100.0
+MIN_GRAVITY = 100.0
 """Acceleration from which on gravity may be in mm/s²."""
 
-MOST_TONNES = 1e-7
+MAX_DENSITY = 1e-7
 """Density (t/mm³) that nothing has more of."""
 
 
@@ -143,11 +143,11 @@ def in_millimetres(scene: SceneSpec) -> bool:
     given = {"young": young, "thickness": strip.thickness, "width": strip.width}
     return (
         all(
-            value is not None and MILLIMETRES[key][0] <= value <= MILLIMETRES[key][1]
+            value is not None and MILLIMETRE_RANGES[key][0] <= value <= MILLIMETRE_RANGES[key][1]
             for key, value in given.items()
         )
-        and all(roller.radius >= LEAST_RADIUS for roller in scene.rollers)
-        and largest_force(scene) <= STRETCHED * young * strip.thickness
+        and all(roller.radius >= MIN_RADIUS for roller in scene.rollers)
+        and largest_force(scene) <= MAX_TENSION_STRAIN * young * strip.thickness
     )
 
 
@@ -160,13 +160,13 @@ def doubtful_weight(scene: SceneSpec) -> Iterator[Doubt]:
     """Yield a density and a gravity in SI units beside millimetres and megapascals."""
     density = scene.material.density
     why = "in {} here, since the other values are in N, mm and MPa"
-    if density is not None and density > MOST_TONNES:
+    if density is not None and density > MAX_DENSITY:
         unit, share = ("kg/m³", 1e-12) if density > 100.0 else ("g/cm³", 1e-9)
         typed = f"material.density={share * density:.6g}"
         yield Doubt("material.density", density, why.format("t/mm³"), unit, typed)
     for stage in scene.stages:
         size = float(np.linalg.norm(stage.gravity or 0.0))
-        if stage.gravity is not None and 0.0 < size < LEAST_GRAVITY:
+        if stage.gravity is not None and 0.0 < size < MIN_GRAVITY:
             key = f"stages.{stage.name}.gravity"
             typed = f"{key}=[{', '.join(f'{1e3 * g:g}' for g in stage.gravity)}]"
             yield Doubt(key, size, why.format("mm/s²"), "m/s²", typed)
@@ -181,10 +181,10 @@ def doubtful_strip(scene: SceneSpec) -> Iterator[Doubt]:
     least = min((roller.radius for roller in scene.rollers), default=np.inf)
     if t > min(0.1 * least if largest_force(scene) else np.inf, 0.1):
         yield doubt("strip.thickness", t, "m", "mm", 1e-3 * t)
-    if (width := scene.strip.width or 0.0) > LARGEST["m"]:
+    if (width := scene.strip.width or 0.0) > LARGEST_IN_LINES["m"]:
         yield doubt("strip.width", width, "m", "mm", 1e-3 * width)
     for roller in scene.rollers:
-        if roller.radius > LARGEST["m"]:
+        if roller.radius > LARGEST_IN_LINES["m"]:
             key = f"rollers.{roller.name}.radius"
             yield doubt(key, roller.radius, "m", "mm", 1e-3 * roller.radius)
     if (meant_as := meant_modulus(m.young)) is not None:
@@ -200,9 +200,9 @@ def doubtful_friction(scene: SceneSpec) -> Iterator[Doubt]:
     given = {f"rollers.{roller.name}.friction": roller.friction for roller in scene.rollers}
     if scene.friction is not None:
         given = {"friction.coefficient": scene.friction.coefficient, **given}
-    why = f"a ratio of forces, which exceeds {STICKS:g} on no roller"
+    why = f"a ratio of forces, which exceeds {MAX_FRICTION:g} on no roller"
     for key, value in given.items():
-        if value is not None and value > STICKS:
+        if value is not None and value > MAX_FRICTION:
             yield Doubt(key, value, why, "per cent", f"{key}={0.01 * value:.6g}")
 
 
@@ -210,7 +210,7 @@ def doubtful_speeds(scene: SceneSpec) -> Iterator[Doubt]:
     """Yield speeds of rollers that no line has."""
     for stage in scene.stages:
         for name, roller in stage.rollers.items():
-            if abs(speed := roller.surface_speed or 0.0) > LARGEST["m/s"]:
+            if abs(speed := roller.surface_speed or 0.0) > LARGEST_IN_LINES["m/s"]:
                 key = f"stages.{stage.name}.rollers.{name}.surface_speed"
                 yield doubt(key, speed, "m/s", "m/min", speed / 60.0)
 
@@ -218,13 +218,13 @@ def doubtful_speeds(scene: SceneSpec) -> Iterator[Doubt]:
 def doubtful_tensions(scene: SceneSpec) -> Iterator[Doubt]:
     """Yield tensions below those of strip that hangs in a loop by its own weight."""
     t, m = scene.strip.thickness, scene.material
-    least = EARTH * LOOP * t * (m.density or m.young / LIGHTEST)
+    least = EARTH_GRAVITY * LOOP_HEIGHT * t * (m.density or m.young / SPECIFIC_STIFFNESS)
     pulls = {} if scene.threading is None else {"threading.tension": scene.threading.tension}
     for stage in scene.stages:
         for end, control in stage.edges.items():
             if (pull := control.tension or 0.0) >= 1.0:  # less is slack strip, no megapascals
                 pulls[f"stages.{stage.name}.{end}.tension"] = pull
-    why = f"in N/m, and {LOOP:g} m of the strip weigh {least:.3g} N/m"
+    why = f"in N/m, and {LOOP_HEIGHT:g} m of the strip weigh {least:.3g} N/m"
     for key, tension in pulls.items():
         if tension < least:
             yield Doubt(key, tension, why, "MPa", f"{key}={1e6 * t * tension:.3g}")
@@ -237,7 +237,7 @@ def doubtful_flatness(scene: SceneSpec) -> Iterator[Doubt]:
         uneven[f"stages.{stage.name}.strip.flatness"] = stage.strip.flatness
     for key, field in uneven.items():
         most = 0.0 if field is None else float(np.abs(field.samples).max())
-        if field is not None and 0.0 < most < LEAST_FLATNESS:
+        if field is not None and 0.0 < most < MIN_FLATNESS:
             if field.across:
                 typed = f"across=[{', '.join(f'{1e5 * c:g}' for c in field.across)}]"
             else:

@@ -12,40 +12,40 @@ from itertools import combinations
 
 import numpy as np
 
-from anmstrip.arrays import Array
-from anmstrip.continuation.equations import NEGLIGIBLE, Evidence, Outcome, PathStopped
-from anmstrip.driver.physics import (
-    NANOMETRES,
+from anmstrip.advice.physics import (
+    PLACE_DECIMALS,
     closer,
     held_by_nip,
     pulled_at_both_ends,
     runs_away,
     two_digits,
 )
-from anmstrip.driver.preview import Preview, motions_at, unheld
-from anmstrip.driver.warnings import against_section, below_round_off, finer_mesh, serious
+from anmstrip.advice.preview import Preview, motions_at, unheld
+from anmstrip.advice.warnings import against_section, below_round_off, finer_mesh, serious
+from anmstrip.arrays import Array
+from anmstrip.continuation.equations import NEGLIGIBLE_SHARE, Evidence, Outcome, PathStopped
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.mechanics.shell import eigenstrain
 from anmstrip.results.state import ContactState, State
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import THREADING
-from anmstrip.simulation.meshing import QUARTER, Nip
+from anmstrip.simulation.meshing import LAYER_SHARE, Nip
 from anmstrip.simulation.problem import Assembly, cheapest_order, size_of
 from anmstrip.timestepping.formulas import AffineVelocity
 
-NEAR = 2.0
+NEAR_ROLLER = 2.0
 """Gap, in lengths of the elements there, up to which a node counts as near a roller."""
 
-COARSE = 0.5
+COARSE_ELEMENT = 0.5
 """Element over a roller, in boundary layers √(D/T), that is called too long."""
 
-SHARP = 1e-3
+SHARP_ONSET = 1e-3
 """Onset of contact, over the one that the mesh resolves, that is called too sharp."""
 
-STIFF = 2.0
+STIFF_LAYER = 2.0
 """Boundary layer √(D/T) over a radius from which on strip does not follow its thread."""
 
-SHARE, DIGITS = 0.01, 1e3
+USUAL_STEP, TURNING_SPEEDS = 0.01, 1e3
 """A usual step over the duration of a stage; speeds from which on friction is seen to turn."""
 
 
@@ -74,7 +74,8 @@ def place_of(nodes: Array, state: State, threaded: bool) -> str:
         point = (strip.nodes[:, nodes] + moved).mean(axis=1) + strip.origin
         point = point[list(strip.kinematics.components)]
     return ", ".join(
-        f"{n} = {v + 0.0:.4g} m" for n, v in zip(names, np.round(point, NANOMETRES), strict=False)
+        f"{n} = {v + 0.0:.4g} m"
+        for n, v in zip(names, np.round(point, PLACE_DECIMALS), strict=False)
     )
 
 
@@ -109,7 +110,7 @@ def locate(evidence: Evidence, state: State, threaded: bool) -> Location | None:
     gap, roller = min(gaps)
     name = "xyz"[strip.kinematics.components[component]]
     place = place_of(np.array([node]), state, threaded)
-    return Location(place, name, element, roller if gap < NEAR * element else "")
+    return Location(place, name, element, roller if gap < NEAR_ROLLER * element else "")
 
 
 @dataclass(frozen=True)
@@ -226,7 +227,7 @@ def round_off(failure: Failure) -> str | None:
     if plan.in_time and state.velocity is not None:
         rates = AffineVelocity(1.0, state.velocity[free] - u, np.zeros_like(u))
     equations = Equilibrium(plan.model, plan.supports, plan.controls, rates, state.velocity)
-    share = NEGLIGIBLE if plan.in_time else 1.0
+    share = NEGLIGIBLE_SHARE if plan.in_time else 1.0
     told = below_round_off(failure.scene, equations.round_off(u, state.control), share)
     return f"The value {told}" if told else None
 
@@ -259,7 +260,7 @@ def stiff_strip(failure: Failure) -> str | None:
         return None
     roller = min(failure.assembly.rollers, key=lambda roller: roller.radius)
     layer = float(np.sqrt(stiffness / scene.threading.tension))
-    if not layer > STIFF * roller.radius:
+    if not layer > STIFF_LAYER * roller.radius:
         return None
     return (
         f"The strip bends over √(D/T) = {layer:.2g} m, and cannot lie on roller {roller.name} of "
@@ -346,11 +347,11 @@ def coarse(failure: Failure) -> str | None:
     if location is None or not location.roller or not failure.scene.strip.bending:
         return None
     layer = float(np.sqrt(strip.bending_stiffness / failure.assembly.scales.tension))
-    if not location.element > COARSE * layer:
+    if not location.element > COARSE_ELEMENT * layer:
         return None
     return (
         f"Elements of {location.element:.3g} m over roller {location.roller} are long "
-        f"against √(D/T) = {layer:.3g} m. Try {finer_mesh(failure.scene, QUARTER * layer)}"
+        f"against √(D/T) = {layer:.3g} m. Try {finer_mesh(failure.scene, LAYER_SHARE * layer)}"
     )
 
 
@@ -363,7 +364,7 @@ def sharp_contact(failure: Failure) -> str | None:
         update={"contact": contact.model_copy(update={"onset": None})}
     )
     onset = Assembly(resolved).signorini.width
-    if not contact.onset < SHARP * onset:
+    if not contact.onset < SHARP_ONSET * onset:
         return None
     return (
         f"Contact sets in over {contact.onset:.2g} m, and elements resolve {onset:.2g} m. "
@@ -376,16 +377,16 @@ def stiff_friction(failure: Failure) -> str | None:
     friction, strip = failure.scene.friction, failure.assembly.strip
     if not failure.plan.in_time or friction is None or not failure.touched:
         return None
-    seen = np.finfo(float).eps * strip.length / (SHARE * failure.plan.duration)
+    seen = np.finfo(float).eps * strip.length / (USUAL_STEP * failure.plan.duration)
     corner = friction.omega if "omega" in friction.constants else 1.0
     assert friction.speed is not None
     turns = corner * friction.speed
-    if not turns < DIGITS * seen:
+    if not turns < TURNING_SPEEDS * seen:
         return None
     return (
         f"Friction turns round within {turns:.2g} m/s, and the last digit of the positions is "
         f"worth {seen:.2g} m/s in a step of time. "
-        f"Try --set friction.speed={DIGITS * seen / corner:.1g}"
+        f"Try --set friction.speed={TURNING_SPEEDS * seen / corner:.1g}"
     )
 
 
