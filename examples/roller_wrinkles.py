@@ -21,7 +21,7 @@ from anmstrip import Scene
 from anmstrip.fem.operators import CellOperator
 from anmstrip.pictures.render import render
 from anmstrip.results.state import State
-from anmstrip.results.wrinkles import Wrinkling, buckling, flattened
+from anmstrip.results.wrinkles import Wrinkling, buckling, mode_heights
 
 CONTACT = {"stiffness": 1e9, "eta": 10.0, "delta": 1e-3}
 
@@ -108,7 +108,7 @@ def crowned(cells: tuple[int, int], refined: float) -> None:
     state = onset(crowned_scene(cells, refined))
     strip, tension = state.plan.model.strip, state.tension("exit")
     operator = CellOperator(strip, (0, 1))
-    mode = flattened(state, buckling(state, 1)[1][:, 0])
+    mode = mode_heights(state, buckling(state, 1)[1][:, 0])
     height, *slopes = operator.apply(mode)[2] ** 2 @ operator.weights
     along, across = (2.0 * np.pi * np.sqrt(height / slope) for slope in slopes)
     formula = 2.0 * np.sqrt(0.5 * np.pi * along) * (strip.bending_stiffness / tension) ** 0.25

@@ -16,7 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
-from anmstrip.continuation.bifurcations import Kind, SingularPoint, switched, watched
+from anmstrip.continuation.bifurcations import (
+    Kind,
+    SingularPoint,
+    switch_branch,
+    watch_singular_points,
+)
 from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.equilibrium import Equilibrium, Model
@@ -77,7 +82,11 @@ def singular_points(
     settings = Settings(order=20, tolerance=tolerance, arclength=True, rational=True)
     start, end = np.zeros(len(roof.supports.free)), ENDS[thickness]
     steps = follow(roof, start, solver=solver, settings=settings, target=end, cost=cost)
-    points = [point for _, found in watched(roof, steps, solver, settings) for point in found]
+    points = [
+        point
+        for _, found in watch_singular_points(roof, steps, solver, settings)
+        for point in found
+    ]
     return points, cost.factorisations
 
 
@@ -96,7 +105,7 @@ def aside(roof: Equilibrium, point: SingularPoint, directory: Path, steps: int =
     """Take some steps on the path that crosses at a bifurcation; return the loads."""
     solver = SparseSolver()
     settings = Settings(order=20, tolerance=1e-6, arclength=True, rational=True)
-    u, pace = switched(roof, point, 0.02, solver, 1e-8)
+    u, pace = switch_branch(roof, point, 0.02, solver, 1e-8)
     path, loads = follow(roof, u, solver=solver, settings=settings, pace=pace), [pace.control]
     for number, step in enumerate(islice(path, steps)):
         u, load = step.branch.end

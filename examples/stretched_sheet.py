@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from anmstrip.continuation.bifurcations import SingularPoint, switched, watched
+from anmstrip.continuation.bifurcations import SingularPoint, switch_branch, watch_singular_points
 from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.equilibrium import Equilibrium, Model
@@ -54,7 +54,7 @@ def onset(sheet: Equilibrium) -> SingularPoint:
     """Return the first bifurcation of the flat sheet."""
     solver, start = Remembering(SparseSolver()), np.zeros(len(sheet.supports.free))
     steps = follow(sheet, start, solver=solver, settings=SETTINGS)
-    found = watched(sheet, steps, solver, SETTINGS, stop=True)
+    found = watch_singular_points(sheet, steps, solver, SETTINGS, stop=True)
     return next(points[0] for _, points in found if points)
 
 
@@ -85,7 +85,7 @@ def main(cells: tuple[int, int], directory: Path) -> None:
     """Stretch it to the onset, and then to four times that strain."""
     sheet, cost, solver = stretched_sheet(cells), Cost(), SparseSolver()
     point = onset(sheet)
-    start, pace = switched(sheet, point, 0.3 * THICKNESS, solver, 1e-6, cost)
+    start, pace = switch_branch(sheet, point, 0.3 * THICKNESS, solver, 1e-6, cost)
     *_, last = follow(sheet, start, solver=solver, settings=SETTINGS, pace=pace, cost=cost)
     u, control = last.branch.end
     for label, shape, state, share in (

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from tempfile import TemporaryDirectory
 
-from anmstrip.driver.budget import Halved, Part, part
+from anmstrip.driver.budget import Halved, Part, largest_differences
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.simulation.march import March
@@ -63,7 +63,7 @@ def true_part(run: Run) -> Part:
     finer = finished(on_mesh(run, quarter))
     assert run.state is not None and finer.state is not None
     same = quarter.prolonged(half.prolonged(run.state.full))
-    return part(run.state, finer.state, finer.state.full - same)
+    return largest_differences(run.state, finer.state, finer.state.full - same)
 
 
 def on_mesh(run: Run, assembly: Assembly) -> Run:

@@ -22,7 +22,7 @@ from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.paper.mass_spring import Parameters, slip_at
 from anmstrip.timestepping.formulas import start_memory
 from anmstrip.timestepping.implicit import Stepping, integrate
-from anmstrip.timestepping.index_one import FunctionRateEquations, consistent, join_steps
+from anmstrip.timestepping.index_one import FunctionRateEquations, find_consistent_state, join_steps
 from figures import (
     Measured,
     by_line,
@@ -158,7 +158,7 @@ class Mass:
         def residual(u: Any, v: Any, t: Any) -> Any:
             return p.friction(p.R_N + 0.0 * u[0], v - p.V * np.cos(rate * t)) - u * p.k
 
-        u, v = consistent(residual, np.zeros(1), np.full(1, p.V), 0.0, 1e-9)
+        u, v = find_consistent_state(residual, np.zeros(1), np.full(1, p.V), 0.0, 1e-9)
         return p, FunctionRateEquations(residual, p.t_end, p.V), u, v
 
     def reference(self, p: Parameters, times: Array) -> Array:

@@ -16,7 +16,7 @@ from anmstrip.driver.scene import Scene
 from anmstrip.equilibrium import Equilibrium, Motion
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.simulation.problem import Assembly
-from anmstrip.simulation.stages import Course, stretched
+from anmstrip.simulation.stages import Course, uniform_stretch
 from anmstrip.timestepping.formulas import AffineVelocity
 from harness import Sheet, ask
 from strips import TENSION, growing
@@ -71,7 +71,7 @@ def expand_once(scene: Scene) -> None:
     for stage in scene.course:
         plan = course.plan(stage, {})
         course.finish(stage)
-    full = stretched(a, TENSION) if a.thread is None else a.thread.guess(a.strip, a.pattern)
+    full = uniform_stretch(a, TENSION) if a.thread is None else a.thread.guess(a.strip, a.pattern)
     u = full[plan.supports.free]
     rest, equations = 0.0 * u, Equilibrium(plan.model, plan.supports, plan.controls)
     if plan.in_time:

@@ -19,7 +19,7 @@ from anmstrip.continuation.follow import Pace, PathStep, Settings, follow
 from anmstrip.continuation.newton import Corrected, Corrections, Newton, straight_step
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.fem.operators import Blocks, Pattern
-from anmstrip.fem.sampling import remembered
+from anmstrip.fem.sampling import remember
 from anmstrip.fem.strip import Strip
 from anmstrip.linalg.direct import Factors, SingularTangentError
 from anmstrip.linalg.solvers import LinearSolver
@@ -260,7 +260,7 @@ class Mixed(Newton):
             if isinstance(effect, (Contact, Friction)):
                 pairs = effect.operator.chosen
                 parts = own.parts.setdefault(effect.name, {})
-                linear = remembered(parts, pairs, lambda _, effect=effect: linear_in_gaps(effect))
+                linear = remember(parts, pairs, lambda _, effect=effect: linear_in_gaps(effect))
                 given = {OFFSET: (pressure + slope * gap)[pairs], SLOPE: slope[pairs]}
                 start = Controls({**controls.start, **given}, {**controls.slope, **UNCHANGING})
                 series.parts[i] = series_of(linear, 1, state, start, own.laws)

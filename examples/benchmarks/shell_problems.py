@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from anmstrip.continuation.bifurcations import SingularPoint, watched
+from anmstrip.continuation.bifurcations import SingularPoint, watch_singular_points
 from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import PathStep, Settings, follow
 from anmstrip.continuation.newton import Corrected
@@ -238,7 +238,9 @@ def followed(benchmark: Benchmark, choices: Settings, *, watch: bool = False) ->
     path = follow(benchmark.equations, benchmark.start, **options)
     steps, points = [], []
     for step, found in (
-        watched(benchmark.equations, path, solver, choices) if watch else ((s, []) for s in path)
+        watch_singular_points(benchmark.equations, path, solver, choices)
+        if watch
+        else ((s, []) for s in path)
     ):
         steps.append(step)
         points += found

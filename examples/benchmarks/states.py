@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from anmstrip.driver.budget import part
+from anmstrip.driver.budget import largest_differences
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.mechanics.shell import Membrane
@@ -179,7 +179,10 @@ def compared(found: Solved, exact: Solved) -> Iterator[tuple[float, float, float
         if told is None or (state.plan.name == "threading" and state.control < 1.0):
             continue
         other = exact.at(state.time)
-        wrong, moved = part(state, other, other.full - state.full), other.full - state.full
+        wrong, moved = (
+            largest_differences(state, other, other.full - state.full),
+            other.full - state.full,
+        )
         membrane = next(e for e in state.plan.model.effects if isinstance(e, Membrane))
         force = float(np.abs(membrane.change(other.full, moved, state.controls)).max())
         tensions = np.array([wrong["tension"], force, told]) / scales.tension

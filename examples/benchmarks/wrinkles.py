@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-from anmstrip.continuation.bifurcations import SingularPoint, switched, watched
+from anmstrip.continuation.bifurcations import SingularPoint, switch_branch, watch_singular_points
 from anmstrip.continuation.equations import Cost, PathStopped
 from anmstrip.continuation.follow import follow
 from anmstrip.equilibrium import Equilibrium, Model
@@ -161,7 +161,7 @@ def onset(sheet: Stretched) -> SingularPoint:
     """
     solver = Remembering(SparseSolver())
     steps = follow(sheet.equations, sheet.start, solver=solver, settings=CHOICES)
-    for _, points in watched(sheet.equations, steps, solver, CHOICES, stop=True):
+    for _, points in watch_singular_points(sheet.equations, steps, solver, CHOICES, stop=True):
         if points:
             return points[0]
     raise ValueError("the sheet stays flat")
@@ -172,7 +172,9 @@ def wrinkled(sheet: Stretched, point: SingularPoint, cost: Cost) -> Iterator[tup
     solver = SparseSolver()
     for share in (0.3, 0.1, 1.0):
         try:
-            u, pace = switched(sheet.equations, point, share * sheet.thickness, solver, 1e-6, cost)
+            u, pace = switch_branch(
+                sheet.equations, point, share * sheet.thickness, solver, 1e-6, cost
+            )
             break
         except PathStopped:
             continue

@@ -18,7 +18,7 @@ from anmstrip.driver.scene import Scene
 from anmstrip.fem.operators import CellOperator
 from anmstrip.fem.sampling import quadrature_points
 from anmstrip.results.state import State
-from anmstrip.results.wrinkles import Wrinkling, buckling, flattened
+from anmstrip.results.wrinkles import Wrinkling, buckling, mode_heights
 from anmstrip.simulation.march import March, Step
 from anmstrip.simulation.problem import Assembly
 
@@ -339,7 +339,7 @@ def _dated(arrival: Step, before: State, level: float) -> Onset:
         return end.inside(a)
 
     found = state(brentq(lambda a: _factor(state(a)) - level, 0.0, length, xtol=DATED * length))
-    heights = flattened(found, buckling(found, 1)[1][:, 0])
+    heights = mode_heights(found, buckling(found, 1)[1][:, 0])
     return Onset(found, found.tension("exit"), Wrinkling(found).compression, heights)
 
 

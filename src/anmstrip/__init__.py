@@ -38,7 +38,7 @@ from importlib.metadata import version
 from typing import Any
 
 _NAMES = {
-    "continuation.bifurcations": "switched watched",
+    "continuation.bifurcations": "switch_branch watch_singular_points",
     "continuation.follow": "Settings follow",
     "continuation.path": "Branch Path",
     "driver.run": "Run",

@@ -16,7 +16,7 @@ from anmstrip.arrays import Array, Index
 from anmstrip.continuation.path import Branch
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Blocks, Chain, Chained, Eliminated, Pattern
-from anmstrip.fem.sampling import remembered
+from anmstrip.fem.sampling import remember
 from anmstrip.fem.strip import Strip
 from anmstrip.linalg.solvers import Bordered, Condensed, Joined, Joining
 from anmstrip.mechanics.effects import (
@@ -176,7 +176,7 @@ class Model:
         if self._forces[0] is not controls:
             self._forces = controls, {}
         key = np.concatenate([full, [control], *([] if velocity is None else [velocity])])
-        return remembered(self._forces[1], key, found)
+        return remember(self._forces[1], key, found)
 
     def tension_error(
         self,

@@ -23,7 +23,7 @@ from skfem import (
 from skfem.helpers import ddot, sym_grad
 
 from anmstrip import Scene
-from anmstrip.continuation.bifurcations import Kind, SingularPoint, switched
+from anmstrip.continuation.bifurcations import Kind, SingularPoint, switch_branch
 from anmstrip.continuation.equations import Cost, size
 from anmstrip.continuation.follow import follow
 from anmstrip.linalg.solvers import SparseSolver
@@ -83,7 +83,7 @@ def test_the_piece_waves_beyond_its_onset() -> None:
     state, control, mode = WAVES["first_wave"](piece)
     point = SingularPoint(Kind.BIFURCATION, state, control, mode / size(piece, mode), 0, 1)
     solver, cost = SparseSolver(), Cost()
-    start, pace = switched(piece, point, 0.1 * WAVES["THICKNESS"], solver, 1e-6, cost)
+    start, pace = switch_branch(piece, point, 0.1 * WAVES["THICKNESS"], solver, 1e-6, cost)
     settings = WAVES["SETTINGS"]
     coefficients = []
     for step in follow(piece, start, solver=solver, settings=settings, pace=pace, cost=cost):

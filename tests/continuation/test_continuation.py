@@ -11,7 +11,7 @@ from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.follow import Pace, Settings, _nears_limit_point, follow
 from anmstrip.continuation.newton import Corrections, Newton
 from anmstrip.continuation.path import Branch
-from anmstrip.continuation.validity import validated
+from anmstrip.continuation.validity import validate
 from anmstrip.linalg.solvers import DenseSolver
 
 
@@ -280,7 +280,7 @@ def test_validated_range_is_neither_wasted_nor_exceeded():
     branch = expand(
         equations, np.array([1.0]), 0.0, order=10, solver=DenseSolver(), parameter=Parameter(1.0)
     )
-    cut, imbalance = validated(equations, branch, 1e-6, 1.0, Cost())
+    cut, imbalance = validate(equations, branch, 1e-6, 1.0, Cost())
     assert imbalance <= 1e-6
     further = equations.imbalance(equations.residual(*branch(1.3 * cut.length)))
     assert further > 1e-6
@@ -301,7 +301,7 @@ def test_old_and_new_imbalance_together_meet_the_tolerance(share):
         lambda u, control: tolerance * (share * (1.0 - control) + 0.9 * (2.0 * control) ** 5) + u
     )
     branch = made_branch(share * tolerance)
-    cut, imbalance = validated(equations, branch, tolerance, 0.5, Cost())
+    cut, imbalance = validate(equations, branch, tolerance, 0.5, Cost())
     assert 0.2 < cut.length < 0.5
     assert imbalance == equations.imbalance(equations.residual(*cut.end))
     assert imbalance <= tolerance
@@ -311,7 +311,7 @@ def test_old_and_new_imbalance_together_meet_the_tolerance(share):
 def test_imbalance_is_not_taken_away_twice(share):
     tolerance = 1e-4
     equations = one(lambda u, control: tolerance * share * (1.0 - control) + u)
-    cut, imbalance = validated(equations, made_branch(share * tolerance), tolerance, 50.0, Cost())
+    cut, imbalance = validate(equations, made_branch(share * tolerance), tolerance, 50.0, Cost())
     assert 1.0 <= cut.length <= 2.0
     assert imbalance <= tolerance
 

@@ -9,7 +9,7 @@ from dense import DenseEquations, followed
 from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.path import Branch
-from anmstrip.continuation.validity import coordinates, longest_quotient, rational
+from anmstrip.continuation.validity import as_quotient, coordinates, longest_quotient
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.taylor.polynomials import roots_within
 
@@ -39,7 +39,7 @@ def test_orders_are_those_of_the_series():
     """Coefficients of the quotient, by long division."""
     equations = DenseEquations(resonant)
     branch = expanded(equations, np.zeros(N), arclength=True).cut(1.0)
-    quotient = rational(equations, branch)
+    quotient = as_quotient(equations, branch)
     d = quotient.denominator
     assert d[0] == 1.0
     for k in range(branch.order + 1):
@@ -89,7 +89,7 @@ def test_it_does_not_leap_over_a_pole(monkeypatch):
     factor = np.array([1.0, -0.5, 0.0, 0.0, 0.0])
     product = np.convolve(factor, branch.control)[:5]
     candidate = Branch(np.tile(product[:, None], 5), product, 0.5, np.zeros(5), denominator=factor)
-    monkeypatch.setattr("anmstrip.continuation.validity.rational", lambda *_: candidate)
+    monkeypatch.setattr("anmstrip.continuation.validity.as_quotient", lambda *_: candidate)
     found, _ = longest_quotient(equations, branch, 1e-6, 10.0, Cost())
     assert 1.5 < found.length < 2.0
 

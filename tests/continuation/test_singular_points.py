@@ -4,12 +4,17 @@ import numpy as np
 import pytest
 from dense import DenseEquations
 
-from anmstrip.continuation.bifurcations import Kind, SingularPoint, switched, watched
+from anmstrip.continuation.bifurcations import (
+    Kind,
+    SingularPoint,
+    switch_branch,
+    watch_singular_points,
+)
 from anmstrip.continuation.equations import Cost, Outcome, PathStopped, size
 from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.follow import Pace, Settings, follow
 from anmstrip.continuation.path import Branch
-from anmstrip.continuation.validity import cleared, progression, validated
+from anmstrip.continuation.validity import progression, validate, without_progression
 from anmstrip.linalg.solvers import DenseSolver, Remembering
 
 FOLD = 2.0 / 3.0**1.5
@@ -46,7 +51,11 @@ def found(law, start, control, target, settings=None):
     steps = follow(
         equations, np.array(start), solver=solver, settings=settings, start=control, target=target
     )
-    return [point for _, points in watched(equations, steps, solver, settings) for point in points]
+    return [
+        point
+        for _, points in watch_singular_points(equations, steps, solver, settings)
+        for point in points
+    ]
 
 
 @pytest.mark.parametrize("order", [8, 15, 20])
@@ -81,7 +90,7 @@ def test_the_last_step_is_looked_at_before_a_stop():
     solver, seen = Remembering(DenseSolver()), []
     steps = follow(equations, np.zeros(2), solver=solver, settings=settings, target=2.0)
     with pytest.raises(PathStopped) as stopped:
-        for _, points in watched(equations, steps, solver, settings):
+        for _, points in watch_singular_points(equations, steps, solver, settings):
             seen += points
     assert stopped.value.outcome is Outcome.FOLD
     assert sorted(p.kind.value for p in seen) == ["bifurcation", "limit point"]
@@ -105,7 +114,11 @@ def test_what_limit_points_cost():
     start = -1.2 + 1.2**3
     steps = follow(equations, np.array([-1.2]), solver=remembering, settings=settings,
                    start=start, target=-1.0)  # fmt: skip
-    assert [p for _, ps in watched(equations, steps, remembering, settings, cost) for p in ps]
+    assert [
+        p
+        for _, ps in watch_singular_points(equations, steps, remembering, settings, cost)
+        for p in ps
+    ]
     assert cost.factorisations == 5
 
 
@@ -115,7 +128,7 @@ def test_only_the_first_is_looked_for():
     solver = Remembering(DenseSolver())
     start = {"start": -1.2 + 1.2**3, "target": -1.0, "solver": solver, "settings": settings}
     steps = follow(equations, np.array([-1.2, 0.0]), **start)
-    *_, (_, points) = watched(equations, steps, solver, settings, stop=True)
+    *_, (_, points) = watch_singular_points(equations, steps, solver, settings, stop=True)
     assert [p.kind for p in points] == [Kind.LIMIT]
     assert points[0].control == pytest.approx(-FOLD, abs=1e-9)
 
@@ -132,7 +145,7 @@ def test_two_bifurcations_that_lie_close(longest):
 def test_the_other_path_is_switched_to_and_followed(side):
     equations = DenseEquations(pitchfork)
     (point,) = found(pitchfork, [0.0, 0.0], 0.0, 3.0)
-    u, pace = switched(equations, point, 0.1 * side, DenseSolver(), 1e-12)
+    u, pace = switch_branch(equations, point, 0.1 * side, DenseSolver(), 1e-12)
     settings = Settings(order=15, tolerance=1e-9)
     *_, last = follow(equations, u, solver=DenseSolver(), settings=settings, target=3.0, pace=pace)
     (y, x), control = last.branch.end
@@ -145,7 +158,7 @@ def test_switching_that_finds_nothing_says_so():
     equations = DenseEquations(lambda u, c: np.stack([u[0] - c, np.exp(u[1])]))
     nowhere = SingularPoint(Kind.BIFURCATION, np.zeros(2), 0.0, np.array([0.6, 0.8]), 0, 1)
     with pytest.raises(PathStopped) as stopped:
-        switched(equations, nowhere, 0.1, DenseSolver(), 1e-12)
+        switch_branch(equations, nowhere, 0.1, DenseSolver(), 1e-12)
     assert stopped.value.outcome is Outcome.STALLED
 
 
@@ -169,8 +182,8 @@ def test_progression_tells_the_distance_to_the_bifurcation():
 def test_cleared_branch_goes_straight_through():
     equations, branch = beside_the_bifurcation(1e-3, 1e-14)
     lengths = []
-    for candidate in (branch, cleared(equations, branch)):
-        held, _ = validated(equations, candidate, 1e-9, np.inf, Cost())
+    for candidate in (branch, without_progression(equations, branch)):
+        held, _ = validate(equations, candidate, 1e-9, np.inf, Cost())
         lengths.append(held.length)
     assert lengths[1] > 6.0 * lengths[0]
     assert abs(held.end[0][1]) < 1e-9
@@ -182,7 +195,7 @@ def test_poles_of_the_path_are_no_progressions():
     branch = expand(equations, np.array([1.0]), 0.0, order=20, solver=DenseSolver(),
                     parameter=Parameter(0.5))  # fmt: skip
     assert progression(equations, branch) is None
-    assert cleared(equations, branch) is branch
+    assert without_progression(equations, branch) is branch
 
 
 def test_short_and_constant_branches_are_left_alone():
@@ -190,12 +203,12 @@ def test_short_and_constant_branches_are_left_alone():
         u = np.zeros((order + 1, 2))
         u[1] = 1.0
         branch = Branch(u, np.arange(order + 1.0), 1.0, np.zeros(2))
-        assert cleared(DenseEquations(pitchfork), branch) is branch
+        assert without_progression(DenseEquations(pitchfork), branch) is branch
 
 
 def test_pace_of_the_switched_path_follows_the_mode():
     (point,) = found(pitchfork, [0.0, 0.0], 0.0, 3.0)
-    _, pace = switched(DenseEquations(pitchfork), point, -0.05, DenseSolver(), 1e-12)
+    _, pace = switch_branch(DenseEquations(pitchfork), point, -0.05, DenseSolver(), 1e-12)
     assert isinstance(pace, Pace)
     assert pace.arclength
     assert pace.last == 0.05

@@ -248,7 +248,7 @@ def test_no_errors_are_told_where_the_balance_is_not_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its tangent may be singular, which made laws wrong by a hundred times the tension."""
-    monkeypatch.setattr(budget, "balanced", lambda *_: None)
+    monkeypatch.setattr(budget, "balance_state", lambda *_: None)
     run = scene(stages=[TENSION, WRAP]).run(tmp_path)
     for _ in run:
         pass

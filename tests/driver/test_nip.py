@@ -11,7 +11,7 @@ from test_advice import typed
 from test_diagnosis import stalled
 
 from anmstrip.advice.diagnosis import Failure, diagnosis
-from anmstrip.advice.physics import closer, nip_force
+from anmstrip.advice.physics import closer_rollers, nip_force
 from anmstrip.advice.preview import Preview
 from anmstrip.advice.warnings import warnings
 from anmstrip.driver.run import Run
@@ -253,10 +253,14 @@ def test_a_nip_of_rollers_that_do_not_move_is_closed_where_they_are_drawn() -> N
     tables["rollers"][1]["centre"][2], tables["stages"][0]["rollers"] = 0.1505, {}
     assembly = Assembly(Scene.from_tables(tables, "pinch.toml"))
     *_, (nip,) = nips_in_stages(assembly.scene, assembly.rollers, assembly.thread)
-    assert typed(closer(assembly, "run", nip, 1e-5)) == ["rollers.top.centre=[0, 0, 0.15049]"]
+    assert typed(closer_rollers(assembly, "run", nip, 1e-5)) == [
+        "rollers.top.centre=[0, 0, 0.15049]"
+    ]
 
 
 def test_a_place_that_is_typed_has_no_round_off() -> None:
     assembly = Assembly(Scene.from_tables(STEADY, "pinch.toml"))
     *_, (nip,) = nips_in_stages(assembly.scene, assembly.rollers, assembly.thread)
-    assert typed(closer(assembly, "run", nip, 0.0)) == ["stages.close.rollers.up.move=[0, 0, 0]"]
+    assert typed(closer_rollers(assembly, "run", nip, 0.0)) == [
+        "stages.close.rollers.up.move=[0, 0, 0]"
+    ]

@@ -15,7 +15,12 @@ from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.timestepping import formulas as backward_differences
 from anmstrip.timestepping import implicit as implicit_dae
 from anmstrip.timestepping.formulas import TimeStep
-from anmstrip.timestepping.index_one import FunctionRateEquations, TimePath, consistent, join_steps
+from anmstrip.timestepping.index_one import (
+    FunctionRateEquations,
+    TimePath,
+    find_consistent_state,
+    join_steps,
+)
 
 Array = NDArray[np.float64]
 Residual = Callable[[Any, Any, Any], Any]
@@ -66,7 +71,9 @@ def moved(
         First step over the span.
     """
     whole, cost = span[1] - span[0], Cost()
-    u, v = consistent(residual, u, np.zeros_like(u) if v is None else v, span[0], tolerance, 0.0)
+    u, v = find_consistent_state(
+        residual, u, np.zeros_like(u) if v is None else v, span[0], tolerance, 0.0
+    )
     found = implicit_dae.integrate(
         FunctionRateEquations(residual, whole, speed),
         backward_differences.start_memory(span[0], u, v, first * whole),

@@ -11,7 +11,7 @@ from anmstrip.linalg.direct import (
     PardisoPlan,
     SingularTangentError,
     SuperLUPlan,
-    equilibrated,
+    equilibrate,
     pardiso_is_there,
 )
 from anmstrip.linalg.solvers import WIDEST_BORDER, Bordered, DenseSolver, Joining, SparseSolver
@@ -257,7 +257,7 @@ def test_entries_in_any_order_within_a_column():
 @pytest.mark.parametrize("kind", KINDS)
 def test_scaled_entries_are_of_order_one(kind):
     a = banded(60, 5, np.random.default_rng(6), kind)
-    d = equilibrated(csc_matrix(a))
+    d = equilibrate(csc_matrix(a))
     scaled = np.abs(d[:, None] * a * d)
     assert scaled.max(axis=0).min() > 0.03
     assert scaled.max() < 30.0

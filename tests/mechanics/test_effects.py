@@ -12,7 +12,7 @@ from anmstrip.fem.strip import Material, Strip, grid
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.loads import edge_force, weight
 from anmstrip.mechanics.shell import Membrane, isometric_bending, plane_stress
-from anmstrip.simulation.stages import stretched
+from anmstrip.simulation.stages import uniform_stretch
 from anmstrip.taylor.series import taylor_series
 from orders import orders
 from shapes import linear, rolled, rotation
@@ -102,7 +102,7 @@ def test_uniform_stretch(strip, elastic, strain):
 @pytest.mark.parametrize("tension", [1.0, 1e5, 5e6])
 def test_stretched_strip_is_in_equilibrium(strip, elastic, tension):
     """The start of a scene: it leaves nothing to be taken away."""
-    full = stretched(
+    full = uniform_stretch(
         SimpleNamespace(strip=strip, pattern=Pattern(strip), unknowns=strip.unknowns), tension
     )
     equations = free_equations(

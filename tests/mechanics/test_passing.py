@@ -5,7 +5,7 @@ import pytest
 
 from anmstrip.fem.sampling import ContactOperator
 from anmstrip.fem.strip import Material, Strip, grid
-from anmstrip.mechanics.contact import Contact, MAX_CHECKS, Neighbours, deepest
+from anmstrip.mechanics.contact import Contact, MAX_CHECKS, Neighbours, deepest_place
 from anmstrip.mechanics.laws import GradedSignorini
 from anmstrip.mechanics.roller import Roller, combine
 from anmstrip.taylor.program import COMPILED
@@ -45,26 +45,26 @@ def way(contact, start, end, sag=0.0):
 
 def test_what_ends_on_the_other_side_has_crossed(operator):
     contact = contact_of(operator, Roller("r", RADIUS, (0.0, 0.0, 0.0)))
-    assert deepest(contact, way(contact, 0.3, -0.5)) == pytest.approx(0.3 / 0.8, abs=1e-12)
+    assert deepest_place(contact, way(contact, 0.3, -0.5)) == pytest.approx(0.3 / 0.8, abs=1e-12)
 
 
 def test_what_comes_to_rest_on_it_has_not(operator):
     contact = contact_of(operator, Roller("r", RADIUS, (0.0, 0.0, 0.0)))
-    assert deepest(contact, way(contact, 0.3, RADIUS)) is None
-    assert deepest(contact, way(contact, RADIUS, 0.3)) is None
+    assert deepest_place(contact, way(contact, 0.3, RADIUS)) is None
+    assert deepest_place(contact, way(contact, RADIUS, 0.3)) is None
 
 
 @pytest.mark.parametrize(("sag", "found"), [(0.5e-4, False), (2e-4, True)])
 def test_a_dip_counts_from_the_width_of_the_onset_on(operator, sag, found):
     contact = contact_of(operator, Roller("r", RADIUS, (0.0, 0.0, 0.0)))
-    share = deepest(contact, way(contact, RADIUS, RADIUS, sag))
+    share = deepest_place(contact, way(contact, RADIUS, RADIUS, sag))
     assert share == (0.5 if found else None)
 
 
 def test_a_small_roller_on_a_long_way_is_seen(operator):
     small = Roller("r", 0.01, (0.0, 0.0, 0.0))
     contact = contact_of(operator, small)
-    share = deepest(contact, way(contact, 0.7, -1.9))
+    share = deepest_place(contact, way(contact, 0.7, -1.9))
     assert share == pytest.approx(0.7 / 2.6, abs=1.0 / MAX_CHECKS)
 
 
@@ -77,7 +77,7 @@ def test_every_roller_is_looked_at(operator):
         shift = [np.array([0.0, 0.0, 0.3 - s])[:, None] + np.zeros(operator.points) for s in shares]
         return np.array([contact.position(np.tile(x, 2), here) for x in shift])
 
-    assert deepest(contact, places) == pytest.approx(0.3, abs=1e-12)
+    assert deepest_place(contact, places) == pytest.approx(0.3, abs=1e-12)
 
 
 @pytest.mark.parametrize("compiled", [True, False])

@@ -15,7 +15,7 @@ from anmstrip.continuation.follow import Settings
 from anmstrip.equilibrium import Equilibrium, Model, Motion
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.geometry import SECTION, SHELL
-from anmstrip.fem.operators import InternalOperator, Layers, Pattern, upwind
+from anmstrip.fem.operators import InternalOperator, Layers, Pattern, upwind_differences
 from anmstrip.fem.strip import Material, Strip, grid, line
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls
@@ -383,7 +383,7 @@ def test_elimination_solves_with_the_whole_tangent(kind, along):
     section = line(xs), THICKNESS, Material(YOUNG, 0.3), SECTION
     strip = Strip(*(shell if kind == "shell" else section))
     flow, layers = FlowLaw(YIELD, 5, 2.0, isotropic=3e9, kinematic=2e9), Layers.of(THICKNESS, 5)
-    effect = flowing(strip, flow, layers, upwind(strip) if along else None)
+    effect = flowing(strip, flow, layers, upwind_differences(strip) if along else None)
     effects, size = [effect.membrane, effect.bending, effect], Scales(LENGTH, 1.0, 1.0)
     model = Model(strip, Pattern(strip), effects, size, internal=effect.units)
     supports = Supports.at_rest(model.unknowns, strip.clamp("entry"))

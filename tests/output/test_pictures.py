@@ -14,7 +14,7 @@ from PIL.ImageSequence import Iterator
 
 from anmstrip.errors import InputError
 from anmstrip.pictures import render as pictures
-from anmstrip.pictures.render import HEAD_SHARE, Eye, labelled, render, title
+from anmstrip.pictures.render import HEAD_SHARE, Eye, render, title, widen_scale
 from anmstrip.results.vtk import FIELDS, Collection, read_surface, subdivide, write_surface
 from wrapped_strip import lattice, tensor_grids, wrapped, write_state
 
@@ -206,7 +206,7 @@ def test_the_eye_sees_the_whole_box_below_the_scale_and_fills_the_picture():
     ],
 )
 def test_scales_have_round_labels(limits, expected):
-    assert labelled(*limits) == pytest.approx(expected)
+    assert widen_scale(*limits) == pytest.approx(expected)
 
 
 def test_the_side_view_is_drawn_with_lines_too(run, without_opengl):

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from anmstrip.cli import main
 from anmstrip.errors import InputError
-from anmstrip.pictures.report import MAX_TIMES, PLOT_DIGITS, tables, write_report
+from anmstrip.pictures.report import MAX_TIMES, PLOT_DIGITS, html_tables, write_report
 from anmstrip.results.files import read_history
 from anmstrip.results.vtk import read_surface
 from anmstrip.sweep.study import Sweep
@@ -94,7 +94,9 @@ def test_bends_of_strip_that_yields_have_their_table() -> None:
         "crossbow_on_roller": None, "curl": 0.3, "crossbow": None,
         "elongation": 2.75e-4, "yield_power": 149.5,
     }  # fmt: skip
-    rollers, bends = tables({"rollers": {"u1": {"wrap": 0.1, "bend": bend}, "l3": {"bend": None}}})
+    rollers, bends = html_tables(
+        {"rollers": {"u1": {"wrap": 0.1, "bend": bend}, "l3": {"bend": None}}}
+    )
     assert "<td>l3</td>" in rollers and "<td>l3</td>" not in bends
     cells = ["u1", "-6.2", "-75", "52.3", "-2.1", "–", "0.3", "–", "0.000275", "149.5"]
     assert "".join(f"<td>{cell}</td>" for cell in cells) in bends

@@ -391,7 +391,7 @@ def test_an_error_of_the_path_that_is_not_found_is_not_none_at_all(
     idler: Callable[[], Run], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It was told as 0."""
-    monkeypatch.setattr("anmstrip.driver.budget.balanced", lambda *_: None)
+    monkeypatch.setattr("anmstrip.driver.budget.balance_state", lambda *_: None)
     assert idler().errors()["path"] is None
 
 

@@ -12,7 +12,7 @@ import pytest
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.sensitivities import sensitivities
-from anmstrip.mechanics.string_path import hanging
+from anmstrip.mechanics.string_path import catenary
 from anmstrip.results.rollers import RollerPassage
 from anmstrip.results.state import State
 from anmstrip.simulation.problem import Assembly
@@ -54,7 +54,7 @@ def done(tables: dict[str, Any], *settings: str) -> Run:
 def test_catenary_between_two_points(length: float, rise: float) -> None:
     """Integrated along the strip from its end: there its slope and tension are as they say."""
     pull, weight = 2e4 + 38.0 * abs(rise), 38.0 * 30.0 / length
-    longer, first, last = hanging(np.array([length, rise]), weight, pull)
+    longer, first, last = catenary(np.array([length, rise]), weight, pull)
     chord, angle = np.hypot(length, rise), np.arctan2(rise, length)
     s = np.linspace(0.0, chord + longer, 20001)
     along, up = pull * np.cos(angle + last), pull * np.sin(angle + last)

@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 from threaded import ended
 
-from anmstrip.continuation.bifurcations import Kind, watched
+from anmstrip.continuation.bifurcations import Kind, watch_singular_points
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.driver.run import onset_words
 from anmstrip.driver.scene import Scene
@@ -81,7 +81,11 @@ def test_factors_find_the_bifurcation_that_inertia_finds() -> None:
     settings = Settings(order=15)
     start = np.zeros(len(plan.supports.free))
     steps = follow(equations, start, solver=solver, settings=settings)
-    points = [point for _, here in watched(equations, steps, solver, settings) for point in here]
+    points = [
+        point
+        for _, here in watch_singular_points(equations, steps, solver, settings)
+        for point in here
+    ]
     assert [point.kind for point in points] == [Kind.BIFURCATION]
     assert run.wrinkles[1]["time"] == pytest.approx(points[0].control, abs=2.0 * ONSET_TOLERANCE)
 

@@ -13,7 +13,7 @@ from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
 from anmstrip.sweep import accuracy as module
 from anmstrip.sweep import study as sweeps
-from anmstrip.sweep.accuracy import Accuracy, trials
+from anmstrip.sweep.accuracy import Accuracy, list_trials
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SECTION = 'strip.kinematics="section"'
@@ -32,7 +32,7 @@ def typed(*arguments: object) -> Result:
 def axes(scene: Scene) -> dict[str, list[float | str]]:
     """Values that a scene is compared for, by what is varied."""
     found: dict[str, list[float | str]] = {}
-    for trial in trials(Run(scene).assembly, scene):
+    for trial in list_trials(Run(scene).assembly, scene):
         found.setdefault(trial.along, []).append(trial.value)
     return found
 

@@ -24,7 +24,7 @@ from anmstrip.errors import InputError
 from anmstrip.pictures.curves import save_figure, sweep_figure
 from anmstrip.results import files as history
 from anmstrip.sweep import study as scenes
-from anmstrip.sweep.study import Sweep, folder, parse_variation, row_of
+from anmstrip.sweep.study import Sweep, folder_name, parse_variation, row_of
 
 CAPSTAN = Path(__file__).parents[2] / "examples" / "capstan.toml"
 
@@ -133,7 +133,7 @@ def test_values_that_are_none(text: str) -> None:
 
 def test_directories_are_names_of_files_and_differ() -> None:
     values = [0.5, "a/b", "a b", "a" * 300, "a" * 301, [16, 2]]
-    names = [folder({"strip.mesh": value}) for value in values]
+    names = [folder_name({"strip.mesh": value}) for value in values]
     assert names[0] == "strip.mesh=0.5"
     assert len(set(names)) == len(names)
     assert all(len(name) < 120 and "/" not in name and '"' not in name for name in names)

@@ -54,7 +54,7 @@ compiled.machine_code = saved
 """
 """Saves the code that is used."""
 
-MADE = "compiled.made = lambda machine: print('made') or open({0!r}, 'rb').read()\n"
+MADE = "compiled.portable_code = lambda machine: print('made') or open({0!r}, 'rb').read()\n"
 """Has such code in the place of compiling, and says so."""
 
 

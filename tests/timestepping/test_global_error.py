@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from anmstrip.timestepping.explicit import integrate_explicitly, join_series
-from anmstrip.timestepping.index_one import Point, controlled, estimated
+from anmstrip.timestepping.index_one import Point, estimate_error, integrate_controlled
 
 
 def drift(rate):
@@ -39,11 +39,11 @@ def test_algebraic_unknowns_are_eliminated():
 def test_the_estimate_is_the_error(rate):
     path = run(drift(rate), 1e-5)
     error = max(abs(path(t)[0][0] - np.exp(rate * t)) for t in path.knots)
-    assert 0.3 * error < estimated(drift(rate), path).max() < 3.0 * error
+    assert 0.3 * error < estimate_error(drift(rate), path).max() < 3.0 * error
 
 
 def test_passes_are_repeated_until_the_error_is_below_the_tolerance():
-    found = controlled(lambda allowed: run(drift(2.0), allowed), drift(2.0), 1e-5)
+    found = integrate_controlled(lambda allowed: run(drift(2.0), allowed), drift(2.0), 1e-5)
     error = max(abs(found.path(t)[0][0] - np.exp(2.0 * t)) for t in np.linspace(0.0, 4.0, 99))
     assert 2 <= found.passes <= 3
     assert error < found.error * 1.5
@@ -51,9 +51,14 @@ def test_passes_are_repeated_until_the_error_is_below_the_tolerance():
 
 
 def test_one_pass_where_errors_fade():
-    assert controlled(lambda allowed: run(drift(-2.0), allowed), drift(-2.0), 1e-5).passes == 1
+    assert (
+        integrate_controlled(lambda allowed: run(drift(-2.0), allowed), drift(-2.0), 1e-5).passes
+        == 1
+    )
 
 
 def test_too_few_passes_are_told():
-    found = controlled(lambda allowed: run(drift(2.0), 1e-3), drift(2.0), 1e-9, max_passes=2)
+    found = integrate_controlled(
+        lambda allowed: run(drift(2.0), 1e-3), drift(2.0), 1e-9, max_passes=2
+    )
     assert found.error > 1e-9

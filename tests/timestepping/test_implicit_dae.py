@@ -8,7 +8,7 @@ import pytest
 
 from anmstrip.continuation.equations import Cost
 from anmstrip.continuation.follow import Settings
-from anmstrip.continuation.path import predicted
+from anmstrip.continuation.path import extrapolate
 from anmstrip.linalg.solvers import DenseSolver
 from anmstrip.timestepping import formulas as backward_differences
 from anmstrip.timestepping import implicit as implicit_dae
@@ -58,7 +58,7 @@ def test_formula_weights_are_exact_on_polynomials(order):
 def test_the_predictor_is_exact_on_polynomials():
     times = (1.0, 0.7, 0.1)
     states = tuple(np.array([t**2, 3.0 - t]) for t in times)
-    assert predicted(times, states, 1.9) == pytest.approx([1.9**2, 1.1])
+    assert extrapolate(times, states, 1.9) == pytest.approx([1.9**2, 1.1])
 
 
 def fixed_steps(order, ratio, count):

@@ -5,7 +5,7 @@ import pytest
 
 from anmstrip.continuation.equations import Cost, PathStopped
 from anmstrip.timestepping.explicit import MAX_ERROR_RATE, integrate_explicitly, join_series
-from anmstrip.timestepping.index_one import Point, consistent
+from anmstrip.timestepping.index_one import Point, find_consistent_state
 
 
 def decay(u, v, t):
@@ -108,7 +108,7 @@ def test_newton_reaches_the_slip_of_a_law_that_saturates():
         s = np.stack([v[0] - 1.0])
         return s * (s * s + 0.01) ** -0.475 + u * 3.0
 
-    u, v = consistent(law, np.zeros(1), np.zeros(1), 0.0)
+    u, v = find_consistent_state(law, np.zeros(1), np.zeros(1), 0.0)
     assert v == pytest.approx([1.0], abs=1e-9)
     assert (u == 0.0).all()
 

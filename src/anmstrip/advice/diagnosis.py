@@ -14,13 +14,13 @@ import numpy as np
 
 from anmstrip.advice.physics import (
     PLACE_DECIMALS,
-    closer,
+    closer_rollers,
     held_by_nip,
     pulled_at_both_ends,
     runs_away,
     two_digits,
 )
-from anmstrip.advice.preview import Preview, motions_at, unheld
+from anmstrip.advice.preview import Preview, motions_at, unheld_words
 from anmstrip.advice.warnings import against_section, below_round_off, finer_mesh, serious
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import NEGLIGIBLE_SHARE, Evidence, Outcome, PathStopped
@@ -187,7 +187,7 @@ def not_held(failure: Failure) -> str | None:
         name = "xyz"[component]
         if held[strip.count * strip.node_values + place].any() or name in by_rollers:
             continue
-        told = unheld(failure.scene, failure.stage.name, name)
+        told = unheld_words(failure.scene, failure.stage.name, name)
         return f"{told[0].upper()}{told[1:]}"
     return None
 
@@ -214,7 +214,7 @@ def squeezed(failure: Failure) -> str | None:
             )
             return (
                 f"Rollers {a.name} and {b.name} are {nip.gap:.3g} m apart and squeeze the strip. "
-                f"Try {closer(assembly, failure.stage.name, nip, least)}"
+                f"Try {closer_rollers(assembly, failure.stage.name, nip, least)}"
             )
     return None
 

@@ -28,10 +28,10 @@ from anmstrip.simulation.defaults import (
 )
 from anmstrip.simulation.meshing import (
     Nip,
-    carried,
     carrying_sense,
     label_at,
     nips_in_stages,
+    strip_travel,
     surface_speed,
 )
 from anmstrip.simulation.problem import Assembly
@@ -120,15 +120,15 @@ def roller_over_an_end(preview: Preview) -> Iterator[str]:
 
 
 def shorter_move(plan: StageProblem, moved: Roller, way: Array, apart: float) -> str:
-    """Return what to type for a roller that stops on its way, see :func:`moved_back`."""
+    """Return what to type for a roller that stops on its way, see :func:`move_to_distance`."""
     told = f"stages.{plan.name}.rollers.{moved.name}.move"
-    back = moved_back(plan, moved, way, apart)
+    back = move_to_distance(plan, moved, way, apart)
     if back is None:
         return f"a shorter {told}."
     return f"--set '{told}=[{', '.join(f'{x:.4g}' for x in back)}]'"
 
 
-def moved_back(plan: StageProblem, moved: Roller, way: Array, apart: float) -> Array | None:
+def move_to_distance(plan: StageProblem, moved: Roller, way: Array, apart: float) -> Array | None:
     """Return the move (m) of a roller that stops on its way at a distance from another.
 
     ``way`` (m) leads from the other one to its end, which is q of its move m too far:
@@ -214,7 +214,7 @@ def driven_without_friction(preview: Preview) -> Iterator[str]:
             )
 
 
-def holding(preview: Preview, roller: Roller) -> float:
+def holding_ratio(preview: Preview, roller: Roller) -> float:
     """Return e^(fθ) of a driven roller: the ratio of tensions that friction on it can hold."""
     scene = preview.assembly.scene
     (spec,) = (spec for spec in scene.rollers if spec.name == roller.name)
@@ -298,8 +298,8 @@ def beyond_capacity(preview: Preview) -> Iterator[str]:
     for pulled in pulled_at_both_ends(preview):
         for end, other in (ENDS, ENDS[::-1]):
             high, low, stage = pulled.ends[end], pulled.ends[other], pulled.stage
-            most = most_held(preview, end, pulled)
-            bound = most_held(preview, end, pulled, NIP_SAFETY)
+            most = largest_held_tension(preview, end, pulled)
+            bound = largest_held_tension(preview, end, pulled, NIP_SAFETY)
             if high <= bound * 1.001:
                 continue
             others = any(pulled.torques.values()) or any(s.bearing for s in assembly.scene.rollers)
@@ -322,11 +322,11 @@ def beyond_capacity(preview: Preview) -> Iterator[str]:
                 f"only friction holds the strip in x in stage {stage.name}, which pulls at its "
                 f"{end} by {high:.3g} N/m against {low:.3g} N/m, and on {np.degrees(turn):.0f}° of "
                 f"wrap {held_by} at most: {none}the strip {runs}. "
-                f"Try {lower}{held_better(preview, end, pulled, turn * plain)}."
+                f"Try {lower}{other_ways_to_hold(preview, end, pulled, turn * plain)}."
             )
 
 
-def held_better(preview: Preview, end: str, pulled: Pulled, turn: float) -> str:
+def other_ways_to_hold(preview: Preview, end: str, pulled: Pulled, turn: float) -> str:
     """Return what else to type so that rollers hold what pulls more than they hold, at an end.
 
     A nip that is closed farther, torques that act the other way, or the friction coefficient with
@@ -334,17 +334,17 @@ def held_better(preview: Preview, end: str, pulled: Pulled, turn: float) -> str:
     """
     assembly, high = preview.assembly, pulled.ends[end]
     for nip in pulled.nips if assembly.rollers[0].half else ():
-        if not rubbing(assembly, nip):
+        if not driven_friction(assembly, nip):
             continue
         squeeze = holding_squeeze(preview, end, pulled, nip)
         return (
             f", or a nip that presses with about {nip_force(assembly, nip, squeeze):.2g} N, "
             f"{NIP_SAFETY:g} times what would hold the strip: "
-            f"{closer(assembly, pulled.stage.name, nip, squeeze)}"
+            f"{closer_rollers(assembly, pulled.stage.name, nip, squeeze)}"
         )
     turned = replace(pulled, torques={name: -torque for name, torque in pulled.torques.items()})
-    if most_held(preview, end, turned, NIP_SAFETY) > max(
-        high, most_held(preview, end, pulled, NIP_SAFETY)
+    if largest_held_tension(preview, end, turned, NIP_SAFETY) > max(
+        high, largest_held_tension(preview, end, pulled, NIP_SAFETY)
     ):
         keys = (f"stages.{pulled.stage.name}.rollers.{name}.torque" for name in pulled.torques)
         return f", or the other sign of {', '.join(keys)}"
@@ -361,14 +361,14 @@ def held_by_nip(preview: Preview, nip: Nip) -> bool:
 
 def runs_away(preview: Preview, pulled: Pulled) -> bool:
     """Whether an end is pulled by more than rollers, bearings and weight hold."""
-    return any(pulled.ends[end] > most_held(preview, end, pulled) for end in ENDS)
+    return any(pulled.ends[end] > largest_held_tension(preview, end, pulled) for end in ENDS)
 
 
 def holding_squeeze(preview: Preview, end: str, pulled: Pulled, nip: Nip) -> float:
     """Return by how much a nip squeezes the strip (m) that surely holds what pulls at an end."""
 
     def spare(squeeze: float) -> float:
-        held = most_held(preview, end, pulled.with_squeeze(nip, squeeze), NIP_SAFETY)
+        held = largest_held_tension(preview, end, pulled.with_squeeze(nip, squeeze), NIP_SAFETY)
         return held - pulled.ends[end]
 
     from scipy.optimize import brentq
@@ -379,7 +379,7 @@ def holding_squeeze(preview: Preview, end: str, pulled: Pulled, nip: Nip) -> flo
     return float(brentq(spare, least, least + further))
 
 
-def most_held(preview: Preview, end: str, pulled: Pulled, sure: float = 1.0) -> float:
+def largest_held_tension(preview: Preview, end: str, pulled: Pulled, sure: float = 1.0) -> float:
     """Largest tension (N/m) at an end that rollers, bearings and weight hold against the other's.
 
     See :func:`largest_tensions`, which ends with it.
@@ -430,7 +430,7 @@ def largest_tensions(
         yield roller.name, pull
         load = pull * preview.turn(roller)
         pull += sum(nip_friction(assembly, nip, load, sure) for nip in pressed.pop(roller.name, ()))
-        grip = holding(preview, roller)
+        grip = holding_ratio(preview, roller)
         most = pull * grip
         if roller.name in assembly.turning:
             torque = pulled.torques.get(roller.name, 0.0) * roller.sense
@@ -528,7 +528,7 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
         if not stage.rollers or not any(last.values()):
             continue
         fast = max(last, key=lambda name: abs(last[name]))
-        others = [roller.name for roller in touched if holding(preview, roller) > 1.0]
+        others = [roller.name for roller in touched if holding_ratio(preview, roller) > 1.0]
         for name in others:
             speed, given = last.get(name, 0.0), last[fast]
             if abs(speed - given) > SPEED_DIFFERENCE * abs(given):
@@ -564,7 +564,7 @@ def torque_beyond_friction(preview: Preview) -> Iterator[str]:
             forward = control.torque * roller.sense * carrying_sense(roller, thread) > 0.0
             high, low = (side.get(roller.name, np.inf) for side in (before, behind))
             high, low = (high, low) if forward else (low, high)
-            grip = holding(preview, roller)
+            grip = holding_ratio(preview, roller)
             tension = min(high / grip, low)  # the smaller one, at most
             tension = tension if np.isfinite(tension) else preview.tension
             most = roller.radius * assembly.strip.width * tension * (grip - 1.0)
@@ -596,7 +596,10 @@ def strip_without_tension(preview: Preview) -> Iterator[str]:
             for roller in assembly.rollers
             if given and 0.0 < last.get(roller.name, 0.0) / given < stretch[roller.name] - unpulled
         ]
-        if given and np.prod([holding(preview, roller) for roller in slow]) > 1.0 / BRAKING_SHARE:
+        if (
+            given
+            and np.prod([holding_ratio(preview, roller) for roller in slow]) > 1.0 / BRAKING_SHARE
+        ):
             name = min((roller.name for roller in slow), key=lambda each: last[each])
             yield (
                 f"roller {name} goes at {last[name]:.9g} m/s in stage {stage.name}, and strip that "
@@ -651,7 +654,7 @@ def strip_runs_out(preview: Preview) -> Iterator[str]:
     scene, thread = preview.assembly.scene, preview.assembly.thread
     if thread is None or scene.strip.feed or any(stage.steady for stage in scene.stages):
         return
-    back, ahead = carried(scene, preview.assembly.rollers, thread)
+    back, ahead = strip_travel(scene, preview.assembly.rollers, thread)
     half = 0.5 * thread.length
     first = min(start for start, _ in thread.arcs.values()) + half
     last = half - max(end for _, end in thread.arcs.values())
@@ -669,14 +672,16 @@ def strip_runs_out(preview: Preview) -> Iterator[str]:
             )
 
 
-def nip(preview: Preview) -> Iterator[str]:
+def nip_forces(preview: Preview) -> Iterator[str]:
     """Rollers that nip the strip: their force follows from the gap, where they touch its faces."""
     assembly, thickness = preview.assembly, preview.assembly.strip.thickness
     narrowest = dict[tuple[str, str], Nip]()
     for found in nips_in_stages(assembly.scene, assembly.rollers, assembly.thread):
         for each in found:
             names = each.first.name, each.second.name
-            narrowest[names] = min(narrowest.get(names, each), each, key=lambda nip: nip.gap)
+            narrowest[names] = min(
+                narrowest.get(names, each), each, key=lambda nip_forces: nip_forces.gap
+            )
     for (a, b), each in narrowest.items() if assembly.scene.contact else ():
         told = (
             f"rollers {a} and {b} leave a gap of {each.gap:.3g} m to a strip of {thickness:.3g} m"
@@ -721,10 +726,10 @@ def nip_friction(assembly: Assembly, nip: Nip, load: float, sure: float) -> floa
     √(F² + load²/4) ± load/2.
     """
     force = nip_force(assembly, nip, nip.squeeze) / (sure * assembly.strip.width)
-    return rubbing(assembly, nip) * (float(np.hypot(force, 0.5 * load)) - 0.5 * load)
+    return driven_friction(assembly, nip) * (float(np.hypot(force, 0.5 * load)) - 0.5 * load)
 
 
-def rubbing(assembly: Assembly, nip: Nip) -> float:
+def driven_friction(assembly: Assembly, nip: Nip) -> float:
     """Return the sum of the friction coefficients of those of its rollers that are driven."""
     rollers = {nip.first.name, nip.second.name} - set(assembly.turning)
     specs = (spec for spec in assembly.scene.rollers if spec.name in rollers)
@@ -748,7 +753,7 @@ def typed_place(assembly: Assembly, stage: str, roller: Roller, centre: Array) -
     return f"--set '{key}=[{', '.join(f'{x:.12g}' for x in rounded)}]'"
 
 
-def closer(assembly: Assembly, stage: str, nip: Nip, squeeze: float) -> str:
+def closer_rollers(assembly: Assembly, stage: str, nip: Nip, squeeze: float) -> str:
     """Return what to type for a nip that squeezes the strip by so much in a stage.
 
     Of its rollers the one that moves, else the second.
@@ -801,7 +806,7 @@ def slack_edge(preview: Preview) -> Iterator[str]:
 
 
 PHYSICS_RULES = (
-    nip,
+    nip_forces,
     slack_edge,
     untouched_roller,
     sideways_entry,

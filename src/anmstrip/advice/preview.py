@@ -29,9 +29,9 @@ from anmstrip.mechanics.string_path import (
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS, EdgeSpec
 from anmstrip.simulation.defaults import bending_stiffness, largest_force
-from anmstrip.simulation.meshing import crossing
+from anmstrip.simulation.meshing import axis_crossing
 from anmstrip.simulation.problem import Assembly
-from anmstrip.simulation.stages import Course, stretched
+from anmstrip.simulation.stages import Course, uniform_stretch
 from anmstrip.timestepping.formulas import AffineVelocity
 
 STRING_SAMPLES = 4000
@@ -109,7 +109,7 @@ def string_estimate(course: Course) -> StringEstimate:
         stiffness = 2.0 * largest_force(a.scene) / span + 6.0 * bending_stiffness(a.scene) / span**3
         return float(np.arctan(load / stiffness if stiffness else np.inf)) if load else 0.0
 
-    entry, exit = (end_of(course, name) for name in ENDS)
+    entry, exit = (thread_end(course, name) for name in ENDS)
     crossing = {spec.name for spec in a.scene.rollers if spec.crossing}
     rollers: list[tuple[Roller, float]] = []
     if a.scene.contact is not None and a.thread is not None:
@@ -144,12 +144,12 @@ def string_estimate(course: Course) -> StringEstimate:
         sides = ["over" if sense > 0.0 else "under" for sense in senses]
         kept = path.arcs.turn[:, 0].tolist(), sides, ways
         turns, sides_of, places = (dict(zip(names, values, strict=True)) for values in kept)
-        gaps = gaps_to(course, path.at(np.linspace(0.0, float(path.length[0]), looks), 0)[0])
+        gaps = roller_gaps(course, path.at(np.linspace(0.0, float(path.length[0]), looks), 0)[0])
         slope = float(np.abs(slopes).max()) + sag(float(np.diff(path.starts[:, 0])[::2].max()))
         return StringEstimate(turns, sides_of, slope, places, path, gaps)
     x, moved = a.strip.mesh.p[0], [course.moved.get(name, np.zeros(3)) for name in ENDS]
     straight = np.array([[x.min(), 0.0], [x.max(), 0.0]]) + np.array(moved)[:, [0, 2]]
-    gaps = gaps_to(course, straight.T)
+    gaps = roller_gaps(course, straight.T)
     if isinstance(entry, FixedEnd) and isinstance(exit, FixedEnd):
         along = np.subtract(exit.position, entry.position)
         slope = float(abs(np.arctan2(along[1], along[0])))
@@ -158,13 +158,13 @@ def string_estimate(course: Course) -> StringEstimate:
     return StringEstimate({}, {}, float(slope) + sag(a.strip.length), gaps=gaps)
 
 
-def gaps_to(course: Course, places: Array) -> dict[str, float]:
+def roller_gaps(course: Course, places: Array) -> dict[str, float]:
     """Return the least gap (m) between every roller and straight pieces between places, (2, n)."""
     gaps, step = {}, np.diff(places)
     longest = float(np.hypot(*step).max(initial=0.0))
     for roller in course.assembly.rollers:
         at = np.asarray(course.values[f"rollers.{roller.name}.centre"])
-        centre = crossing(roller) + (at - np.asarray(roller.centre))[[0, 2]]
+        centre = axis_crossing(roller) + (at - np.asarray(roller.centre))[[0, 2]]
         way = centre[:, None] - places[:, :-1]
         distance = np.sqrt((way**2).sum(axis=0))
         near = distance <= distance.min() + longest  # others are behind these pieces
@@ -175,7 +175,7 @@ def gaps_to(course: Course, places: Array) -> dict[str, float]:
     return gaps
 
 
-def end_of(course: Course, name: str) -> End:
+def thread_end(course: Course, name: str) -> End:
     """Place of an end, or the direction in which it is pulled, or else in which it was laid."""
     x, edges = course.assembly.strip.mesh.p[0], course.assembly.scene.edges
     if course.assembly.closed and course.assembly.thread is not None:
@@ -271,7 +271,7 @@ def flat_states(
         for key in ("tension", "force")
     )
     if first:
-        yield plan, stretched(assembly, max(along + pulls) or assembly.scales.tension, end)
+        yield plan, uniform_stretch(assembly, max(along + pulls) or assembly.scales.tension, end)
         return
     effects = [effect for effect in plan.model.effects if not effect.by_roller]
     for tension, other in zip(along, ENDS[::-1], strict=True):
@@ -281,7 +281,7 @@ def flat_states(
         free = np.setdiff1d(plan.supports.free, held)
         supports = replace(plan.supports, free=free)
         run = replace(plan, model=plan.model.with_effects(effects), supports=supports)
-        yield run, stretched(assembly, tension, end)
+        yield run, uniform_stretch(assembly, tension, end)
 
 
 def motions_at(
@@ -335,7 +335,7 @@ def motion_words(
     if component in fixed:
         advice = f"try it without {end}.release."
     elif shifted:
-        yield unheld(assembly.scene, plan.name, component)
+        yield unheld_words(assembly.scene, plan.name, component)
         return
     loose = f"nothing holds the strip in {component}"
     if not shifted:
@@ -355,7 +355,7 @@ def edge_to_hold(scene: SceneSpec) -> str:
     return min(scene.edges, key=lambda name: name not in ENDS, default=ENDS[0])
 
 
-def unheld(scene: SceneSpec, stage: str, component: str) -> str:
+def unheld_words(scene: SceneSpec, stage: str, component: str) -> str:
     """Say that nothing holds a strip in a component in a stage, and what to type.
 
     What is held in x is let go in the first stage after that one in which rollers turn, so that

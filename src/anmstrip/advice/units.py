@@ -96,7 +96,7 @@ def as_meant(preview: Preview) -> Preview | None:
     found = list(doubts(assembly.scene))
     if not found:
         return preview
-    if (scene := mended(assembly.scene, found)) is None:
+    if (scene := scene_as_meant(assembly.scene, found)) is None:
         return None
     try:
         other = Preview.of(Assembly(scene, assembly.imperfection, assembly.added))
@@ -113,12 +113,12 @@ def doubts(scene: SceneSpec) -> Iterator[Doubt]:
         return
     found = [*doubtful_strip(scene), *doubtful_friction(scene), *doubtful_speeds(scene)]
     yield from found
-    if (meant := mended(scene, found)) is not None:
+    if (meant := scene_as_meant(scene, found)) is not None:
         yield from doubtful_tensions(meant)
     yield from doubtful_flatness(scene)
 
 
-def mended(scene: SceneSpec, found: Sequence[Doubt]) -> SceneSpec | None:
+def scene_as_meant(scene: SceneSpec, found: Sequence[Doubt]) -> SceneSpec | None:
     """Return a scene with what was meant instead of what is in doubt, or none if it cannot be.
 
     A speed of friction that follows from values of the scene is found anew.

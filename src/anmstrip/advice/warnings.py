@@ -17,7 +17,7 @@ from anmstrip.advice.preview import (
     Preview,
     StringEstimate,
     free_motions,
-    unheld,
+    unheld_words,
 )
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
@@ -30,11 +30,11 @@ from anmstrip.simulation.defaults import boundary_layer, elastic_creep
 from anmstrip.simulation.meshing import (
     LAYER_SHARE,
     MAX_ELEMENTS,
-    finer,
+    contact_stands,
+    mesh_density,
     most_unknowns,
     refinement,
     shortest_wanted,
-    stands,
     surface_speed,
 )
 from anmstrip.simulation.problem import MAX_HALVED_UNKNOWNS, Assembly, Size, naturals, size_of
@@ -167,7 +167,7 @@ def unheld_strip(preview: Preview) -> Iterator[str]:
     along = 0 in preview.assembly.kinematics.components
     held = preview.assembly.thread is not None or any("x" in e.fixed for e in scene.edges.values())
     if first.in_time and along and not held:
-        yield f"in stage {first.name} {unheld(scene, first.name, 'x')}"
+        yield f"in stage {first.name} {unheld_words(scene, first.name, 'x')}"
 
 
 def released_strip(preview: Preview) -> Iterator[str]:
@@ -186,11 +186,11 @@ def released_strip(preview: Preview) -> Iterator[str]:
                 f"nothing holds the strip in x in stage {stage.name}. "
                 f"Try it without stages.{stage.name}.{(released or ['entry'])[0]}.release."
             )
-        elif loose := running_loose(preview):
+        elif loose := why_speed_is_free(preview):
             yield f"nothing says how fast the strip runs in stage {stage.name}: {loose}"
 
 
-def running_loose(preview: Preview) -> str:
+def why_speed_is_free(preview: Preview) -> str:
     """Why no roller says how fast a strip runs that no edge holds; nothing if one does."""
     rollers = preview.assembly.scene.rollers
     if any(roller.drive == "speed" or roller.bearing for roller in rollers):
@@ -358,7 +358,7 @@ def coarse_mesh(preview: Preview) -> Iterator[str]:
     if scene.strip.cells is None and scene.strip.mesh is None:
         wanted = shortest_wanted(scene, preview.assembly.rollers, preview.assembly.thread)
         finest = float(strip.cell_sizes[0].min())
-        if finest * min(1.0, finer(scene)) > COARSE_RATIO * wanted > 0.0:
+        if finest * min(1.0, mesh_density(scene)) > COARSE_RATIO * wanted > 0.0:
             why = f"since a mesh by default has about {most_unknowns(len(scene.rollers))} unknowns"
             if scene.strip.finer is not None:
                 why = f"with strip.finer = {scene.strip.finer:g}"
@@ -472,10 +472,10 @@ def slipping_friction(preview: Preview) -> Iterator[str]:
     elif spec.law == "norton-hoff" and np.isfinite(slip):
         share = float(law.share(slip))
         if abs(share - 1.0) > FRICTION_DIFFERENCE:
-            yield acts_as(spec.coefficient, share, slip)
+            yield effective_friction_words(spec.coefficient, share, slip)
 
 
-def acts_as(coefficient: float, share: float, slip: float) -> str:
+def effective_friction_words(coefficient: float, share: float, slip: float) -> str:
     """Return that Norton and Hoff's law does not act with the coefficient that was typed."""
     return (
         f"friction.coefficient = {coefficient:g} acts as {share * coefficient:.3g} at a slip of "
@@ -548,7 +548,7 @@ def element_over(assembly: Assembly, roller: Roller) -> float:
         if roller.name not in assembly.thread.arcs:
             return 0.0
         first, last = assembly.thread.arcs[roller.name]
-        if stands(assembly.scene):
+        if contact_stands(assembly.scene):
             nodes = np.unique(mesh.p[0])
             around = np.searchsorted(nodes, [first, last]).clip(1, len(nodes) - 2)
             return float(np.diff(nodes)[[around - 1, around]].max())

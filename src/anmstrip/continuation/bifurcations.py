@@ -63,7 +63,7 @@ class SingularPoint:
     after: int  # and at its end
 
 
-def watched(
+def watch_singular_points(
     equations: Equations,
     steps: Iterable[PathStep],
     solver: Remembering,
@@ -255,7 +255,7 @@ class _Pushed(Equations):
         return self.equations.imbalance(residual)
 
 
-def switched(
+def switch_branch(
     equations: Equations,
     point: SingularPoint,
     distance: float,

@@ -14,11 +14,11 @@ from anmstrip.continuation.equations import Cost, Equations, Evidence, Outcome, 
 from anmstrip.continuation.expansion import Parameter, expand
 from anmstrip.continuation.path import Branch
 from anmstrip.continuation.validity import (
-    cleared,
-    excess,
+    excess_imbalance,
     longest_quotient,
     residual_error,
-    validated,
+    validate,
+    without_progression,
 )
 from anmstrip.linalg.direct import NonFiniteTangentError, SingularTangentError
 from anmstrip.linalg.solvers import LinearSolver
@@ -174,7 +174,7 @@ class _Follower:
             evidence = Evidence(unknown=error.unknown)
             raise PathStopped(outcome, pace.control, str(error), evidence) from error
         if arclength:
-            branch = cleared(self.equations, branch)
+            branch = without_progression(self.equations, branch)
         branch, imbalance = self._accepted(branch, parameter.reach)
         if not arclength and branch.length == parameter.reach:
             branch = branch.landed(self.target)
@@ -191,7 +191,7 @@ class _Follower:
         while True:
             given = (self.equations, series, tolerance, reach, self.cost)
             quotient = longest_quotient(*given) if self.settings.rational else None
-            branch, imbalance = quotient or validated(*given)
+            branch, imbalance = quotient or validate(*given)
             inside = self.equations.interior_check(branch)
             if inside is None:
                 return branch, imbalance
@@ -204,9 +204,9 @@ class _Follower:
         whole = self.target - self.start
         covered = branch.length * abs(parameter.scale)
         if covered < self.settings.shortest * abs(whole):
-            residual = excess(self.equations, branch, 2.0 * branch.length, self.cost)
+            residual = excess_imbalance(self.equations, branch, 2.0 * branch.length, self.cost)
             if not np.isfinite(residual).all():
-                residual = excess(self.equations, branch, branch.length, self.cost)
+                residual = excess_imbalance(self.equations, branch, branch.length, self.cost)
             evidence = Evidence(residual=residual)
             raise PathStopped(Outcome.STALLED, float(branch.control[0]), "", evidence)
         direction, control = branch.direction(branch.length), branch.end[1]

@@ -11,7 +11,7 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Equations, Outcome, PathStopped, Recurrence
 from anmstrip.continuation.follow import Pace, PathStep, Settings
-from anmstrip.continuation.path import Branch, predicted
+from anmstrip.continuation.path import Branch, extrapolate
 from anmstrip.linalg.direct import Factors, SingularTangentError
 from anmstrip.linalg.solvers import LinearSolver
 
@@ -140,7 +140,7 @@ Iteration = Callable[[Equations, LinearSolver, Corrections, Cost], Newton]
 """Newton's iteration, or one that does better in its place."""
 
 
-def narrowed(
+def solve_by_narrowing(
     equations: Equations,
     u: Array,
     control: float,
@@ -229,7 +229,7 @@ def load_steps(
         last = abs(size) >= abs(target - control) * (1.0 - 1e-9)
         aim = target if last else control + size
         times, states = zip(*past, strict=True)
-        found = newton.corrected(predicted(times, states, aim), aim)
+        found = newton.corrected(extrapolate(times, states, aim), aim)
         if found is None:
             size = 0.5 * (aim - control)
             if cost.expansions >= cost.most:

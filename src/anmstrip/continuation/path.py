@@ -143,6 +143,6 @@ def lagrange(times: tuple[float, ...], new: float) -> Array:
     return values
 
 
-def predicted(times: tuple[float, ...], states: tuple[Array, ...], new: float) -> Array:
+def extrapolate(times: tuple[float, ...], states: tuple[Array, ...], new: float) -> Array:
     """Value at ``new`` of the polynomial through all given past states."""
     return lagrange(times, new) @ np.array(states)

@@ -25,7 +25,7 @@ from anmstrip.continuation.path import Branch
 from anmstrip.taylor.polynomials import first_root
 
 
-def validated(
+def validate(
     equations: Equations, branch: Branch, tolerance: float, reach: float, cost: Cost
 ) -> tuple[Branch, float]:
     """Cut a branch where its own equation is met to the tolerance.
@@ -70,7 +70,7 @@ def validated(
                 Outcome.STALLED if np.isfinite(error) else Outcome.NOT_FINITE,
                 float(branch.control[0]),
                 f"the series does not meet the tolerance {tolerance:g} at any length",
-                Evidence(residual=excess(equations, branch, guess, cost)),
+                Evidence(residual=excess_imbalance(equations, branch, guess, cost)),
             )
         error, imbalance = residual_error(equations, branch, guess, cost, tolerance)
     return branch.cut(guess), imbalance
@@ -109,7 +109,7 @@ def residual_error(
     return (error if np.isfinite(error) else np.inf), imbalance
 
 
-def excess(equations: Equations, branch: Branch, a: float, cost: Cost) -> Array:
+def excess_imbalance(equations: Equations, branch: Branch, a: float, cost: Cost) -> Array:
     """Imbalance at a that was not there at the start, shape (n,)."""
     cost.residuals += 1
     with cost.timed("residual"), np.errstate(over="ignore", invalid="ignore"):
@@ -148,7 +148,7 @@ def progression(equations: Equations, branch: Branch) -> float | None:
     return ratio if began < ROUND_OFF_SHARE * size(equations, branch.u[1]) else None
 
 
-def cleared(equations: Equations, branch: Branch) -> Branch:
+def without_progression(equations: Equations, branch: Branch) -> Branch:
     """The branch without its progression, one order less; itself if there is none."""
     ratio = progression(equations, branch)
     if ratio is None:
@@ -215,7 +215,10 @@ def longest_quotient(
     guess, reach = guessed_range(equations, series, tolerance, reach)
     if series.order < 3 or guess >= reach:
         return None
-    quotient, limit = rational(equations, series.cut(guess)), min(reach, LONGEST_QUOTIENT * guess)
+    quotient, limit = (
+        as_quotient(equations, series.cut(guess)),
+        min(reach, LONGEST_QUOTIENT * guess),
+    )
     if quotient is None:
         return None
     pole = first_root(quotient.denominator, limit)
@@ -240,7 +243,7 @@ def longest_quotient(
     return found
 
 
-def rational(equations: Equations, branch: Branch) -> Branch | None:
+def as_quotient(equations: Equations, branch: Branch) -> Branch | None:
     """The same orders as a quotient; None if there are numbers too large for that.
 
     The denominator's coefficients d_1 … d_m make the last orders of the product vanish, in

@@ -23,7 +23,7 @@ from anmstrip.continuation.newton import (
     TANGENT_REUSE_RATIO,
     Corrections,
     Newton,
-    narrowed,
+    solve_by_narrowing,
 )
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.fem.geometry import SHELL
@@ -86,7 +86,7 @@ def force_readings(state: State) -> dict[str, float]:
     return found
 
 
-def part(state: State, other: State, moved: Array) -> Part:
+def largest_differences(state: State, other: State, moved: Array) -> Part:
     """Return the largest differences of what is read off two states, also of different meshes.
 
     Parameters
@@ -224,11 +224,14 @@ class Budget:
         """
         exact, self.parts = state, dict.fromkeys(("path", "time", "mesh", "regularisation"))
         if memory is None or memory.errors is None:
-            if (found := balanced(held_still(state), state)) is None:
+            if (found := balance_state(frozen_problem(state), state)) is None:
                 self.lost, self.error, self.spans = False, None, []
                 self.time = state.time  # as at a limit point: nothing is known of laws and meshes
                 return
-            exact, self.parts["path"] = found, part(state, found, found.full - state.full)
+            exact, self.parts["path"] = (
+                found,
+                largest_differences(state, found, found.full - state.full),
+            )
             self.parts["regularisation"] = self.by_laws(exact)
         else:
             in_time = self.in_time(state, memory.errors)
@@ -245,7 +248,7 @@ class Budget:
         """Return what regularised laws make of a state that no past belongs to."""
         if not state.rollers:
             return None
-        free, still = state.plan.supports.free, held_still(state)
+        free, still = state.plan.supports.free, frozen_problem(state)
         zero = np.zeros(len(free))
         equations = Equilibrium(still.model, still.supports, still.controls)
         factors = SparseSolver().factorise(equations.recurrence(zero, 0.0, 1).tangent())
@@ -285,7 +288,7 @@ class Budget:
                 plan = replace(plan, model=plan.model.with_effects(effects))
             return replace(state, plan=plan, full=full, velocity=velocity)
 
-        found = part(changed(-share), changed(share), 2.0 * share * moved[0])
+        found = largest_differences(changed(-share), changed(share), 2.0 * share * moved[0])
         return {key: float(value / (2.0 * share)) for key, value in found.items()}
 
     def in_time(self, state: State, errors: Errors) -> Iterator[Part]:
@@ -293,7 +296,7 @@ class Budget:
         assert state.velocity is not None
         free = state.plan.supports.free
         velocity = AffineVelocity(errors.rate, state.velocity[free], np.zeros(len(free)))
-        still = held_still(state)
+        still = frozen_problem(state)
         equations = Equilibrium(
             still.model, still.supports, still.controls, velocity, state.velocity
         )
@@ -325,7 +328,7 @@ class Budget:
                 return {}
             moved[free] = memory.errors.after[:2].sum(axis=0)
         else:
-            still = held_still(state)
+            still = frozen_problem(state)
             equations = Equilibrium(still.model, still.supports, still.controls)
             point = equations.recurrence(np.zeros(len(free)), 0.0, 1)
             try:
@@ -356,7 +359,7 @@ class Budget:
             velocity = halved.prolonged(state.velocity)
             if self.error is not None:
                 velocity = velocity - self.error / elapsed
-        finer = balanced(plan, state, velocity, elapsed)
+        finer = balance_state(plan, state, velocity, elapsed)
         self.lost, self.error, self.spans = finer is None, None, []
         if finer is None:
             return
@@ -365,13 +368,13 @@ class Budget:
             pairs = ((span, known.get((span.before, span.after))) for span in free_spans(state))
             self.spans = [(here, there) for here, there in pairs if there is not None]
         self.error = finer.full - start
-        self.parts["mesh"] = part(state, finer, self.error)
+        self.parts["mesh"] = largest_differences(state, finer, self.error)
         for name in self.assembly.scene.edges.keys() - set(released):
             length = self.assembly.strip.edges[name].length
             self.loads[name] = (finer.edge_force(name) - state.edge_force(name)) / length
 
 
-def held_still(state: State) -> StageProblem:
+def frozen_problem(state: State) -> StageProblem:
     """Return the stage of a state with all that is given as it is there, and nothing that moves."""
     still = np.zeros_like(state.full)
     supports = replace(state.plan.supports, start=state.full, slope=still, bow=None)
@@ -536,7 +539,7 @@ class Halved(Assembly):
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of iterations that run away
-def balanced(
+def balance_state(
     plan: StageProblem, state: State, velocity: Array | None = None, elapsed: float = 0.0
 ) -> State | None:
     """Return the state in balance near the start of a problem, or None.
@@ -590,7 +593,7 @@ def balanced(
 
     if found is None:
         given: dict[str, Any] = {"solver": solver, "tolerance": wanted, "cost": Cost()}
-        found = narrowed(equations, zero, 0.0, path, **given)
+        found = solve_by_narrowing(equations, zero, 0.0, path, **given)
     try:
         u = path(equations, zero, 0.0).branch.end[0] if found is None else found.u
     except PathStopped:

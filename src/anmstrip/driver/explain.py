@@ -19,7 +19,13 @@ from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffe
 from anmstrip.results.files import error_rows
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import FieldSpec
-from anmstrip.simulation.defaults import CREEP_SHARE, elastic_creep, loose_across, pulls, standstill
+from anmstrip.simulation.defaults import (
+    CREEP_SHARE,
+    elastic_creep,
+    given_tensions,
+    longest_standstill,
+    loose_across,
+)
 from anmstrip.simulation.problem import Assembly, flat_gap, naturals
 from anmstrip.taylor.series import record
 
@@ -100,10 +106,10 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
         yield f"Contact: {law.words}, setting in over {law.width:.3g} m{resolved}."
     if scene.friction is not None and assembly.friction is not None:
         creep, speed = elastic_creep(scene), assembly.friction.speed
-        under = "" if any(pulls(scene)) else " under a usual strain"
+        under = "" if any(given_tensions(scene)) else " under a usual strain"
         why = f", a tenth of the elastic creep of {creep:.2g} m/s{under}"
         if speed < 0.99 * CREEP_SHARE * creep:
-            way = speed * standstill(scene)
+            way = speed * longest_standstill(scene)
             why = f", so that strip creeps by {way:.1g} m at most while the line stands"
         why = "" if scene.friction.speed else why
         yield f"Friction: {scene.friction.law}, V_c = {speed:.3g} m/s{why}."

@@ -31,7 +31,7 @@ from anmstrip.results.files import ERROR_WORDS, read_history
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import WrinkleWatch, Wrinkling
 from anmstrip.scene.schema import SceneSpec, StageSpec
-from anmstrip.simulation.march import March, Step, imperfection_of, unbroken
+from anmstrip.simulation.march import March, Step, delay_interrupts, imperfection_of
 from anmstrip.simulation.problem import Assembly, EffectMaker
 from anmstrip.timestepping.formulas import Errors, Memory
 
@@ -77,7 +77,7 @@ CHECKPOINT_ATTRIBUTES = {
 """Facts of a checkpoint, and the attributes of a run that they are."""
 
 
-def packed(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
+def pack(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
     """Return arrays and plain facts from which :func:`unpack` restores a run."""
     march, memory, pace = run.march, run.march.memory, run.march.pace
     kept = (kept_values(march.course) | {"load": run.budget.loads}).items()
@@ -266,7 +266,7 @@ class Run:
             state = self.march.here(self.march.course.plan(stage, {}))
             failure = Failure(self.assembly, stage, state, stopped)
             self.message = diagnosis(failure)
-            with unbroken():
+            with delay_interrupts():
                 self._checkpoint(force=True)
             if not (self.outcome is Outcome.TOO_LARGE or ran_away(failure)):
                 self._look_at_errors(stage)
@@ -281,14 +281,14 @@ class Run:
         """Write checkpoint and summary after an interruption."""
         self.outcome = Outcome.INTERRUPTED
         self.message = f"Stopped: {Outcome.INTERRUPTED.value}."
-        with unbroken():
+        with delay_interrupts():
             self._checkpoint(force=True)
             self._finish()
 
     def _run_stage(self, stage: StageSpec) -> Iterator[Step]:
         """Take the steps of a stage, from its beginning or from where it was interrupted."""
         march, course = self.march, self.scene.course
-        with unbroken():
+        with delay_interrupts():
             plan = march.planned(stage, self.state)
         self.counted = (time.perf_counter(), self.steps, self.cost.expansions)
         if march.reached is not None or self.state is None:  # resumed, or at the very beginning
@@ -296,12 +296,12 @@ class Run:
         if march.reached is None or march.reached < 1.0:
             try:
                 for step in march.through(plan, self.scene.solver.max_steps - self.steps):
-                    with unbroken():
+                    with delay_interrupts():
                         accepted = self._accept(step)
                     yield accepted
             finally:
                 self._count(plan)
-        with unbroken():
+        with delay_interrupts():
             self._checkpoint(force=True)
         both = course[self.first_stage : self.first_stage + 2]
         # What sticks keeps errors from stage to stage.  Those of a shell are estimated over all
@@ -311,7 +311,7 @@ class Run:
         let_go = any(end.release for end in both[-1].edges.values())
         if len(both) < 2 or kept or let_go:
             self._look_at_errors(stage)
-        with unbroken():
+        with delay_interrupts():
             march.finish(stage, plan)
             self.first_stage += 1
 
@@ -390,7 +390,7 @@ class Run:
         there is the past known that tells whether this stage continues it.
         """
         if self.recorder is not None and (self.march.reached is not None or not self.first_stage):
-            self.recorder.checkpoint(*packed(self), force)
+            self.recorder.checkpoint(*pack(self), force)
 
     def _finish(self) -> None:
         """Write the last state, unless other ones were asked for, and the summary."""

@@ -162,7 +162,7 @@ class SharpenedRun(Run):
             if sharp or len(self.passes) == MAX_RUNS or laws == sharper:
                 self._finish()
                 return
-            again(
+            restart(
                 self, {(SHARPENED_CONSTANTS[key][0], key): value for key, value in sharper.items()}
             )
 
@@ -256,7 +256,7 @@ class RefinedRun(Run):
                 self.message += self.words()
                 self._finish()
                 return
-            again(self, {("strip", "finer"): 2.0 * self.passes[-1]["finer"]})
+            restart(self, {("strip", "finer"): 2.0 * self.passes[-1]["finer"]})
 
     def words(self) -> str:
         """Return what refinement has come to, as a sentence."""
@@ -280,7 +280,7 @@ class RefinedRun(Run):
         return {**super().facts(), "refined": self.passes}
 
 
-def again(run: Run, changes: Mapping[tuple[str, str], object]) -> None:
+def restart(run: Run, changes: Mapping[tuple[str, str], object]) -> None:
     """Begin a run again with other values of keys in tables of its scene."""
     tables = run.scene.to_dict()
     for (table, key), value in changes.items():

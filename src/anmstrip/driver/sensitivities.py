@@ -19,15 +19,15 @@ from anmstrip.arrays import Array, Index
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.fem.sampling import quadrature_points
-from anmstrip.linalg.direct import Factors, equilibrated
+from anmstrip.linalg.direct import Factors, equilibrate
 from anmstrip.linalg.solvers import Bordered, SparseSolver
 from anmstrip.mechanics.contact import Contact
 from anmstrip.mechanics.effects import EffectSeries, LawEffect, LawSeries, LoadEffect
 from anmstrip.mechanics.loads import FollowerLoad, GrownWeight
 from anmstrip.mechanics.roller import Roller, combine
-from anmstrip.mechanics.shell import principal
+from anmstrip.mechanics.shell import principal_forces
 from anmstrip.mechanics.transport import Drives, SteadyFriction
-from anmstrip.results.state import State, turned_up
+from anmstrip.results.state import State, turn_upwards
 from anmstrip.results.wrinkles import free_spans
 from anmstrip.scene.tables import ENDS
 from anmstrip.simulation.growth import Hanging
@@ -420,7 +420,9 @@ class Readings:
         edge, sign = strip.edges[name], -1.0 if name == "entry" else 1.0
         slope = strip.edge_tangent(name, state.full)
         turn = strip.edge_tangent(name, self.change) - [1.0, 0.0, 0.0]
-        found = along_changed(self.tangent.edge_forces[name], self.edge_forces[name], slope, turn)
+        found = change_along_slope(
+            self.tangent.edge_forces[name], self.edge_forces[name], slope, turn
+        )
         return sign * float(found) / edge.length
 
     @property
@@ -444,7 +446,7 @@ class Readings:
         ways = float(state.controls.get("pressure", 0.0)) * (changed.way(places) - still)
         if self.key == "pressure":
             ways = ways + state.way(places)
-        return strip.width * turned_up(strip, ways)
+        return strip.width * turn_upwards(strip, ways)
 
     def read(self) -> dict[str, float]:
         """Derivatives with respect to the parameter, by what is read off."""
@@ -460,7 +462,7 @@ class Readings:
         passed, passages = tangent.passage_of, state.passages
         gained = np.zeros((len(passages), 3))
         np.add.at(gained, passed, each)
-        rises = cumulated(self.edge_forces["entry"], gained) + self.heavier * tangent.weights
+        rises = cumulate(self.edge_forces["entry"], gained) + self.heavier * tangent.weights
         if (held := tangent.held(self.key)).any() and tangent.hanging is not None:
             longer = tangent.hanging.growth.up_to(tangent.arcs.ravel(), held)
             rises += state.weight_of(longer).reshape(rises.shape)
@@ -468,7 +470,7 @@ class Readings:
         rises += self.blown(changed)
         pulls, slopes = (np.array([getattr(p, n) for p in passages]) for n in ("pulls", "slopes"))
         turns = np.array([changed.mean_across("u_x", p.places) for p in passages])
-        tensions = -along_changed(pulls, rises, slopes, turns)[passed] / model.strip.width
+        tensions = -change_along_slope(pulls, rises, slopes, turns)[passed] / model.strip.width
         radii = np.array([roller.radius for roller in tangent.friction.roller.members])
         given = [float(self.key == f"rollers.{name}.surface_speed") for name in tangent.order]
         speeds = np.where(tangent.turning < 0, given, change[tangent.turning])
@@ -490,7 +492,7 @@ class Readings:
         assert membrane is not None
         free = np.any([span.points for span in free_spans(state)], axis=0)
         forces = membrane.at(state.full, state.controls)
-        values, directions = principal(forces)
+        values, directions = principal_forces(forces)
         worst = int(np.where(free, values[:, 0], np.inf).argmin())
         changed = membrane.change(state.full, self.change, state.controls)[:, :, worst]
         if (grown := self.tangent.grown(self.key)).any():
@@ -505,7 +507,7 @@ class Readings:
         return float(e @ changed @ e)
 
 
-def along_changed(force: Array, change: Array, slope: Array, turn: Array) -> Array:
+def change_along_slope(force: Array, change: Array, slope: Array, turn: Array) -> Array:
     """Change of the component of a force along a slope that turns, vectors last."""
     size = np.linalg.norm(slope, axis=-1, keepdims=True)
     along = slope / size
@@ -513,7 +515,7 @@ def along_changed(force: Array, change: Array, slope: Array, turn: Array) -> Arr
     return np.asarray((change * along + force * turned).sum(axis=-1))
 
 
-def cumulated(first: Array, gained: Array) -> Array:
+def cumulate(first: Array, gained: Array) -> Array:
     """Sums before and behind each of several rollers that add to them, (n, 3) → (n, 2, 3)."""
     behind = first + np.cumsum(gained, axis=0)
     return np.stack([behind - gained, behind], axis=1)
@@ -605,7 +607,7 @@ class Oscillation:
         resistance = tangent.series.restricted(model.closed_rows(blocks), tangent.free)
         both = tangent.matrix, resistance
         k, c = (m.assembled() if isinstance(m, Bordered) else m for m in both)
-        return k, c, equilibrated(k)
+        return k, c, equilibrate(k)
 
     def at(self, omega: float) -> dict[str, complex]:
         """Complex amplitudes of what is read off, for an amplitude of one of the parameter.

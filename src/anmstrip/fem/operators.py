@@ -111,13 +111,13 @@ class Restriction:
         rows, columns, values = blocks.entries
         rows, columns = place[rows], place[columns]
         right, below = (rows >= 0) & (columns >= n), (rows >= n) & (columns >= 0) & (columns < n)
-        last = summed(columns[right] - n, rows[right], values[right], (m, n + m)).T
-        first = summed(rows[below] - n, columns[below], values[below], (m, n))
+        last = assemble_entries(columns[right] - n, rows[right], values[right], (m, n + m)).T
+        first = assemble_entries(rows[below] - n, columns[below], values[below], (m, n))
         corner = last[n:] if isinstance(last, np.ndarray) else last[n:].toarray()
         return Bordered(inner, last[:n], first, corner)
 
 
-def summed(rows: Index, columns: Index, values: Array, shape: tuple[int, int]) -> Any:
+def assemble_entries(rows: Index, columns: Index, values: Array, shape: tuple[int, int]) -> Any:
     """Return entries as a matrix, full unless it is wider than a border is eliminated with."""
     if min(shape) > WIDEST_BORDER:
         return csr_matrix((values, (rows, columns)), shape=shape)
@@ -318,7 +318,7 @@ class CellOperator:
         block += np.bincount(places, local.ravel(), pattern.couplings)
 
 
-def upwind(strip: Strip) -> csr_matrix:
+def upwind_differences(strip: Strip) -> csr_matrix:
     """Return backward differences along the strip, at its quadrature points, (points, points).
 
     Of a section, or of rectangles in rows: every line of points along the strip is a chain of its

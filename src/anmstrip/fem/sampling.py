@@ -36,7 +36,7 @@ def shape_of(strip: Strip) -> str:
 def patches(strip: Strip, local: Array) -> Patches:
     """Points of all elements, given those of the reference element, (dimensions, points)."""
     basis = strip.basis
-    cells, points = joined(basis.mapping.F(local), strip)
+    cells, points = join_points(basis.mapping.F(local), strip)
     functions = [basis.elem.gbasis(basis.mapping, local, i)[0] for i in range(basis.Nbfun)]
     return Patches(cells, strip.in_space(points), functions)
 
@@ -47,7 +47,7 @@ def unit_grid(n: int, dimensions: int = 2) -> Array:
     return np.stack([x.ravel() for x in np.meshgrid(*dimensions * [steps])])
 
 
-def joined(grid: Array, strip: Strip) -> tuple[Index, Array]:
+def join_points(grid: Array, strip: Strip) -> tuple[Index, Array]:
     """Number the points of element grids so that neighbours share them.
 
     Parameters
@@ -108,7 +108,7 @@ CACHE_SIZE = 4
 T = TypeVar("T")
 
 
-def remembered(parts: dict[bytes, T], points: Index, make: Callable[[Index], T]) -> T:
+def remember(parts: dict[bytes, T], points: Index, make: Callable[[Index], T]) -> T:
     """Object of a choice of points, made anew if it is none of the latest ones."""
     key = points.tobytes()
     if key not in parts:
@@ -187,7 +187,7 @@ class ContactOperator(LinearOperator):
         """The same on some of the points, also several times; it keeps the cells of all."""
         if np.array_equal(points, np.arange(len(self.chosen))):
             return self
-        return remembered(self.parts, points, self._part)
+        return remember(self.parts, points, self._part)
 
     def _part(self, points: Index) -> Self:
         part = copy(self)

@@ -83,7 +83,7 @@ def require_finite(matrix: csc_matrix) -> None:
         raise NonFiniteTangentError(int(np.searchsorted(matrix.indptr, first, side="right")) - 1)
 
 
-def equilibrated(matrix: csc_matrix) -> Array:
+def equilibrate(matrix: csc_matrix) -> Array:
     """Factors d such that the largest d_i |K_ij| d_j of every column is of order one.
 
     The diagonal gives them at once where it is not small beside the rest; where it
@@ -130,7 +130,7 @@ def negative_pivots(matrix: csc_matrix) -> int:
     return int((symmetric_lu(matrix).U.diagonal() < 0.0).sum())
 
 
-def refined(solve: Solve, matrix: Any, norm: float) -> Solve:
+def with_refinement(solve: Solve, matrix: Any, norm: float) -> Solve:
     """Solver with as many steps of iterative refinement as a trial asks for.
 
     Parameters
@@ -184,7 +184,7 @@ class Plan:
     def scaled(self, matrix: csc_matrix) -> tuple[csc_matrix, Array]:
         """Matrix of the entries d_i K_ij d_j, in the order of the given one, and d.
 
-        See :func:`equilibrated`; of a matrix that is positive definite the diagonal is enough.
+        See :func:`equilibrate`; of a matrix that is positive definite the diagonal is enough.
         """
         found, diagonal = copy(matrix), matrix.diagonal()
 
@@ -199,7 +199,7 @@ class Plan:
                 d = multiply(1.0 / np.sqrt(diagonal))
             if max(found.data.max(), -found.data.min()) < WELL_SCALED:
                 return found, d
-        return found, multiply(equilibrated(matrix))
+        return found, multiply(equilibrate(matrix))
 
     def fits(self, matrix: csc_matrix) -> bool:
         """Whether the matrix has the pattern that was planned for."""
@@ -284,10 +284,10 @@ class SuperLUPlan(Plan):
         try:
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # no solver then
                 unpivoted = self.unpivoted(scaled)
-            solve = refined(unpivoted, scaled, norm)
+            solve = with_refinement(unpivoted, scaled, norm)
         except SingularTangentError:
             try:
-                solve = refined(splu(scaled, diag_pivot_thresh=1.0).solve, scaled, norm)
+                solve = with_refinement(splu(scaled, diag_pivot_thresh=1.0).solve, scaled, norm)
             except RuntimeError as error:
                 raise SingularTangentError(str(error)) from error
         return Factors(lambda right: solve(right * d) * d, lambda: negative_pivots(scaled))

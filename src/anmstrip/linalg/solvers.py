@@ -21,11 +21,11 @@ from anmstrip.linalg.direct import (
     SingularTangentError,
     Solve,
     SuperLUPlan,
-    equilibrated,
+    equilibrate,
     pardiso_is_there,
-    refined,
     require_finite,
     require_stiffness,
+    with_refinement,
 )
 
 WIDEST_BORDER = 24
@@ -77,7 +77,7 @@ class Bordered:
             scaled = self._scaled(d)
             inner = factorise(scaled.inner)
             eliminated, schur = scaled._eliminated(inner)
-            solve = refined(eliminated, scaled, scaled._norm())
+            solve = with_refinement(eliminated, scaled, scaled._norm())
         except SingularTangentError:
             whole = self.assembled()
             return SuperLUPlan(whole).factorise(whole)
@@ -128,7 +128,7 @@ class Bordered:
 
     def _scales(self) -> Array:
         """Factors d that make the largest entries d_i |K_ij| d_j of rows and columns about one."""
-        d = equilibrated(self.inner)
+        d = equilibrate(self.inner)
         across = np.abs(self.columns * d[:, None]).max(axis=0)
         along = np.abs(self.rows * d).max(axis=1)
         largest = np.maximum(np.maximum(across, along), np.sqrt(np.abs(self.corner.diagonal())))

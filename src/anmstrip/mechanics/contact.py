@@ -12,7 +12,7 @@ import numpy as np
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.geometry import SHELL, Kinematics
-from anmstrip.fem.sampling import ContactOperator, remembered
+from anmstrip.fem.sampling import ContactOperator, remember
 from anmstrip.mechanics.effects import (
     LAW_WIDTH,
     Controls,
@@ -20,7 +20,7 @@ from anmstrip.mechanics.effects import (
     Moment,
     RecordedLaw,
     RecordedLaws,
-    slowed,
+    scale_speeds,
 )
 from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
 from anmstrip.mechanics.roller import Projection, Roller
@@ -46,7 +46,7 @@ FIRST_CHECKS = np.linspace(0.0, 1.0, 3)
 """Shares of a step at which it is looked at first."""
 
 
-def deepest(contact: Contact, places: Callable[[Array], Array]) -> float | None:
+def deepest_place(contact: Contact, places: Callable[[Array], Array]) -> float | None:
     """Return where on its way a point lies deeper than at either end, by more than the onset.
 
     Within reach, for farther away nothing acts.
@@ -158,7 +158,7 @@ class Contact(LawEffect):
 
     def restricted(self, points: Index) -> Contact:
         """The same on some of the points."""
-        return remembered(self.parts, points, self._part)
+        return remember(self.parts, points, self._part)
 
     @cached_property
     def parts(self) -> dict[bytes, Contact]:
@@ -191,7 +191,7 @@ class Contact(LawEffect):
         return self.roller.project(self.position(x, controls))
 
     def crossing(self, states: Callable[[Array], Iterable[Moment]]) -> float | None:
-        """Return where a step crosses a roller, as a share of it; see :func:`deepest`.
+        """Return where a step crosses a roller, as a share of it; see :func:`deepest_place`.
 
         Of more pairs, if anything moves so far that these neighbours say nothing.
         """
@@ -212,7 +212,7 @@ class Contact(LawEffect):
             return np.array([near.seen(look, controls)[:-1] for look, controls in looks])
 
         while True:
-            found = deepest(near.part, places) if near.part.points else None
+            found = deepest_place(near.part, places) if near.part.points else None
             if farthest <= near.skin:
                 return found
             near = self._looked_up(*first[0], 2.0 * farthest)
@@ -289,7 +289,7 @@ class Contact(LawEffect):
             return np.asarray(near.pairs[near.seen(look, controls)[-1] < near.part.reaches])
 
         state = np.concatenate([full, self.centres(controls).ravel()])
-        return remembered(self.reached, state, found)
+        return remember(self.reached, state, found)
 
     @cached_property
     def reached(self) -> dict[bytes, Index]:
@@ -465,7 +465,7 @@ class Friction(LawEffect):
 
     def restricted(self, points: Index) -> Friction:
         """The same on some of the points."""
-        return remembered(self.parts, points, self._part)
+        return remember(self.parts, points, self._part)
 
     @cached_property
     def parts(self) -> dict[bytes, Friction]:
@@ -533,7 +533,7 @@ class Friction(LawEffect):
 
         It is that of the slip over the width, times what this takes off in full slip.
         """
-        found = self.acting(self.contact.pressure(place), slowed(slip, controls))
+        found = self.acting(self.contact.pressure(place), scale_speeds(slip, controls))
         growth = self.law_of_slip.growth
         return (
             found * np.exp(growth * controls[LAW_WIDTH])

@@ -61,7 +61,7 @@ LAW_WIDTH = "laws.width"
 """Control: logarithm of the width of the corners of laws in velocity over that given, 0 without."""
 
 
-def slowed(speeds: Any, controls: Mapping[str, Any]) -> Any:
+def scale_speeds(speeds: Any, controls: Mapping[str, Any]) -> Any:
     """Return speeds (m/s) over the width of the corners: what wider laws see is what these see."""
     return speeds * np.exp(-controls[LAW_WIDTH]) if LAW_WIDTH in controls else speeds
 

@@ -19,7 +19,7 @@ from anmstrip.arrays import Array
 from anmstrip.fem.geometry import DERIVATIVE_PAIRS, dot
 from anmstrip.fem.operators import InternalOperator
 from anmstrip.mechanics.effects import LawEffect
-from anmstrip.mechanics.shell import KirchhoffLove, Membrane, eigenstrain, kept, moduli
+from anmstrip.mechanics.shell import KirchhoffLove, Membrane, eigenstrain, moduli, weaken
 
 VON_MISES = {1: np.eye(1), 3: np.array([[1.0, -0.5, 0.0], [-0.5, 1.0, 0.0], [0.0, 0.0, 3.0]])}
 """A in σ_eq² = σ · A σ of a fibre's stress, and of (xx, yy, xy) in plane stress."""
@@ -168,7 +168,7 @@ class Plasticity(LawEffect):
             strain[a, b] * (self.contracting * twice) - bent[k] * (heights * twice) - internal[k]
             for k, ((a, b), twice) in enumerate(zip(pairs, self.twice, strict=True))
         ]
-        return kept(np.einsum("kl,l...->k...", self.moduli, np.stack(each)), controls)
+        return weaken(np.einsum("kl,l...->k...", self.moduli, np.stack(each)), controls)
 
     def resultants(self, x: Any, controls: Mapping[str, Any]) -> tuple[Any, Any]:
         """Return what ε_p adds to N (N/m) and to M (N) against n · r,ab, (pairs, points)."""
@@ -178,7 +178,7 @@ class Plasticity(LawEffect):
             np.einsum("kl,l...->k...", self.moduli, np.einsum("l,kl...->k...", weights, strains))
             for weights in (-layers.weights, first)
         )
-        return kept(force, controls), kept(moment, controls)
+        return weaken(force, controls), weaken(moment, controls)
 
     def moment_error(self, full: Array, change: Array) -> float:
         """Root mean square of the moments of a change of all unknowns, over that of first yield."""

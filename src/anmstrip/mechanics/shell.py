@@ -67,7 +67,7 @@ def green_strain(elongation: Any) -> Any:
     return elongation + elongation * elongation * 0.5
 
 
-def kept(values: Any, controls: Mapping[str, Any], loss: str = "strip.softening") -> Any:
+def weaken(values: Any, controls: Mapping[str, Any], loss: str = "strip.softening") -> Any:
     """Return stresses or moments of a strip that is warm, E(T)/E of what they are with E.
 
     Parameters
@@ -81,7 +81,9 @@ def kept(values: Any, controls: Mapping[str, Any], loss: str = "strip.softening"
     return values * (1.0 - controls[loss]) if loss in controls else values
 
 
-def of_material(derivatives: Any, controls: Mapping[str, Any], powers: Sequence[int]) -> Any:
+def material_derivatives(
+    derivatives: Any, controls: Mapping[str, Any], powers: Sequence[int]
+) -> Any:
     """Return derivatives along unstressed strip, from those along labels that hold more of it.
 
     Parameters
@@ -101,14 +103,14 @@ def of_material(derivatives: Any, controls: Mapping[str, Any], powers: Sequence[
     return np.stack(parts, axis=1)
 
 
-def on_labels(forces: Any, controls: Mapping[str, Any], powers: Sequence[int]) -> Any:
-    """Return what does work with the derivatives along labels, see :func:`of_material`.
+def label_forces(forces: Any, controls: Mapping[str, Any], powers: Sequence[int]) -> Any:
+    """Return what does work with the derivatives along labels, see :func:`material_derivatives`.
 
     Per area of the reference, g times what it is per area of unstressed strip.
     """
     if "strip.growth" not in controls:
         return forces
-    return of_material(forces * controls["strip.growth"], controls, powers)
+    return material_derivatives(forces * controls["strip.growth"], controls, powers)
 
 
 class Membrane(LawEffect):
@@ -149,7 +151,7 @@ class Membrane(LawEffect):
         """N (N/m), shape (d, d, points), from tangent vectors (components, d, points)."""
         controls = controls or {}
         strain = self.strain(tangents, eigenstrain(self.strip, controls))
-        return kept(np.einsum("abcd,cd...->ab...", self.stiffness, strain), controls)
+        return weaken(np.einsum("abcd,cd...->ab...", self.stiffness, strain), controls)
 
     def at(self, full: Array, controls: Mapping[str, Any] | None = None) -> Array:
         """N (N/m) of a state at the quadrature points, shape (d, d, points)."""
@@ -158,13 +160,13 @@ class Membrane(LawEffect):
 
     def tangents(self, x: Any, controls: Mapping[str, Any]) -> Any:
         """Tangent vectors along unstressed strip, (components, d, points)."""
-        return of_material(x + self.flat, controls, self.powers)
+        return material_derivatives(x + self.flat, controls, self.powers)
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """First Piola stress (N/m) from the displacement gradient, (components, d, points)."""
         tangents = self.tangents(x, controls)
         stress = np.einsum("ia...,ab...->ib...", tangents, self.forces(tangents, controls))
-        return on_labels(stress, controls, self.powers)
+        return label_forces(stress, controls, self.powers)
 
     def change(
         self, full: Array, change: Array, controls: Mapping[str, Any] | None = None
@@ -172,10 +174,10 @@ class Membrane(LawEffect):
         """Membrane forces that a small change of state makes, shape (d, d, points)."""
         controls = controls or {}
         tangents = self.tangents(self.operator.apply(full), controls)
-        moved = of_material(self.operator.apply(change), controls, self.powers)
+        moved = material_derivatives(self.operator.apply(change), controls, self.powers)
         product = np.einsum("ia...,ib...->ab...", tangents, moved)
         forces = np.einsum("abcd,cd...->ab...", self.stiffness, product)
-        return np.asarray(kept(forces, controls))
+        return np.asarray(weaken(forces, controls))
 
 
 def uniaxial_stretches(
@@ -198,7 +200,7 @@ def uniaxial_stretches(
     return np.sqrt(1.0 + 2.0 * strain), np.sqrt(1.0 + 2.0 * narrow)
 
 
-def principal(forces: Array) -> tuple[Array, Array]:
+def principal_forces(forces: Array) -> tuple[Array, Array]:
     """Principal membrane forces (N/m), ascending, (points, d), and directions (points, d, d).
 
     Parameters
@@ -323,10 +325,12 @@ class KirchhoffLove(LawEffect):
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Forces against the derivatives, (components, directions + pairs, points)."""
-        derivatives = of_material(x + self.reference, controls, self.powers)
+        derivatives = material_derivatives(x + self.reference, controls, self.powers)
         change = self.change(derivatives, controls)
         moments = np.einsum("kl,l...->k...", self.stiffness, change)
-        return on_labels(self.work(derivatives, kept(moments, controls)), controls, self.powers)
+        return label_forces(
+            self.work(derivatives, weaken(moments, controls)), controls, self.powers
+        )
 
     def work(self, derivatives: Any, moments: Any) -> Any:
         """Forces of moments against δ(n · r,ab), (components, directions + pairs, points).

@@ -88,7 +88,7 @@ DEEP_CATENARY = 2.4
 """Chord over H/w of the catenary whose ends are pulled least, between level ends: 2 · 1.1997."""
 
 
-def hanging(run: Array, weight: float, pull: float) -> tuple[float, float, float]:
+def catenary(run: Array, weight: float, pull: float) -> tuple[float, float, float]:
     """Length of a catenary beyond its chord (m), and its angles to this at start and end (rad).
 
     With a = H/w it is as long as √(h² + (2 a sinh(L/2a))²), and slopes by sinh(x/a) at x from its

@@ -28,7 +28,7 @@ from anmstrip.fem.operators import (
 from anmstrip.fem.sampling import ContactOperator, SlopeOperator, l2_projection
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.contact import Friction, control_of, transform
-from anmstrip.mechanics.effects import LawEffect, slowed
+from anmstrip.mechanics.effects import LawEffect, scale_speeds
 from anmstrip.mechanics.roller import Projection, at_points
 
 DRIVEN = -1
@@ -184,7 +184,7 @@ class Drives(LawEffect):
         """Drag less torque, over the radius (N), shape (1, rollers)."""
         given = [controls[f"rollers.{name}.torque"] for name in self.names]
         torque = at_points(given, np.arange(len(given)))
-        speeds = slowed(v[0], controls)
+        speeds = scale_speeds(v[0], controls)
         return np.stack([(self.drag(speeds) - torque) / self.radii + self.air * speeds])
 
 

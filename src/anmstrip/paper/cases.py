@@ -44,9 +44,9 @@ from anmstrip.timestepping.index_one import (
     FunctionRateEquations,
     Instability,
     TimePath,
-    consistent,
-    controlled,
+    find_consistent_state,
     instabilities,
+    integrate_controlled,
     join_steps,
 )
 
@@ -101,7 +101,9 @@ def solve_case(case: MassSpring, scheme: str, *, order: int, tolerance: float) -
         reasons.append(reason)
         return path
 
-    found = controlled(run, case.residual, tolerance, speed=FAST_SPEED * case.parameters.V_c)
+    found = integrate_controlled(
+        run, case.residual, tolerance, speed=FAST_SPEED * case.parameters.V_c
+    )
     return CaseSolution(found.path, found.error, found.passes, cost, reasons[-1])
 
 
@@ -121,7 +123,7 @@ def implicit_scheme(
 ) -> tuple[TimePath, PathStopped | None]:
     """Backward differences of order 1 and 2, each step a path of its own."""
     p, rest = case.parameters, np.zeros(case.size)
-    u, v = consistent(case.residual, rest, rest, 0.0, tolerance, 0.0)
+    u, v = find_consistent_state(case.residual, rest, rest, 0.0, tolerance, 0.0)
     steps = integrate(
         FunctionRateEquations(case.residual, p.t_end, p.V_c),
         start_memory(0.0, u, v, FIRST_STEP_SHARE * p.t_end),

@@ -192,7 +192,7 @@ def plan_job(states: Sequence[State], field: str, size: tuple[int, int], scratch
             values, max(PRESSURE_SCALE * bearing_pressure(*strip) for strip in strips)
         )
     eye = Eye.seeing(points.min(axis=0), points.max(axis=0), size)
-    low, high, labels = labelled(*scale_limits(values))
+    low, high, labels = widen_scale(*scale_limits(values))
     return Job(frames, field, (low, high), eye, size, labels)
 
 
@@ -406,7 +406,7 @@ class Eye:
         return (points - self.focus) @ self.axes.T
 
 
-def labelled(low: float, high: float) -> tuple[float, float, int]:
+def widen_scale(low: float, high: float) -> tuple[float, float, int]:
     """Widen a scale to round ends with round labels between them.
 
     Returns

@@ -115,9 +115,12 @@ def write_report(directory: AnyPath) -> Path:
     found: dict[str, Any] = {"units": COLUMN_UNITS}
     if history.is_file():
         known = read_json(folder / "summary.json") or {}
-        body = tables(known)
-        found |= {"along": along(folder / "profile.csv"), "over": over_time(history)}
-        found |= {"space": in_space(folder)}
+        body = html_tables(known)
+        found |= {
+            "along": written_profiles(folder / "profile.csv"),
+            "over": history_columns(history),
+        }
+        found |= {"space": last_surface(folder)}
     elif study is not None:
         known, rows = read_json(study.with_suffix(".json")) or {}, read_history(study)
         body = study_tables(study, rows)
@@ -152,7 +155,7 @@ def study_plots(path: Path, rows: Columns) -> dict[str, Any]:
         first; and for every row a label, and the group whose points a line joins.
     """
     varied = list(rows)[: list(rows).index(STUDY_TABLES[path.stem])]
-    numbers = {name: rounded(c) for name, c in rows.items() if not isinstance(c, list)}
+    numbers = {name: round_digits(c) for name, c in rows.items() if not isinstance(c, list)}
     known = {name: c for name, c in numbers.items() if any(v is not None for v in c)}
     found = [name for name in known if name not in varied]
     first = [name for end in DRAWN_RESULTS for name in found if name.endswith(end)]
@@ -177,14 +180,14 @@ def study_tables(path: Path, rows: Columns) -> Iterable[str]:
     if (picture := path.with_suffix(".png")).is_file():
         image = b64encode(picture.read_bytes()).decode()
         yield f'<img alt="{path.stem}" src="data:image/png;base64,{image}">'
-    cells = [c if isinstance(c, list) else [number(v) for v in c] for c in rows.values()]
-    yield table(path.name, rows, zip(*cells, strict=True))
+    cells = [c if isinstance(c, list) else [format_number(v) for v in c] for c in rows.values()]
+    yield html_table(path.name, rows, zip(*cells, strict=True))
     for name in dict.fromkeys(map(str, rows.get("directory", ()))):
         if (path.parent / name / "report.html").is_file():
             yield f'<p><a href="{escape(name)}/report.html">{escape(name)}</a></p>'
 
 
-def rounded(values: ArrayLike) -> list[float | None]:
+def round_digits(values: ArrayLike) -> list[float | None]:
     """Return numbers with few digits, None for those that are not finite."""
     x = np.asarray(values, dtype=float).ravel()
     with np.errstate(all="ignore"):
@@ -194,12 +197,12 @@ def rounded(values: ArrayLike) -> list[float | None]:
     return [v if isfinite(v) else None for v in found.tolist()]
 
 
-def spread(count: int, most: int) -> np.ndarray[Any, np.dtype[np.int64]]:
+def spread_places(count: int, most: int) -> np.ndarray[Any, np.dtype[np.int64]]:
     """Return at most so many evenly spread places of a list, both ends among them."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
 
 
-def along(path: Path) -> list[dict[str, Any]]:
+def written_profiles(path: Path) -> list[dict[str, Any]]:
     """Return profiles at some of the written times: the time, and columns by name."""
     if not path.is_file():
         return []
@@ -208,9 +211,9 @@ def along(path: Path) -> list[dict[str, Any]]:
         next(lines, None)
         times = np.array([float(line.partition(",")[0]) for line in lines])
     instants = np.unique(times)
-    shown = instants[spread(len(instants), MAX_TIMES)]
+    shown = instants[spread_places(len(instants), MAX_TIMES)]
     parts = [
-        rows[spread(len(rows), MAX_STATIONS)]
+        rows[spread_places(len(rows), MAX_STATIONS)]
         for rows in map(np.flatnonzero, times == shown[:, None])
     ]
     table = read_history(path, set(np.concatenate([np.zeros(0, dtype=int), *parts]).tolist()))
@@ -218,21 +221,21 @@ def along(path: Path) -> list[dict[str, Any]]:
     begin, found = 0, []
     for time, rows in zip(shown, parts, strict=True):
         part = slice(begin, begin := begin + len(rows))
-        columns = {name: rounded(np.asarray(column)[part]) for name, column in table.items()}
+        columns = {name: round_digits(np.asarray(column)[part]) for name, column in table.items()}
         found.append({"time": float(f"{time:.{PLOT_DIGITS}g}"), "columns": columns})
     return found
 
 
-def over_time(path: Path) -> dict[str, list[Any]]:
+def history_columns(path: Path) -> dict[str, list[Any]]:
     """Return the columns of the history that are numbers, of some of the steps."""
     table = read_history(path)
     kept = {name: np.asarray(c) for name, c in table.items() if not isinstance(c, list)}
     count = len(next(iter(kept.values()), ()))
-    rows = spread(count, MAX_HISTORY_STEPS)
-    return {name: rounded(column[rows]) for name, column in kept.items()}
+    rows = spread_places(count, MAX_HISTORY_STEPS)
+    return {name: round_digits(column[rows]) for name, column in kept.items()}
 
 
-def in_space(folder: Path) -> dict[str, Any] | None:
+def last_surface(folder: Path) -> dict[str, Any] | None:
     """Return the last state: points, triangles, fields, and the rollers; None without one."""
     if not (entries := read_collection(folder / "strip.pvd")):
         return None
@@ -242,28 +245,32 @@ def in_space(folder: Path) -> dict[str, Any] | None:
     cells = subdivide(surface.cells) if fine or corners is None else surface.cells[:, corners]
     used, cells = np.unique(cells, return_inverse=True)
     fields = {
-        name: {"label": FIELDS[name].label, "unit": FIELDS[name].unit, "values": rounded(values)}
+        name: {
+            "label": FIELDS[name].label,
+            "unit": FIELDS[name].unit,
+            "values": round_digits(values),
+        }
         for name, values in ((n, scalars(n, v[used])) for n, v in surface.fields.items())
         if name not in ("normal", "arc_length") and np.any(np.nan_to_num(values))
     }
-    space = {"time": entries[-1].time, "fields": fields, **mesh(surface.points[used], cells)}
+    space = {"time": entries[-1].time, "fields": fields, **triangulate(surface.points[used], cells)}
     if rollers := read_collection(folder / "rollers.pvd"):
         body = read_surface(folder / rollers[-1].file)
         tones = np.repeat(sector_tones(body), 2)
-        space["rollers"] = mesh(body.points, body.cells) | {"tones": tones.tolist()}
+        space["rollers"] = triangulate(body.points, body.cells) | {"tones": tones.tolist()}
     return space
 
 
-def mesh(points: np.ndarray[Any, Any], cells: np.ndarray[Any, Any]) -> dict[str, Any]:
+def triangulate(points: np.ndarray[Any, Any], cells: np.ndarray[Any, Any]) -> dict[str, Any]:
     """Return coordinates x, y, z and triangles i, j, k; every quadrilateral makes two in turn."""
     cells = cells.reshape(-1, cells.shape[-1])
     if cells.shape[1] == 4:
         cells = cells[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
     corners = dict(zip("ijk", cells.T.tolist(), strict=True))
-    return {axis: rounded(points[:, n]) for n, axis in enumerate("xyz")} | corners
+    return {axis: round_digits(points[:, n]) for n, axis in enumerate("xyz")} | corners
 
 
-def tables(summary: Mapping[str, Any]) -> Iterable[str]:
+def html_tables(summary: Mapping[str, Any]) -> Iterable[str]:
     """Yield warnings and the tables of rollers, ends, errors and stages, as HTML."""
     for warning in summary.get("warnings", ()):
         yield f'<p class="warning">{escape(warning)}</p>'
@@ -274,14 +281,17 @@ def tables(summary: Mapping[str, Any]) -> Iterable[str]:
         title = "Sharpest bends, and the curl and crossbow of unloaded strip behind the roller"
         yield rows_by_roller(title, bends, BEND_TABLE)
     if edges := summary.get("edges"):
-        rows = ([name, number(e["tension"]), *map(number, e["force"])] for name, e in edges.items())
-        yield table("Ends", ["end", "tension (N/m)", "force x (N)", "y (N)", "z (N)"], rows)
+        rows = (
+            [name, format_number(e["tension"]), *map(format_number, e["force"])]
+            for name, e in edges.items()
+        )
+        yield html_table("Ends", ["end", "tension (N/m)", "force x (N)", "y (N)", "z (N)"], rows)
     if errors := summary.get("errors"):
         heads = ["of", "tension (N/m)", "roller's force (N)", "position (m)"]
-        yield table("Estimated errors, the largest of each kind", heads, error_rows(errors))
+        yield html_table("Estimated errors, the largest of each kind", heads, error_rows(errors))
     if stages := summary.get("stages"):
         rows = ([n, s["steps"], s["tangents"], f"{s['seconds']:.3g}"] for n, s in stages.items())
-        yield table("Stages", ["stage", "steps", "tangents", "seconds"], rows)
+        yield html_table("Stages", ["stage", "steps", "tangents", "seconds"], rows)
 
 
 def rows_by_roller(
@@ -292,18 +302,18 @@ def rows_by_roller(
     """Return a table of what is shown of every roller: by entry its head, unit and factor."""
     heads = (f"{head} ({unit})" if unit else head for head, unit, _ in shown.values())
     rows = (
-        [name, *(number(r.get(k), f) for k, (*_, f) in shown.items())]
+        [name, *(format_number(r.get(k), f) for k, (*_, f) in shown.items())]
         for name, r in rollers.items()
     )
-    return table(title, ["roller", *heads], rows)
+    return html_table(title, ["roller", *heads], rows)
 
 
-def number(value: float | None, factor: float = 1.0) -> str:
+def format_number(value: float | None, factor: float = 1.0) -> str:
     """Return a number of a table; a dash where there is none."""
     return "–" if value is None or not np.isfinite(value) else f"{factor * value:.6g}"
 
 
-def table(title: str, heads: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+def html_table(title: str, heads: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
     """Return a table as HTML, its first column as it is and the others to the right."""
     lines = ["".join(f"<th>{escape(text)}</th>" for text in heads)]
     lines += ["".join(f"<td>{escape(str(cell))}</td>" for cell in row) for row in rows]

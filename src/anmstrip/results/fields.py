@@ -13,7 +13,7 @@ from anmstrip.fem.sampling import (
     ContactOperator,
     contact_points,
     contact_shares,
-    joined,
+    join_points,
     patches,
     shape_of,
     unit_grid,
@@ -256,7 +256,7 @@ class FieldSampler:
             places = np.hstack([corners, middles])
             at, there, to = (_monomials(p, highest) for p in (basis.X, places, self.local))
             coefficients = np.linalg.lstsq(root[:, None] * at, np.diag(root), rcond=None)[0]
-            numbers, _ = joined(basis.mapping.F(places), self.strip)
+            numbers, _ = join_points(basis.mapping.F(places), self.strip)
             found.append((there @ coefficients, to @ np.linalg.inv(there), numbers))
         return found
 

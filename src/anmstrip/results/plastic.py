@@ -12,7 +12,7 @@ import numpy as np
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.sampling import shape_of
 from anmstrip.mechanics.plasticity import VON_MISES, Plasticity
-from anmstrip.mechanics.shell import kept, moduli
+from anmstrip.mechanics.shell import moduli, weaken
 from anmstrip.results.rollers import Readable
 
 PLASTIC_COLUMNS = (
@@ -98,7 +98,7 @@ class YieldedStrip:
         """κ less that of M (1/m), what is left when the moment is taken away, (k, points)."""
         k = len(self.moment)
         stiffness = np.full((1, 1), self.strip.bending_stiffness) if k == 1 else moduli(self.strip)
-        elastic = np.linalg.solve(stiffness, self.moment) / kept(1.0, self.state.controls)
+        elastic = np.linalg.solve(stiffness, self.moment) / weaken(1.0, self.state.controls)
         return np.asarray(self.curvature - elastic)
 
     @cached_property
@@ -129,12 +129,12 @@ class YieldedStrip:
         share does not jump as layers begin to flow.
         """
         controls = self.state.controls
-        s = self.flow.driving(self.stress, self.internal) / kept(1.0, controls, "strip.weakening")
+        s = self.flow.driving(self.stress, self.internal) / weaken(1.0, controls, "strip.weakening")
         level, gaps = self.level(s), np.diff(self.effect.layers.heights)[:, None]
         low, high = np.sort([level[1:], level[:-1]], axis=0)
         turns = self.level(np.diff(s, axis=1)) > FLOWING_SHARE
         engineering = self.curvature * self.effect.twice[:, None]
-        slope = kept(self.flow.mises(self.effect.moduli @ engineering), controls)
+        slope = weaken(self.flow.mises(self.effect.moduli @ engineering), controls)
         slope = np.tile(slope, (len(gaps), 1))
         change, elastic = self.flow.mises(np.diff(self.stress, axis=1)), gaps + 0.0 * slope
         np.divide(change, slope, out=elastic, where=change < slope * gaps)

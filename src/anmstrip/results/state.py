@@ -305,7 +305,7 @@ class State:
         rubbing = slip, traction, coefficient, arm, *self._turning(roller.name)
         nearest = int(place.gap.argmin())
         slope = self.slope(contact.operator.reference[0, nearest])
-        up = turned_up(self.plan.model.strip, slope) @ normal[:, nearest]
+        up = turn_upwards(self.plan.model.strip, slope) @ normal[:, nearest]
         lifting = float(self.controls.get("pressure", 0.0) * np.sign(up))
         return ContactState(contact, place.gap, normal, pressure, *rubbing, elements, lifting)
 
@@ -429,7 +429,7 @@ class State:
         """Force (N) of the pressure p on the strip up to a reference x, (..., 3): p W Δr × e_y."""
         strip = self.plan.model.strip
         load = float(self.controls.get("pressure", 0.0)) * strip.width
-        return load * turned_up(strip, self.way(x)) if load else np.zeros((*np.shape(x), 3))
+        return load * turn_upwards(strip, self.way(x)) if load else np.zeros((*np.shape(x), 3))
 
     def weight_before(self, x: Any) -> Array:
         """Weight of the strip up to a reference position (N), shape (..., 3)."""
@@ -443,7 +443,7 @@ class State:
         return np.asarray(strip.material.density * strip.thickness * area * gravity)
 
 
-def turned_up(strip: Strip, way: Array) -> Array:
+def turn_upwards(strip: Strip, way: Array) -> Array:
     """Return ways along a strip turned to its upper side, Δr × e_y, a plate's upwards, (..., 3)."""
     chosen = strip.kinematics.chosen
     return np.asarray(np.cross(way, [0.0, 1.0, 0.0]) @ chosen.T @ chosen)

@@ -28,7 +28,7 @@ from anmstrip.fem.operators import Blocks, CellOperator, Pattern
 from anmstrip.fem.sampling import l2_projection, quadrature_points, shape_of
 from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.linalg.solvers import Bordered, LinearSolver, SparseSolver
-from anmstrip.mechanics.shell import Membrane, eigenstrain, principal
+from anmstrip.mechanics.shell import Membrane, eigenstrain, principal_forces
 from anmstrip.results.fields import FieldSampler
 from anmstrip.results.rollers import FREE_DISTANCE
 from anmstrip.results.state import State
@@ -90,7 +90,7 @@ class Span:
 def free_spans(state: State) -> Iterator[Span]:
     """Yield the spans between entry, rollers and exit where the strip is free, in this order.
 
-    Each by :func:`bearable` under the tension where it is compressed most.
+    Each by :func:`bearable_compression` under the tension where it is compressed most.
     """
     model = state.plan.model
     strip, d = model.strip, model.strip.bending_stiffness
@@ -106,8 +106,8 @@ def free_spans(state: State) -> Iterator[Span]:
         place = before, after, float(start), float(end)
         q = np.pi / float(np.diff(state.unstressed_length(np.array([start, end])))[0])
         within = (start <= positions) & (positions <= end)
-        inside = within & beyond_points(
-            state, COMPRESSED_SHARE * bearable(d, q, model.scales.tension)
+        inside = within & far_from_supports(
+            state, COMPRESSED_SHARE * bearable_compression(d, q, model.scales.tension)
         )
         if not inside.any():
             yield Span(*place, 0.0, 0.0, np.inf, 0.0, inside)
@@ -120,11 +120,11 @@ def free_spans(state: State) -> Iterator[Span]:
         fibre = within & (np.abs(fibres - fibres[worst]) <= FIBRE_WIDTH * strip.cell_sizes[1].max())
         pressure = np.where(inside, np.maximum(-low, 0.0), 0.0)
         mean = np.average(pressure[fibre], weights=weights[fibre])
-        borne = bearable(d, q, max(high[worst], 0.0))
+        borne = bearable_compression(d, q, max(high[worst], 0.0))
         yield Span(*place, float(pressed), float(mean), borne, float(share), inside)
 
 
-def bearable(d: float, q: float, tension: float) -> float:
+def bearable_compression(d: float, q: float, tension: float) -> float:
     """Compression across (N/m) that a plate in tension bears, 2 q √(D (D q² + T)) + 2 D q².
 
     Parameters
@@ -139,7 +139,7 @@ def bearable(d: float, q: float, tension: float) -> float:
     return float(2.0 * q * np.sqrt(d * (d * q**2 + tension)) + 2.0 * d * q**2)
 
 
-def beyond_points(state: State, least: float) -> NDArray[np.bool_]:
+def far_from_supports(state: State, least: float) -> NDArray[np.bool_]:
     """Return which quadrature points are far from nodes that alone are held across.
 
     A side force P on one node compresses by 2 P/(π r) at a distance r, without bound.  Left out is
@@ -332,7 +332,7 @@ def compressive_stiffness(
     Of a model with so many other unknowns besides those of the strip, whose labels hold g times
     their length of it.
     """
-    values, vectors = principal(forces)
+    values, vectors = principal_forces(forces)
     part = np.einsum("pak,pk,pbk->abp", vectors, -np.minimum(values, 0.0), vectors)
     part[0] /= growth
     part[:, 0] /= growth
@@ -415,7 +415,7 @@ def buckling(state: State, count: int, solver: LinearSolver | None = None) -> tu
     return buckling_modes(tangent, compressive, solver or SparseSolver(), count)
 
 
-def flattened(state: State, mode: Array) -> Array:
+def mode_heights(state: State, mode: Array) -> Array:
     """A change of a state, along its normals, as heights of the flat strip; 1 m the largest.
 
     Parameters
@@ -512,7 +512,7 @@ def waves_on(state: State, modes: Callable[[float], Array]) -> Iterator[tuple[fl
             )
             here = state.inside(a)
             for span in Wrinkling(here).spans[number : number + 1]:
-                onsets = (Onset(here, flattened(here, mode), WAVES) for mode in modes(a).T)
+                onsets = (Onset(here, mode_heights(here, mode), WAVES) for mode in modes(a).T)
                 inside = (o for o in onsets if span.start <= o.facts["x"] <= span.end)
                 yield from ((a, onset) for onset in islice(inside, 1))
 
@@ -588,7 +588,7 @@ class WrinkleWatch:
                 if distance.min(initial=np.inf) < FACTOR_TOLERANCE:  # no birth of a complex pair
                     nearest = int(distance.argmin())
                     here = state.inside(a)
-                    found.append((a, Onset(here, flattened(here, modes[:, nearest]), kind)))
+                    found.append((a, Onset(here, mode_heights(here, modes[:, nearest]), kind)))
         if ONSET_FACTOR < min(f.min(initial=np.inf) for f in (before, ahead)) < FAR_FROM_BUCKLING:
             found += waves_on(state, lambda a: at(a)[1])
         return [onset for _, onset in sorted(found, key=lambda each: each[0])]

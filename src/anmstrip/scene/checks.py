@@ -124,7 +124,7 @@ def known_rollers(rollers: Rollers, stages: Stages) -> Iterator[Mistake]:
                 yield Mistake("", key, name, "the name of a roller", nearest(name, known))
 
 
-def drives(rollers: Rollers, stages: Stages, friction: Friction) -> Iterator[Mistake]:
+def controls_of_drives(rollers: Rollers, stages: Stages, friction: Friction) -> Iterator[Mistake]:
     """Yield controls that a roller's drive does not have, and rollers that nothing turns."""
     drive = {roller.name: roller.drive for roller in rollers}
     for name, kind in drive.items():
@@ -143,7 +143,7 @@ def drives(rollers: Rollers, stages: Stages, friction: Friction) -> Iterator[Mis
                     yield Mistake("", place, value, expected, f'drive = "{needed}"')
 
 
-def plates(strip: StripSpec, friction: Friction, threading: Threading) -> Iterator[Mistake]:
+def flat_plates(strip: StripSpec, friction: Friction, threading: Threading) -> Iterator[Mistake]:
     """Yield what needs a strip that moves along, or is bent far."""
     if strip.kinematics != "plate":
         return
@@ -176,7 +176,7 @@ def rollers_of_a_section(strip: StripSpec, rollers: Rollers) -> Iterator[Mistake
             yield Mistake("", f"rollers.{roller.name}.axis", roller.axis, expected, hint)
 
 
-def directions(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
+def known_directions(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
     """Yield motion, force and gravity along what a level does not have."""
     level = strip.kinematics
     given = []
@@ -608,7 +608,7 @@ def wrapped_axes(rollers: Rollers) -> Iterator[Mistake]:
             yield Mistake("", key, roller.axis, expected, "axis = [0.0, 1.0, 0.0]")
 
 
-def apart(rollers: Rollers) -> Iterator[Mistake]:
+def separate_rollers(rollers: Rollers) -> Iterator[Mistake]:
     """Yield rollers that overlap a parallel one before: axes closer than the sum of the radii."""
     large: dict[str, tuple[float, float]] = {}  # radius, and distance to an axis within it
     radii = np.array([r.radius for r in rollers])
@@ -642,13 +642,13 @@ def apart(rollers: Rollers) -> Iterator[Mistake]:
 
 
 RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
-    unique_rollers, unique_stages, known_edges, known_rollers, drives, plates,
-    rollers_of_a_section, directions, tensions_and_moments, held_components, speeds_at_ends,
+    unique_rollers, unique_stages, known_edges, known_rollers, controls_of_drives, flat_plates,
+    rollers_of_a_section, known_directions, tensions_and_moments, held_components, speeds_at_ends,
     natural_shapes,
     ends_of_a_fed_strip, gravity_has_density, known_laws_are_sharpened, refined_mesh_is_estimated,
     rollers_have_friction, stages_have_friction, closed_strip, steady_stages, yielding_strip,
     threading_partners, one_length, held_entry, own_name, threading_ends, borne_tension,
-    wrapped_axes, apart,
+    wrapped_axes, separate_rollers,
 )  # fmt: skip
 """Rules between the tables of a scene; their parameters are the names of the tables they need.
 

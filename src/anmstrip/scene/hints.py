@@ -90,13 +90,13 @@ def is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def asked_for(kind: str, value: object) -> str:
+def expected_number(kind: str, value: object) -> str:
     """Return that a number is expected where pydantic finds text instead of one."""
     wanted = kind in ("float_type", "int_type") and isinstance(value, str)
     return "a number, without quotes and unit: " if wanted else ""
 
 
-def meant(kind: str, value: Any, meaning: str, field: FieldInfo) -> str | None:
+def likely_value(kind: str, value: Any, meaning: str, field: FieldInfo) -> str | None:
     """Return what was presumably meant by a wrong value, in TOML; None if nothing is likely.
 
     Parameters
@@ -118,12 +118,12 @@ def meant(kind: str, value: Any, meaning: str, field: FieldInfo) -> str | None:
         better = word_like(value, [w for k in kinds for w in get_args(k) if isinstance(w, str)])
     if kind == "int_type" and isinstance(better, float) and better.is_integer():
         better = int(better)
-    if better is None or not accepts(field, better):
+    if better is None or not field_accepts(field, better):
         return None
     return f'"{better}"' if isinstance(better, str) else repr(better)
 
 
-def accepts(field: FieldInfo, value: object) -> bool:
+def field_accepts(field: FieldInfo, value: object) -> bool:
     """Return whether a field may have a value."""
     kind: Any = field.annotation
     for bound in field.metadata:

@@ -22,7 +22,13 @@ from pydantic.fields import FieldInfo
 from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.scene import tables as scene_tables
 from anmstrip.scene.checks import KEY_RULES, check_scene
-from anmstrip.scene.hints import asked_for, is_number, meant, name_like, with_decimal_point
+from anmstrip.scene.hints import (
+    expected_number,
+    is_number,
+    likely_value,
+    name_like,
+    with_decimal_point,
+)
 from anmstrip.scene.tables import (
     EDGE_NAMES,
     LARGEST_NUMBER,
@@ -99,7 +105,7 @@ class SceneSpec(Table):
     def __init__(self, /, **tables: Any) -> None:
         right: dict[str, Any] = {}  # tables without mistakes of their own
         found: list[Mistake] = []
-        tables = implied(tables)
+        tables = with_implied_tables(tables)
         try:
             self.__pydantic_validator__.validate_python(tables, self_instance=self, context=right)
         except ValidationError as error:
@@ -115,7 +121,9 @@ class SceneSpec(Table):
         found += check_scene(right)
         if "stages" not in right:
             told = {mistake.key for mistake in found}
-            between = check_scene({**right, "stages": as_typed(tables.get("stages"))}, KEY_RULES)
+            between = check_scene(
+                {**right, "stages": stages_as_typed(tables.get("stages"))}, KEY_RULES
+            )
             found += (mistake for mistake in between if mistake.key not in told)
         if found:
             raise InputError(replace(mistake, file=mistake.file or "Scene") for mistake in found)
@@ -168,7 +176,7 @@ class SceneSpec(Table):
         cls, tables: Mapping[str, Any], source: str | Path, overrides: Iterable[str] = ()
     ) -> Self:
         """Return the scene of tables as they would stand in a file; see :meth:`load`."""
-        data, applied, mistakes = implied(tables), list[Override](), list[Mistake]()
+        data, applied, mistakes = with_implied_tables(tables), list[Override](), list[Mistake]()
         for text in overrides:
             try:
                 override = Override.parse(text)
@@ -342,7 +350,7 @@ def wrong_override(text: str, key: str, value: object, expected: str, hint: str)
     return InputError([Mistake(f"--set {text}", key, value, expected, hint)])
 
 
-def implied(scene: Mapping[str, Any]) -> dict[str, Any]:
+def with_implied_tables(scene: Mapping[str, Any]) -> dict[str, Any]:
     """Return the tables of a scene with names for all rollers and stages, and implied contact.
 
     Examples
@@ -386,7 +394,7 @@ def with_entries_released(stages: Iterable[StageSpec]) -> Iterator[StageSpec]:
         yield stage
 
 
-def as_typed(stages: object) -> tuple[StageSpec, ...]:
+def stages_as_typed(stages: object) -> tuple[StageSpec, ...]:
     """Return stages that are wrong in themselves with the gravity and rollers that were typed."""
     found = []
     for table in stages if isinstance(stages, list | tuple) else ():
@@ -496,11 +504,13 @@ def mistakes_of(
             yield Mistake("", key, value, "a table of the scene", "[strip]")
         else:
             value = None if found["type"] == "missing" and not place.item else value
-            expected = f"{asked_for(found['type'], value)}{place.meaning}"
+            expected = f"{expected_number(found['type'], value)}{place.meaning}"
             least, largest = SMALLEST_NUMBER, LARGEST_NUMBER
             if isinstance(value, float) and (abs(value) > largest or 0.0 < value < least):
                 expected += f"; numbers are at most {largest:g}, and {least:g} at least if positive"
-            better = None if place.item else meant(found["type"], value, place.meaning, field)
+            better = (
+                None if place.item else likely_value(found["type"], value, place.meaning, field)
+            )
             named = place.name == "name" and found["type"] == "string_pattern_mismatch"
             better = f'"{name_like(value)}"' if named and name_like(value) else better
             hint = example_of(place.name, field) if better is None else f"{place.name} = {better}"

@@ -53,7 +53,7 @@ USUAL_STRAIN = 1e-4
 def with_defaults(scene: SceneSpec) -> SceneSpec:
     """Return the scene with what it has left open."""
     if scene.strip.feed is None:
-        strip = scene.strip.model_copy(update={"feed": goes_on(scene)})
+        strip = scene.strip.model_copy(update={"feed": is_fed_by_default(scene)})
         scene = scene.model_copy(update={"strip": strip})
     if loose_across(scene):
         entry = scene.edges["entry"].model_copy(update={"centred": True})
@@ -81,7 +81,7 @@ def loose_across(scene: SceneSpec) -> bool:
     return "entry" in edges and edges["entry"].centred is None and not (held or guided or odd)
 
 
-def goes_on(scene: SceneSpec) -> bool:
+def is_fed_by_default(scene: SceneSpec) -> bool:
     """Return whether the strip is fed by default: it goes on beyond entry and exit.
 
     It does if it is threaded, or if it is pulled and an end that was held is let go.  Not where
@@ -110,21 +110,21 @@ def follows_rollers(scene: SceneSpec) -> bool:
 
 def regularising_speed(scene: SceneSpec) -> float:
     """Return V_c (m/s): a share of the elastic creep, and no more than a line may creep at rest."""
-    speed, time = CREEP_SHARE * elastic_creep(scene), standstill(scene)
+    speed, time = CREEP_SHARE * elastic_creep(scene), longest_standstill(scene)
     if time == 0.0:
         return speed
     at_rest = REST_CREEP_SHARE * working_strain(scene) * shortest_span(scene) / time
     return float(np.clip(at_rest, SHARPEST_AT_REST * speed, speed))
 
 
-def standstill(scene: SceneSpec) -> float:
+def longest_standstill(scene: SceneSpec) -> float:
     """Return how long (s) a threaded line stands at most, in one stage after it has run."""
     speeds, ran, longest = dict[str, float](), False, 0.0
     for stage in scene.stages if scene.threading is not None else ():
         running = any(speeds.values())
         for name, given in stage_speeds(scene, stage):
             speeds[name] = given
-        moved = any(ways(stage))
+        moved = any(move_lengths(stage))
         still = not (running or moved or any(speeds.values()) or stage.steady)
         longest = max(longest, stage.duration if ran and still else 0.0)
         ran = ran or any(speeds.values())
@@ -159,7 +159,7 @@ def working_strain(scene: SceneSpec) -> float:
     return tension / (scene.material.young * scene.strip.thickness)
 
 
-def pulls(scene: SceneSpec) -> Iterator[float]:
+def given_tensions(scene: SceneSpec) -> Iterator[float]:
     """Yield the tensions and the sizes of edge forces that a scene asks for (N/m)."""
     if scene.threading is not None:
         yield scene.threading.tension
@@ -170,13 +170,13 @@ def pulls(scene: SceneSpec) -> Iterator[float]:
 
 def least_tension(scene: SceneSpec) -> float:
     """Return the least tension above 0 (N/m) that is asked for, else that of a usual strain."""
-    wanted = [pull for pull in pulls(scene) if pull > 0.0]
+    wanted = [pull for pull in given_tensions(scene) if pull > 0.0]
     return min(wanted, default=USUAL_STRAIN * scene.material.young * scene.strip.thickness)
 
 
 def largest_force(scene: SceneSpec) -> float:
     """Largest tension or edge force of all stages (N/m), 0 if there is none."""
-    return max(map(abs, pulls(scene)), default=0.0)
+    return max(map(abs, given_tensions(scene)), default=0.0)
 
 
 def bending_stiffness(scene: SceneSpec) -> float:
@@ -210,7 +210,7 @@ def line_speed(scene: SceneSpec) -> float:
     for stage in scene.stages:
         speeds.append(abs(stage.strip.speed or 0.0))
         speeds += [abs(speed) for _, speed in stage_speeds(scene, stage)]
-        moves += ways(stage)
+        moves += move_lengths(stage)
     if max(speeds) > 0.0:
         return max(speeds)
     time = sum(stage.duration for stage in scene.stages if stage.friction)
@@ -231,7 +231,7 @@ def stage_speeds(scene: SceneSpec, stage: StageSpec) -> Iterator[tuple[str, floa
             yield name, edge.signed_speed
 
 
-def ways(stage: StageSpec) -> list[float]:
+def move_lengths(stage: StageSpec) -> list[float]:
     """Return how far (m) rollers and edges are moved in a stage."""
     given = [roller.move for roller in stage.rollers.values()]
     given += [edge.move for edge in stage.edges.values()]

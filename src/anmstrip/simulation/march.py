@@ -30,18 +30,18 @@ from anmstrip.continuation.newton import (
     Corrections,
     Newton,
     NewtonPath,
-    narrowed,
+    solve_by_narrowing,
     straight_step,
 )
 from anmstrip.equilibrium import Equilibrium, Motion, StageProblem
 from anmstrip.errors import InputError
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.results.state import State
-from anmstrip.results.wrinkles import buckling, flattened
+from anmstrip.results.wrinkles import buckling, mode_heights
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import THREADING
 from anmstrip.simulation.problem import Assembly
-from anmstrip.simulation.stages import Course, stretched
+from anmstrip.simulation.stages import Course, uniform_stretch
 from anmstrip.timestepping.formulas import Errors, Memory, TimeStep, start_memory
 from anmstrip.timestepping.implicit import MIN_BALANCING_SHARE, Stepping, integrate
 
@@ -339,7 +339,9 @@ class March:
             *_, last = self.follow(laws, u, settings=few, start=start, **given)
             return last
 
-        return narrowed(equations, u, control, path, tolerance=settings.tolerance, **given)
+        return solve_by_narrowing(
+            equations, u, control, path, tolerance=settings.tolerance, **given
+        )
 
     def _start(self, plan: StageProblem) -> tuple[Array, Equilibrium]:
         """First point of a rate-free path, and its equations."""
@@ -355,7 +357,10 @@ class March:
                 found = self._corrected(equations, taut[free])
             u = u if found is None else found
         elif tension := self._slack(plan):
-            self.slack, u = True, stretched(self.assembly, tension, plan.controls.at(1.0))[free]
+            self.slack, u = (
+                True,
+                uniform_stretch(self.assembly, tension, plan.controls.at(1.0))[free],
+            )
         if self.slack:
             return u, Equilibrium(plan.model, *plan.held_at_end)
         return u, Equilibrium(plan.model, plan.supports, plan.controls)
@@ -473,7 +478,7 @@ def _many(pace: Pace) -> bool:
 
 
 @contextmanager
-def unbroken() -> Iterator[None]:
+def delay_interrupts() -> Iterator[None]:
     """Let Ctrl-C, and SIGTERM where it is handled, wait until the body has ended.
 
     For what has to be changed and written together; they do what they do afterwards.  In other
@@ -525,7 +530,7 @@ def imperfection_of(scene: SceneSpec) -> Array:
     factors, modes = buckling(state, scene.strip.imperfection.mode)
     if factors[-1] > MAX_COMPRESSION_GROWTH:
         raise _refused(scene, f"it would take {factors[-1]:.1g} times as much to buckle it")
-    return flattened(state, modes[:, -1]) * scene.strip.imperfection.amplitude
+    return mode_heights(state, modes[:, -1]) * scene.strip.imperfection.amplitude
 
 
 def _perfect(scene: SceneSpec) -> State:

@@ -14,7 +14,7 @@ from skfem import MeshLine, MeshQuad
 from anmstrip.arrays import Array
 from anmstrip.fem.strip import grid, line
 from anmstrip.mechanics.roller import Roller
-from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError, hanging
+from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError, catenary
 from anmstrip.scene.checks import PARALLEL_COSINE
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import RollerControl
@@ -150,7 +150,7 @@ class Lines:
     @property
     def lifts(self) -> list[float]:
         """Labels at which a strip lifts on and off for good (m)."""
-        if self.thread is None or not stands(self.scene):
+        if self.thread is None or not contact_stands(self.scene):
             return []
         return sorted(x for arc in self.thread.arcs.values() for x in arc)
 
@@ -168,11 +168,11 @@ class Lines:
         All are longer by one factor where there would be more than :func:`most_unknowns`.
         """
         scene, coarse = self.scene, 2.0 * self.half / MIN_ELEMENTS
-        per_line = unknowns_per_line(scene, round(cells_across(scene) / finer(scene)))
+        per_line = unknowns_per_line(scene, round(cells_across(scene) / mesh_density(scene)))
         most = most_unknowns(len(self.rollers)) // per_line - 1
         zones = self.default_zones()
         marks = sorted([*self.lifts, *self.corners])
-        return graded_nodes(self.half, zones, coarse, marks, most, finer(scene))
+        return graded_nodes(self.half, zones, coarse, marks, most, mesh_density(scene))
 
     def default_zones(self) -> list[Zone]:
         """Stretches where the strip lifts on and off its rollers, and their arcs.
@@ -182,8 +182,8 @@ class Lines:
         """
         scene, thread, zones = self.scene, self.thread, list[Zone]()
         layer = bending_layer(scene, thread)
-        back, ahead = carried(scene, self.rollers, thread)
-        if stands(scene):
+        back, ahead = strip_travel(scene, self.rollers, thread)
+        if contact_stands(scene):
             back = ahead = 0.0
         arcs = () if thread is None else arcs_in_stages(scene, thread)
         nipping = nipping_rollers(scene, self.rollers, thread)
@@ -196,7 +196,7 @@ class Lines:
             if not len(lifts):  # anywhere near where the strip passes the roller
                 moves = [stage.rollers.get(roller.name) for stage in scene.stages]
                 ways = [(0.0, 0.0, 0.0), *(m.move for m in moves if m is not None and m.move)]
-                places = crossing(roller) + np.array(ways)[:, [0, 2]]
+                places = axis_crossing(roller) + np.array(ways)[:, [0, 2]]
                 x = places[:, 0] if thread is None else [thread.passing(p)[0] for p in places]
                 reach = 0.5 * np.pi * roller.radius
                 lifts, margin = np.array([[min(x) - reach, max(x) + reach]] * 2).T, 0.0
@@ -224,8 +224,8 @@ class Lines:
             graded += [Zone(*thread.arcs[r.name], ARC_ELEMENT * r.radius) for r in thread.rollers]
         self._refuse_more(cells, zones, fine)
         if graded:
-            return graded_nodes(half, graded, coarse, self.lifts, finer=finer(scene))
-        return lines_of_nodes(half, zones, fine / finer(scene), coarse / finer(scene))
+            return graded_nodes(half, graded, coarse, self.lifts, finer=mesh_density(scene))
+        return lines_of_nodes(half, zones, fine / mesh_density(scene), coarse / mesh_density(scene))
 
     def _refuse_more(
         self, cells: tuple[int, int], zones: list[tuple[float, float]], fine: float
@@ -270,7 +270,7 @@ def refinement(
     """
     length = scene.strip.length if thread is None else thread.length
     assert length is not None
-    factor, section = max(1.0, finer(scene)), scene.strip.kinematics == "section"
+    factor, section = max(1.0, mesh_density(scene)), scene.strip.kinematics == "section"
     while True:
         strip = scene.strip.model_copy(update={"finer": factor})
         other = scene.model_copy(update={"strip": strip})
@@ -294,10 +294,10 @@ def cells_across(scene: SceneSpec) -> int:
     usual = 8 if any(roller.profile for roller in scene.rollers) else 4
     count = usual if scene.strip.cells is None else scene.strip.cells[1]
     step = 1 + (count % 2 == 0)
-    return step * max(1, round(count * finer(scene) / step))
+    return step * max(1, round(count * mesh_density(scene) / step))
 
 
-def finer(scene: SceneSpec) -> float:
+def mesh_density(scene: SceneSpec) -> float:
     """Return how many times shorter than usual elements are."""
     return scene.strip.finer or 1.0
 
@@ -383,7 +383,7 @@ def bending_layer(scene: SceneSpec, thread: Thread | None) -> float:
     layer, yields = boundary_layer(scene), first_yield(scene)
     typed = scene.strip.element_length is not None
     shell = scene.strip.kinematics != "section"  # whose layers would be too many
-    if thread is None or yields is None or typed or shell or not stands(scene):
+    if thread is None or yields is None or typed or shell or not contact_stands(scene):
         return layer
     runs = np.diff(thread.middle.starts[:, 0])[::2]
     falls = np.minimum(0.5 * np.minimum(runs[:-1], runs[1:]), np.sqrt(3.0) * layer)
@@ -478,11 +478,11 @@ def arcs_in_stages(scene: SceneSpec, thread: Thread) -> list[dict[str, tuple[flo
                     now[name] = first + shift, last + shift
             arcs.append(now)
             if (runs := hanging_runs(taut, loads))[:, 1:].any():
-                arcs.append(hung(taut, now, runs))
+                arcs.append(hanging_arcs(taut, now, runs))
     return arcs
 
 
-def hung(
+def hanging_arcs(
     thread: Thread, arcs: dict[str, tuple[float, float]], runs: Array
 ) -> dict[str, tuple[float, float]]:
     """Return arcs between runs that hang: longer where these are over their roller."""
@@ -565,7 +565,7 @@ def hanging_runs(thread: Thread, loads: Loads) -> Array:
             level = known[k]
         pull = level + loads.weight * ends[1, k]
         if pull > 0.0:
-            found[k] = hanging(ends[:, k] - starts[:, k], loads.weight, pull)
+            found[k] = catenary(ends[:, k] - starts[:, k], loads.weight, pull)
     return found
 
 
@@ -596,7 +596,7 @@ def lines_of_nodes(
     return np.concatenate(xs)
 
 
-def stands(scene: SceneSpec) -> bool:
+def contact_stands(scene: SceneSpec) -> bool:
     """Whether the strip lifts on and off at the same labels throughout."""
     moves = [c.move for stage in scene.stages for c in stage.edges.values()]
     if not follows_rollers(scene):
@@ -653,10 +653,10 @@ def fine_zones(
     zones, united = [], list[tuple[float, float]]()
     threaded = {} if thread is None else thread.arcs
     margin = 4.0 * min(boundary_layer(scene), half)
-    back, ahead = carried(scene, rollers, thread)
+    back, ahead = strip_travel(scene, rollers, thread)
     for roller in rollers:
         reach = 0.5 * np.pi * roller.radius
-        middle = roller.centre[0] if thread is None else thread.passing(crossing(roller))[0]
+        middle = roller.centre[0] if thread is None else thread.passing(axis_crossing(roller))[0]
         first, last = middle - reach, middle + reach
         if roller.name in threaded:
             first, last = threaded[roller.name]
@@ -670,7 +670,7 @@ def fine_zones(
     return united
 
 
-def crossing(roller: Roller) -> Array:
+def axis_crossing(roller: Roller) -> Array:
     """Point (x, z) in which the axis of a roller crosses the plane y = 0, or its centre."""
     centre, axis = np.asarray(roller.centre, dtype=float), roller.unit_axis
     return (centre - axis * (centre[1] / axis[1] if axis[1] else 0.0))[[0, 2]]
@@ -679,7 +679,7 @@ def crossing(roller: Roller) -> Array:
 def label_at(roller: Roller, thread: Thread) -> float:
     """Label (m) in the middle of the arc on a roller, or next to one that is not wrapped."""
     arc = thread.arcs.get(roller.name)
-    return thread.passing(crossing(roller))[0] if arc is None else 0.5 * sum(arc)
+    return thread.passing(axis_crossing(roller))[0] if arc is None else 0.5 * sum(arc)
 
 
 def carrying_sense(roller: Roller, thread: Thread | None) -> float:
@@ -688,7 +688,7 @@ def carrying_sense(roller: Roller, thread: Thread | None) -> float:
     if thread is None:
         return float(forwards if roller.centre[2] <= 0.0 else -forwards)
     wrapped = dict(zip((r.name for r in thread.rollers), thread.senses, strict=True))
-    return float(forwards * wrapped.get(roller.name, thread.passing(crossing(roller))[1]))
+    return float(forwards * wrapped.get(roller.name, thread.passing(axis_crossing(roller))[1]))
 
 
 def surface_speed(control: RollerControl | None, roller: Roller) -> float | None:
@@ -700,7 +700,7 @@ def surface_speed(control: RollerControl | None, roller: Roller) -> float | None
     return roller.sense * roller.radius * control.angular_speed
 
 
-def carried(
+def strip_travel(
     scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None
 ) -> tuple[float, float]:
     """Largest travel of the strip, backwards and forwards (m).

@@ -17,7 +17,7 @@ from anmstrip.arrays import Array
 from anmstrip.errors import InputError
 from anmstrip.fem.constraints import Scales
 from anmstrip.fem.geometry import KINEMATICS, PLATE, SECTION, Kinematics
-from anmstrip.fem.operators import InternalOperator, Layers, Pattern, upwind
+from anmstrip.fem.operators import InternalOperator, Layers, Pattern, upwind_differences
 from anmstrip.fem.sampling import (
     ContactOperator,
     RepeatedOperator,
@@ -53,9 +53,9 @@ from anmstrip.simulation.meshing import (
     carrying_sense,
     cells_across,
     contact_parts,
-    finer,
     follows_weight,
     loads_in_stages,
+    mesh_density,
     shortest_wanted,
     strip_mesh,
     surface_speed,
@@ -454,7 +454,7 @@ class Assembly:
             self.strip.thickness, p.layers or DEFAULT_LAYERS[self.scene.strip.kinematics]
         )
         variables = flow.variables(self.kinematics.directions)
-        slopes = upwind(self.strip) if along else None
+        slopes = upwind_differences(self.strip) if along else None
         assert isinstance(self.bending, KirchhoffLove)
         given = self.bending.operator, self.coupled, variables, layers, slopes, not frozen
         return Plasticity(self.membrane, self.bending, flow, InternalOperator(*given))
@@ -631,7 +631,9 @@ class Assembly:
         pressure = c.pressure or max(tension / radius, load)
         element = float(self.strip.cell_sizes[0].min())
         if self.scene.strip.cells is None and self.scene.strip.mesh is None:
-            usual = shortest_wanted(self.scene, self.rollers, self.thread) / finer(self.scene)
+            usual = shortest_wanted(self.scene, self.rollers, self.thread) / mesh_density(
+                self.scene
+            )
             element = max(element, MIN_ONSET_ELEMENT * usual)
         parts = self.strip.contact_parts
         apart = 0.5 * element / parts  # two points to a part

@@ -454,7 +454,7 @@ class Course:
         return Supports(free, start, slope, bows if bent else None, joint)
 
 
-def stretched(
+def uniform_stretch(
     assembly: Assembly, tension: float, controls: Mapping[str, Array] | None = None
 ) -> Array:
     """Displacement of the uniformly stretched flat strip, all unknowns.

@@ -21,7 +21,7 @@ from anmstrip.errors import InputError, Mistake
 from anmstrip.fem.sampling import displacement_at
 from anmstrip.results.files import load_checkpoint, read_json, write_table
 from anmstrip.simulation.problem import Assembly
-from anmstrip.sweep.study import CHECKPOINT, SUMMARY, Sweep, Variant, folder, run_scene
+from anmstrip.sweep.study import CHECKPOINT, SUMMARY, Sweep, Variant, folder_name, run_scene
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -90,7 +90,7 @@ class Trial:
     truth: Settings
 
 
-def trials(assembly: Assembly, scene: Scene) -> Iterator[Trial]:
+def list_trials(assembly: Assembly, scene: Scene) -> Iterator[Trial]:
     """Yield all that can be compared on a scene.
 
     Meshes, V_c and levels of kinematics are compared at the tolerance of the truth, where nothing
@@ -119,18 +119,18 @@ def trials(assembly: Assembly, scene: Scene) -> Iterator[Trial]:
             yield Trial("speed", settings["friction.speed"], settings, laws[-1])
     found = [level for level in levels(Preview.of(assembly)) if not level.against]
     names = [level.kinematics.name for level in found if (level.cost or np.inf) <= MAX_LEVEL_COST]
-    names = [name for name in names if not loose(adjusted(scene, {"strip.kinematics": name}))]
+    names = [name for name in names if not is_loose(adjust(scene, {"strip.kinematics": name}))]
     for name in names[:-1]:
         settings, truth = ({**strict, "strip.kinematics": each} for each in (name, names[-1]))
         yield Trial("kinematics", name, settings, truth)
 
 
-def loose(scene: Scene) -> bool:
+def is_loose(scene: Scene) -> bool:
     """Whether nothing holds a strip in some direction."""
     return any(free_motions(Preview.of(Assembly(scene))))
 
 
-def adjusted(scene: Scene, settings: Settings) -> Scene:
+def adjust(scene: Scene, settings: Settings) -> Scene:
     """Return a scene with other values, checked as if typed, that writes its end alone."""
     tables, texts = scene.to_dict(), [f"{key}={json.dumps(v)}" for key, v in settings.items()]
     tables["output"] = {"events": scene.output.events, "every": WRITE_ENDS_ONLY}
@@ -139,7 +139,7 @@ def adjusted(scene: Scene, settings: Settings) -> Scene:
     return Scene.from_tables(tables, scene.source or Path("scene"), texts)
 
 
-def differing(assembly: Assembly, settings: Settings) -> Settings:
+def own_settings(assembly: Assembly, settings: Settings) -> Settings:
     """Return those settings that are not the scene's own, chosen by default or typed."""
     scene = assembly.scene
     own = scene.to_dict()
@@ -252,7 +252,7 @@ class Accuracy(Sweep):
 
     def __init__(self, scene: Scene, along: Iterable[str] = (), *, directory: str | Path) -> None:
         self.scene, self.assembly = scene, Assembly(scene)
-        every, chosen = tuple(trials(self.assembly, scene)), tuple(along)
+        every, chosen = tuple(list_trials(self.assembly, scene)), tuple(along)
         known = list(dict.fromkeys(trial.along for trial in every))
         wrong = [name for name in chosen if name not in known]
         if wrong:
@@ -264,19 +264,19 @@ class Accuracy(Sweep):
         directory, made = Path(directory).absolute(), dict[str, Variant]()
         for settings in (each for t in self.trials for each in (t.truth, t.settings)):
             if (name := self.name(settings)) not in made:
-                here = adjusted(scene, settings)
+                here = adjust(scene, settings)
                 strip = Run(here).assembly.strip
                 sizes = {"element": float(strip.cell_sizes[0].min()), "unknowns": strip.unknowns}
                 tolerance = {"tolerance": here.solver.tolerance}
                 made[name] = Variant({**tolerance, **sizes}, here, directory / name)
         self.finals: dict[str, Final] = {}
         self._prepare(tuple(made.values()), directory / "accuracy.csv")
-        easiest = adjusted(scene, {"solver.tolerance": COMPARED_TOLERANCES[0]})
+        easiest = adjust(scene, {"solver.tolerance": COMPARED_TOLERANCES[0]})
         self.job = partial(timed_run, json.dumps(easiest.to_dict()), str(scene.source or "scene"))
 
     def name(self, settings: Settings) -> str:
         """Return the name of the directory of a scene."""
-        return folder(differing(self.assembly, settings)) or "as_given"
+        return folder_name(own_settings(self.assembly, settings)) or "as_given"
 
     @property
     def plan(self) -> str:

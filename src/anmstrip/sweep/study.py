@@ -137,7 +137,7 @@ def variants(
                 told = replace(mistake, file=f"--vary {text}") if text in texts else mistake
                 mistakes[str(told)] = told
         else:
-            found.append(Variant(chosen, scene, directory / folder(chosen)))
+            found.append(Variant(chosen, scene, directory / folder_name(chosen)))
     if mistakes:
         raise InputError(mistakes.values())
     return tuple(found)
@@ -187,7 +187,7 @@ def refuse_both(varied: Mapping[str, tuple[Any, ...]], settings: Iterable[str]) 
         raise InputError(mistakes)
 
 
-def folder(values: Mapping[str, Any]) -> str:
+def folder_name(values: Mapping[str, Any]) -> str:
     """Return the name of a directory for the results with some values.
 
     Examples

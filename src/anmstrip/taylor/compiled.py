@@ -43,7 +43,7 @@ def directories() -> list[Path]:
 
 
 @cache
-def entry() -> Callable[..., None]:
+def compiled_run() -> Callable[..., None]:
     """Return :func:`anmstrip.taylor.kernels.run`, as a function of addresses and numbers."""
     for initialise in (llvm.initialize_native_target, llvm.initialize_native_asmprinter):
         initialise()
@@ -70,12 +70,12 @@ def machine_code(machine: llvm.TargetMachine, host: str) -> bytes:
             kept = place.read_bytes()
             if hashlib.sha256(kept[DIGEST_SIZE:]).digest() == kept[:DIGEST_SIZE]:
                 return kept[DIGEST_SIZE:]
-    code = made(machine)
-    keep(hashlib.sha256(code).digest() + code, places)
+    code = portable_code(machine)
+    store(hashlib.sha256(code).digest() + code, places)
     return code
 
 
-def made(machine: llvm.TargetMachine) -> bytes:
+def portable_code(machine: llvm.TargetMachine) -> bytes:
     """Return the code, with nothing of numba's own."""
     from anmstrip.taylor.kernels import instructions
 
@@ -92,7 +92,7 @@ def made(machine: llvm.TargetMachine) -> bytes:
     return code
 
 
-def keep(content: bytes, places: list[Path]) -> None:
+def store(content: bytes, places: list[Path]) -> None:
     """Write a file to the first place where that can be done whole, or tell that there is none."""
     reason = "neither the package nor the home directory can be written"
     for place in places:
@@ -130,7 +130,7 @@ def script(table: Array) -> Callable[..., None]:
 
     It is given an order, and the address of coefficients and how many orders they have.
     """
-    run, address, count = entry(), table.ctypes.data, len(table)
+    run, address, count = compiled_run(), table.ctypes.data, len(table)
 
     def make_calls(k: int, w: int = 0, orders: int = 0, kept: Array = table) -> None:
         run(RETURN_BUFFER, RETURN_BUFFER, address, count, k, w, orders)

@@ -16,9 +16,9 @@ from anmstrip.timestepping.index_one import (
     Point,
     Residual,
     TimePath,
-    consistent,
+    find_consistent_state,
     residual_size,
-    stretch,
+    time_stretch,
 )
 
 MAX_EXPLICIT_STEPS = 200_000
@@ -85,7 +85,7 @@ def integrate_explicitly(
     Guaranteed, as far as these leading terms go: in a problem whose solutions
     do not drift apart (∂R/∂u and ∂R/∂v of one sign) the error of u stays below
     the tolerance at all times.  Where they do, see
-    :func:`anmstrip.timestepping.index_one.controlled`.
+    :func:`anmstrip.timestepping.index_one.integrate_controlled`.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def integrate_explicitly(
         rate = min(left / (end - t), MAX_ERROR_RATE * tolerance / stepper.whole)
         piece = replace(stepper, rate=rate).step(u, v, t, end)
         yield piece
-        left -= piece.error / stretch(piece(piece.end)[1], speed)
+        left -= piece.error / time_stretch(piece(piece.end)[1], speed)
         t = piece.end
         if t >= end:
             return
@@ -138,11 +138,11 @@ class _Stepper:
 
     def allowed(self, v: Array) -> float:
         """Largest |Δv| at the velocity v."""
-        return (self.order + 1) * self.rate * stretch(v, self.speed)
+        return (self.order + 1) * self.rate * time_stretch(v, self.speed)
 
     def step(self, u: Array, v: Array, t: float, end: float) -> TimeSeries:
         """The longest series from t on that keeps the tolerance."""
-        u, v = consistent(self.residual, u, v, t, self.tolerance, self.allowed(v))
+        u, v = find_consistent_state(self.residual, u, v, t, self.tolerance, self.allowed(v))
         with self.cost.timed("series"):
             point = Point.at(self.residual, u, v, t, self.order)
             u_orders, v_last = _orders(point, self.order)
@@ -178,7 +178,7 @@ class _Stepper:
         if length < ahead * (1.0 - 1e-12):
             piece = replace(piece, end=piece.start + length)
         piece = self.judged(piece)
-        rate = self.rate * stretch(piece(piece.end)[1], self.speed)
+        rate = self.rate * time_stretch(piece(piece.end)[1], self.speed)
         share = (piece.end - piece.start) * rate
         return piece, max(piece.passing / self.tolerance, piece.error / share)
 

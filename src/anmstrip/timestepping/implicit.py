@@ -20,8 +20,8 @@ from anmstrip.continuation.equations import (
     PathStopped,
 )
 from anmstrip.continuation.follow import Pace, PathStep, Settings
-from anmstrip.continuation.newton import Corrected, narrowed
-from anmstrip.continuation.path import predicted
+from anmstrip.continuation.newton import Corrected, solve_by_narrowing
+from anmstrip.continuation.path import extrapolate
 from anmstrip.linalg.solvers import LinearSolver, Remembering
 from anmstrip.timestepping.formulas import (
     AffineVelocity,
@@ -204,7 +204,7 @@ class _Integrator:
         has passed such a change is not that at its end, and would be mended by no step.
         """
         t, fixed = memory.times[0], self.stepping.fixed
-        least = max(shortest, told_apart(max(t, self.stepping.whole)))
+        least = max(shortest, smallest_step(max(t, self.stepping.whole)))
         h, barred = min(fixed or max(memory.step, 2.0 * least), end - t), False
         rising = memory.order if fixed is None else self.stepping.order
         order = min(rising, self.stepping.order, memory.available)
@@ -286,7 +286,7 @@ class _Integrator:
     def begun(self, memory: Memory) -> Memory:
         """Return the memory after the first instant, with the velocity there."""
         t = memory.times[0]
-        after = t + max(NEGLIGIBLE_SHARE * memory.step, told_apart(t))
+        after = t + max(NEGLIGIBLE_SHARE * memory.step, smallest_step(t))
         first = self.trial(memory, after, 1)
         return start_memory(after, first.u, first.v, memory.step, memory.errors)
 
@@ -367,7 +367,7 @@ class _Integrator:
         given: dict[str, Any] = {"solver": self.solver, "cost": self.cost}
         start = np.zeros(size)
         tolerance = self.balance(equations, start)
-        return narrowed(equations, start, 0.0, path, tolerance=tolerance, **given)
+        return solve_by_narrowing(equations, start, 0.0, path, tolerance=tolerance, **given)
 
     def balance(self, path: Equations, u: Array) -> float:
         """Largest imbalance at the end of a path: what is asked for, or what round-off allows."""
@@ -385,7 +385,7 @@ class _Integrator:
         times, states = memory.times[:used], memory.states[:used]
         if used > order:
             rate = formula(memory.times, new, order)[1]
-            missed = u - predicted(times, states, new)
+            missed = u - extrapolate(times, states, new)
             local = missed / (rate * (new - times[-1]) + 1.0)
             smooth = self.equations.abrupt_error(u, local) <= self.stepping.tolerance
             return local if smooth else missed
@@ -522,7 +522,7 @@ class _Integrator:
         tolerance = max(self.stepping.tolerance, SNAP_TOLERANCE)
         for lasting in (share * self.stepping.whole for share in SNAP_TIMES):
             dragged = self.equations.dragged(t, u, v, lasting)
-            if dragged is None or told_apart(t) > FIRST_SNAP_STEP * lasting:
+            if dragged is None or smallest_step(t) > FIRST_SNAP_STEP * lasting:
                 continue
             stepping = replace(self.stepping, tolerance=tolerance)
             other = replace(self, equations=dragged, stepping=stepping)
@@ -577,6 +577,6 @@ def _ratio(error: float, order: int) -> float:
     return STEP_GROWTH[0] if error == 0.0 else float((0.3 / error) ** (1.0 / order))
 
 
-def told_apart(t: float) -> float:
+def smallest_step(t: float) -> float:
     """Length of a step from t in which round-off of the time is negligible."""
     return float(np.spacing(t)) / NEGLIGIBLE_SHARE

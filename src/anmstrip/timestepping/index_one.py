@@ -94,7 +94,7 @@ class Point:
         return float(np.linalg.eigvalsh(-0.5 * (kappa + kappa.T))[-1])
 
 
-def consistent(
+def find_consistent_state(
     residual: Residual,
     u: Array,
     v: Array,
@@ -144,7 +144,7 @@ def residual_size(residual: Residual, u: Array, v: Array, t: float) -> float:
         return float(np.nan_to_num(np.abs(residual(u, v, t)).max(), nan=np.inf))
 
 
-def stretch(v: Array, speed: float) -> float:
+def time_stretch(v: Array, speed: float) -> float:
     """√(1 + |v|²/V²): error at equal times over the distance of the curves (V t, u)."""
     return float(np.hypot(1.0, np.abs(v).max() / speed))
 
@@ -185,7 +185,7 @@ class Controlled:
     passes: int  # integrations that it took
 
 
-def estimated(residual: Residual, path: TimePath) -> Array:
+def estimate_error(residual: Residual, path: TimePath) -> Array:
     """Estimated error of u at the knots of a path, shape (m + 1,)."""
     residual, total, errors = recorded(residual), 0.0, [0.0]
     for start, end, error in zip(path.knots[:-1], path.knots[1:], path.errors, strict=True):
@@ -197,7 +197,7 @@ def estimated(residual: Residual, path: TimePath) -> Array:
     return np.array(errors) + np.array([0.0, *path.passing])
 
 
-def controlled(
+def integrate_controlled(
     run: Callable[[float], TimePath],
     residual: Residual,
     tolerance: float,
@@ -233,8 +233,8 @@ def controlled(
     allowed = tolerance
     for passes in range(1, max_passes + 1):
         path = run(allowed)
-        slowness = [1.0 / stretch(path(t)[1], speed) for t in path.knots]
-        error = float((estimated(residual, path) * slowness).max())
+        slowness = [1.0 / time_stretch(path(t)[1], speed) for t in path.knots]
+        error = float((estimate_error(residual, path) * slowness).max())
         if error <= tolerance or passes == max_passes:
             break
         allowed *= 0.5 * tolerance / error
@@ -402,7 +402,7 @@ class FunctionRateEquations(RateEquations):
         assert self.latest is not None
         about, velocity = self.latest
         v = velocity(u - about, 1.0)
-        return float(np.abs(change).max()) / stretch(v, self.speed)
+        return float(np.abs(change).max()) / time_stretch(v, self.speed)
 
 
 class FunctionStepEquations(StepEquations):
@@ -441,7 +441,7 @@ class FunctionStepEquations(StepEquations):
         if np.isfinite(tangent).all():  # the linear solver tells of one that is not
             self.softness = np.abs(np.linalg.pinv(tangent))
         v = self.velocity(u, control)
-        self.unit = self.share * stretch(v, self.problem.speed)
+        self.unit = self.share * time_stretch(v, self.problem.speed)
         return recurrence
 
     def unaccelerated(self) -> Array:
@@ -486,6 +486,6 @@ def join_steps(
     knots = np.array([steps[0].start, *(s.end for s in steps)])
     curve = CubicHermiteSpline(knots, [u, *(s.u for s in steps)], [v, *(s.v for s in steps)])
     share = np.diff(knots) / (knots[-1] - knots[0])
-    stretches = np.array([stretch(s.v, speed) for s in steps])
+    stretches = np.array([time_stretch(s.v, speed) for s in steps])
     found = np.array([s.error * tolerance + s.imbalance for s in steps])
     return TimePath(curve, share * stretches * found, np.zeros(len(steps)))
