@@ -286,3 +286,12 @@ def test_mesh_file_has_no_section() -> None:
     found = levels_of(Scene.load(EXAMPLES / "capstan_mesh.toml"))
     assert found["section"].size is None
     assert justified(found) == "shell"
+
+
+def test_what_keeps_a_shell_on_its_rollers_is_said() -> None:
+    tables = bridle(kinematics="shell")
+    tables["edges"] = {"entry": {"fixed": ["x", "z"]}}
+    assert "Nothing else holds the strip in y" in explain(Scene.model_validate(tables))
+    tables["rollers"][1]["crown"] = [0.0, -1e-3]
+    told = " ".join(explain(Scene.model_validate(tables)).split())
+    assert "No edge is held in y: friction and the shape of b alone keep the strip" in told

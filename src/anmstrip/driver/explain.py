@@ -22,6 +22,7 @@ from anmstrip.scene.tables import FieldSpec
 from anmstrip.simulation.defaults import (
     CREEP_SHARE,
     elastic_creep,
+    free_across,
     given_tensions,
     longest_standstill,
     loose_across,
@@ -80,6 +81,10 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
     )
     if loose_across(scene):
         yield "Nothing else holds the strip in y: the middle of the entry is (edges.entry.centred)."
+    elif free_across(scene):
+        guides = [roller.name for roller in scene.rollers if roller.profile]
+        shape = f" and the shape of {', '.join(map(str, guides))} alone keep" if guides else ""
+        yield f"No edge is held in y: friction{shape or ' alone keeps'} the strip on its rollers."
     if assembly.growth is not None:
         yield (
             "The mesh follows rollers that move, and stays on them where strip hangs through: "

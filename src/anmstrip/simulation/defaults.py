@@ -71,14 +71,21 @@ def loose_across(scene: SceneSpec) -> bool:
     profile may guide it, unless a taper or an axis out of line drives it to a side; an odd number
     of elements across has no node in the middle.
     """
-    threading, strip, edges = scene.threading, scene.strip, scene.edges
-    if threading is None or threading.closed or strip.kinematics != "shell" or strip.mesh:
-        return False
-    held = any(edge.centred or "y" in edge.fixed for edge in edges.values())
+    strip, edges = scene.strip, scene.edges
     driven = any(roller.taper or roller.axis[0] or roller.axis[2] for roller in scene.rollers)
     guided = any(roller.profile for roller in scene.rollers) and not driven
     odd = strip.cells is not None and strip.cells[1] % 2 == 1
-    return "entry" in edges and edges["entry"].centred is None and not (held or guided or odd)
+    free = free_across(scene) and not (guided or odd)
+    return free and "entry" in edges and edges["entry"].centred is None
+
+
+def free_across(scene: SceneSpec) -> bool:
+    """Return whether no edge of a threaded shell is held in y."""
+    threading = scene.threading
+    if threading is None or threading.closed or scene.strip.kinematics != "shell":
+        return False
+    held = any(edge.centred or "y" in edge.fixed for edge in scene.edges.values())
+    return not (held or scene.strip.mesh)
 
 
 def is_fed_by_default(scene: SceneSpec) -> bool:
