@@ -105,7 +105,7 @@ def catenary(run: Array, weight: float, pull: float) -> tuple[float, float, floa
 
     Examples
     --------
-    >>> [round(float(x), 5) for x in hanging(np.array([30.0, 0.0]), 38.5, 2600.0)]
+    >>> [round(float(x), 5) for x in catenary(np.array([30.0, 0.0]), 38.5, 2600.0)]
     [0.26039, 0.22596, 0.22596]
     """
     across, rise = abs(float(run[0])), float(run[1])

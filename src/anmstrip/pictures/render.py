@@ -417,9 +417,9 @@ def widen_scale(low: float, high: float) -> tuple[float, float, int]:
 
     Examples
     --------
-    >>> labelled(0.0, 47.5)
+    >>> widen_scale(0.0, 47.5)
     (0.0, 50.0, 6)
-    >>> labelled(-3.0, 3.0)
+    >>> widen_scale(-3.0, 3.0)
     (-3.0, 3.0, 7)
     """
     power = np.floor(np.log10(high - low))

@@ -355,7 +355,7 @@ def with_implied_tables(scene: Mapping[str, Any]) -> dict[str, Any]:
 
     Examples
     --------
-    >>> implied({"rollers": [{"radius": 1.0}, {"name": "big"}, {}]})
+    >>> with_implied_tables({"rollers": [{"radius": 1.0}, {"name": "big"}, {}]})
     {'rollers': [{'name': 'r1', 'radius': 1.0}, {'name': 'big'}, {'name': 'r3'}]}
     """
     named = dict(scene)

@@ -491,7 +491,7 @@ def delay_interrupts() -> Iterator[None]:
     >>> before = signal.signal(signal.SIGINT, signal.default_int_handler)
     >>> done = []
     >>> try:
-    ...     with unbroken():
+    ...     with delay_interrupts():
     ...         os.kill(os.getpid(), signal.SIGINT)
     ...         done.append("all of it")
     ... except KeyboardInterrupt:

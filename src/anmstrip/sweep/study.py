@@ -192,7 +192,7 @@ def folder_name(values: Mapping[str, Any]) -> str:
 
     Examples
     --------
-    >>> folder({"friction.coefficient": 0.2, "solver.order": 15})
+    >>> folder_name({"friction.coefficient": 0.2, "solver.order": 15})
     'friction.coefficient=0.2,solver.order=15'
     """
     name = ",".join(f"{key}={json.dumps(value)}" for key, value in values.items())
