@@ -424,7 +424,7 @@ class Halved(Assembly):
 
     @property
     def growth(self) -> Growth | None:
-        """That of the given mesh."""
+        """Growth of the given mesh, which this one follows."""
         assert self.given is not None
         return self.given.growth
 

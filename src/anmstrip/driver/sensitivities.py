@@ -317,7 +317,7 @@ class Partials:
         yield "strip.thickness", thicker
 
     def _of_law(self, name: str) -> Array:
-        """What a law says at its points, or the residual of an effect that has none."""
+        """Return the values of a law at its points, or the residual of an effect without one."""
         part = self.tangent.parts[name]
         return part.orders.value if isinstance(part, LawSeries) else part.residual()
 

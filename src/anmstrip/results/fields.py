@@ -244,9 +244,9 @@ class FieldSampler:
 
     @cached_property
     def recovery(self) -> list[tuple[Array, Array, Index]]:
-        """How values are recovered, without layers and with them.
+        """Matrices that recover values, without layers and with them.
 
-        Matrices from quadrature points to places of an element, its corners and the middles of
+        They lead from quadrature points to places of an element, its corners and the middles of
         its sides across, and from these to its points; and numbers of the places.
         """
         basis, found = self.strip.basis, []
