@@ -269,8 +269,8 @@ STOPS: dict[str, tuple[dict[str, Any], str, list[str]]] = {
         "and buckles", [],
     ),
     "slack, pushed": (
-        merged(SHORT, strip={"refined": 0.25}, edges=HELD, stages=[PUSH], rollers=[],
-               solver={"tolerance": 1e-9}),
+        merged(SHORT, strip={"refined": 0.25, "coil_set": 1e-9}, edges=HELD, stages=[PUSH],
+               rollers=[], solver={"max_tangents": 12}),
         "Try a larger x in stages.push.exit.move.", ["stages.push.exit.move=[0.01, 0.0, 0.0]"],
     ),
     "sharp_contact": (

@@ -393,11 +393,13 @@ def shorter_elements(assembly: Assembly, longest: float) -> str:
 
 
 def strict_tolerance(preview: Preview) -> Iterator[str]:
-    """A tolerance that the last digits of the positions of a threaded strip do not allow."""
+    """A tolerance that the last digits of the positions of the strip as laid do not allow."""
     assembly, plan = preview.assembly, preview.plans[0]
-    if assembly.thread is None or assembly.scene.solver.tolerance >= STRICT:
+    if assembly.scene.solver.tolerance >= STRICT:
         return
-    laid = assembly.thread.laid(assembly.strip, assembly.pattern)[plan.supports.free]
+    laid = np.zeros(len(plan.supports.free))  # flat
+    if assembly.thread is not None:
+        laid = assembly.thread.laid(assembly.strip, assembly.pattern)[plan.supports.free]
     equations = Equilibrium(plan.model, plan.supports, plan.controls)
     if told := below_round_off(assembly.scene, equations.round_off(laid, 0.0)):
         yield told
