@@ -18,13 +18,7 @@ from anmstrip.continuation.follow import Pace
 from anmstrip.driver.budget import Budget, Part
 from anmstrip.driver.preview import Preview
 from anmstrip.driver.recorder import Recorder, history_row, identity, kept_values, read_checkpoint
-from anmstrip.driver.warnings import (
-    beside_rollers,
-    coarse_mesh,
-    lifted_off,
-    standing_idlers,
-    warnings,
-)
+from anmstrip.driver.warnings import RULES_AT_END, beside_rollers, coarse_mesh, warnings
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import SHELL
 from anmstrip.results.files import ERROR_WORDS, read_history
@@ -406,8 +400,8 @@ class Run:
             told = [words for words in self.forewarnings() if words not in settled]
             found = self.budget.warnings if self.outcome.done else self.budget.of_mesh
             lost = [*beside_rollers(state, self.scene), *self.budget.useless]
-            rollers = *lifted_off(state, self.scene), *standing_idlers(state, self.scene)
-            self.warnings = [*lost, *told, *rollers, *found]
+            seen = [words for rule in RULES_AT_END for words in rule(state, self.scene)]
+            self.warnings = [*lost, *told, *seen, *found]
             elastic = state.plan.model.coupled == state.plan.model.unknowns
             if state.plan.steady and self.outcome.done and elastic:
                 from anmstrip.driver.sensitivities import sensitivities
