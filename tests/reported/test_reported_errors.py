@@ -565,6 +565,11 @@ def test_errors_as_large_as_what_they_are_errors_of_are_told() -> None:
     assert "the mesh may make positions by 0.8 m, more than half the width, wrong" in told
     budget.parts["path"] = small | {"tension": 2e5}
     assert len(budget.useless) == 2 and "tensions by 2e+05 N/m" in budget.useless[0]
+    budget.tension = 3e5  # of a state under more tension than was asked for
+    assert len(budget.useless) == 1
+    smooth = Scene.from_tables(tomllib.loads(scenes.LIFTED), "lifted.toml")
+    budget = Budget(Assembly(smooth), parts={"regularisation": small | {"tension": 1e9}})
+    assert budget.useless[0].endswith("wrong. Try --set strip.finer=2")  # no law of friction
 
 
 def test_errors_of_strip_that_hardly_moves_are_known(tmp_path: Path) -> None:

@@ -30,6 +30,7 @@ from anmstrip.results.files import ERROR_WORDS
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import Span, free_spans
 from anmstrip.scene.schema import StageSpec
+from anmstrip.simulation.meshing import finer
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
 from anmstrip.timestepping.formulas import AffineVelocity, Errors, Memory
@@ -115,6 +116,8 @@ class Budget:
         By the mesh.
     time : float
         Of the state that this is the error of (s).
+    tension : float
+        Largest one of that state, at ends or beside rollers (N/m).
     loads : dict
         Edge → what the mesh makes of the force (N/m) that holds it, or that it was released with.
     spans : list of tuple of Span
@@ -126,6 +129,7 @@ class Budget:
     lost: bool = False
     error: Array | None = None
     time: float = 0.0
+    tension: float = 0.0
     loads: dict[str, Array] = field(default_factory=dict)
     spans: list[tuple[Span, Span]] = field(default_factory=list)
     solver: SparseSolver = field(default_factory=SparseSolver)  # of written states: one pattern
@@ -155,17 +159,20 @@ class Budget:
     @property
     def useless(self) -> list[str]:
         """Sentences about errors that are as large as what they are errors of."""
-        assembly, told = self.assembly, list[str]()
+        assembly, told, cures = self.assembly, list[str](), dict(CURES)
+        if assembly.scene.friction is None:  # the onset of contact goes with the mesh
+            cures["regularisation"] = f"Try --set strip.finer={2.0 * finer(assembly.scene):g}"
+        largest = max(assembly.scales.tension, self.tension)
         sideways, half = 1 in assembly.kinematics.components, 0.5 * assembly.strip.width
         for of, found in self.parts.items():
             wrong = []
-            if found is not None and found["tension"] > assembly.scales.tension:
+            if found is not None and found["tension"] > largest:
                 wrong.append(f"tensions by {found['tension']:.2g} N/m, more than they are,")
             if found is not None and sideways and found["position"] > half:
                 wrong.append(f"positions by {found['position']:.2g} m, more than half the width,")
             if wrong:
                 found_wrong = f"{ERROR_WORDS[of]} may make {' and '.join(wrong)} wrong"
-                told.append(f"this state is of no use: {found_wrong}. {CURES[of]}")
+                told.append(f"this state is of no use: {found_wrong}. {cures[of]}")
         return told
 
     @property
@@ -227,6 +234,7 @@ class Budget:
         released : collection of str
             Edges that were let go.
         """
+        self.tension = max(map(abs, tension_readings(state).values()), default=0.0)
         exact, self.parts = state, dict.fromkeys(("path", "time", "mesh", "regularisation"))
         if memory is None or memory.errors is None:
             if (found := balanced(held_still(state), state)) is None:
