@@ -116,8 +116,6 @@ class Budget:
         By the mesh.
     time : float
         Of the state that this is the error of (s).
-    tension : float
-        Largest one of that state, at ends or beside rollers (N/m).
     loads : dict
         Edge → what the mesh makes of the force (N/m) that holds it, or that it was released with.
     spans : list of tuple of Span
@@ -129,7 +127,6 @@ class Budget:
     lost: bool = False
     error: Array | None = None
     time: float = 0.0
-    tension: float = 0.0
     loads: dict[str, Array] = field(default_factory=dict)
     spans: list[tuple[Span, Span]] = field(default_factory=list)
     solver: SparseSolver = field(default_factory=SparseSolver)  # of written states: one pattern
@@ -156,13 +153,15 @@ class Budget:
         """Sentences about the last state of a run that is done."""
         return [*self.of_path, *self.of_mesh]
 
-    @property
-    def useless(self) -> list[str]:
-        """Sentences about errors that are as large as what they are errors of."""
+    def useless(self, tensions: Iterable[float]) -> list[str]:
+        """Sentences about errors as large as what they are errors of: largest tension, half width.
+
+        Tensions (N/m) are those of the state; the scene's own scale may be less.
+        """
         assembly, told, cures = self.assembly, list[str](), dict(CURES)
         if assembly.scene.friction is None:  # the onset of contact goes with the mesh
             cures["regularisation"] = f"Try --set strip.finer={2.0 * finer(assembly.scene):g}"
-        largest = max(assembly.scales.tension, self.tension)
+        largest = max(assembly.scales.tension, *map(abs, tensions))
         sideways, half = 1 in assembly.kinematics.components, 0.5 * assembly.strip.width
         for of, found in self.parts.items():
             wrong = []
@@ -234,7 +233,6 @@ class Budget:
         released : collection of str
             Edges that were let go.
         """
-        self.tension = max(map(abs, tension_readings(state).values()), default=0.0)
         exact, self.parts = state, dict.fromkeys(("path", "time", "mesh", "regularisation"))
         if memory is None or memory.errors is None:
             if (found := balanced(held_still(state), state)) is None:

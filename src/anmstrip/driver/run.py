@@ -15,7 +15,7 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Outcome, PathStopped
 from anmstrip.continuation.follow import Pace
-from anmstrip.driver.budget import Budget, Part
+from anmstrip.driver.budget import Budget, Part, tension_readings
 from anmstrip.driver.preview import Preview
 from anmstrip.driver.recorder import Recorder, history_row, identity, kept_values, read_checkpoint
 from anmstrip.driver.warnings import RULES_AT_END, beside_rollers, coarse_mesh, warnings
@@ -399,7 +399,8 @@ class Run:
             settled = set(coarse) if self.fine_enough else set[str]()
             told = [words for words in self.forewarnings() if words not in settled]
             found = self.budget.warnings if self.outcome.done else self.budget.of_mesh
-            lost = [*beside_rollers(state, self.scene), *self.budget.useless]
+            useless = self.budget.useless(tension_readings(state).values())
+            lost = [*beside_rollers(state, self.scene), *useless]
             seen = [words for rule in RULES_AT_END for words in rule(state, self.scene)]
             self.warnings = [*lost, *told, *seen, *found]
             elastic = state.plan.model.coupled == state.plan.model.unknowns
