@@ -704,16 +704,17 @@ class Assembly:
 
     @cached_property
     def scales(self) -> Scales:
-        """Scales of length, force and tension: the largest edge force, else of heat, or bending.
+        """Scales of length, force and tension: the largest edge force, else of heat or moves.
 
-        Moves of held ends and of rollers stretch strip like heat.
+        Else that of the weight of the whole strip or the pressure on it, or of bending.
         """
         tension = largest_force(self.scene)
         if tension == 0.0:
             heat = self.strip.tensile_stiffness * largest_eigenstrain(self.scene)
             tension = max(heat, tension_of_moves(self.scene))
         if tension == 0.0:
-            tension = self.strip.bending_stiffness / self.strip.length**2
+            load = distributed_load(self.scene) * self.strip.length
+            tension = max(load, self.strip.bending_stiffness / self.strip.length**2)
         return Scales(self.strip.length, tension * self.strip.width, tension)
 
 
