@@ -339,10 +339,11 @@ class Equilibrium:
         return math.sqrt(forces.dot(forces)) / self.model.scales.force
 
     def round_off(self, u: Array, control: float) -> float:
-        """Imbalance that a change of the last digits of all displacements makes."""
+        """Imbalance that a change of the last digits of displacements and tangent vectors makes."""
         full, velocity = self.supports.full(u, control), self.full_velocity(u, control)
         signs = np.where(np.arange(len(full)) % 3 == 1, -1.0, 1.0)
-        moved = full * (1.0 + np.finfo(float).eps * signs)
+        slopes = full + self.model.strip.flat_slopes(len(full))
+        moved = full + np.finfo(float).eps * signs * slopes
         forces = [self.model.force(x, velocity, self.controls, control) for x in (moved, full)]
         return self.imbalance(self.supports.gathered(forces[0] - forces[1]))
 

@@ -559,9 +559,26 @@ def test_errors_as_large_as_what_they_are_errors_of_are_told() -> None:
     budget = Budget(Assembly(scene))
     small = {"tension": 100.0, "force": 2e4, "position": 1e-3}
     budget.parts = {"path": None, "mesh": small}
-    assert not budget.useless
+    assert not budget.useless([1.2e4])
     budget.parts["mesh"] = small | {"position": 0.8}
-    (told,) = budget.useless
+    (told,) = budget.useless([1.2e4])
     assert "the mesh may make positions by 0.8 m, more than half the width, wrong" in told
     budget.parts["path"] = small | {"tension": 2e5}
-    assert len(budget.useless) == 2 and "tensions by 2e+05 N/m" in budget.useless[0]
+    found = budget.useless([1.2e4])
+    assert len(found) == 2 and "tensions by 2e+05 N/m" in found[0]
+    assert len(budget.useless([3e5, 0.0])) == 1  # under more tension than was asked for
+    smooth = Scene.from_tables(tomllib.loads(scenes.LIFTED), "lifted.toml")
+    budget = Budget(Assembly(smooth), parts={"regularisation": small | {"tension": 1e9}})
+    assert budget.useless([1.0])[0].endswith("wrong. Try --set strip.finer=2")  # no law of friction
+
+
+def test_errors_of_strip_that_hardly_moves_are_known(tmp_path: Path) -> None:
+    """Its strain is known to the last digit of 1, not of itself: 50 m hang by their weight."""
+    hanging = """
+        strip = { kinematics = "section", length = 50.0, width = 1.0, thickness = 1.0e-3 }
+        material = { young = 2.0e11, poisson = 0.3, density = 7850.0 }
+        edges.entry.fixed = ["x", "z"]
+        stages = [{ name = "hang", duration = 1.0, gravity = [9.81, 0.0, 0.0] }]
+    """
+    found = run(hanging, tmp_path / "hanging").summary["errors"]
+    assert max(found["path"]["tension"], found["mesh"]["tension"]) < 1e-5

@@ -172,3 +172,29 @@ def test_a_way_without_friction_is_followed_to_the_tolerance(contact: dict[str, 
         forces.append(run.state.rollers["r1"].normal_force)
     assert tangents[0] < 0.95 * tangents[1]
     assert forces[0] == pytest.approx(forces[1], rel=5e-3)
+
+
+def test_a_roller_that_stretches_held_strip_is_hard() -> None:
+    """The pressure is that of the tension it makes; √(D/T) of it, 17 mm, is resolved as well.
+
+    E t (l/L − 1) with the way l of a string, its straight runs and the arc between them; strip that
+    is bent onto the roller has a little more.
+    """
+    radius, half, raised, stiffness = 1.0, 2.0, 0.05, 2e11 * 1e-3
+    scene = Scene.model_validate(
+        {
+            "strip": {"kinematics": "section", "length": 4.0, "width": 1.0, "thickness": 1e-3},
+            "material": {"young": 2e11, "poisson": 0.3},
+            "contact": {},
+            "edges": {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["x", "z"]}},
+            "rollers": [{"radius": radius, "centre": [0.0, 0.0, -radius]}],
+            "stages": [{"duration": 1.0, "rollers": {"r1": {"move": [0.0, 0.0, raised]}}}],
+        }
+    )
+    *_, last = scene.run()
+    away = math.hypot(half, radius - raised)
+    turn = math.asin(radius / away) - math.atan((radius - raised) / half)
+    way = math.sqrt(away**2 - radius**2) + radius * turn
+    tension = stiffness * (way / half - 1.0)
+    assert last.state.tension("exit") == pytest.approx(tension, rel=2e-3)
+    assert last.tangents <= 8

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
@@ -154,3 +155,30 @@ def test_sensitivities_are_those_of_lines_whose_ends_stay(
     largest = max(map(abs, differences.values()))
     for name, difference in differences.items():
         assert found[name] == pytest.approx(difference, abs=1e-5 * largest), name
+
+
+def test_strip_is_hung_by_its_ends() -> None:
+    """An elastic catenary, whose weight is put on before its ends are brought together.
+
+    H with x = H s/E t + 2 H/q asinh(q s/2H) between the ends of strip of the length s, and T = √(H²
+    + (q s/2)²) there; on bending, D/T = 1 mm², nothing depends.
+    """
+    length, nearer, stiffness, q = 30.0, 0.3, 2e11 * 5e-4, WEIGHT
+    course = [{"gravity": [0.0, 0.0, -9.81]}, {"exit": {"move": [-nearer, 0.0, 0.0]}}]
+    ends = {name: {"fixed": ["x", "z"]} for name in ("entry", "exit")}
+    tables = {
+        "strip": {"kinematics": "section", "length": length, "width": 1.0, "thickness": 5e-4},
+        "material": {"young": 2e11, "poisson": 0.3, "density": 7850.0},
+        "edges": ends,
+        "stages": [{"duration": 1.0, **stage} for stage in course],
+    }
+    *_, last = Scene.from_tables(tables, "hung.toml").run()
+
+    def apart(h: float) -> float:
+        return float(h * length / stiffness + 2.0 * h / q * np.arcsinh(0.5 * q * length / h))
+
+    h = brentq(lambda h: apart(h) - (length - nearer), 1e2, 1e5)
+    tension = np.hypot(h, 0.5 * q * length)
+    assert last.state.tension("entry") == pytest.approx(tension, rel=1e-3)
+    assert last.state.along("z").min() == pytest.approx((h - tension) / q, rel=1e-3)
+    assert last.tangents <= 30

@@ -94,6 +94,22 @@ def test_a_stage_without_friction_may_leave_out_its_duration(tmp_path: Path) -> 
         Scene.load(path)
 
 
+@pytest.mark.parametrize(
+    ("right", "wrong", "key"),
+    [
+        ("thickness =", "thicknes =", "strip.thicknes"),
+        ("duration = 0.6\n", 'steady = "yes"\n', "stages.turn.steady"),
+    ],
+)
+def test_one_slip_is_one_mistake(right: str, wrong: str, key: str, tmp_path: Path) -> None:
+    """Nothing is missing besides what is misspelt, nor what another type would have asked for."""
+    path = tmp_path / "scene.toml"
+    path.write_text(GOOD.replace(right, wrong), encoding="utf-8")
+    with pytest.raises(InputError) as refused:
+        Scene.load(path)
+    assert [mistake.key for mistake in refused.value.mistakes] == [key]
+
+
 def test_last_override_wins() -> None:
     scene = Scene.load(CAPSTAN, ["strip.width=2", "strip.width=3"])
     assert scene.strip.width == 3.0

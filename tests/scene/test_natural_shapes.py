@@ -451,3 +451,17 @@ def test_speed_of_an_idle_roller_behind_a_furnace():
     cold, hot = (rollers[name].tension_in / (2e11 * 0.8e-3) for name in ("drive", "hot"))
     speed = 2.0 * 1.0098 * (1.0 + hot) / (1.0 + cold)
     assert rollers["hot"].surface_speed == pytest.approx(speed, rel=2e-6)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
+@pytest.mark.parametrize("bow", [1e-3, 2e-2])
+def test_a_bowed_strip_between_hinges_is_pressed(bow: float, tolerance: float) -> None:
+    """P = P_E (1 + (π a/L)²/8) − 4 D κ⁰/(π a), a = 2/π √(Δ L), of one half wave of the height a."""
+    way, hinged = 4e-3, {"exit": {"fixed": ["x", "z"]}}
+    scene = flat("section", {"exit": {"move": [-way, 0.0, 0.0]}}, hinged, coil_set=bow)
+    _, state = ended(Scene.model_validate(scene.to_dict() | {"solver": {"tolerance": tolerance}}))
+    stiffness = YOUNG * T**3 / 12.0 / (1.0 - 0.3**2)
+    height = 2.0 / np.pi * np.sqrt(way * LENGTH)
+    euler = stiffness * (np.pi / LENGTH) ** 2 * (1.0 + (np.pi * height / LENGTH) ** 2 / 8.0)
+    borne = euler - 4.0 * stiffness * bow / (np.pi * height)
+    assert -state.tension("exit") == pytest.approx(borne, rel=5e-3)

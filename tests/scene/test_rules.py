@@ -405,7 +405,6 @@ def test_all_mistakes_are_named_at_once(tmp_path: Path) -> None:
     assert set(mistakes_of(tmp_path, text)) == {
         "strip.thickness",
         "contact.eta",
-        "material.poisson",
         "material.poison",
         "stages.turn.rollers.r2",
     }

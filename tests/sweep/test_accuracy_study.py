@@ -50,6 +50,15 @@ def test_what_applies_to_a_scene_is_varied() -> None:
     assert smooth["mesh"] == [0.5, 1.0]
 
 
+def test_the_largest_run_is_told_beside_the_scene(tmp_path: Path) -> None:
+    """By the unknowns of both strips; those of layers of the scene were counted as well."""
+    scene = Scene.load(EXAMPLES / "leveller.toml")
+    study = Accuracy(scene, ["mesh"], directory=tmp_path)
+    largest = max(float(variant.values["unknowns"]) for variant in study.variants)
+    times = largest / Run(scene).assembly.strip.unknowns
+    assert times > 1.5 and f"the largest has {times:.2g} times" in study.plan
+
+
 def test_a_section_that_is_loose_as_a_shell_is_not_run_as_one() -> None:
     loose = Scene.load(EXAMPLES / "heavy.toml", ["edges.entry.centred=false"])
     assert "kinematics" not in axes(loose)

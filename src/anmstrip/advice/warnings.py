@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from anmstrip.advice.preview import (
 )
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
+from anmstrip.fem.sampling import quadrature_points
 from anmstrip.mechanics.roller import Roller
 from anmstrip.results.rollers import RUNNING_SLIP, ContactState
 from anmstrip.results.state import State
@@ -236,6 +238,46 @@ def standing_idlers(state: State, scene: SceneSpec) -> Iterator[str]:
             )
 
 
+def spinning_rollers(state: State, scene: SceneSpec) -> Iterator[str]:
+    """Rollers that a torque turns through under the strip, since friction takes less of it."""
+    for spec in scene.rollers:
+        contact, key = state.contacts.get(spec.name), f"rollers.{spec.name}.torque"
+        given = float(state.controls.get(key, 0.0))
+        taken = 0.0 if contact is None else abs(contact.torque)
+        if contact is None or not slides(contact) or abs(given) <= 1.001 * taken + spec.bearing:
+            continue
+        stage = [each.name for each in scene.stages if spec.name in each.rollers][-1]
+        yield (
+            f"roller {spec.name} turns through under the strip: of its torque of {given:.4g} N m "
+            f"friction takes {taken:.4g} N m. "
+            f"Try --set stages.{stage}.{key}={np.copysign(0.5 * taken, given):.2g}"
+        )
+
+
+def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
+    """Free spans of a section that are pressed by more than they bear if their ends are clamped.
+
+    Nothing bends a straight strip on its path beyond the load at which it buckles.
+    """
+    strip, membrane, given = state.plan.model.strip, state.membrane, scene.strip
+    if membrane is None or strip.count != 2 or not given.bending or given.foundation:
+        return
+    begin, end = strip.span
+    arcs = sorted(contact.arc for contact in state.contacts.values() if contact.touching.any())
+    places, forces = quadrature_points(strip)[0], membrane.at(state.full, state.controls)[0, 0]
+    for (_, start), (stop, _) in pairwise([(begin, begin), *arcs, (end, end)]):
+        within = (start <= places) & (places <= stop)
+        pressed = -float(forces[within].mean()) if within.any() else 0.0
+        if pressed * (stop - start) ** 2 <= 4.0 * np.pi**2 * strip.bending_stiffness:
+            continue
+        curved = 8.0 * given.thickness / (stop - start) ** 2
+        yield (
+            f"the strip is pressed by {pressed:.3g} N/m over {stop - start:.3g} m, more than it "
+            "bears unbuckled: this state is not stable. Try a strip that is not quite straight, "
+            f"--set strip.coil_set={curved:.1g}"
+        )
+
+
 def slides(contact: ContactState) -> bool:
     """Whether strip touches a roller and slides over it wherever it does."""
     return bool(contact.touching.any()) and contact.grip > 0.0
@@ -401,11 +443,13 @@ def shorter_elements(assembly: Assembly, longest: float) -> str:
 
 
 def strict_tolerance(preview: Preview) -> Iterator[str]:
-    """A tolerance that the last digits of the positions of a threaded strip do not allow."""
+    """A tolerance that the last digits of the positions of the strip as laid do not allow."""
     assembly, plan = preview.assembly, preview.plans[0]
-    if assembly.thread is None or assembly.scene.solver.tolerance >= STRICT_TOLERANCE:
+    if assembly.scene.solver.tolerance >= STRICT_TOLERANCE:
         return
-    laid = assembly.thread.laid(assembly.strip, assembly.pattern)[plan.supports.free]
+    laid = np.zeros(len(plan.supports.free))  # flat
+    if assembly.thread is not None:
+        laid = assembly.thread.laid(assembly.strip, assembly.pattern)[plan.supports.free]
     equations = Equilibrium(plan.model, plan.supports, plan.controls)
     if told := below_round_off(assembly.scene, equations.round_off(laid, 0.0)):
         yield told
@@ -535,6 +579,7 @@ OTHER_RULES = (
     *physics.PHYSICS_RULES,
     units.all_in_millimetres,
 )
+RULES_AT_END = (lifted_off, standing_idlers, spinning_rollers, buckled_section)
 
 
 def element_over(assembly: Assembly, roller: Roller) -> float:

@@ -37,6 +37,7 @@ from anmstrip.results.files import ERROR_WORDS
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import Span, free_spans
 from anmstrip.scene.schema import StageSpec
+from anmstrip.simulation.meshing import mesh_density
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
 from anmstrip.timestepping.formulas import AffineVelocity, Errors, Memory
@@ -143,20 +144,27 @@ class Budget:
         """Sentences about the last state of a run that is done."""
         return [*self.of_path, *self.of_mesh]
 
-    @property
-    def useless(self) -> list[str]:
-        """Sentences about errors that are as large as what they are errors of."""
-        assembly, told = self.assembly, list[str]()
+    def useless(self, tensions: Iterable[float]) -> list[str]:
+        """Sentences about errors as large as what they are errors of: largest tension, half width.
+
+        Tensions (N/m) are those of the state; the scene's own scale may be less.
+        """
+        assembly, told, cures = self.assembly, list[str](), dict(BUDGET_ADVICE)
+        if assembly.scene.friction is None:  # the onset of contact goes with the mesh
+            cures["regularisation"] = (
+                f"Try --set strip.finer={2.0 * mesh_density(assembly.scene):g}"
+            )
+        largest = max(assembly.scales.tension, *map(abs, tensions))
         sideways, half = 1 in assembly.kinematics.components, 0.5 * assembly.strip.width
         for of, found in self.parts.items():
             wrong = []
-            if found is not None and found["tension"] > assembly.scales.tension:
+            if found is not None and found["tension"] > largest:
                 wrong.append(f"tensions by {found['tension']:.2g} N/m, more than they are,")
             if found is not None and sideways and found["position"] > half:
                 wrong.append(f"positions by {found['position']:.2g} m, more than half the width,")
             if wrong:
                 found_wrong = f"{ERROR_WORDS[of]} may make {' and '.join(wrong)} wrong"
-                told.append(f"this state is of no use: {found_wrong}. {BUDGET_ADVICE[of]}")
+                told.append(f"this state is of no use: {found_wrong}. {cures[of]}")
         return told
 
     @property

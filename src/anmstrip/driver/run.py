@@ -13,17 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anmstrip.advice.preview import Preview
-from anmstrip.advice.warnings import (
-    beside_rollers,
-    coarse_mesh,
-    lifted_off,
-    standing_idlers,
-    warnings,
-)
+from anmstrip.advice.warnings import RULES_AT_END, beside_rollers, coarse_mesh, warnings
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Outcome, PathStopped
 from anmstrip.continuation.follow import Pace
-from anmstrip.driver.budget import Budget, Part
+from anmstrip.driver.budget import Budget, Part, tension_readings
 from anmstrip.driver.recorder import Recorder, history_row, identity, kept_values, read_checkpoint
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import SHELL
@@ -405,9 +399,10 @@ class Run:
             settled = set(coarse) if self.fine_enough else set[str]()
             told = [words for words in self.forewarnings() if words not in settled]
             found = self.budget.warnings if self.outcome.done else self.budget.of_mesh
-            lost = [*beside_rollers(state, self.scene), *self.budget.useless]
-            rollers = *lifted_off(state, self.scene), *standing_idlers(state, self.scene)
-            self.warnings = [*lost, *told, *rollers, *found]
+            useless = self.budget.useless(tension_readings(state).values())
+            lost = [*beside_rollers(state, self.scene), *useless]
+            seen = [words for rule in RULES_AT_END for words in rule(state, self.scene)]
+            self.warnings = [*lost, *told, *seen, *found]
             elastic = state.plan.model.coupled == state.plan.model.unknowns
             if state.plan.steady and self.outcome.done and elastic:
                 from anmstrip.driver.sensitivities import sensitivities

@@ -152,6 +152,13 @@ class Strip:
         slopes = self.nodal(full)[self.dofs("u_x")[self.edges[name].nodes]].mean(axis=0)
         return np.array([1.0, 0.0, 0.0]) + self.kinematics.embed(slopes)
 
+    def flat_slopes(self, unknowns: int) -> Array:
+        """Return ∂x/∂X = 1 of the flat strip's nodes at its place among all unknowns, else 0."""
+        slopes = np.zeros(unknowns)
+        if 0 in self.kinematics.components:
+            self.nodal(slopes)[self.dofs("u_x"), 0] = 1.0
+        return slopes
+
     @cached_property
     def nodes(self) -> Array:
         """Reference positions of the mesh nodes, shape (3, nodes)."""

@@ -109,7 +109,7 @@ class SceneSpec(Table):
         try:
             self.__pydantic_validator__.validate_python(tables, self_instance=self, context=right)
         except ValidationError as error:
-            found += mistakes_of(error, type(self), tables)
+            found += told_once(mistakes_of(error, type(self), tables))
         for name, field in type(self).model_fields.items():
             if name not in tables and not field.is_required():
                 right[name] = field.get_default()
@@ -515,6 +515,15 @@ def mistakes_of(
             better = f'"{name_like(value)}"' if named and name_like(value) else better
             hint = example_of(place.name, field) if better is None else f"{place.name} = {better}"
             yield Mistake("", key, value, expected, hint)
+
+
+def told_once(found: Iterable[Mistake]) -> list[Mistake]:
+    """Return mistakes without keys that are missing because they are misspelt, as is told."""
+    told = list(found)
+    misspelt = [mistake for mistake in told if mistake.expected == "a known key"]
+    meant = {(*m.key.split(".")[:-1], m.hint.partition(" (the nearest")[0]) for m in misspelt}
+    echoes = [m for m in told if m.value is None and tuple(m.key.split(".")) in meant]
+    return [mistake for mistake in told if mistake in misspelt or mistake not in echoes]
 
 
 def inner_tables(field: FieldInfo) -> list[type[BaseModel]]:

@@ -663,7 +663,8 @@ class StageSpec(Table):
         others = {key: value for key, value in given.items() if key not in own}
         moving = {"velocity", "speed"}
         moved = any(moving & {*edge} for edge in others.values() if isinstance(edge, dict))
-        if own.get("steady") is True or (own.get("friction") is False and not moved):
+        steady = own.get("steady", False) is not False  # of another type it is told itself
+        if steady or (own.get("friction") is False and not moved):
             own.setdefault("duration", 1.0)
         return {**own, "edges": {**edges, **others}}
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from anmstrip.scene.checks import moved_ends
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.scene.tables import StageSpec
+from anmstrip.scene.tables import ENDS, StageSpec
 
 CREEP_SHARE = 0.1
 """Share of the elastic creep that V_c is by default.
@@ -186,6 +186,32 @@ def largest_force(scene: SceneSpec) -> float:
     return max(map(abs, given_tensions(scene)), default=0.0)
 
 
+def tension_of_moves(scene: SceneSpec) -> float:
+    """Return what stretches flat strip between held ends (N/m) if they or rollers are moved.
+
+    A roller that comes in by h at the distances a and b from the ends makes the way longer by
+    h² (1/a + 1/b)/2.
+    """
+    length, ends = scene.strip.length, [scene.edges.get(name) for name in ENDS]
+    if length is None or scene.threading or not all(end and "x" in end.fixed for end in ends):
+        return 0.0
+    ways = [length]
+    for stage in scene.stages:
+        apart = np.array([length, 0.0, 0.0])
+        for name, sign in zip(ENDS, (-1.0, 1.0), strict=True):
+            if (edge := stage.edges.get(name)) is not None and edge.move is not None:
+                apart += np.multiply(sign, edge.move)
+        way = float(np.linalg.norm(apart))
+        for roller in scene.rollers:
+            control = stage.rollers.get(roller.name)
+            x, _, z = np.add(roller.centre, (control and control.move) or 0.0)
+            into = roller.radius - np.copysign(z, z * roller.centre[2])
+            if into > 0.0 and abs(x) < 0.5 * length:
+                way += 0.5 * into**2 * (1.0 / (0.5 * length + x) + 1.0 / (0.5 * length - x))
+        ways.append(way)
+    return scene.material.young * scene.strip.thickness * (max(ways) / length - 1.0)
+
+
 def bending_stiffness(scene: SceneSpec) -> float:
     """D (N m), zero for a strip that does not resist bending."""
     m, t = scene.material, scene.strip.thickness
@@ -193,8 +219,8 @@ def bending_stiffness(scene: SceneSpec) -> float:
 
 
 def boundary_layer(scene: SceneSpec) -> float:
-    """√(D/T) (m) of the largest tension; infinite without tension."""
-    tension = largest_force(scene)
+    """√(D/T) (m) of the largest tension, given or by moves; infinite without tension."""
+    tension = largest_force(scene) or tension_of_moves(scene)
     return float(np.sqrt(bending_stiffness(scene) / tension)) if tension > 0.0 else np.inf
 
 

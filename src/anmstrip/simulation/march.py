@@ -346,9 +346,9 @@ class March:
     def _start(self, plan: StageProblem) -> tuple[Array, Equilibrium]:
         """First point of a rate-free path, and its equations."""
         free, u = plan.supports.free, self.full[plan.supports.free]
+        equations = Equilibrium(plan.model, plan.supports, plan.controls)
         if plan.name == THREADING and self.reached is None:
             assert self.assembly.thread is not None
-            equations = Equilibrium(plan.model, plan.supports, plan.controls)
             u = self.assembly.laid[free]
             found = self._corrected(equations, u)
             if found is None:  # bent, it may reach into a roller that a taut string just passes
@@ -357,13 +357,20 @@ class March:
                 found = self._corrected(equations, taut[free])
             u = u if found is None else found
         elif tension := self._slack(plan):
-            self.slack, u = (
-                True,
-                uniform_stretch(self.assembly, tension, plan.controls.at(1.0))[free],
-            )
+            stretch = uniform_stretch(self.assembly, tension, plan.controls.at(1.0))
+            self.slack, u = True, stretch[free]
+        elif self._lies_flat(plan):
+            found = self._corrected(equations, u)
+            u = u if found is None else found
         if self.slack:
-            return u, Equilibrium(plan.model, *plan.held_at_end)
-        return u, Equilibrium(plan.model, plan.supports, plan.controls)
+            equations = Equilibrium(plan.model, *plan.held_at_end)
+        return u, equations
+
+    def _lies_flat(self, plan: StageProblem) -> bool:
+        """Return whether strip that would not be flat unstressed still lies in its plane."""
+        given = plan.controls.at(0.0).items()
+        shaped = any(np.any(value) for key, value in given if key.startswith("strip."))
+        return shaped and not np.any(self.full)
 
     def _corrected(self, equations: Equilibrium, guess: Array) -> Array | None:
         """The state near a guess, perhaps with a path still to go, or None if there is none.

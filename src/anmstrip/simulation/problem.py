@@ -46,6 +46,7 @@ from anmstrip.simulation.defaults import (
     follows_rollers,
     largest_force,
     line_speed,
+    tension_of_moves,
     with_defaults,
 )
 from anmstrip.simulation.meshing import (
@@ -623,7 +624,8 @@ class Assembly:
             return own_law(self.scene, "contact", c, ContactLaw, {})
         if c.constants is not None:
             return RepulsiveSignorini(*c.constants)
-        tension, thickness = largest_force(self.scene), self.strip.thickness
+        tension = largest_force(self.scene) or tension_of_moves(self.scene)
+        thickness = self.strip.thickness
         radius = float(np.exp(np.mean(np.log([roller.radius for roller in self.rollers]))))
         load = distributed_load(self.scene)
         if tension == load == 0.0:
@@ -723,12 +725,17 @@ class Assembly:
 
     @cached_property
     def scales(self) -> Scales:
-        """Scales of length, force and tension: the largest edge force, else of heat, or bending."""
+        """Scales of length, force and tension: the largest edge force, else of heat or moves.
+
+        Else that of the weight of the whole strip or the pressure on it, or of bending.
+        """
         tension = largest_force(self.scene)
         if tension == 0.0:
-            tension = self.strip.tensile_stiffness * largest_eigenstrain(self.scene)
+            heat = self.strip.tensile_stiffness * largest_eigenstrain(self.scene)
+            tension = max(heat, tension_of_moves(self.scene))
         if tension == 0.0:
-            tension = self.strip.bending_stiffness / self.strip.length**2
+            load = distributed_load(self.scene) * self.strip.length
+            tension = max(load, self.strip.bending_stiffness / self.strip.length**2)
         return Scales(self.strip.length, tension * self.strip.width, tension)
 
 

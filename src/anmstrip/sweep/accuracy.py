@@ -285,7 +285,7 @@ class Accuracy(Sweep):
         most = max(int(variant.values["unknowns"]) for variant in self.variants)
         return (
             f"{len(self.variants)} runs along {along}, {left} of them still to do; the largest has "
-            f"{most / self.assembly.unknowns:.2g} times the unknowns of the scene."
+            f"{most / self.assembly.strip.unknowns:.2g} times the unknowns of the scene."
         )
 
     def final(self, settings: Settings) -> Final | None:
