@@ -444,11 +444,23 @@ PUSHED = merged(
 )
 
 
+CARRIED = merged(  # on past an exit that is held
+    BRIDLE,
+    edges={"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["x", "z"]}},
+    stages=[
+        {"name": "run", "steady": True, "strip": {"speed": 1.0}},
+        {"name": "on", "duration": 0.1},
+    ],
+    rollers=[{**roller, "drive": "idle"} for roller in BRIDLE["rollers"]],
+)
+
+
 @pytest.mark.parametrize(
     ("tables", "words"),
     [
         (BRAKED, "roller a turns through under the strip: of its torque of -1300 N m"),
         (PUSHED, "the strip is pressed by 4.99e+05 N/m over 4 m"),
+        (CARRIED, "what is held or moved stretches it"),
     ],
 )
 def test_what_a_last_state_shows_is_cured(
@@ -476,6 +488,7 @@ ELSEWHERE = {
     "standing_idlers": "test_steady.py",
     "spinning_rollers": "of what a last state shows",
     "buckled_section": "of what a last state shows",
+    "overstretched": "of what a last state shows",
     "beside_rollers": "of a state beside its rollers, in test_steady.py",
     "uneven_heat": "test_diagnosis.py",
     "too_large": "test_diagnosis.py",

@@ -80,6 +80,8 @@ MISTYPED: list[tuple[list[str], list[str]]] = [
         ["stages.run.entry.tension = 90 is in N/m, and 2 m of the strip weigh 127 N/m; was it "
          "meant in MPa?", "stages.run.exit.tension = 90"],
     ),
+    (["stages.run.rollers.r1.surface_speed=120", "stages.run.rollers.r2.surface_speed=120"],
+     ["stages.run.rollers.r1.surface_speed = 120 is in m/s", "stages.run.rollers.r2.surface"]),
     (["friction.coefficient=20"], ["friction.coefficient = 20 is a ratio of forces"]),
     (["rollers.r2.friction=30"], ["rollers.r2.friction = 30 is a ratio of forces"]),
     (
@@ -142,3 +144,15 @@ def test_stresses_of_a_line_in_millimetres_are_in_megapascals() -> None:
     assert typed(found) == ["material.plasticity={}", "rollers.r1.radius=620"]
     small = told(*IN_MILLIMETRES, "rollers.r1.radius=70", "rollers.r1.centre=[0, 0, -70]")
     assert any("at the surface, a strain of 0.57 %" in line for line in small), small
+
+
+def test_the_speed_of_a_strip_is_doubted_like_that_of_a_roller() -> None:
+    running = BRIDLE.replace("entry.tension = 9.0e3", "strip.speed = 120.0")
+    running = running.replace("rollers.r1.surface_speed = 2.0\n", "").replace(
+        "rollers.r2.surface_speed = 2.0\n", ""
+    )
+    tables = tomllib.loads(running)
+    tables["rollers"] = [{**roller, "drive": "idle"} for roller in tables["rollers"]]
+    scene = Scene.from_tables(tables, "line.toml")
+    (found,) = [line for line in warnings(Preview.of(Assembly(scene))) if "was it meant" in line]
+    assert typed(found) == ["stages.run.strip.speed=2"]

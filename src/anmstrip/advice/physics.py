@@ -489,11 +489,16 @@ def yielding_instead(scene: SceneSpec) -> str:
     return "--set 'material.plasticity={}' so that it can yield, or "
 
 
+def yield_stress(scene: SceneSpec) -> float:
+    """Return the yield stress (Pa), or what no metal bears without yielding."""
+    m = scene.material
+    return m.yield_stress or (METAL_YIELD_STRAIN * m.young if is_metal(scene) else np.inf)
+
+
 def stretched_beyond_yield(preview: Preview) -> Iterator[str]:
     """Tensions beyond the yield stress."""
     scene, t = preview.assembly.scene, preview.assembly.scene.strip.thickness
-    m, stress = scene.material, preview.tension / t
-    limit = m.yield_stress or (METAL_YIELD_STRAIN * m.young if is_metal(scene) else np.inf)
+    stress, limit = preview.tension / t, yield_stress(scene)
     if stress > limit and not scene.material.plasticity:
         pulled, yields = (f"{in_megapascals(scene, each):.0f} MPa" for each in (stress, limit))
         yield (

@@ -207,12 +207,16 @@ def doubtful_friction(scene: SceneSpec) -> Iterator[Doubt]:
 
 
 def doubtful_speeds(scene: SceneSpec) -> Iterator[Doubt]:
-    """Yield speeds of rollers that no line has."""
+    """Yield speeds of strip and of rollers that no line has."""
     for stage in scene.stages:
+        key, entry = f"stages.{stage.name}", stage.edges.get("entry")
+        speeds = {f"{key}.strip.speed": stage.strip.speed}
+        speeds[f"{key}.entry.speed"] = entry.speed if entry is not None else None
         for name, roller in stage.rollers.items():
-            if abs(speed := roller.surface_speed or 0.0) > LARGEST_IN_LINES["m/s"]:
-                key = f"stages.{stage.name}.rollers.{name}.surface_speed"
-                yield doubt(key, speed, "m/s", "m/min", speed / 60.0)
+            speeds[f"{key}.rollers.{name}.surface_speed"] = roller.surface_speed
+        for each, speed in speeds.items():
+            if speed is not None and abs(speed) > LARGEST_IN_LINES["m/s"]:
+                yield doubt(each, speed, "m/s", "m/min", speed / 60.0)
 
 
 def doubtful_tensions(scene: SceneSpec) -> Iterator[Doubt]:

@@ -6,6 +6,7 @@ sentences; those of statics stand in :mod:`anmstrip.advice.physics`.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -28,7 +29,7 @@ from anmstrip.results.rollers import RUNNING_SLIP, ContactState
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS, THREADING, FieldSpec
-from anmstrip.simulation.defaults import boundary_layer, elastic_creep
+from anmstrip.simulation.defaults import boundary_layer, elastic_creep, largest_force
 from anmstrip.simulation.meshing import (
     LAYER_SHARE,
     MAX_ELEMENTS,
@@ -251,6 +252,23 @@ def spinning_rollers(state: State, scene: SceneSpec) -> Iterator[str]:
             f"roller {spec.name} turns through under the strip: of its torque of {given:.4g} N m "
             f"friction takes {taken:.4g} N m. "
             f"Try --set stages.{stage}.{key}={np.copysign(0.5 * taken, given):.2g}"
+        )
+
+
+def overstretched(state: State, scene: SceneSpec) -> Iterator[str]:
+    """Elastic strip that is pulled beyond its yield stress by more than the given tensions."""
+    limit = physics.yield_stress(scene) * scene.strip.thickness
+    if state.membrane is None or scene.material.plasticity or largest_force(scene) > limit:
+        return
+    most = float(state.along("tension").max(initial=0.0))
+    if most > limit:
+        edge = scene.edges.get("exit")
+        free = [each for each in edge.fixed if each != "x"] if edge is not None else []
+        cure = f"'edges.exit.fixed={json.dumps(free)}'"
+        held = edge is not None and "x" in edge.fixed
+        yield (
+            f"the strip is pulled by up to {most:.3g} N/m, and yields at {limit:.3g} N/m: what is "
+            f"held or moved stretches it. Try {f'--set {cure}' if held else 'smaller moves'}"
         )
 
 
@@ -579,7 +597,7 @@ OTHER_RULES = (
     *physics.PHYSICS_RULES,
     units.all_in_millimetres,
 )
-RULES_AT_END = (lifted_off, standing_idlers, spinning_rollers, buckled_section)
+RULES_AT_END = (lifted_off, standing_idlers, spinning_rollers, overstretched, buckled_section)
 
 
 def element_over(assembly: Assembly, roller: Roller) -> float:

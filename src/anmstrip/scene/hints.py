@@ -23,6 +23,15 @@ UNIT_FACTORS = {
 SYNONYMS = {"beam": "section"}
 """Words of other programs for one of ours."""
 
+NOT_MODELLED = {
+    "inertia": "not modelled; an idler that gains the speed v in t seconds has the drive torque "
+    "and torque = -J v/(r t) in that stage",
+    "mass": "not modelled: states are quasi-static, and rollers do not bend",
+    "eccentricity": "not modelled; its effect is that of moves, rollers.NAME.move of a stage",
+    "temperature": "temperatures are those of the strip, strip.temperature",
+}
+"""Keys of rollers in other programs, and what to type instead."""
+
 QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)\s*")
 """A number, with a unit or without."""
 

@@ -23,6 +23,7 @@ from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.scene import tables as scene_tables
 from anmstrip.scene.checks import KEY_RULES, check_scene
 from anmstrip.scene.hints import (
+    NOT_MODELLED,
     expected_number,
     is_number,
     likely_value,
@@ -497,6 +498,8 @@ def mistakes_of(
             hint = nearest(place.keys[-1], known)
             if place.keys[-1] == "diameter" and "radius" in known and is_number(value):
                 hint = f"radius = {0.5 * value:g}"
+            elif place.keys[-1] in NOT_MODELLED and "radius" in known:
+                hint = NOT_MODELLED[place.keys[-1]]
             elif others := " or ".join(keys_of(model, place.keys[-1])):
                 hint += f"; or in another table, {others}"
             yield Mistake("", key, value, "a known key", hint)
