@@ -62,6 +62,7 @@ ELSEWHERE = {
             "MIN_REDUCTIONS",
             "LIMIT_POINT_GROWTH",
             "LONG_PATH",
+            "START_OF_PATH",
         ),
         *("COMPARED_ORDERS", "PROGRESSION_TOLERANCE", "ROUND_OFF_SHARE"),
     ),

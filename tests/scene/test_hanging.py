@@ -157,14 +157,16 @@ def test_sensitivities_are_those_of_lines_whose_ends_stay(
         assert found[name] == pytest.approx(difference, abs=1e-5 * largest), name
 
 
-def test_strip_is_hung_by_its_ends() -> None:
-    """An elastic catenary, whose weight is put on before its ends are brought together.
+@pytest.mark.parametrize("at_once", [False, True], ids=["one after the other", "at once"])
+def test_strip_is_hung_by_its_ends(at_once: bool) -> None:
+    """An elastic catenary, whose weight is put on before, or while, its ends are brought together.
 
     H with x = H s/E t + 2 H/q asinh(q s/2H) between the ends of strip of the length s, and T = √(H²
     + (q s/2)²) there; on bending, D/T = 1 mm², nothing depends.
     """
     length, nearer, stiffness, q = 30.0, 0.3, 2e11 * 5e-4, WEIGHT
     course = [{"gravity": [0.0, 0.0, -9.81]}, {"exit": {"move": [-nearer, 0.0, 0.0]}}]
+    course = [course[0] | course[1]] if at_once else course
     ends = {name: {"fixed": ["x", "z"]} for name in ("entry", "exit")}
     tables = {
         "strip": {"kinematics": "section", "length": length, "width": 1.0, "thickness": 5e-4},
