@@ -534,6 +534,18 @@ def test_a_torque_beyond_friction_is_said_of_steady_strip_and_holds_no_more(
     assert not list(warnings(preview_of(helped(float(advice[1])))))
 
 
+@pytest.mark.parametrize(("torque", "most"), [(1500.0, 300.0), (-1500.0, 300.0 / 1.1)])
+def test_a_torque_beyond_friction_is_said_of_strip_that_is_held_in_time(
+    torque: float, most: float
+) -> None:
+    """The pull at the exit is the larger tension of a brake, and the smaller one of a drive."""
+    ran = helped(torque, steady=False, duration=1.0)
+    del ran["stages"][0]["entry"]
+    (said,) = [line for line in warnings(preview_of(ran)) if "is more than friction" in line]
+    held = re.search(r"which is (\S+) N m under", said)
+    assert held and float(held[1]) == pytest.approx(most, rel=0.03)
+
+
 def test_torques_that_push_where_an_end_pulls_are_said_to_have_the_wrong_sign() -> None:
     """A lower pull is no cure, for there is none; the other sign of the torque, once typed, is."""
     tables = helped(200.0, exit={"tension": 1.19e4})

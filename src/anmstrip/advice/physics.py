@@ -556,6 +556,8 @@ def torque_beyond_friction(preview: Preview) -> Iterator[str]:
     assembly, thread = preview.assembly, preview.assembly.thread
     specs = {spec.name: spec for spec in assembly.scene.rollers}
     pulls = {pulled.stage.name: pulled for pulled in pulled_at_both_ends(preview)}
+    held = "exit" in assembly.scene.edges and "x" in assembly.scene.edges["exit"].fixed
+    last = {} if thread is None or held else {thread.rollers[-1].name: preview.tension}
     for stage in assembly.scene.stages:
         pulled = pulls.get(stage.name)
         before, behind = (
@@ -567,7 +569,7 @@ def torque_beyond_friction(preview: Preview) -> Iterator[str]:
             if control is None or not control.torque:
                 continue
             forward = control.torque * roller.sense * carrying_sense(roller, thread) > 0.0
-            high, low = (side.get(roller.name, np.inf) for side in (before, behind))
+            high, low = (side.get(roller.name, np.inf) for side in (before, last | behind))
             high, low = (high, low) if forward else (low, high)
             grip = holding_ratio(preview, roller)
             tension = min(high / grip, low)  # the smaller one, at most
