@@ -11,6 +11,7 @@ import pytest
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.mechanics.laws import GradedSignorini
+from anmstrip.simulation.defaults import tension_of_moves
 from anmstrip.simulation.problem import Assembly
 from contact import pressed as under
 from strips import capstan, pressed
@@ -196,5 +197,6 @@ def test_a_roller_that_stretches_held_strip_is_hard() -> None:
     turn = math.asin(radius / away) - math.atan((radius - raised) / half)
     way = math.sqrt(away**2 - radius**2) + radius * turn
     tension = stiffness * (way / half - 1.0)
+    assert tension_of_moves(scene) == pytest.approx(tension, rel=2e-2)
     assert last.state.tension("exit") == pytest.approx(tension, rel=2e-3)
     assert last.tangents <= 8

@@ -603,10 +603,8 @@ def strip_without_tension(preview: Preview) -> Iterator[str]:
             for roller in assembly.rollers
             if given and 0.0 < last.get(roller.name, 0.0) / given < stretch[roller.name] - unpulled
         ]
-        if (
-            given
-            and np.prod([holding_ratio(preview, roller) for roller in slow]) > 1.0 / BRAKING_SHARE
-        ):
+        held = float(np.prod([holding_ratio(preview, roller) for roller in slow]))
+        if given and held > 1.0 / BRAKING_SHARE:
             name = min((roller.name for roller in slow), key=lambda each: last[each])
             yield (
                 f"roller {name} goes at {last[name]:.9g} m/s in stage {stage.name}, and strip that "

@@ -77,6 +77,9 @@ EXPLAIN_COST = np.array([452e3, 18.0, 281.0])
 EXPLAIN_COST_EXPONENTS = np.array([1.0, 1.8])
 """Exponents by which both grow: 94 000 unknowns take 2.5 GB and 17 s, others of 101 000 4.4 GB."""
 
+BALANCED_TORQUE = 1e-3
+"""Share of the torque of friction within which a drive is balanced: the default tolerance."""
+
 FRICTION_DIFFERENCE = 0.1
 """Share by which a friction coefficient may act as another one than was typed, unsaid."""
 
@@ -245,7 +248,8 @@ def spinning_rollers(state: State, scene: SceneSpec) -> Iterator[str]:
         contact, key = state.contacts.get(spec.name), f"rollers.{spec.name}.torque"
         given = float(state.controls.get(key, 0.0))
         taken = 0.0 if contact is None else abs(contact.torque)
-        if contact is None or not slides(contact) or abs(given) <= 1.001 * taken + spec.bearing:
+        left = abs(given) - spec.bearing - taken
+        if contact is None or not slides(contact) or left <= BALANCED_TORQUE * taken:
             continue
         stage = [each.name for each in scene.stages if spec.name in each.rollers][-1]
         yield (
@@ -265,7 +269,7 @@ def overstretched(state: State, scene: SceneSpec) -> Iterator[str]:
         edge = scene.edges.get("exit")
         free = [each for each in edge.fixed if each != "x"] if edge is not None else []
         cure = f"'edges.exit.fixed={json.dumps(free)}'"
-        held = edge is not None and "x" in edge.fixed
+        held = edge is not None and "x" in edge.fixed and largest_force(scene) > 0.0
         yield (
             f"the strip is pulled by up to {most:.3g} N/m, and yields at {limit:.3g} N/m: what is "
             f"held or moved stretches it. Try {f'--set {cure}' if held else 'smaller moves'}"
@@ -275,7 +279,8 @@ def overstretched(state: State, scene: SceneSpec) -> Iterator[str]:
 def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
     """Free spans of a section that are pressed by more than they bear if their ends are clamped.
 
-    Nothing bends a straight strip on its path beyond the load at which it buckles.
+    Nothing bends a straight strip on its path beyond the load at which it buckles; what is proposed
+    is a curvature 8 t/L², by which a span is one thickness high.
     """
     strip, membrane, given = state.plan.model.strip, state.membrane, scene.strip
     if membrane is None or strip.count != 2 or not given.bending or given.foundation:

@@ -146,6 +146,5 @@ def _is_seen(force: float, k: int, reach: float, tolerance: float) -> bool:
     """Whether force · reach^k, left without order k, is more than a share of the tolerance."""
     if not force > 0.0:
         return force != 0.0
-    return math.log(force) + k * math.log(reach) > math.log(
-        max(SIGNIFICANT_SHARE * tolerance, TINY)
-    )
+    least = max(SIGNIFICANT_SHARE * tolerance, TINY)
+    return math.log(force) + k * math.log(reach) > math.log(least)

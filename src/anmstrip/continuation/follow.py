@@ -37,9 +37,10 @@ the steps shrink to STEP_REDUCTION.
 """
 
 START_OF_PATH = 1e-6
-"""Share of a path on which steps may be shorter than elsewhere, in proportion to what is covered.
-Flat strip of 0.5 mm that hangs over 30 m without tension bends by its thickness under 1e-8 of its
-weight; it is hung in 27 tangents."""
+"""Share of a path on which steps may be shorter than elsewhere, in proportion to what is covered,
+down to this share of the shortest.  It has no effect on paths of steps in time.  Flat strip of
+0.5 mm that hangs over 30 m without tension bends by its thickness under 1e-8 of its weight; it is
+hung in 27 tangents."""
 
 LONG_PATH = 20
 """Branches after which a path is long."""
@@ -208,9 +209,9 @@ class _Follower:
         """Pace after a branch; raises if that is too short, or has turned back for good."""
         whole = self.target - self.start
         covered = branch.length * abs(parameter.scale)
-        come = (covered + abs(float(branch.control[0]) - self.start)) / abs(whole)
-        begun = float(np.clip(come / START_OF_PATH, START_OF_PATH, 1.0))
-        if covered < begun * self.settings.shortest * abs(whole):
+        travelled = (covered + abs(float(branch.control[0]) - self.start)) / abs(whole)
+        share = float(np.clip(travelled / START_OF_PATH, START_OF_PATH, 1.0))
+        if covered < share * self.settings.shortest * abs(whole):
             residual = excess_imbalance(self.equations, branch, 2.0 * branch.length, self.cost)
             if not np.isfinite(residual).all():
                 residual = excess_imbalance(self.equations, branch, branch.length, self.cost)
@@ -234,8 +235,5 @@ def _nears_limit_point(shrinking: tuple[tuple[float, float], ...]) -> bool:
         return False
     lengths, slopes = zip(*shrinking, strict=True)
     steeper = all(b > a for a, b in pairwise(slopes[-MIN_REDUCTIONS - 1 :]))
-    return (
-        lengths[-1] < STEP_REDUCTION * lengths[0]
-        and steeper
-        and slopes[-1] > LIMIT_POINT_GROWTH * slopes[0]
-    )
+    shorter = lengths[-1] < STEP_REDUCTION * lengths[0]
+    return shorter and steeper and slopes[-1] > LIMIT_POINT_GROWTH * slopes[0]

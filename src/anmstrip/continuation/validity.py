@@ -138,11 +138,8 @@ def progression(equations: Equations, branch: Branch) -> float | None:
     if ratio == 0.0:
         return None
     for j, (share, u) in enumerate(zip(shares, branch.u[-2 : -count - 1 : -1], strict=True)):
-        bent = size(equations, u - share * last)
-        if (
-            bent > PROGRESSION_TOLERANCE * size(equations, u)
-            or abs(share / ratio ** (j + 1) - 1.0) > PROGRESSION_TOLERANCE
-        ):
+        parallel = size(equations, u - share * last) <= PROGRESSION_TOLERANCE * size(equations, u)
+        if not parallel or abs(share / ratio ** (j + 1) - 1.0) > PROGRESSION_TOLERANCE:
             return None
     began = np.sqrt(norm) * abs(ratio) ** (branch.order - 1)
     return ratio if began < ROUND_OFF_SHARE * size(equations, branch.u[1]) else None
@@ -215,10 +212,8 @@ def longest_quotient(
     guess, reach = guessed_range(equations, series, tolerance, reach)
     if series.order < 3 or guess >= reach:
         return None
-    quotient, limit = (
-        as_quotient(equations, series.cut(guess)),
-        min(reach, LONGEST_QUOTIENT * guess),
-    )
+    quotient, limit = as_quotient(equations, series.cut(guess)), LONGEST_QUOTIENT * guess
+    limit = min(reach, limit)
     if quotient is None:
         return None
     pole = first_root(quotient.denominator, limit)
@@ -261,9 +256,8 @@ def as_quotient(equations: Equations, branch: Branch) -> Branch | None:
         columns = [
             padded[degree + n - last - j : degree + n - j].ravel() for j in range(degree + 1)
         ]
-        matrix = np.vstack(
-            [np.stack(columns[1:], axis=1), DENOMINATOR_DAMPING * largest * np.eye(degree)]
-        )
+        damping = DENOMINATOR_DAMPING * largest * np.eye(degree)
+        matrix = np.vstack([np.stack(columns[1:], axis=1), damping])
         wanted = -np.concatenate([columns[0], np.zeros(degree)])
         found = lapack.dgels(matrix, wanted)[1][:degree] / powers[:degree]
         denominator = np.concatenate([[1.0], found])

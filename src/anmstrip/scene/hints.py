@@ -24,7 +24,7 @@ SYNONYMS = {"beam": "section"}
 """Words of other programs for one of ours."""
 
 NOT_MODELLED = {
-    "inertia": "not modelled; an idler that gains the speed v in t seconds has the drive torque "
+    "inertia": 'not modelled; an idler that gains the speed v in t seconds has drive = "torque" '
     "and torque = -J v/(r t) in that stage",
     "mass": "not modelled: states are quasi-static, and rollers do not bend",
     "eccentricity": "not modelled; its effect is that of moves, rollers.NAME.move of a stage",

@@ -255,9 +255,8 @@ class March:
     def _rate_free(self, plan: StageProblem, settings: Settings) -> Iterator[Step]:
         u, equations = self._start(plan)
         begun, floor = self.reached or 0.0, 0.0
-        if (
-            equations.imbalance(equations.residual(u, begun)) < LARGEST_PATH_IMBALANCE
-        ):  # not of a guess
+        imbalance = equations.imbalance(equations.residual(u, begun))
+        if imbalance < LARGEST_PATH_IMBALANCE:  # not of a guess
             floor = equations.round_off(u, begun)
         tolerance = max(settings.tolerance, floor)
         calmly = MIN_RELAXATION_SHARE if plan.steady and self.assembly.flow is None else 0.0
