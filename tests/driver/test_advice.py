@@ -171,7 +171,7 @@ MORE: list[tuple[dict[str, Any], str, list[str]]] = [
      "acts as 0.283", ['friction.law="algebraic"']),
     (changed(("rollers.0.centre", [0.0, 0.0, 0.4]), ("stages.1.entry.tension", 4e4)),
      "the strip runs away", ["friction.coefficient=0.5"]),
-    (CAPSTAN, "and on 90° of wrap friction holds 1.27 times", ["friction.coefficient=0.45"]),
+    (CAPSTAN, "and on 90° of wrap friction holds 1.26 times", ["friction.coefficient=0.45"]),
     (PLATE, "in stage settle nothing holds the strip in x", []),
     (BENT, "bending over a gives 275 MPa", ["material.plasticity={}"]),
     (BENT, "bending over a gives 275 MPa", ["rollers.a.radius=0.56"]),
@@ -188,7 +188,7 @@ FOLLOWED = {
     "roller c is touched by nothing: the strip passes at 0.1 m": ["rollers.c.centre=[-2, 0, 0.2]"],
     "the strip comes off roller a in stage run": ["stages.run.rollers.b.move=[0, 0, 0.2]"],
     "which pulls at its entry by 4e+04 N/m against 1e+04 N/m, and on 222° of wrap friction "
-    "holds 2.17 times": ["stages.run.entry.tension=2.1e4"],
+    "holds 2.16 times": ["stages.run.entry.tension=2.1e4"],
     "on 111° of wrap friction holds 1.47 times": ["stages.run.entry.tension=1.4e4"],
     "a stress of 600 MPa, beyond 500 MPa": [
         "stages.run.entry.tension=1.5e5", "stages.run.exit.tension=1.5e5",

@@ -18,9 +18,10 @@ from anmstrip.advice.physics import (
     held_by_nip,
     pulled_at_both_ends,
     runs_away,
+    slack_edge,
     two_digits,
 )
-from anmstrip.advice.preview import Preview, motions_at, unheld_words
+from anmstrip.advice.preview import Preview, as_sentence, motions_at, unheld_words
 from anmstrip.advice.warnings import against_section, below_round_off, finer_mesh, serious
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import NEGLIGIBLE_SHARE, Evidence, Outcome, PathStopped
@@ -188,7 +189,7 @@ def not_held(failure: Failure) -> str | None:
         if held[strip.count * strip.node_values + place].any() or name in by_rollers:
             continue
         told = unheld_words(failure.scene, failure.stage.name, name)
-        return f"{told[0].upper()}{told[1:]}"
+        return as_sentence(told)
     return None
 
 
@@ -235,7 +236,7 @@ def round_off(failure: Failure) -> str | None:
 def forewarned(failure: Failure) -> str | None:
     """It could be told before the run, of this stage and those before it."""
     found = serious(seen_before(failure))
-    return f"{found[0][0].upper()}{found[0][1:]}" if found else None
+    return as_sentence(found[0]) if found else None
 
 
 def ran_away(failure: Failure) -> bool:
@@ -288,7 +289,9 @@ def slack(failure: Failure) -> str | None:
         found = "under no tension, which is what holds a thin strip in shape"
     else:
         return None
-    return f"The strip is {found}. {uneven_heat(failure, -least[worst]) or more_tension(failure)}"
+    crooked = next(slack_edge(seen_before(failure)), "")
+    cure = uneven_heat(failure, -least[worst]) or as_sentence(crooked) or more_tension(failure)
+    return f"The strip is {found}. {cure}"
 
 
 def uneven_heat(failure: Failure, pressed: float) -> str | None:
@@ -338,7 +341,7 @@ def free_motion(failure: Failure) -> str | None:
         return None
     state = failure.state
     found = next(motions_at(failure.assembly, failure.plan, state.full, state.control), "")
-    return f"{found[0].upper()}{found[1:]}" if found else None
+    return as_sentence(found) or None
 
 
 def coarse(failure: Failure) -> str | None:

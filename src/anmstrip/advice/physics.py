@@ -58,8 +58,11 @@ BRAKING_SHARE = 0.1
 SAFE_ANGLE_SHARE = 0.8
 """Share of the angle at which an edge is slack that is proposed for a roller out of line."""
 
-SLENDER_RUN = 2.0
+SLENDER_RUN = 1.0
 """Least length of a run, in widths of the strip, that bends in its plane as a beam."""
+
+BENT_ITERATIONS = 20
+"""Iterations of the tension after a roller, whose bending depends on itself."""
 
 NIP_RANGE = 80.0
 """Onsets of contact over which the pressure of a nip is summed up."""
@@ -222,6 +225,47 @@ def holding_ratio(preview: Preview, roller: Roller) -> float:
     return float(np.exp(min(f * preview.turn(roller), 100.0)))
 
 
+def taken_by_bending(preview: Preview, roller: Roller) -> float:
+    """Return D κ²/2 (N/m), by which the tension of strip on a roller is less than before it."""
+    stiffness = bending_stiffness(preview.assembly.scene)
+    return 0.5 * stiffness * sharpest_curvature(preview, roller) ** 2
+
+
+def tension_after(preview: Preview, roller: Roller, pull: float, sense: float) -> float:
+    """Return the tension (N/m) after a roller on which all of the strip slips, from that before it.
+
+    Where strip comes to lie on the roller its tension T is less by B = D κ²/2, and presses on the
+    edge of the contact by Q with Q² = T² − (T − B)², an angle φ with cos φ = 1 − B/T later than
+    a string would.  In between e^(f(θ − φ − φ')) multiplies T − B + f Q.
+
+    Parameters
+    ----------
+    preview : Preview
+    roller : Roller
+    pull : float
+        N/m.
+    sense : {1.0, -1.0}
+        Whether friction makes the tension larger or smaller.
+    """
+    f, bent = sense * np.log(holding_ratio(preview, roller)), taken_by_bending(preview, roller)
+    if pull <= bent:
+        return pull
+    turn = max(preview.turn(roller), 1e-300)
+    f, after = f / turn, pull * np.exp(f)
+    late, edge = _edge_of_contact(pull, bent)
+    for _ in range(BENT_ITERATIONS):
+        later, there = _edge_of_contact(max(after, bent), bent)
+        within = (pull - bent + f * edge) * np.exp(f * max(turn - late - later, 0.0))
+        after = within + bent + f * there
+    return float(max(after, bent))
+
+
+def _edge_of_contact(tension: float, bent: float) -> tuple[float, float]:
+    """Angle (rad) by which strip comes to lie late, and the force on the edge there (N/m)."""
+    angle = float(np.arccos(1.0 - bent / tension)) if tension else 0.0
+    return angle, tension * np.sin(angle)
+
+
 def two_digits(value: float, towards: Callable[[float], float]) -> float:
     """Return a positive bound with two digits, rounded to the side where it still is one.
 
@@ -348,8 +392,9 @@ def other_ways_to_hold(preview: Preview, end: str, pulled: Pulled, turn: float) 
     ):
         keys = (f"stages.{pulled.stage.name}.rollers.{name}.torque" for name in pulled.torques)
         return f", or the other sign of {', '.join(keys)}"
-    low = min(pulled.ends.values())
-    f = np.log(high / low) / turn if low and turn else np.inf
+    bent = max(taken_by_bending(preview, roller) for roller in assembly.rollers) if turn else 0.0
+    low = min(pulled.ends.values()) - bent
+    f = np.log((high - bent) / low) / turn if low > 0.0 and turn else np.inf
     return f", or a friction coefficient above {two_digits(f, np.ceil):g}" if f < 2.0 else ""
 
 
@@ -430,14 +475,13 @@ def largest_tensions(
         yield roller.name, pull
         load = pull * preview.turn(roller)
         pull += sum(nip_friction(assembly, nip, load, sure) for nip in pressed.pop(roller.name, ()))
-        grip = holding_ratio(preview, roller)
-        most = pull * grip
+        most = tension_after(preview, roller, pull, 1.0)
         if roller.name in assembly.turning:
             torque = pulled.torques.get(roller.name, 0.0) * roller.sense
             carried = torque * carrying_sense(roller, thread)
             gained = specs[roller.name].bearing + (-carried if forth else carried)
             held = pull + gained / (roller.radius * assembly.strip.width)
-            most = min(most, max(held, pull / grip))  # friction takes no more either way
+            most = min(most, max(held, tension_after(preview, roller, pull, -1.0)))
         pull = max(most, 0.0)
     others = (nip for each in pressed.values() for nip in each)
     pull += sum(nip_friction(assembly, nip, 0.0, sure) for nip in others)
@@ -780,7 +824,9 @@ def slack_edge(preview: Preview) -> Iterator[str]:
     Strip that sticks to a roller comes to it at right angles, and bends in its plane between the
     roller and what guides it a length L before.  Out of line by θ, its curvature there is
     θ K coth(K L/2) with K² = 12 T/(E t W²), that of Shelton's beam (Lateral dynamics of a moving
-    web, 1968); the inner edge, W/2 away, is slack where that is more than 2 T/(E t W).
+    web, 1968); the inner edge, W/2 away, is slack where that is more than 2 T/(E t W).  A short run
+    shears as well, by which it bends 1 + 2 E I/(G A_s L²) times less (Timoshenko's beam, without
+    tension).
     """
     assembly, thread = preview.assembly, preview.assembly.thread
     scene = assembly.scene
@@ -796,14 +842,16 @@ def slack_edge(preview: Preview) -> Iterator[str]:
         axis = roller.unit_axis / roller.unit_axis[1]
         heading = path.at(start[0], 0)[1]
         angle = abs(float((axis - before)[[0, 2]] @ heading))
-        bearable = 2.0 * strain / (width * k) * np.tanh(0.5 * k * (start[0] - since))
-        slender = start[0] - since > SLENDER_RUN * width
+        run = start[0] - since
+        sheared = 0.4 * (1.0 + scene.material.poisson) * (width / run) ** 2
+        bearable = (1.0 + sheared) * 2.0 * strain / (width * k) * np.tanh(0.5 * k * run)
+        slender = run > SLENDER_RUN * width
         if guided and slender and angle > bearable:
-            nearer = before + SAFE_ANGLE_SHARE * bearable / angle * (axis - before)
-            typed = ", ".join(f"{component:.2g}" for component in nearer)
+            axis = before + SAFE_ANGLE_SHARE * bearable / angle * (axis - before)
+            typed = ", ".join(f"{component:.2g}" for component in axis)
             yield (
                 f"roller {roller.name} is out of line by {1e3 * angle:.3g} mrad with what guides "
-                f"the strip {start[0] - since:.3g} m before. Strip that it steers has a slack edge "
+                f"the strip {run:.3g} m before. Strip that it steers has a slack edge "
                 f"from {1e3 * bearable:.2g} mrad on, and wrinkles. "
                 f"Try --set 'rollers.{roller.name}.axis=[{typed}]'"
             )

@@ -347,7 +347,7 @@ def motion_words(
             f"the {end} is {way} in {component}: it is in equilibrium at any angle, and its place "
             "is what came before"
         )
-    yield f"{loose}. {advice[0].upper()}{advice[1:]}"
+    yield f"{loose}. {as_sentence(advice)}"
 
 
 def edge_to_hold(scene: SceneSpec) -> str:
@@ -380,3 +380,8 @@ def unheld_words(scene: SceneSpec, stage: str, component: str) -> str:
             else (f" and turn the rollers in a later stage, with {edge}.release = true there.")
         )
     return f"nothing holds the strip in {component}. Try --set {key}"
+
+
+def as_sentence(words: str) -> str:
+    """Return words with a capital letter in front."""
+    return words[:1].upper() + words[1:]
