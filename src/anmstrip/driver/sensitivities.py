@@ -242,7 +242,7 @@ class Partials:
             yield key, {**explicit, **more, **both}
 
     def by_labels(self, key: str) -> Explicit:
-        """Derivatives of elastic effects and weight, of strip that runs take up to hang deeper."""
+        """Derivatives of elastic effects, weight and friction, of strip that runs take up to hang deeper."""
         tangent, state = self.tangent, self.tangent.state
         if not (change := tangent.grown(key)).any():
             return {}
@@ -250,11 +250,12 @@ class Partials:
 
         def law(effect: Any, h: float) -> Array:
             controls = state.controls | {
-                "strip.growth": state.controls["strip.growth"] + h * change
+                "strip.growth": state.controls["strip.growth"] + h * change,
+                "strip.held": state.controls["strip.held"] + h * tangent.held(key),
             }
             return np.asarray(effect.law(effect.operator.apply(state.full), None, controls))
 
-        names = (name for name in (*THICKNESS_POWERS, "weight") if name in tangent.parts)
+        names = (name for name in (*THICKNESS_POWERS, "weight", "friction") if name in tangent.parts)
         effects = {name: tangent.law_part(name).effect for name in names}
         return {
             name: sum((w / step * law(effect, at * step) for at, w in STENCIL), np.array(0.0))

@@ -298,18 +298,49 @@ class CarriedFriction(AlignedFriction):
     """The same on strip of which material passes labels that hardly move.
 
     The last unknown is the length (m) that has passed, of which c is the rate.  Where runs before a
-    roller take strip up, less passes it: control ``rollers.NAME.drift`` (m/s), added to c.
+    roller take strip up, less passes it: control ``rollers.NAME.drift`` (m/s), added to c.  Where
+    labels hold g as much strip, as between the rollers that a run hangs on, it passes them with
+    1/g of that: control ``strip.held``, and ``strip.taking_up`` (m/s), of the runs.
+
+    Attributes
+    ----------
+    grown : ndarray, shape (2, runs, points of the strip), optional
+        By how much ∂S/∂X grows at all points with the strip that each run holds (1/m), and what S
+        has grown by from the label of the roller's drift, or from the entry (1).
+    drifts : ndarray, shape (runs, rollers), optional
+        What S has grown by at the labels of the rollers' drifts.
     """
+
+    grown: Array | None = None
+    drifts: Array | None = None
 
     operator_type = TransportOperator
 
     def rates(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Any, Any, Any]:
-        """Return ∂r/∂t against the roller in its frame, speeds of free surfaces, and c (m/s)."""
+        """Return ∂r/∂t against the roller in its frame, speeds of free surfaces, and c/g (m/s)."""
         change, _, _ = super().rates(x, v, controls)
         passing = v[-1]
         if f"rollers.{self.roller.members[0].name}.drift" in controls:
             passing = passing + control_of(self.roller, controls, "drift")
-        return change, v[-2], passing
+            passing = passing - self.beyond(controls, "strip.taking_up", 1)
+        return change, v[-2], self.by_labels(passing, controls)
+
+    def by_labels(self, speed: Any, controls: Mapping[str, Any]) -> Any:
+        """Speed (m/s) along labels that hold g as much strip."""
+        if self.grown is None or "strip.held" not in controls:
+            return speed
+        return speed / (self.beyond(controls, "strip.held", 0) + 1.0)
+
+    def beyond(self, controls: Mapping[str, Any], name: str, which: int) -> Any:
+        """Sum over runs of what they hold times the growth at the points; 0 where labels stay."""
+        if self.grown is None:
+            return 0.0
+        assert self.drifts is not None
+        shapes = self.grown[which][:, self.contact.operator.chosen % self.grown.shape[-1]]
+        if which == 1:
+            shapes = shapes - self.drifts[:, self.roller.seen_by(shapes.shape[-1])]
+        runs = (k for k in range(len(shapes)) if shapes[k].any())
+        return sum((controls[name][k] * shapes[k] for k in runs), 0.0)
 
 
 @dataclass(frozen=True)
@@ -322,8 +353,8 @@ class SteadyFriction(CarriedFriction):
     rate_dependent = False
 
     def rates(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Any, Any, Any]:
-        """Return no change, speeds of free surfaces, and c (m/s)."""
-        return None, x[-2], x[-1] + controls["strip.speed"]
+        """Return no change, speeds of free surfaces, and c/g (m/s)."""
+        return None, x[-2], self.by_labels(x[-1] + controls["strip.speed"], controls)
 
 
 class Passage(LawEffect):

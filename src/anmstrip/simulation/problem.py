@@ -55,6 +55,7 @@ from anmstrip.simulation.meshing import (
     cells_across,
     contact_parts,
     follows_weight,
+    label_at,
     loads_in_stages,
     mesh_density,
     shortest_wanted,
@@ -589,7 +590,20 @@ class Assembly:
         kind = CarriedFriction if through else AlignedFriction
         kind = SteadyFriction if stage.steady else kind
         given = rubbing.contact, rubbing.law_of_slip, rubbing.coefficients, self._numbers
-        return kind(*given, len(self.turning), self.slope_operator)
+        grown = self.grown_at_contact if through else ()
+        return kind(*given, len(self.turning), self.slope_operator, *grown)
+
+    @cached_property
+    def grown_at_contact(self) -> tuple[Array, Array] | tuple[()]:
+        """What labels of contact points and of rollers hold, see ``CarriedFriction``; else none."""
+        if (growth := self.growth) is None:
+            return ()
+        places = self.slope_operator.reference[0]
+        labels = np.array([label_at(roller, growth.thread) for roller in self.rollers])
+        runs = np.eye(growth.shapes.shape[1])
+        shapes = [growth.at(places, run) - 1.0 for run in runs]
+        passed = [growth.up_to(places, run) for run in runs]
+        return np.array([shapes, passed]), np.array([growth.up_to(labels, run) for run in runs])
 
     @cached_property
     def slope_operator(self) -> SlopeOperator:
