@@ -184,3 +184,59 @@ def test_strip_is_hung_by_its_ends(at_once: bool) -> None:
     assert last.state.tension("entry") == pytest.approx(tension, rel=1e-3)
     assert last.state.along("z").min() == pytest.approx((h - tension) / q, rel=1e-3)
     assert last.tangents <= 30
+
+
+def supported(steady: bool, ahead: float, gravity: float = 9.81) -> dict[str, Any]:
+    """A run of 8 m over three supports onto which weight alone presses it, and which run ahead."""
+    supports = [
+        {"name": f"h{k}", "radius": 0.1, "centre": (2.0 * k, 0.0, -0.1)} for k in range(1, 4)
+    ]
+    last = {"name": "out", "radius": 0.4, "centre": (8.0, 0.0, -0.4), "wrap": "over"}
+    going: dict[str, Any] = {"steady": True, "strip": {"speed": 1.0}}
+    if not steady:
+        going = {"duration": 0.5, "entry": {"speed": 1.0}}
+    speeds = {each["name"]: {"surface_speed": 1.0 + ahead} for each in supports}
+    return {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 1e-3},
+        "material": FURNACE["material"],
+        "contact": {},
+        "friction": {"coefficient": 0.2},
+        "threading": {"tension": 1000.0, "entry": (0.0, 0.0, 0.0), "exit": (9.0, 0.0, -0.8)},
+        "rollers": [*supports, last],
+        "edges": FURNACE["edges"],
+        "stages": [
+            {"name": "weight", "friction": False, "gravity": (0.0, 0.0, -gravity)},
+            {"name": "run", "rollers": {**speeds, "out": {"surface_speed": 1.0}}, **going},
+        ],
+    }
+
+
+@pytest.mark.parametrize("steady", [True, False])
+def test_supports_slip_by_what_they_run_ahead(steady: bool) -> None:
+    """Labels of the run hold 1.02 times the strip, which passes them with as much less."""
+    state = done(supported(steady, 5e-3)).state
+    assert state is not None
+    for name in ("h1", "h2", "h3"):
+        reading = state.rollers[name]
+        assert reading.max_slip == pytest.approx(5e-3, rel=0.02)
+        assert reading.torque == pytest.approx(0.2 * reading.normal_force * 0.1, rel=0.01)
+
+
+def test_sensitivities_of_strip_on_supports(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Differences of runs on the same labels, by the laws of the first."""
+    rows, step, settings = [], 1e-4, (STRICT, "friction.speed=2e-3")
+    run = done(supported(True, 1e-5), *settings)
+    assert run.state is not None
+    state = corrected(run.state)
+    found = sensitivities(state, [False] * 4, run.assembly.hanging(state.plan))["gravity"]
+    mesh, growth, law = run.assembly.strip.mesh, run.assembly.growth, run.assembly.signorini
+    monkeypatch.setattr("anmstrip.simulation.problem.strip_mesh", lambda *_: mesh)
+    monkeypatch.setattr(Assembly, "growth", growth)
+    monkeypatch.setattr(Assembly, "signorini", law)
+    for share in (1.0 - step, 1.0 + step):
+        changed = done(supported(True, 1e-5, 9.81 * share), *settings).state
+        assert changed is not None
+        rows.append(tensions(corrected(changed), state.passages))
+    for name in rows[0]:
+        difference = (rows[1][name] - rows[0][name]) / (2.0 * step * 9.81)
+        assert found[name] == pytest.approx(difference, rel=2e-3), name

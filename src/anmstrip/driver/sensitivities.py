@@ -242,7 +242,7 @@ class Partials:
             yield key, {**explicit, **more, **both}
 
     def by_labels(self, key: str) -> Explicit:
-        """Derivatives of elastic effects, weight and friction, of strip that runs take up to hang deeper."""
+        """Derivatives of all that counts by labels, of strip that runs take up to hang deeper."""
         tangent, state = self.tangent, self.tangent.state
         if not (change := tangent.grown(key)).any():
             return {}
@@ -250,17 +250,27 @@ class Partials:
 
         def law(effect: Any, h: float) -> Array:
             controls = state.controls | {
-                "strip.growth": state.controls["strip.growth"] + h * change,
-                "strip.held": state.controls["strip.held"] + h * tangent.held(key),
+                "strip.growth": state.controls["strip.growth"] + h * change
             }
             return np.asarray(effect.law(effect.operator.apply(state.full), None, controls))
 
-        names = (name for name in (*THICKNESS_POWERS, "weight", "friction") if name in tangent.parts)
+        names = (name for name in (*THICKNESS_POWERS, "weight") if name in tangent.parts)
         effects = {name: tangent.law_part(name).effect for name in names}
-        return {
+        found = {
             name: sum((w / step * law(effect, at * step) for at, w in STENCIL), np.array(0.0))
             for name, effect in effects.items()
         }
+        return {**found, "friction": self.by_passing_labels(key)}
+
+    def by_passing_labels(self, key: str) -> Array:
+        """Derivative of friction, of strip that passes labels with c/g, as by a change of c."""
+        tangent, state = self.tangent, self.tangent.state
+        part, friction = tangent.law_part("friction"), tangent.friction
+        held = {"strip.held": tangent.held(key)}
+        g = 1.0 + friction.beyond(state.controls, "strip.held", 0)
+        seed = np.zeros(part.shape)
+        seed[-1] = -(state.strip_speed or 0.0) / g * friction.beyond(held, "strip.held", 0)
+        return part.orders.derivative(seed)
 
     def by_speeds(self) -> Iterator[tuple[str, Explicit]]:
         """Speeds enter as those of the strip and of free surfaces do, which are unknowns."""
@@ -576,7 +586,8 @@ class Oscillation:
         part, count = self.tangent.law_part("friction"), self.tangent.model.strip.count
         inputs, points = part.shape
         unit = np.broadcast_to(np.eye(inputs)[count : 2 * count, :, None], (count, inputs, points))
-        return part.orders.derivative(unit) / self.speed
+        g = 1.0 + self.tangent.friction.beyond(self.tangent.state.controls, "strip.held", 0)
+        return part.orders.derivative(unit) * (g / self.speed)
 
     @cached_property
     def rate(self) -> Array:
