@@ -127,6 +127,10 @@ def end_tensions(*settings: str) -> list[float]:
     return [float(tension) for side in sides for tension in side]
 
 
+def test_a_narrow_strip_in_millimetres_is_one_too() -> None:
+    assert not [line for line in told(*IN_MILLIMETRES, "strip.width=5.0") if "meant in" in line]
+
+
 def test_a_line_in_millimetres_is_the_same_and_told_once() -> None:
     found = told(*IN_MILLIMETRES)
     assert begins(found, "the values of this scene fit together in N, mm, MPa and s"), found

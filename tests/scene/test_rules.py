@@ -544,3 +544,47 @@ def test_what_rollers_have_in_other_programs_is_explained(key: str) -> None:
         Scene.from_tables(tomllib.loads(f"{GOOD}\n[[rollers]]\n{key} = 1.0\n"), "line.toml")
     (mistake,) = [each for each in found.value.mistakes if each.key.endswith(key)]
     assert mistake.hint == NOT_MODELLED[key]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "hint"),
+    [
+        ("young = ", "E = ", "material.E", "young = "),
+        ("poisson = ", "nu = ", "material.nu", "poisson = "),
+        ("radius = 0.5", "diameter = 0.8", "rollers.r1.diameter", "radius = 0.4"),
+    ],
+)
+def test_a_key_of_another_name_is_one_mistake(old: str, new: str, key: str, hint: str) -> None:
+    """What is missing is told by what is there instead, once."""
+    assert old in GOOD
+    with pytest.raises(InputError) as found:
+        Scene.from_tables(tomllib.loads(GOOD.replace(old, new, 1)), "line.toml")
+    (mistake,) = found.value.mistakes
+    assert (mistake.key, mistake.hint[: len(hint)]) == (key, hint)
+
+
+@pytest.mark.parametrize(
+    ("typed", "hint"),
+    [
+        ("rpm = 60.0", "angular_speed = 6.28319"),
+        ("force = [0.0, 0.0, -1.0]", "the tension that it makes: a weight G"),
+        ("axis = [0.1, 1.0, 0.0]", "axis in [[rollers]], for the whole run"),
+    ],
+)
+def test_what_stages_do_not_change_of_a_roller(typed: str, hint: str) -> None:
+    stage = f'[[stages]]\nname = "more"\nduration = 1.0\nrollers.r1.{typed}\n'
+    with pytest.raises(InputError) as found:
+        Scene.from_tables(tomllib.loads(f"{GOOD}\n{stage}"), "line.toml")
+    (mistake,) = found.value.mistakes
+    assert mistake.hint.startswith(hint)
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"), [("bottom", "under"), ("below", "under"), ("Top", "over")]
+)
+def test_sides_in_other_words(word: str, meant: str) -> None:
+    tables = tomllib.loads(GOOD)
+    tables["rollers"][0]["wrap"] = word
+    with pytest.raises(InputError) as found:
+        Scene.from_tables(tables, "line.toml")
+    assert [m.hint for m in found.value.mistakes if m.key.endswith("wrap")] == [f'wrap = "{meant}"']

@@ -39,7 +39,7 @@ EARTH_GRAVITY = 9.81
 MAX_TENSION_STRAIN = 5e-3
 """Strain by tension that no strip in millimetres has: it is that of a tension in N/m."""
 
-MILLIMETRE_RANGES = {"young": (1e3, 1e6), "thickness": (1e-3, 20.0), "width": (10.0, 2e4)}
+MILLIMETRE_RANGES = {"young": (1e3, 1e6), "thickness": (1e-3, 20.0), "width": (3.0, 2e4)}
 """Least and largest modulus (MPa), thickness and width (mm) of strip."""
 
 MIN_RADIUS = 1.0

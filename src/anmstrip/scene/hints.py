@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import unicodedata
 from collections.abc import Iterable
@@ -20,8 +21,30 @@ UNIT_FACTORS = {
 }
 """Units by the one of a key, with what they are of it."""
 
-SYNONYMS = {"beam": "section"}
+SYNONYMS = {
+    "beam": "section",
+    "top": "over", "above": "over",
+    "bottom": "under", "below": "under",
+}  # fmt: skip
 """Words of other programs for one of ours."""
+
+OTHER_NAMES = {
+    "diameter": ("radius", 0.5),
+    "e": ("young", 1.0),
+    "nu": ("poisson", 1.0),
+    "rho": ("density", 1.0),
+    "alpha": ("expansion", 1.0),
+    "mu": ("coefficient", 1.0),
+    "rpm": ("angular_speed", math.pi / 30.0),
+}
+"""Names of other programs for a key of ours, and what its value is of theirs."""
+
+NO_CONTROLS = {
+    "axis": "axis in [[rollers]], for the whole run: no stage turns it",
+    "force": "the tension that it makes: a weight G on a half turn of strip of width b is "
+    "EDGE.tension = G/2b; or the roller's place, move",
+}
+"""What a stage does not change of a roller, and what to type instead."""
 
 NOT_MODELLED = {
     "inertia": 'not modelled; an idler that gains the speed v in t seconds has drive = "torque" '
@@ -67,6 +90,20 @@ def word_like(word: str, known: Iterable[str]) -> str | None:
     word = SYNONYMS.get(word.lower(), word.lower())
     matches = get_close_matches(word, small, n=1, cutoff=0.6)
     return small[matches[0]] if matches else None
+
+
+def key_like(key: str, value: object, known: Iterable[str]) -> str | None:
+    """Return what to type for a key that has another name here; None if it is none of them.
+
+    Examples
+    --------
+    >>> key_like("rpm", 60, ["angular_speed"]), key_like("nu", 0.3, ["young"])
+    ('angular_speed = 6.28319', None)
+    """
+    name, share = OTHER_NAMES.get(key.lower(), (None, 1.0))
+    if name is None or name not in known or not isinstance(value, int | float):
+        return None
+    return f"{name} = {share * value:.6g}"
 
 
 def name_like(text: str) -> str:

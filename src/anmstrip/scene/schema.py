@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -23,9 +24,10 @@ from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.scene import tables as scene_tables
 from anmstrip.scene.checks import KEY_RULES, check_scene
 from anmstrip.scene.hints import (
+    NO_CONTROLS,
     NOT_MODELLED,
     expected_number,
-    is_number,
+    key_like,
     likely_value,
     name_like,
     with_decimal_point,
@@ -496,8 +498,10 @@ def mistakes_of(
             known = list(place.table.model_fields) if place.table else []
             known = [*STAGE_KEYS, *EDGE_NAMES] if misspelt else known
             hint = nearest(place.keys[-1], known)
-            if place.keys[-1] == "diameter" and "radius" in known and is_number(value):
-                hint = f"radius = {0.5 * value:g}"
+            if typed := key_like(place.keys[-1], value, known):
+                hint = typed
+            elif place.keys[-1] in NO_CONTROLS and "surface_speed" in known:
+                hint = NO_CONTROLS[place.keys[-1]]
             elif place.keys[-1] in NOT_MODELLED and "radius" in known:
                 hint = NOT_MODELLED[place.keys[-1]]
             elif others := " or ".join(keys_of(model, place.keys[-1])):
@@ -524,7 +528,7 @@ def told_once(found: Iterable[Mistake]) -> list[Mistake]:
     """Return mistakes without keys that are missing because they are misspelt, as is told."""
     told = list(found)
     misspelt = [mistake for mistake in told if mistake.expected == "a known key"]
-    meant = {(*m.key.split(".")[:-1], m.hint.partition(" (the nearest")[0]) for m in misspelt}
+    meant = {(*m.key.split(".")[:-1], re.split(" \\(the nearest| = ", m.hint)[0]) for m in misspelt}
     echoes = [m for m in told if m.value is None and tuple(m.key.split(".")) in meant]
     return [mistake for mistake in told if mistake in misspelt or mistake not in echoes]
 
