@@ -109,7 +109,7 @@ def catenary(run: Array, weight: float, pull: float) -> tuple[float, float, floa
     [0.26039, 0.22596, 0.22596]
     """
     across, rise = abs(float(run[0])), float(run[1])
-    angle = np.arctan2(rise, across)
+    angle = _inclination(run)
 
     def shape(a: float) -> tuple[float, float, float]:
         length = float(np.hypot(rise, 2.0 * a * np.sinh(0.5 * across / a)))
@@ -126,6 +126,61 @@ def catenary(run: Array, weight: float, pull: float) -> tuple[float, float, floa
     length, first, last = shape(brentq(missing, across / DEEP_CATENARY, pull / weight))
     longer = length - float(np.hypot(across, rise))
     return longer, float(angle - np.arctan(first)), float(np.arctan(last) - angle)
+
+
+def supported_catenary(
+    start: Array, end: Array, weight: float, pull: float, supports: Array
+) -> tuple[float, float, float]:
+    """Return what :func:`catenary` does, of a run that hangs over supports under it.
+
+    It lies on the support that is farthest above the run without it (a parabola with the slopes of
+    the catenary), and hangs on both sides of that.
+
+    Parameters
+    ----------
+    start, end : ndarray, shape (2,)
+        x and z (m).
+    weight, pull : float
+        N/m per length, and at the end (N/m).
+    supports : ndarray, shape (2, n)
+        x and z (m); those above the chord are none.
+
+    Examples
+    --------
+    >>> ends = np.array([[0.0, 0.0], [21.0, 0.0]])
+    >>> tops = np.array([[3.0, 6.0, 9.0, 12.0, 15.0, 18.0], [0.0] * 6])
+    >>> [round(float(x), 5) for x in supported_catenary(*ends, 77.0, 3000.0, tops)]
+    [0.0052, 0.03852, 0.03852]
+    """
+    longer, first, last = catenary(end - start, weight, pull)
+    angle, across = _inclination(end - start), end[0] - start[0]
+    if not NEGLIGIBLE_WEIGHT * pull < weight * abs(across):
+        return longer, first, last
+    way = (supports[0] - start[0]) / across
+    chord = start[1] + way * (end[1] - start[1])
+    under = (way > 0.0) & (way < 1.0) & (supports[1] <= chord)
+    if longer > 0.0:
+        begin, stop = np.tan(angle - first), np.tan(angle + last)
+        hung = start[1] + abs(across) * (begin * way + 0.5 * (stop - begin) * way**2)
+    else:  # no catenary is pulled so little, and it lies on what is near its middle
+        hung = supports[1] - way * (1.0 - way)
+    lifted = np.where(under, supports[1] - hung, 0.0)
+    if not lifted.max(initial=0.0) > 0.0:
+        return longer, first, last
+    top = supports[:, int(lifted.argmax())]
+    before = supported_catenary(start, top, weight, pull - weight * (end[1] - top[1]), supports)
+    behind = supported_catenary(top, end, weight, pull, supports)
+    ways = [float(np.linalg.norm(way)) for way in (top - start, end - top, end - start)]
+    return (
+        before[0] + behind[0] + ways[0] + ways[1] - ways[2],
+        before[1] + angle - _inclination(top - start),
+        behind[2] + _inclination(end - top) - angle,
+    )
+
+
+def _inclination(run: Array) -> float:
+    """Return the angle (rad) by which a run rises in its own direction."""
+    return float(np.arctan2(run[1], abs(run[0])))
 
 
 class Arcs(NamedTuple):

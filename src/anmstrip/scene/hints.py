@@ -101,7 +101,11 @@ def key_like(key: str, value: object, known: Iterable[str]) -> str | None:
     ('angular_speed = 6.28319', None)
     """
     name, share = OTHER_NAMES.get(key.lower(), (None, 1.0))
-    if name is None or name not in known or not (isinstance(value, int | float) and is_number(value)):
+    if (
+        name is None
+        or name not in known
+        or not (isinstance(value, int | float) and is_number(value))
+    ):
         return None
     return f"{name} = {share * value:.6g}"
 

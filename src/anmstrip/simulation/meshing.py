@@ -14,7 +14,7 @@ from skfem import MeshLine, MeshQuad
 from anmstrip.arrays import Array
 from anmstrip.fem.strip import grid, line
 from anmstrip.mechanics.roller import Roller
-from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError, catenary
+from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError, supported_catenary
 from anmstrip.scene.checks import PARALLEL_COSINE
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import RollerControl
@@ -565,7 +565,8 @@ def hanging_runs(thread: Thread, loads: Loads) -> Array:
             level = known[k]
         pull = level + loads.weight * ends[1, k]
         if pull > 0.0:
-            found[k] = catenary(ends[:, k] - starts[:, k], loads.weight, pull)
+            run = starts[:, k], ends[:, k]
+            found[k] = supported_catenary(*run, loads.weight, pull, thread.supports)
     return found
 
 

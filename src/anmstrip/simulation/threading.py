@@ -126,6 +126,8 @@ class Thread:
         Length of the strip (m), if it does not follow from the ends.
     layer : float
         √(D/T) (m), over which the strip bends onto a roller.
+    supports : ndarray, shape (2, others)
+        Highest points (x, z) of the other rollers at the beginning (m), on which it may lie.
     """
 
     rollers: Sequence[Roller]
@@ -137,6 +139,7 @@ class Thread:
     tension: float
     given: float | None
     layer: float
+    supports: Array
 
     @cached_property
     def middle(self) -> StringPath:
@@ -318,8 +321,10 @@ def thread_of(
     crossing = np.array([roller.crossing for roller in scene.rollers if roller.wrap is not None])
     fixed = tuple(None if place is None else FixedEnd(place) for place in ends)
     layer = float(np.sqrt(bending_stiffness(scene) / spec.tension))
+    others = [roller for roller in rollers if roller.name not in sides]
+    tops = [(r.centre[0], r.centre[2] + r.radius + r.half) for r in others]
     shape = chosen, senses, crossing, depths, fixed, stretches_of(scene)
-    thread = Thread(*shape, spec.tension, length, layer)
+    thread = Thread(*shape, spec.tension, length, layer, np.array(tops).reshape(-1, 2).T)
     try:
         thread = _with_ends(scene, thread)
         if not spec.closed:
