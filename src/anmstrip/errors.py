@@ -83,7 +83,7 @@ def nearest(word: str, known: Iterable[str]) -> str:
     >>> nearest("colour", ["width", "thickness"])
     'one of: width, thickness'
     """
-    known = list(known)
+    known = list(dict.fromkeys(known))
     small = {name.lower(): name for name in known}
     if matches := get_close_matches(word.lower(), small, n=1, cutoff=0.6):
         return f"{small[matches[0]]} (the nearest known one)"

@@ -169,24 +169,36 @@ def test_a_span_that_has_grown_wrinkles_as_one_of_its_length() -> None:
             assert span.bearable == pytest.approx(expected, rel=5e-3)
 
 
-@pytest.mark.slow
-def test_dancer_that_comes_so_near_that_labels_leave_their_rollers() -> None:
-    """Where labels hold less strip than they did, as much less of it passes them."""
-    stages = [
-        {
-            "name": "near", "steady": True, "entry": {"tension": TENSION},
-            "rollers": {
-                "top1": {"surface_speed": SPEED}, "top2": {"surface_speed": SPEED},
-                "dancer": {"move": [0.0, 0.0, 0.9]},
-            },
-        },
-    ]  # fmt: skip
-    scene = dancer(stages=stages)
+def stationary(height: float, move: float) -> tuple[Run, Any]:
+    """The line between two drives, with the dancer drawn at a height and moved from there."""
+    given = {"top1": {"surface_speed": SPEED}, "top2": {"surface_speed": SPEED}}
+    moved = {"dancer": {"move": [0.0, 0.0, move]}} if move else {}
+    entry = {"tension": TENSION}
+    scene = dancer(
+        stages=[{"name": "run", "steady": True, "entry": entry, "rollers": {**given, **moved}}]
+    )
     for roller in scene["rollers"]:
         if roller["name"] != "dancer":
             roller["drive"] = "speed"
             del roller["bearing"]
-    _, found = ends(scene)
-    reading = found["near"].rollers["dancer"]
+        else:
+            roller["centre"] = [0.3, 0.0, height]
+    run, found = ends(scene)
+    return run, found["run"].rollers["dancer"]
+
+
+@pytest.mark.slow
+def test_dancer_that_comes_so_near_that_labels_leave_their_rollers() -> None:
+    """Where labels hold less strip than they did, as much less of it passes them."""
+    _, reading = stationary(-1.0, 0.9)
     assert reading.surface_speed == pytest.approx(SPEED, rel=1e-3)
     assert reading.max_slip < 1e-3 * SPEED
+
+
+def test_carriage_that_goes_twenty_times_as_far_as_it_was_drawn() -> None:
+    """It pulls as where it is drawn there."""
+    run, moved = stationary(-0.4, -6.0)
+    _, drawn = stationary(-6.4, 0.0)
+    for side in ("tension_in", "tension_out", "normal_force"):
+        assert getattr(moved, side) == pytest.approx(getattr(drawn, side), rel=2e-3)
+    assert run.cost.expansions <= 40

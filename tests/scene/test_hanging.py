@@ -205,7 +205,9 @@ def supported(steady: bool, ahead: float, gravity: float = 9.81) -> dict[str, An
         "stages": [
             {"name": "weight", "friction": False, "gravity": (0.0, 0.0, -gravity)},
             {
-                "name": "run", "steady": True, "strip": {"speed": 1.0},
+                "name": "run",
+                "steady": True,
+                "strip": {"speed": 1.0},
                 "rollers": {**speeds, "out": {"surface_speed": 1.0}},
             },
             *later,

@@ -226,15 +226,19 @@ def holding_ratio(preview: Preview, roller: Roller) -> float:
 
 
 def taken_by_bending(preview: Preview, roller: Roller) -> float:
-    """Return D κ²/2 (N/m), by which the tension of strip on a roller is less than before it."""
-    stiffness = bending_stiffness(preview.assembly.scene)
-    return 0.5 * stiffness * sharpest_curvature(preview, roller) ** 2
+    """Return D/2r² (N/m), by which the tension of strip on a roller is less than before it.
+
+    It is 0 where strip touches the roller along a line, which friction holds as it does a string.
+    """
+    if sharpest_curvature(preview, roller) * roller.radius < 1.0:
+        return 0.0
+    return 0.5 * bending_stiffness(preview.assembly.scene) / roller.radius**2
 
 
 def tension_after(preview: Preview, roller: Roller, pull: float, sense: float) -> float:
     """Return the tension (N/m) after a roller on which all of the strip slips, from that before it.
 
-    Where strip comes to lie on the roller its tension T is less by B = D κ²/2, and presses on the
+    Where strip comes to lie on the roller its tension T is less by B = D/2r², and presses on the
     edge of the contact by Q with Q² = T² − (T − B)², an angle φ with cos φ = 1 − B/T later than
     a string would.  In between e^(f(θ − φ − φ')) multiplies T − B + f Q.
 

@@ -382,7 +382,7 @@ class State:
                 begin - stops[stops < begin].max(initial=strip.span[0]),
                 stops[stops > end].min(initial=strip.span[1]) - end,
             ]
-            sizes = np.maximum(np.linalg.norm(forces, axis=1) / strip.width, 1e-300)
+            sizes = np.maximum(np.linalg.norm(forces, axis=1) / strip.width, 1e-200)
             away = np.minimum(FREE_DISTANCE * np.sqrt(stiffness / sizes), 0.5 * np.array(free))
             places = np.array([begin - away[0], end + away[1]])
             pulls, slopes = forces + self.pressure_before(places) - pushed, self.slope(places)
