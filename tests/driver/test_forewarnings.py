@@ -555,6 +555,61 @@ def test_a_torque_beyond_friction_is_said_of_strip_that_is_held_in_time(
     assert held and float(held[1]) == pytest.approx(most, rel=0.03)
 
 
+def test_bearings_that_friction_does_not_turn_are_said(tmp_path: Path) -> None:
+    """A sink roll that half a turn holds, and two stabilising rolls that hardly touch the strip.
+
+    At the end of the run they are said to stand with what friction makes there, and once.
+    """
+    text = """
+    strip = { kinematics = "section", width = 1.2, thickness = 0.2e-3 }
+    material = { young = 1.6e11, poisson = 0.3 }
+    contact = {}
+    friction = { coefficient = 0.15 }
+    threading = { tension = 4.0e3, entry = [-1.5, 0.0, 2.0], exit = [0.3, 0.0, 4.0] }
+    edges.entry.fixed = ["x", "z"]
+    [[rollers]]
+    name = "sink"
+    radius = 0.3
+    centre = [0.0, 0.0, 0.0]
+    wrap = "under"
+    drive = "idle"
+    bearing = 60.0
+    [[rollers]]
+    name = "stab1"
+    radius = 0.125
+    centre = [0.415, 0.0, 0.7]
+    wrap = "left"
+    drive = "idle"
+    bearing = 15.0
+    [[rollers]]
+    name = "stab2"
+    radius = 0.125
+    centre = [0.18, 0.0, 1.0]
+    wrap = "right"
+    drive = "idle"
+    bearing = 15.0
+    [[stages]]
+    name = "run"
+    steady = true
+    strip.speed = 2.0
+    """
+
+    def loaded(*settings: str) -> Scene:
+        return Scene.from_tables(tomllib.loads(text), "line.toml", settings)
+
+    told = [line for line in warnings(Preview.of(Assembly(loaded()))) if "stands still" in line]
+    assert [line.split()[2] for line in told] == ["stab1", "stab2"]
+    cures = [re.findall(r"--set (\S+)", line)[0] for line in told]
+    assert warnings(Preview.of(Assembly(loaded(*cures)))) == []
+    for settings, stand in (((), 2), (tuple(cures), 0)):
+        run = loaded(*settings).run(tmp_path / str(stand))
+        for _ in run:
+            pass
+        assert run.outcome.done
+        found = [line for line in run.warnings if "stands still" in line]
+        assert len(found) == stand and all("slides over it at 2 m/s" in line for line in found)
+
+
 def test_torques_that_push_where_an_end_pulls_are_said_to_have_the_wrong_sign() -> None:
     """A lower pull is no cure, for there is none; the other sign of the torque, once typed, is."""
     tables = helped(200.0, exit={"tension": 1.19e4})

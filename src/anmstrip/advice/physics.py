@@ -634,6 +634,32 @@ def torque_beyond_friction(preview: Preview) -> Iterator[str]:
             )
 
 
+def heavy_bearings(preview: Preview) -> Iterator[str]:
+    """Idle rollers that stand, since their bearings hold more than friction turns them with.
+
+    Friction makes of a tension T at most T e^(fθ), and turns the roller with the difference.
+    """
+    assembly = preview.assembly
+    nipped = {
+        roller.name
+        for nips in nips_in_stages(assembly.scene, assembly.rollers, assembly.thread)
+        for nip in nips
+        for roller in (nip.first, nip.second)
+    }
+    for spec, roller in zip(assembly.scene.rollers, assembly.rollers, strict=True):
+        arm = roller.radius * assembly.strip.width
+        most = arm * preview.tension * (holding_ratio(preview, roller) - 1.0)
+        if spec.name in nipped or spec.drive != "idle" or not 0.0 < most < spec.bearing:
+            continue
+        yield (
+            f"idle roller {spec.name} stands still, and the strip slides over it: its bearings "
+            f"hold {spec.bearing:g} N m, and friction on a wrap of "
+            f"{np.degrees(preview.turn(roller)):.3g}° under {preview.tension:.3g} N/m turns it "
+            f"with {most:.2g} N m at most. "
+            f"Try --set rollers.{spec.name}.bearing={two_digits(0.5 * most, np.floor):g}"
+        )
+
+
 def strip_without_tension(preview: Preview) -> Iterator[str]:
     """Steady stages in which a roller carries strip off no faster than it comes in unstressed."""
     assembly, last = preview.assembly, dict[str, float]()
@@ -864,6 +890,7 @@ def slack_edge(preview: Preview) -> Iterator[str]:
 
 PHYSICS_RULES = (
     nip_forces,
+    heavy_bearings,
     slack_edge,
     untouched_roller,
     sideways_entry,

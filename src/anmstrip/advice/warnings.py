@@ -7,6 +7,7 @@ sentences; those of statics stand in :mod:`anmstrip.advice.physics`.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -605,6 +606,17 @@ OTHER_RULES = (
     units.all_in_millimetres,
 )
 RULES_AT_END = (lifted_off, standing_idlers, spinning_rollers, overstretched, buckled_section)
+
+
+def proposed_keys(words: str) -> list[str]:
+    """Return the keys that a warning proposes to set.
+
+    Examples
+    --------
+    >>> proposed_keys("Try --set rollers.r1.radius=0.2 --set 'edges.exit.fixed=[]'")
+    ['rollers.r1.radius', 'edges.exit.fixed']
+    """
+    return re.findall(r"--set '?([\w.-]+)=", words)
 
 
 def element_over(assembly: Assembly, roller: Roller) -> float:

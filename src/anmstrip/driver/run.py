@@ -13,7 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anmstrip.advice.preview import Preview
-from anmstrip.advice.warnings import RULES_AT_END, beside_rollers, coarse_mesh, warnings
+from anmstrip.advice.warnings import (
+    RULES_AT_END,
+    beside_rollers,
+    coarse_mesh,
+    proposed_keys,
+    warnings,
+)
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Outcome, PathStopped
 from anmstrip.continuation.follow import Pace
@@ -402,6 +408,8 @@ class Run:
             useless = self.budget.useless(tension_readings(state).values())
             lost = [*beside_rollers(state, self.scene), *useless]
             seen = [words for rule in RULES_AT_END for words in rule(state, self.scene)]
+            known = {key for words in seen for key in proposed_keys(words)}  # better than before
+            told = [words for words in told if known.isdisjoint(proposed_keys(words))]
             self.warnings = [*lost, *told, *seen, *found]
             elastic = state.plan.model.coupled == state.plan.model.unknowns
             if state.plan.steady and self.outcome.done and elastic:

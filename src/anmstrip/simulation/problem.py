@@ -595,7 +595,7 @@ class Assembly:
 
     @cached_property
     def grown_at_contact(self) -> tuple[Array, Array] | tuple[()]:
-        """What labels of contact points and of rollers hold, see ``CarriedFriction``; else none."""
+        """Strip that labels of contact points and rollers hold, as ``CarriedFriction`` takes it."""
         if (growth := self.growth) is None:
             return ()
         places = self.slope_operator.reference[0]
