@@ -316,6 +316,15 @@ class CarriedFriction(AlignedFriction):
 
     operator_type = TransportOperator
 
+    @cached_property
+    def by_roller(self) -> dict[str, Friction]:
+        """Roller → its own friction, at all points of the strip."""
+        parts: Any = super().by_roller
+        if self.drifts is None:
+            return dict(parts)
+        own = zip(parts.items(), self.drifts.T[:, :, None], strict=True)
+        return {name: replace(part, drifts=drifts) for (name, part), drifts in own}
+
     def rates(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Any, Any, Any]:
         """Return ∂r/∂t against the roller in its frame, speeds of free surfaces, and c/g (m/s)."""
         change, _, _ = super().rates(x, v, controls)
