@@ -62,6 +62,7 @@ def test_dancer_is_lowered_while_the_line_runs(claim: Claim) -> None:
     rate = STROKE / 2.0
     for k, (name, reading) in enumerate(found["stroke"].rollers.items()):
         claim(f"{name} (m/s)", reading.surface_speed, SPEED - k * rate, 2e-3, "kinematics")
+        assert reading.torque == pytest.approx(-DRAG, rel=1e-2)  # read while the labels move
     for k, (name, reading) in enumerate(found["after"].rollers.items()):
         claim(f"{name} after (m/s)", reading.surface_speed, SPEED, 1e-4, "kinematics")
         before = TENSION - (3 - k) * DRAG / 0.15

@@ -855,8 +855,8 @@ def slack_edge(preview: Preview) -> Iterator[str]:
     roller and what guides it a length L before.  Out of line by θ, its curvature there is
     θ K coth(K L/2) with K² = 12 T/(E t W²), that of Shelton's beam (Lateral dynamics of a moving
     web, 1968); the inner edge, W/2 away, is slack where that is more than 2 T/(E t W).  A short run
-    shears as well, by which it bends 1 + 2 E I/(G A_s L²) times less (Timoshenko's beam, without
-    tension).
+    shears as well, by which it bends 1 + 2 E I/(G A_s L²) times less, with A_s = 5/6 t W
+    (Timoshenko's beam, without tension).
     """
     assembly, thread = preview.assembly, preview.assembly.thread
     scene = assembly.scene

@@ -267,9 +267,9 @@ class Partials:
         tangent, state = self.tangent, self.tangent.state
         part, friction = tangent.law_part("friction"), tangent.friction
         held = {"strip.held": tangent.held(key)}
-        g = 1.0 + friction.beyond(state.controls, "strip.held", 0)
+        g = 1.0 + friction.growth(state.controls)
         seed = np.zeros(part.shape)
-        seed[-1] = -(state.strip_speed or 0.0) / g * friction.beyond(held, "strip.held", 0)
+        seed[-1] = -(state.strip_speed or 0.0) / g * friction.growth(held)
         return part.orders.derivative(seed)
 
     def by_speeds(self) -> Iterator[tuple[str, Explicit]]:
@@ -586,7 +586,7 @@ class Oscillation:
         part, count = self.tangent.law_part("friction"), self.tangent.model.strip.count
         inputs, points = part.shape
         unit = np.broadcast_to(np.eye(inputs)[count : 2 * count, :, None], (count, inputs, points))
-        g = 1.0 + self.tangent.friction.beyond(self.tangent.state.controls, "strip.held", 0)
+        g = 1.0 + self.tangent.friction.growth(self.tangent.state.controls)
         return part.orders.derivative(unit) * (g / self.speed)
 
     @cached_property

@@ -304,14 +304,14 @@ class CarriedFriction(AlignedFriction):
 
     Attributes
     ----------
-    grown : ndarray, shape (2, runs, points of the strip), optional
-        By how much ∂S/∂X grows at all points with the strip that each run holds (1/m), and what S
-        has grown by from the label of the roller's drift, or from the entry (1).
+    grown, passed : ndarray, shape (runs, points of the strip), optional
+        By how much ∂S/∂X (1/m) and S (1) grow at all points with the strip that each run holds.
     drifts : ndarray, shape (runs, rollers), optional
-        What S has grown by at the labels of the rollers' drifts.
+        The same of S at the labels to which the rollers' drifts belong.
     """
 
     grown: Array | None = None
+    passed: Array | None = None
     drifts: Array | None = None
 
     operator_type = TransportOperator
@@ -331,25 +331,37 @@ class CarriedFriction(AlignedFriction):
         passing = v[-1]
         if f"rollers.{self.roller.members[0].name}.drift" in controls:
             passing = passing + control_of(self.roller, controls, "drift")
-            passing = passing - self.beyond(controls, "strip.taking_up", 1)
+            passing = passing - self.further(controls)
         return change, v[-2], self.by_labels(passing, controls)
 
     def by_labels(self, speed: Any, controls: Mapping[str, Any]) -> Any:
-        """Speed (m/s) along labels that hold g as much strip."""
+        """Return the speed (m/s) along labels that hold g as much strip."""
         if self.grown is None or "strip.held" not in controls:
             return speed
-        return speed / (self.beyond(controls, "strip.held", 0) + 1.0)
+        return speed / (self.growth(controls) + 1.0)
 
-    def beyond(self, controls: Mapping[str, Any], name: str, which: int) -> Any:
-        """Sum over runs of what they hold times the growth at the points; 0 where labels stay."""
+    def growth(self, controls: Mapping[str, Any]) -> Any:
+        """Return g − 1 at the points of the contact; 0 where labels stay."""
         if self.grown is None:
             return 0.0
-        assert self.drifts is not None
-        shapes = self.grown[which][:, self.contact.operator.chosen % self.grown.shape[-1]]
-        if which == 1:
-            shapes = shapes - self.drifts[:, self.roller.seen_by(shapes.shape[-1])]
-        runs = (k for k in range(len(shapes)) if shapes[k].any())
-        return sum((controls[name][k] * shapes[k] for k in runs), 0.0)
+        return _over_runs(controls["strip.held"], self._at_contact(self.grown))
+
+    def further(self, controls: Mapping[str, Any]) -> Any:
+        """Return ∂S/∂t (m/s) at the points of the contact, beyond that at their rollers' labels."""
+        if self.passed is None or self.drifts is None:
+            return 0.0
+        here = self._at_contact(self.passed)
+        beyond = here - self.drifts[:, self.roller.seen_by(here.shape[1])]
+        return _over_runs(controls["strip.taking_up"], beyond)
+
+    def _at_contact(self, shapes: Array) -> Array:
+        """Shapes of runs at the points of the contact; a nip sees those of the strip twice."""
+        return shapes[:, self.contact.operator.chosen % shapes.shape[1]]
+
+
+def _over_runs(held: Any, shapes: Array) -> Any:
+    """Sum of what runs hold, times their shapes, of which most are 0 everywhere."""
+    return sum((held[k] * shapes[k] for k in np.flatnonzero(shapes.any(axis=1))), 0.0)
 
 
 @dataclass(frozen=True)

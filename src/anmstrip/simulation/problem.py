@@ -594,7 +594,7 @@ class Assembly:
         return kind(*given, len(self.turning), self.slope_operator, *grown)
 
     @cached_property
-    def grown_at_contact(self) -> tuple[Array, Array] | tuple[()]:
+    def grown_at_contact(self) -> tuple[Array, ...]:
         """Strip that labels of contact points and rollers hold, as ``CarriedFriction`` takes it."""
         if (growth := self.growth) is None:
             return ()
@@ -602,8 +602,8 @@ class Assembly:
         labels = np.array([label_at(roller, growth.thread) for roller in self.rollers])
         runs = np.eye(growth.shapes.shape[1])
         shapes = [growth.at(places, run) - 1.0 for run in runs]
-        passed = [growth.up_to(places, run) for run in runs]
-        return np.array([shapes, passed]), np.array([growth.up_to(labels, run) for run in runs])
+        passed, drifts = ([growth.up_to(x, run) for run in runs] for x in (places, labels))
+        return np.array(shapes), np.array(passed), np.array(drifts)
 
     @cached_property
     def slope_operator(self) -> SlopeOperator:
