@@ -183,11 +183,17 @@ class Look:
         return np.asarray(self.surface.integral(total))
 
     @cached_property
-    def least(self) -> float:
-        """A tenth of the mean pressure, weighted by force (Pa)."""
-        p = self.pressure
-        mean = self.surface.integral(p**2) / self.surface.integral(p)
-        return float(max(0.1 * mean, self.shape.law.faint))
+    def least(self) -> np.ndarray:
+        """A tenth of the mean pressure up to half a radius away, weighted by force (Pa)."""
+        p, area = self.pressure, self.surface.areas
+        places = self.surface.at_contact(self.surface.reference)[..., 0]
+        x, station = np.unique(places, return_inverse=True)
+        near = np.abs(x[:, None] - x) <= 0.5 * self.shape.radius
+        squares, forces = (
+            near @ np.bincount(station.ravel(), (v * area).ravel()) for v in (p**2, p)
+        )
+        mean = np.divide(squares, forces, out=np.zeros_like(x), where=forces > 0.0)
+        return np.maximum(0.1 * mean, self.shape.law.faint)[station].reshape(p.shape)
 
     @cached_property
     def touching(self) -> np.ndarray:
@@ -205,7 +211,8 @@ class Look:
         x = self.surface.at_contact(self.surface.reference)[..., 0]
         gap, x = (v @ hats.T for v in (self.gap, x))
         law = self.shape.law
-        inside = law.pressure(gap) - law.pressure(np.array(self.shape.radius)) > self.least
+        pressure = law.pressure(gap) - law.pressure(np.array(self.shape.radius))
+        inside = pressure > np.exp(np.log(self.least) @ hats.T)
         return np.asarray(x[inside])
 
     def angle_at(self, place: float) -> float:

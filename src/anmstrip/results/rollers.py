@@ -20,7 +20,12 @@ if TYPE_CHECKING:
 
 
 TOUCHING_SHARE = 0.1
-"""Share of a roller's mean pressure above which a point counts as in contact."""
+"""Share of the mean pressure around it above which a point counts as in contact."""
+
+MEAN_RANGE = 0.5
+"""Distance from a point, in radii, up to which pressures count in this mean.  Friction lets the
+tension, and with it the pressure, fall by a hundred times over a wrap, but by e^(0.5 f) at most
+over half a radius; of a line of contact all counts."""
 
 LOAD_RANGE = 2.0
 """Distance from an end of contact, in √(D/T), up to which its line load is looked for.  On meshes
@@ -70,14 +75,21 @@ class ContactState:
     lifting: float = 0.0  # pressure on the strip that takes it off the roller (Pa)
 
     @cached_property
-    def least(self) -> float:
-        """Pressure (Pa) above which a point is in contact.
+    def least(self) -> Array:
+        """Pressure (Pa) above which each point is in contact, shape (points,).
 
-        What is faint, and a tenth of the mean pressure, weighted by force.
+        What is faint, and a tenth of the mean pressure around the point, weighted by force.
         """
+        x = self.contact.operator.reference[0]
+        order = np.argsort(x)
         force = self.pressure * self.area
-        mean = float((force * self.pressure).sum()) / max(float(force.sum()), 1e-300)
-        return max(TOUCHING_SHARE * mean, self.contact.signorini.faint)
+        sums = np.stack([force * self.pressure, force])[:, order].cumsum(axis=1)
+        sums = np.pad(sums, ((0, 0), (1, 0)))
+        reach = MEAN_RANGE * self.roller.radius
+        first, last = np.searchsorted(x[order], [x - reach, x + reach])
+        squares, forces = sums[:, last] - sums[:, first]
+        mean = np.divide(squares, forces, out=np.zeros_like(x), where=forces > 0.0)
+        return np.maximum(TOUCHING_SHARE * mean, self.contact.signorini.faint)
 
     @cached_property
     def touching(self) -> NDArray[np.bool_]:
@@ -202,7 +214,7 @@ class ContactState:
         reference, values = operator.reference, np.stack([self.angle, operator.reference[0]])
         along, across, _ = np.abs(reference[:, lines[:, 2]] - reference[:, lines[:, 0]])
         lines = lines[along > 1e-6 * across]
-        gap = self.gap[lines] - float(self.contact.signorini.gap(self.least + self.contact.least))
+        gap = (self.gap - self.contact.signorini.gap(self.least + self.contact.least))[lines]
         inner = parabola_roots(gap)
         line, root = np.nonzero(np.isfinite(inner))
         s = inner[line, root]
