@@ -69,12 +69,32 @@ def test_contact_is_implied_by_friction_and_by_threading() -> None:
 def test_slip_speed_is_a_tenth_of_the_elastic_creep() -> None:
     """V f T/(E t)/10, by the least tension of note; a typed one stays."""
     assert speed() == pytest.approx(0.1 * 2.0 * 0.2 * 1e4 / 2e8, rel=1e-12)
-    stop = {"duration": 1.0, "rollers": {"r1": {"angular_speed": 8.0}}, "exit": {"tension": 5e3}}
+    let_go = {"duration": 1.0, "entry": {"release": True}}
+    stop = {**let_go, "rollers": {"r1": {"angular_speed": 8.0}}, "exit": {"tension": 5e3}}
     assert speed(stop) == pytest.approx(0.1 * 4.0 * 0.2 * 5e3 / 2e8, rel=1e-12)
-    broken = {"duration": 1.0, "rollers": {"r1": {"angular_speed": 4.0}}, "exit": {"tension": 10.0}}
+    broken = {**let_go, "rollers": {"r1": {"angular_speed": 4.0}}, "exit": {"tension": 10.0}}
     assert speed(broken) == pytest.approx(0.1 * 2.0 * 0.2 * 1e3 / 2e8, rel=1e-12)
     assert speed(friction={"speed": 1e-3}) == 1e-3
     assert speed(friction={"coefficient": 0.0}) > 0.0
+
+
+def test_slip_speed_of_held_strip_is_a_thousandth_of_the_least_slip() -> None:
+    """Only where nothing sticks in the end: usual where a roller stops, follows, or is moved."""
+    turn = {"duration": 1.0, "rollers": {"r1": {"surface_speed": 2.0}}}
+    usual = 0.1 * 2.0 * 0.2 * 1e4 / 2e8
+    slower = {"duration": 1.0, "rollers": {"r1": {"surface_speed": 0.5}}}
+    assert speed(turn) == pytest.approx(2e-3, rel=1e-12)
+    assert speed(turn, slower) == pytest.approx(0.5e-3, rel=1e-12)
+    assert speed({**turn, "entry": {"speed": 1.2}}) == pytest.approx(0.8e-3, rel=1e-12)
+    stop, back, carried = ({"rollers": {"r1": {"surface_speed": v}}} for v in (0.0, -1.0, 2.0))
+    moved = {"rollers": {"r1": {"move": [0.0, 0.0, 0.1]}}}
+    for other in (stop, back, moved, {**carried, "entry": {"speed": 2.0}}):
+        assert speed(turn, {"duration": 1.0, **other}) == pytest.approx(usual, rel=1e-12)
+    standing = {**LINE["rollers"][0], "name": "r2", "centre": [-2.0, 0.0, -0.5]}
+    both = LINE | {"rollers": [standing, *LINE["rollers"]], "stages": [turn]}
+    law = Assembly(Scene.model_validate(both)).friction
+    assert law is not None
+    assert law.speed == pytest.approx(usual, rel=1e-12)
 
 
 def test_a_line_that_stands_after_it_has_run_hardly_creeps() -> None:
@@ -138,6 +158,10 @@ def test_slip_speed_of_strip_that_nothing_pulls_is_that_at_a_usual_strain() -> N
         "edges": {"entry": {"fixed": ["x"]}},
         "stages": [{"duration": 1.0, "rollers": {"r1": {"surface_speed": 2.0}}}],
     }
+    law = Assembly(Scene.model_validate(laid)).friction
+    assert law is not None
+    assert law.speed == pytest.approx(2e-3, rel=1e-12)
+    laid["stages"].append({"duration": 1.0, "rollers": {"r1": {"surface_speed": 0.0}}})
     law = Assembly(Scene.model_validate(laid)).friction
     assert law is not None
     assert law.speed == pytest.approx(0.1 * 2.0 * 0.2 * 1e-4, rel=1e-12)

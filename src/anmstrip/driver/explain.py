@@ -26,6 +26,7 @@ from anmstrip.simulation.defaults import (
     given_tensions,
     longest_standstill,
     loose_across,
+    slip_of_held_strip,
 )
 from anmstrip.simulation.problem import Assembly, flat_gap, naturals
 from anmstrip.taylor.series import record
@@ -110,13 +111,8 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
         resolved = "" if given else ", as the mesh resolves"
         yield f"Contact: {law.words}, setting in over {law.width:.3g} m{resolved}."
     if scene.friction is not None and assembly.friction is not None:
-        creep, speed = elastic_creep(scene), assembly.friction.speed
-        under = "" if any(given_tensions(scene)) else " under a usual strain"
-        why = f", a tenth of the elastic creep of {creep:.2g} m/s{under}"
-        if speed < 0.99 * CREEP_SHARE * creep:
-            way = speed * longest_standstill(scene)
-            why = f", so that strip creeps by {way:.1g} m at most while the line stands"
-        why = "" if scene.friction.speed else why
+        speed = assembly.friction.speed
+        why = "" if scene.friction.speed else f", {origin_of_slip_speed(scene, speed)}"
         yield f"Friction: {scene.friction.law}, V_c = {speed:.3g} m/s{why}."
     scales = assembly.scales
     yield (
@@ -128,6 +124,19 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
     if own in against:
         yield f"Warning: kinematics {own} does not see that {against[own]}."
     yield from (f"Warning: {line}" for line in warnings(preview))
+
+
+def origin_of_slip_speed(scene: SceneSpec, speed: float) -> str:
+    """Return where the V_c (m/s) of a scene that does not give it comes from."""
+    creep = elastic_creep(scene)
+    if speed < 0.99 * CREEP_SHARE * creep:
+        way = speed * longest_standstill(scene)
+        return f"so that strip creeps by {way:.1g} m at most while the line stands"
+    if speed > 1.01 * CREEP_SHARE * creep:
+        slip = slip_of_held_strip(scene)
+        return f"a thousandth of the {slip:.2g} m/s at which the held strip slips in the end"
+    under = "" if any(given_tensions(scene)) else " under a usual strain"
+    return f"a tenth of the elastic creep of {creep:.2g} m/s{under}"
 
 
 def unusual(scene: SceneSpec) -> Iterator[str]:
