@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anmstrip.advice.physics import slack_edge
+from anmstrip.advice.physics import slack_edge, uneven_fibres
 from anmstrip.advice.preview import Preview, free_motions
 from anmstrip.advice.warnings import serious, warnings
 from anmstrip.driver.scene import Scene
@@ -453,6 +453,48 @@ def test_an_edge_is_slack_from_the_angle_that_is_told(
     guided = x < x.min() + 0.02
     edge = np.polyval(np.polyfit(y[guided], forces[guided], 1), -0.05)
     assert edge / 4.4e4 == pytest.approx(share, abs=within)
+
+
+def test_fibres_are_slack_from_the_tension_that_is_told() -> None:
+    """At twice the tension below which an edge of cambered strip is slack, it has half of it.
+
+    E t κ W/2 by hand; that is where the strip comes to the roller, at right angles to its axis.
+    """
+
+    def cambered(camber: float) -> Scene:
+        path = Path(__file__).parents[2] / "examples" / "steering.toml"
+        return Scene.load(path, [f"strip.camber={camber}", "rollers.r1.axis=[0, 1, 0]"])
+
+    (told,) = uneven_fibres(Preview.of(Assembly(cambered(0.1))))
+    found = re.search(r"below about (\S+) N/m.*Try --set strip.camber=(\S+),", told)
+    assert found is not None
+    assert float(found[1]) == pytest.approx(2e11 * 1e-3 * 0.1 * 0.05, rel=0.1)  # at the last point
+    assert not list(uneven_fibres(Preview.of(Assembly(cambered(float(found[2]))))))
+    run = cambered(0.5 * 4.4e4 / (2e11 * 1e-3 * 0.05)).run()
+    for _ in run:
+        pass
+    assert run.outcome.done and run.state is not None
+    forces = run.state.membrane.at(run.state.full, run.state.controls)[0, 0]
+    x, y = quadrature_points(run.assembly.strip)[:2]
+    last = (x > -0.4) & (x < -0.2)
+    edge = np.polyval(np.polyfit(y[last], forces[last], 1), -0.05)
+    assert edge / 4.4e4 == pytest.approx(0.5, abs=0.05)
+
+
+def test_even_heat_and_shapes_that_tension_straightens_are_not_told() -> None:
+    tables = copy.deepcopy(TABLES)
+    tables["strip"] |= {"kinematics": "shell", "width": 0.5}
+    tables["material"]["expansion"] = 1.2e-5
+    for shape, told in (
+        ({"temperature": 500.0}, []),
+        ({"temperature": {"across": [0.0, 0.0, 5.0]}}, []),
+        ({"temperature": {"across": [0.0, 0.0, 500.0]}}, ["strip.temperature"]),
+        ({"flatness": {"across": [0.0, 0.0, 500.0]}}, ["strip.flatness"]),
+    ):
+        tables["strip"] = {**tables["strip"], **dict.fromkeys(("temperature", "flatness")), **shape}
+        tables["strip"] = {k: v for k, v in tables["strip"].items() if v is not None}
+        found = list(uneven_fibres(preview_of(tables)))
+        assert [re.findall(r"by (\S+) that", line)[0] for line in found] == told, found
 
 
 def free(changed: dict[str, Any] | None = None, last: dict[str, Any] | None = None) -> list[str]:

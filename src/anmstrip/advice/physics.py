@@ -16,7 +16,9 @@ from anmstrip.advice.preview import Preview
 from anmstrip.advice.units import in_megapascals
 from anmstrip.arrays import Array
 from anmstrip.equilibrium import StageProblem
+from anmstrip.fem.sampling import quadrature_points, shape_of
 from anmstrip.mechanics.roller import Roller
+from anmstrip.mechanics.shell import eigenstrain
 from anmstrip.scene.checks import PARALLEL_COSINE, moved_ends
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, RollerSpec
@@ -56,7 +58,7 @@ BRAKING_SHARE = 0.1
 """Share of its tension to which rollers may brake a strip, unsaid."""
 
 SAFE_ANGLE_SHARE = 0.8
-"""Share of the angle at which an edge is slack that is proposed for a roller out of line."""
+"""Share of the angle, or of the uneven strain, at which an edge is slack that is proposed."""
 
 SLENDER_RUN = 1.0
 """Least length of a run, in widths of the strip, that bends in its plane as a beam."""
@@ -888,10 +890,43 @@ def slack_edge(preview: Preview) -> Iterator[str]:
         before, since, guided = axis, end[0], True
 
 
+def uneven_fibres(preview: Preview) -> Iterator[str]:
+    """Heat, flatness or camber by which the longest fibres of a section bear no tension.
+
+    A fibre whose length without stress is larger by the share e than the mean across bears
+    T − E t e, with the mean T.
+    """
+    strip, tension = preview.assembly.strip, preview.tension
+    if strip.kinematics.name != "shell" or shape_of(strip) != "quad" or tension == 0.0:
+        return
+    _, row = np.unique(np.round(quadrature_points(strip)[0] / strip.length, 9), return_inverse=True)
+    weights = strip.weights().ravel()
+    width = np.bincount(row, weights)
+    for key in ("temperature", "flatness", "camber"):
+        needed = 0.0
+        for plan in preview.plans:
+            given = {k: v for k, v in plan.controls.at(1.0).items() if k == f"strip.{key}"}
+            if (own := eigenstrain(strip, given)) is not None:
+                mean = np.bincount(row, own[0, 0] * weights) / width
+                excess = float((own[0, 0] - mean[row]).max())
+                needed = max(needed, strip.tensile_stiffness * excess)
+        if needed > tension:
+            share, less = two_digits(SAFE_ANGLE_SHARE * tension / needed, np.floor), ""
+            if isinstance(camber := preview.assembly.scene.strip.camber, float):
+                less = f"--set strip.camber={share * camber:.2g}"
+            yield (
+                f"fibres are so unequal by strip.{key} that, where rollers lead strip straight, "
+                f"the longest bear none of a tension below about {needed:.2g} N/m. At "
+                f"{tension:.3g} N/m they are slack, and wrinkle. "
+                f"Try {less if key == 'camber' and less else f'{share:g} of it'}, or more tension"
+            )
+
+
 PHYSICS_RULES = (
     nip_forces,
     heavy_bearings,
     slack_edge,
+    uneven_fibres,
     untouched_roller,
     sideways_entry,
     beyond_yield,
