@@ -13,6 +13,7 @@ from anmstrip.fem.constraints import Joint, Supports
 from anmstrip.fem.sampling import l2_projection, quadrature_points
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.loads import Onward
+from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.shell import eigenstrain, uniaxial_stretches
 from anmstrip.results.state import State
 from anmstrip.scene.schema import StageSpec
@@ -195,15 +196,30 @@ class Course:
         """Whether a steady stage has the tension of its entry given, and the strip's speed not."""
         if not stage.steady or self.assembly.closed:
             return stage.steady
-        given, course = None, self.assembly.scene.course
-        names = [each.name for each in course]
-        before = course[: names.index(stage.name)] if stage.name in names else course
-        for each in (*before, stage):
+        given = None
+        for each in self._up_to(stage):
             if each.steady and each.strip.speed is not None:
                 given = "strip.speed"
             elif each.steady and "entry" in each.edges and each.edges["entry"].tension is not None:
                 given = "entry.tension"
         return given == "entry.tension"
+
+    def _up_to(self, stage: StageSpec) -> tuple[StageSpec, ...]:
+        """The stages of the scene up to one, or all of them and one that is not among them."""
+        course = self.assembly.scene.course
+        names = [each.name for each in course]
+        before = course[: names.index(stage.name)] if stage.name in names else course
+        return *before, stage
+
+    def _asked_speed(self, stage: StageSpec, roller: Roller) -> float | None:
+        """The surface speed (m/s) that a stage asks of a roller, None if none.
+
+        Of a steady one, which may begin with other speeds than the stage before has ended with,
+        the last that was asked for.
+        """
+        stages = self._up_to(stage) if stage.steady else (stage,)
+        asked = (surface_speed(each.rollers.get(roller.name), roller) for each in reversed(stages))
+        return next((speed for speed in asked if speed is not None), None)
 
     def _pull(self, full: Array | None) -> Array:
         """Weights that sum up what holds the entry along the strip, (unknowns of the strip,).
@@ -248,6 +264,10 @@ class Course:
         self.values.pop("entry.force", None)
         self.hold("entry", state.full)
         self.values["strip.speed"] = np.array(speed)
+
+    def stand_still(self) -> None:
+        """Let the strip and all rollers begin the next stage at rest."""
+        self.values |= {key: np.array(0.0) for key in self.values if key.endswith("speed")}
 
     def hold(self, name: str, full: Array) -> None:
         """Hold an edge where it is in a state, (unknowns,), as far as it is held."""
@@ -342,7 +362,7 @@ class Course:
         end |= self.assembly.natural(stage.strip)
         for roller in self.assembly.rollers:
             control, key = stage.rollers.get(roller.name), f"rollers.{roller.name}"
-            if (speed := surface_speed(control, roller)) is not None:
+            if (speed := self._asked_speed(stage, roller)) is not None:
                 end[f"{key}.surface_speed"] = np.array(speed)
             if control is not None and control.torque is not None:
                 end[f"{key}.torque"] = np.array(control.torque)
