@@ -111,7 +111,18 @@ def test_path_that_turns_back_for_good_is_a_fold():
     with pytest.raises(PathStopped) as stopped:
         followed(one(lambda u, control: u * u + control - 1.0), [1.0], target=2.0, max_steps=80)
     assert stopped.value.outcome is Outcome.FOLD
-    assert stopped.value.control < 0.0
+    assert stopped.value.control < -2.0
+    assert stopped.value.farthest == pytest.approx(1.0, abs=0.02)  # seen at nine places of a branch
+
+
+def test_a_path_turns_back_no_farther_than_it_may():
+    with pytest.raises(PathStopped) as stopped:
+        followed(
+            one(lambda u, control: u * u + control - 1.0), [1.0], target=2.0, max_steps=80,
+            backwards=0.0,
+        )  # fmt: skip
+    assert stopped.value.outcome is Outcome.FOLD
+    assert -2.0 < stopped.value.control < 0.0
 
 
 def test_fold_without_giving_way_is_stalled_in_few_steps():

@@ -160,3 +160,42 @@ def test_the_speed_of_a_strip_is_doubted_like_that_of_a_roller() -> None:
     scene = Scene.from_tables(tables, "line.toml")
     (found,) = [line for line in warnings(Preview.of(Assembly(scene))) if "was it meant" in line]
     assert typed(found) == ["stages.run.strip.speed=2"]
+
+
+PLATE = """
+strip = { kinematics = "section", width = 2.5, thickness = 0.03 }
+material = { young = 2.0e11, poisson = 0.3, density = 7850.0 }
+friction = { coefficient = 0.3 }
+threading = { tension = 1.0e3, entry = [-3.0, 0.0, 0.0], exit = [3.0, 0.0, 0.0] }
+edges.entry.fixed = ["x", "z"]
+[[rollers]]
+radius = 0.2
+centre = [-1.5, 0.0, -0.2]
+wrap = "over"
+[[rollers]]
+radius = 0.2
+centre = [0.0, 0.0, -0.2]
+wrap = "over"
+[[stages]]
+name = "weight"
+friction = false
+gravity = [0.0, 0.0, -9.81]
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "settings"),
+    [
+        (PLATE, []),  # a sixth of the radius thick, but it turns round no roller
+        (BRIDLE, ["rollers.r1.radius=7e-3", "rollers.r1.centre=[0.0, 0.0, -7e-3]"]),  # not 0.8 µm
+        (
+            BRIDLE,  # soft rubber
+            ["material.young=6e6", "material.poisson=0.49", "strip.thickness=5e-3"]
+            + ["threading.tension=1e3", "stages.run.entry.tension=900.0"],
+        ),
+    ],
+    ids=["plate on rollers", "thin roller", "soft rubber"],
+)
+def test_thick_thin_and_soft_strip_is_not_in_other_units(text: str, settings: list[str]) -> None:
+    scene = Scene.from_tables(tomllib.loads(text), "line.toml", settings)
+    assert not [told for told in warnings(Preview.of(Assembly(scene))) if "was it meant" in told]

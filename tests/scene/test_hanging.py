@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import copy
+import re
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
@@ -252,3 +253,37 @@ def test_sensitivities_of_strip_on_supports(monkeypatch: pytest.MonkeyPatch) -> 
     for name in rows[0]:
         difference = (rows[1][name] - rows[0][name]) / (2.0 * step * 9.81)
         assert found[name] == pytest.approx(difference, rel=2e-3), name
+
+
+def test_a_strip_that_hangs_too_slack_is_told_its_least_tension() -> None:
+    """Between level rollers strip of weight q over l has no state below min a cosh(l/2a) q.
+
+    The path does not go on beyond the state in which its stage began.
+    """
+    tables: dict[str, Any] = {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 1e-4},
+        "material": {"young": 7e10, "poisson": 0.33, "density": 2700.0},
+        "friction": {"coefficient": 0.3},
+        "threading": {"tension": 20.0, "entry": [-1.0, 0.0, -1.0], "exit": [5.0, 0.0, -1.0]},
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "rollers": [
+            {"name": name, "radius": 0.15, "centre": [x, 0.0, -0.15], "wrap": "over"}
+            for name, x in (("a", 0.0), ("b", 4.0))
+        ],
+        "stages": [
+            {"name": "weight", "friction": False, "gravity": [0.0, 0.0, -9.81]},
+            {"name": "slack", "friction": False, "exit": {"tension": 5.0}},
+        ],
+    }
+    run = Scene.model_validate(tables).run()
+    states = [step.state for step in run]
+    found = re.search(r"limit point at t = (\S+) s with exit.force of (\S+);", run.message)
+    assert found is not None, run.message
+    times = [state.time for state in states]
+    last = states[times.index(max(times))]
+    assert float(found[1]) == pytest.approx(last.time, abs=0.02)
+    assert float(found[2]) == pytest.approx(20.0 - 15.0 * (float(found[1]) - 2.0), rel=0.01)
+    top = minimize_scalar(lambda a: a * np.cosh(2.0 / a), bounds=(0.2, 20.0), method="bounded").fun
+    tension = last.rollers["b"].tension_in
+    assert tension == pytest.approx(2700.0 * 9.81 * 1e-4 * top, rel=0.03)
+    assert min(times[times.index(last.time) :]) > 1.95

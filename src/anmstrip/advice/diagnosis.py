@@ -148,11 +148,24 @@ def diagnosis(failure: Failure) -> str:
     """Say what has happened and where, then the likely cause and what to type."""
     stopped, location = failure.stopped, failure.location
     words = ": ".join(part for part in (stopped.outcome.value, stopped.detail) if part)
+    words += turning_point(failure)
     where = "" if location is None else f"; worst at {location}"
     with np.errstate(all="ignore"):
         cause = next(found for rule in CAUSES if (found := rule(failure)))
     time = f"t = {failure.state.time:.6g} s"
     return f"Stopped in stage {failure.stage.name} at {time}: {words}{where}. {cause}"
+
+
+def turning_point(failure: Failure) -> str:
+    """Say where a path turned back: when, and what the stage had changed until then."""
+    farthest, plan = failure.stopped.farthest, failure.plan
+    if failure.stopped.outcome is not Outcome.FOLD or farthest is None:
+        return ""
+    reached = plan.controls.at(farthest)
+    sizes = {k: np.linalg.norm(v) for k, v in reached.items() if not v.ndim or k.endswith("force")}
+    changed = [f"{k} of {size:.3g}" for k, size in sizes.items() if k in plan.controls.slope]
+    with_what = f" with {', '.join(changed)}" if changed else ""
+    return f" at t = {plan.start + farthest * plan.duration:.6g} s{with_what}"
 
 
 def too_many_steps(failure: Failure) -> str | None:

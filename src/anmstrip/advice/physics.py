@@ -60,6 +60,10 @@ BRAKING_SHARE = 0.1
 SAFE_ANGLE_SHARE = 0.8
 """Share of the angle, or of the uneven strain, at which an edge is slack that is proposed."""
 
+SAGGING_SHARE = 1.1
+"""Tension over what friction holds on the wraps of a taut string, up to which the longer wraps of
+strip that sags may hold it: by 4 % in a line of 350 m."""
+
 SLENDER_RUN = 1.0
 """Least length of a run, in widths of the strip, that bends in its plane as a beam."""
 
@@ -242,7 +246,8 @@ def tension_after(preview: Preview, roller: Roller, pull: float, sense: float) -
 
     Where strip comes to lie on the roller its tension T is less by B = D/2r², and presses on the
     edge of the contact by Q with Q² = T² − (T − B)², an angle φ with cos φ = 1 − B/T later than
-    a string would.  In between e^(f(θ − φ − φ')) multiplies T − B + f Q.
+    a string would.  In between e^(f(θ − φ − φ')) multiplies T − B + f Q.  Strip that would come to
+    lie there after half of the turn touches the roller along a line, which holds as a string does.
 
     Parameters
     ----------
@@ -254,11 +259,11 @@ def tension_after(preview: Preview, roller: Roller, pull: float, sense: float) -
         Whether friction makes the tension larger or smaller.
     """
     f, bent = sense * np.log(holding_ratio(preview, roller)), taken_by_bending(preview, roller)
-    if pull <= bent:
-        return pull
     turn = max(preview.turn(roller), 1e-300)
     f, after = f / turn, pull * np.exp(f)
     late, edge = _edge_of_contact(pull, bent)
+    if 2.0 * late >= turn:
+        return float(after)
     for _ in range(BENT_ITERATIONS):
         later, there = _edge_of_contact(max(after, bent), bent)
         within = (pull - bent + f * edge) * np.exp(f * max(turn - late - later, 0.0))
@@ -268,7 +273,7 @@ def tension_after(preview: Preview, roller: Roller, pull: float, sense: float) -
 
 def _edge_of_contact(tension: float, bent: float) -> tuple[float, float]:
     """Angle (rad) by which strip comes to lie late, and the force on the edge there (N/m)."""
-    angle = float(np.arccos(1.0 - bent / tension)) if tension else 0.0
+    angle = float(np.arccos(max(1.0 - bent / tension, -1.0))) if tension else 0.0
     return angle, tension * np.sin(angle)
 
 
@@ -357,8 +362,9 @@ def beyond_capacity(preview: Preview) -> Iterator[str]:
             held_by = f"friction{by_nips}, torques, bearings and weight hold {most:.3g} N/m there"
             if plain := not (pulled.weight or others or pulled.nips):
                 held_by = f"friction holds {most / low if low else 1.0:.3g} times as much"
-            none = "there is no stationary state, and " * (stage.steady and high > most)
-            runs = "runs away" if high > most else "nearly runs away"
+            lost = high > most * (SAGGING_SHARE if pulled.weight else 1.0)
+            none = "there is no stationary state, and " * (stage.steady and lost)
+            runs = "runs away" if lost else "nearly runs away"
             changed = stage.edges.get(end)
             key = "force" if changed is not None and changed.force is not None else "tension"
             typed = f"stages.{stage.name}.{end}.{key}"

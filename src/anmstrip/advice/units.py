@@ -21,6 +21,15 @@ from anmstrip.simulation.problem import Assembly
 LARGEST_IN_LINES = {"m": 20.0, "m/s": 100.0}
 """Widths, radii and speeds in a line beyond which another unit was meant."""
 
+MAX_LINE_STRESS = 500.0
+"""Stress (MPa) by which no line pulls: a larger number is a tension in N/m."""
+
+MIN_THICKNESS = 4e-3
+"""Thickness (m) up to which none can have been typed in mm: there is no strip below 4 µm."""
+
+MAX_TURN_OF_PLATE = 0.1
+"""Angle (rad) by which plate on a roller table turns on a roller at most."""
+
 MIN_FLATNESS = 0.01
 """Flatness (I-units) of which no line has less."""
 
@@ -70,7 +79,7 @@ def doubt(key: str, value: float, unit: str, meant: str, better: float) -> Doubt
 
 def other_units(preview: Preview) -> Iterator[str]:
     """Values that no line has, but in millimetres, megapascals or metres per minute."""
-    for each in doubts(preview.assembly.scene):
+    for each in doubts(preview):
         yield (
             f"{each.key} = {each.value:g} is {each.why}; was it meant in {each.meant}? "
             f"Try --set {shlex.quote(each.typed)}"
@@ -93,7 +102,7 @@ def as_meant(preview: Preview) -> Preview | None:
     That is the given one where nothing is in doubt, and none where that scene cannot be.
     """
     assembly = preview.assembly
-    found = list(doubts(assembly.scene))
+    found = list(doubts(preview))
     if not found:
         return preview
     if (scene := scene_as_meant(assembly.scene, found)) is None:
@@ -106,12 +115,13 @@ def as_meant(preview: Preview) -> Preview | None:
     return Preview(other.assembly, other.plans[:count], other.strings[:count])
 
 
-def doubts(scene: SceneSpec) -> Iterator[Doubt]:
+def doubts(preview: Preview) -> Iterator[Doubt]:
     """Yield all values in doubt; loads by a strip that is none."""
+    scene = preview.assembly.scene
     if in_millimetres(scene):
         yield from doubtful_weight(scene)
         return
-    found = [*doubtful_strip(scene), *doubtful_friction(scene), *doubtful_speeds(scene)]
+    found = [*doubtful_strip(preview), *doubtful_friction(scene), *doubtful_speeds(scene)]
     yield from found
     if (meant := scene_as_meant(scene, found)) is not None:
         yield from doubtful_tensions(meant)
@@ -172,14 +182,16 @@ def doubtful_weight(scene: SceneSpec) -> Iterator[Doubt]:
             yield Doubt(key, size, why.format("mm/s²"), "m/s²", typed)
 
 
-def doubtful_strip(scene: SceneSpec) -> Iterator[Doubt]:
+def doubtful_strip(preview: Preview) -> Iterator[Doubt]:
     """Yield sizes of strip and rollers, and a material, that no line has.
 
-    What nothing pulls around rollers may be thick plate that lies on them.
+    What nothing pulls around rollers, or hardly turns on them, may be thick plate that lies there.
     """
+    scene, rollers = preview.assembly.scene, preview.assembly.rollers
     t, m = scene.strip.thickness, scene.material
-    least = min((roller.radius for roller in scene.rollers), default=np.inf)
-    if t > min(0.1 * least if largest_force(scene) else np.inf, 0.1):
+    bent = [roller.radius for roller in rollers if preview.turn(roller) > MAX_TURN_OF_PLATE]
+    least = min(bent, default=np.inf) if largest_force(scene) else np.inf
+    if t > max(min(0.1 * least, 0.1), MIN_THICKNESS):
         yield doubt("strip.thickness", t, "m", "mm", 1e-3 * t)
     if (width := scene.strip.width or 0.0) > LARGEST_IN_LINES["m"]:
         yield doubt("strip.width", width, "m", "mm", 1e-3 * width)
@@ -230,7 +242,7 @@ def doubtful_tensions(scene: SceneSpec) -> Iterator[Doubt]:
                 pulls[f"stages.{stage.name}.{end}.tension"] = pull
     why = f"in N/m, and {LOOP_HEIGHT:g} m of the strip weigh {least:.3g} N/m"
     for key, tension in pulls.items():
-        if tension < least:
+        if tension < min(least, MAX_LINE_STRESS):
             yield Doubt(key, tension, why, "MPa", f"{key}={1e6 * t * tension:.3g}")
 
 

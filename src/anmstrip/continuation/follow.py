@@ -59,6 +59,7 @@ class Settings:
     rational: bool = False  # let branches go on as quotients of polynomials
     unhurried: float = 0.0  # least share of the way ahead that takes a small imbalance away
     calmly: float = 0.0  # least share of the whole way that does so on a long path
+    backwards: float = 1.0  # share of the whole way that the path may turn back before its start
 
 
 @dataclass(frozen=True)
@@ -136,8 +137,15 @@ def follow(
     follower = _Follower(equations, solver, settings, start, target, cost)
     pace = pace or Pace(start, abs(target - start), arclength=settings.arclength)
     round_off = max(1e-14 * abs(target - start), 2.0 * np.spacing(abs(target)))
+    farthest, sense = pace.control, np.sign(target - start)
     for _ in range(settings.max_steps):
-        step = follower.step(u, pace)
+        try:
+            step = follower.step(u, pace)
+        except PathStopped as stopped:
+            stopped.farthest = farthest
+            raise
+        controls = step.branch.many(np.linspace(0.0, step.branch.length, 9))[1]
+        farthest = float(sense * max(sense * farthest, *(sense * controls)))
         yield step
         u, pace = step.branch.end[0], step.pace
         if abs(target - pace.control) <= round_off:
@@ -224,7 +232,7 @@ class _Follower:
         shrinking = (*shorter, (covered, float(steepness)))
         if not parameter.arclength:
             return Pace(control, covered, shrinking, taken=pace.taken + 1)
-        if (control - self.start) * np.sign(whole) < -abs(whole):
+        if (control - self.start) * np.sign(whole) < -self.settings.backwards * abs(whole):
             raise PathStopped(Outcome.FOLD, control, "", Evidence(motion=direction[0]))
         return Pace(control, covered, shrinking, True, direction, pace.taken + 1)
 

@@ -55,8 +55,8 @@ MIN_AXIS_ACROSS = 0.9
 MAX_THREADED_STRAIN = 0.05
 """Largest strain of a threaded strip: metals yield long before."""
 
-MIN_MODULUS = 1e7
-"""Least Young's modulus of a strip (Pa), that of firm rubber, a tenth of soft polyethylene's."""
+MIN_MODULUS = 1e6
+"""Least Young's modulus of a strip (Pa), that of soft rubber."""
 
 MILLIMETRE_RATIO = 10.0
 """Radius over the distance to the next axis from which on it was typed in millimetres.

@@ -299,6 +299,8 @@ class March:
         settings = replace(
             settings, tolerance=tolerance, unhurried=MIN_BALANCING_SHARE, calmly=calmly
         )
+        if self.assembly.thread is not None:  # an arch may ask for less than nothing, a line not
+            settings = replace(settings, backwards=0.0)
         for step in (self._settled if plan.steady else self._path)(equations, u, settings):
             (u, control), imbalance = step.branch.end, step.imbalance
             if plan.steady and control == 1.0:
