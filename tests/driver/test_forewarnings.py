@@ -13,7 +13,7 @@ import pytest
 
 from anmstrip.advice.physics import slack_edge, uneven_fibres
 from anmstrip.advice.preview import Preview, free_motions
-from anmstrip.advice.warnings import serious, warnings
+from anmstrip.advice.warnings import against_section, serious, warnings
 from anmstrip.driver.scene import Scene
 from anmstrip.equilibrium import Equilibrium
 from anmstrip.fem.sampling import l2_projection, quadrature_points
@@ -293,7 +293,7 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
         [("friction.coefficient", 0.7), ("stages", [
             {"name": "run", "steady": True, "strip": {"speed": 1.0}, "rollers": {
                 "a": {"surface_speed": 1.0}, "b": {"surface_speed": 1.0}}}])],
-        "is under no tension, since strip.speed = 1 m/s", "stages.run.strip.speed=0.99995",
+        "under no tension where it sticks, since strip.speed = 1 m/s", "stages.run.strip.speed=0.99995",
     ),
     (
         [("threading.entry", [-4.0, 0.0, -0.7]), ("stages", [
@@ -453,6 +453,27 @@ def test_an_edge_is_slack_from_the_angle_that_is_told(
     guided = x < x.min() + 0.02
     edge = np.polyval(np.polyfit(y[guided], forces[guided], 1), -0.05)
     assert edge / 4.4e4 == pytest.approx(share, abs=within)
+
+
+def test_a_roller_at_the_speed_of_unstressed_strip_is_told_to_slide() -> None:
+    """Equal numbers mean full slip; what is proposed sticks, at V/(1 + T/Et)."""
+    tables = copy.deepcopy(BRIDLE)
+    run = {"name": "run", "steady": True, "strip": {"speed": 2.0}, "rollers": {}}
+    tables["stages"] = [run | {"rollers": {n: {"surface_speed": 2.0} for n in "ab"}}]
+    (found,) = [line for line in serious(preview_of(tables)) if "slides over it" in line]
+    proposed = re.search(r"strip.speed=(\S+)", found)
+    assert proposed is not None
+    assert float(proposed[1]) == pytest.approx(2.0 / (1.0 + 1e4 / 2e8), rel=1e-6)
+    tables["stages"][0]["strip"]["speed"] = float(proposed[1])
+    assert not [line for line in serious(preview_of(tables)) if "slides over it" in line]
+
+
+def test_a_roller_that_is_moved_across_is_seen_by_a_shell_alone() -> None:
+    tables = copy.deepcopy(BRIDLE)
+    tables["strip"] = {"width": 1.0, "thickness": 1e-3}
+    assert not list(against_section(preview_of(tables)))
+    tables["stages"][1]["rollers"]["a"]["move"] = [0.0, 1e-3, 0.0]
+    assert list(against_section(preview_of(tables))) == ["stage run moves a across the strip"]
 
 
 def test_strip_too_stiff_to_wrap_its_rollers_is_held_as_a_string() -> None:

@@ -190,8 +190,10 @@ gravity = [0.0, 0.0, -9.81]
         (BRIDLE, ["rollers.r1.radius=7e-3", "rollers.r1.centre=[0.0, 0.0, -7e-3]"]),  # not 0.8 µm
         (
             BRIDLE,  # soft rubber
-            ["material.young=6e6", "material.poisson=0.49", "strip.thickness=5e-3"]
-            + ["threading.tension=1e3", "stages.run.entry.tension=900.0"],
+            [
+                *("material.young=6e6", "material.poisson=0.49", "strip.thickness=5e-3"),
+                *("threading.tension=1e3", "stages.run.entry.tension=900.0"),
+            ],
         ),
     ],
     ids=["plate on rollers", "thin roller", "soft rubber"],

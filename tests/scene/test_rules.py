@@ -235,6 +235,7 @@ WRONG_SECTION = [
     ("= 0.6", "= 0.6\nentry.velocity = [0, 1, 0]", "stages.turn.entry.velocity", "0 along y"),
     ("= 0.6", "= 0.6\nexit.force = [9, 1, 0]", "stages.turn.exit.force", "[9.0, 0.0, 0.0], or"),
     ("= 0.6", "= 0.6\ngravity = [0, -9.81, 0]", "stages.turn.gravity", "0 along y"),
+    ("= 0.6", "= 0.6\nrollers.r1.move = [0, 1, 0]", "stages.turn.rollers.r1.move", "0 along y"),
 ]
 
 _FRICTION, _ROLLERS = GOOD.index("[friction]"), GOOD.index("[[rollers]]")

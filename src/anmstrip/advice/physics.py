@@ -669,7 +669,10 @@ def heavy_bearings(preview: Preview) -> Iterator[str]:
 
 
 def strip_without_tension(preview: Preview) -> Iterator[str]:
-    """Steady stages in which a roller carries strip off no faster than it comes in unstressed."""
+    """Steady stages in which a roller carries strip off no faster than it comes in unstressed.
+
+    Where friction could brake it to nothing, or where both speeds are nearly the same number.
+    """
     assembly, last = preview.assembly, dict[str, float]()
     if (thread := assembly.thread) is None or assembly.friction is None:
         return
@@ -686,13 +689,15 @@ def strip_without_tension(preview: Preview) -> Iterator[str]:
             if given and 0.0 < last.get(roller.name, 0.0) / given < stretch[roller.name] - unpulled
         ]
         held = float(np.prod([holding_ratio(preview, roller) for roller in slow]))
-        if given and held > 1.0 / BRAKING_SHARE:
+        same = [abs(last[r.name] / given - 1.0) < stretch[r.name] - 1.0 for r in slow if given]
+        elastic = not assembly.yields(stage)
+        if given and (held > 1.0 / BRAKING_SHARE or (elastic and any(same))):
             name = min((roller.name for roller in slow), key=lambda each: last[each])
             yield (
-                f"roller {name} goes at {last[name]:.9g} m/s in stage {stage.name}, and strip that "
-                f"sticks to it is under no tension, since strip.speed = {given:.9g} m/s is its "
-                f"speed unstressed. Try entry.tension and no strip.speed there, or "
-                f"--set stages.{stage.name}.strip.speed={last[name] / stretch[name]:.12g}"
+                f"roller {name} goes at {last[name]:.9g} m/s in stage {stage.name}: strip slides "
+                f"over it, or is under no tension where it sticks, since strip.speed = "
+                f"{given:.9g} m/s is its speed unstressed. Try entry.tension and no strip.speed "
+                f"there, or --set stages.{stage.name}.strip.speed={last[name] / stretch[name]:.12g}"
             )
 
 

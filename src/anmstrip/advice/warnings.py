@@ -704,6 +704,9 @@ def against_section(preview: Preview) -> Iterator[str]:
     for stage in scene.stages:
         if stage.gravity is not None and stage.gravity[1]:
             yield f"stage {stage.name} has gravity across the strip"
+        for name, roller_control in stage.rollers.items():
+            if roller_control.move is not None and roller_control.move[1]:
+                yield f"stage {stage.name} moves {name} across the strip"
         for name, c in stage.edges.items():
             given = (c.force, c.move, c.velocity)
             if name in ENDS and any(v is not None and v[1] for v in given):

@@ -186,6 +186,9 @@ def known_directions(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
                 place = f"stages.{stage.name}.{name}.{key}"
                 given.append((place, f"{name}.{key}", getattr(control, key)))
         given.append((f"stages.{stage.name}.gravity", "gravity", stage.gravity))
+        for name, roller in stage.rollers.items() if level == "section" else ():
+            short = f"rollers.{name}.move"
+            given.append((f"stages.{stage.name}.{short}", short, roller.move))
     for key, short, vector in given:
         # along x the force on a plate's exit is its tension
         seen = "xz" if (level, short) == ("plate", "exit.force") else DISPLACEMENTS[level]
