@@ -293,7 +293,8 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
         [("friction.coefficient", 0.7), ("stages", [
             {"name": "run", "steady": True, "strip": {"speed": 1.0}, "rollers": {
                 "a": {"surface_speed": 1.0}, "b": {"surface_speed": 1.0}}}])],
-        "under no tension where it sticks, since strip.speed = 1 m/s", "stages.run.strip.speed=0.99995",
+        "under no tension where it sticks, since strip.speed = 1 m/s",
+        "stages.run.strip.speed=0.99995",
     ),
     (
         [("threading.entry", [-4.0, 0.0, -0.7]), ("stages", [

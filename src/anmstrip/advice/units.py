@@ -16,6 +16,7 @@ from anmstrip.errors import InputError
 from anmstrip.scene.checks import meant_modulus
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.simulation.defaults import largest_force, regularising_speed
+from anmstrip.simulation.meshing import MAX_LYING_TURN
 from anmstrip.simulation.problem import Assembly
 
 LARGEST_IN_LINES = {"m": 20.0, "m/s": 100.0}
@@ -26,9 +27,6 @@ MAX_LINE_STRESS = 500.0
 
 MIN_THICKNESS = 4e-3
 """Thickness (m) up to which none can have been typed in mm: there is no strip below 4 µm."""
-
-MAX_TURN_OF_PLATE = 0.1
-"""Angle (rad) by which plate on a roller table turns on a roller at most."""
 
 MIN_FLATNESS = 0.01
 """Flatness (I-units) of which no line has less."""
@@ -189,7 +187,7 @@ def doubtful_strip(preview: Preview) -> Iterator[Doubt]:
     """
     scene, rollers = preview.assembly.scene, preview.assembly.rollers
     t, m = scene.strip.thickness, scene.material
-    bent = [roller.radius for roller in rollers if preview.turn(roller) > MAX_TURN_OF_PLATE]
+    bent = [roller.radius for roller in rollers if preview.turn(roller) > MAX_LYING_TURN]
     least = min(bent, default=np.inf) if largest_force(scene) else np.inf
     if t > max(min(0.1 * least, 0.1), MIN_THICKNESS):
         yield doubt("strip.thickness", t, "m", "mm", 1e-3 * t)

@@ -85,6 +85,9 @@ MIN_FALL_DEPTH = 0.1
 """Least depth over the gap to a roller at the beginning.  Of eight plates that fall by 20 to 2 800
 times the onset four do not arrive, of eight that fall by 10 to 170 times all do."""
 
+MAX_LYING_TURN = 0.1
+"""Angle (rad) by which a taut string turns at most on the rollers that strip only lies on."""
+
 NIP_GAP = 1.0 + 1e-6
 """Gap, in thicknesses of the strip, up to which facing rollers nip it: round-off of centres."""
 
@@ -357,17 +360,19 @@ def deepest_bearing(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread 
 
     One support of many, a pitch p apart, that sinks by δ loses (15 D/p³ + 4 T/p) δ of its load q p.
     Infinite where strip is wound round rollers, resists nothing, or nothing lays it on them.  Strip
-    that first falls meets a softer contact.
+    that first falls meets a softer contact; one that is threaded lies there.
     """
     load, sides = distributed_load(scene), dict[float, list[float]]()
     for roller in rollers:
         sides.setdefault(np.sign(roller.centre[2]), []).append(roller.centre[0])
     pitches = [pitch for xs in sides.values() for pitch in np.diff(np.sort(xs)) if pitch > 0.0]
-    if thread is not None or not load or not pitches:
+    wound = thread is not None and thread.middle.arcs.turn.max(initial=0.0) > MAX_LYING_TURN
+    if wound or not load or not pitches:
         return np.full(len(rollers), np.inf)
     p = min(pitches)
     stiffness = 15.0 * bending_stiffness(scene) / p**3 + 4.0 * largest_force(scene) / p
     falls = np.array([abs(r.centre[2]) - r.radius - r.half for r in rollers])
+    falls *= thread is None
     return np.maximum(
         SETTLING_DEPTH * load * p / stiffness if stiffness else np.inf, MIN_FALL_DEPTH * falls
     )

@@ -54,6 +54,7 @@ from anmstrip.simulation.meshing import (
     carrying_sense,
     cells_across,
     contact_parts,
+    deepest_bearing,
     follows_weight,
     label_at,
     loads_in_stages,
@@ -151,6 +152,10 @@ MIN_ONSET_ELEMENT = 0.5
 """Share of the usual length of elements over rollers that the onset of contact counts with at
 least: arcs that are shorter are single elements, with longer ones beside them that touch as well.
 With 0 a leveller of nine rollers takes 330 tangents instead of 119."""
+
+LYING_ONSET = 0.5
+"""Onset of contact over the depth by which strip that lies on threaded rollers may sink: between
+the least and the most loaded of them it sinks by some 1.5 onsets."""
 
 ONSET_STRETCH = 0.01
 """Stretch that the onset of contact may make, over the elastic one."""
@@ -658,10 +663,18 @@ class Assembly:
             onset = min(
                 onset, FLOATING_SHARE * thickness / max(1.0, float(np.log(pressure / load)))
             )
+        onset = min(onset, LYING_ONSET * self._lying_depth)
         if self.kinematics.count == 3 and fibres_differ(self.scene):
             stretch = tension / (self.material.young * thickness)
             onset = min(onset, ONSET_STRETCH * stretch * radius * self._spread())
         return GradedSignorini(pressure, c.onset or onset)
+
+    @property
+    def _lying_depth(self) -> float:
+        """Depth (m) by which strip that is threaded over rollers and lies on them may sink."""
+        if self.thread is None:
+            return np.inf
+        return float(deepest_bearing(self.scene, self.rollers, self.thread).min())
 
     def _spread(self) -> float:
         """Width over the longest arc of uneven strip on cylinders, at least 1.
