@@ -30,7 +30,12 @@ from anmstrip.results.rollers import RUNNING_SLIP, ContactState
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS, THREADING, FieldSpec
-from anmstrip.simulation.defaults import boundary_layer, elastic_creep, largest_force
+from anmstrip.simulation.defaults import (
+    bending_stiffness,
+    boundary_layer,
+    elastic_creep,
+    largest_force,
+)
 from anmstrip.simulation.meshing import (
     LAYER_SHARE,
     MAX_ELEMENTS,
@@ -54,6 +59,9 @@ MAX_PENETRATION = 0.1
 
 SLACK_END = 1e-2
 """Share of the largest force below which an end that was pulled is slack."""
+
+STIFF_SLOPE = 0.3
+"""The same slope up to which its own stiffness carries strip: a beam sags by 2 % of its span."""
 
 RESTING_SLOPE = 3.0
 """Slope q L³/6D up to which a beam on rollers L apart lies there by its weight, without tension.
@@ -366,11 +374,12 @@ def slack_end(preview: Preview) -> Iterator[str]:
 
 
 def heavy_strip(preview: Preview) -> Iterator[str]:
-    """Stages in which a span weighs more than its tension can carry without a deep sag."""
+    """Stages in which a span weighs more than tension or bending carries without a deep sag."""
     largest = preview.tension
     for plan, string in zip(preview.plans, preview.strings, strict=True):
-        weight = weight_of(preview, plan) * longest_span(preview, string)
-        if weight > largest:
+        load, span = weight_of(preview, plan), longest_span(preview, string)
+        weight, bent = load * span, bending_stiffness(preview.assembly.scene)
+        if weight > largest and load * span**3 > 6.0 * STIFF_SLOPE * bent:
             yield (
                 f"in stage {plan.name} a span of the strip weighs {weight:.2g} N/m, "
                 f"{weight / largest:.2g} times its tension, and sags deeply. Try a larger tension."
