@@ -744,7 +744,7 @@ def sideways_entry(preview: Preview) -> Iterator[str]:
 def strip_runs_out(preview: Preview) -> Iterator[str]:
     """An end of the strip that travels as far as the first roller on its way."""
     scene, thread = preview.assembly.scene, preview.assembly.thread
-    if thread is None or scene.strip.feed or any(stage.steady for stage in scene.stages):
+    if thread is None or scene.strip.feed:
         return
     back, ahead = strip_travel(scene, preview.assembly.rollers, thread)
     half = 0.5 * thread.length
@@ -756,6 +756,14 @@ def strip_runs_out(preview: Preview) -> Iterator[str]:
         led = [*dict.fromkeys(led), "edges.exit"]
         advice = f"So that fresh strip follows and runs off at its tension, try it without {led[0]}"
         advice += "".join(f", {key}" for key in led[1:])
+    uneven = [*scene.strip.natural.values()]
+    uneven += [given for stage in scene.stages for given in stage.strip.natural.values()]
+    in_time = [stage.name for stage in scene.stages if stage.friction and not stage.steady]
+    if any(getattr(given, "along", ()) for given in uneven):
+        advice = "What a table along gives travels with the strip, which therefore is not fed; in "
+        advice += "a steady stage it stays where it is. Try" + "".join(
+            f" --set stages.{name}.steady=true" for name in in_time
+        )
     for travel, run, end in ((ahead, first, "entry"), (back, last, "exit")):
         if travel > run > 0.0:
             yield (

@@ -61,7 +61,7 @@ SLACK_END = 1e-2
 """Share of the largest force below which an end that was pulled is slack."""
 
 STIFF_SLOPE = 0.3
-"""The same slope up to which its own stiffness carries strip: a beam sags by 2 % of its span."""
+"""Slope q L³/6D up to which its stiffness carries strip: a beam sags by 2 % of its span then."""
 
 RESTING_SLOPE = 3.0
 """Slope q L³/6D up to which a beam on rollers L apart lies there by its weight, without tension.

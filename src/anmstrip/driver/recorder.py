@@ -61,7 +61,8 @@ def history_row(step: Step, conveyed: bool) -> dict[str, Any]:
     for edge in ("entry", "exit"):
         values[f"{edge}_tension"] = state.tension(edge)
     if conveyed:
-        fed = state.strip_speed or 0.0, state.conveyed
+        speed = state.strip_speed  # of strip whose labels travel there is not one
+        fed = 0.0 if speed is None and not state.plan.in_time else speed, state.conveyed
         values |= dict(zip(FEED_COLUMNS, fed, strict=True))
     for name, reading in state.rollers.items():
         values |= {f"{name}_{column}": getattr(reading, column) for column in STEP_READINGS}
