@@ -158,7 +158,7 @@ def likely_value(kind: str, value: Any, meaning: str, field: FieldInfo) -> str |
         That of the key, with its unit in brackets at the end.
     field : FieldInfo
     """
-    better: float | str | None = None
+    better: float | str | list[object] | None = None
     if kind in ("float_type", "int_type") and isinstance(value, str):
         better = number_in(value, meaning)
     elif kind in ("greater_than", "greater_than_equal") and value < 0:
@@ -166,6 +166,9 @@ def likely_value(kind: str, value: Any, meaning: str, field: FieldInfo) -> str |
     elif kind == "literal_error" and isinstance(value, str):
         kinds = (field.annotation, *get_args(field.annotation))
         better = word_like(value, [w for k in kinds for w in get_args(k) if isinstance(w, str)])
+    elif kind == "missing" and isinstance(value, list | tuple) and not meaning.endswith("(1)"):
+        # a place or a force in the plane of the line, without its y; a direction is neither
+        better = [value[0], 0.0, value[1]] if len(value) == 2 else None
     if kind == "int_type" and isinstance(better, float) and better.is_integer():
         better = int(better)
     if better is None or not field_accepts(field, better):

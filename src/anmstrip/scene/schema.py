@@ -515,9 +515,8 @@ def mistakes_of(
             least, largest = SMALLEST_NUMBER, LARGEST_NUMBER
             if isinstance(value, float) and (abs(value) > largest or 0.0 < value < least):
                 expected += f"; numbers are at most {largest:g}, and {least:g} at least if positive"
-            better = (
-                None if place.item else likely_value(found["type"], value, place.meaning, field)
-            )
+            likely = not place.item or found["type"] == "missing"
+            better = likely_value(found["type"], value, place.meaning, field) if likely else None
             named = place.name == "name" and found["type"] == "string_pattern_mismatch"
             better = f'"{name_like(value)}"' if named and name_like(value) else better
             hint = example_of(place.name, field) if better is None else f"{place.name} = {better}"
