@@ -46,6 +46,9 @@ WHY_NOT = {"section": 'a "section" has no width', "plate": 'a "plate" only moves
 NEXT_KINEMATICS = {"section": 'kinematics = "shell"', "plate": 'kinematics = "section"'}
 """The next level, which has more displacements."""
 
+DRIVES = {"surface_speed": "speed", "angular_speed": "speed", "torque": "torque"}
+"""Drive of a roller by the control of it that a stage gives."""
+
 PARALLEL_COSINE = 0.99
 """Least cosine of the angle between axes that count as parallel."""
 
@@ -132,10 +135,9 @@ def controls_of_drives(rollers: Rollers, stages: Stages, friction: Friction) -> 
             expected = '"speed", since without a table [friction] nothing turns the roller'
             hint = "[friction]\ncoefficient = 0.2\nspeed = 1.0e-4"
             yield Mistake("", f"rollers.{name}.drive", kind, expected, hint)
-    asked = {"surface_speed": "speed", "angular_speed": "speed", "torque": "torque"}
     for stage in stages:
         for name, control in stage.rollers.items():
-            for key, needed in asked.items():
+            for key, needed in DRIVES.items():
                 value = getattr(control, key)
                 if value is not None and drive.get(name, needed) != needed:
                     place = f"stages.{stage.name}.rollers.{name}.{key}"
