@@ -48,6 +48,8 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
     ("refined = 0.025", "finer = 100.0", "strip.finer", "0.05 to 64"),
     ("refined = 0.025", 'kinematics = "Shell"', "strip.kinematics", 'kinematics = "shell"'),
     ("refined = 0.025", 'kinematics = "beam"', "strip.kinematics", 'kinematics = "section"'),
+    ("refined = 0.025", 'kinematics = "2D"', "strip.kinematics", 'kinematics = "section"'),
+    ("refined = 0.025", 'kinematics = "plane"', "strip.kinematics", 'kinematics = "section"'),
     ("refined = 0.025", 'bending = "stiff"', "strip.bending", "kirchhoff-love"),
     ("refined = 0.025", "bending = 1", "strip.bending", "true, false"),
     ("= 0.6", '= 0.6\nexit.moment = "no"', "stages.turn.exit.moment", "number"),

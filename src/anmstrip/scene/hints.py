@@ -22,7 +22,7 @@ UNIT_FACTORS = {
 """Units by the one of a key, with what they are of it."""
 
 SYNONYMS = {
-    "beam": "section",
+    "beam": "section", "2d": "section", "plane": "section", "3d": "shell",
     "top": "over", "above": "over",
     "bottom": "under", "below": "under",
 }  # fmt: skip
