@@ -558,6 +558,10 @@ def test_what_rollers_have_in_other_programs_is_explained(key: str) -> None:
     ("old", "new", "key", "hint"),
     [
         ("young = ", "E = ", "material.E", "young = "),
+        ("young = ", "youngs_modulus = ", "material.youngs_modulus", "young = "),
+        ("young = ", "sigma_y = 3e8\nyoung = ", "material.sigma_y", "yield_stress = 3e+08"),
+        ("every = 1", "frequency = 5", "output.frequency", "every = 5"),
+        ("every = 1", "interval = 0.1", "output.interval", "times = "),
         ("poisson = ", "nu = ", "material.nu", "poisson = "),
         ("radius = 0.5", "diameter = 0.8", "rollers.r1.diameter", "radius = 0.4"),
     ],

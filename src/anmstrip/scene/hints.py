@@ -31,11 +31,14 @@ SYNONYMS = {
 OTHER_NAMES = {
     "diameter": ("radius", 0.5),
     "e": ("young", 1.0),
+    **dict.fromkeys(("youngs_modulus", "young_modulus", "elastic_modulus"), ("young", 1.0)),
+    **dict.fromkeys(("sigma_y", "sigma_yield"), ("yield_stress", 1.0)),
     "nu": ("poisson", 1.0),
     "rho": ("density", 1.0),
     "alpha": ("expansion", 1.0),
     "mu": ("coefficient", 1.0),
     "rpm": ("angular_speed", math.pi / 30.0),
+    **dict.fromkeys(("frequency", "interval"), ("every", 1.0)),
 }
 """Names of other programs for a key of ours, and what its value is of theirs."""
 
@@ -51,6 +54,7 @@ NOT_MODELLED = {
     "and torque = -J v/(r t) in that stage",
     "mass": "not modelled: states are quasi-static, and rollers do not bend",
     "eccentricity": "not modelled; its effect is that of moves, rollers.NAME.move of a stage",
+    "bow": "not modelled: axes are straight; the shapes that there are: crown, taper, sides",
     "temperature": "temperatures are those of the strip, strip.temperature",
 }
 """Keys of rollers in other programs, and what to type instead."""
@@ -107,6 +111,8 @@ def key_like(key: str, value: object, known: Iterable[str]) -> str | None:
         or not (isinstance(value, int | float) and is_number(value))
     ):
         return None
+    if name == "every" and not isinstance(value, int):
+        return "times = [0.5, 1.0]; or every = 10, of the steps"
     return f"{name} = {share * value:.6g}"
 
 
