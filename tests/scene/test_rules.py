@@ -79,6 +79,8 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
     ("[0.0, 0.0, -0.45]", "[0.0, -0.45]", "stages.wrap.entry.move", "move = [0.0, 0.0, -0.45]"),
     ("centre = [0.0, 0.0, -0.501]", 'centre = [0.0, 0.0, "b"]', "rollers.r1.centre", '"b"'),
     ("axis = [0.0, 1.0, 0.0]", "axis = [0.0, 0.0, 0.0]", "rollers.r1.axis", "not all 0"),
+    ("radius = 0.5", 'radius = 0.5\ndrive = "idle"', "stages.turn.rollers.r1.surface_speed",
+     'drive = "speed", or no surface_speed'),
     ("radius = 0.5", 'radius = 0.5\ndrive = "driven"', "rollers.r1.drive", 'drive = "speed"'),
     ('name = "r1"', 'name = "roller 1"', "rollers.roller 1.name", "letters"),
     ('name = "turn"', 'name = "turn again"', "stages.turn again.name", 'name = "turn_again"'),

@@ -142,7 +142,7 @@ def controls_of_drives(rollers: Rollers, stages: Stages, friction: Friction) -> 
                 if value is not None and drive.get(name, needed) != needed:
                     place = f"stages.{stage.name}.rollers.{name}.{key}"
                     expected = f'nothing, since the roller has drive = "{drive[name]}"'
-                    yield Mistake("", place, value, expected, f'drive = "{needed}"')
+                    yield Mistake("", place, value, expected, f'drive = "{needed}", or no {key}')
 
 
 def flat_plates(strip: StripSpec, friction: Friction, threading: Threading) -> Iterator[Mistake]:
