@@ -102,6 +102,8 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
     ("every = 1", "times = [1.0, 0.5]", "output.times", "[0.5, 1.0]"),
     ("every = 1", "times = [-1.0, 0.5]", "output.times", "increasing"),
     ("every = 1", "times = []", "output.times", "at least one"),
+    ("every = 1", "times = [0.5, 99.0, 100.0]", "output.times", "times = [0.5]"),
+    ("every = 1", "times = [99.0]", "output.times", "the end of the run at 2.6 (s)"),
     ("every = 1", "every = 1\ntimes = [0.5]", "output.every", "not both"),
     ("[edges.entry]", "[[edges.entry]]", "edges.entry", "a table for each"),
     ("[[rollers]]", "[rollers]", "rollers", "[[rollers]]"),

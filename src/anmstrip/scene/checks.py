@@ -24,6 +24,7 @@ from anmstrip.scene.tables import (
     FieldSpec,
     FrictionSpec,
     MaterialSpec,
+    OutputSpec,
     RollerSpec,
     StageSpec,
     StripSpec,
@@ -60,6 +61,9 @@ MAX_THREADED_STRAIN = 0.05
 
 MIN_MODULUS = 1e7
 """Least Young's modulus of a strip (Pa), that of firm rubber, a tenth of soft polyethylene's."""
+
+ROUND_OFF = 1e-12
+"""Relative error of a sum of durations, at most."""
 
 MILLIMETRE_RATIO = 10.0
 """Radius over the distance to the next axis from which on it was typed in millimetres.
@@ -643,6 +647,16 @@ def separate_rollers(rollers: Rollers) -> Iterator[Mistake]:
         yield Mistake("", f"rollers.{name}.radius", radius, expected, f"radius = {1e-3 * radius:g}")
 
 
+def times_of_the_run(threading: Threading, stages: Stages, output: OutputSpec) -> Iterator[Mistake]:
+    """Yield times to write that the run does not reach."""
+    end = sum(stage.duration for stage in stages) + (threading.duration if threading else 0.0)
+    reached = [time for time in output.times or () if time <= end * (1.0 + ROUND_OFF)]
+    if output.times and len(reached) < len(output.times):
+        expected = f"times up to the end of the run at {end:.10g} (s)"
+        hint = f"times = {reached or [end]}"
+        yield Mistake("", "output.times", output.times[-1], expected, hint)
+
+
 RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     unique_rollers, unique_stages, known_edges, known_rollers, controls_of_drives, flat_plates,
     rollers_of_a_section, known_directions, tensions_and_moments, held_components, speeds_at_ends,
@@ -650,7 +664,7 @@ RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     ends_of_a_fed_strip, gravity_has_density, known_laws_are_sharpened, refined_mesh_is_estimated,
     rollers_have_friction, stages_have_friction, closed_strip, steady_stages, yielding_strip,
     threading_partners, one_length, held_entry, own_name, threading_ends, borne_tension,
-    wrapped_axes, separate_rollers,
+    wrapped_axes, separate_rollers, times_of_the_run,
 )  # fmt: skip
 """Rules between the tables of a scene; their parameters are the names of the tables they need.
 
