@@ -198,6 +198,8 @@ WRONG_THREADED = [
      "rollers.r1.sides", "sides = { taper = 0.0005, flat"),
     ("radius = 0.5", "radius = 0.5\nsides = { taper = 1e-3, flat = 0.1 }",
      "rollers.r1.sides.rounding", "rounding = 0.05"),
+    ("= 0.6", "= 0.6\nexit.force = [9, 0, 0]\nexit.tension = 9.0", "stages.turn.exit.tension",
+     "not both"),
     ("duration = 0.6", "duration = 0.6\nleft.tension = 1.0", "stages.turn.left.tension", "ends"),
     ("entry = [-2, 0, -1]", "entry = [-2, 0.1, -1]", "threading.entry", "entry = [-2, 0.0, -1]"),
     ("exit = [2, 0, -1]", "exit = [2, 1, -1]", "threading.exit", "in the plane y = 0"),

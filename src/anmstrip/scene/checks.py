@@ -249,6 +249,22 @@ def held_components(edges: Edges, stages: Stages) -> Iterator[Mistake]:
             yield Mistake("", f"{place}.tension", control.tension, expected, release)
 
 
+def pulled_once(threading: Threading, edges: Edges, stages: Stages) -> Iterator[Mistake]:
+    """Yield forces on ends of a threaded line that the tension of the same stage replaces.
+
+    Elsewhere they act besides a tension, as they do where the end is held in z.
+    """
+    released: set[str] = set()
+    for key, name, control in edge_controls(stages) if threading else ():
+        if control.release:
+            released.add(name)
+        fixed = edges[name].fixed if name in edges and name not in released else ()
+        if "z" not in fixed and None not in (control.force, control.tension):
+            expected = "either the force or the tension of this end, which replaces it, not both"
+            hint = "one of them; take one out"
+            yield Mistake("", f"{key}.tension", control.tension, expected, hint)
+
+
 def speeds_at_ends(strip: StripSpec, edges: Edges, stages: Stages) -> Iterator[Mistake]:
     """Yield speeds of what is no held end of the strip, and of a plate, which stays in place."""
     released: set[str] = set()
@@ -660,7 +676,7 @@ def times_of_the_run(threading: Threading, stages: Stages, output: OutputSpec) -
 RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     unique_rollers, unique_stages, known_edges, known_rollers, controls_of_drives, flat_plates,
     rollers_of_a_section, known_directions, tensions_and_moments, held_components, speeds_at_ends,
-    natural_shapes,
+    pulled_once, natural_shapes,
     ends_of_a_fed_strip, gravity_has_density, known_laws_are_sharpened, refined_mesh_is_estimated,
     rollers_have_friction, stages_have_friction, closed_strip, steady_stages, yielding_strip,
     threading_partners, one_length, held_entry, own_name, threading_ends, borne_tension,
