@@ -427,7 +427,18 @@ def test_all_mistakes_are_named_at_once(tmp_path: Path) -> None:
 
 def test_duplicate_rollers_are_named(tmp_path: Path) -> None:
     second = '[[rollers]]\nname = "r1"\nradius = 1.0\ncentre = [1, 0, 1]\naxis = [0, 1, 0]\n'
-    assert "rollers.r1.name" in mistakes_of(tmp_path, GOOD + second)
+    speed = '[[stages]]\nname = "more"\nduration = 1.0\nrollers.r2.surface_speed = 1.0\n'
+    assert list(mistakes_of(tmp_path, GOOD + second + speed)) == ["rollers.r1.name"]
+
+
+@pytest.mark.parametrize(
+    ("table", "typed"),
+    [("[[rollers]]", "[[rolls]]"), ("[friction]", "[frictions]"), ("[threading]", "[thread]")],
+)
+def test_a_misspelt_table_is_one_mistake(tmp_path: Path, table: str, typed: str) -> None:
+    steady = "duration = 0.6\nsteady = true\nstrip.speed = 1.0"
+    text = THREADED.replace("duration = 0.6", steady).replace(table, typed)
+    assert list(mistakes_of(tmp_path, text)) == [typed.strip("[]")]
 
 
 def test_friction_of_a_roller_without_a_law(tmp_path: Path) -> None:

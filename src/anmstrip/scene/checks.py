@@ -122,9 +122,9 @@ def known_edges(strip: StripSpec, edges: Edges, stages: Stages) -> Iterator[Mist
 
 
 def known_rollers(rollers: Rollers, stages: Stages) -> Iterator[Mistake]:
-    """Yield rollers of stages that the scene does not have."""
+    """Yield rollers of stages that the scene does not have, unless one may be a doubled name's."""
     known = [roller.name for roller in rollers]
-    for stage in stages:
+    for stage in stages if len(set(known)) == len(known) else ():
         for name in stage.rollers:
             if name not in known:
                 key = f"stages.{stage.name}.rollers.{name}"

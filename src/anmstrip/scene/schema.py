@@ -113,8 +113,9 @@ class SceneSpec(Table):
             self.__pydantic_validator__.validate_python(tables, self_instance=self, context=right)
         except ValidationError as error:
             found += told_once(mistakes_of(error, type(self), tables))
+        misspelt = meant_keys(found)  # tables that are there under another name
         for name, field in type(self).model_fields.items():
-            if name not in tables and not field.is_required():
+            if not (name in tables or (name,) in misspelt or field.is_required()):
                 right[name] = field.get_default()
         threading, strip = right.get("threading"), right.get("strip")
         labels_stay = (strip and strip.feed) or (threading and threading.closed)
@@ -543,9 +544,18 @@ def told_once(found: Iterable[Mistake]) -> list[Mistake]:
     """Return mistakes without keys that are missing because they are misspelt, as is told."""
     told = list(found)
     misspelt = [mistake for mistake in told if mistake.expected == "a known key"]
-    meant = {(*m.key.split(".")[:-1], re.split(" \\(the nearest| = ", m.hint)[0]) for m in misspelt}
+    meant = meant_keys(misspelt)
     echoes = [m for m in told if m.value is None and tuple(m.key.split(".")) in meant]
     return [mistake for mistake in told if mistake in misspelt or mistake not in echoes]
+
+
+def meant_keys(found: Iterable[Mistake]) -> set[tuple[str, ...]]:
+    """Return the keys that were presumably meant by the unknown ones among mistakes."""
+    return {
+        (*m.key.split(".")[:-1], re.split(" \\(the nearest| = ", m.hint)[0])
+        for m in found
+        if m.expected == "a known key"
+    }
 
 
 def inner_tables(field: FieldInfo) -> list[type[BaseModel]]:
