@@ -387,7 +387,8 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
     ),
     (
         [("stages.1.rollers.b.surface_speed", -1.0)],
-        "roller b goes at -1 m/s in stage run", "rollers.b.surface_speed=1",
+        "roller b goes at -1 m/s in stage run",
+        'drive = "idle" and no speed of it, or --set stages.run.rollers.b.surface_speed=1',
     ),
     (
         [("stages.1.duration", 20.0), ("strip.feed", False)],

@@ -98,3 +98,5 @@ def test_command_writes_gain_and_phase(tmp_path: Path) -> None:
     result = CliRunner().invoke(main, ["response", line, "--to", "yaw", *settings[4:]])
     assert result.exit_code == 2
     assert "--to yaw" in result.output
+    result = CliRunner().invoke(main, ["response", line, "--to", "exit.tension", *settings[4:]])
+    assert "one of: exit.force\n" in result.output, "how this exit is pulled"

@@ -453,6 +453,35 @@ def test_speed_of_an_idle_roller_behind_a_furnace():
     assert rollers["hot"].surface_speed == pytest.approx(speed, rel=2e-6)
 
 
+def test_tension_from_a_draw_of_hot_strip():
+    """T = E t λ (λ² − λ₀²)/2 with λ₀ = 1 + α ΔT: 3 α ΔT = 2.9 % more than E t (λ/λ₀ − 1)."""
+    roller = {"radius": 0.5, "wrap": "over"}
+    tables = {
+        "strip": {
+            "kinematics": "section", "width": 1.0, "thickness": 1e-3, "bending": False,
+            "temperature": 800.0,
+        },
+        "material": {"young": 2e11, "poisson": 0.3, "expansion": 12e-6},
+        "friction": {"law": "tanh", "coefficient": 1.0, "speed": 1e-8},
+        "threading": {"tension": 1e4, "entry": [-2.0, 0.0, -1.0], "exit": [6.0, 0.0, -1.0]},
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "rollers": [
+            {"name": "a", "centre": [0.0, 0.0, -0.5], **roller},
+            {"name": "b", "centre": [4.0, 0.0, -0.5], **roller},
+        ],
+        "stages": [{
+            "name": "run", "steady": True, "entry": {"tension": 1e4},
+            "rollers": {"a": {"surface_speed": 1.0}, "b": {"surface_speed": 1.00002}}}],
+    }  # fmt: skip
+    _, state = ended(Scene.model_validate(tables))
+    free = 1.0 + 12e-6 * 800.0
+    before = free + 1e4 / (2e8 * free**2)  # to the first order, which is enough
+    stretch = 1.00002 * before
+    expected = 2e8 * stretch * (stretch**2 - free**2) / 2.0
+    assert expected / (2e8 * (stretch / free - 1.0)) == pytest.approx(1.029, abs=1e-3)
+    assert state.rollers["b"].tension_in == pytest.approx(expected, rel=5e-3)
+
+
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
 @pytest.mark.parametrize("bow", [1e-3, 2e-2])
 def test_a_bowed_strip_between_hinges_is_pressed(bow: float, tolerance: float) -> None:

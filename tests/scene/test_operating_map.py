@@ -191,7 +191,9 @@ def test_command_writes_table_figure_and_summary(tmp_path: Path) -> None:
     assert "Done: 5 stationary states on one curve, " in result.output
     made = Scene.load(scene, ["strip.refined=0.1", "friction.speed=1e-5"]).map(along)
     for column, cells in read_history(out / "map.csv").items():
-        np.testing.assert_array_equal(cells, [row[column] for row in made.rows])
+        rows = np.array([row[column] for row in made.rows], dtype=float)
+        np.testing.assert_array_equal(cells, rows)
+        assert np.isnan(rows).all() == column.endswith("_offset"), "a section has no offset"
     assert (out / "map.png").read_bytes().startswith(b"\x89PNG")
     summary = json.loads((out / "map.json").read_text(encoding="utf8"))
     assert (summary["status"], summary["along"]) == ("done", [along])

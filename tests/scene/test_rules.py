@@ -48,6 +48,8 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
     ("refined = 0.025", "finer = 100.0", "strip.finer", "0.05 to 64"),
     ("refined = 0.025", 'kinematics = "Shell"', "strip.kinematics", 'kinematics = "shell"'),
     ("refined = 0.025", 'kinematics = "beam"', "strip.kinematics", 'kinematics = "section"'),
+    ("refined = 0.025", 'kinematics = "2D"', "strip.kinematics", 'kinematics = "section"'),
+    ("refined = 0.025", 'kinematics = "plane"', "strip.kinematics", 'kinematics = "section"'),
     ("refined = 0.025", 'bending = "stiff"', "strip.bending", "kirchhoff-love"),
     ("refined = 0.025", "bending = 1", "strip.bending", "true, false"),
     ("= 0.6", '= 0.6\nexit.moment = "no"', "stages.turn.exit.moment", "number"),
@@ -70,9 +72,16 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
     ("cells = [16, 2]", f"cells = [0x{'f' * 5000}, 2]", "strip.cells", "digits"),
     ("radius = 0.5", "radius = -0.5", "rollers.r1.radius", "above 0 (m)"),
     ("radius = 0.5", "diameter = 0.8", "rollers.r1.diameter", "radius = 0.4"),
-    ("centre = [0.0, 0.0, -0.501]", "centre = [0.0, 0.0]", "rollers.r1.centre", "three"),
+    ("centre = [0.0, 0.0, -0.501]", "centre = [-0.501]", "rollers.r1.centre", "three"),
+    ("centre = [0.0, 0.0, -0.501]", "centre = [0.1, -0.501]", "rollers.r1.centre",
+     "centre = [0.1, 0.0, -0.501]"),
+    ("axis = [0.0, 1.0, 0.0]", "axis = [0.0, 1.0]", "rollers.r1.axis", "axis = [0.0, 1.0, 0.0]"),
+    ("[0.0, 0.0, -0.45]", "[0.0, -0.45]", "stages.wrap.entry.move", "move = [0.0, 0.0, -0.45]"),
     ("centre = [0.0, 0.0, -0.501]", 'centre = [0.0, 0.0, "b"]', "rollers.r1.centre", '"b"'),
     ("axis = [0.0, 1.0, 0.0]", "axis = [0.0, 0.0, 0.0]", "rollers.r1.axis", "not all 0"),
+    ("radius = 0.5", 'radius = 0.5\ndrive = "idle"', "stages.turn.rollers.r1.surface_speed",
+     'drive = "speed", or no surface_speed'),
+    ("radius = 0.5", 'radius = 0.5\ndrive = "driven"', "rollers.r1.drive", 'drive = "speed"'),
     ('name = "r1"', 'name = "roller 1"', "rollers.roller 1.name", "letters"),
     ('name = "turn"', 'name = "turn again"', "stages.turn again.name", 'name = "turn_again"'),
     ('fixed = ["x", "z"]', 'fixed = ["x", "w"]', "edges.entry.fixed", '"w"'),
@@ -93,6 +102,8 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
     ("every = 1", "times = [1.0, 0.5]", "output.times", "[0.5, 1.0]"),
     ("every = 1", "times = [-1.0, 0.5]", "output.times", "increasing"),
     ("every = 1", "times = []", "output.times", "at least one"),
+    ("every = 1", "times = [0.5, 99.0, 100.0]", "output.times", "times = [0.5]"),
+    ("every = 1", "times = [99.0]", "output.times", "the end of the run at 2.6 (s)"),
     ("every = 1", "every = 1\ntimes = [0.5]", "output.every", "not both"),
     ("[edges.entry]", "[[edges.entry]]", "edges.entry", "a table for each"),
     ("[[rollers]]", "[rollers]", "rollers", "[[rollers]]"),
@@ -173,6 +184,7 @@ WRONG_THREADED = [
     ("entry = [-2, 0, -1]\n", "", "strip.length", "length = 4.0"),
     ("thickness = 1.0e-3", "thickness = 1.0e-3\nlength = 4.0", "strip.length", "threading.exit"),
     ("entry = [-2, 0, -1]", "entry = [-2, -1]", "threading.entry", "three"),
+    ("entry = [-2, 0, -1]", "entry = [-3, -1]", "threading.entry", "entry = [-3, 0.0, -1]"),
     ("axis = [0.0, 1.0, 0.0]", "axis = [1.0, 0.0, 0.0]", "rollers.r1.axis", "nearly along y"),
     ("axis = [0.0, 1.0, 0.0]", "axis = [0.0, 0.1, 1.0]", "rollers.r1.axis", "nearly along y"),
     ('fixed = ["x", "z"]', 'fixed = ["z"]', "edges.entry.fixed", "thread against"),
@@ -186,6 +198,8 @@ WRONG_THREADED = [
      "rollers.r1.sides", "sides = { taper = 0.0005, flat"),
     ("radius = 0.5", "radius = 0.5\nsides = { taper = 1e-3, flat = 0.1 }",
      "rollers.r1.sides.rounding", "rounding = 0.05"),
+    ("= 0.6", "= 0.6\nexit.force = [9, 0, 0]\nexit.tension = 9.0", "stages.turn.exit.tension",
+     "not both"),
     ("duration = 0.6", "duration = 0.6\nleft.tension = 1.0", "stages.turn.left.tension", "ends"),
     ("entry = [-2, 0, -1]", "entry = [-2, 0.1, -1]", "threading.entry", "entry = [-2, 0.0, -1]"),
     ("exit = [2, 0, -1]", "exit = [2, 1, -1]", "threading.exit", "in the plane y = 0"),
@@ -414,7 +428,18 @@ def test_all_mistakes_are_named_at_once(tmp_path: Path) -> None:
 
 def test_duplicate_rollers_are_named(tmp_path: Path) -> None:
     second = '[[rollers]]\nname = "r1"\nradius = 1.0\ncentre = [1, 0, 1]\naxis = [0, 1, 0]\n'
-    assert "rollers.r1.name" in mistakes_of(tmp_path, GOOD + second)
+    speed = '[[stages]]\nname = "more"\nduration = 1.0\nrollers.r2.surface_speed = 1.0\n'
+    assert list(mistakes_of(tmp_path, GOOD + second + speed)) == ["rollers.r1.name"]
+
+
+@pytest.mark.parametrize(
+    ("table", "typed"),
+    [("[[rollers]]", "[[rolls]]"), ("[friction]", "[frictions]"), ("[threading]", "[thread]")],
+)
+def test_a_misspelt_table_is_one_mistake(tmp_path: Path, table: str, typed: str) -> None:
+    steady = "duration = 0.6\nsteady = true\nstrip.speed = 1.0"
+    text = THREADED.replace("duration = 0.6", steady).replace(table, typed)
+    assert list(mistakes_of(tmp_path, text)) == [typed.strip("[]")]
 
 
 def test_friction_of_a_roller_without_a_law(tmp_path: Path) -> None:
@@ -551,6 +576,10 @@ def test_what_rollers_have_in_other_programs_is_explained(key: str) -> None:
     ("old", "new", "key", "hint"),
     [
         ("young = ", "E = ", "material.E", "young = "),
+        ("young = ", "youngs_modulus = ", "material.youngs_modulus", "young = "),
+        ("young = ", "sigma_y = 3e8\nyoung = ", "material.sigma_y", "yield_stress = 3e+08"),
+        ("every = 1", "frequency = 5", "output.frequency", "every = 5"),
+        ("every = 1", "interval = 0.1", "output.interval", "times = "),
         ("poisson = ", "nu = ", "material.nu", "poisson = "),
         ("radius = 0.5", "diameter = 0.8", "rollers.r1.diameter", "radius = 0.4"),
     ],

@@ -598,7 +598,8 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
                 typed = given * told.sense * carrying_sense(told, assembly.thread)
                 yield (
                     f"roller {name} {how} in stage {stage.name} while {fast} goes at {given:g} "
-                    f'm/s: the strip slips on one of them. Try rollers.{name}.drive = "idle", or '
+                    f"m/s: the strip slips on one of them. "
+                    f'Try rollers.{name}.drive = "idle" and no speed of it, or '
                     f"--set stages.{stage.name}.rollers.{name}.surface_speed={typed:g}"
                 )
                 return

@@ -680,5 +680,10 @@ def response(state: State, own: Sequence[bool], key: str, omegas: Array) -> dict
 
 
 def unknown_name(option: str, key: str, expected: str, known: Iterable[str]) -> InputError:
-    """Return the error of a name that is not among the known ones."""
-    return InputError([Mistake(f"{option} {key}", key, key, expected, nearest(key, known))])
+    """Return the error of a name that is not among the known ones, best of the same edge or table.
+
+    The pull of an exit is ``exit.force`` or ``exit.tension``, as its stage gives it.
+    """
+    known = list(known)
+    same = [name for name in known if name.partition(".")[0] == key.partition(".")[0]]
+    return InputError([Mistake(f"{option} {key}", key, key, expected, nearest(key, same or known))])

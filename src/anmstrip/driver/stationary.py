@@ -417,7 +417,7 @@ def map_row(state: State) -> dict[str, Any]:
     row["strip_speed"] = state.strip_speed
     for name, reading in state.rollers.items():
         row |= {f"{name}_{column}": getattr(reading, column) for column in ROLLER_COLUMNS}
-        row[f"{name}_offset"] = reading.offset or 0.0
+        row[f"{name}_offset"] = reading.offset
     return row
 
 

@@ -59,7 +59,7 @@ def map_figure(rows: Rows, keys: Sequence[str], rollers: Sequence[str], events: 
     events : sequence of mapping
         Dashed lines where rollers lose or regain their grip, dotted ones at folds.
     """
-    flat = all(row[f"{name}_offset"] == 0.0 for row in rows for name in rollers)
+    flat = not any(row[f"{name}_offset"] for row in rows for name in rollers)
     panels = [column for column in PANELS if not (flat and column == "offset")]
     lines = (len(panels) + 1) // 2
     figure, grid = paneled_figure(lines, 2, (10.0, 3.2 * lines), sharex=True)

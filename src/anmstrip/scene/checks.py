@@ -24,6 +24,7 @@ from anmstrip.scene.tables import (
     FieldSpec,
     FrictionSpec,
     MaterialSpec,
+    OutputSpec,
     RollerSpec,
     StageSpec,
     StripSpec,
@@ -46,6 +47,9 @@ WHY_NOT = {"section": 'a "section" has no width', "plate": 'a "plate" only moves
 NEXT_KINEMATICS = {"section": 'kinematics = "shell"', "plate": 'kinematics = "section"'}
 """The next level, which has more displacements."""
 
+DRIVES = {"surface_speed": "speed", "angular_speed": "speed", "torque": "torque"}
+"""Drive of a roller by the control of it that a stage gives."""
+
 PARALLEL_COSINE = 0.99
 """Least cosine of the angle between axes that count as parallel."""
 
@@ -57,6 +61,9 @@ MAX_THREADED_STRAIN = 0.05
 
 MIN_MODULUS = 1e6
 """Least Young's modulus of a strip (Pa), that of soft rubber."""
+
+ROUND_OFF = 1e-12
+"""Relative error of a sum of durations, at most."""
 
 MILLIMETRE_RATIO = 10.0
 """Radius over the distance to the next axis from which on it was typed in millimetres.
@@ -115,9 +122,9 @@ def known_edges(strip: StripSpec, edges: Edges, stages: Stages) -> Iterator[Mist
 
 
 def known_rollers(rollers: Rollers, stages: Stages) -> Iterator[Mistake]:
-    """Yield rollers of stages that the scene does not have."""
+    """Yield rollers of stages that the scene does not have, unless one may be a doubled name's."""
     known = [roller.name for roller in rollers]
-    for stage in stages:
+    for stage in stages if len(set(known)) == len(known) else ():
         for name in stage.rollers:
             if name not in known:
                 key = f"stages.{stage.name}.rollers.{name}"
@@ -132,15 +139,14 @@ def controls_of_drives(rollers: Rollers, stages: Stages, friction: Friction) -> 
             expected = '"speed", since without a table [friction] nothing turns the roller'
             hint = "[friction]\ncoefficient = 0.2\nspeed = 1.0e-4"
             yield Mistake("", f"rollers.{name}.drive", kind, expected, hint)
-    asked = {"surface_speed": "speed", "angular_speed": "speed", "torque": "torque"}
     for stage in stages:
         for name, control in stage.rollers.items():
-            for key, needed in asked.items():
+            for key, needed in DRIVES.items():
                 value = getattr(control, key)
                 if value is not None and drive.get(name, needed) != needed:
                     place = f"stages.{stage.name}.rollers.{name}.{key}"
                     expected = f'nothing, since the roller has drive = "{drive[name]}"'
-                    yield Mistake("", place, value, expected, f'drive = "{needed}"')
+                    yield Mistake("", place, value, expected, f'drive = "{needed}", or no {key}')
 
 
 def flat_plates(strip: StripSpec, friction: Friction, threading: Threading) -> Iterator[Mistake]:
@@ -244,6 +250,22 @@ def held_components(edges: Edges, stages: Stages) -> Iterator[Mistake]:
         if control.tension and {"x", "z"} <= set(fixed) and place not in conveyed:
             expected = "0: x and z are held, which take it; their reaction follows"
             yield Mistake("", f"{place}.tension", control.tension, expected, release)
+
+
+def pulled_once(threading: Threading, edges: Edges, stages: Stages) -> Iterator[Mistake]:
+    """Yield forces on ends of a threaded line that the tension of the same stage replaces.
+
+    Elsewhere they act besides a tension, as they do where the end is held in z.
+    """
+    released: set[str] = set()
+    for key, name, control in edge_controls(stages) if threading else ():
+        if control.release:
+            released.add(name)
+        fixed = edges[name].fixed if name in edges and name not in released else ()
+        if "z" not in fixed and None not in (control.force, control.tension):
+            expected = "either the force or the tension of this end, which replaces it, not both"
+            hint = "one of them; take one out"
+            yield Mistake("", f"{key}.tension", control.tension, expected, hint)
 
 
 def speeds_at_ends(strip: StripSpec, edges: Edges, stages: Stages) -> Iterator[Mistake]:
@@ -644,14 +666,24 @@ def separate_rollers(rollers: Rollers) -> Iterator[Mistake]:
         yield Mistake("", f"rollers.{name}.radius", radius, expected, f"radius = {1e-3 * radius:g}")
 
 
+def times_of_the_run(threading: Threading, stages: Stages, output: OutputSpec) -> Iterator[Mistake]:
+    """Yield times to write that the run does not reach."""
+    end = sum(stage.duration for stage in stages) + (threading.duration if threading else 0.0)
+    reached = [time for time in output.times or () if time <= end * (1.0 + ROUND_OFF)]
+    if output.times and len(reached) < len(output.times):
+        expected = f"times up to the end of the run at {end:.10g} (s)"
+        hint = f"times = {reached or [end]}"
+        yield Mistake("", "output.times", output.times[-1], expected, hint)
+
+
 RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     unique_rollers, unique_stages, known_edges, known_rollers, controls_of_drives, flat_plates,
     rollers_of_a_section, known_directions, tensions_and_moments, held_components, speeds_at_ends,
-    natural_shapes,
+    pulled_once, natural_shapes,
     ends_of_a_fed_strip, gravity_has_density, known_laws_are_sharpened, refined_mesh_is_estimated,
     rollers_have_friction, stages_have_friction, closed_strip, steady_stages, yielding_strip,
     threading_partners, one_length, held_entry, own_name, threading_ends, borne_tension,
-    wrapped_axes, separate_rollers,
+    wrapped_axes, separate_rollers, times_of_the_run,
 )  # fmt: skip
 """Rules between the tables of a scene; their parameters are the names of the tables they need.
 

@@ -22,7 +22,7 @@ UNIT_FACTORS = {
 """Units by the one of a key, with what they are of it."""
 
 SYNONYMS = {
-    "beam": "section",
+    "beam": "section", "2d": "section", "plane": "section", "3d": "shell",
     "top": "over", "above": "over",
     "bottom": "under", "below": "under",
 }  # fmt: skip
@@ -31,11 +31,14 @@ SYNONYMS = {
 OTHER_NAMES = {
     "diameter": ("radius", 0.5),
     "e": ("young", 1.0),
+    **dict.fromkeys(("youngs_modulus", "young_modulus", "elastic_modulus"), ("young", 1.0)),
+    **dict.fromkeys(("sigma_y", "sigma_yield"), ("yield_stress", 1.0)),
     "nu": ("poisson", 1.0),
     "rho": ("density", 1.0),
     "alpha": ("expansion", 1.0),
     "mu": ("coefficient", 1.0),
     "rpm": ("angular_speed", math.pi / 30.0),
+    **dict.fromkeys(("frequency", "interval"), ("every", 1.0)),
 }
 """Names of other programs for a key of ours, and what its value is of theirs."""
 
@@ -51,6 +54,7 @@ NOT_MODELLED = {
     "and torque = -J v/(r t) in that stage",
     "mass": "not modelled: states are quasi-static, and rollers do not bend",
     "eccentricity": "not modelled; its effect is that of moves, rollers.NAME.move of a stage",
+    "bow": "not modelled: axes are straight; the shapes that there are: crown, taper, sides",
     "temperature": "temperatures are those of the strip, strip.temperature",
 }
 """Keys of rollers in other programs, and what to type instead."""
@@ -107,6 +111,8 @@ def key_like(key: str, value: object, known: Iterable[str]) -> str | None:
         or not (isinstance(value, int | float) and is_number(value))
     ):
         return None
+    if name == "every" and not isinstance(value, int):
+        return "times = [0.5, 1.0]; or every = 10, of the steps"
     return f"{name} = {share * value:.6g}"
 
 
@@ -158,7 +164,7 @@ def likely_value(kind: str, value: Any, meaning: str, field: FieldInfo) -> str |
         That of the key, with its unit in brackets at the end.
     field : FieldInfo
     """
-    better: float | str | None = None
+    better: float | str | list[object] | None = None
     if kind in ("float_type", "int_type") and isinstance(value, str):
         better = number_in(value, meaning)
     elif kind in ("greater_than", "greater_than_equal") and value < 0:
@@ -166,6 +172,9 @@ def likely_value(kind: str, value: Any, meaning: str, field: FieldInfo) -> str |
     elif kind == "literal_error" and isinstance(value, str):
         kinds = (field.annotation, *get_args(field.annotation))
         better = word_like(value, [w for k in kinds for w in get_args(k) if isinstance(w, str)])
+    elif kind == "missing" and isinstance(value, list | tuple) and not meaning.endswith("(1)"):
+        # a place or a force in the plane of the line, without its y; a direction is neither
+        better = [value[0], 0.0, value[1]] if len(value) == 2 else None
     if kind == "int_type" and isinstance(better, float) and better.is_integer():
         better = int(better)
     if better is None or not field_accepts(field, better):

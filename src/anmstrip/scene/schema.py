@@ -22,7 +22,7 @@ from pydantic.fields import FieldInfo
 
 from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.scene import tables as scene_tables
-from anmstrip.scene.checks import KEY_RULES, check_scene
+from anmstrip.scene.checks import DRIVES, KEY_RULES, check_scene
 from anmstrip.scene.hints import (
     NO_CONTROLS,
     NOT_MODELLED,
@@ -113,8 +113,9 @@ class SceneSpec(Table):
             self.__pydantic_validator__.validate_python(tables, self_instance=self, context=right)
         except ValidationError as error:
             found += told_once(mistakes_of(error, type(self), tables))
+        misspelt = meant_keys(found)  # tables that are there under another name
         for name, field in type(self).model_fields.items():
-            if name not in tables and not field.is_required():
+            if not (name in tables or (name,) in misspelt or field.is_required()):
                 right[name] = field.get_default()
         threading, strip = right.get("threading"), right.get("strip")
         labels_stay = (strip and strip.feed) or (threading and threading.closed)
@@ -515,22 +516,46 @@ def mistakes_of(
             least, largest = SMALLEST_NUMBER, LARGEST_NUMBER
             if isinstance(value, float) and (abs(value) > largest or 0.0 < value < least):
                 expected += f"; numbers are at most {largest:g}, and {least:g} at least if positive"
-            better = (
-                None if place.item else likely_value(found["type"], value, place.meaning, field)
-            )
-            named = place.name == "name" and found["type"] == "string_pattern_mismatch"
-            better = f'"{name_like(value)}"' if named and name_like(value) else better
+            better = better_value(found["type"], value, place, data)
             hint = example_of(place.name, field) if better is None else f"{place.name} = {better}"
             yield Mistake("", key, value, expected, hint)
+
+
+def better_value(kind: str, value: Any, place: Place, data: Mapping[str, Any]) -> str | None:
+    """Return what was presumably meant by a wrong value, in TOML; None if nothing is likely.
+
+    A drive is the one that has what the stages give the roller.
+    """
+    if place.field is None or (place.item and kind != "missing"):
+        return None
+    if place.name == "name" and kind == "string_pattern_mismatch" and name_like(value):
+        return f'"{name_like(value)}"'
+    better = likely_value(kind, value, place.meaning, place.field)
+    if place.name == "drive" and better is None:
+        given = set[str]()
+        for stage in stages_as_typed(data.get("stages")):
+            control: Any = stage.rollers.get(place.keys[1])
+            given.update(control if isinstance(control, Mapping) else ())
+        return next((f'"{drive}"' for key, drive in DRIVES.items() if key in given), None)
+    return better
 
 
 def told_once(found: Iterable[Mistake]) -> list[Mistake]:
     """Return mistakes without keys that are missing because they are misspelt, as is told."""
     told = list(found)
     misspelt = [mistake for mistake in told if mistake.expected == "a known key"]
-    meant = {(*m.key.split(".")[:-1], re.split(" \\(the nearest| = ", m.hint)[0]) for m in misspelt}
+    meant = meant_keys(misspelt)
     echoes = [m for m in told if m.value is None and tuple(m.key.split(".")) in meant]
     return [mistake for mistake in told if mistake in misspelt or mistake not in echoes]
+
+
+def meant_keys(found: Iterable[Mistake]) -> set[tuple[str, ...]]:
+    """Return the keys that were presumably meant by the unknown ones among mistakes."""
+    return {
+        (*m.key.split(".")[:-1], re.split(" \\(the nearest| = ", m.hint)[0])
+        for m in found
+        if m.expected == "a known key"
+    }
 
 
 def inner_tables(field: FieldInfo) -> list[type[BaseModel]]:
