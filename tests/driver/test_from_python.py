@@ -10,6 +10,7 @@ import pytest
 
 import anmstrip
 from anmstrip import InputError, Scene
+from anmstrip.continuation.equations import Outcome
 from anmstrip.driver.recorder import history_row
 from anmstrip.results.files import read_history
 
@@ -80,6 +81,13 @@ def test_rows_of_a_run_without_files_are_read_when_they_are_asked_for(
     for name, column in histories[0].items():
         if name != "stage":
             np.testing.assert_allclose(column, histories[1][name], rtol=1e-12, atol=1e-9)
+
+
+def test_a_run_that_is_left_has_not_ended() -> None:
+    run = Scene(**TABLES).run()
+    for _ in run:
+        break
+    assert (run.outcome, run.message) == (Outcome.NOT_ENDED, "The run has not ended.")
 
 
 def test_mistakes_from_python_are_those_of_a_file() -> None:

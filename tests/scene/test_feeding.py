@@ -121,6 +121,8 @@ def test_what_passes_is_the_travel_of_the_roller_less_creep_and_stretch() -> Non
     assert state.strip_speed * stretch == pytest.approx(1.0, abs=1e-4)
     assert told["length"] == pytest.approx(0.05 + 2.0, rel=2e-4)
     assert told["mass"] == pytest.approx(7850.0 * 1e-3 * 0.4 * told["length"])
+    light = {key: value for key, value in tables()["material"].items() if key != "density"}
+    assert Run(Scene.model_validate(tables(material=light))).facts()["feed"]["mass"] is None
     velocity = state.material_velocity.reshape(-1, 2)[run.assembly.strip.node_values]
     np.testing.assert_allclose(np.linalg.norm(velocity, axis=1), 1.0, atol=1e-4)
 

@@ -185,6 +185,7 @@ class Outcome(Enum):
     TOO_MANY_STEPS = "the allowed number of steps was used up; allow more"
     TOO_MANY_TANGENTS = "the allowed number of tangents was used up; allow more"
     INTERRUPTED = "it was interrupted"
+    NOT_ENDED = "it has not ended"
     NOT_FINITE = "the equations gave values that are not finite"
     TOO_LARGE = "the factors of the tangent do not fit into memory"
 

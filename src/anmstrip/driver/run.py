@@ -185,7 +185,7 @@ class Run:
         self.snaps: list[dict[str, Any]] = []
         self.wrinkles: list[dict[str, Any]] = []
         self.state: State | None = None
-        self.outcome, self.message = Outcome.TOO_MANY_STEPS, "The run has not ended."
+        self.outcome, self.message = Outcome.NOT_ENDED, "The run has not ended."
         self.warnings: list[str] = []
         self.flatness: dict[str, float] = {}
         self._forewarnings: list[str] | None = None
@@ -455,9 +455,10 @@ class Run:
     def facts(self) -> dict[str, Any]:
         """Return the counters of the run, as in ``summary.json``."""
         march, strip = self.march, self.assembly.strip
-        section = strip.material.density * strip.thickness * strip.width
+        density, section = self.scene.material.density, strip.thickness * strip.width
         held = {} if self.state is None else self.state.controls
-        fed = {"length": march.conveyed, "mass": section * march.conveyed}
+        mass = None if density is None else density * section * march.conveyed
+        fed = {"length": march.conveyed, "mass": mass}
         fed["taken_up"] = float(np.sum(held.get("strip.held", 0.0)))
         return {
             "status": "done" if self.outcome.done else self.outcome.name.lower(),
