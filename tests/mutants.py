@@ -499,8 +499,8 @@ SUMMARY = (
     Mutant("fraction of steps", "return self.time / self.end_time", "return 1.0", "summary"),
     Mutant(
         "mass of fresh strip per width",
-        "strip.material.density * strip.thickness * strip.width",
-        "strip.material.density * strip.thickness",
+        "density, strip.thickness * strip.width",
+        "density, strip.thickness",
         "summary",
     ),
     Mutant(
@@ -667,8 +667,8 @@ ESTIMATES = (
     ),
     Mutant(
         "weight of a metre",
-        "weight_of(preview, plan) * longest_span(preview, string)",
-        "weight_of(preview, plan)",
+        "weight, bent = load * span, bending",
+        "weight, bent = load, bending",
         "explain",
     ),
     Mutant(

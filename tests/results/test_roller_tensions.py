@@ -64,9 +64,10 @@ def ended(tables: dict[str, Any]) -> tuple[Run, State]:
 def test_tensions_of_stiff_strip_are_without_its_shear_forces() -> None:
     """Over a roller they rise by its torque over r W, and it uses its torque over r f N.
 
-    Shear forces are more than the tension, which is the horizontal force.  Between a roller and the
-    middle of the run beside it tension changes as M²/2D - q z does: behind the last of them, where
-    M is 450 N, by 10 N/m, 2 % of it (T before that roller is 499.7 N/m on a mesh six times as fine).
+    Shear forces are more than the tension, which is the horizontal force.  Between a roller and
+    the middle of the run beside it tension changes as M²/2D - q z does: behind the last of them,
+    where M is 450 N, by 10 N/m, 2 % of it (T before that roller is 499.7 N/m on a mesh six times
+    as fine).
     """
     _, state = ended(TABLE)
     end = float(state.edge_force("exit")[0]) / WIDTH
