@@ -242,6 +242,60 @@ def test_heated_strip_leaves_faster(claim: Claim) -> None:
     assert v2 / v1 > 1.003
 
 
+@pytest.mark.parametrize("held", [(), ("z",)])
+def test_uneven_strip_goes_on_beyond_its_exit(held: tuple[str, ...]) -> None:
+    """N = T + E t (mean of e − e) of strip with e = 3 e₀ (2 y/W)² stays so up to the exit.
+
+    An even pull there, on fibres that bear 8 to 28 kN/m, pressed it by 20 kN/m across and let it
+    wrinkle at 23 kN/m instead of 15.
+    """
+    tables: dict[str, Any] = {
+        "strip": {"width": 1.0, "thickness": 5e-4, "cells": [24, 6],
+                  "flatness": {"across": [0.0, 0.0, 120.0]}},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "contact": {},
+        "threading": {"tension": 2.4e4, "entry": [-1.0, 0.0, -1.0], "exit": [1.5, 0.0, -1.0]},
+        "rollers": [{"radius": 0.5, "centre": [0.0, 0.0, -0.5], "wrap": "over"}],
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [{"name": "relax", "friction": False, "exit": {"tension": 1.8e4}}],
+    }  # fmt: skip
+    if held:
+        tables["edges"]["exit"] = {"fixed": list(held)}
+    run, state = ended(Scene.model_validate(tables))
+    assert state.membrane is not None
+    forces = state.membrane.at(state.full, state.controls)
+    x, y = quadrature_points(run.assembly.strip)[:2]
+    last = x > x.max() - 1e-6
+    expected = 1.8e4 + 1e8 * (1e-4 - 1.2e-3 * y[last] ** 2)
+    np.testing.assert_allclose(forces[0, 0][last], expected, atol=600.0)
+    beside = (x > x.max() - 0.5) & (np.abs(x - x.max()) < 0.4)
+    assert np.abs(forces[1, 1][beside]).max() < 600.0
+
+
+def test_uneven_strip_that_is_let_go_goes_on_before_its_entry() -> None:
+    """As the fixed entry held it: nothing presses it across, and friction carries it along."""
+    tables = {
+        "strip": {"width": 0.5, "thickness": 5e-4, "cells": [24, 4],
+                  "flatness": {"across": [0.0, 0.0, 60.0]}},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "friction": {"coefficient": 0.3},
+        "threading": {"tension": 2.4e4, "entry": [-1.0, 0.0, -1.0], "exit": [1.0, 0.0, -1.0]},
+        "rollers": [{"radius": 0.5, "centre": [0.0, 0.0, -0.5], "wrap": "over"}],
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [{"name": "run", "duration": 0.1, "entry": {"release": True},
+                    "rollers": {"r1": {"surface_speed": 0.1}}}],
+    }  # fmt: skip
+    run, state = ended(Scene.model_validate(tables))
+    assert state.membrane is not None
+    forces = state.membrane.at(state.full, state.controls)
+    x, y = quadrature_points(run.assembly.strip)[:2]
+    for end in (x.min(), x.max()):
+        edge = np.abs(x - end) < 1e-6
+        expected = 2.4e4 + 1e8 * (5e-5 - 6e-4 * (y[edge] / 0.5) ** 2)
+        np.testing.assert_allclose(forces[0, 0][edge], expected, atol=600.0)
+        assert np.abs(forces[1, 1][np.abs(x - end) < 0.3]).max() < 600.0
+
+
 RAMPS = ((0.0, 0.0), (3.5, 0.0), (5.5, 1.0), (13.0, 1.0), (15.0, 0.0))
 SEVERAL = ((1.0, 0.2), (2.5, 1.0), (2.6, 0.1), (6.0, -0.4), (9.0, 1.2), (14.0, 0.6))
 

@@ -37,7 +37,10 @@ if TYPE_CHECKING:
 
 MEGABYTE = 2.0**20
 
-INTERNAL_CONTROLS = {"strip.held", "strip.growth", "strip.softening", "strip.weakening", "yielding"}
+INTERNAL_CONTROLS = {
+    *("strip.held", "strip.growth", "strip.softening", "strip.weakening"),
+    *("entry.unevenness", "exit.unevenness", "yielding"),
+}
 """Controls that follow from others, and are typed by nobody."""
 
 DISPLAYED_ZERO = 1e-12

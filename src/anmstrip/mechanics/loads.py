@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -92,6 +92,12 @@ def edge_tension(strip: Strip, name: str) -> FollowerLoad:
     basis = strip.edge_basis(name)
     operator, reference = CellOperator(strip, (0, 1), basis), strip.frames(basis).tangents
     return FollowerLoad(f"tension on {name}", f"{name}.tension", operator, reference, stress)
+
+
+def uneven_edge_tension(strip: Strip, name: str) -> FollowerLoad:
+    """The same of every fibre, beyond the mean of all, control ``NAME.unevenness`` (points,)."""
+    even = edge_tension(strip, name)
+    return replace(even, name=f"uneven {even.name}", control=f"{name}.unevenness")
 
 
 def edge_moment(strip: Strip, name: str) -> FollowerLoad:

@@ -10,6 +10,7 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.fem.geometry import dot, normal_vector, normal_work
 from anmstrip.fem.operators import CellOperator, Pattern
+from anmstrip.fem.sampling import quadrature_points
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.effects import LawEffect, LinearEffect
 
@@ -65,6 +66,45 @@ def eigenstrain(strip: Strip, controls: Mapping[str, Any]) -> Any:
 def green_strain(elongation: Any) -> Any:
     """Return Green's strain e + ½ e² of fibres that are longer by a share e."""
     return elongation + elongation * elongation * 0.5
+
+
+def uneven_tension(strip: Strip, edge: str, controls: Mapping[str, Any]) -> Array | None:
+    """Return what the tension of uneven strip is beyond its mean where it goes on at an edge.
+
+    E t (a + b y − e), with a and b such that it has neither a force nor a moment: fibres that are
+    longer by e without stress bear less.
+
+    Parameters
+    ----------
+    strip : Strip
+        On a mesh of rectangles.
+    edge : str
+        Its name, across the strip.
+    controls : mapping
+        Those of :func:`eigenstrain` and :func:`weaken`.
+
+    Returns
+    -------
+    ndarray, shape (points,), or None
+        N/m at the quadrature points of the edge; ``None`` where no fibre is longer.
+    """
+    own = eigenstrain(strip, controls)
+    if own is None:
+        return None
+    x, y, _ = quadrature_points(strip)
+    end = strip.nodes[0, strip.edges[edge].nodes].mean()
+    near = np.flatnonzero(np.isclose(np.abs(x - end), np.abs(x - end).min()))
+    near = near[np.argsort(y[near])]
+    basis = strip.edge_basis(edge)
+    at, lengths = np.asarray(basis.global_coordinates())[1].ravel(), np.asarray(basis.dx).ravel()
+    e, share = (
+        np.interp(at, y[near], np.broadcast_to(values, y.shape)[near])
+        for values in (own[0, 0], weaken(np.ones(len(y)), controls))
+    )
+    even = np.vander(at - at.mean(), 2)
+    normal = even.T * (share * lengths)
+    excess = even @ np.linalg.solve(normal @ even, normal @ e) - e
+    return np.asarray(strip.tensile_stiffness * share * excess)
 
 
 def weaken(values: Any, controls: Mapping[str, Any], loss: str = "strip.softening") -> Any:

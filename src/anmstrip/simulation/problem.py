@@ -34,6 +34,7 @@ from anmstrip.mechanics.loads import (
     edge_moment,
     edge_tension,
     pressure,
+    uneven_edge_tension,
     weight,
 )
 from anmstrip.mechanics.plasticity import FlowLaw, Plasticity
@@ -719,7 +720,12 @@ class Assembly:
         if (stiffness := self.scene.strip.foundation) is not None:
             own.append(Foundation(self.strip, stiffness))
         effects: list[Effect] = [effect for effect in own if effect is not None]
-        makers = {"force": edge_force, "tension": edge_tension, "moment": edge_moment}
+        makers = {
+            "force": edge_force,
+            "tension": edge_tension,
+            "unevenness": uneven_edge_tension,
+            "moment": edge_moment,
+        }
         for control in given:
             edge, _, kind = control.rpartition(".")
             if kind in makers:

@@ -10,11 +10,11 @@ import numpy as np
 from anmstrip.arrays import Array
 from anmstrip.equilibrium import Model, StageProblem
 from anmstrip.fem.constraints import Joint, Supports
-from anmstrip.fem.sampling import l2_projection, quadrature_points
+from anmstrip.fem.sampling import l2_projection, quadrature_points, shape_of
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.loads import Onward
 from anmstrip.mechanics.roller import Roller
-from anmstrip.mechanics.shell import eigenstrain, uniaxial_stretches
+from anmstrip.mechanics.shell import eigenstrain, uneven_tension, uniaxial_stretches
 from anmstrip.results.state import State
 from anmstrip.scene.schema import StageSpec
 from anmstrip.scene.tables import ENDS, THREADING
@@ -112,6 +112,8 @@ class Course:
                 self.values[f"{name}.force"] = reactions.get(name, force)
         start = dict(self.values)
         end = self._targets(stage, start)
+        end |= self.uneven_pull(stage, end)
+        start |= self.uneven_pull(stage, start)
         for name in end:
             start.setdefault(name, np.zeros_like(end[name]))
         slope = {n: end[n] - start[n] for n in end if np.any(end[n] != start[n])}
@@ -152,6 +154,23 @@ class Course:
             steady=stage.steady,
             fed=self.fed(stage),
         )
+
+    def uneven_pull(self, stage: StageSpec, values: Mapping[str, Array]) -> dict[str, Array]:
+        """What uneven strip that goes on beyond its ends pulls there, besides the mean.
+
+        ``NAME.unevenness`` (N/m), at ends of a threaded shell that are free along it: an even pull
+        on longer and shorter fibres alike would press it across beside the edge.
+        """
+        a, found = self.assembly, dict[str, Array]()
+        if a.thread is None or a.closed or a.membrane is None or shape_of(a.strip) != "quad":
+            return found
+        held = self._held(stage)
+        for name in ENDS:
+            mostly = "xyz"[int(np.abs(self._directions[name]).argmax())]
+            excess = uneven_tension(a.strip, name, values)
+            if excess is not None and mostly not in held.get(name, ()):
+                found[f"{name}.unevenness"] = excess
+        return found
 
     def growing(self, stage: StageSpec, values: Mapping[str, Array]) -> dict[str, Array]:
         """The stretch g that labels hold, and the speed (m/s) that this adds to what passes them.
