@@ -79,6 +79,7 @@ ELSEWHERE = {
         "MIN_RELAXATION_SHARE",
         "NEGLIGIBLE_IMBALANCE",
         "MAX_LAST_CORRECTIONS",
+        "MAX_MOVING_IMBALANCE",
     ),
     "balancing at the end": ("ROUND_OFF_MARGIN", "TANGENT_REUSE_RATIO", "SLOW_CONVERGENCE_RATIO"),
     "snaps": (
