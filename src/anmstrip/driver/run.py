@@ -420,7 +420,12 @@ class Run:
                 facts["sensitivities"] = sensitivities(state, own, hanging)
             if self.assembly.kinematics is SHELL:
                 wrinkling = Wrinkling(state)
-                self.warnings += wrinkling.warnings + (self.onsets.warnings if self.onsets else [])
+                if self.onsets is None:
+                    self.warnings += wrinkling.warnings
+                else:
+                    borne = self.onsets.borne(state)
+                    self.warnings += [told + borne for told in wrinkling.warnings]
+                    self.warnings += self.onsets.warnings
                 height, spacing = wrinkling.wave(self.recorder.surface) or (None, None)
                 facts |= {"wrinkle_amplitude": height, "wrinkle_spacing": spacing}
                 facts["compressive_membrane_force"] = wrinkling.compression
