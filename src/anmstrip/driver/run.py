@@ -54,13 +54,14 @@ def onset_words(found: Sequence[Mapping[str, Any]]) -> str:
     first, last, following = found[0], found[-1], len(found) - 1
     uneven = first.get("latent_flatness")
     load = "" if uneven is None else f", latent flatness {uneven:.3g} I-units"
+    span = " between {} and {}".format(*first["span"]) if first.get("span") else ""
     more = f"; {following} more up to t = {last['time']:.6g} s, in summary.json" * bool(following)
     return (
         f" At t = {first['time']:.6g} s (stage {first['stage']}, exit tension "
         f"{first['exit_tension']:.5g} N/m{load}) {WRINKLE_WORDS[first['kind']]}, "
         f"with wavelengths of {first['wavelength_along']:.3g} m along and "
-        f"{first['wavelength']:.3g} m across, most at x = {first['x']:.3g} m, "
-        f"y = {first['y']:.3g} m{more}."
+        f"{first['wavelength']:.3g} m across, most{span} at x = {first['x']:.3g} m, "
+        f"y = {first['y']:.3g} m of the flat strip{more}."
     )
 
 

@@ -471,6 +471,7 @@ class Onset:
         state, strip = self.state, self.state.plan.model.strip
         highest = np.abs(strip.nodal(self.heights)[strip.node_values, 2]).argmax()
         x, y = strip.nodes[:2, highest] + strip.flat_origin
+        spans = [s for s in free_spans(state) if s.start <= strip.nodes[0, highest] <= s.end]
         return {
             "kind": self.kind,
             "stage": state.plan.name,
@@ -479,6 +480,7 @@ class Onset:
             "exit_tension": state.tension("exit"),
             "x": float(x),
             "y": float(y),
+            "span": [spans[0].before, spans[0].after] if spans else None,
             "wavelength_along": along,
             "wavelength": across,
             **{k: v for k, v in Wrinkling(state).flatness.items() if k == "latent_flatness"},
