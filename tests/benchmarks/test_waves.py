@@ -168,8 +168,8 @@ def test_heated_span_between_rollers_buckles_as_a_clamped_one(claim: Claim) -> N
 def crowned_span(crown: float, n: int = 12) -> float:
     """ΔT (K) at which a flat span with a hot middle waves, of the strip of :func:`between_crowns`.
 
-    Plane stress by quadratic elements: heat all along, and on the rollers a crown, which leaves
-    fibres at the edges too long.  Then Ritz's method as in :func:`clamped_span`.
+    Plane stress by quadratic elements: heat that fades beyond the rollers, and a crown there, which
+    leaves fibres at the edges too long.  Then Ritz's method as in :func:`clamped_span`.
     """
     nu, t, alpha, basis = WAVES["POISSON"], 5e-4, 1.2e-5, np.polynomial.Legendre.basis
     parts, x = (CROWNED["lead"], CROWNED["arc"], 1.0, CROWNED["arc"], CROWNED["lead"]), [0.0]
@@ -191,7 +191,8 @@ def crowned_span(crown: float, n: int = 12) -> float:
         return np.array([[xx, xy], [xy, yy]])
 
     uneven = np.zeros((2, 2, 2, *at.shape[1:]))
-    uneven[0, 0, 0] = uneven[0, 1, 1] = alpha * (1.0 / 3.0 - 4.0 * at[1] ** 2)
+    fading = np.clip((0.5 * x[-1] - np.abs(at[0])) / CROWNED["lead"], 0.0, 1.0)
+    uneven[0, 0, 0] = uneven[0, 1, 1] = alpha * (1.0 / 3.0 - 4.0 * at[1] ** 2) * fading
     on_rollers = np.abs(np.abs(at[0]) - 0.5 * (1.0 + CROWNED["arc"])) < 0.5 * CROWNED["arc"]
     uneven[1, 0, 0] = on_rollers * 4.0 * at[1] ** 2 * crown / CROWNED["radius"]
     stiffness = BilinearForm(lambda u, v, _: ddot(forces(sym_grad(u)), sym_grad(v))).assemble(plane)
@@ -233,7 +234,10 @@ CROWNED = {"radius": 10.0, "arc": 0.5, "lead": 0.3}
 
 
 def between_crowns(crown: float, heat: float) -> Scene:
-    """A span of 1 m between a roller below and one above, with a middle that becomes hotter."""
+    """A span of 1 m between a roller below and one above, with a middle that becomes hotter.
+
+    Heat fades from the rollers to the ends: a hot middle that goes on there lifts off its roller.
+    """
     radius, arc, lead = CROWNED.values()
     angle = arc / radius
     along = radius * np.sin(angle) + lead * np.cos(angle)
@@ -253,7 +257,11 @@ def between_crowns(crown: float, heat: float) -> Scene:
         "stages": [
             {
                 "duration": 1.0, "friction": False,
-                "strip": {"temperature": {"across": [heat / 3.0, 0.0, -4.0 * heat]}},
+                "strip": {"temperature": {
+                    "across": [heat / 3.0, 0.0, -4.0 * heat],
+                    "along": [[0.0, 0.0], [lead, 1.0], [1.0 + lead + 2.0 * arc, 1.0],
+                              [1.0 + 2.0 * (lead + arc), 0.0]],
+                }},
             }
         ],
     }  # fmt: skip

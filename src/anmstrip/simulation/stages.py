@@ -159,7 +159,7 @@ class Course:
         """What uneven strip that goes on beyond its ends pulls there, besides the mean.
 
         ``NAME.unevenness`` (N/m), at ends of a threaded shell that are free along it: an even pull
-        on longer and shorter fibres alike would press it across beside the edge.
+        on longer and shorter fibres alike would press it across beside the edge.  No fibre pushes.
         """
         a, found = self.assembly, dict[str, Array]()
         if a.thread is None or a.closed or a.membrane is None or shape_of(a.strip) != "quad":
@@ -169,7 +169,10 @@ class Course:
             mostly = "xyz"[int(np.abs(self._directions[name]).argmax())]
             excess = uneven_tension(a.strip, name, values)
             if excess is not None and mostly not in held.get(name, ()):
-                found[f"{name}.unevenness"] = excess
+                given = (values.get(f"{name}.{kind}", np.zeros(1)) for kind in ("force", "tension"))
+                pull = sum(float(np.linalg.norm(each)) for each in given)
+                slack = -float(excess.min())
+                found[f"{name}.unevenness"] = excess * (pull / slack if slack > pull else 1.0)
         return found
 
     def growing(self, stage: StageSpec, values: Mapping[str, Array]) -> dict[str, Array]:
