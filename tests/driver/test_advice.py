@@ -493,6 +493,7 @@ ELSEWHERE = {
     "overstretched": "of what a last state shows",
     "beside_rollers": "of a state beside its rollers, in test_steady.py",
     "uneven_heat": "test_diagnosis.py",
+    "sinking_exit": "test_forewarnings.py",
     "uneven_fibres": "test_forewarnings.py",
     "too_large": "test_diagnosis.py",
     "asked_too_much": "test_diagnosis.py",

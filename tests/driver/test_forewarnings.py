@@ -496,6 +496,26 @@ def test_a_patch_of_heat_that_travels_off_with_the_strip_is_told_before() -> Non
     assert last.state.time == pytest.approx(52.0)
 
 
+def test_an_exit_that_sinks_under_weight_is_told_and_held_by_what_is_typed() -> None:
+    """By q l²/2T behind the last roller; 49 m of 1 mm strip under 20 kN/m by 4.6 m."""
+    tables = copy.deepcopy(BRIDLE)
+    tables["threading"] = {"tension": 2e4, "entry": [-4.0, 0.0, 0.3], "exit": [50.3, 0.0, -1.2]}
+    tables["stages"] = [{"name": "hang", "friction": False, "gravity": [0.0, 0.0, -9.81]}]
+    (told,) = [line for line in warnings(preview_of(tables)) if "free to sink" in line]
+    found = re.search(r"by about (\S+) m under.* by (\S+)°", told)
+    assert found is not None and 'edges.exit.fixed=["z"]' in told
+    assert float(found[1]) == pytest.approx(7850 * 9.81e-3 * 50.0**2 / 4e4, rel=0.03)
+    sunk = []
+    for held in ([], ["z"]):
+        tables["edges"]["exit"] = {"fixed": held}
+        *_, last = Scene.model_validate(tables).run()
+        strip = last.state.plan.model.strip
+        nodes = strip.edges["exit"].values
+        sunk.append(-float(strip.nodal(last.state.full)[nodes, 1].mean()))
+    assert sunk[0] - sunk[1] == pytest.approx(float(found[1]), rel=0.05)
+    assert not [line for line in warnings(preview_of(tables)) if "free to sink" in line]
+
+
 def test_strip_too_stiff_to_wrap_its_rollers_is_held_as_a_string() -> None:
     """It touches each along a line: of 6 mm on radii of 0.3 m bending takes up 23 kN/m of 24."""
     tables = copy.deepcopy(BRIDLE)

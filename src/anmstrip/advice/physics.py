@@ -64,6 +64,9 @@ SAGGING_SHARE = 1.1
 """Tension over what friction holds on the wraps of a taut string, up to which the longer wraps of
 strip that sags may hold it: by 4 % in a line of 350 m."""
 
+VISIBLE_TURN = 0.05
+"""Angle (rad), 3°, by which weight turns the last run of strip so that it is told."""
+
 SLENDER_RUN = 1.0
 """Least length of a run, in widths of the strip, that bends in its plane as a beam."""
 
@@ -942,7 +945,31 @@ def uneven_fibres(preview: Preview) -> Iterator[str]:
             )
 
 
+def sinking_exit(preview: Preview) -> Iterator[str]:
+    """An exit that is free to sink under the weight of the last run, by q l²/2T.
+
+    It is pulled in the direction in which it is drawn, and the strip there turns by q l/T.
+    """
+    scene, thread = preview.assembly.scene, preview.assembly.thread
+    given, spec = scene.threading, scene.edges.get("exit")
+    if thread is None or given is None or given.exit is None or preview.tension == 0.0:
+        return
+    gravity = max((-stage.gravity[2] for stage in scene.stages if stage.gravity), default=0.0)
+    weight = preview.assembly.material.density * preview.assembly.strip.thickness * gravity
+    last = thread.rollers[-1]
+    run = abs(given.exit[0] - preview.assembly.origin[0] - float(last.centre[0]))
+    turn = weight * run / preview.tension
+    if turn > VISIBLE_TURN and not (spec is not None and "z" in spec.fixed):
+        yield (
+            f"the exit is free to sink, by about {0.5 * turn * run:.2g} m under the weight of the "
+            f"last {run:.3g} m, which turns the strip behind {last.name} by "
+            f"{np.degrees(turn):.2g}°. To hold it at the height where it is drawn, "
+            "try --set 'edges.exit.fixed=[\"z\"]'"
+        )
+
+
 PHYSICS_RULES = (
+    sinking_exit,
     nip_forces,
     heavy_bearings,
     slack_edge,
