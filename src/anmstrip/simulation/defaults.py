@@ -46,12 +46,13 @@ Idlers that are to stand for a minute ask for it, and take 372 tangents; with wh
 for they take 766, and the error of the laws can no longer be told."""
 
 
-HELD_SLIP_SHARE = 1e-3
-"""Share of the speed at which held strip slips on its rollers that V_c is by default.
+HELD_SLIP_SHARE = 3e-3
+"""Share of the speed at which held strip comes to slip on its rollers that V_c is by default.
 
 Until it slips as a whole, strip creeps on them by that share of the way that stretches it.  On two
-half turns at f = 0.5 the 21.36 kN/m at the held end are right to 0.03 N/m in 122 tangents; with a
-tenth of the elastic creep, 4 000 times slower, they take 2 612."""
+half turns at f = 0.5 the 21.36 kN/m at the held end are right to 0.001 N/m in 246 tangents; with a
+tenth of the elastic creep, a hundredth of that, they take 2 612.  With 1e-2 they take 181, but the
+tensions of a shell while slip spreads are off by three tolerances, and not by 0.4."""
 
 
 USUAL_STRAIN = 1e-4
@@ -136,16 +137,19 @@ def regularising_speed(scene: SceneSpec) -> float:
 
 
 def slip_of_held_strip(scene: SceneSpec) -> float:
-    """Return the least speed (m/s) at which strip with a held end slips on any roller in the end.
+    """Return the speed (m/s) at which strip with a held end comes to slip on all rollers.
 
-    While rollers turn or the end moves, that is the difference of their speeds.  It is 0 where
-    strip may stick: on rollers that follow it, are moved, stand as it does or come to rest, in a
-    steady stage, and where no end is held throughout.
+    Rollers that come to a difference of speeds V in the time τ from rest have stretched a run by
+    s = l T/(E t) when it is √(2 V s/τ), or V if that is less.  It is 0 where strip may stick: on
+    rollers that follow it, are moved, stand as it does or come to rest, in a steady stage, and
+    where no end is held throughout.
     """
     let_go = {name for stage in scene.stages for name, edge in stage.edges.items() if edge.release}
     held = [n for n, edge in scene.edges.items() if "x" in edge.fixed and n not in let_go]
-    if not held or any(roller.drive != "speed" for roller in scene.rollers):
+    run = scene.strip.length if scene.threading is None else shortest_span(scene)
+    if not held or run is None or any(roller.drive != "speed" for roller in scene.rollers):
         return 0.0
+    begun = next((s.duration for s in scene.stages if any(v for _, v in stage_speeds(scene, s))), 0)
     speeds, slips = dict.fromkeys([*held, *(r.name for r in scene.rollers)], 0.0), list[float]()
     for stage in scene.stages:
         before, speeds = speeds, speeds | dict(stage_speeds(scene, stage))
@@ -155,7 +159,8 @@ def slip_of_held_strip(scene: SceneSpec) -> float:
         if stage.friction and (slips or any(speeds.values())):
             turning = np.abs([speeds[roller.name] for roller in scene.rollers])
             slips += [float(np.abs(turning - abs(speeds[end])).min(initial=np.inf)) for end in held]
-    return min(slips, default=0.0)
+    slip, way = min(slips, default=0.0), run * working_strain(scene)
+    return min(slip, float(np.sqrt(2.0 * slip * way / begun))) if slip else 0.0
 
 
 def longest_standstill(scene: SceneSpec) -> float:
