@@ -246,7 +246,7 @@ def test_heated_strip_leaves_faster(claim: Claim) -> None:
 def test_uneven_strip_goes_on_beyond_its_exit(held: tuple[str, ...]) -> None:
     """N = T + E t (mean of e − e) of strip with e = 3 e₀ (2 y/W)² stays so up to the exit.
 
-    An even pull there, on fibres that bear 8 to 28 kN/m, pressed it by 20 kN/m across and let it
+    An even pull there, on fibres that bear 2 to 32 kN/m, pressed it by 20 kN/m across and let it
     wrinkle at 23 kN/m instead of 15.
     """
     tables: dict[str, Any] = {
@@ -257,7 +257,7 @@ def test_uneven_strip_goes_on_beyond_its_exit(held: tuple[str, ...]) -> None:
         "threading": {"tension": 2.4e4, "entry": [-1.0, 0.0, -1.0], "exit": [1.5, 0.0, -1.0]},
         "rollers": [{"radius": 0.5, "centre": [0.0, 0.0, -0.5], "wrap": "over"}],
         "edges": {"entry": {"fixed": ["x", "z"]}},
-        "stages": [{"name": "relax", "friction": False, "exit": {"tension": 1.8e4}}],
+        "stages": [{"name": "relax", "friction": False, "exit": {"tension": 2.2e4}}],
     }  # fmt: skip
     if held:
         tables["edges"]["exit"] = {"fixed": list(held)}
@@ -266,7 +266,7 @@ def test_uneven_strip_goes_on_beyond_its_exit(held: tuple[str, ...]) -> None:
     forces = state.membrane.at(state.full, state.controls)
     x, y = quadrature_points(run.assembly.strip)[:2]
     last = x > x.max() - 1e-6
-    expected = 1.8e4 + 1e8 * (1e-4 - 1.2e-3 * y[last] ** 2)
+    expected = 2.2e4 + 1e8 * (1e-4 - 1.2e-3 * y[last] ** 2)
     np.testing.assert_allclose(forces[0, 0][last], expected, atol=600.0)
     beside = (x > x.max() - 0.5) & (np.abs(x - x.max()) < 0.4)
     assert np.abs(forces[1, 1][beside]).max() < 600.0

@@ -137,7 +137,7 @@ def origin_of_slip_speed(scene: SceneSpec, speed: float) -> str:
         return f"so that strip creeps by {way:.1g} m at most while the line stands"
     if speed > 1.01 * CREEP_SHARE * creep:
         slip = slip_of_held_strip(scene)
-        return f"0.3 % of the {slip:.2g} m/s at which the held strip comes to slip"
+        return f"a thousandth of the {slip:.2g} m/s at which the held strip comes to slip"
     under = "" if any(given_tensions(scene)) else " under a usual strain"
     return f"a tenth of the elastic creep of {creep:.2g} m/s{under}"
 
