@@ -156,7 +156,7 @@ class Course:
         )
 
     def uneven_pull(self, stage: StageSpec, values: Mapping[str, Array]) -> dict[str, Array]:
-        """What uneven strip that goes on beyond its ends pulls there, besides the mean.
+        """Return what uneven strip, which goes on beyond its ends, pulls there besides the mean.
 
         ``NAME.unevenness`` (N/m), at ends of a threaded shell that are free along it: an even pull
         on longer and shorter fibres alike would press it across beside the edge.  No fibre pushes.
