@@ -934,14 +934,16 @@ def uneven_fibres(preview: Preview) -> Iterator[str]:
                 excess = float((own[0, 0] - mean[row]).max())
                 needed = max(needed, strip.tensile_stiffness * excess)
         if needed > tension:
-            share, less = two_digits(SAFE_ANGLE_SHARE * tension / needed, np.floor), ""
-            if isinstance(camber := preview.assembly.scene.strip.camber, float):
+            share = two_digits(SAFE_ANGLE_SHARE * tension / needed, np.floor)
+            camber = preview.assembly.scene.strip.camber if key == "camber" else None
+            less = f"{share:g} of it"
+            if camber is not None:
                 less = f"--set strip.camber={share * camber:.2g}"
             yield (
                 f"fibres are so unequal by strip.{key} that, where rollers lead strip straight, "
                 f"the longest bear none of a tension below about {needed:.2g} N/m. At "
                 f"{tension:.3g} N/m they are slack, and wrinkle. "
-                f"Try {less if key == 'camber' and less else f'{share:g} of it'}, or more tension"
+                f"Try {less}, or more tension"
             )
 
 

@@ -236,10 +236,11 @@ class Course:
     def _asked_speed(self, stage: StageSpec, roller: Roller) -> float | None:
         """The surface speed (m/s) that a stage asks of a roller, None if none.
 
-        Of a steady one, which may begin with other speeds than the stage before has ended with,
-        the last that was asked for.
+        Of a steady one of the scene, which may begin with other speeds than the stage before has
+        ended with, the last that was asked for; one of a map goes on from where it has come to.
         """
-        stages = self._up_to(stage) if stage.steady else (stage,)
+        known = stage.steady and any(each.name == stage.name for each in self.assembly.scene.course)
+        stages = self._up_to(stage) if known else (stage,)
         asked = (surface_speed(each.rollers.get(roller.name), roller) for each in reversed(stages))
         return next((speed for speed in asked if speed is not None), None)
 
