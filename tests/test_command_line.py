@@ -5,6 +5,8 @@ from __future__ import annotations
 import ctypes
 import io
 import logging
+import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -43,6 +45,7 @@ class FakeRun:
     directory: Path
     resume: bool = False
     end: BaseException | None = None
+    signal: int | None = None
     done: bool = True
     message: str = "Reached the end."
     warnings: tuple[str, ...] = ("The strip is compressed.",)
@@ -62,6 +65,12 @@ class FakeRun:
 
     def __iter__(self) -> Iterator[SimpleNamespace]:
         for step in (1, 2, 3):
+            if step == 2 and self.signal is not None:
+                try:
+                    os.kill(os.getpid(), self.signal)
+                except KeyboardInterrupt:
+                    if self.end is not None:
+                        raise self.end from None
             yield step_at(step)
         if self.end is not None:
             raise self.end
@@ -170,6 +179,23 @@ def test_run_that_is_interrupted(fakes: Fakes) -> None:
     assert (result.exit_code, run.saved) == (1, [True])
     assert "Interrupted" in result.stdout
     assert "--resume" in result.stdout
+
+
+@pytest.mark.parametrize("end", [None, SystemError("returned a result with an exception set")])
+@pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM])
+def test_run_whose_interruption_is_swallowed_or_becomes_another_error(
+    fakes: Fakes, sign: int, end: Exception | None
+) -> None:
+    """As in compiled code that calls Python."""
+    fakes.put_run(signal=sign, end=end)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        result = typed("run", CAPSTAN)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    ((_, _, run),) = fakes.calls
+    assert (result.exit_code, run.saved) == (1, [True])
+    assert "Interrupted" in result.stdout
 
 
 def test_run_on_a_full_disk(fakes: Fakes) -> None:

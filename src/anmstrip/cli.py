@@ -15,7 +15,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import wraps
 from importlib.util import find_spec
 from pathlib import Path
@@ -271,18 +271,19 @@ def run_command(
     told = () if quiet else tuple(running.forewarnings())
     for line in told:
         click.echo(f"Warning: {line}", err=True)
-    usual = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        for _ in running if quiet else show_progress(running, describe_step):
-            pass
-    except KeyboardInterrupt:
-        running.interrupted()
-        click.echo(f"Interrupted. Everything up to here is in {directory}.")
-        afresh = resuming_command(scene, directory, settings).removesuffix(" --resume")
-        click.echo(f"Next: {afresh}{'' if loaded.repeated else ' --resume'}")
-        sys.exit(EXIT_STOPPED)
-    finally:
-        signal.signal(signal.SIGTERM, usual)
+    with interruptions() as signals:
+        try:
+            for _ in running if quiet else show_progress(running, describe_step):
+                if signals:
+                    raise KeyboardInterrupt
+        except BaseException as error:
+            if not (signals or isinstance(error, KeyboardInterrupt)):
+                raise
+            running.interrupted()
+            click.echo(f"Interrupted. Everything up to here is in {directory}.")
+            afresh = resuming_command(scene, directory, settings).removesuffix(" --resume")
+            click.echo(f"Next: {afresh}{'' if loaded.repeated else ' --resume'}")
+            sys.exit(EXIT_STOPPED)
     click.echo(running.message)
     click.echo(report(running, told))
     if not no_report:
@@ -292,6 +293,30 @@ def run_command(
     click.echo(f"Results in {directory}. Next: anmstrip render {directory}")
     if not running.outcome.done:
         sys.exit(EXIT_STOPPED)
+
+
+@contextmanager
+def interruptions() -> Iterator[list[int]]:
+    """Let SIGTERM interrupt as Ctrl-C does, and yield the signals that have come so far.
+
+    The exception that a signal raises may be swallowed, or become another one, where compiled code
+    calls Python.
+    """
+    came: list[int] = []
+
+    def interrupt(number: int, frame: object) -> None:
+        came.append(number)
+        raise KeyboardInterrupt
+
+    heard = [signal.SIGTERM]
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not ignored, as by nohup
+        heard.append(signal.SIGINT)
+    usual = {number: signal.signal(number, interrupt) for number in heard}
+    try:
+        yield came
+    finally:
+        for number, handler in usual.items():
+            signal.signal(number, handler)
 
 
 def resuming_command(scene: Path, directory: Path | None, settings: Iterable[str]) -> str:

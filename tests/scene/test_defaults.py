@@ -112,26 +112,39 @@ def test_slip_speed_of_held_strip_is_a_share_of_that_at_which_it_begins_to_slip(
 
 
 def test_a_line_that_stands_after_it_has_run_hardly_creeps() -> None:
-    """A thousandth of what its shortest span, 1.58 m, is stretched by, if that is no sharper law
-    than 500 times the usual one; only once it stands."""
+    """By 1e-4 of what its shortest span, 1.58 m, is stretched by, and only while it stands."""
     run, stop, wait, again = (
         {"duration": time, "rollers": {"r1": {"surface_speed": v}} if v is not None else {}}
         for time, v in ((1.0, 2.0), (1.0, 0.0), (5.0, None), (1.0, 1.0))
     )
-    usual = 0.1 * 2.0 * 0.2 * 1e4 / 2e8
-    assert speed(wait, run, stop) == pytest.approx(usual, rel=1e-12)
-    for line in ((run, stop, wait), (run, stop, wait, again)):
-        span = np.hypot(0.5, 1.5)
-        assert speed(*line) == pytest.approx(1e-3 * span * 1e4 / 2e8 / 5.0, rel=1e-12)
-    assert speed(run, stop, {"duration": 3600.0}) == pytest.approx(2e-3 * usual, rel=1e-12)
+    usual, span = 0.1 * 2.0 * 0.2 * 1e4 / 2e8, np.hypot(0.5, 1.5)
     moved = {"duration": 5.0, "rollers": {"r1": {"move": [0.0, 0.0, 0.1]}}}
-    assert speed(run, stop, moved) == pytest.approx(usual, rel=1e-12)
+    long = {"duration": 3600.0}
+    at_rest = 1e-4 * span * 1e4 / 2e8 / 5.0
+    for line, resting, wanted in (
+        ((wait, run, stop), None, usual),
+        ((run, stop, wait), 2, at_rest),
+        ((run, stop, wait, again), 2, at_rest),
+        ((run, stop, long), 2, at_rest * 5.0 / 3600.0),
+        ((run, stop, moved), None, usual),
+    ):
+        given = assembly(*line)
+        for number, stage in enumerate(given.scene.course[1:]):
+            friction = given.friction_in(stage)
+            assert friction is not None
+            found = friction.law_of_slip.speed
+            assert found == pytest.approx(wanted if number == resting else usual, rel=1e-12)
+    typed = assembly(run, stop, wait, friction={"coefficient": 0.2, "speed": 1e-5})
+    friction = typed.friction_in(typed.scene.course[3])
+    assert friction is not None
+    assert friction.law_of_slip.speed == 1e-5
 
 
 def test_drag_of_an_idler_stays_where_a_line_stands() -> None:
     """T out less T in is the bearing's torque over radius and width, 80 N/m, while it runs.
 
-    With the V_c of a line that only runs most of it has crept away after 5 s.
+    With the V_c of a line that only runs all of it has crept away after 5 s.  To stand costs nothing:
+    friction and bearings begin in balance with the other V_c.
     """
     idler = {"name": "i", "radius": 0.25, "centre": [-2.0, 0.0, 0.25], "wrap": "under"}
     tables = {**LINE, "rollers": [{**idler, "drive": "idle", "bearing": 20.0}, *LINE["rollers"]]}
@@ -143,15 +156,18 @@ def test_drag_of_an_idler_stays_where_a_line_stands() -> None:
             {"duration": 5.0},
         ],
     }
-    drags = []
+    drags, spent = [], []
     for friction in ({}, {"speed": 0.1 * 2.0 * 0.2 * 1e4 / 2e8}):
-        law = {"friction": {"coefficient": 0.2, **friction}}
-        *_, last = Scene.model_validate(tables | law).run()
+        law = {"friction": {"coefficient": 0.2, **friction}, "solver": {"tolerance": 1e-4}}
+        run = Scene.model_validate(tables | law).run()
+        *_, last = run
         reading = last.state.rollers["i"]
         assert reading.tension_in is not None
         assert reading.tension_out is not None
         drags.append(reading.tension_out - reading.tension_in)
-    assert drags[0] == pytest.approx(80.0, rel=0.2)
+        spent.append(run.stages["stage3"]["tangents"])
+    assert drags[0] == pytest.approx(80.0, rel=0.1)
+    assert spent[0] <= 4
     assert drags[1] < 20.0
 
 
@@ -185,7 +201,7 @@ def test_slip_speed_is_among_what_was_used() -> None:
     scene = assembly().scene
     assert scene.to_dict()["friction"] == {
         "law": "algebraic", "parameters": {}, "coefficient": 0.2, "speed": speed(),
-        "regularisation": "fixed",
+        "speed_at_rest": speed(), "regularisation": "fixed",
     }  # fmt: skip
     assert 0.1 * elastic_creep(scene) == speed()
 

@@ -391,18 +391,19 @@ def sharp_contact(failure: Failure) -> str | None:
 def stiff_friction(failure: Failure) -> str | None:
     """Friction turns round within a speed at which the positions have no digits left."""
     friction, strip = failure.scene.friction, failure.assembly.strip
-    if not failure.plan.in_time or friction is None or not failure.touched:
+    law = failure.assembly.law_of_slip(failure.stage)
+    if not failure.plan.in_time or friction is None or law is None or not failure.touched:
         return None
     seen = np.finfo(float).eps * strip.length / (USUAL_STEP * failure.plan.duration)
     corner = friction.omega if "omega" in friction.constants else 1.0
-    assert friction.speed is not None
-    turns = corner * friction.speed
+    key = "speed" if law.speed == friction.speed else "speed_at_rest"
+    turns = corner * law.speed
     if not turns < TURNING_SPEEDS * seen:
         return None
     return (
         f"Friction turns round within {turns:.2g} m/s, and the last digit of the positions is "
         f"worth {seen:.2g} m/s in a step of time. "
-        f"Try --set friction.speed={TURNING_SPEEDS * seen / corner:.1g}"
+        f"Try --set friction.{key}={TURNING_SPEEDS * seen / corner:.1g}"
     )
 
 

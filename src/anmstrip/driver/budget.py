@@ -280,8 +280,8 @@ class Budget:
         scales = [self.assembly.scales.length, np.inf]
         if self.assembly.contact is not None:
             scales[0] = self.assembly.signorini.width
-        if self.assembly.friction is not None:
-            scales[1] = self.assembly.friction.speed
+        if state.friction is not None:
+            scales[1] = state.friction.law_of_slip.speed
         values = np.abs(moved[:, state.plan.model.value_unknowns]).max(axis=1)
         share = min(0.5, LINEAR_RANGE / max(*(values / scales), 1e-300))
 

@@ -24,8 +24,8 @@ from anmstrip.simulation.defaults import (
     elastic_creep,
     free_across,
     given_tensions,
-    longest_standstill,
     loose_across,
+    resting_stages,
     slip_of_held_strip,
 )
 from anmstrip.simulation.problem import Assembly, flat_gap, naturals
@@ -116,6 +116,7 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
     if scene.friction is not None and assembly.friction is not None:
         speed = assembly.friction.speed
         why = "" if scene.friction.speed else f", {origin_of_slip_speed(scene, speed)}"
+        why += words_at_rest(assembly.scene)
         yield f"Friction: {scene.friction.law}, V_c = {speed:.3g} m/s{why}."
     scales = assembly.scales
     yield (
@@ -132,14 +133,20 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
 def origin_of_slip_speed(scene: SceneSpec, speed: float) -> str:
     """Return where the V_c (m/s) of a scene that does not give it comes from."""
     creep = elastic_creep(scene)
-    if speed < 0.99 * CREEP_SHARE * creep:
-        way = speed * longest_standstill(scene)
-        return f"so that strip creeps by {way:.1g} m at most while the line stands"
     if speed > 1.01 * CREEP_SHARE * creep:
         slip = slip_of_held_strip(scene)
         return f"a thousandth of the {slip:.2g} m/s at which the held strip comes to slip"
     under = "" if any(given_tensions(scene)) else " under a usual strain"
     return f"a tenth of the elastic creep of {creep:.2g} m/s{under}"
+
+
+def words_at_rest(scene: SceneSpec) -> str:
+    """Return V_c while a line stands, if it is another, and how far it creeps by that."""
+    law, resting = scene.friction, resting_stages(scene)
+    if law is None or law.speed_at_rest is None or not resting or law.speed_at_rest == law.speed:
+        return ""
+    way = law.speed_at_rest * max(resting.values())
+    return f"; {law.speed_at_rest:.3g} m/s at rest, where strip creeps by {way:.1g} m at most"
 
 
 def unusual(scene: SceneSpec) -> Iterator[str]:

@@ -182,6 +182,11 @@ class State:
         return self._effect("bending") is not None
 
     @property
+    def friction(self) -> Friction | None:
+        """Friction of the strip on its rollers."""
+        return self._effect("friction")
+
+    @property
     def membrane(self) -> Membrane | None:
         """Membrane of the strip; a plate has none."""
         return self._effect("membrane")
@@ -262,8 +267,7 @@ class State:
         """Roller → what it does to the strip."""
         if (contact := self.contact) is None:
             return {}
-        friction = self._effect("friction")
-        rubbing = {} if friction is None else friction.by_roller
+        rubbing = {} if self.friction is None else self.friction.by_roller
         near = zip(contact.by_roller, contact.elements_near(self.full, self.controls), strict=True)
         return {
             name: self._contact(contact.by_roller[name], rubbing.get(name), elements)

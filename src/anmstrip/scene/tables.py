@@ -461,6 +461,9 @@ class FrictionSpec(Table):
     """regularisation ω, a number above 0 (1)"""
     speed: Positive | None = Field(None, examples=["1.0e-6"])
     """characteristic slip speed V_c, a number above 0; left out: from the elastic creep (m/s)"""
+    speed_at_rest: Positive | None = Field(None, examples=["1.0e-8"])
+    """V_c while a line stands that has run, a number above 0; left out: as speed if that is given,
+    else so that what sticks creeps over a small share of the shortest span (m/s)"""
     regularisation: Literal["fixed", "auto"] = Field("fixed", examples=['"auto"'])
     """laws as given, or sharpened to the tolerance, "fixed" or "auto" (text)"""
 

@@ -31,19 +31,12 @@ What sticks creeps on while the line rests: a step of 10 to 16 kN/m on a quarter
 f = 0.25 leaves 1.7 % more at the entry than e^(fθ) after two seconds with 1, with 0.2 0.6 %."""
 
 
-REST_CREEP_SHARE = 1e-3
+REST_CREEP_SHARE = 1e-4
 """Share of the stretch of the shortest span by which strip on rollers creeps while a line stands.
 
-After 5 s the drag of two idlers, 119 N/m, is right to 14 N/m in 117 tangents; without this 113 are
-lost in 94.  Between two rolls of a bridle that rests for 2 s the 10.61 kN/m are right to 0.03 in
-201 tangents; without this 0.27 are lost in 58."""
-
-
-SHARPEST_AT_REST = 2e-3
-"""Least V_c for the sake of a line that stands, over that of one that runs.
-
-Idlers that are to stand for a minute ask for it, and take 372 tangents; with what ten minutes ask
-for they take 766, and the error of the laws can no longer be told."""
+Of the drag of an idler, 80 N/m, that leaves all but 2 N/m after 5 s; with the V_c of the line that
+runs it is gone.  Between two rolls of a bridle that rests for 2 s the 10.711 kN/m rise by 1 N/m in
+three tangents, else by 170 in 16."""
 
 
 HELD_SLIP_SHARE = 1e-3
@@ -67,10 +60,14 @@ def with_defaults(scene: SceneSpec) -> SceneSpec:
     if loose_across(scene):
         entry = scene.edges["entry"].model_copy(update={"centred": True})
         scene = scene.model_copy(update={"edges": {**scene.edges, "entry": entry}})
-    if scene.friction is None or scene.friction.speed is not None:
+    if scene.friction is None:
         return scene
-    law = scene.friction.model_copy(update={"speed": regularising_speed(scene)})
-    return scene.model_copy(update={"friction": law})
+    speed, at_rest = scene.friction.speed, scene.friction.speed_at_rest
+    speeds = {
+        "speed": speed or regularising_speed(scene),
+        "speed_at_rest": at_rest or speed or resting_speed(scene),
+    }
+    return scene.model_copy(update={"friction": scene.friction.model_copy(update=speeds)})
 
 
 def loose_across(scene: SceneSpec) -> bool:
@@ -125,15 +122,18 @@ def follows_rollers(scene: SceneSpec) -> bool:
 
 
 def regularising_speed(scene: SceneSpec) -> float:
-    """Return V_c (m/s): a share of the elastic creep, and no more than a line may creep at rest.
+    """Return V_c (m/s): a share of the elastic creep, or of held strip's slip if that is more."""
+    creep, slip = CREEP_SHARE * elastic_creep(scene), slip_of_held_strip(scene)
+    return max(creep, HELD_SLIP_SHARE * slip)
 
-    A share of the slip of strip that is held, where that is more.
-    """
-    speed, time = CREEP_SHARE * elastic_creep(scene), longest_standstill(scene)
-    if time == 0.0:
-        return max(speed, HELD_SLIP_SHARE * slip_of_held_strip(scene))
-    at_rest = REST_CREEP_SHARE * working_strain(scene) * shortest_span(scene) / time
-    return float(np.clip(at_rest, SHARPEST_AT_REST * speed, speed))
+
+def resting_speed(scene: SceneSpec) -> float:
+    """Return V_c (m/s) while a line stands: that of the line, and no more than it may creep."""
+    speed, resting = regularising_speed(scene), resting_stages(scene)
+    if not resting:
+        return speed
+    way = REST_CREEP_SHARE * working_strain(scene) * shortest_span(scene)
+    return min(speed, way / max(resting.values()))
 
 
 def slip_of_held_strip(scene: SceneSpec) -> float:
@@ -167,18 +167,18 @@ def slip_of_held_strip(scene: SceneSpec) -> float:
     return min(slip, float(np.sqrt(2.0 * slip * way / begun))) if slip else 0.0
 
 
-def longest_standstill(scene: SceneSpec) -> float:
-    """Return how long (s) a threaded line stands at most, in one stage after it has run."""
-    speeds, ran, longest = dict[str, float](), False, 0.0
+def resting_stages(scene: SceneSpec) -> dict[str, float]:
+    """Return the stages in which a threaded line stands after it has run, and how long (s)."""
+    speeds, ran, resting = dict[str, float](), False, dict[str, float]()
     for stage in scene.stages if scene.threading is not None else ():
         running = any(speeds.values())
         for name, given in stage_speeds(scene, stage):
             speeds[name] = given
         moved = any(move_lengths(stage))
-        still = not (running or moved or any(speeds.values()) or stage.steady)
-        longest = max(longest, stage.duration if ran and still else 0.0)
+        if ran and not (running or moved or any(speeds.values()) or stage.steady):
+            resting[stage.name] = stage.duration
         ran = ran or any(speeds.values())
-    return longest
+    return resting
 
 
 def shortest_span(scene: SceneSpec) -> float:

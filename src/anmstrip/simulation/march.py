@@ -86,7 +86,7 @@ Lines that run or have come to rest are below 0.04.  Of 25 random ones whose rol
 moved, at 0.12 to 0.97, four stalled when they went on from there."""
 
 FIRST_STEP = 0.01
-"""First time step, of the shortest stage in time; the error control corrects it.  From the whole
+"""First time step, of its stage; the error control corrects it.  From the whole
 stage on the bridle takes 26 tangents instead of 247 to where it ends, and nothing is seen of how it
 begins to slip; with 0.02 a press roll takes 73 tangents instead of 52."""
 
@@ -193,6 +193,9 @@ class March:
         if stage.steady and self.reached is None:
             self._begin_steady(stage, state)
         if self.reached is None:
+            before, now = state and state.friction, self.assembly.law_of_slip(stage)
+            if before is not None and now is not None:  # at rest, friction is that of v/V_c
+                self.velocity = self.velocity * (now.speed / before.law_of_slip.speed)
             told = (name for name, control in stage.edges.items() if control.speed is not None)
             for name in told:  # along the strip as it hangs there
                 along = self.assembly.strip.edge_tangent(name, self.full)
@@ -455,7 +458,8 @@ class March:
     def _in_time(self, plan: StageProblem, settings: Settings) -> Iterator[Step]:
         solver, memory = self.scene.solver, self._memory(plan)
         aim, most = self.tolerances.time, solver.highest_time_order
-        stepping = Stepping(sum(self.times), aim, most, solver.time_step, self.follow)
+        whole = self.stages_in_time * plan.duration  # every stage may add as much to the error
+        stepping = Stepping(whole, aim, most, solver.time_step, self.follow)
         given = plan.model, plan.supports, plan.controls, plan.start, plan.duration
         motion = Motion(*given, plan.before(self.past))
         ways: dict[str, Any] = {"solver": self.solver, "stepping": stepping, "cost": self.cost}
@@ -491,7 +495,8 @@ class March:
 
         No formula looks back across a jump of an acceleration.
         """
-        fresh = self.past is not None and (plan.still or not plan.continues(self.past))
+        past = self.past
+        fresh = past is not None and (plan.still or past.still or not plan.continues(past))
         if self.memory is not None and not fresh:
             memory, first = self.memory, self._first(plan)
             if self.past is None or plan.continues(self.past, smoothly=True):
@@ -508,13 +513,13 @@ class March:
 
     def _first(self, plan: StageProblem) -> float:
         """First time step (s) of a stage that begins anew: all of it if nothing is to move."""
-        first = plan.duration if plan.still else FIRST_STEP * min(self.times)
+        first = plan.duration * (1.0 if plan.still else FIRST_STEP)
         return self.scene.solver.time_step or first
 
     @property
-    def times(self) -> list[float]:
-        """Durations of the stages in time (s)."""
-        return [s.duration for s in self.scene.course if self.assembly.frictional(s)]
+    def stages_in_time(self) -> int:
+        """How many stages have steps in time."""
+        return sum(map(self.assembly.frictional, self.scene.course))
 
 
 def _many(pace: Pace) -> bool:

@@ -47,6 +47,7 @@ from anmstrip.simulation.defaults import (
     follows_rollers,
     largest_force,
     line_speed,
+    resting_stages,
     tension_of_moves,
     with_defaults,
 )
@@ -570,32 +571,42 @@ class Assembly:
         numbers = {name: number for number, name in enumerate(self.turning)}
         return [numbers.get(roller.name, DRIVEN) for roller in self.rollers]
 
-    def drives(self, steady: bool) -> Drives | None:
-        """Torques and bearings of the rollers that turn freely, if there are any."""
-        if not self.turning or self.friction is None:
+    def law_of_slip(self, stage: StageSpec) -> FrictionLaw | None:
+        """Friction law in a stage: with V_c at rest where the line stands after it has run."""
+        spec = self.scene.friction
+        if self.friction is None or spec is None or stage.name not in resting_stages(self.scene):
+            return self.friction
+        assert spec.speed is not None and spec.speed_at_rest is not None
+        return self.friction.sharper(1.0 - spec.speed_at_rest / spec.speed)
+
+    def drives(self, stage: StageSpec) -> Drives | None:
+        """Torques and bearings of the rollers that turn freely in a stage, if there are any."""
+        if not self.turning or (law := self.law_of_slip(stage)) is None:
             return None
         from anmstrip.mechanics.transport import Drives, SteadyDrives
 
         chosen = [spec for spec in self.scene.rollers if spec.name in self.turning]
         radii, bearings = (np.array([getattr(s, k) for s in chosen]) for k in ("radius", "bearing"))
-        speed, force = self.friction.speed, self.scales.force
-        given = self.turning, radii, bearings, speed, AIR_DRAG * force / speed, self.strip.unknowns
-        return SteadyDrives(*given) if steady else Drives(*given)
+        drag = AIR_DRAG * self.scales.force / law.speed
+        given = self.turning, radii, bearings, law.speed, drag, self.strip.unknowns
+        return SteadyDrives(*given) if stage.steady else Drives(*given)
 
     def friction_in(self, stage: StageSpec) -> Friction | None:
         """Friction in a stage: of strip that moves through its own shape, or lies on its rollers.
 
         A strip that nothing pulls is aligned with all that moves it.
         """
-        rubbing = self.rubbing
+        if self.rubbing is None or (law := self.law_of_slip(stage)) is None:
+            return None
+        rubbing = replace(self.rubbing, law_of_slip=law)
         through = stage.steady or self.scene.strip.feed
-        if rubbing is None or not (through or largest_force(self.scene) == 0.0):
+        if not (through or largest_force(self.scene) == 0.0):
             return rubbing
         from anmstrip.mechanics.transport import AlignedFriction, CarriedFriction, SteadyFriction
 
         kind = CarriedFriction if through else AlignedFriction
         kind = SteadyFriction if stage.steady else kind
-        given = rubbing.contact, rubbing.law_of_slip, rubbing.coefficients, self._numbers
+        given = rubbing.contact, law, rubbing.coefficients, self._numbers
         grown = self.grown_at_contact if through else ()
         return kind(*given, len(self.turning), self.slope_operator, *grown)
 
@@ -716,7 +727,7 @@ class Assembly:
             own.insert(0, Pretension(self.strip))
         if stage.friction:
             own.append(self.friction_in(stage))
-            own.append(self.drives(stage.steady))
+            own.append(self.drives(stage))
         if (stiffness := self.scene.strip.foundation) is not None:
             own.append(Foundation(self.strip, stiffness))
         effects: list[Effect] = [effect for effect in own if effect is not None]
