@@ -143,8 +143,8 @@ def test_a_line_that_stands_after_it_has_run_hardly_creeps() -> None:
 def test_drag_of_an_idler_stays_where_a_line_stands() -> None:
     """T out less T in is the bearing's torque over radius and width, 80 N/m, while it runs.
 
-    With the V_c of a line that only runs all of it has crept away after 5 s.  To stand costs nothing:
-    friction and bearings begin in balance with the other V_c.
+    With the V_c of a line that only runs all of it has crept away after 5 s.  To stand costs
+    nothing: friction and bearings begin in balance with the other V_c.
     """
     idler = {"name": "i", "radius": 0.25, "centre": [-2.0, 0.0, 0.25], "wrap": "under"}
     tables = {**LINE, "rollers": [{**idler, "drive": "idle", "bearing": 20.0}, *LINE["rollers"]]}
