@@ -134,10 +134,27 @@ def test_a_line_that_stands_after_it_has_run_hardly_creeps() -> None:
             assert friction is not None
             found = friction.law_of_slip.speed
             assert found == pytest.approx(wanted if number == resting else usual, rel=1e-12)
-    typed = assembly(run, stop, wait, friction={"coefficient": 0.2, "speed": 1e-5})
-    friction = typed.friction_in(typed.scene.course[3])
+    given = assembly(run, stop, wait, friction={"coefficient": 0.2, "speed_at_rest": 1e-5})
+    friction = given.friction_in(given.scene.course[3])
     assert friction is not None
-    assert friction.law_of_slip.speed == 1e-5
+    assert friction.law_of_slip.speed == pytest.approx(1e-5, rel=1e-12)
+
+
+def test_a_line_that_stands_slips_as_tensions_and_heat_ask_for() -> None:
+    """V_c is a hundredth of the speed at which they stretch its shortest span, beside the creep."""
+    run, stop = ({"duration": 1.0, "rollers": {"r1": {"surface_speed": v}}} for v in (2.0, 0.0))
+    creep, way = 1e-4 * 1e4 / 2e8, np.hypot(0.5, 1.5) / 60.0
+    material = {**LINE["material"], "expansion": 1.2e-5}
+    for change, strain in (
+        ({"exit": {"tension": 1.2e4}}, 0.2 * 1e4 / 2e8),
+        ({"exit": {"tension": 0.7e4}}, 0.3 * 1e4 / 2e8),
+        ({"strip": {"temperature": 5.0}}, 6e-5),
+    ):
+        given = assembly(run, stop, {"duration": 60.0, **change}, material=material)
+        law = given.law_of_slip(given.scene.stages[-1])
+        assert law is not None
+        least = min(1e4, change.get("exit", {}).get("tension", 1e4)) / 1e4
+        assert law.speed == pytest.approx((least * creep + 1e-2 * strain) * way, rel=1e-9)
 
 
 def test_drag_of_an_idler_stays_where_a_line_stands() -> None:
@@ -157,7 +174,7 @@ def test_drag_of_an_idler_stays_where_a_line_stands() -> None:
         ],
     }
     drags, spent = [], []
-    for friction in ({}, {"speed": 0.1 * 2.0 * 0.2 * 1e4 / 2e8}):
+    for friction in ({}, {"speed_at_rest": 0.1 * 2.0 * 0.2 * 1e4 / 2e8}):
         law = {"friction": {"coefficient": 0.2, **friction}, "solver": {"tolerance": 1e-4}}
         run = Scene.model_validate(tables | law).run()
         *_, last = run
@@ -201,7 +218,7 @@ def test_slip_speed_is_among_what_was_used() -> None:
     scene = assembly().scene
     assert scene.to_dict()["friction"] == {
         "law": "algebraic", "parameters": {}, "coefficient": 0.2, "speed": speed(),
-        "speed_at_rest": speed(), "regularisation": "fixed",
+        "regularisation": "fixed",
     }  # fmt: skip
     assert 0.1 * elastic_creep(scene) == speed()
 

@@ -137,8 +137,7 @@ def scene_as_meant(scene: SceneSpec, found: Sequence[Doubt]) -> SceneSpec | None
     for stage in tables["stages"]:
         stage.update(stage.pop("edges", {}))
     if scene.friction is not None and scene.friction.speed == regularising_speed(scene):
-        for key in ("speed", "speed_at_rest"):
-            tables["friction"].pop(key, None)
+        tables["friction"].pop("speed", None)
     try:
         typed = [each.typed for each in found]
         return SceneSpec.from_tables(tables, scene.source or "scene", typed)

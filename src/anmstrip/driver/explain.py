@@ -25,7 +25,6 @@ from anmstrip.simulation.defaults import (
     free_across,
     given_tensions,
     loose_across,
-    resting_stages,
     slip_of_held_strip,
 )
 from anmstrip.simulation.problem import Assembly, flat_gap, naturals
@@ -116,7 +115,7 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
     if scene.friction is not None and assembly.friction is not None:
         speed = assembly.friction.speed
         why = "" if scene.friction.speed else f", {origin_of_slip_speed(scene, speed)}"
-        why += words_at_rest(assembly.scene)
+        why += words_at_rest(assembly)
         yield f"Friction: {scene.friction.law}, V_c = {speed:.3g} m/s{why}."
     scales = assembly.scales
     yield (
@@ -140,13 +139,14 @@ def origin_of_slip_speed(scene: SceneSpec, speed: float) -> str:
     return f"a tenth of the elastic creep of {creep:.2g} m/s{under}"
 
 
-def words_at_rest(scene: SceneSpec) -> str:
-    """Return V_c while a line stands, if it is another, and how far it creeps by that."""
-    law, resting = scene.friction, resting_stages(scene)
-    if law is None or law.speed_at_rest is None or not resting or law.speed_at_rest == law.speed:
-        return ""
-    way = law.speed_at_rest * max(resting.values())
-    return f"; {law.speed_at_rest:.3g} m/s at rest, where strip creeps by {way:.1g} m at most"
+def words_at_rest(assembly: Assembly) -> str:
+    """Return V_c of the stages in which the line stands, where it is another."""
+    words = ""
+    for stage in assembly.scene.stages:
+        law, usual = assembly.law_of_slip(stage), assembly.friction
+        if law is not None and usual is not None and law.speed != usual.speed:
+            words += f"; {law.speed:.3g} m/s in {stage.name}, where the line stands"
+    return words
 
 
 def unusual(scene: SceneSpec) -> Iterator[str]:

@@ -462,8 +462,8 @@ class FrictionSpec(Table):
     speed: Positive | None = Field(None, examples=["1.0e-6"])
     """characteristic slip speed V_c, a number above 0; left out: from the elastic creep (m/s)"""
     speed_at_rest: Positive | None = Field(None, examples=["1.0e-8"])
-    """V_c while a line stands that has run, a number above 0; left out: as speed if that is given,
-    else so that what sticks creeps over a small share of the shortest span (m/s)"""
+    """V_c while a line stands after a run, a number above 0; left out: so that it hardly creeps
+    (m/s)"""
     regularisation: Literal["fixed", "auto"] = Field("fixed", examples=['"auto"'])
     """laws as given, or sharpened to the tolerance, "fixed" or "auto" (text)"""
 

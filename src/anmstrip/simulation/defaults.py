@@ -8,7 +8,7 @@ import numpy as np
 
 from anmstrip.scene.checks import moved_ends
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.scene.tables import ENDS, StageSpec
+from anmstrip.scene.tables import ENDS, I_UNIT, FieldSpec, NaturalShape, StageSpec
 
 CREEP_SHARE = 0.1
 """Share of the elastic creep that V_c is by default.
@@ -39,6 +39,14 @@ runs it is gone.  Between two rolls of a bridle that rests for 2 s the 10.711 kN
 three tangents, else by 170 in 16."""
 
 
+REST_SLIP_SHARE = 1e-2
+"""Share of the speed at which tensions or heat that change stretch the shortest span of a line that
+stands, by which V_c is larger.
+
+A line of two rollers that is pulled by half as much more in ten minutes, or heated by 300 K, takes
+24 and 30 tangents; with 0.1 they take 13 and 61, and the first is off by 4 % instead of 1 %."""
+
+
 HELD_SLIP_SHARE = 1e-3
 """Share of the speed at which held strip comes to slip on its rollers that V_c is by default.
 
@@ -60,14 +68,10 @@ def with_defaults(scene: SceneSpec) -> SceneSpec:
     if loose_across(scene):
         entry = scene.edges["entry"].model_copy(update={"centred": True})
         scene = scene.model_copy(update={"edges": {**scene.edges, "entry": entry}})
-    if scene.friction is None:
+    if scene.friction is None or scene.friction.speed is not None:
         return scene
-    speed, at_rest = scene.friction.speed, scene.friction.speed_at_rest
-    speeds = {
-        "speed": speed or regularising_speed(scene),
-        "speed_at_rest": at_rest or speed or resting_speed(scene),
-    }
-    return scene.model_copy(update={"friction": scene.friction.model_copy(update=speeds)})
+    law = scene.friction.model_copy(update={"speed": regularising_speed(scene)})
+    return scene.model_copy(update={"friction": law})
 
 
 def loose_across(scene: SceneSpec) -> bool:
@@ -127,13 +131,11 @@ def regularising_speed(scene: SceneSpec) -> float:
     return max(creep, HELD_SLIP_SHARE * slip)
 
 
-def resting_speed(scene: SceneSpec) -> float:
-    """Return V_c (m/s) while a line stands: that of the line, and no more than it may creep."""
-    speed, resting = regularising_speed(scene), resting_stages(scene)
-    if not resting:
-        return speed
-    way = REST_CREEP_SHARE * working_strain(scene) * shortest_span(scene)
-    return min(speed, way / max(resting.values()))
+def resting_speed(scene: SceneSpec, stage: StageSpec) -> float:
+    """Return V_c (m/s) by which strip hardly creeps in a stage in which it stands."""
+    strain = REST_CREEP_SHARE * working_strain(scene)
+    strain += REST_SLIP_SHARE * resting_stages(scene)[stage.name]
+    return strain * shortest_span(scene) / stage.duration
 
 
 def slip_of_held_strip(scene: SceneSpec) -> float:
@@ -168,15 +170,23 @@ def slip_of_held_strip(scene: SceneSpec) -> float:
 
 
 def resting_stages(scene: SceneSpec) -> dict[str, float]:
-    """Return the stages in which a threaded line stands after it has run, and how long (s)."""
-    speeds, ran, resting = dict[str, float](), False, dict[str, float]()
-    for stage in scene.stages if scene.threading is not None else ():
-        running = any(speeds.values())
-        for name, given in stage_speeds(scene, stage):
-            speeds[name] = given
-        moved = any(move_lengths(stage))
-        if ran and not (running or moved or any(speeds.values()) or stage.steady):
-            resting[stage.name] = stage.duration
+    """Return the stages in which a threaded line stands after it has run.
+
+    Each with the strain by which tensions or heat that are given anew stretch the strip in it.
+    """
+    if scene.threading is None:
+        return {}
+    speeds, resting, ran = dict[str, float](), dict[str, float](), False
+    pulls = dict.fromkeys(ENDS, scene.threading.tension)
+    for stage in scene.stages:
+        running, before = any(speeds.values()), pulls
+        speeds = speeds | dict(stage_speeds(scene, stage))
+        pulls = pulls | dict(edge_pulls(stage))
+        moving = running or any(speeds.values()) or any(move_lengths(stage)) or stage.steady
+        if ran and not moving:
+            change = max(abs(pull - before.get(name, 0.0)) for name, pull in pulls.items())
+            pulled = change / (scene.material.young * scene.strip.thickness)
+            resting[stage.name] = max(pulled, eigenstrain(scene, stage.strip))
         ran = ran or any(speeds.values())
     return resting
 
@@ -216,14 +226,40 @@ def given_tensions(scene: SceneSpec) -> Iterator[float]:
     if scene.threading is not None:
         yield scene.threading.tension
     for stage in scene.stages:
-        for edge in stage.edges.values():
-            yield from (edge.tension or 0.0, float(np.linalg.norm(edge.force or 0.0)))
+        yield from (pull for _, pull in edge_pulls(stage))
+
+
+def edge_pulls(stage: StageSpec) -> Iterator[tuple[str, float]]:
+    """Yield edges whose tension or force a stage gives, and its size (N/m)."""
+    for name, edge in stage.edges.items():
+        if edge.tension is not None:
+            yield name, edge.tension
+        if edge.force is not None:
+            yield name, float(np.linalg.norm(edge.force))
 
 
 def least_tension(scene: SceneSpec) -> float:
     """Return the least tension above 0 (N/m) that is asked for, else that of a usual strain."""
     wanted = [pull for pull in given_tensions(scene) if pull > 0.0]
     return min(wanted, default=USUAL_STRAIN * scene.material.young * scene.strip.thickness)
+
+
+def eigenstrain(scene: SceneSpec, shape: NaturalShape) -> float:
+    """Return the largest strain that heat, flatness or camber give the unstressed strip."""
+    units = {"temperature": scene.material.expansion or 0.0, "flatness": I_UNIT}
+    units["camber"] = 0.5 * (scene.strip.width or 0.0)
+    found = [0.0]
+    for key in units.keys() & shape.natural.keys():
+        given = shape.natural[key]
+        values = given.samples if isinstance(given, FieldSpec) else given
+        found.append(units[key] * float(np.abs(values).max()))
+    return max(found)
+
+
+def largest_eigenstrain(scene: SceneSpec) -> float:
+    """Return the largest eigenstrain of a scene, anywhere and in any stage, 0 without."""
+    shapes = scene.strip, *(stage.strip for stage in scene.stages)
+    return max(eigenstrain(scene, shape) for shape in shapes)
 
 
 def largest_force(scene: SceneSpec) -> float:

@@ -193,9 +193,10 @@ class March:
         if stage.steady and self.reached is None:
             self._begin_steady(stage, state)
         if self.reached is None:
-            before, now = state and state.friction, self.assembly.law_of_slip(stage)
-            if before is not None and now is not None:  # at rest, friction is that of v/V_c
-                self.velocity = self.velocity * (now.speed / before.law_of_slip.speed)
+            before = None if state is None else state.friction
+            law = self.assembly.law_of_slip(stage)
+            if before is not None and law is not None:  # at rest, friction is that of v/V_c
+                self.velocity = self.velocity * (law.speed / before.law_of_slip.speed)
             told = (name for name, control in stage.edges.items() if control.speed is not None)
             for name in told:  # along the strip as it hangs there
                 along = self.assembly.strip.edge_tangent(name, self.full)

@@ -45,8 +45,10 @@ from anmstrip.scene.tables import I_UNIT, THREADING, FieldSpec, NaturalShape
 from anmstrip.simulation.defaults import (
     distributed_load,
     follows_rollers,
+    largest_eigenstrain,
     largest_force,
     line_speed,
+    resting_speed,
     resting_stages,
     tension_of_moves,
     with_defaults,
@@ -572,12 +574,13 @@ class Assembly:
         return [numbers.get(roller.name, DRIVEN) for roller in self.rollers]
 
     def law_of_slip(self, stage: StageSpec) -> FrictionLaw | None:
-        """Friction law in a stage: with V_c at rest where the line stands after it has run."""
+        """Friction law in a stage: with a V_c of its own where the line stands after it has run."""
         spec = self.scene.friction
         if self.friction is None or spec is None or stage.name not in resting_stages(self.scene):
             return self.friction
-        assert spec.speed is not None and spec.speed_at_rest is not None
-        return self.friction.sharper(1.0 - spec.speed_at_rest / spec.speed)
+        assert spec.speed is not None
+        speed = spec.speed_at_rest or min(spec.speed, resting_speed(self.scene, stage))
+        return self.friction.sharper(1.0 - speed / spec.speed)
 
     def drives(self, stage: StageSpec) -> Drives | None:
         """Torques and bearings of the rollers that turn freely in a stage, if there are any."""
@@ -858,19 +861,6 @@ def naturals(scene: SceneSpec) -> set[str]:
     """Return the kinds of eigenstrain and eigencurvature of a scene, from its strip or a stage."""
     shapes = [scene.strip, *(stage.strip for stage in scene.stages)]
     return {key for shape in shapes for key in shape.natural}
-
-
-def largest_eigenstrain(scene: SceneSpec) -> float:
-    """Return the largest eigenstrain of a scene, anywhere and in any stage, 0 without."""
-    units = {"temperature": scene.material.expansion or 0.0, "flatness": I_UNIT}
-    units["camber"] = 0.5 * (scene.strip.width or 0.0)
-    found = [0.0]
-    for shape in (scene.strip, *(stage.strip for stage in scene.stages)):
-        for key in units.keys() & shape.natural.keys():
-            given = shape.natural[key]
-            values = given.samples if isinstance(given, FieldSpec) else given
-            found.append(units[key] * float(np.abs(values).max()))
-    return max(found)
 
 
 def varies_across(roller: RollerSpec) -> bool:
