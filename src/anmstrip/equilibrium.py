@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from scipy.sparse import csc_matrix
@@ -31,6 +31,9 @@ from anmstrip.mechanics.effects import (
 from anmstrip.mechanics.plasticity import Plasticity
 from anmstrip.mechanics.shell import Membrane
 from anmstrip.timestepping.formulas import AffineVelocity
+
+if TYPE_CHECKING:
+    from anmstrip.mechanics.contact import Friction
 
 
 class Model:
@@ -576,6 +579,11 @@ class StageProblem:
     steady: bool = False
     fed: bool = False
 
+    @property
+    def friction(self) -> Friction | None:
+        """Friction of the strip on its rollers, if it acts."""
+        return cast("Friction", next((e for e in self.model.effects if e.name == "friction"), None))
+
     def transport(self, full: Array, control: float) -> Array | None:
         """Velocities in a stationary state, of strip and free rollers; None of another stage.
 
@@ -632,14 +640,18 @@ class StageProblem:
         return not (self.controls.slope or np.any(held) or np.any(speeds))
 
     def reversals(self, slow: float) -> list[float]:
-        """Times (s) at which surfaces that turn round in the stage have slowed down to a speed."""
+        """Times (s) at which surfaces that turn round in the stage have slowed down to a speed.
+
+        Also those that come to rest at its end, where rollers turn freely: their bearings brake up
+        to the last instant.
+        """
         shares = set()
         for name, slope in self.controls.slope.items():
             start = self.controls.start[name]
-            if (
-                name.endswith(".surface_speed")
-                and min(abs(start), -np.sign(start) * (start + slope)) > slow
-            ):
+            if not name.endswith(".surface_speed") or abs(start) <= slow:
+                continue
+            end = -np.sign(start) * (start + slope)
+            if end > slow or (self.model.turning and abs(end) <= slow):
                 shares.add(float((abs(start) - slow) / abs(slope)))
         return [self.start + share * self.duration for share in sorted(shares)]
 

@@ -140,6 +140,42 @@ def test_a_line_that_stands_after_it_has_run_hardly_creeps() -> None:
     assert friction.law_of_slip.speed == pytest.approx(1e-5, rel=1e-12)
 
 
+def test_a_roller_that_is_pressed_in_while_the_line_stands_leaves_its_tension() -> None:
+    """e^(fθ) times the exit's on the way in, and as much after ten minutes in which nothing moves.
+
+    The strip slipped by then; what its velocity is as the roller stops is no imbalance.
+    """
+    rolls = [
+        {"name": name, "radius": 0.3, "centre": [x, 0.0, z], "wrap": wrap}
+        for name, x, z, wrap in (
+            ("a", 0.0, 0.3, "under"), ("mid", 2.0, -0.3, "over"), ("b", 4.0, 0.3, "under"),
+        )
+    ]  # fmt: skip
+    rolls[1] |= {"drive": "idle", "bearing": 0.0}
+    turn = {name: {"surface_speed": 1.0} for name in ("a", "b")}
+    stop = {name: {"surface_speed": 0.0} for name in ("a", "b")}
+    tables = {
+        **{key: LINE[key] for key in ("strip", "material", "contact", "friction")},
+        "rollers": rolls,
+        "threading": {"tension": 1e4, "entry": [-2.0, 0.0, 1.0], "exit": [6.0, 0.0, 1.0]},
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [
+            {"name": "start", "duration": 1.0, "rollers": turn,
+             "entry": {"release": True, "tension": 1e4}},
+            {"name": "stop", "duration": 1.0, "rollers": stop},
+            {"name": "press", "duration": 5.0, "rollers": {"mid": {"move": [0.0, 0.0, 0.02]}}},
+            {"name": "stand", "duration": 600.0},
+        ],
+    }  # fmt: skip
+    run, tensions = Scene.model_validate(tables).run(), dict[str, float]()
+    for step in run:
+        tensions[step.stage] = step.state.rollers["mid"].tension_in or 0.0
+    assert run.outcome.done, run.message
+    assert tensions["press"] > 1.05e4
+    assert tensions["stand"] == pytest.approx(tensions["press"], rel=2e-3)
+    assert run.stages["stand"]["tangents"] < 20
+
+
 def test_a_line_that_stands_slips_as_tensions_and_heat_ask_for() -> None:
     """V_c is a hundredth of the speed at which they stretch its shortest span, beside the creep."""
     run, stop = ({"duration": 1.0, "rollers": {"r1": {"surface_speed": v}}} for v in (2.0, 0.0))
@@ -183,7 +219,7 @@ def test_drag_of_an_idler_stays_where_a_line_stands() -> None:
         assert reading.tension_out is not None
         drags.append(reading.tension_out - reading.tension_in)
         spent.append(run.stages["stage3"]["tangents"])
-    assert drags[0] == pytest.approx(80.0, rel=0.1)
+    assert drags[0] == pytest.approx(80.0, rel=0.05)
     assert spent[0] <= 4
     assert drags[1] < 20.0
 

@@ -459,6 +459,11 @@ class Friction(LawEffect):
         law_of_slip, contact = self.law_of_slip.sharper(share), self.contact.sharper(share)
         return replace(self, law_of_slip=law_of_slip, contact=contact)
 
+    def at_speed(self, speed: float) -> Friction:
+        """Return the same with another V_c (m/s)."""
+        law = self.law_of_slip.sharper(1.0 - speed / self.law_of_slip.speed)
+        return replace(self, law_of_slip=law)
+
     def near(self, full: Array, controls: Mapping[str, Any]) -> Friction:
         """The same effect on the points within reach."""
         return self.restricted(self.contact.within_reach(full, controls))

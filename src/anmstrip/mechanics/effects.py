@@ -110,6 +110,10 @@ class Effect:
         """Return the effect with its law nearer to a sharp one by a share."""
         return self
 
+    def at_speed(self, speed: float) -> Effect:
+        """Return the effect with another V_c (m/s) of slip."""
+        return self
+
     def sharpening(self, full: Array, velocity: Array | None, controls: Values) -> Array | None:
         """Return the derivative of the residual by that share; None where no law changes."""
         return None

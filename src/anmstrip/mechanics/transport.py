@@ -176,6 +176,10 @@ class Drives(LawEffect):
         """Return the same with V_b smaller by a share."""
         return replace(self, speed=(1.0 - share) * self.speed)
 
+    def at_speed(self, speed: float) -> Drives:
+        """Return the same with another V_b (m/s)."""
+        return replace(self, speed=speed, air=self.air * self.speed / speed)
+
     def drag(self, speeds: Any) -> Any:
         """Torque (N m) with which bearings brake, positive against positive speeds, (rollers,)."""
         return speeds / np.sqrt(speeds * speeds + self.speed**2) * self.bearings

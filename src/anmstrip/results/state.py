@@ -184,7 +184,7 @@ class State:
     @property
     def friction(self) -> Friction | None:
         """Friction of the strip on its rollers."""
-        return self._effect("friction")
+        return self.plan.friction
 
     @property
     def membrane(self) -> Membrane | None:

@@ -173,6 +173,7 @@ def resting_stages(scene: SceneSpec) -> dict[str, float]:
     """Return the stages in which a threaded line stands after it has run.
 
     Each with the strain by which tensions or heat that are given anew stretch the strip in it.
+    Strip that hangs by its weight moves with its tensions.
     """
     if scene.threading is None:
         return {}
@@ -183,8 +184,9 @@ def resting_stages(scene: SceneSpec) -> dict[str, float]:
         speeds = speeds | dict(stage_speeds(scene, stage))
         pulls = pulls | dict(edge_pulls(stage))
         moving = running or any(speeds.values()) or any(move_lengths(stage)) or stage.steady
-        if ran and not moving:
-            change = max(abs(pull - before.get(name, 0.0)) for name, pull in pulls.items())
+        change = max(abs(pull - before.get(name, 0.0)) for name, pull in pulls.items())
+        hauled = change > 0.0 and distributed_load(scene) > 0.0
+        if ran and not (moving or hauled):
             pulled = change / (scene.material.young * scene.strip.thickness)
             resting[stage.name] = max(pulled, eigenstrain(scene, stage.strip))
         ran = ran or any(speeds.values())

@@ -121,10 +121,11 @@ def integrate(
     PathStopped
     """
     cost = Cost() if cost is None else cost
-    integrator = _Integrator(equations, Remembering(solver), settings, stepping, cost)
+    ways: dict[str, Any] = {"solver": solver, "settings": settings, "stepping": stepping}
     begin = memory.times[0]
     if not memory.settled:
-        memory = integrator.settled(memory)
+        memory = settle(equations, memory, **ways, cost=cost)
+    integrator = _Integrator(equations, Remembering(solver), settings, stepping, cost)
     for _ in range(settings.max_steps):
         step = replace(integrator.step(memory, end), start=begin)
         yield step
@@ -132,6 +133,23 @@ def integrate(
         if begin >= end:
             return
     raise PathStopped(Outcome.TOO_MANY_STEPS, begin)
+
+
+def settle(
+    equations: RateEquations,
+    memory: Memory,
+    *,
+    solver: LinearSolver,
+    settings: Settings,
+    stepping: Stepping,
+    cost: Cost,
+) -> Memory:
+    """Return the memory after the first instant, in equilibrium and with the velocity there.
+
+    Parameters are those of :func:`integrate`; where no such state is found, the memory is as given.
+    """
+    integrator = _Integrator(equations, Remembering(solver), settings, stepping, cost)
+    return replace(integrator.settled(memory), settled=True)
 
 
 @dataclass(frozen=True)
@@ -266,10 +284,10 @@ class _Integrator:
     def settled(self, memory: Memory) -> Memory:
         """The start in equilibrium, after the first instant, with the velocity there.
 
-        What imbalance the start has is taken away while nothing moves, so that it
-        is not mistaken for motion.  Then stick and elasticity settle, within
-        (friction slope)/(stiffness), about a microsecond for steel: the velocity
-        jumps there, the state does not.
+        What imbalance a start from rest has is taken away while nothing moves, so that it is not
+        mistaken for motion; beside a velocity it tells that the velocity jumps.  Then stick and
+        elasticity settle, within (friction slope)/(stiffness), about a microsecond for steel: the
+        velocity jumps there, the state does not.
         The path to rest is one of polynomials: a quotient may end in the core of sharp
         friction, which is too stiff to leave at rest.  Where a roller begins to move, all of its
         points begin to slip, and this path stalls like one of a step.
@@ -278,8 +296,10 @@ class _Integrator:
         velocity = AffineVelocity(1.0 / self.stepping.whole, memory.v, np.zeros_like(u))
         try:
             ways: dict[str, Any] = {"rational": False, "shortest": self.settings.shortest}
-            _, rest, *_ = self.ended(t, 0.0, velocity, u, **ways)
-            return self.begun(replace(memory, states=(u + rest,)))
+            if not memory.v.any():
+                _, rest, *_ = self.ended(t, 0.0, velocity, u, **ways)
+                memory = replace(memory, states=(u + rest,))
+            return self.begun(memory)
         except PathStopped:
             return memory
 
