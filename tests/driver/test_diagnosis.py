@@ -141,6 +141,12 @@ def test_stage_time_node_and_roller_are_named() -> None:
     far = told(run, stalled(imbalance_at(run, 2.0, 0)))
     assert "worst at x = 2 m (in x)." in far
     assert "stages.turn.rollers.r1.surface_speed: try a smaller change" in far
+    heat = {"name": "heat", "duration": 1.0, "strip": {"temperature": 50.0}}
+    heated = scene(
+        stages=[*TABLES["stages"][:-1], heat], material={**TABLES["material"], "expansion": 1e-5}
+    )
+    hot = told(run, stalled(imbalance_at(run, 2.0, 0)), heated)
+    assert "Stage heat changes stages.heat.strip.temperature: try a smaller change" in hot
     let_go = {**TURN, "entry": {"release": True}}  # nothing that could be smaller
     far = told(run, stalled(imbalance_at(run, 2.0, 0)), scene(stages=[TENSION, WRAP, let_go]))
     assert "Stage turn changes stages.turn.rollers.r1.surface_speed: try" in far

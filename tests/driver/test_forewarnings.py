@@ -793,3 +793,25 @@ def test_the_tension_that_friction_holds_counts_bending() -> None:
     assert ending(f"friction.coefficient={found[2].rstrip('.')}") == (True, [])
     done, beyond = ending(f"stages.run.entry.tension={1.05 * float(found[1])}")
     assert not done and beyond
+
+
+def test_a_draw_that_stretchy_strip_holds_between_rollers_is_no_slip() -> None:
+    """Rubber of 15 kN/m is drawn by 5 %, 750 N/m more; a roller holds 470 N/m of that at f = 0.8,
+    and 1 250 at 1.4 (e^(fθ) T less T)."""
+    rolls = [
+        {"name": name, "radius": 0.15, "centre": [x, 0.0, 0.0], "wrap": "over"}
+        for name, x in (("slow", 0.0), ("fast", 2.0))
+    ]
+    speeds = {"slow": {"surface_speed": 0.51}, "fast": {"surface_speed": 0.5355}}
+    tables = {
+        "strip": {"kinematics": "section", "width": 0.5, "thickness": 3e-3},
+        "material": {"young": 5e6, "poisson": 0.45},
+        "threading": {"tension": 300.0, "entry": [-1.0, 0.0, -2.0], "exit": [3.0, 0.0, -2.0]},
+        "rollers": rolls,
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [{"name": "run", "duration": 1.0, "steady": True, "rollers": speeds,
+                    "strip": {"speed": 0.5}, "exit": {"tension": 300.0}}],
+    }  # fmt: skip
+    for friction, slips in ((0.8, True), (1.4, False)):
+        told = warnings(preview_of(tables | {"friction": {"coefficient": friction}}))
+        assert any("the strip slips on one of them" in line for line in told) == slips

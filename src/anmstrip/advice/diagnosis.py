@@ -431,6 +431,7 @@ def asked_too_much(failure: Failure) -> str:
             for key in table.model_dump(exclude_defaults=True, exclude={"release"})
         ]
         keys += [key for key in ("gravity", "pressure") if getattr(stage, key) is not None]
+        keys += [f"strip.{key}" for key in stage.strip.natural]
         if keys:
             changed = ", ".join(f"stages.{stage.name}.{key}" for key in keys)
             idle = any(roller.drive == "idle" for roller in failure.scene.rollers)

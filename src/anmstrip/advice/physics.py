@@ -579,7 +579,10 @@ def gravity_upwards(preview: Preview) -> Iterator[str]:
 
 
 def unequal_speeds(preview: Preview) -> Iterator[str]:
-    """Driven rollers of which some must slip or brake, since their surfaces go at other speeds."""
+    """Driven rollers of which some must slip or brake, since their surfaces go at other speeds.
+
+    Not those between which strip stretches as much, by less tension than they hold.
+    """
     assembly, last = preview.assembly, dict[str, float]()
     driven = (r for r in assembly.rollers if r.name not in assembly.turning)
     touched = [roller for roller in driven if preview.turn(roller) > 0.0]
@@ -595,7 +598,10 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
         others = [roller.name for roller in touched if holding_ratio(preview, roller) > 1.0]
         for name in others:
             speed, given = last.get(name, 0.0), last[fast]
-            if abs(speed - given) > SPEED_DIFFERENCE * abs(given):
+            draw = abs(speed - given) / abs(given)
+            grip = min(holding_ratio(preview, roller) for roller in touched)
+            held = (grip - 1.0) * preview.tension / assembly.strip.tensile_stiffness
+            if draw > max(SPEED_DIFFERENCE, held):
                 how = f"goes at {speed:g} m/s" if speed else "stands"
                 told = next(r for r in touched if r.name == fast)
                 typed = given * told.sense * carrying_sense(told, assembly.thread)
