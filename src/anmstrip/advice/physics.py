@@ -588,6 +588,8 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
     touched = [roller for roller in driven if preview.turn(roller) > 0.0]
     if assembly.friction is None:
         return
+    grip = min((holding_ratio(preview, roller) for roller in touched), default=1.0)
+    held = (grip - 1.0) * preview.tension / assembly.strip.tensile_stiffness
     for stage in assembly.scene.stages:
         for roller in touched:
             if (speed := surface_speed(stage.rollers.get(roller.name), roller)) is not None:
@@ -599,8 +601,6 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
         for name in others:
             speed, given = last.get(name, 0.0), last[fast]
             draw = abs(speed - given) / abs(given)
-            grip = min(holding_ratio(preview, roller) for roller in touched)
-            held = (grip - 1.0) * preview.tension / assembly.strip.tensile_stiffness
             if draw > max(SPEED_DIFFERENCE, held):
                 how = f"goes at {speed:g} m/s" if speed else "stands"
                 told = next(r for r in touched if r.name == fast)
