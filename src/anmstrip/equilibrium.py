@@ -34,6 +34,16 @@ from anmstrip.timestepping.formulas import AffineVelocity
 
 if TYPE_CHECKING:
     from anmstrip.mechanics.contact import Friction
+    from anmstrip.mechanics.transport import Drives
+
+WRONG_SPEED_SHARE = 0.01
+"""Share of the speed of a roller that hardly anything holds, by which it may be wrong."""
+
+FAST_SPEED = 1e6
+"""Speed at which slip is full friction, over that below which it is none: faster than lines run."""
+
+ROOT_DIGITS = 1e-12
+"""Relative error of roots."""
 
 
 class Model:
@@ -205,6 +215,19 @@ class Model:
         return error
 
 
+def _roots(functions: Callable[[Array], Array], unit: float) -> Array:
+    """Roots of functions that rise, of one argument each, sought from multiples of a unit on."""
+    sign = -np.sign(functions(np.zeros(1)))
+    low, high = np.zeros_like(sign), sign * unit
+    while np.any(short := sign * functions(high) < 0.0):
+        low, high = np.where(short, high, low), np.where(short, 4.0 * high, high)
+    while np.any(np.abs(high - low) > ROOT_DIGITS * np.abs(high)):
+        middle = 0.5 * (low + high)
+        short = sign * functions(middle) < 0.0
+        low, high = np.where(short, middle, low), np.where(short, high, middle)
+    return high
+
+
 class Equilibrium:
     """R(u, λ) = 0 of the free unknowns; a :class:`~anmstrip.continuation.equations.Equations`.
 
@@ -335,6 +358,36 @@ class Equilibrium:
         ]
         reversed_friction = sum(e.reversed_friction(*moments) for e in self.model.effects)
         return reversed_friction / self.model.scales.force
+
+    def let_turn(self, u: Array, resistance: Callable[[Array], Array], tolerance: float) -> Array:
+        """Return u at λ = 1 where rollers that hardly anything holds turn as their forces ask.
+
+        Where friction and bearing of a free roller together are below the tolerance, no speed of it
+        is refused; its own torque, which rises with its speed, tells the right one.
+        """
+        drives = next((e for e in self.model.effects if e.name == "drives"), None)
+        if (velocity := self.velocity) is None or drives is None:
+            return u
+        count, unit = len(self.model.turning), cast("Drives", drives).speed
+        own = np.searchsorted(self.supports.free, self.model.strip.unknowns + np.arange(count))
+        begun, each = velocity(u, 1.0)[own], np.zeros_like(u)
+
+        def turned(speeds: Array) -> Array:
+            moved = u.copy()
+            moved[own] += (speeds - begun) / velocity.rate
+            return moved
+
+        def force(speeds: Array) -> Array:
+            return self.residual(turned(speeds), 1.0)[own]
+
+        each[own] = 1.0
+        off = np.abs(force(begun) / resistance(each)[own])
+        if not np.any(off > np.maximum(WRONG_SPEED_SHARE * np.abs(begun), unit)):
+            return u
+        fast = np.full(count, FAST_SPEED * unit)
+        most = 0.5 * (force(fast) - force(-fast)) / self.model.scales.force
+        loose = most < tolerance
+        return u if not loose.any() else turned(np.where(loose, _roots(force, unit), begun))
 
     def imbalance(self, residual: Array) -> float:
         """Norm of nodal forces (moments over element size) over the force scale."""

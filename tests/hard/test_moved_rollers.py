@@ -67,3 +67,42 @@ def test_roller_that_begins_to_move_takes_along_strip_that_sticks_no_faster_than
     assert times[0] < 1.0 + 0.05 * 0.26
     np.testing.assert_allclose(changes / changes[-1], (times - 1.0) / 0.26, atol=0.03)
     assert abs(changes[-1]) > 1.0
+
+
+@pytest.mark.parametrize("speed", [1.0, 6.0])
+def test_free_roller_that_is_lifted_against_running_strip_is_set_in_motion(speed: float) -> None:
+    """Until friction on it exceeds the tolerance, only its own torque tells how fast it turns: by
+    what the tolerance leaves it turned at hundreds of m/s, and the run took 3931 tangents."""
+    pull, lift, gap, width, thickness = 8.0e3, 0.09, 0.03, 1.3, 0.8e-3
+    scene = Scene.model_validate(
+        {
+            "strip": {"width": width, "thickness": thickness, "kinematics": "section"},
+            "material": {"young": YOUNG, "poisson": 0.3},
+            "contact": {},
+            "friction": {"coefficient": 0.1},
+            "rollers": [
+                {
+                    "name": "free", "radius": 0.12, "centre": [0.9, 0.0, -gap - 0.12],
+                    "drive": "idle",
+                },
+                {
+                    "name": "turn", "radius": 0.25, "centre": [2.2, 0.0, -0.25], "wrap": "over",
+                    "drive": "idle",
+                },
+            ],
+            "threading": {"tension": pull, "entry": [0.0, 0.0, 0.0], "exit": [3.4, 0.0, -1.1]},
+            "edges": {"entry": {"fixed": ["x", "z"]}},
+            "stages": [
+                {"name": "run", "duration": 1.0, "entry": {"speed": speed}},
+                {"name": "lift", "duration": 10.0, "rollers": {"free": {"move": [0.0, 0.0, lift]}}},
+            ],
+        }
+    )  # fmt: skip
+    run = Run(scene)
+    found = [step.state.rollers["free"] for step in run]
+    assert all(-0.01 * speed < each.surface_speed < 1.01 * speed for each in found)
+    assert found[-1].surface_speed == pytest.approx(speed, rel=1e-3)
+    turn = sum(np.arctan((lift - gap + 0.5 * thickness) / length) for length in (0.9, 1.3))
+    force = 2.0 * pull * width * np.sin(0.5 * turn)
+    assert found[-1].normal_force == pytest.approx(force, rel=0.01)
+    assert run.cost.factorisations < 400

@@ -100,6 +100,23 @@ def test_free_strip_curves_in_its_plane(
     assert force < 1e-3 * YOUNG * T * abs(curvature) * WIDTH
 
 
+@pytest.mark.parametrize("finer", [1.0, 1.7])
+def test_elements_end_where_flatness_has_corners_across(finer: float) -> None:
+    """Long edges of 25 I over 0.15 of the width at each side: N = T − E t (ε⁰(y) − mean of ε⁰)."""
+    table = ((-0.5, 25.0), (-0.35, 0.0), (0.35, 0.0), (0.5, 25.0))
+    shape = {"cells": None, "finer": finer, "flatness": {"table": table}}
+    pulled = {"exit": {"tension": 1.2e5}}
+    run, state = ended(flat("shell", pulled, {}, **shape))
+    across = np.unique(np.round(run.assembly.strip.mesh.p[1] / WIDTH, 6))
+    assert {-0.35, 0.0, 0.35} <= {*across.tolist()}
+    assert np.diff(across).max() <= 0.25 / finer + 1e-6
+    sampler = FieldSampler(run.assembly.strip)
+    (x, y), force = sampler.reference[:2], sampler.sample(state)["membrane_force"][:, 0]
+    middle = np.abs(x) == np.abs(x).min()
+    expected = 1.2e5 - YOUNG * T * 1e-5 * (np.interp(y / WIDTH, *np.transpose(table)) - 0.15 * 25.0)
+    assert force[middle] == pytest.approx(expected[middle], abs=120.0)
+
+
 @pytest.mark.parametrize("turned", [False, True])
 def test_tension_of_a_quadratic_flatness_is_that_at_the_edges(tmp_path: Path, turned: bool) -> None:
     """N = −E t ε⁰(y) between held ends, in any order of the nodes of elements."""

@@ -760,7 +760,8 @@ def strip_runs_out(preview: Preview) -> Iterator[str]:
     half = 0.5 * thread.length
     first = min(start for start, _ in thread.arcs.values()) + half
     last = half - max(end for _, end in thread.arcs.values())
-    led = [key for key, _ in moved_ends(scene.edges, scene.stages) if ".exit." in key]
+    moved = moved_ends(scene.threading, scene.edges, scene.stages)
+    led = [key for key, _ in moved if ".exit." in key]
     advice = "So that fresh strip follows, try --set strip.feed=true"
     if led:  # a fed strip passes ends that stay, one of them free
         led = [*dict.fromkeys(led), "edges.exit"]

@@ -383,10 +383,11 @@ class SteadyFriction(CarriedFriction):
 
 
 class Passage(LawEffect):
-    """Condition at the end of a fed strip for the length that has passed: (v − V)·d = 0.
+    """Condition at the end of a fed strip for the length that has passed, c |∂r/∂X| = V.
 
-    V is what that end would move with, or 0 if nothing holds it: its label then stays.  As a force
-    it is multiplied by a stiffness.  Control: ``strip.passing`` V·d (m/s).
+    V is what an end that is held would move with; its label stays.  Where nothing holds the end,
+    its label stays along the strip, v·d = V = 0.  As a force it is multiplied by a stiffness.
+    Control: ``strip.passing`` V (m/s).
 
     Parameters
     ----------
@@ -396,7 +397,7 @@ class Passage(LawEffect):
     direction : ndarray, shape (3,)
         d, along the strip from entry to exit.
     held : bool
-        Whether the end is held: then its label stays, and c ∂r/∂X·d = V·d.
+        Whether the end is held.
     stiffness : float
         N s/m.
     unknowns : int
@@ -410,19 +411,23 @@ class Passage(LawEffect):
     ) -> None:
         self.held, self.stiffness = held, stiffness
         own, one = strip.kinematics.pick(direction), np.ones(1)
-        self.flat = float(own @ strip.kinematics.pick([1.0, 0.0, 0.0]))
+        self.flat = strip.kinematics.pick([1.0, 0.0, 0.0])
         values, slopes = strip.edges[edge].values, strip.dofs("u_x")[strip.edges[edge].nodes]
+        chosen = [(values, own), *((slopes, each) for each in np.eye(strip.count))]
         inputs = []
-        for row, scalars in enumerate((values, slopes)):
+        for row, (scalars, along) in enumerate(chosen):
             mean = np.zeros((strip.scalars, strip.count))
-            mean[scalars] = own / len(scalars)
+            mean[scalars] = along / len(scalars)
             inputs.append(Part(csr_matrix(mean.reshape(1, -1)), one, row=row))
         last = Part(csr_matrix(one[None]), one, unknowns - 1)
-        self.operator = GivenOperator(1, ([*inputs, replace(last, row=2)], [last]))
+        self.operator = GivenOperator(1, ([*inputs, replace(last, row=len(inputs))], [last]))
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Residual (N), shape (1, 1)."""
-        moving = v[2] * (x[1] + self.flat) if self.held else v[0]
+        moving = v[0]
+        if self.held:
+            squares = ((x[1 + k] + flat) ** 2 for k, flat in enumerate(self.flat))
+            moving = v[-1] * np.sqrt(sum(squares))
         return np.stack([(moving - controls["strip.passing"]) * self.stiffness])
 
 

@@ -349,15 +349,19 @@ def moderate_strain(
         )
 
 
-def moved_ends(edges: Edges, stages: Stages) -> Iterator[tuple[str, float | tuple[float, ...]]]:
+def moved_ends(
+    threading: Threading, edges: Edges, stages: Stages
+) -> Iterator[tuple[str, float | tuple[float, ...]]]:
     """Yield motions, key and value, by which the strip between its ends moves or stretches.
 
-    That is where an end is moved to a place, and where both are held and one has a velocity.
+    That is where an end is moved to a place, and where both are held and one has a velocity.  An
+    end of a threaded line that a single direction is held of, as the height of its exit, is only
+    guided.
     """
-    held, moving = {name for name, edge in edges.items() if edge.fixed}, False
+    along = {"x"} if threading is None else {"x", "z"}
+    held = {name for name, edge in edges.items() if along <= {*edge.fixed}}
     for stage in stages:
         held -= {name for name, end in stage.edges.items() if end.release}
-        moving = moving or any(end.signed_speed is not None for end in stage.edges.values())
         for name, end in stage.edges.items():
             if end.move is not None:
                 yield f"stages.{stage.name}.{name}.move", end.move
@@ -367,9 +371,11 @@ def moved_ends(edges: Edges, stages: Stages) -> Iterator[tuple[str, float | tupl
                     yield f"stages.{stage.name}.{name}.{key}", value
 
 
-def ends_of_a_fed_strip(strip: StripSpec, edges: Edges, stages: Stages) -> Iterator[Mistake]:
+def ends_of_a_fed_strip(
+    strip: StripSpec, threading: Threading, edges: Edges, stages: Stages
+) -> Iterator[Mistake]:
     """Yield motions of ends of a fed strip that material cannot pass."""
-    for key, value in moved_ends(edges, stages) if strip.feed else ():
+    for key, value in moved_ends(threading, edges, stages) if strip.feed else ():
         expected = "nothing beside strip.feed: a fed strip passes ends that stay, one of them free"
         hint = "feed = false, or release = true at the other end"
         yield Mistake("", key, value, expected, hint)

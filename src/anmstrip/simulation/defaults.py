@@ -113,7 +113,7 @@ def is_fed_by_default(scene: SceneSpec) -> bool:
     closed = scene.threading is not None and scene.threading.closed
     if closed or not endless or scene.friction is None or own:
         return False
-    return not any(moved_ends(scene.edges, scene.stages))
+    return not any(moved_ends(scene.threading, scene.edges, scene.stages))
 
 
 def follows_rollers(scene: SceneSpec) -> bool:

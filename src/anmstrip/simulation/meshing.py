@@ -99,6 +99,9 @@ DEFAULT_UNKNOWNS, UNKNOWNS_PER_ROLLER = 12_000, 300
 
 With 75 for each, 161 rollers are threaded in 108 tangents instead of 16."""
 
+CORNER_SHARE, MAX_CORNERS_ACROSS = 0.05, 8
+"""A change of slope across is a corner from this share of the largest on; more are a curve."""
+
 MAX_FINER = 64.0
 """Largest ``strip.finer``."""
 
@@ -123,13 +126,13 @@ def strip_mesh(
     spec, section = scene.strip, scene.strip.kinematics == "section"
     length = spec.length if thread is None else thread.length
     assert spec.width is not None and length is not None
-    lines, across = Lines(scene, rollers, thread, length / 2.0), cells_across(scene)
+    lines, across = Lines(scene, rollers, thread, length / 2.0), lines_across(scene)
     xs = lines.by_default() if spec.cells is None else lines.chosen(spec.cells)
-    count = (len(xs) - 1) * (1 if section else across)
+    count = (len(xs) - 1) * (1 if section else len(across) - 1)
     if spec.finer is not None and count > MAX_ELEMENTS:
         expected = f"at most {MAX_ELEMENTS} elements; there would be {count}"
         raise scene.refused("strip.finer", spec.finer, expected, "finer = 1.0")
-    return line(xs) if section else grid(xs, np.linspace(-0.5, 0.5, across + 1) * spec.width)
+    return line(xs) if section else grid(xs, across * spec.width)
 
 
 @dataclass(frozen=True)
@@ -289,15 +292,40 @@ def refinement(
         factor = min(round(factor, 9), MAX_FINER)
 
 
-def cells_across(scene: SceneSpec) -> int:
-    """Return the number of elements across: typed, or enough for what the rollers make vary.
+def lines_across(scene: SceneSpec) -> Array:
+    """Return y / width of the lines of nodes along: as typed, or enough for what varies across.
 
-    An even number stays even, so that the middle of an edge is a node.
+    Those are equally far apart between corners of heat and flatness, which are nodes, and the
+    middle: that of an edge is a node where their number is even.
     """
     usual = 8 if any(roller.profile for roller in scene.rollers) else 4
     count = usual if scene.strip.cells is None else scene.strip.cells[1]
-    step = 1 + (count % 2 == 0)
-    return step * max(1, round(count * mesh_density(scene) / step))
+    corners = [] if scene.strip.cells is not None else corners_across(scene)
+    middle = count % 2 == 0 and all(abs(at) > 0.25 / count for at in corners)
+    marks = sorted([-0.5, *corners, *[0.0] * middle, 0.5])
+    parts = [
+        np.linspace(a, b, 1 + int(np.ceil((b - a) * count * mesh_density(scene) - 1e-9)))
+        for a, b in pairwise(marks)
+    ]
+    return np.concatenate([[-0.5], *(part[1:] for part in parts)])
+
+
+def corners_across(scene: SceneSpec) -> list[float]:
+    """Return y / width where slopes of heat and flatness change across; none of a curve."""
+    found: set[float] = set()
+    for shape in [scene.strip, *(stage.strip for stage in scene.stages)]:
+        for given in shape.natural.values():
+            if len(places := getattr(given, "table", ())) < 3:
+                continue
+            eta, values = np.transpose(places)
+            turns = np.abs(np.diff(np.diff(values) / np.diff(eta)))
+            found |= set(eta[1:-1][turns > CORNER_SHARE * turns.max()].tolist())
+    return sorted(found) if len(found) <= MAX_CORNERS_ACROSS else []
+
+
+def cells_across(scene: SceneSpec) -> int:
+    """Return the number of elements across."""
+    return len(lines_across(scene)) - 1
 
 
 def mesh_density(scene: SceneSpec) -> float:

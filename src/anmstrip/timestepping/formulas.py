@@ -102,6 +102,13 @@ class StepEquations(Equations, Protocol):
         """
         return 0.0
 
+    def let_turn(self, u: Array, resistance: Callable[[Array], Array], tolerance: float) -> Array:
+        """The increment at λ = 1 with bodies that turn freely at the speeds that they ask for.
+
+        ``resistance`` is that there; the tolerance is one of imbalances.  As it is by default.
+        """
+        return u
+
     def sharpening(self, u: Array, control: float) -> Array:
         """Derivative of R by a share by which regularised laws come nearer to the sharp ones."""
         return np.zeros_like(u)

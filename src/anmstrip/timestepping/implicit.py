@@ -337,7 +337,12 @@ class _Integrator:
         given = self.ended(t, new - t, velocity, u, rational=self.settings.rational)
         path, increment, imbalance, tangent = given
         v, spent = velocity(increment, 1.0), self.cost.expansions - before
-        return _Trial(u + increment, v, imbalance, spent, path, increment, rate, tangent)
+        trial = _Trial(u + increment, v, imbalance, spent, path, increment, rate, tangent)
+        turned = path.let_turn(increment, trial.resistance, self.settings.tolerance)
+        if turned is not increment:
+            v = velocity(turned, 1.0)
+            trial = replace(trial, u=u + turned, v=v, increment=turned)
+        return trial
 
     def inside(self, memory: Memory, order: int, time: float) -> tuple[Array, Array] | None:
         """State and velocity inside an accepted step, as those of a shorter one that ends there."""
