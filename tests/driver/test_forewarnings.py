@@ -815,3 +815,44 @@ def test_a_draw_that_stretchy_strip_holds_between_rollers_is_no_slip() -> None:
     for friction, slips in ((0.8, True), (1.4, False)):
         told = warnings(preview_of(tables | {"friction": {"coefficient": friction}}))
         assert any("the strip slips on one of them" in line for line in told) == slips
+
+
+def table_of_rollers(count: int, **given: Any) -> dict[str, Any]:
+    """Strip that a roller turns down behind a table of free rollers, a metre apart."""
+    table = [
+        {"name": f"t{k}", "radius": 0.2, "centre": [float(k), 0.0, -0.2], "drive": "idle"}
+        for k in range(1, count)
+    ]
+    turn = {"name": "turn", "radius": 0.4, "centre": [float(count), 0.0, -0.4], "wrap": "over"}
+    return {
+        "strip": {"width": 1.2, "thickness": 4e-3, "kinematics": "section"},
+        "material": {"young": 2e11, "poisson": 0.3, "density": 7850.0},
+        "contact": {},
+        "friction": {"coefficient": 0.3},
+        "threading": {"tension": 2e3, "entry": [0.0, 0.0, 0.0], "exit": [count + 1.5, 0.0, 0.0]},
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "rollers": [*table, turn],
+        "stages": [
+            {"name": "weight", "friction": False, "gravity": [0.0, 0.0, -9.81], **given},
+        ],
+    }  # fmt: skip
+
+
+def test_rollers_of_a_table_carry_the_spans_above_them() -> None:
+    """10 m of the strip weigh 3080 N/m, beside its tension of 2000 N/m; a metre 308 N/m."""
+    tables = table_of_rollers(10)
+    assert not [words for words in serious(preview_of(tables)) if "sags" in words]
+    tables["rollers"] = [r for r in tables["rollers"] if r["name"] in ("t1", "turn")]
+    (words,) = [words for words in serious(preview_of(tables)) if "sags" in words]
+    assert "a span of the strip weighs 2.8e+03 N/m" in words
+
+
+def test_a_roller_far_behind_the_last_bend_is_not_said_to_be_touched_by_nothing() -> None:
+    tables = table_of_rollers(2, gravity=None)
+    tables["threading"]["exit"] = [8.0, 0.0, 0.0]
+    roller = {"name": "far", "radius": 0.2, "centre": [7.5, 0.0, -0.2], "drive": "idle"}
+    tables["rollers"].append(roller)
+    assert not [words for words in warnings(preview_of(tables)) if "nothing" in words]
+    roller["centre"] = [7.5, 0.0, -0.5]
+    (words,) = [words for words in warnings(preview_of(tables)) if "nothing" in words]
+    assert "roller far is touched by nothing: the strip passes at 0.3 m" in words

@@ -6,7 +6,7 @@ Those are null vectors of the tangent, told in words with what to type.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -33,6 +33,9 @@ from anmstrip.simulation.meshing import axis_crossing
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course, uniform_stretch
 from anmstrip.timestepping.formulas import AffineVelocity
+
+SAGGING_SHARE = 1.0 / 16.0
+"""Of a span: at least half of what strip sags by whose weight is as large as its tension."""
 
 STRING_SAMPLES = 4000
 """Places of a string from which its distance to rollers is measured."""
@@ -91,6 +94,7 @@ class StringEstimate:
     places: dict[str, Array] = field(default_factory=dict)  # direction to the middle of the wrap
     path: StringPath | None = None  # around those rollers; None where it touches none
     gaps: dict[str, float] = field(default_factory=dict)  # least ones of all rollers (m)
+    span: float = 0.0  # longest straight run between rollers, or ones below it, from above (m)
 
 
 def string_estimate(course: Course) -> StringEstimate:
@@ -109,6 +113,42 @@ def string_estimate(course: Course) -> StringEstimate:
         stiffness = 2.0 * largest_force(a.scene) / span + 6.0 * bending_stiffness(a.scene) / span**3
         return float(np.arctan(load / stiffness if stiffness else np.inf)) if load else 0.0
 
+    if (found := laid_string(course)) is not None:
+        path, rollers, centres = found
+        names = [roller.name for roller, _ in rollers]
+        angles = path.angles[0::2, 0]
+        slopes = np.arctan2(np.sin(angles), np.cos(angles))
+        middles = path.at(0.5 * (path.arcs.start[:, 0] + path.arcs.end[:, 0]), 0)[0].T
+        least = min(float(roller.radius) for roller in a.rollers)
+        looks = max(
+            STRING_SAMPLES, int(20.0 * float(path.length[0]) / least)
+        )  # chords cut in by r/3200
+        sides = ["over" if sense > 0.0 else "under" for _, sense in rollers]
+        kept = path.arcs.turn[:, 0].tolist(), sides, middles - centres
+        turns, sides_of, places = (dict(zip(names, values, strict=True)) for values in kept)
+        gaps = roller_gaps(course, path.at(np.linspace(0.0, float(path.length[0]), looks), 0)[0])
+        slope = float(np.abs(slopes).max()) + sag(float(np.diff(path.starts[:, 0])[::2].max()))
+        span = carried_span(course, path, {n: gap for n, gap in gaps.items() if n not in turns})
+        return StringEstimate(turns, sides_of, slope, places, path, gaps, span)
+    entry, exit = (thread_end(course, name) for name in ENDS)
+    x, moved = a.strip.mesh.p[0], [course.moved.get(name, np.zeros(3)) for name in ENDS]
+    straight = np.array([[x.min(), 0.0], [x.max(), 0.0]]) + np.array(moved)[:, [0, 2]]
+    gaps = roller_gaps(course, straight.T)
+    if isinstance(entry, FixedEnd) and isinstance(exit, FixedEnd):
+        along = np.subtract(exit.position, entry.position)
+        slope = float(abs(np.arctan2(along[1], along[0])))
+    else:
+        slope = max(abs(end.angle) for end in (entry, exit) if isinstance(end, StraightEnd))
+    length = a.strip.length
+    return StringEstimate({}, {}, float(slope) + sag(length), gaps=gaps, span=length)
+
+
+def laid_string(course: Course) -> tuple[StringPath, list[tuple[Roller, float]], Array] | None:
+    """Return a taut string, the rollers that it touches, with senses, and places on their axes.
+
+    None where it touches none.  It is as long as the strip if one of its ends is not held.
+    """
+    a, values = course.assembly, course.values
     entry, exit = (thread_end(course, name) for name in ENDS)
     crossing = {spec.name for spec in a.scene.rollers if spec.crossing}
     rollers: list[tuple[Roller, float]] = []
@@ -125,37 +165,47 @@ def string_estimate(course: Course) -> StringEstimate:
             s = -centre[1] / axis[1]
             centres.append((centre + s * axis)[[0, 2], None])
             radii.append([float(roller.radius_at(s) + roller.half)])
-        names = [roller.name for roller, _ in rollers]
-        senses = [float(sense) for _, sense in rollers]
+        crossed = [roller.name in crossing for roller, _ in rollers]
+        given = centres, radii, [float(sense) for _, sense in rollers]
         try:
-            crossed = [name in crossing for name in names]
-            path = string_path(centres, radii, senses, entry, exit, crossed)
+            path = string_path(*given, entry, exit, crossed)
+            rest = a.strip.length - float(path.length[0])
+            if isinstance(exit, StraightEnd) and not isinstance(entry, StraightEnd):
+                exit = longer(exit, rest)
+            elif isinstance(entry, StraightEnd) and not isinstance(exit, StraightEnd):
+                entry = longer(entry, rest)
+            path = string_path(*given, entry, exit, crossed)
         except (NotTouchedError, NoTangentError) as error:
             del rollers[min(error.index, len(rollers) - 1)]
             continue
-        angles = path.angles[0::2, 0]
-        slopes = np.arctan2(np.sin(angles), np.cos(angles))
-        middles = path.at(0.5 * (path.arcs.start[:, 0] + path.arcs.end[:, 0]), 0)[0].T
-        ways = middles - np.array(centres)[:, :, 0]
-        least = min(float(roller.radius) for roller in a.rollers)
-        looks = max(
-            STRING_SAMPLES, int(20.0 * float(path.length[0]) / least)
-        )  # chords cut in by r/3200
-        sides = ["over" if sense > 0.0 else "under" for sense in senses]
-        kept = path.arcs.turn[:, 0].tolist(), sides, ways
-        turns, sides_of, places = (dict(zip(names, values, strict=True)) for values in kept)
-        gaps = roller_gaps(course, path.at(np.linspace(0.0, float(path.length[0]), looks), 0)[0])
-        slope = float(np.abs(slopes).max()) + sag(float(np.diff(path.starts[:, 0])[::2].max()))
-        return StringEstimate(turns, sides_of, slope, places, path, gaps)
-    x, moved = a.strip.mesh.p[0], [course.moved.get(name, np.zeros(3)) for name in ENDS]
-    straight = np.array([[x.min(), 0.0], [x.max(), 0.0]]) + np.array(moved)[:, [0, 2]]
-    gaps = roller_gaps(course, straight.T)
-    if isinstance(entry, FixedEnd) and isinstance(exit, FixedEnd):
-        along = np.subtract(exit.position, entry.position)
-        slope = float(abs(np.arctan2(along[1], along[0])))
-    else:
-        slope = max(abs(end.angle) for end in (entry, exit) if isinstance(end, StraightEnd))
-    return StringEstimate({}, {}, float(slope) + sag(a.strip.length), gaps=gaps)
+        return path, rollers, np.array(centres)[:, :, 0]
+    return None
+
+
+def longer(end: StraightEnd, length: float) -> StraightEnd:
+    """Return an end with a straight run that is longer (m), if one is left."""
+    run = float(np.asarray(end.length)) + length
+    return StraightEnd(run, end.angle) if run > 0.0 else end
+
+
+def carried_span(course: Course, path: StringPath, gaps: Mapping[str, float]) -> float:
+    """Return the longest straight run of a string, seen from above, between what carries it (m).
+
+    Rollers besides those around which it runs do so where they are below a run, by less than
+    strip of its own weight would sag there.
+    """
+    joints, longest = path.at(path.starts[:, 0], 0)[0], 0.0
+    for (x, z), (end, low) in zip(joints.T[:-1:2], joints.T[1::2], strict=True):
+        marks = [x, end]
+        for roller in course.assembly.rollers:
+            at = np.asarray(course.values[f"rollers.{roller.name}.centre"])
+            place = axis_crossing(roller) + (at - np.asarray(roller.centre))[[0, 2]]
+            share = (place[0] - x) / (end - x) if end != x else 0.0
+            below = 0.0 < share < 1.0 and place[1] < z + share * (low - z)
+            if below and gaps.get(roller.name, np.inf) < SAGGING_SHARE * abs(end - x):
+                marks.append(place[0])
+        longest = max(longest, float(np.diff(np.sort(marks)).max()))
+    return longest
 
 
 def roller_gaps(course: Course, places: Array) -> dict[str, float]:

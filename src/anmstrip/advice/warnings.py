@@ -15,13 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from anmstrip.advice import physics, units
-from anmstrip.advice.preview import (
-    NEGLIGIBLE_BEARING,
-    Preview,
-    StringEstimate,
-    free_motions,
-    unheld_words,
-)
+from anmstrip.advice.preview import NEGLIGIBLE_BEARING, Preview, free_motions, unheld_words
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.fem.sampling import quadrature_points
@@ -357,7 +351,7 @@ def slack_end(preview: Preview) -> Iterator[str]:
         force = end.get("exit.force")
         if force is None or "exit.tension" in end or largest < 10.0 * bearable:
             continue
-        weight, span = weight_of(preview, plan), longest_span(preview, string)
+        weight, span = weight_of(preview, plan), string.span
         if stiff and 0.0 < weight * span**3 < 6.0 * RESTING_SLOPE * strip.bending_stiffness:
             continue
         before = plan.controls.at(0.0)["exit.force"]
@@ -377,7 +371,7 @@ def heavy_strip(preview: Preview) -> Iterator[str]:
     """Stages in which a span weighs more than tension or bending carries without a deep sag."""
     largest = preview.tension
     for plan, string in zip(preview.plans, preview.strings, strict=True):
-        load, span = weight_of(preview, plan), longest_span(preview, string)
+        load, span = weight_of(preview, plan), string.span
         weight, bent = load * span, bending_stiffness(preview.assembly.scene)
         if weight > largest and load * span**3 > 6.0 * STIFF_SLOPE * bent:
             yield (
@@ -414,14 +408,6 @@ def weight_of(preview: Preview, plan: StageProblem) -> float:
     """Return the weight of the strip at the end of a stage, per area (Pa)."""
     strip, gravity = preview.assembly.strip, plan.controls.at(1.0).get("gravity", np.zeros(3))
     return float(np.linalg.norm(gravity)) * strip.material.density * strip.thickness
-
-
-def longest_span(preview: Preview, string: StringEstimate) -> float:
-    """Return the longest straight run of a string (m), seen from above: upright ones do not sag."""
-    if string.path is None:
-        return preview.assembly.strip.length
-    pieces = np.diff(string.path.starts[:, 0]) * np.abs(np.cos(string.path.angles[:, 0]))
-    return float(pieces[::2].max())
 
 
 # others ------------------------------------------------------------------------------------------
