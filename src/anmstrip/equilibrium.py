@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 WRONG_SPEED_SHARE = 0.01
 """Share of the speed of a roller that hardly anything holds, by which it may be wrong."""
 
-FAST_SPEED = 1e6
+FULL_SLIP_SPEED = 1e6
 """Speed at which slip is full friction, over that below which it is none: faster than lines run."""
 
 ROOT_DIGITS = 1e-12
@@ -384,7 +384,7 @@ class Equilibrium:
         off = np.abs(force(begun) / resistance(each)[own])
         if not np.any(off > np.maximum(WRONG_SPEED_SHARE * np.abs(begun), unit)):
             return u
-        fast = np.full(count, FAST_SPEED * unit)
+        fast = np.full(count, FULL_SLIP_SPEED * unit)
         most = 0.5 * (force(fast) - force(-fast)) / self.model.scales.force
         loose = most < tolerance
         return u if not loose.any() else turned(np.where(loose, _roots(force, unit), begun))

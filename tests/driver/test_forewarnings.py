@@ -856,3 +856,31 @@ def test_a_roller_far_behind_the_last_bend_is_not_said_to_be_touched_by_nothing(
     roller["centre"] = [7.5, 0.0, -0.5]
     (words,) = [words for words in warnings(preview_of(tables)) if "nothing" in words]
     assert "roller far is touched by nothing: the strip passes at 0.3 m" in words
+
+
+def test_what_an_end_bore_under_weight_tells_whether_the_strip_runs_away() -> None:
+    """Let go 40 m below the roller that holds it, the entry bears 8000 N/m less its weight there:
+    on 90° of friction 0.15 at most 10.1 kN/m pull against that."""
+    tables = {
+        "strip": {"width": 1.0, "thickness": 0.8e-3, "kinematics": "section"},
+        "material": {"young": 2e11, "poisson": 0.3, "density": 7850.0},
+        "contact": {},
+        "friction": {"coefficient": 0.15},
+        "threading": {"tension": 8e3, "entry": [0.0, 0.0, 0.0], "exit": [3.0, 0.0, 40.6]},
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "rollers": [{"name": "top", "radius": 0.6, "centre": [0.6, 0.0, 40.0], "wrap": "left"}],
+        "stages": [
+            {"name": "weight", "friction": False, "gravity": [0.0, 0.0, -9.81]},
+            {
+                "name": "start", "duration": 5.0, "entry": {"release": True},
+                "exit": {"tension": 12e3}, "rollers": {"top": {"surface_speed": 2.5}},
+            },
+        ],
+    }  # fmt: skip
+    (words,) = [words for words in serious(preview_of(tables)) if "runs away" in words]
+    weight = 7850.0 * 9.81 * 0.8e-3 * 40.6
+    assert f"by 1.2e+04 N/m against {8e3 - weight:.3g} N/m" in words
+    held = 8e3 * np.exp(0.15 * np.pi / 2.0)
+    assert re.search(r"hold ([\d.e+]+) N/m", words)[1] == f"{held:.3g}"
+    tables["stages"][1]["exit"]["tension"] = 9.9e3
+    assert not [words for words in serious(preview_of(tables)) if "runs away" in words]

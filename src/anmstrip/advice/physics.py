@@ -327,7 +327,7 @@ def pulled_at_both_ends(preview: Preview) -> Iterator[Pulled]:
     course, known = Course(assembly), {plan.name for plan in preview.plans}
     next(found)
     for stage, nips in zip(scene.stages, found, strict=True):
-        before = max(pulls.values())
+        before = dict(pulls)
         torques |= {n: c.torque for n, c in stage.rollers.items() if c.torque is not None}
         if stage.gravity is not None:
             weight = -assembly.material.density * assembly.strip.thickness * stage.gravity[2]
@@ -337,7 +337,7 @@ def pulled_at_both_ends(preview: Preview) -> Iterator[Pulled]:
                 continue
             if edge.release:
                 held.discard(name)
-                pulls[name] = before
+                pulls[name] = reaction(scene, name, before, weight)
             if edge.tension is not None or edge.force is not None:
                 force = 0.0 if edge.force is None else float(np.linalg.norm(edge.force))
                 pulls[name] = force if edge.tension is None else edge.tension
@@ -347,6 +347,19 @@ def pulled_at_both_ends(preview: Preview) -> Iterator[Pulled]:
             free = answers and "exit" not in held and not assembly.yields(stage)
         if free and stage.name in known:
             yield Pulled(stage, dict(pulls), dict(torques), weight, nips)
+
+
+def reaction(scene: SceneSpec, name: str, pulls: Mapping[str, float], weight: float) -> float:
+    """Return what an end that is held bears (N/m) where strip weighs so much (N/m²).
+
+    Weight is put on without friction; other tensions may have fallen with it.
+    """
+    ends = None if scene.threading is None else (scene.threading.entry, scene.threading.exit)
+    if not weight or ends is None or None in ends:
+        return max(pulls.values())
+    heights = {end: place[2] for end, place in zip(ENDS, ends, strict=True) if place is not None}
+    other = ENDS[name == ENDS[0]]
+    return pulls[other] + weight * (heights[name] - heights[other])
 
 
 def beyond_capacity(preview: Preview) -> Iterator[str]:

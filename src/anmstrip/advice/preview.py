@@ -34,7 +34,7 @@ from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course, uniform_stretch
 from anmstrip.timestepping.formulas import AffineVelocity
 
-SAGGING_SHARE = 1.0 / 16.0
+REACHED_SAG = 1.0 / 16.0
 """Of a span: at least half of what strip sags by whose weight is as large as its tension."""
 
 STRING_SAMPLES = 4000
@@ -202,7 +202,7 @@ def carried_span(course: Course, path: StringPath, gaps: Mapping[str, float]) ->
             place = axis_crossing(roller) + (at - np.asarray(roller.centre))[[0, 2]]
             share = (place[0] - x) / (end - x) if end != x else 0.0
             below = 0.0 < share < 1.0 and place[1] < z + share * (low - z)
-            if below and gaps.get(roller.name, np.inf) < SAGGING_SHARE * abs(end - x):
+            if below and gaps.get(roller.name, np.inf) < REACHED_SAG * abs(end - x):
                 marks.append(place[0])
         longest = max(longest, float(np.diff(np.sort(marks)).max()))
     return longest

@@ -404,7 +404,8 @@ WIDER_LAW = 10.0
 given one, for which a width of 100 is too far."""
 
 WIDER_LAW_REDUCTION = 1e-2
-"""Part of the imbalance that is left with the wider law."""
+"""Part of the imbalance, and of the force scale, that is left with the wider law.  A shell on a
+roller 0.7 mm/m out of line begins with 1e12 of it, and sharp friction then has corners."""
 
 MAX_CORRECTIONS = 8
 """Iterations of Newton's method, each with a line search.  23 random lines with idlers, where it
@@ -583,14 +584,15 @@ def balance_state(
         wanted, MAX_CORRECTIONS, FAST_REDUCTION, least=1, kept=TANGENT_REUSE_RATIO
     )
     quick = replace(corrections, near=np.inf, helpful=SLOW_CONVERGENCE_RATIO)
-    found = Newton(equations, solver, quick, Cost()).corrected(zero, 0.0)
+    found, begin = Newton(equations, solver, quick, Cost()).corrected(zero, 0.0), zero
     if found is not None and found.imbalance > wanted:
         if (laws := equations.smoother(WIDER_LAW)) is not None:
-            rough = replace(
-                corrections, tolerance=max(wanted, WIDER_LAW_REDUCTION * first), least=0
-            )
+            least = max(wanted, WIDER_LAW_REDUCTION * min(first, 1.0))
+            rough = replace(corrections, tolerance=least, least=0)
             found = Newton(laws[0], solver, rough, Cost()).corrected(found.u, 0.0)
-        found = found and Newton(equations, solver, corrections, Cost()).corrected(found.u, 0.0)
+        if found is not None:
+            begin = found.u
+            found = Newton(equations, solver, corrections, Cost()).corrected(begin, 0.0)
     settings = Settings(
         tolerance=wanted, max_steps=MAX_BALANCING_BRANCHES, give_way=False, rational=True
     )
@@ -601,9 +603,9 @@ def balance_state(
 
     if found is None:
         given: dict[str, Any] = {"solver": solver, "tolerance": wanted, "cost": Cost()}
-        found = solve_by_narrowing(equations, zero, 0.0, path, **given)
+        found = solve_by_narrowing(equations, begin, 0.0, path, **given)
     try:
-        u = path(equations, zero, 0.0).branch.end[0] if found is None else found.u
+        u = path(equations, begin, 0.0).branch.end[0] if found is None else found.u
     except PathStopped:
         return None
     full, control = plan.supports.full(u, 0.0), state.control

@@ -210,6 +210,10 @@ class Lines:
             zones += [Zone(float(lo), float(hi), size) for lo, hi in zip(first, last, strict=True)]
             arc = min(2.0 * size, max(size, ARC_ELEMENT * roller.radius))
             zones.append(Zone(float(lifts.min()), float(lifts.max()), arc))
+        if layer := boundary_layer(scene) if bends_at_its_ends(scene) else 0.0:
+            size = scene.strip.element_length or 0.5 * LAYER_SHARE * layer
+            near = fine_beside(layer, size) - self.half
+            zones += [Zone(-self.half, near, size), Zone(-near, self.half, size)]
         return zones
 
     def chosen(self, cells: tuple[int, int]) -> Array:
@@ -303,9 +307,10 @@ def lines_across(scene: SceneSpec) -> Array:
     corners = [] if scene.strip.cells is not None else corners_across(scene)
     middle = count % 2 == 0 and all(abs(at) > 0.25 / count for at in corners)
     marks = sorted([-0.5, *corners, *[0.0] * middle, 0.5])
+    counts = np.diff(marks) * count * mesh_density(scene)
+    counts = np.ceil(counts - 1e-9) if corners else np.maximum(np.round(counts), 1.0)
     parts = [
-        np.linspace(a, b, 1 + int(np.ceil((b - a) * count * mesh_density(scene) - 1e-9)))
-        for a, b in pairwise(marks)
+        np.linspace(a, b, 1 + int(n)) for (a, b), n in zip(pairwise(marks), counts, strict=True)
     ]
     return np.concatenate([[-0.5], *(part[1:] for part in parts)])
 
@@ -481,6 +486,13 @@ def nipping_rollers(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread 
     """Return the names of rollers that nip the strip in any stage."""
     found = (nip for nips in nips_in_stages(scene, rollers, thread) for nip in nips)
     return {roller.name for nip in found for roller in (nip.first, nip.second)}
+
+
+def bends_at_its_ends(scene: SceneSpec) -> bool:
+    """Return whether strip curves beside its ends: by a coil set, or a moment there."""
+    shapes = [scene.strip, *(stage.strip for stage in scene.stages)]
+    ends = [edge for stage in scene.stages for edge in stage.edges.values()]
+    return any(shape.coil_set for shape in shapes) or any(edge.moment for edge in ends)
 
 
 def fine_beside(layer: float, size: float) -> float:

@@ -355,8 +355,8 @@ class Course:
             if full is not None:
                 self.speeds[name] = speed * self.assembly.strip.edge_tangent(name, full)
                 if self.assembly.scene.strip.feed and name in ENDS:
-                    along = self._along(name)
-                    self.speeds[name] = (self.speeds[name] @ along) * along
+                    passing = np.copysign(np.linalg.norm(self.speeds[name]), speed)
+                    self.speeds[name] = passing * self._along(name)
         self.time += stage.duration
 
     def _targets(self, stage: StageSpec, start: dict[str, Array]) -> dict[str, Array]:
