@@ -65,6 +65,10 @@ MIN_LIFT_ELEMENT, MAX_LIFT_ELEMENT = 1.0 / 64.0, 1.0 / 8.0
 On foil in full slip over half a turn, with √(D/T) a 440th of the radius, the ratio of tensions is
 off by 5e-5, 1e-5 and 2e-5 of itself with a 64th, a 32nd and a 16th."""
 
+NIP_PARTS = 4.0
+"""Parts of a usual element where rollers nip the strip: their force is then that of the law, not
+1.8 times as much because a point is in the middle."""
+
 NIP_ELEMENT = 1.0 / 12.0
 """The same at most of rollers that nip the strip.  Of 21 pinch rolls that close by up to 0.05 mm
 more than the strip is thick, at seven places between its nodes, an eighth of the radius stops 15
@@ -354,6 +358,7 @@ def contact_parts(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | 
     asked = (4.0 * np.sqrt(2.0 * d * r.radius) for d, r in zip(depths, rollers, strict=True))
     longest = (wanted_size(scene, r.radius, layer, nips=r.name in nipping) for r in rollers)
     parts = max((h / a for h, a in zip(longest, asked, strict=True)), default=1.0)
+    parts = max(parts, NIP_PARTS / mesh_density(scene) if nipping else 1.0)
     return int(np.clip(np.ceil(parts), 1, MAX_CONTACT_PARTS))
 
 

@@ -63,6 +63,7 @@ from anmstrip.simulation.meshing import (
     label_at,
     loads_in_stages,
     mesh_density,
+    nipping_rollers,
     shortest_wanted,
     strip_mesh,
     surface_speed,
@@ -665,13 +666,13 @@ class Assembly:
         if tension == load == 0.0:
             tension = self.scales.tension
         pressure = c.pressure or max(tension / radius, load)
-        element = float(self.strip.cell_sizes[0].min())
+        element, nips = float(self.strip.cell_sizes[0].min()), False
         if self.scene.strip.cells is None and self.scene.strip.mesh is None:
-            usual = shortest_wanted(self.scene, self.rollers, self.thread) / mesh_density(
-                self.scene
-            )
-            element = max(element, MIN_ONSET_ELEMENT * usual)
-        parts = self.strip.contact_parts
+            usual = shortest_wanted(self.scene, self.rollers, self.thread)
+            if nips := bool(nipping_rollers(self.scene, self.rollers, self.thread)):
+                element = max(element, usual)  # however fine: the law makes the force of a gap
+            element = max(element, MIN_ONSET_ELEMENT * usual / mesh_density(self.scene))
+        parts = 1 if nips else self.strip.contact_parts
         apart = 0.5 * element / parts  # two points to a part
         onset = (apart if parts > 1 else 0.5 * apart) ** 2 / (2.0 * radius)
         if load:
