@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 from scipy.linalg import eigh
 
-from anmstrip.advice.preview import Preview, free_motions, softest_motions
+from anmstrip.advice.preview import Preview, as_sentence, free_motions, softest_motions
 from anmstrip.cli import main
 from anmstrip.driver.explain import explain
 from anmstrip.driver.run import Run
@@ -145,3 +145,11 @@ def test_a_run_begins_with_it_and_a_stop_repeats_it(tmp_path: Path) -> None:
     given = ["run", str(scene), "-o", str(tmp_path / "again"), "--no-report"]
     said = CliRunner().invoke(main, given).stderr
     assert said.startswith("Warning: in stage pull nothing holds the strip in y. Try --set edges.")
+
+
+def test_a_sentence_begins_with_a_capital_letter_or_a_key_as_it_is_typed() -> None:
+    assert as_sentence("the strip sags. Try") == "The strip sags. Try"
+    assert as_sentence("stages.run.rollers.r1.torque pushes") == (
+        "stages.run.rollers.r1.torque pushes"
+    )
+    assert as_sentence("done.") == "Done."

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import tomllib
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from test_advice import typed
 
 from anmstrip.advice.preview import Preview
 from anmstrip.advice.warnings import warnings
 from anmstrip.driver.scene import Scene
+from anmstrip.fem.strip import grid
 from anmstrip.simulation.problem import Assembly
 
 BRIDLE = """
@@ -202,3 +205,27 @@ def test_thick_thin_and_soft_strip_is_not_in_other_units(text: str, settings: li
     scene = Scene.from_tables(tomllib.loads(text), "line.toml", settings)
     told = warnings(Preview.of(Assembly(scene)))
     assert not [line for line in told if "was it meant" in line or "sags deeply" in line]
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e3])
+def test_a_mesh_in_millimetres_is_told_alone(tmp_path: Path, scale: float) -> None:
+    """Beside it nothing else can be judged, and no setting makes elements of a file shorter."""
+    mesh = grid(scale * np.linspace(-1.5, 1.5, 5), scale * np.linspace(-0.4, 0.4, 3))
+    mesh.save(str(tmp_path / "strip.vtu"))
+    scene = Scene.model_validate(
+        {
+            "strip": {"mesh": str(tmp_path / "strip.vtu"), "thickness": 0.5e-3},
+            "material": {"young": 2e11, "poisson": 0.3},
+            "contact": {},
+            "rollers": [{"radius": 0.3, "centre": [0.0, 0.0, -0.3]}],
+            "edges": {"entry": {"fixed": ["x", "y", "z"]}},
+            "stages": [{"name": "pull", "duration": 1.0, "exit": {"force": [5e3, 0.0, -500.0]}}],
+        }
+    )
+    told = warnings(Preview.of(Assembly(scene)))
+    if scale == 1.0:
+        assert not any("drawn in mm" in words for words in told)
+        assert any("Try elements of 0.07 m in strip.mesh" in words for words in told)
+        return
+    (words,) = told
+    assert "is 3000 m long and 800 m wide; was it drawn in mm?" in words

@@ -433,5 +433,6 @@ def unheld_words(scene: SceneSpec, stage: str, component: str) -> str:
 
 
 def as_sentence(words: str) -> str:
-    """Return words with a capital letter in front."""
-    return words[:1].upper() + words[1:]
+    """Return words with a capital letter in front, but keys as they are typed."""
+    key = "." in words.split(" ", 1)[0].rstrip(".")
+    return words if key else words[:1].upper() + words[1:]

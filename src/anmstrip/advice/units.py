@@ -77,11 +77,24 @@ def doubt(key: str, value: float, unit: str, meant: str, better: float) -> Doubt
 
 def other_units(preview: Preview) -> Iterator[str]:
     """Values that no line has, but in millimetres, megapascals or metres per minute."""
+    if mesh_in_millimetres(preview):
+        strip = preview.assembly.strip
+        yield (
+            f"the mesh of strip.mesh is {strip.length:.4g} m long and {strip.width:.4g} m wide; "
+            "was it drawn in mm? Multiply its coordinates by 0.001"
+        )
     for each in doubts(preview):
         yield (
             f"{each.key} = {each.value:g} is {each.why}; was it meant in {each.meant}? "
             f"Try --set {shlex.quote(each.typed)}"
         )
+
+
+def mesh_in_millimetres(preview: Preview) -> bool:
+    """Return whether a mesh is wider than any strip, beside a modulus in pascals."""
+    scene, width = preview.assembly.scene, preview.assembly.strip.width
+    in_pascals = scene.material.young > MILLIMETRE_RANGES["young"][1]
+    return scene.strip.mesh is not None and in_pascals and width > LARGEST_IN_LINES["m"]
 
 
 def all_in_millimetres(preview: Preview) -> Iterator[str]:
@@ -101,6 +114,8 @@ def as_meant(preview: Preview) -> Preview | None:
     """
     assembly = preview.assembly
     found = list(doubts(preview))
+    if mesh_in_millimetres(preview):
+        return None
     if not found:
         return preview
     if (scene := scene_as_meant(assembly.scene, found)) is None:

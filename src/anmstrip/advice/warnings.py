@@ -121,8 +121,15 @@ def sharp_roller(preview: Preview) -> Iterator[str]:
             yield (
                 f"roller {roller.name} turns the strip by {np.degrees(turn):.0f}°, and elements of "
                 f"{h:.2g} m cannot follow its radius of {roller.radius:.2g} m. "
-                f"Try --set strip.refined={LAYER_SHARE * roller.radius:.1g}"
+                f"Try {elements_of(preview, LAYER_SHARE * roller.radius)}"
             )
+
+
+def elements_of(preview: Preview, length: float) -> str:
+    """Say what to type for elements of a length (m) over rollers."""
+    if preview.assembly.scene.strip.mesh is not None:
+        return f"elements of {length:.1g} m in strip.mesh"
+    return f"--set strip.refined={length:.1g}"
 
 
 def soft_contact(preview: Preview) -> Iterator[str]:
@@ -145,12 +152,12 @@ def soft_contact(preview: Preview) -> Iterator[str]:
                 f"into roller {roller.name}, of radius {roller.radius:.2g} m. Try --set {key}"
             )
         elif contact.constants is None and law.width > MAX_PENETRATION * roller.radius:
-            key = f"strip.refined={LAYER_SHARE * roller.radius:.1g}"
+            cure = elements_of(preview, LAYER_SHARE * roller.radius)
             if contact.onset is not None:
-                key = f"contact.onset={least:.1g}"
+                cure = f"--set contact.onset={least:.1g}"
             yield (
                 f"contact sets in {law.width:.2g} m away from roller {roller.name}, of radius "
-                f"{roller.radius:.2g} m. Try --set {key}"
+                f"{roller.radius:.2g} m. Try {cure}"
             )
 
 
