@@ -66,8 +66,8 @@ class Preview:
 
     @property
     def steepest(self) -> StringEstimate:
-        """The string with the largest slope."""
-        return max(self.strings, key=lambda string: string.slope)
+        """The string with the largest slope, the first of equal ones."""
+        return max(self.strings, key=lambda string: round(string.slope, 9))
 
     def turn(self, roller: Roller) -> float:
         """Largest wrap of a roller in any stage (rad)."""
