@@ -237,3 +237,48 @@ def test_the_tangent_is_the_derivative_of_the_residual() -> None:
     plus, minus = (equations.residual(u + s * direction, 1.0) for s in (0.5, -0.5))
     scale = np.abs(tangent).max()
     np.testing.assert_allclose(plus - minus, tangent, atol=1e-5 * scale)
+
+
+def test_heat_along_a_fed_strip_stays_where_it_is_in_space() -> None:
+    """What a furnace makes of a line does not change while it runs on: rollers that turn with hot
+    strip keep its speed V (1 + α ΔT), and bearings take what they took."""
+    heat, torque, speed, tension = 600.0, 20.0, 2.0, 6e3
+    along = ((0.0, 0.0), (3.0, 0.0), (5.0, 1.0), (9.0, 1.0), (11.0, 0.2))
+    rollers = [
+        {"name": name, "radius": 0.3, "centre": centre, "wrap": wrap, "drive": "idle"}
+        for name, centre, wrap in (
+            ("a", (0.0, 0.0, -0.3), "over"),
+            ("b", (3.0, 0.0, -2.0), "under"),
+            ("c", (6.0, 0.0, -0.3), "over"),
+        )
+    ]
+    tables = {
+        "strip": {
+            "kinematics": "section", "width": 1.0, "thickness": 0.5e-3,
+            "temperature": {"across": (heat,), "along": along},
+        },
+        "material": {"young": 2e11, "poisson": 0.3, "expansion": 1.25e-5},
+        "contact": {},
+        "friction": {"coefficient": 0.25},
+        "threading": {
+            "tension": tension, "entry": (-3.0, 0.0, 0.0), "exit": (10.0, 0.0, 0.0),
+        },
+        "edges": {"entry": {"fixed": ("x", "z")}},
+        "rollers": [{**roller, "bearing": torque} for roller in rollers],
+        "stages": [
+            {
+                "name": "run", "steady": True, "strip": {"speed": speed},
+                "exit": {"tension": tension},
+            },
+            {"name": "on", "duration": 5.0},
+        ],
+    }  # fmt: skip
+    run = Scene.model_validate(tables).run()
+    ends = {step.stage: step.state for step in run}
+    for state in (ends["run"], ends["on"]):
+        held = tension - 3.0 * torque / 0.3
+        assert state.tension("entry") == pytest.approx(held, abs=0.1)
+        assert state.rollers["b"].surface_speed == pytest.approx(
+            speed * (1.0 + 1.25e-5 * heat), rel=2e-4
+        )
+    assert run.cost.factorisations < 60

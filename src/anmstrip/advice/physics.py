@@ -27,6 +27,7 @@ from anmstrip.simulation.defaults import (
     boundary_layer,
     distributed_load,
     largest_force,
+    varies_along,
 )
 from anmstrip.simulation.meshing import (
     Nip,
@@ -780,10 +781,8 @@ def strip_runs_out(preview: Preview) -> Iterator[str]:
         led = [*dict.fromkeys(led), "edges.exit"]
         advice = f"So that fresh strip follows and runs off at its tension, try it without {led[0]}"
         advice += "".join(f", {key}" for key in led[1:])
-    uneven = [*scene.strip.natural.values()]
-    uneven += [given for stage in scene.stages for given in stage.strip.natural.values()]
     in_time = [stage.name for stage in scene.stages if stage.friction and not stage.steady]
-    if any(getattr(given, "along", ()) for given in uneven):
+    if varies_along(scene):
         advice = "What a table along gives travels with the strip, which therefore is not fed; in "
         advice += "a steady stage it stays where it is. Try" + "".join(
             f" --set stages.{name}.steady=true" for name in in_time

@@ -320,8 +320,8 @@ def natural_shapes(strip: StripSpec, material: MaterialSpec, stages: Stages) -> 
             mistake = missing(MaterialSpec, "expansion")
             expected = f"{mistake.expected}, since {where} is given"
             yield replace(mistake, key="material.expansion", expected=expected)
-        elif along and strip.feed:
-            expected = "no table along: a fed strip is the same all along"
+        elif along and strip.feed and key != "temperature":
+            expected = "no table along: a fed strip is the same all along, but for its heat"
             yield Mistake("", f"{where}.along", list(along), expected, "feed = false")
         elif along and strip.length is not None and along[-1][0] > strip.length:
             expected = f"distances from the entry up to the strip's length {strip.length:g} (m)"

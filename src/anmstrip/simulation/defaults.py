@@ -98,16 +98,22 @@ def free_across(scene: SceneSpec) -> bool:
     return not (held or scene.strip.mesh)
 
 
+def varies_along(scene: SceneSpec) -> bool:
+    """Return whether strip has a shape of its own that varies along; heat is that of its place."""
+    shapes = [scene.strip, *(stage.strip for stage in scene.stages)]
+    given = [item for shape in shapes for item in shape.natural.items()]
+    return any(getattr(value, "along", ()) for key, value in given if key != "temperature")
+
+
 def is_fed_by_default(scene: SceneSpec) -> bool:
     """Return whether the strip is fed by default: it goes on beyond entry and exit.
 
     It does if it is threaded, or if it is pulled and an end that was held is let go.  Not where
-    ends are moved so that it cannot, where its shape or its yield belongs to the material, and
-    where nothing rubs.
+    ends are moved so that it cannot, where nothing rubs, and where its shape or its yield belongs
+    to the material; heat belongs to its place, as in a furnace.
     """
-    strip, shapes = scene.strip, [scene.strip, *(stage.strip for stage in scene.stages)]
-    along = [getattr(value, "along", ()) for shape in shapes for value in shape.natural.values()]
-    own = strip.mesh or strip.imperfection or scene.material.plasticity or any(along)
+    strip = scene.strip
+    own = strip.mesh or strip.imperfection or scene.material.plasticity or varies_along(scene)
     let_go = any(end.release for stage in scene.stages for end in stage.edges.values())
     endless = scene.threading is not None or (let_go and largest_force(scene) > 0.0)
     closed = scene.threading is not None and scene.threading.closed
