@@ -483,6 +483,7 @@ def test_what_a_last_state_shows_is_cured(
 
 ELSEWHERE = {
     "squeezed": "test_diagnosis.py, test_nip.py",
+    "elements_of": "words of two rules, in test_units.py",
     "tips_over": "told where nothing pulls, among what is told before a run",
     "lifted_off": "of an idler that bent strip does not touch",
     "standing_idlers": "test_steady.py",
