@@ -39,11 +39,8 @@ if TYPE_CHECKING:
 WRONG_SPEED_SHARE = 0.01
 """Share of the speed of a roller that hardly anything holds, by which it may be wrong."""
 
-FULL_SLIP_SPEED = 1e6
-"""Speed at which slip is full friction, over that below which it is none: faster than lines run."""
-
-ROOT_DIGITS = 1e-12
-"""Relative error of roots."""
+FULL_SLIP_SPEED = 1e3
+"""Slip with full friction, to 1e-6 of it, over the speed V_c of the law."""
 
 
 class Model:
@@ -215,19 +212,6 @@ class Model:
         return error
 
 
-def _roots(functions: Callable[[Array], Array], unit: float) -> Array:
-    """Roots of functions that rise, of one argument each, sought from multiples of a unit on."""
-    sign = -np.sign(functions(np.zeros(1)))
-    low, high = np.zeros_like(sign), sign * unit
-    while np.any(short := sign * functions(high) < 0.0):
-        low, high = np.where(short, high, low), np.where(short, 4.0 * high, high)
-    while np.any(np.abs(high - low) > ROOT_DIGITS * np.abs(high)):
-        middle = 0.5 * (low + high)
-        short = sign * functions(middle) < 0.0
-        low, high = np.where(short, middle, low), np.where(short, high, middle)
-    return high
-
-
 class Equilibrium:
     """R(u, λ) = 0 of the free unknowns; a :class:`~anmstrip.continuation.equations.Equations`.
 
@@ -384,10 +368,22 @@ class Equilibrium:
         off = np.abs(force(begun) / resistance(each)[own])
         if not np.any(off > np.maximum(WRONG_SPEED_SHARE * np.abs(begun), unit)):
             return u
-        fast = np.full(count, FULL_SLIP_SPEED * unit)
-        most = 0.5 * (force(fast) - force(-fast)) / self.model.scales.force
-        loose = most < tolerance
-        return u if not loose.any() else turned(np.where(loose, _roots(force, unit), begun))
+        fast = FULL_SLIP_SPEED * unit + 2.0 * float(np.abs(velocity(u, 1.0)).max())
+        least, most = (force(np.full(count, end)) for end in (-fast, fast))
+        loose = (least < 0.0) & (most > 0.0)
+        loose &= most - least < 2.0 * tolerance * self.model.scales.force
+        if not loose.any():
+            return u
+        from scipy.optimize import brentq
+
+        speeds = begun.copy()
+        for k in np.flatnonzero(loose).tolist():
+
+            def own_force(speed: float, k: int = k) -> float:
+                return float(force(np.where(np.arange(count) == k, speed, begun))[k])
+
+            speeds[k] = brentq(own_force, -fast, fast, xtol=1e-6 * unit)
+        return turned(speeds)
 
     def imbalance(self, residual: Array) -> float:
         """Norm of nodal forces (moments over element size) over the force scale."""

@@ -174,6 +174,8 @@ def laid_string(course: Course) -> tuple[StringPath, list[tuple[Roller, float]],
                 exit = longer(exit, rest)
             elif isinstance(entry, StraightEnd) and not isinstance(exit, StraightEnd):
                 entry = longer(entry, rest)
+            else:
+                return path, rollers, np.array(centres)[:, :, 0]
             path = string_path(*given, entry, exit, crossed)
         except (NotTouchedError, NoTangentError) as error:
             del rollers[min(error.index, len(rollers) - 1)]

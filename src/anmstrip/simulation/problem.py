@@ -670,7 +670,7 @@ class Assembly:
         if self.scene.strip.cells is None and self.scene.strip.mesh is None:
             usual = shortest_wanted(self.scene, self.rollers, self.thread)
             if nips := bool(nipping_rollers(self.scene, self.rollers, self.thread)):
-                element = max(element, usual)  # however fine: the law makes the force of a gap
+                element = usual  # on any mesh: the law makes the force of a gap
             element = max(element, MIN_ONSET_ELEMENT * usual / mesh_density(self.scene))
         parts = 1 if nips else self.strip.contact_parts
         apart = 0.5 * element / parts  # two points to a part
