@@ -883,3 +883,11 @@ def test_what_an_end_bore_under_weight_tells_whether_the_strip_runs_away() -> No
     assert re.search(r"hold ([\d.e+]+) N/m", words)[1] == f"{held:.3g}"
     tables["stages"][1]["exit"]["tension"] = 9.9e3
     assert not [words for words in serious(preview_of(tables)) if "runs away" in words]
+
+
+def test_a_strict_tolerance_of_strip_that_rubs_from_the_first_stage_on_is_judged() -> None:
+    """It was looked at without a velocity, and friction asked for one."""
+    tables = copy.deepcopy(TABLES)
+    tables["stages"] = [{**LAY, "friction": True}]
+    tables["solver"] = {"tolerance": 1e-12}
+    assert any("tolerance" in words for words in serious(preview_of(tables)))

@@ -41,6 +41,7 @@ from anmstrip.simulation.meshing import (
     surface_speed,
 )
 from anmstrip.simulation.problem import MAX_HALVED_UNKNOWNS, Assembly, Size, naturals, size_of
+from anmstrip.timestepping.formulas import AffineVelocity
 
 PLATE_SLOPE = np.radians(5.0)
 """Slope up to which a plate is offered: it errs by slope²/2, which is 0.4 % there."""
@@ -478,7 +479,9 @@ def strict_tolerance(preview: Preview) -> Iterator[str]:
     laid = np.zeros(len(plan.supports.free))  # flat
     if assembly.thread is not None:
         laid = assembly.thread.laid(assembly.strip, assembly.pattern)[plan.supports.free]
-    equations = Equilibrium(plan.model, plan.supports, plan.controls)
+    rate, still = 1.0 / plan.duration, np.zeros_like(laid)
+    velocity = AffineVelocity(rate, -rate * laid, still) if plan.in_time else None
+    equations = Equilibrium(plan.model, plan.supports, plan.controls, velocity)
     if told := below_round_off(assembly.scene, equations.round_off(laid, 0.0)):
         yield told
 
