@@ -33,16 +33,12 @@ REMOVED: tuple[tuple[str, str, Any], ...] = (
     (f"{CONTINUATION}.equations", "NEGLIGIBLE_SHARE", 0.1),
     (f"{CONTINUATION}.newton", "WIDEST_FRICTION", 1.0),
     (f"{CONTINUATION}.expansion", "SIGNIFICANT_SHARE", 0.5),
-    (f"{CONTINUATION}.validity", "LENGTH_RATIO", 1.0001),
     (f"{CONTINUATION}.validity", "FIRST_TRIAL", 0),
-    (f"{CONTINUATION}.validity", "MAX_TRIALS", 100),
-    (f"{CONTINUATION}.validity", "TARGET_SHARE", 0.5),
     (f"{CONTINUATION}.validity", "MATCHED_ORDERS", 1),
     (f"{CONTINUATION}.validity", "LONGEST_QUOTIENT", 2.0),
     (TIME, "STEP_GROWTH", (np.inf,) * 5),
     (TIME, "MIN_BALANCING_SHARE", 0.0),
     (TIME, "SHORTEST_BRANCH", 1e-6),
-    (TIME, "MIN_ERROR_SHARE", 0.0),
     (TIME, "MAX_STEP_BRANCHES", 10**6),
     (TIME, "MAX_RETRY_RATIO", 1e3),
 )
@@ -53,6 +49,7 @@ ELSEWHERE = {
         "TINY",
         "LARGEST_COEFFICIENT",
         "DENOMINATOR_DAMPING",
+        "LENGTH_RATIO",
     ),
     "speed alone": ("BLOCK_ROWS",),
     "paths without time": (
@@ -76,6 +73,7 @@ ELSEWHERE = {
     "steady stages": (
         "LONG_PATH_STATES",
         "MAX_STATES",
+        "MAX_WEIGHING_STATES",
         "MIN_RELAXATION_SHARE",
         "NEGLIGIBLE_IMBALANCE",
         "MAX_LAST_CORRECTIONS",

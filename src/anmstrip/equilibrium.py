@@ -712,9 +712,30 @@ class StageProblem:
         """Velocities of what is held (m/s), zero elsewhere, shape (unknowns,)."""
         return self.supports.rate(control) / self.duration
 
+    def pull_at_exit(self, control: float) -> float:
+        """Given pull along x at the exit (N/m)."""
+        now = self.controls.at(control)
+        return float(now.get("exit.force", np.zeros(3))[0]) + float(now.get("exit.tension", 0.0))
+
     @property
-    def held_at_end(self) -> tuple[Supports, Controls]:
-        """Supports and controls that stay at their final values."""
-        supports, zero = self.supports, np.zeros_like(self.supports.slope)
-        end = replace(supports, start=supports.start + supports.slope, slope=zero)
-        return end, Controls(self.controls.at(1.0))
+    def pulls_slack_strip(self) -> bool:
+        """Whether a stage that begins with flat strip is the first to pull it.
+
+        Slack it has no transverse stiffness, but its uniformly stretched state is known: there the
+        path of all else that the stage brings starts, see :attr:`pulled`.
+        """
+        still = not (self.in_time or self.steady or np.any(self.supports.slope))
+        return still and self.pull_at_exit(0.0) <= 0.0 < self.pull_at_exit(1.0)
+
+    @property
+    def pulled(self) -> StageProblem:
+        """The stage with the pull along x at the exit that it ends with from its start."""
+        if self.pull_at_exit(0.0) == self.pull_at_exit(1.0):
+            return self
+        start, slope = dict(self.controls.start), dict(self.controls.slope)
+        for name in {"exit.force", "exit.tension"} & slope.keys():
+            along = slope[name] * (np.eye(3)[0] if np.ndim(slope[name]) else 1.0)
+            start[name], slope[name] = start[name] + along, slope[name] - along
+            if not np.any(slope[name]):
+                del slope[name]
+        return replace(self, controls=Controls(start, slope))

@@ -40,7 +40,7 @@ FURNACE: dict[str, Any] = {
 }  # fmt: skip
 
 
-STRICT = "solver.tolerance=1e-6"
+STRICT = "solver.tolerance=1e-7"
 
 
 def done(tables: dict[str, Any], *settings: str) -> Run:
@@ -256,23 +256,26 @@ def test_sensitivities_of_strip_on_supports(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_a_strip_that_hangs_too_slack_is_told_its_least_tension() -> None:
-    """Between level rollers strip of weight q over l has no state below min a cosh(l/2a) q.
+    """Between rollers strip of weight q hangs under no less than the least of its catenaries.
 
-    The path does not go on beyond the state in which its stage began.
+    From a catenary that leaves rollers of radius r, l apart, at the angle θ it rises to their tops:
+    T = q (a/cos θ + r (1 - cos θ)) with a arsinh tan θ = l/2 - r sin θ, and D/2r² as it is bent
+    there.  On elements of half the length it is 0.4 % more than that.  The path does not go on
+    beyond the state in which its stage began.
     """
     tables: dict[str, Any] = {
         "strip": {"kinematics": "section", "width": 1.0, "thickness": 1e-4},
         "material": {"young": 7e10, "poisson": 0.33, "density": 2700.0},
         "friction": {"coefficient": 0.3},
-        "threading": {"tension": 20.0, "entry": [-1.0, 0.0, -1.0], "exit": [5.0, 0.0, -1.0]},
+        "threading": {"tension": 15.0, "entry": [-1.0, 0.0, -1.0], "exit": [4.0, 0.0, -1.0]},
         "edges": {"entry": {"fixed": ["x", "z"]}},
         "rollers": [
-            {"name": name, "radius": 0.15, "centre": [x, 0.0, -0.15], "wrap": "over"}
-            for name, x in (("a", 0.0), ("b", 4.0))
+            {"name": name, "radius": 0.3, "centre": [x, 0.0, -0.3], "wrap": "over"}
+            for name, x in (("a", 0.0), ("b", 3.0))
         ],
         "stages": [
             {"name": "weight", "friction": False, "gravity": [0.0, 0.0, -9.81]},
-            {"name": "slack", "friction": False, "exit": {"tension": 5.0}},
+            {"name": "slack", "friction": False, "exit": {"tension": 2.0}},
         ],
     }
     run = Scene.model_validate(tables).run()
@@ -282,8 +285,13 @@ def test_a_strip_that_hangs_too_slack_is_told_its_least_tension() -> None:
     times = [state.time for state in states]
     last = states[times.index(max(times))]
     assert float(found[1]) == pytest.approx(last.time, abs=0.02)
-    assert float(found[2]) == pytest.approx(20.0 - 15.0 * (float(found[1]) - 2.0), rel=0.01)
-    top = minimize_scalar(lambda a: a * np.cosh(2.0 / a), bounds=(0.2, 20.0), method="bounded").fun
-    tension = last.rollers["b"].tension_in
-    assert tension == pytest.approx(2700.0 * 9.81 * 1e-4 * top, rel=0.03)
+    assert float(found[2]) == pytest.approx(15.0 - 13.0 * (float(found[1]) - 2.0), rel=0.01)
+
+    def tension(angle: float) -> float:
+        hanging = (1.5 - 0.3 * np.sin(angle)) / np.arcsinh(np.tan(angle)) / np.cos(angle)
+        return float(2700.0 * 9.81 * 1e-4 * (hanging + 0.3 * (1.0 - np.cos(angle))))
+
+    least = minimize_scalar(tension, bounds=(0.2, 1.4), method="bounded").fun
+    least += 7e10 * 1e-12 / (12.0 * (1.0 - 0.33**2)) / (2.0 * 0.3**2)
+    assert last.rollers["b"].tension_in == pytest.approx(least, rel=0.02)
     assert min(times[times.index(last.time) :]) > 1.95

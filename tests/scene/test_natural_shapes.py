@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -188,6 +190,27 @@ def test_edges_wave_from_their_onset_on(waved: tuple[Run, Path, list[Step]]) -> 
     for edge in ("left", "right"):
         z = heights(run, steps[-1], edge)
         assert np.count_nonzero(np.diff(np.sign(z[np.abs(z) > 1e-4]))) == 3
+
+
+def test_edges_wave_as_early_where_a_force_pulls_them() -> None:
+    """Strip with an imperfection, pulled from slack while its flatness comes.
+
+    All of its states bear the force; half a thickness is in waves hardly beyond the onset.
+    """
+    tables = tomllib.loads((EXAMPLES / "flatness.toml").read_text("utf8"))
+    tables["edges"]["exit"] = {"fixed": ["z"], "centred": True}
+    tables["stages"][0]["exit"] = {"force": [5e3, 0.0, 0.0]}
+    run = Run(Scene.from_tables(tables, "flatness.toml"))
+    states = [step.state for step in run]
+    assert run.outcome.done, run.message
+    assert [state.tension("exit") for state in states] == pytest.approx(
+        [5e3] * len(states), rel=1e-3
+    )
+    (found,) = re.findall(
+        r"latent flatness (\S+) I-units\) the strip, never quite flat", run.message
+    )
+    assert 10.8 < float(found) < 11.5
+    assert run.cost.expansions < 15
 
 
 def test_flatness_in_the_summary(waved: tuple[Run, Path, list[Step]]) -> None:

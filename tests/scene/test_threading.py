@@ -207,7 +207,7 @@ def furnace(z: float, **support: Any) -> dict[str, Any]:
     default = dict.fromkeys(("stiffness", "eta", "delta"))
     weight = {"name": "weigh", "gravity": (0.0, 0.0, -9.81), "friction": False}
     return {"threading": ends, "rollers": rolls, "stages": [weight],
-            "contact": default, "strip": {"cells": None}}  # fmt: skip
+            "contact": default, "strip": {"cells": None}, "solver": {"tolerance": 1e-4}}  # fmt: skip
 
 
 def load_of_weight(z: float, **support: Any) -> float:

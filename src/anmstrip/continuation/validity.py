@@ -168,13 +168,6 @@ FIRST_TRIAL = 10
 """Rung that is tried first: most quotients hold up to there.  From 0 the coarse capstan takes 82
 tangents instead of 58, the bridle 317 instead of 253."""
 
-MAX_TRIALS = 4
-"""Lengths that are tried."""
-
-TARGET_SHARE = 0.7
-"""Share of the tolerance that the next one aims at.  With half of it conveying takes 354 tangents
-instead of 322."""
-
 MATCHED_ORDERS = 4
 """Orders of the product that are to vanish.  With one, the bridle takes 271 tangents,
 not 253."""
@@ -221,9 +214,9 @@ def longest_quotient(
     rung, best, least, power = FIRST_TRIAL, 0, np.inf, series.order + 1.0
     last, last_error = np.inf, np.inf
     found: tuple[Branch, float] | None = None
-    for _ in range(MAX_TRIALS):
+    while best < rung < least:
         length = min(guess * LENGTH_RATIO**rung, limit)
-        if not best < rung < least or length <= (guess if found is None else found[0].length):
+        if length <= (guess if found is None else found[0].length):
             break
         error, imbalance = residual_error(equations, quotient, length, cost, tolerance)
         if error <= tolerance:
@@ -233,7 +226,7 @@ def longest_quotient(
         if length != last and 0.0 < error < np.inf and 0.0 < last_error < np.inf:
             power = max(float(np.log(error / last_error) / np.log(length / last)), 1.0)
         last, last_error = length, error
-        growth = np.log(TARGET_SHARE * tolerance / max(error, TINY)) / power
+        growth = np.log(tolerance / max(error, TINY)) / power
         rung += int(np.floor(np.clip(growth, -np.log(2.0), np.log(2.0)) / np.log(LENGTH_RATIO)))
     return found
 

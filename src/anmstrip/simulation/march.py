@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -78,6 +78,9 @@ LONG_PATH_STATES, MAX_STATES = 80, 100
 """States of a steady stage, after which smoother laws lead to its end, and of the path there.  Of
 random lines most take 4 to 15.  With 30 a line of four rollers with the law of Norton and Hoff
 takes 105 tangents at V_c = 1e-8 m/s, not 76."""
+
+MAX_WEIGHING_STATES = 200
+"""States in which weight is put on strip before it runs; four supports 25 m apart take 141."""
 
 MIN_RELAXATION_SHARE = 0.1
 """Least share of a steady stage over which a small imbalance is taken away where its path is long:
@@ -212,12 +215,17 @@ class March:
             if imbalance > MAX_MOVING_IMBALANCE and self._let_slide(stage):
                 self._begin_steady(stage, replace(state, full=self.full))
                 plan = self.course.plan(stage, reactions, self.full)
-        return plan
+        if self.reached is None and not np.any(self.full):
+            self.slack = plan.pulls_slack_strip
+        return plan.pulled if self.slack and plan.pulled.controls.slope else plan
 
     def _begin_steady(self, stage: StageSpec, state: State | None) -> None:
         """Prepare the values and the speeds of free rollers that a steady stage begins with."""
         along = self.assembly.strip.edge_tangent("entry", self.full)
         self.course.values["entry.along"] = along  # of the whole stage, also of one resumed
+        weighed = self.velocity.any() or np.any(self.course.values.get("gravity", 0.0))
+        if stage.gravity is not None and not weighed:
+            self._weigh(stage)
         turning = slice(self.assembly.strip.unknowns, self.assembly.coupled)
         self.full = self.full.copy()
         self.full[turning] = self.velocity[turning]
@@ -226,6 +234,22 @@ class March:
         self.full[self.assembly.coupled - 1] = 0.0  # c counts from its control
         if state is not None and self.course.pulled(stage) and not self.assembly.closed:
             self.course.values["entry.tension"] = np.array(state.tension("entry"))
+
+    def _weigh(self, stage: StageSpec) -> None:
+        """Put weight on a threaded strip before it runs, where a short path does that.
+
+        Rollers onto which only weight presses it cannot carry the drag of their bearings before.
+        """
+        if self.assembly.thread is None or self.assembly.flow is not None:
+            return
+        weighing = StageSpec(
+            name=stage.name, duration=stage.duration, friction=False, gravity=stage.gravity
+        )
+        plan = self.course.plan(weighing, {}, self.full)
+        with suppress(PathStopped):
+            *_, last = self.through(plan, MAX_WEIGHING_STATES)
+            self.full = last.state.full
+            self.course.values["gravity"] = np.array(stage.gravity)
 
     def _let_slide(self, stage: StageSpec) -> bool:
         """Let strip that rollers have moved slide into place without friction, and come to rest.
@@ -402,14 +426,17 @@ class March:
                 taut = self.assembly.thread.guess(*shape, bent=False)
                 found = self._corrected(equations, taut[free])
             u = u if found is None else found
-        elif tension := self._slack(plan):
-            stretch = uniform_stretch(self.assembly, tension, plan.controls.at(1.0))
-            self.slack, u = True, stretch[free]
+        elif self.slack:
+            pulled = plan.pulled
+            equations = Equilibrium(plan.model, plan.supports, pulled.controls)
+            if self.reached is None:
+                begin = pulled.controls.at(0.0)
+                u = uniform_stretch(self.assembly, pulled.pull_at_exit(0.0), begin)[free]
+                found = self._corrected(equations, u)
+                u = u if found is None else found
         elif self._lies_flat(plan):
             found = self._corrected(equations, u)
             u = u if found is None else found
-        if self.slack:
-            equations = Equilibrium(plan.model, *plan.held_at_end)
         return u, equations
 
     def _lies_flat(self, plan: StageProblem) -> bool:
@@ -445,20 +472,6 @@ class March:
             settings = replace(settings, near=0.0)
             found = Newton(equations, self.solver, settings, self.cost).corrected(found.u, 0.0)
             return None if found is None else found.u
-
-    def _slack(self, plan: StageProblem) -> float:
-        """Tension at the end of a stage that first pulls a flat slack strip, else 0.
-
-        A slack flat strip has no transverse stiffness; its uniformly stretched
-        state is known, so that the path starts there.
-        """
-        if np.any(self.full) or np.any(plan.supports.slope):
-            return 0.0
-        before, after = (
-            float(at.get("exit.force", np.zeros(3))[0]) + float(at.get("exit.tension", 0.0))
-            for at in (plan.controls.at(0.0), plan.controls.at(1.0))
-        )
-        return 0.0 if before > 0.0 else max(after, 0.0)
 
     def _in_time(self, plan: StageProblem, settings: Settings) -> Iterator[Step]:
         solver, memory = self.scene.solver, self._memory(plan)

@@ -68,11 +68,6 @@ stretch of λ it asks for fast motion there, so that the stretches shrank for go
 not stop so take as many tangents without it.
 """
 
-MIN_ERROR_SHARE = 1e-6
-"""Of the tolerance, that any step may add: a layer at the start of a long stage, in which the
-velocity changes at once and hardly anything moves, need not be resolved.  Without it the capstan on
-elements of 50 mm stalls at a tolerance of 1e-7; looser ones do not show it."""
-
 SNAP_TOLERANCE = 1e-4
 """Least error in time of a snap: its way depends on the drag, only where it rests does not."""
 
@@ -454,7 +449,8 @@ class _Integrator:
         part of it, is looked at as well.
         """
         tolerance, answer = self.stepping.tolerance, local
-        share = max((new - memory.times[0]) / self.stepping.whole, MIN_ERROR_SHARE)
+        share = (new - memory.times[0]) / self.stepping.whole
+        share = max(share, float(np.sqrt(np.finfo(float).eps)))  # of layers that hardly move strip
         if memory.available == 1 or trial.turned <= tolerance:
             answer = self.answer(trial.resistance(trial.rate * local))
         spreading = self.answer(trial.resistance_in_tangent(trial.rate * local))
