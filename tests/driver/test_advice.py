@@ -144,7 +144,17 @@ TIPPING = merged(  # drawn as if the plate began at x = 0
     edges={"entry": {"fixed": ["x"]}},
     stages=PLATE["stages"][:1],
 )
+BLOWN = merged(
+    BRIDLE,
+    threading={"tension": 1e4, "entry": [-2.0, 0.0, 0.0], "exit": [2.0, 0.0, -1.0]},
+    rollers=[{"name": "r", "radius": 0.3, "centre": [0.0, 0.0, -0.3], "wrap": "over"}],
+    edges={"entry": {"fixed": ["x", "z"]}},
+    stages=[{"name": "run", "steady": True, "pressure": 1.7e3, "entry": {"tension": 1e4},
+             "rollers": {"r": {"surface_speed": 1.0}}}],
+)  # fmt: skip
 MORE: list[tuple[dict[str, Any], str, list[str]]] = [
+    (BLOWN, "strip leaves roller r", []),
+    (merged(BLOWN, stages=[{**BLOWN["stages"][0], "pressure": -3e4}]), "of 2.1 m is no arc", []),
     (changed(("strip.kinematics", None)), "nothing varies across the strip", []),
     (merged(FLAT, strip={"refined": 0.25}), "cannot follow its radius", []),
     (merged(FLAT, contact={"stiffness": 1e5}), "the strip sinks 0.36 m into roller r1", []),

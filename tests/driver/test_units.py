@@ -134,6 +134,32 @@ def test_a_narrow_strip_in_millimetres_is_one_too() -> None:
     assert not [line for line in told(*IN_MILLIMETRES, "strip.width=5.0") if "meant in" in line]
 
 
+WATCH_SPRING = """
+strip = { kinematics = "section", width = 1.2, thickness = 0.02 }
+material = { young = 2.0e5, poisson = 0.3, yield_stress = 2000.0 }
+contact = {}
+friction = { coefficient = 0.12 }
+threading = { tension = 2.0, entry = [-10.0, 0.0, 0.0], exit = [10.0, 0.0, -6.0] }
+edges.entry.fixed = ["x", "z"]
+stages = [{ name = "draw", duration = 1.0, entry = { speed = 5.0 } }]
+[[rollers]]
+name = "pin"
+radius = 2.5
+centre = [0.0, 0.0, -2.5]
+wrap = "over"
+"""
+
+
+def test_strip_as_narrow_as_a_watch_spring_is_one_as_its_tension_tells() -> None:
+    """1.2 wide and 0.02 thick may be a plate in metres, but not under 2 N/m."""
+    tables = tomllib.loads(WATCH_SPRING)
+    for width, tension, one in ((1.2, 2.0, True), (1.2, 2e-6, False), (12.0, 2e-6, True)):
+        tables["strip"]["width"], tables["threading"]["tension"] = width, tension
+        scene = Scene.from_tables(tables, "spring.toml")
+        found = warnings(Preview.of(Assembly(scene)))
+        assert any("fit together in N, mm" in line for line in found) == one, found
+
+
 def test_a_line_in_millimetres_is_the_same_and_told_once() -> None:
     found = told(*IN_MILLIMETRES)
     assert begins(found, "the values of this scene fit together in N, mm, MPa and s"), found

@@ -22,6 +22,7 @@ from anmstrip.driver.scene import Scene
 from anmstrip.fem.sampling import quadrature_points
 from anmstrip.fem.strip import grid
 from anmstrip.results.fields import FieldSampler
+from anmstrip.results.wrinkles import Wrinkling
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
 from claims import Claim
@@ -211,6 +212,26 @@ def test_edges_wave_as_early_where_a_force_pulls_them() -> None:
     )
     assert 10.8 < float(found) < 11.5
     assert run.cost.expansions < 15
+
+
+@pytest.mark.parametrize(("middle", "number", "parts"), [(1.0, 4.0, 1), (-1.0, 0.425, 2)])
+def test_long_parts_of_the_width_bear_more_than_the_whole(
+    middle: float, number: float, parts: int
+) -> None:
+    """4 π² D/b² on supports, 0.425 π² D/b² at a free edge, over the b of what is compressed."""
+    tables = tomllib.loads((EXAMPLES / "flatness.toml").read_text("utf8"))
+    tables["strip"].pop("imperfection")
+    tables["edges"]["exit"] = {"fixed": ["z"], "centred": True}
+    long = [8.0 * middle, 0.0, -96.0 * middle]
+    pull = {"exit": {"force": [5e3, 0.0, 0.0]}, "strip": {"flatness": {"across": long}}}
+    tables["stages"] = [{"name": "pull", "duration": 1.0, **pull}]
+    *_, last = Run(Scene.from_tables(tables, "flat.toml"))
+    (span,) = Wrinkling(last.state).spans
+    assert 0.1 < span.share < 0.8
+    rigidity = 2e11 * 5e-4**3 / (12.0 * (1.0 - 0.3**2))
+    borne = number * np.pi**2 * rigidity / (span.share * 1.0 / parts) ** 2
+    assert span.bearable == pytest.approx(borne, rel=1e-3)
+    assert span.compression > span.bearable
 
 
 def test_flatness_in_the_summary(waved: tuple[Run, Path, list[Step]]) -> None:

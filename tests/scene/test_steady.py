@@ -771,6 +771,30 @@ def test_strip_that_slides_over_rollers_is_told(
     assert used is not None and (used > 0.99) == (speed > 2.01)
     monkeypatch.setattr("anmstrip.driver.explain.SLIDING_SHARE", used)
     assert "slides over all driven rollers" not in report(run)
+    assert "no speed of the line" not in report(run)
+
+
+def test_slips_that_no_motion_balances_are_marked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """20 kN/m against 10 kN/m over 27° at f = 0.2, of which friction holds 1.1 times."""
+    tables = {
+        **CROWNED,
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 8e-4},
+        "friction": {"coefficient": 0.2},
+        "threading": {"tension": 1e4, "entry": [-2.0, 0.0, 0.0], "exit": [2.0, 0.0, -1.0]},
+        "rollers": [roller("r", 0.0, -0.3, 0.3, "over")],
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [{"name": "run", "steady": True, "entry": {"tension": 2e4},
+                    "rollers": {"r": {"surface_speed": 1.0}}}],
+    }  # fmt: skip
+    run = Run(Scene.from_tables(tables, "runaway.toml"))
+    for _ in run:
+        pass
+    assert not run.outcome.done and run.state is not None
+    slip = run.state.rollers["r"].max_slip  # some m/s to some km/s, where steps become too short
+    monkeypatch.setattr("anmstrip.driver.explain.RUNAWAY_SLIP", 1.1 * slip)
+    assert "no speed of the line" not in report(run)
+    monkeypatch.setattr("anmstrip.driver.explain.RUNAWAY_SLIP", 0.9 * slip)
+    assert "Slip on r: beside 1 m/s this is no speed of the line" in report(run)
 
 
 def stopped(**stop: Any) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -207,7 +208,8 @@ def furnace(z: float, **support: Any) -> dict[str, Any]:
     default = dict.fromkeys(("stiffness", "eta", "delta"))
     weight = {"name": "weigh", "gravity": (0.0, 0.0, -9.81), "friction": False}
     return {"threading": ends, "rollers": rolls, "stages": [weight],
-            "contact": default, "strip": {"cells": None}, "solver": {"tolerance": 1e-4}}  # fmt: skip
+            "contact": default, "strip": {"cells": None},
+            "solver": {"tolerance": 1e-4}}  # fmt: skip
 
 
 def load_of_weight(z: float, **support: Any) -> float:
@@ -377,6 +379,33 @@ def test_impossible_ways_are_refused(name: str) -> None:
     assert mistake.key == key
     assert words in str(mistake)
     assert "circle" not in str(mistake)
+
+
+def test_all_sides_that_do_not_fit_are_told() -> None:
+    """Five rollers of a drawing, each mirrored: one after the other leads to other refusals."""
+    drawn = [
+        roller("a", 0.0, 0.1, 0.1, "left"), roller("b", 0.2, 2.0, 0.1, "right"),
+        roller("c", 1.0, 2.0, 0.1, "right"), roller("d", 1.0, 1.0, 0.1, "left"),
+        roller("e", 2.0, 4.0, 0.1, "right"),
+    ]  # fmt: skip
+    ends = {"tension": 1.5e3, "entry": (-1.0, 0.0, 0.0), "exit": (3.0, 0.0, 4.1)}
+    tables = {"threading": ends, "rollers": drawn}
+    with pytest.raises(InputError) as caught:
+        Assembly(scene_of(tables)).thread  # noqa: B018
+    found = re.findall(r'"(\w+)" of (\w)', str(caught.value))
+    assert [name for _, name in found] == list("abcde")
+    assert [side for side, _ in found] == ["right", "left", "left", "right", "left"]
+    for wrapped, (side, _) in zip(drawn, found, strict=True):
+        wrapped["wrap"] = side
+    thread = Assembly(scene_of(tables)).thread
+    assert thread is not None
+    assert thread.middle.arcs.turn.min() > np.radians(60.0)
+
+
+def test_a_radius_in_millimetres_is_told_where_the_way_has_no_room() -> None:
+    tables = {**ONE, "rollers": [roller("a", 0.0, -0.5, 500.0, "over")]}
+    with pytest.raises(InputError, match=r"or rollers\.a\.radius = 0\.5 if it is in mm"):
+        Assembly(scene_of(tables)).thread  # noqa: B018
 
 
 @pytest.mark.parametrize("stiffer", [1e-4, 1.0, 1e4])

@@ -989,7 +989,42 @@ def sinking_exit(preview: Preview) -> Iterator[str]:
         )
 
 
+def lifting_pressure(preview: Preview) -> Iterator[str]:
+    """Pressure p that carries strip of tension T off a roller of radius r, or blows a run up.
+
+    Strip on the roller is lifted for p > T/r.  A run of length L beside it is an arc of the radius
+    T/p, which there is none of for p > 2 T/L, and takes p L/2T of the wrap, a run to an end that is
+    free across p L/T.
+    """
+    assembly, tension, scene = preview.assembly, preview.tension, preview.assembly.scene
+    for stage, string in zip(scene.course, preview.strings, strict=True):
+        pressure, path = stage.pressure or 0.0, string.path
+        if not pressure or path is None or tension == 0.0:
+            continue
+        runs, side = np.diff(path.starts[:, 0])[::2], "over" if pressure > 0.0 else "under"
+        free = [not (e := scene.edges.get(end)) or "z" not in e.fixed for end in ENDS]
+        taken = 0.5 * runs
+        taken[[0, -1]] *= np.where(free, 2.0, 1.0)
+        bounds = [(2.0 * tension / runs.max(), f"a run of {runs.max():.3g} m is no arc of it")]
+        turns = list(string.turns.items())
+        for (name, turn), *beside in zip(turns, taken[:-1], taken[1:], strict=True):
+            (roller,) = (roller for roller in assembly.rollers if roller.name == name)
+            if string.senses[name] == side:
+                what = f"strip leaves roller {name}"
+                bounds.append((tension * min(turn / sum(beside), 1.0 / roller.radius), what))
+        least, what = min(bounds)
+        if abs(pressure) > least:
+            key = f"stages.{stage.name}.pressure"
+            safe = np.copysign(two_digits(SAFE_ANGLE_SHARE * least, np.floor), pressure)
+            yield (
+                f"{key} = {pressure:g} bends strip under {tension:.3g} N/m to a radius of "
+                f"{tension / abs(pressure):.2g} m: {what}. Try --set {key}={safe:g}"
+            )
+            return
+
+
 PHYSICS_RULES = (
+    lifting_pressure,
     sinking_exit,
     nip_forces,
     heavy_bearings,

@@ -46,8 +46,14 @@ EARTH_GRAVITY = 9.81
 MAX_TENSION_STRAIN = 5e-3
 """Strain by tension that no strip in millimetres has: it is that of a tension in N/m."""
 
-MILLIMETRE_RANGES = {"young": (1e3, 1e6), "thickness": (1e-3, 20.0), "width": (3.0, 2e4)}
+MILLIMETRE_RANGES = {"young": (1e3, 1e6), "thickness": (1e-3, 20.0), "width": (0.3, 2e4)}
 """Least and largest modulus (MPa), thickness and width (mm) of strip."""
+
+WIDEST_IN_METRES = 3.0
+"""Width up to which strip may as well be in metres, and its tension has to tell."""
+
+MIN_TENSION_STRAIN = 1e-6
+"""Strain by tension that all strip of a line in millimetres has."""
 
 MIN_RADIUS = 1.0
 """Radius (mm) of which no roller has less."""
@@ -164,13 +170,16 @@ def in_millimetres(scene: SceneSpec) -> bool:
     """Return whether sizes, modulus and tension fit together in N, mm and MPa, and not in SI."""
     strip, young = scene.strip, scene.material.young
     given = {"young": young, "thickness": strip.thickness, "width": strip.width}
+    strain = largest_force(scene) / (young * strip.thickness)
+    wide = strip.width is not None and strip.width > WIDEST_IN_METRES
     return (
         all(
             value is not None and MILLIMETRE_RANGES[key][0] <= value <= MILLIMETRE_RANGES[key][1]
             for key, value in given.items()
         )
         and all(roller.radius >= MIN_RADIUS for roller in scene.rollers)
-        and largest_force(scene) <= MAX_TENSION_STRAIN * young * strip.thickness
+        and strain <= MAX_TENSION_STRAIN
+        and (wide or strain >= MIN_TENSION_STRAIN)
     )
 
 

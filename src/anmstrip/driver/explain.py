@@ -396,6 +396,10 @@ SLIDING_SHARE = 0.5
 fibres creep to and fro, as over a crown, and rollers carry the strip all the same."""
 
 
+RUNAWAY_SLIP = 30.0
+"""Slip over the largest given speed that no roller of a line has."""
+
+
 def report(run: Run, told: Collection[str] = ()) -> str:
     """Describe the last state of a run by roller, its ends, what it may be wrong by, and warn.
 
@@ -416,10 +420,26 @@ def report(run: Run, told: Collection[str] = ()) -> str:
         used = min((state.rollers[n].capacity_used or 0.0 for n in touched), default=0.0)
         if state.plan.steady and used > SLIDING_SHARE and all(map(slides, touched.values())):
             parts.append("The strip slides over all driven rollers that it touches.")
+        parts += runaway_slips(state)
         if any(part is not None for part in run.errors().values()):
             parts.append(error_table(run))
     fresh = (warning for warning in run.warnings if warning not in told)
     return text_of([*parts, *(f"Warning: {warning}" for warning in fresh)])
+
+
+def runaway_slips(state: State) -> Iterator[str]:
+    """Say which slips are those of a law of friction that no motion balances, no speeds of a line.
+
+    They are of the speeds that rollers and strip have by the end of the stage many times as large.
+    """
+    given = state.plan.controls.at(1.0).items()
+    fastest = max((abs(float(v)) for key, v in given if key.endswith("speed")), default=0.0)
+    for name, reading in state.rollers.items():
+        if reading.max_slip > RUNAWAY_SLIP * fastest > 0.0:
+            yield (
+                f"Slip on {name}: beside {fastest:.3g} m/s this is no speed of the line. Friction "
+                "does not hold the strip there: its law asks for ever faster slip to balance it."
+            )
 
 
 def roller_table(state: State) -> Table:

@@ -463,7 +463,7 @@ class Run:
         march, strip = self.march, self.assembly.strip
         density, section = self.scene.material.density, strip.thickness * strip.width
         held = {} if self.state is None else self.state.controls
-        mass = None if density is None else density * section * march.conveyed
+        mass = density * section * march.conveyed if density else None
         fed = {"length": march.conveyed, "mass": mass}
         fed["taken_up"] = float(np.sum(held.get("strip.held", 0.0)))
         return {

@@ -100,6 +100,8 @@ def free_spans(state: State) -> Iterator[Span]:
     arcs = sorted((*(contact.arc + reach), name) for name, contact in touched)
     stations = [(*2 * ends[:1], "the entry"), *arcs, (*2 * ends[1:], "the exit")]
     (positions, fibres, _), weights = quadrature_points(strip), strip.weights().ravel()
+    assert state.membrane is not None
+    membrane = state.membrane.at(state.full, state.controls)
     for (_, start, before), (end, _, after) in pairwise(stations):
         if start >= end:
             continue
@@ -121,7 +123,21 @@ def free_spans(state: State) -> Iterator[Span]:
         pressure = np.where(inside, np.maximum(-low, 0.0), 0.0)
         mean = np.average(pressure[fibre], weights=weights[fibre])
         borne = bearable_compression(d, q, max(high[worst], 0.0))
+        n = membrane[..., worst]
+        if n[0, 0] < n[1, 1] and share < 1.0 - COMPRESSED_SHARE:  # the rest of the width holds it
+            edge = np.abs(fibres[worst]) > 0.5 * strip.width * (1.0 - COMPRESSED_SHARE)
+            borne = max(borne, band_compression(d, float(share) * strip.width, edge=bool(edge)))
         yield Span(*place, float(pressed), float(mean), borne, float(share), inside)
+
+
+def band_compression(d: float, width: float, *, edge: bool) -> float:
+    """Compression along (N/m) that a part of the width bears between stretched ones.
+
+    A long plate on simple supports bears 4 π² D/b², and 0.425 π² D/b² with one edge free, each of
+    the two edges half of the width (Timoshenko & Gere, Theory of elastic stability, § 9.2, 1961).
+    """
+    number, b = (0.425, 0.5 * width) if edge else (4.0, width)
+    return float(number * d * (np.pi / b) ** 2)
 
 
 def bearable_compression(d: float, q: float, tension: float) -> float:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain, combinations, islice
 from typing import Any
 
 import numpy as np
@@ -39,6 +41,12 @@ from anmstrip.simulation.defaults import bending_stiffness
 SENSES = {"over": 1.0, "left": 1.0, "under": -1.0, "right": -1.0}
 """Sides on which a strip passes: +1 on the left of its travel, with x to the right and z upwards,
 so that it turns to the right."""
+
+MOST_WAYS = 500
+"""Ways around the rollers that are tried where the one that is given does not touch them all."""
+
+LARGEST_RADIUS = 20.0
+"""Radius (m) of which there is no roller in a line."""
 
 OTHER_SIDE = {"over": "under", "under": "over", "left": "right", "right": "left"}
 
@@ -334,7 +342,7 @@ def thread_of(
         along = share * thread.stretches.along
         return replace(thread, stretches=replace(thread.stretches, along=along))
     except (NotTouchedError, NoTangentError) as error:
-        raise _refused(scene, chosen, error) from error
+        raise _refused(scene, thread, error) from error
 
 
 def bent_longer(scene: SceneSpec, thread: Thread) -> float:
@@ -416,8 +424,32 @@ def _depth(scene: SceneSpec, roller: Roller) -> float:
     return gap
 
 
-def _refused(scene: SceneSpec, rollers: Sequence[Roller], error: ValueError) -> InputError:
+def _sides_that_fit(scene: SceneSpec, thread: Thread) -> dict[str, str]:
+    """Return the fewest sides of rollers, by name, with which a taut string touches all of them.
+
+    Of as many the shortest way.  None where there are none among ``MOST_WAYS`` that are tried.
+    """
+    found: list[tuple[float, tuple[int, ...]]] = []
+    each = range(len(thread.rollers))
+    ways = chain.from_iterable(combinations(each, count) for count in range(1, 1 + len(each)))
+    for turned in islice(ways, MOST_WAYS):
+        if found and len(turned) > len(found[0][1]):
+            break
+        senses = thread.senses.copy()
+        senses[list(turned)] *= -1
+        with suppress(NotTouchedError, NoTangentError, InputError):
+            way = _with_ends(scene, replace(thread, senses=senses))
+            found.append((float(way.middle.length[0]), turned))
+    if not found:
+        return {}
+    given = {r.name: r.wrap for r in scene.rollers if r.wrap is not None}
+    names = [thread.rollers[k].name for k in min(found)[1]]
+    return {name: OTHER_SIDE[given[name]] for name in names}
+
+
+def _refused(scene: SceneSpec, thread: Thread, error: ValueError) -> InputError:
     """Return what is wrong with the way of the strip, in terms of the scene."""
+    rollers = thread.rollers
     index, turn = getattr(error, "index", 0), getattr(error, "turn", None)
     names = [roller.name for roller in rollers]
     if turn is not None:
@@ -426,10 +458,11 @@ def _refused(scene: SceneSpec, rollers: Sequence[Roller], error: ValueError) -> 
             "a side on which the taut strip touches this roller; "
             f"there it would have to turn by {np.degrees(turn):.3g} degrees"
         )
-        other = OTHER_SIDE[side or "over"]
-        hint = (
-            f'wrap = "{other}", another centre, or no wrap: weight or its move then brings it there'
-        )
+        fitting = _sides_that_fit(scene, thread)
+        hint = f'wrap = "{OTHER_SIDE[side or "over"]}"'
+        if fitting and set(fitting) != {names[index]}:
+            hint = "wrap = " + ", ".join(f'"{new}" of {name}' for name, new in fitting.items())
+        hint += ", another centre, or no wrap: weight or its move then brings it there"
         hint += "; crossing = true if the strip crosses itself there"
         return scene.refused(f"rollers.{names[index]}.wrap", side, expected, hint)
     if 0 < index < len(names):
@@ -450,4 +483,8 @@ def _refused(scene: SceneSpec, rollers: Sequence[Roller], error: ValueError) -> 
     centres = {f"rollers.{roller.name}.centre": roller.centre for roller in scene.rollers}
     value = (given | centres)[key]
     expected = f"room for a straight run from {before} to {after}, which overlap"
-    return scene.refused(key, value, expected, "a place further away")
+    large = [roller for roller in rollers if roller.radius > LARGEST_RADIUS]
+    hint = "a place further away"
+    for roller in large[:1]:
+        hint += f", or rollers.{roller.name}.radius = {1e-3 * roller.radius:g} if it is in mm"
+    return scene.refused(key, value, expected, hint)
