@@ -395,7 +395,6 @@ SLIDING_SHARE = 0.5
 """Share of friction from which on strip that sticks nowhere is said to slide.  With less of it
 fibres creep to and fro, as over a crown, and rollers carry the strip all the same."""
 
-
 RUNAWAY_SLIP = 30.0
 """Slip over the largest given speed that no roller of a line has."""
 
@@ -430,10 +429,11 @@ def report(run: Run, told: Collection[str] = ()) -> str:
 def runaway_slips(state: State) -> Iterator[str]:
     """Say which slips are those of a law of friction that no motion balances, no speeds of a line.
 
-    They are of the speeds that rollers and strip have by the end of the stage many times as large.
+    They are many times as large as the speeds that rollers and strip are given in the stage.
     """
-    given = state.plan.controls.at(1.0).items()
-    fastest = max((abs(float(v)) for key, v in given if key.endswith("speed")), default=0.0)
+    given = (state.plan.controls.at(share) for share in (0.0, 1.0))
+    speeds = (abs(float(v)) for at in given for key, v in at.items() if key.endswith("speed"))
+    fastest = max(speeds, default=0.0)
     for name, reading in state.rollers.items():
         if reading.max_slip > RUNAWAY_SLIP * fastest > 0.0:
             yield (

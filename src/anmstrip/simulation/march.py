@@ -226,6 +226,7 @@ class March:
         weighed = self.velocity.any() or np.any(self.course.values.get("gravity", 0.0))
         if stage.gravity is not None and not weighed:
             self._weigh(stage)
+            state = None if state is None else replace(state, full=self.full)
         turning = slice(self.assembly.strip.unknowns, self.assembly.coupled)
         self.full = self.full.copy()
         self.full[turning] = self.velocity[turning]
