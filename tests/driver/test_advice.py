@@ -261,7 +261,7 @@ STOPS: dict[str, tuple[dict[str, Any], str, list[str]]] = {
         merged(SHORT, edges={"entry": {"fixed": ["z"]}}, stages=[test_diagnosis.TENSION]),
         "Nothing holds the strip in x", [],
     ),
-    "round_off": (merged(SHORT, solver={"tolerance": 1e-11}), "near round-off", []),
+    "round_off": (merged(BRIDLE, solver={"tolerance": 1e-10}), "near round-off", []),
     "stiff_strip": (
         changed(("strip.thickness", 4e-3), ("threading.tension", 1200.0)),
         "bends over √(D/T) = 0.99 m", [],
@@ -385,6 +385,16 @@ SUPPORTED = merged(
     ],
     stages=[{"name": "run", "steady": True, "gravity": [0.0, 0.0, -9.81], "strip": {"speed": 1.0}}],
 )
+
+
+def test_tolerances_above_round_off_are_reached() -> None:
+    """A layer at the start of a stage, in which hardly anything moves, asks for no less than that.
+
+    With 1e-6 of the tolerance allowed in it, or 1e-8, steps of one of these became too short.
+    """
+    for tolerance in (2e-10, 1e-11):
+        run = ended(merged(SHORT, solver={"tolerance": tolerance}), most=400)
+        assert run.outcome.done, run.message
 
 
 FURNACE = merged(

@@ -450,7 +450,7 @@ class _Integrator:
         """
         tolerance, answer = self.stepping.tolerance, local
         share = (new - memory.times[0]) / self.stepping.whole
-        share = max(share, float(np.sqrt(np.finfo(float).eps)))  # of layers that hardly move strip
+        share = max(share, np.finfo(float).eps / tolerance)  # less is round-off
         if memory.available == 1 or trial.turned <= tolerance:
             answer = self.answer(trial.resistance(trial.rate * local))
         spreading = self.answer(trial.resistance_in_tangent(trial.rate * local))
