@@ -191,7 +191,8 @@ def longest_quotient(
 ) -> tuple[Branch, float] | None:
     """The rational form of a series, if it meets the tolerance further on than its terms tell.
 
-    Its error is taken for a power of the length, which the lengths that are tried tell.
+    Its error is taken for a power of the length, which the lengths that are tried tell.  None is
+    tried between one that holds and one that does not: round-off would decide on it.
 
     Returns
     -------
@@ -214,7 +215,7 @@ def longest_quotient(
     rung, best, least, power = FIRST_TRIAL, 0, np.inf, series.order + 1.0
     last, last_error = np.inf, np.inf
     found: tuple[Branch, float] | None = None
-    while best < rung < least:
+    while best < rung < least and (found is None or least == np.inf):
         length = min(guess * LENGTH_RATIO**rung, limit)
         if length <= (guess if found is None else found[0].length):
             break
