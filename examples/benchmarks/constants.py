@@ -34,6 +34,8 @@ REMOVED: tuple[tuple[str, str, Any], ...] = (
     (f"{CONTINUATION}.newton", "WIDEST_FRICTION", 1.0),
     (f"{CONTINUATION}.expansion", "SIGNIFICANT_SHARE", 0.5),
     (f"{CONTINUATION}.validity", "FIRST_TRIAL", 0),
+    (f"{CONTINUATION}.validity", "MAX_TRIALS", 100),
+    (f"{CONTINUATION}.validity", "TARGET_SHARE", 0.5),
     (f"{CONTINUATION}.validity", "MATCHED_ORDERS", 1),
     (f"{CONTINUATION}.validity", "LONGEST_QUOTIENT", 2.0),
     (TIME, "STEP_GROWTH", (np.inf,) * 5),

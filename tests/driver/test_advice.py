@@ -252,6 +252,8 @@ PRESS = {"name": "press", "duration": 1.0, "friction": False,
          "rollers": {"r2": {"move": [0.0, 0.0, -0.02]}}}  # fmt: skip
 HEAVY = {"name": "heavy", "duration": 1.0, "friction": False, "gravity": [0.0, 0.0, -9.81]}
 
+PULLED = changed(("stages.1.entry.tension", 1e6), ("stages.1.exit.tension", 1e6))
+
 STOPS: dict[str, tuple[dict[str, Any], str, list[str]]] = {
     "too_many_steps": (
         merged(TURNING, solver={"tolerance": 1e-4, "max_tangents": 20}), "the allowed number", [],
@@ -433,25 +435,25 @@ def test_weight_that_cannot_be_put_on_in_few_states_has_a_stage_of_its_own(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(march, "MAX_WEIGHING_STATES", 1)
-    run = ended(FURNACE)
+    run = ended(SUPPORTED)
     found = re.search(r"own with friction = false and gravity = (\[.*\])\.", run.message)
     assert found, run.message
-    (steady,) = FURNACE["stages"]
+    (steady,) = SUPPORTED["stages"]
     weight = {"name": "weight", "friction": False, "gravity": ast.literal_eval(found[1])}
-    run = ended(merged(FURNACE, stages=[weight, {**steady, "gravity": None}]))
+    run = ended(merged(SUPPORTED, stages=[weight, {**steady, "gravity": None}]))
     assert run.outcome.done, run.message
 
 
 @pytest.mark.slow
 def test_long_elements_are_what_stops_a_line_pulled_a_hundred_times_as_much() -> None:
-    """Its boundary layer becomes shorter than elements of 50 mm; those by default are done."""
-    for pull in (3e5, 1e6):
-        pulled = changed(("stages.1.entry.tension", pull), ("stages.1.exit.tension", pull))
-        coarse = merged(pulled, strip={"refined": 0.05})
-        run = ended(coarse, most=10_000)
-        assert "Elements of" in run.message
-        assert ended(coarse, typed(run.message)).outcome.done
-        assert ended(pulled).outcome.done
+    """Its boundary layer becomes shorter than elements of 40 mm; those by default are done."""
+    coarse = merged(PULLED, strip={"refined": 0.04})
+    run = ended(coarse, most=10_000)
+    assert "Elements of" in run.message
+    assert ended(coarse, typed(run.message)).outcome.done
+    less = ["stages.run.entry.tension=1.5e5", "stages.run.exit.tension=1.5e5"]  # a smaller change
+    assert ended(coarse, less).outcome.done
+    assert ended(PULLED).outcome.done
 
 
 def test_a_mesh_that_is_too_coarse_is_cured(tmp_path: Path) -> None:
