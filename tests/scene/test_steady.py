@@ -794,7 +794,7 @@ def test_slips_that_no_motion_balances_are_marked(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr("anmstrip.driver.explain.RUNAWAY_SLIP", 1.1 * slip)
     assert "no speed of the line" not in report(run)
     monkeypatch.setattr("anmstrip.driver.explain.RUNAWAY_SLIP", 0.9 * slip)
-    assert "Slip on r: beside 1 m/s this is no speed of the line" in report(run)
+    assert "The slip on r is no speed of the line, beside 1 m/s" in report(run)
 
 
 def stopped(**stop: Any) -> dict[str, Any]:

@@ -996,7 +996,8 @@ def lifting_pressure(preview: Preview) -> Iterator[str]:
     T/p, which there is none of for p > 2 T/L, and takes p L/2T of the wrap, a run to an end that is
     free across p L/T.
     """
-    assembly, tension, scene = preview.assembly, preview.tension, preview.assembly.scene
+    scene, tension = preview.assembly.scene, preview.tension
+    radii = {roller.name: roller.radius for roller in scene.rollers}
     for stage, string in zip(scene.course, preview.strings, strict=True):
         pressure, path = stage.pressure or 0.0, string.path
         if not pressure or path is None or tension == 0.0:
@@ -1006,12 +1007,10 @@ def lifting_pressure(preview: Preview) -> Iterator[str]:
         taken = 0.5 * runs
         taken[[0, -1]] *= np.where(free, 2.0, 1.0)
         bounds = [(2.0 * tension / runs.max(), f"a run of {runs.max():.3g} m is no arc of it")]
-        turns = list(string.turns.items())
-        for (name, turn), *beside in zip(turns, taken[:-1], taken[1:], strict=True):
-            (roller,) = (roller for roller in assembly.rollers if roller.name == name)
+        for (name, turn), *beside in zip(string.turns.items(), taken[:-1], taken[1:], strict=True):
             if string.senses[name] == side:
-                what = f"strip leaves roller {name}"
-                bounds.append((tension * min(turn / sum(beside), 1.0 / roller.radius), what))
+                curvature = min(turn / sum(beside), 1.0 / radii[name])
+                bounds.append((tension * curvature, f"strip leaves roller {name}"))
         least, what = min(bounds)
         if abs(pressure) > least:
             key = f"stages.{stage.name}.pressure"

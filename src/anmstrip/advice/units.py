@@ -18,8 +18,9 @@ from anmstrip.scene.schema import SceneSpec
 from anmstrip.simulation.defaults import largest_force, regularising_speed
 from anmstrip.simulation.meshing import MAX_LYING_TURN
 from anmstrip.simulation.problem import Assembly
+from anmstrip.simulation.threading import LARGEST_RADIUS
 
-LARGEST_IN_LINES = {"m": 20.0, "m/s": 100.0}
+LARGEST_IN_LINES = {"m": LARGEST_RADIUS, "m/s": 100.0}
 """Widths, radii and speeds in a line beyond which another unit was meant."""
 
 MAX_LINE_STRESS = 500.0

@@ -427,7 +427,7 @@ def report(run: Run, told: Collection[str] = ()) -> str:
 
 
 def runaway_slips(state: State) -> Iterator[str]:
-    """Say which slips are those of a law of friction that no motion balances, no speeds of a line.
+    """Yield slips that are no speeds of a line: friction holds the strip at none.
 
     They are many times as large as the speeds that rollers and strip are given in the stage.
     """
@@ -437,8 +437,8 @@ def runaway_slips(state: State) -> Iterator[str]:
     for name, reading in state.rollers.items():
         if reading.max_slip > RUNAWAY_SLIP * fastest > 0.0:
             yield (
-                f"Slip on {name}: beside {fastest:.3g} m/s this is no speed of the line. Friction "
-                "does not hold the strip there: its law asks for ever faster slip to balance it."
+                f"The slip on {name} is no speed of the line, beside {fastest:.3g} m/s: friction "
+                "does not hold the strip there, whatever the slip."
             )
 
 

@@ -199,8 +199,13 @@ class State:
     @cached_property
     def principal_forces(self) -> Array:
         """Membrane forces (N/m), ascending, at the quadrature points, shape (points, d)."""
+        return principal_values(self.membrane_forces)
+
+    @cached_property
+    def membrane_forces(self) -> Array:
+        """Membrane forces (N/m) at the quadrature points, shape (d, d, points)."""
         assert self.membrane is not None
-        return principal_values(self.membrane.at(self.full, self.controls))
+        return self.membrane.at(self.full, self.controls)
 
     @cached_property
     def imbalance(self) -> Array:

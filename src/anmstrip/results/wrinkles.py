@@ -101,8 +101,6 @@ def free_spans(state: State) -> Iterator[Span]:
     arcs = sorted((*(contact.arc + reach), name) for name, contact in touched)
     stations = [(*2 * ends[:1], "the entry"), *arcs, (*2 * ends[1:], "the exit")]
     (positions, fibres, _), weights = quadrature_points(strip), strip.weights().ravel()
-    assert state.membrane is not None
-    membrane = state.membrane.at(state.full, state.controls)
     for (_, start, before), (end, _, after) in pairwise(stations):
         if start >= end:
             continue
@@ -124,7 +122,7 @@ def free_spans(state: State) -> Iterator[Span]:
         pressure = np.where(inside, np.maximum(-low, 0.0), 0.0)
         mean = np.average(pressure[fibre], weights=weights[fibre])
         borne = bearable_compression(d, q, max(high[worst], 0.0))
-        n, part = membrane[..., worst], 0.0
+        n, part = state.membrane_forces[..., worst], 0.0
         if n[0, 0] < n[1, 1] and share < 1.0 - COMPRESSED_SHARE:  # the rest of the width holds it
             edge = np.abs(fibres[worst]) > 0.5 * strip.width * (1.0 - COMPRESSED_SHARE)
             part = band_compression(d, float(share) * strip.width, edge=bool(edge))
@@ -429,7 +427,7 @@ def buckling(state: State, count: int, solver: LinearSolver | None = None) -> tu
     equations = Equilibrium(model, replace(plan.supports, free=free), plan.controls)
     tangent = equations.recurrence(state.full[free], state.control, 1).tangent()
     assert state.membrane is not None
-    forces = state.membrane.at(state.full, state.controls)
+    forces = state.membrane_forces
     growth = state.controls.get("strip.growth", 1.0)
     blocks = compressive_stiffness(state.membrane, forces, model.pattern, model.others, growth)
     if not blocks.pairs.any():  # nothing is compressed

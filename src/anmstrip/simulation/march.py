@@ -217,6 +217,7 @@ class March:
                 plan = self.course.plan(stage, reactions, self.full)
         if self.reached is None and not np.any(self.full):
             self.slack = plan.pulls_slack_strip
+        # where nothing else comes, states in between are drawn as if the pull grew
         return plan.pulled if self.slack and plan.pulled.controls.slope else plan
 
     def _begin_steady(self, stage: StageSpec, state: State | None) -> None:
