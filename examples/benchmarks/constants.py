@@ -33,6 +33,7 @@ REMOVED: tuple[tuple[str, str, Any], ...] = (
     (f"{CONTINUATION}.equations", "NEGLIGIBLE_SHARE", 0.1),
     (f"{CONTINUATION}.newton", "WIDEST_FRICTION", 1.0),
     (f"{CONTINUATION}.expansion", "SIGNIFICANT_SHARE", 0.5),
+    (f"{CONTINUATION}.validity", "LENGTH_RATIO", 1.0001),
     (f"{CONTINUATION}.validity", "FIRST_TRIAL", 0),
     (f"{CONTINUATION}.validity", "MAX_TRIALS", 100),
     (f"{CONTINUATION}.validity", "TARGET_SHARE", 0.5),
@@ -51,7 +52,6 @@ ELSEWHERE = {
         "TINY",
         "LARGEST_COEFFICIENT",
         "DENOMINATOR_DAMPING",
-        "LENGTH_RATIO",
     ),
     "speed alone": ("BLOCK_ROWS",),
     "paths without time": (
