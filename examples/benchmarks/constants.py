@@ -42,6 +42,7 @@ REMOVED: tuple[tuple[str, str, Any], ...] = (
     (TIME, "STEP_GROWTH", (np.inf,) * 5),
     (TIME, "MIN_BALANCING_SHARE", 0.0),
     (TIME, "SHORTEST_BRANCH", 1e-6),
+    (TIME, "MIN_ERROR_SHARE", 0.0),
     (TIME, "MAX_STEP_BRANCHES", 10**6),
     (TIME, "MAX_RETRY_RATIO", 1e3),
 )

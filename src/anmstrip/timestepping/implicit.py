@@ -68,6 +68,11 @@ stretch of λ it asks for fast motion there, so that the stretches shrank for go
 not stop so take as many tangents without it.
 """
 
+MIN_ERROR_SHARE = 1e-6
+"""Of the tolerance, that any step may add: a layer at the start of a long stage, in which the
+velocity changes at once and hardly anything moves, need not be resolved.  Without it strip on the
+examples' tower that is let go for 100 s stalls at a tolerance of 1e-6."""
+
 SNAP_TOLERANCE = 1e-4
 """Least error in time of a snap: its way depends on the drag, only where it rests does not."""
 
@@ -450,7 +455,7 @@ class _Integrator:
         """
         tolerance, answer = self.stepping.tolerance, local
         share = (new - memory.times[0]) / self.stepping.whole
-        share = max(share, np.finfo(float).eps / tolerance)  # less is round-off
+        share = max(share, MIN_ERROR_SHARE, np.finfo(float).eps / tolerance)  # less is round-off
         if memory.available == 1 or trial.turned <= tolerance:
             answer = self.answer(trial.resistance(trial.rate * local))
         spreading = self.answer(trial.resistance_in_tangent(trial.rate * local))
