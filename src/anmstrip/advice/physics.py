@@ -994,31 +994,42 @@ def lifting_pressure(preview: Preview) -> Iterator[str]:
 
     Strip on the roller is lifted for p > T/r.  A run of length L beside it is an arc of the radius
     T/p, which there is none of for p > 2 T/L, and takes p L/2T of the wrap, a run to an end that is
-    free across p L/T.
+    free across p L/T.  Weight across a run counts against p, or with it.
     """
     scene, tension = preview.assembly.scene, preview.tension
+    mass = preview.assembly.material.density * preview.assembly.strip.thickness
     radii = {roller.name: roller.radius for roller in scene.rollers}
-    for stage, string in zip(scene.course, preview.strings, strict=True):
+    for stage, plan, string in zip(scene.course, preview.plans, preview.strings, strict=True):
         pressure, path = stage.pressure or 0.0, string.path
         if not pressure or path is None or tension == 0.0:
             continue
-        runs, side = np.diff(path.starts[:, 0])[::2], "over" if pressure > 0.0 else "under"
+        runs, sense = np.diff(path.starts[:, 0])[::2], np.sign(pressure)
+        side = "over" if sense > 0.0 else "under"
+        heading, (gx, _, gz) = path.angles[::2, 0], plan.controls.at(1.0).get("gravity", NO_WEIGHT)
+        against = -sense * mass * (gz * np.cos(heading) - gx * np.sin(heading))
         free = [not (e := scene.edges.get(end)) or "z" not in e.fixed for end in ENDS]
         taken = 0.5 * runs
         taken[[0, -1]] *= np.where(free, 2.0, 1.0)
-        bounds = [(2.0 * tension / runs.max(), f"a run of {runs.max():.3g} m is no arc of it")]
-        for (name, turn), *beside in zip(string.turns.items(), taken[:-1], taken[1:], strict=True):
+        arcs = 2.0 * tension / runs + against
+        bounds = [(arcs.min(), f"a run of {runs[arcs.argmin()]:.3g} m is no arc of it")]
+        for i, (name, turn) in enumerate(string.turns.items()):
             if string.senses[name] == side:
-                curvature = min(turn / sum(beside), 1.0 / radii[name])
-                bounds.append((tension * curvature, f"strip leaves roller {name}"))
+                beside, weight = taken[i : i + 2], against[i : i + 2]
+                turned = (tension * turn + beside @ weight) / beside.sum()
+                bounds.append((min(turned, tension / radii[name] + weight.mean()), name))
         least, what = min(bounds)
         if abs(pressure) > least:
             key = f"stages.{stage.name}.pressure"
-            safe = np.copysign(two_digits(SAFE_ANGLE_SHARE * least, np.floor), pressure)
-            yield (
+            what = f"strip leaves roller {what}" if what in radii else what
+            found = (
                 f"{key} = {pressure:g} bends strip under {tension:.3g} N/m to a radius of "
-                f"{tension / abs(pressure):.2g} m: {what}. Try --set {key}={safe:g}"
+                f"{tension / abs(pressure):.2g} m: {what}"
             )
+            if least <= 0.0:
+                yield f"{found}, which it hardly wraps"
+            else:
+                safe = sense * two_digits(SAFE_ANGLE_SHARE * least, np.floor)
+                yield f"{found}. Try --set {key}={safe:g}"
             return
 
 

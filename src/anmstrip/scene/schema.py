@@ -77,13 +77,9 @@ class SceneSpec(Table):
     """the strip, a table (m)"""
     material: MaterialSpec = Field(examples=["[material]\nyoung = 2.0e11\npoisson = 0.3"])
     """the material, a table (Pa)"""
-    contact: ContactSpec | None = Field(
-        None, examples=["[contact]\nstiffness = 1.0e10\neta = 10.0\ndelta = 1.0e-3"]
-    )
+    contact: ContactSpec | None = Field(None, examples=["[contact]"])
     """contact with the rollers, a table (Pa, m)"""
-    friction: FrictionSpec | None = Field(
-        None, examples=["[friction]\ncoefficient = 0.3\nspeed = 1.0"]
-    )
+    friction: FrictionSpec | None = Field(None, examples=["[friction]\ncoefficient = 0.3"])
     """friction on the rollers, a table (1, m/s)"""
     threading: ThreadingSpec | None = Field(None, examples=["[threading]\ntension = 1.0e4"])
     """how the strip is laid around the rollers, a table (N/m, m)"""
