@@ -1005,7 +1005,8 @@ def lifting_pressure(preview: Preview) -> Iterator[str]:
             continue
         runs, sense = np.diff(path.starts[:, 0])[::2], np.sign(pressure)
         side = "over" if sense > 0.0 else "under"
-        heading, (gx, _, gz) = path.angles[::2, 0], plan.controls.at(1.0).get("gravity", NO_WEIGHT)
+        heading = path.angles[::2, 0]
+        gx, _, gz = plan.controls.at(1.0).get("gravity", np.zeros(3))
         against = -sense * mass * (gz * np.cos(heading) - gx * np.sin(heading))
         free = [not (e := scene.edges.get(end)) or "z" not in e.fixed for end in ENDS]
         taken = 0.5 * runs
