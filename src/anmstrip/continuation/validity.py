@@ -209,32 +209,26 @@ def longest_quotient(
 
     None where the quotient does not meet it, or the series itself arrives.
     """
-    guess, reach = guessed_range(equations, series, tolerance, reach)
-    if series.order < 3 or guess >= reach:
+    guess, near = guessed_range(equations, series, tolerance, reach)
+    if series.order < 3 or guess >= near:
         return None
-    quotient, limit = as_quotient(equations, series.cut(guess)), LONGEST_QUOTIENT * guess
-    limit = min(reach, limit)
+    quotient = as_quotient(equations, series.cut(guess))
     if quotient is None:
         return None
-    pole = first_root(quotient.denominator, limit)
-    limit = limit if pole is None else pole / LENGTH_RATIO
-    rung, best, least, power = FIRST_TRIAL, 0, np.inf, series.order + 1.0
-    last, last_error = np.inf, np.inf
     found: tuple[Branch, float] | None = None
-    for _ in range(MAX_TRIALS):
-        length = min(guess * LENGTH_RATIO**rung, limit)
-        if not best < rung < least or length <= (guess if found is None else found[0].length):
-            break
-        error, imbalance = residual_error(equations, quotient, length, cost, tolerance)
+    pole = first_root(quotient.denominator, LONGEST_QUOTIENT * guess) or LONGEST_QUOTIENT * guess
+    rungs = np.arange(1, np.log(LONGEST_QUOTIENT) / np.log(LENGTH_RATIO))
+    lengths = guess * LENGTH_RATIO**rungs
+    lengths = lengths[(lengths < pole) & (lengths < (near if near < reach else np.inf))]
+    lengths = np.unique(np.minimum(lengths, reach))
+    holds, fails = -1, len(lengths)
+    while fails - holds > 1:
+        tried = (holds + fails) // 2
+        error, imbalance = residual_error(equations, quotient, lengths[tried], cost, tolerance)
         if error <= tolerance:
-            found, best = (quotient.cut(length), imbalance), rung
+            found, holds = (quotient.cut(lengths[tried]), imbalance), tried
         else:
-            least = rung
-        if length != last and 0.0 < error < np.inf and 0.0 < last_error < np.inf:
-            power = max(float(np.log(error / last_error) / np.log(length / last)), 1.0)
-        last, last_error = length, error
-        growth = np.log(TARGET_SHARE * tolerance / max(error, TINY)) / power
-        rung += int(np.floor(np.clip(growth, -np.log(2.0), np.log(2.0)) / np.log(LENGTH_RATIO)))
+            fails = tried
     return found
 
 
