@@ -29,7 +29,7 @@ class Parameter:
     reach: float = np.inf  # largest a of interest; orders that are not seen there are left out
     arclength: bool = False  # follow pseudo-arclength instead of the control
     forward: tuple[Array, float] | None = None  # direction (u, λ) of travel so far, on an arc
-    ahead: float = 0.0  # change of the control that is left, on an arc
+    ahead: float = 0.0  # change of the control that is left; on an arc
 
 
 def expand(
@@ -64,8 +64,8 @@ def expand(
     tolerance : float
         Largest imbalance that is wanted.  Where two successive orders would leave
         less than a tenth of it at ``parameter.reach``, the series ends.  An initial
-        imbalance above it is taken away over the whole reach, a smaller one up to
-        a = 1, or as far as ``parameter.unhurried`` says.
+        imbalance is taken away over the whole reach; on an arc up to a = 1, and a
+        small one over what the tangent tells of the way to ``parameter.ahead``.
     cost : Cost, optional
         Counters to add to.
 

@@ -12,7 +12,6 @@ from scipy.linalg import lapack
 
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import (
-    TINY,
     Cost,
     Equations,
     Evidence,
@@ -162,18 +161,7 @@ def without_progression(equations: Equations, branch: Branch) -> Branch:
 
 LENGTH_RATIO = 1.05
 """Lengths that are tried are powers of this, times that of the series: what round-off changes in
-an error does not change them."""
-
-FIRST_TRIAL = 10
-"""Rung that is tried first: most quotients hold up to there.  From 0 the coarse capstan takes 82
-tangents instead of 58, the bridle 317 instead of 253."""
-
-MAX_TRIALS = 4
-"""Lengths that are tried."""
-
-TARGET_SHARE = 0.7
-"""Share of the tolerance that the next one aims at.  With half of it conveying takes 354 tangents
-instead of 322."""
+an error does not change them.  Only the end of the path is one of its own."""
 
 MATCHED_ORDERS = 4
 """Orders of the product that are to vanish.  With one, the bridle takes 271 tangents,
@@ -198,7 +186,7 @@ def longest_quotient(
 ) -> tuple[Branch, float] | None:
     """The rational form of a series, if it meets the tolerance further on than its terms tell.
 
-    Its error is taken for a power of the length, which the lengths that are tried tell.
+    Its length is sought by bisection, as if errors grew with the length.
 
     Returns
     -------
@@ -209,18 +197,17 @@ def longest_quotient(
 
     None where the quotient does not meet it, or the series itself arrives.
     """
-    guess, near = guessed_range(equations, series, tolerance, reach)
-    if series.order < 3 or guess >= near:
+    guess, reach = guessed_range(equations, series, tolerance, reach)
+    if series.order < 3 or guess >= reach:
         return None
-    quotient = as_quotient(equations, series.cut(guess))
+    quotient, longest = as_quotient(equations, series.cut(guess)), LONGEST_QUOTIENT * guess
     if quotient is None:
         return None
-    found: tuple[Branch, float] | None = None
-    pole = first_root(quotient.denominator, LONGEST_QUOTIENT * guess) or LONGEST_QUOTIENT * guess
+    pole = first_root(quotient.denominator, longest) or longest
     rungs = np.arange(1, np.log(LONGEST_QUOTIENT) / np.log(LENGTH_RATIO))
     lengths = guess * LENGTH_RATIO**rungs
-    lengths = lengths[(lengths < pole) & (lengths < (near if near < reach else np.inf))]
-    lengths = np.unique(np.minimum(lengths, reach))
+    lengths = np.unique(np.minimum(lengths[lengths < pole], reach))
+    found: tuple[Branch, float] | None = None
     holds, fails = -1, len(lengths)
     while fails - holds > 1:
         tried = (holds + fails) // 2
