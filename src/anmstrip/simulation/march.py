@@ -374,13 +374,14 @@ class March:
             if not _many(pace):
                 for step in self._path(equations, u, settings):
                     yield step
-                    u, pace = step.branch.end[0], step.pace
-                    if _many(pace):
+                    if not step.pace.arclength:  # no limit point ahead
+                        u, pace = step.branch.end[0], step.pace
+                    if _many(step.pace):
                         break
                 else:
                     return
         except PathStopped as stopped:
-            if stopped.outcome is not Outcome.STALLED:
+            if stopped.outcome not in (Outcome.STALLED, Outcome.FOLD):
                 raise
             stalled = stopped
         found = self._narrowed(equations, u, pace.control, settings)
