@@ -26,4 +26,4 @@ def test_every_constant_of_a_step_is_removed_or_said_to_be_for_something_else() 
     others = set(chain.from_iterable(constants.ELSEWHERE.values()))
     assert not removed & others
     assert removed | others == set().union(*map(numbers, constants.MODULES))
-    assert len(removed) == len(constants.REMOVED) <= 16
+    assert len(removed) == len(constants.REMOVED) <= 12

@@ -448,12 +448,14 @@ def test_weight_that_cannot_be_put_on_in_few_states_has_a_stage_of_its_own(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(march, "MAX_WEIGHING_STATES", 1)
-    run = ended(SUPPORTED)
+    heavy = [{**r, "bearing": 4.0 * r["bearing"]} for r in SUPPORTED["rollers"]]
+    scene = merged(SUPPORTED, rollers=heavy)
+    run = ended(scene)
     found = re.search(r"own with friction = false and gravity = (\[.*\])\.", run.message)
     assert found, run.message
     (steady,) = SUPPORTED["stages"]
     weight = {"name": "weight", "friction": False, "gravity": ast.literal_eval(found[1])}
-    run = ended(merged(SUPPORTED, stages=[weight, {**steady, "gravity": None}]))
+    run = ended(merged(scene, stages=[weight, {**steady, "gravity": None}]))
     assert run.outcome.done, run.message
 
 

@@ -211,7 +211,7 @@ def test_errors_in_time_are_carried_across_corners_of_friction(tmp_path: Path) -
 def test_a_path_without_rates_is_off_by_what_the_last_step_left(tmp_path: Path) -> None:
     """Newton's method finds it to all digits."""
     scene = scenes.PLATE
-    loose = run(scene, tmp_path / "loose", "solver.tolerance=1e-3")
+    loose = run(scene, tmp_path / "loose", "solver.tolerance=0.1")
     best = run(scene, tmp_path / "best", "solver.tolerance=1e-10")
     true, found = truth(loose, best), loose.summary["errors"]
     assert found["time"] is None

@@ -42,9 +42,6 @@ down to this share of the shortest.  It has no effect on paths of steps in time.
 0.5 mm that hangs over 30 m without tension bends by its thickness under 1e-8 of its weight; it is
 hung in 27 tangents."""
 
-LONG_PATH = 20
-"""Branches after which a path is long."""
-
 
 @dataclass(frozen=True)
 class Settings:
@@ -57,8 +54,6 @@ class Settings:
     arclength: bool = False  # start with arclength at once
     give_way: bool = True  # change to arclength where steps in the control keep shrinking
     rational: bool = False  # let branches go on as quotients of polynomials
-    unhurried: float = 0.0  # least share of the way ahead that takes a small imbalance away
-    calmly: float = 0.0  # least share of the whole way that does so on a long path
     backwards: float = 1.0  # share of the whole way that the path may turn back before its start
 
 
@@ -167,16 +162,13 @@ class _Follower:
     def step(self, u: Array, pace: Pace) -> PathStep:
         """Expand, validate, and adapt."""
         settings, remaining = self.settings, self.target - pace.control
-        unhurried = settings.unhurried * abs(remaining)
-        if pace.taken >= LONG_PATH:
-            unhurried = max(unhurried, settings.calmly * abs(self.target - self.start))
         arclength = pace.arclength or (settings.give_way and _nears_limit_point(pace.shrinking))
         if arclength:
             forward = pace.forward or (np.zeros_like(u), self.target - self.start)
-            parameter = Parameter(pace.last, np.inf, True, forward, unhurried)
+            parameter = Parameter(pace.last, np.inf, True, forward, abs(remaining))
         else:
             scale = np.copysign(min(pace.last, abs(remaining)), remaining)
-            parameter = Parameter(scale, remaining / scale, unhurried=unhurried)
+            parameter = Parameter(scale, remaining / scale)
         try:
             branch = expand(
                 self.equations, u, pace.control, order=settings.order, solver=self.solver,

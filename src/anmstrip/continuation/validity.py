@@ -12,7 +12,6 @@ from scipy.linalg import lapack
 
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import (
-    TINY,
     Cost,
     Equations,
     Evidence,
@@ -162,18 +161,7 @@ def without_progression(equations: Equations, branch: Branch) -> Branch:
 
 LENGTH_RATIO = 1.05
 """Lengths that are tried are powers of this, times that of the series: what round-off changes in
-an error does not change them."""
-
-FIRST_TRIAL = 10
-"""Rung that is tried first: most quotients hold up to there.  From 0 the coarse capstan takes 82
-tangents instead of 58, the bridle 317 instead of 253."""
-
-MAX_TRIALS = 4
-"""Lengths that are tried."""
-
-TARGET_SHARE = 0.7
-"""Share of the tolerance that the next one aims at.  With half of it conveying takes 354 tangents
-instead of 322."""
+an error does not change them.  Only the end of the path is one of its own."""
 
 MATCHED_ORDERS = 4
 """Orders of the product that are to vanish.  With one, the bridle takes 271 tangents,
@@ -198,7 +186,7 @@ def longest_quotient(
 ) -> tuple[Branch, float] | None:
     """The rational form of a series, if it meets the tolerance further on than its terms tell.
 
-    Its error is taken for a power of the length, which the lengths that are tried tell.
+    Its length is sought by bisection, as if errors grew with the length.
 
     Returns
     -------
@@ -212,29 +200,22 @@ def longest_quotient(
     guess, reach = guessed_range(equations, series, tolerance, reach)
     if series.order < 3 or guess >= reach:
         return None
-    quotient, limit = as_quotient(equations, series.cut(guess)), LONGEST_QUOTIENT * guess
-    limit = min(reach, limit)
+    quotient, longest = as_quotient(equations, series.cut(guess)), LONGEST_QUOTIENT * guess
     if quotient is None:
         return None
-    pole = first_root(quotient.denominator, limit)
-    limit = limit if pole is None else pole / LENGTH_RATIO
-    rung, best, least, power = FIRST_TRIAL, 0, np.inf, series.order + 1.0
-    last, last_error = np.inf, np.inf
+    pole = first_root(quotient.denominator, longest) or longest
+    rungs = np.arange(1, np.log(LONGEST_QUOTIENT) / np.log(LENGTH_RATIO))
+    lengths = guess * LENGTH_RATIO**rungs
+    lengths = np.unique(np.minimum(lengths[lengths < pole], reach))
     found: tuple[Branch, float] | None = None
-    for _ in range(MAX_TRIALS):
-        length = min(guess * LENGTH_RATIO**rung, limit)
-        if not best < rung < least or length <= (guess if found is None else found[0].length):
-            break
-        error, imbalance = residual_error(equations, quotient, length, cost, tolerance)
+    holds, fails = -1, len(lengths)
+    while fails - holds > 1:
+        tried = (holds + fails) // 2
+        error, imbalance = residual_error(equations, quotient, lengths[tried], cost, tolerance)
         if error <= tolerance:
-            found, best = (quotient.cut(length), imbalance), rung
+            found, holds = (quotient.cut(lengths[tried]), imbalance), tried
         else:
-            least = rung
-        if length != last and 0.0 < error < np.inf and 0.0 < last_error < np.inf:
-            power = max(float(np.log(error / last_error) / np.log(length / last)), 1.0)
-        last, last_error = length, error
-        growth = np.log(TARGET_SHARE * tolerance / max(error, TINY)) / power
-        rung += int(np.floor(np.clip(growth, -np.log(2.0), np.log(2.0)) / np.log(LENGTH_RATIO)))
+            fails = tried
     return found
 
 

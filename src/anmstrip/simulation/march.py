@@ -43,7 +43,7 @@ from anmstrip.scene.tables import THREADING
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course, uniform_stretch
 from anmstrip.timestepping.formulas import Errors, Memory, TimeStep, start_memory
-from anmstrip.timestepping.implicit import MIN_BALANCING_SHARE, Stepping, integrate, settle
+from anmstrip.timestepping.implicit import Stepping, integrate, settle
 
 if TYPE_CHECKING:
     from anmstrip.results.events import Event
@@ -81,11 +81,6 @@ takes 105 tangents at V_c = 1e-8 m/s, not 76."""
 
 MAX_WEIGHING_STATES = 200
 """States in which weight is put on strip before it runs; four supports 25 m apart take 141."""
-
-MIN_RELAXATION_SHARE = 0.1
-"""Least share of a steady stage over which a small imbalance is taken away where its path is long:
-friction on a corner would answer to a shorter one with slip.  Without it a shell of two rollers
-takes more than 290 tangents.  Strip that yields remembers: its tension would be wrong by 1 %."""
 
 MAX_MOVING_IMBALANCE = 0.1
 """Imbalance of a state in time, seen as a stationary one, from which a steady stage begins anew.
@@ -328,10 +323,7 @@ class March:
         if imbalance < LARGEST_PATH_IMBALANCE:  # not of a guess
             floor = equations.round_off(u, begun)
         tolerance = max(settings.tolerance, floor)
-        calmly = MIN_RELAXATION_SHARE if plan.steady and self.assembly.flow is None else 0.0
-        settings = replace(
-            settings, tolerance=tolerance, unhurried=MIN_BALANCING_SHARE, calmly=calmly
-        )
+        settings = replace(settings, tolerance=tolerance)
         if self.assembly.thread is not None:  # an arch may ask for less than nothing, a line not
             settings = replace(settings, backwards=0.0)
         for step in (self._settled if plan.steady else self._path)(equations, u, settings):
@@ -382,13 +374,14 @@ class March:
             if not _many(pace):
                 for step in self._path(equations, u, settings):
                     yield step
-                    u, pace = step.branch.end[0], step.pace
-                    if _many(pace):
+                    if not step.pace.arclength:  # no limit point ahead
+                        u, pace = step.branch.end[0], step.pace
+                    if _many(step.pace):
                         break
                 else:
                     return
         except PathStopped as stopped:
-            if stopped.outcome is not Outcome.STALLED:
+            if stopped.outcome not in (Outcome.STALLED, Outcome.FOLD):
                 raise
             stalled = stopped
         found = self._narrowed(equations, u, pace.control, settings)

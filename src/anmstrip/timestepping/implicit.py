@@ -60,14 +60,6 @@ Grande & Grigorieff, *On the zero stability of the variable order variable steps
 BDF-formulas*, Numer. Math. 57, 1990).
 """
 
-MIN_BALANCING_SHARE = 0.03
-"""Share of what is left of a step over which a small imbalance is taken away at least.
-
-Friction of faint pressure cannot carry what the tolerance leaves: taken away within a short
-stretch of λ it asks for fast motion there, so that the stretches shrank for good.  Scenes that do
-not stop so take as many tangents without it.
-"""
-
 MIN_ERROR_SHARE = 1e-6
 """Of the tolerance, that any step may add: a layer at the start of a long stage, in which the
 velocity changes at once and hardly anything moves, need not be resolved.  Without it strip on the
@@ -321,7 +313,6 @@ class _Integrator:
             shortest=shortest,
             give_way=False,
             rational=rational,
-            unhurried=MIN_BALANCING_SHARE,
         )
         ways: dict[str, Any] = {"solver": self.solver, "settings": settings, "cost": self.cost}
         return self.stepping.follow(equations, u, **ways)
