@@ -180,6 +180,8 @@ class FieldSampler:
             stretch = np.linalg.norm(tangents[:, 0], axis=0)
             bent = moments[0] * curvature[0] + moments[2] * curvature[2]
             tension = membrane[0] * stretch + bent / stretch
+            missing = self._missing(state, tension)
+            tension, membrane[0] = tension + missing, membrane[0] + missing / stretch
         t = self.strip.thickness
         sx, sy, sxy = membrane / t + 6.0 * moments / t**2
         mises = layers.get("equivalent", np.sqrt(sx**2 - sx * sy + sy**2 + 3.0 * sxy**2))
@@ -193,6 +195,36 @@ class FieldSampler:
             "mean_curvature": self._average(0.5 * (curvature[0] + curvature[1])),
             "normal": self._average(normal),
         }
+
+    def _missing(self, state: Readable, tension: Array) -> Array:
+        """What a tension lacks of that in equilibrium, on the mean over the width.
+
+        Shape (elements, points), as ``tension``.
+        """
+        if (found := state.tensions) is None:
+            return np.zeros_like(tension)
+        places, number, mean = self.stations
+        missing = np.interp(places, *found) - mean @ tension.ravel()
+        return np.asarray(missing[number].reshape(tension.shape))
+
+    @cached_property
+    def stations(self) -> tuple[Array, Index, csr_matrix]:
+        """Reference x (m) of the lines of points across, that of every point of every element.
+
+        And the matrix of means over the width, (lines, elements · points).
+        """
+        x, *y = self.strip.basis.mapping.F(self.local)
+        sizes, weights = self.strip.cell_sizes, np.ones(x.size)
+        unit = 1e-6 * sizes[0].min()
+        places, number = np.unique(np.round(x.ravel() / unit), return_inverse=True)
+        if self.kind == "quad":  # those that integrate polynomials across an element
+            inside = (y[0] - y[0].min(axis=1, keepdims=True)) / sizes[1][:, None]
+            across, line = np.unique(np.round(inside.ravel(), 6), return_inverse=True)
+            powers = np.arange(len(across))
+            shares = np.linalg.solve(across ** powers[:, None], 1.0 / (powers + 1.0))
+            weights = np.repeat(sizes[1], x.shape[1]) * shares[line]
+        weights /= np.bincount(number, weights)[number]
+        return unit * places, number, csr_matrix((weights, (number, np.arange(x.size))))
 
     def layer_fields(self, state: Readable) -> dict[str, Array]:
         """Return N and M (xx, yy, xy) of plastic strains, and what is read off the layers."""

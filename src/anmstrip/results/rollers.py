@@ -558,6 +558,10 @@ class Readable(Protocol):
         """Membrane of the strip; a plate has none."""
 
     @property
+    def tensions(self) -> tuple[Array, Array] | None:
+        """Reference x (m) and mean tension (N/m) there, by equilibrium, where that tells them."""
+
+    @property
     def plasticity(self) -> Plasticity | None:
         """Plastic strains, of strip that can yield."""
 

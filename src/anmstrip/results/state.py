@@ -13,7 +13,7 @@ from anmstrip.arrays import Array, Index
 from anmstrip.continuation.path import Branch
 from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import nearest
-from anmstrip.fem.sampling import quadrature_points
+from anmstrip.fem.sampling import quadrature_points, shape_of
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.loads import FollowerLoad
 from anmstrip.mechanics.shell import Membrane, principal_values
@@ -32,6 +32,10 @@ if TYPE_CHECKING:
     from anmstrip.mechanics.contact import Contact, Friction
     from anmstrip.mechanics.plasticity import Plasticity
     from anmstrip.timestepping.formulas import TimeStep
+
+
+STRIP_EFFECTS = ("membrane", "bending", "plasticity")
+"""Effects that are forces of the strip itself."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -200,6 +204,35 @@ class State:
     def principal_forces(self) -> Array:
         """Membrane forces (N/m), ascending, at the quadrature points, shape (points, d)."""
         return principal_values(self.membrane_forces)
+
+    @cached_property
+    def tensions(self) -> tuple[Array, Array] | None:
+        """Reference x (m) and mean tension (N/m) there, at the ends and amid elements, (n,) each.
+
+        The strip's own forces on all nodes before a section add up to the force on it, whatever
+        acts on them; the tension is its component along the strip.  It is in equilibrium where the
+        forces of the strains swing.  None of a plate, and where nodes do not stand in lines.
+        """
+        model = self.plan.model
+        strip = model.strip
+        number = strip.lines[1]
+        if self.membrane is None or shape_of(strip) == "triangle" or np.ptp(np.bincount(number)):
+            return None
+        own = [effect for effect in model.effects if effect.name in STRIP_EFFECTS]
+        forces = sum(
+            effect.force(self.full, self.velocity, self.controls)[: strip.unknowns]
+            for effect in own
+        )
+        values = strip.kinematics.embed(strip.nodal(np.asarray(forces))[strip.dofs("u")].T)
+        before = np.stack([np.bincount(number, part) for part in values]).cumsum(axis=1)[:, :-1]
+        (lines, moved), (_, slopes) = (self.lines_across(name) for name in ("u", "u_x"))
+        lengths = np.diff(lines)
+        along = 1.5 * np.diff(moved, axis=0) / lengths[:, None] - 0.25 * (slopes[1:] + slopes[:-1])
+        along += np.array([1.0, 0.0, 0.0])
+        along /= np.linalg.norm(along, axis=1)[:, None]
+        inside = -np.einsum("ai,ia->i", before, along) / strip.width
+        places = np.concatenate([lines[:1], lines[:-1] + 0.5 * lengths, lines[-1:]])
+        return places, np.array([self.tension("entry"), *inside, self.tension("exit")])
 
     @cached_property
     def membrane_forces(self) -> Array:
