@@ -137,7 +137,7 @@ def controls_of_drives(rollers: Rollers, stages: Stages, friction: Friction) -> 
     for name, kind in drive.items():
         if kind != "speed" and friction is None:
             expected = '"speed", since without a table [friction] nothing turns the roller'
-            hint = "[friction]\ncoefficient = 0.2\nspeed = 1.0e-4"
+            hint = "[friction]\ncoefficient = 0.2"
             yield Mistake("", f"rollers.{name}.drive", kind, expected, hint)
     for stage in stages:
         for name, control in stage.rollers.items():
