@@ -93,6 +93,18 @@ def test_an_interrupted_study_goes_on(tmp_path: Path, monkeypatch: pytest.Monkey
     assert ", errors of the mesh left out; " in again.advice()
 
 
+def test_a_looser_tolerance_is_not_proposed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Though its error is smaller, as that of a short stage may happen to be."""
+    study = Accuracy(tiny(), ["tolerance"], directory=tmp_path)
+    given = {"along": "tolerance", "element": 0.1, "seconds": 1.0, "tangents": 10}
+    errors = {1e-2: 1e-3, study.scene.solver.tolerance: 1.0, 1e-6: 1e-2}
+    rows = [{**given, "value": value, "true_tension": error} for value, error in errors.items()]
+    monkeypatch.setattr(study, "results", lambda: iter(rows))
+    assert "a tenth of that, by a tolerance of 1e-06" in study.advice()
+
+
 def test_scenes_that_stop_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "COMPARED_TOLERANCES", (1e-3,))
     study = Accuracy(tiny("solver.max_tangents=3"), ["tolerance"], directory=tmp_path)
