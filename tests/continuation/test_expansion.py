@@ -120,13 +120,14 @@ def test_initial_imbalance_is_carried_and_gone_at_the_end(reach):
         assert equations.imbalance(equations.residual(*branch(reach))) < 1e-9
 
 
-def test_small_imbalance_goes_over_the_whole_way():
+@pytest.mark.parametrize(("gently", "carried_over"), [(0.0, 1.0), (0.01, 1.0), (0.5, 10.0)])
+def test_small_imbalance_goes_as_gently_as_is_asked_for(gently, carried_over):
     equations = DenseEquations(coupled)
-    branch = branch_of(
-        equations, [1e-9, 0.0], order=12, parameter=Parameter(0.05, 5.0), tolerance=1e-6
-    )
-    assert branch.carried_over == 5.0
-    assert equations.imbalance(equations.residual(*branch(1.0))) == pytest.approx(8e-10, rel=1e-2)
+    parameter = Parameter(0.05, 5.0, gently=gently)
+    branch = branch_of(equations, [1e-9, 0.0], order=12, parameter=parameter, tolerance=1e-6)
+    assert branch.carried_over == pytest.approx(carried_over)
+    left = equations.imbalance(equations.residual(*branch(1.0)))
+    assert left == pytest.approx(1e-9 * (1.0 - 1.0 / carried_over), abs=1e-12)
 
 
 @pytest.mark.parametrize("order", [20, 40])

@@ -29,7 +29,7 @@ class Parameter:
     reach: float = np.inf  # largest a of interest; orders that are not seen there are left out
     arclength: bool = False  # follow pseudo-arclength instead of the control
     forward: tuple[Array, float] | None = None  # direction (u, λ) of travel so far, on an arc
-    ahead: float = 0.0  # change of the control that is left; on an arc
+    gently: float = 0.0  # change of the control over which a small imbalance is taken away
 
 
 def expand(
@@ -64,8 +64,8 @@ def expand(
     tolerance : float
         Largest imbalance that is wanted.  Where two successive orders would leave
         less than a tenth of it at ``parameter.reach``, the series ends.  An initial
-        imbalance is taken away over the whole reach; on an arc up to a = 1, and a
-        small one over what the tangent tells of the way to ``parameter.ahead``.
+        imbalance above it is taken away over the whole reach, a smaller one as slowly as
+        ``parameter.gently`` says, any on an arc up to a = 1.
     cost : Cost, optional
         Counters to add to.
 
@@ -107,10 +107,11 @@ def expand(
             norm = -norm
         t_u, t_control = per_control / norm, 1.0 / norm
         along = inner(equations, t_u, per_control) + t_control
-        share = 0.0 if away else parameter.ahead
-        carried_over = max(1.0, share / max(abs(t_control) * parameter.scale, TINY))
+        carried_over = 1.0
     else:
-        carried_over = parameter.reach if 1.0 < parameter.reach < np.inf else 1.0
+        reach = parameter.reach if np.isfinite(parameter.reach) else 1.0
+        share = parameter.gently / max(abs(parameter.scale), TINY)
+        carried_over = max(1.0, reach if away else share)
     u_orders, control_orders, forces, unseen = [u], [control], [0.0], 0
     right = recurrence.residual / carried_over
     for k in range(1, order + 1):

@@ -165,10 +165,11 @@ class _Follower:
         arclength = pace.arclength or (settings.give_way and _nears_limit_point(pace.shrinking))
         if arclength:
             forward = pace.forward or (np.zeros_like(u), self.target - self.start)
-            parameter = Parameter(pace.last, np.inf, True, forward, abs(remaining))
+            parameter = Parameter(pace.last, np.inf, True, forward)
         else:
+            whole = abs(self.target - self.start)
             scale = np.copysign(min(pace.last, abs(remaining)), remaining)
-            parameter = Parameter(scale, remaining / scale)
+            parameter = Parameter(scale, remaining / scale, gently=whole)
         try:
             branch = expand(
                 self.equations, u, pace.control, order=settings.order, solver=self.solver,
