@@ -197,10 +197,7 @@ class FieldSampler:
         }
 
     def _missing(self, state: Readable, tension: Array) -> Array:
-        """What a tension lacks of that in equilibrium, on the mean over the width.
-
-        Shape (elements, points), as ``tension``.
-        """
+        """Tension in equilibrium less the mean over the width of a given one, in its shape."""
         if (found := state.tensions) is None:
             return np.zeros_like(tension)
         places, number, mean = self.stations

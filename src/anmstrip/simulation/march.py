@@ -374,14 +374,13 @@ class March:
             if not _many(pace):
                 for step in self._path(equations, u, settings):
                     yield step
-                    if not step.pace.arclength:  # no limit point ahead
-                        u, pace = step.branch.end[0], step.pace
-                    if _many(step.pace):
+                    u, pace = step.branch.end[0], step.pace
+                    if _many(pace):
                         break
                 else:
                     return
         except PathStopped as stopped:
-            if stopped.outcome not in (Outcome.STALLED, Outcome.FOLD):
+            if stopped.outcome is not Outcome.STALLED:
                 raise
             stalled = stopped
         found = self._narrowed(equations, u, pace.control, settings)
