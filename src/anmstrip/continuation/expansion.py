@@ -64,8 +64,8 @@ def expand(
     tolerance : float
         Largest imbalance that is wanted.  Where two successive orders would leave
         less than a tenth of it at ``parameter.reach``, the series ends.  An initial
-        imbalance above it is taken away over the whole reach, a smaller one as slowly as
-        ``parameter.gently`` says, any on an arc up to a = 1.
+        imbalance above it is taken away over the whole reach, on an arc up to a = 1; a
+        smaller one up to there at least, or as slowly as ``parameter.gently`` says.
     cost : Cost, optional
         Counters to add to.
 
@@ -107,7 +107,8 @@ def expand(
             norm = -norm
         t_u, t_control = per_control / norm, 1.0 / norm
         along = inner(equations, t_u, per_control) + t_control
-        carried_over = 1.0
+        share = 0.0 if away else parameter.gently
+        carried_over = max(1.0, share / max(abs(t_control) * parameter.scale, TINY))
     else:
         reach = parameter.reach if np.isfinite(parameter.reach) else 1.0
         share = parameter.gently / max(abs(parameter.scale), TINY)

@@ -54,6 +54,7 @@ class Settings:
     arclength: bool = False  # start with arclength at once
     give_way: bool = True  # change to arclength where steps in the control keep shrinking
     rational: bool = False  # let branches go on as quotients of polynomials
+    gently: bool = False  # take a small imbalance away over the whole way, not over what is left
     backwards: float = 1.0  # share of the whole way that the path may turn back before its start
 
 
@@ -162,14 +163,14 @@ class _Follower:
     def step(self, u: Array, pace: Pace) -> PathStep:
         """Expand, validate, and adapt."""
         settings, remaining = self.settings, self.target - pace.control
+        gently = abs(self.target - self.start if settings.gently else remaining)
         arclength = pace.arclength or (settings.give_way and _nears_limit_point(pace.shrinking))
         if arclength:
             forward = pace.forward or (np.zeros_like(u), self.target - self.start)
-            parameter = Parameter(pace.last, np.inf, True, forward)
+            parameter = Parameter(pace.last, np.inf, True, forward, gently)
         else:
-            whole = abs(self.target - self.start)
             scale = np.copysign(min(pace.last, abs(remaining)), remaining)
-            parameter = Parameter(scale, remaining / scale, gently=whole)
+            parameter = Parameter(scale, remaining / scale, gently=gently)
         try:
             branch = expand(
                 self.equations, u, pace.control, order=settings.order, solver=self.solver,
