@@ -54,7 +54,8 @@ class Settings:
     arclength: bool = False  # start with arclength at once
     give_way: bool = True  # change to arclength where steps in the control keep shrinking
     rational: bool = False  # let branches go on as quotients of polynomials
-    gently: bool = False  # take a small imbalance away over the whole way, not over what is left
+    gently: bool = False  # take a small imbalance away as slowly on an arc, too
+    balanced: bool = False  # its end is: over the whole way, not over what is left
     backwards: float = 1.0  # share of the whole way that the path may turn back before its start
 
 
@@ -163,11 +164,11 @@ class _Follower:
     def step(self, u: Array, pace: Pace) -> PathStep:
         """Expand, validate, and adapt."""
         settings, remaining = self.settings, self.target - pace.control
-        gently = abs(self.target - self.start if settings.gently else remaining)
+        gently = abs(self.target - self.start if settings.balanced else remaining)
         arclength = pace.arclength or (settings.give_way and _nears_limit_point(pace.shrinking))
         if arclength:
             forward = pace.forward or (np.zeros_like(u), self.target - self.start)
-            parameter = Parameter(pace.last, np.inf, True, forward, gently)
+            parameter = Parameter(pace.last, np.inf, True, forward, settings.gently * gently)
         else:
             scale = np.copysign(min(pace.last, abs(remaining)), remaining)
             parameter = Parameter(scale, remaining / scale, gently=gently)

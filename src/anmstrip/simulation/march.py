@@ -324,7 +324,7 @@ class March:
             floor = equations.round_off(u, begun)
         tolerance = max(settings.tolerance, floor)
         balanced = plan.steady and self.assembly.flow is None  # strip that yields remembers
-        settings = replace(settings, tolerance=tolerance, gently=balanced)
+        settings = replace(settings, tolerance=tolerance, gently=True, balanced=balanced)
         if self.assembly.thread is not None:  # an arch may ask for less than nothing, a line not
             settings = replace(settings, backwards=0.0)
         for step in (self._settled if plan.steady else self._path)(equations, u, settings):
