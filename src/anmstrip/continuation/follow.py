@@ -56,6 +56,7 @@ class Settings:
     rational: bool = False  # let branches go on as quotients of polynomials
     gently: bool = False  # take a small imbalance away as slowly on an arc, too
     balanced: bool = False  # its end is: over the whole way, not over what is left
+    at_once: bool = False  # take it away within the next branch
     backwards: float = 1.0  # share of the whole way that the path may turn back before its start
 
 
@@ -165,6 +166,7 @@ class _Follower:
         """Expand, validate, and adapt."""
         settings, remaining = self.settings, self.target - pace.control
         gently = abs(self.target - self.start if settings.balanced else remaining)
+        gently *= not settings.at_once
         arclength = pace.arclength or (settings.give_way and _nears_limit_point(pace.shrinking))
         if arclength:
             forward = pace.forward or (np.zeros_like(u), self.target - self.start)

@@ -323,8 +323,11 @@ class March:
         if imbalance < LARGEST_PATH_IMBALANCE:  # not of a guess
             floor = equations.round_off(u, begun)
         tolerance = max(settings.tolerance, floor)
-        balanced = plan.steady and self.assembly.flow is None  # strip that yields remembers
-        settings = replace(settings, tolerance=tolerance, gently=True, balanced=balanced)
+        yields = self.assembly.flow is not None  # such strip remembers
+        settings = replace(
+            settings, tolerance=tolerance, gently=True,
+            balanced=plan.steady and not yields, at_once=plan.steady and yields,
+        )  # fmt: skip
         if self.assembly.thread is not None:  # an arch may ask for less than nothing, a line not
             settings = replace(settings, backwards=0.0)
         for step in (self._settled if plan.steady else self._path)(equations, u, settings):
