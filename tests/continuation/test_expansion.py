@@ -120,10 +120,10 @@ def test_initial_imbalance_is_carried_and_gone_at_the_end(reach):
         assert equations.imbalance(equations.residual(*branch(reach))) < 1e-9
 
 
-@pytest.mark.parametrize(("gently", "carried_over"), [(0.0, 1.0), (0.01, 1.0), (0.5, 10.0)])
-def test_small_imbalance_goes_as_gently_as_is_asked_for(gently, carried_over):
+@pytest.mark.parametrize(("relaxation", "carried_over"), [(0.0, 1.0), (0.01, 1.0), (0.5, 10.0)])
+def test_small_imbalance_goes_as_slowly_as_is_asked_for(relaxation, carried_over):
     equations = DenseEquations(coupled)
-    parameter = Parameter(0.05, 5.0, gently=gently)
+    parameter = Parameter(0.05, 5.0, relaxation=relaxation)
     branch = branch_of(equations, [1e-9, 0.0], order=12, parameter=parameter, tolerance=1e-6)
     assert branch.carried_over == pytest.approx(carried_over)
     left = equations.imbalance(equations.residual(*branch(1.0)))

@@ -1017,20 +1017,19 @@ def lifting_pressure(preview: Preview) -> Iterator[str]:
             if string.senses[name] == side:
                 beside, weight = taken[i : i + 2], against[i : i + 2]
                 turned = (tension * turn + beside @ weight) / beside.sum()
-                bounds.append((min(turned, tension / radii[name] + weight.mean()), name))
+                limit = min(turned, tension / radii[name] + weight.mean())
+                bounds.append((limit, f"strip leaves roller {name}"))
         least, what = min(bounds)
         if abs(pressure) > least:
             key = f"stages.{stage.name}.pressure"
-            what = f"strip leaves roller {what}" if what in radii else what
-            found = (
-                f"{key} = {pressure:g} bends strip under {tension:.3g} N/m to a radius of "
-                f"{tension / abs(pressure):.2g} m: {what}"
-            )
-            if least <= 0.0:
-                yield f"{found}, which it hardly wraps"
-            else:
+            advice = ", as under any pressure"
+            if least > 0.0:
                 safe = sense * two_digits(SAFE_ANGLE_SHARE * least, np.floor)
-                yield f"{found}. Try --set {key}={safe:g}"
+                advice = f". Try --set {key}={safe:g}"
+            yield (
+                f"{key} = {pressure:g} bends strip under {tension:.3g} N/m to a radius of "
+                f"{tension / abs(pressure):.2g} m: {what}{advice}"
+            )
             return
 
 

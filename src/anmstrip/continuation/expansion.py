@@ -29,7 +29,7 @@ class Parameter:
     reach: float = np.inf  # largest a of interest; orders that are not seen there are left out
     arclength: bool = False  # follow pseudo-arclength instead of the control
     forward: tuple[Array, float] | None = None  # direction (u, λ) of travel so far, on an arc
-    gently: float = 0.0  # change of the control over which a small imbalance is taken away
+    relaxation: float = 0.0  # change of the control over which a small imbalance is taken away
 
 
 def expand(
@@ -65,7 +65,8 @@ def expand(
         Largest imbalance that is wanted.  Where two successive orders would leave
         less than a tenth of it at ``parameter.reach``, the series ends.  An initial
         imbalance above it is taken away over the whole reach, on an arc up to a = 1; a
-        smaller one up to there at least, or as slowly as ``parameter.gently`` says.
+        smaller one over a change of the control by ``parameter.relaxation``, but not
+        before a = 1.
     cost : Cost, optional
         Counters to add to.
 
@@ -107,11 +108,11 @@ def expand(
             norm = -norm
         t_u, t_control = per_control / norm, 1.0 / norm
         along = inner(equations, t_u, per_control) + t_control
-        share = 0.0 if away else parameter.gently
+        share = 0.0 if away else parameter.relaxation
         carried_over = max(1.0, share / max(abs(t_control) * parameter.scale, TINY))
     else:
         reach = parameter.reach if np.isfinite(parameter.reach) else 1.0
-        share = parameter.gently / max(abs(parameter.scale), TINY)
+        share = parameter.relaxation / max(abs(parameter.scale), TINY)
         carried_over = max(1.0, reach if away else share)
     u_orders, control_orders, forces, unseen = [u], [control], [0.0], 0
     right = recurrence.residual / carried_over

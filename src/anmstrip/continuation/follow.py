@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -43,6 +43,11 @@ down to this share of the shortest.  It has no effect on paths of steps in time.
 hung in 27 tangents."""
 
 
+Relaxation = Literal["branch", "ahead", "whole"]
+"""Over what a small imbalance is taken away: the next branch, all of the way that is left, or as
+slowly as over the whole way.  Friction of faint pressure answers to haste with fast motion."""
+
+
 @dataclass(frozen=True)
 class Settings:
     """Choices of the path follower."""
@@ -54,9 +59,7 @@ class Settings:
     arclength: bool = False  # start with arclength at once
     give_way: bool = True  # change to arclength where steps in the control keep shrinking
     rational: bool = False  # let branches go on as quotients of polynomials
-    gently: bool = False  # take a small imbalance away as slowly on an arc, too
-    balanced: bool = False  # its end is: over the whole way, not over what is left
-    at_once: bool = False  # take it away within the next branch
+    relaxation: Relaxation = "branch"
     backwards: float = 1.0  # share of the whole way that the path may turn back before its start
 
 
@@ -165,15 +168,15 @@ class _Follower:
     def step(self, u: Array, pace: Pace) -> PathStep:
         """Expand, validate, and adapt."""
         settings, remaining = self.settings, self.target - pace.control
-        gently = abs(self.target - self.start if settings.balanced else remaining)
-        gently *= not settings.at_once
+        ways = {"branch": 0.0, "ahead": remaining, "whole": self.target - self.start}
+        relaxation = abs(ways[settings.relaxation])
         arclength = pace.arclength or (settings.give_way and _nears_limit_point(pace.shrinking))
         if arclength:
             forward = pace.forward or (np.zeros_like(u), self.target - self.start)
-            parameter = Parameter(pace.last, np.inf, True, forward, settings.gently * gently)
+            parameter = Parameter(pace.last, np.inf, True, forward, relaxation)
         else:
             scale = np.copysign(min(pace.last, abs(remaining)), remaining)
-            parameter = Parameter(scale, remaining / scale, gently=gently)
+            parameter = Parameter(scale, remaining / scale, relaxation=relaxation)
         try:
             branch = expand(
                 self.equations, u, pace.control, order=settings.order, solver=self.solver,

@@ -180,8 +180,8 @@ class FieldSampler:
             stretch = np.linalg.norm(tangents[:, 0], axis=0)
             bent = moments[0] * curvature[0] + moments[2] * curvature[2]
             tension = membrane[0] * stretch + bent / stretch
-            missing = self._missing(state, tension)
-            tension, membrane[0] = tension + missing, membrane[0] + missing / stretch
+            correction = self._tension_correction(state, tension)
+            tension, membrane[0] = tension + correction, membrane[0] + correction / stretch
         t = self.strip.thickness
         sx, sy, sxy = membrane / t + 6.0 * moments / t**2
         mises = layers.get("equivalent", np.sqrt(sx**2 - sx * sy + sy**2 + 3.0 * sxy**2))
@@ -196,9 +196,9 @@ class FieldSampler:
             "normal": self._average(normal),
         }
 
-    def _missing(self, state: Readable, tension: Array) -> Array:
-        """Tension in equilibrium less the mean over the width of a given one, in its shape."""
-        if (found := state.tensions) is None:
+    def _tension_correction(self, state: Readable, tension: Array) -> Array:
+        """Change of a tension to that in equilibrium, on the mean over the width, in its shape."""
+        if (found := state.tension_profile) is None:
             return np.zeros_like(tension)
         places, number, mean = self.stations
         missing = np.interp(places, *found) - mean @ tension.ravel()

@@ -558,7 +558,7 @@ class Readable(Protocol):
         """Membrane of the strip; a plate has none."""
 
     @property
-    def tensions(self) -> tuple[Array, Array] | None:
+    def tension_profile(self) -> tuple[Array, Array] | None:
         """Reference x (m) and mean tension (N/m) there, by equilibrium, where that tells them."""
 
     @property

@@ -206,7 +206,7 @@ class State:
         return principal_values(self.membrane_forces)
 
     @cached_property
-    def tensions(self) -> tuple[Array, Array] | None:
+    def tension_profile(self) -> tuple[Array, Array] | None:
         """Reference x (m) and mean tension (N/m) there, at the ends and amid elements, (n,) each.
 
         The strip's own forces on all nodes before a section add up to the force on it, whatever

@@ -21,7 +21,7 @@ from anmstrip.continuation.equations import (
     PathStopped,
     Tolerances,
 )
-from anmstrip.continuation.follow import Pace, PathSolver, PathStep, Settings, follow
+from anmstrip.continuation.follow import Pace, PathSolver, PathStep, Relaxation, Settings, follow
 from anmstrip.continuation.newton import (
     ROUND_OFF_MARGIN,
     SLOW_CONVERGENCE_RATIO,
@@ -323,11 +323,10 @@ class March:
         if imbalance < LARGEST_PATH_IMBALANCE:  # not of a guess
             floor = equations.round_off(u, begun)
         tolerance = max(settings.tolerance, floor)
-        yields = self.assembly.flow is not None  # such strip remembers
-        settings = replace(
-            settings, tolerance=tolerance, gently=True,
-            balanced=plan.steady and not yields, at_once=plan.steady and yields,
-        )  # fmt: skip
+        relaxation: Relaxation = "ahead"
+        if plan.steady:  # its end is balanced, and strip that yields remembers
+            relaxation = "whole" if self.assembly.flow is None else "branch"
+        settings = replace(settings, tolerance=tolerance, relaxation=relaxation)
         if self.assembly.thread is not None:  # an arch may ask for less than nothing, a line not
             settings = replace(settings, backwards=0.0)
         for step in (self._settled if plan.steady else self._path)(equations, u, settings):

@@ -313,6 +313,7 @@ class _Integrator:
             shortest=shortest,
             give_way=False,
             rational=rational,
+            relaxation="ahead",
         )
         ways: dict[str, Any] = {"solver": self.solver, "settings": settings, "cost": self.cost}
         return self.stepping.follow(equations, u, **ways)
