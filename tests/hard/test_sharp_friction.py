@@ -212,6 +212,7 @@ def test_many_stationary_states_end_by_way_of_smoother_laws(
     resumed = steady_line("algebraic", 1e-6, tmp_path, True)
     settled(resumed)
     assert resumed.state is not None and short.state is not None
+    # balanced, each, to what last digits are worth: 1e-7 of the forces
     np.testing.assert_allclose(resumed.state.full, short.state.full, rtol=0.0, atol=1e-10)
     assert resumed.cost.expansions == short.cost.expansions
 
