@@ -75,4 +75,5 @@ if __name__ == "__main__":
     parser.add_argument("--quick", action="store_true", help="a coarse mesh, a second or two")
     parser.add_argument("-o", "--output", help="directory for map.csv, map.png and map.json")
     given = parser.parse_args()
-    main(["strip.refined=0.03", "friction.speed=1.5e-6"] if given.quick else [], given.output)
+    quick = ["strip.refined=0.03", "friction.speed=1.5e-6", "solver.tolerance=1e-4"]
+    main(quick if given.quick else [], given.output)
