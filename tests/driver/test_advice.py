@@ -162,7 +162,14 @@ FLOATED = merged(  # on rollers at pass line, by gas that bears more than its we
              "entry": {"tension": 1.5e3},
              "rollers": {name: {"surface_speed": 1.0} for name in ("in", "out")}}],
 )  # fmt: skip
+DRAWN_BACK = merged(  # from right to left, to pass above the roller
+    BLOWN,
+    threading={"entry": [2.0, 0.0, -0.6], "exit": [-2.0, 0.0, -0.6]},
+    edges={"exit": {"fixed": ["z"]}},
+    stages=[{**BLOWN["stages"][0], "pressure": 0.0}],
+)
 MORE: list[tuple[dict[str, Any], str, list[str]]] = [
+    (DRAWN_BACK, "passes below roller r by it", []),
     (BLOWN, "strip leaves roller r", []),
     (FLOATED, "leaves roller in", []),
     (merged(BLOWN, stages=[{**BLOWN["stages"][0], "pressure": -3e4}]), "of 2.1 m is no arc", []),

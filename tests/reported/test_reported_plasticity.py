@@ -1,6 +1,7 @@
 """Strip that yields on a roller: what is reported, against closed forms and the files."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -310,13 +311,16 @@ BENT["strip"]["cells"] = [4, 1]
 def test_what_is_left_of_a_bend_is_told_before_it_is_let_go(tmp_path):
     """Bent and let go in time; and a run that was interrupted ends at the same numbers."""
     scene = Scene.from_tables(BENT, "bent.toml")
-    *steps, last = scene.run(tmp_path / "whole")
+    whole = scene.run(tmp_path / "whole")
+    *steps, last = whole
     bent = next(s.state for s in reversed(steps) if s.stage != "freed")
     told = bent.along("residual_curvature")
     left = last.state.along("curvature")
     assert told == pytest.approx(left, rel=0.03)  # it creeps on as it is let go, like 1/n
     assert (np.abs(left) > 0.09 * np.abs(bent.along("curvature"))).all()
     assert np.abs(bent.along("moment")) == pytest.approx(70.0, rel=0.01)
+    said = re.search(r"curl that is left in the strip, unloaded: (\S+) 1/m", report(whole))
+    assert float(said[1]) == pytest.approx(left[np.abs(left).argmax()], rel=0.01)
     broken = Scene.from_tables(BENT, "bent.toml", ["solver.max_tangents=40"])
     assert list(broken.run(tmp_path / "broken"))[-1].stage != "freed"
     list(scene.run(tmp_path / "broken", resume=True))

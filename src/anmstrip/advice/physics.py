@@ -1033,7 +1033,25 @@ def lifting_pressure(preview: Preview) -> Iterator[str]:
             return
 
 
+def side_of_return(preview: Preview) -> Iterator[str]:
+    """Rollers "over" which strip that travels back along −x passes below, or "under" them above.
+
+    The sides are those of travel along +x; "left" and "right" are plain either way.
+    """
+    meant = {"over": ("above", "right", "left"), "under": ("below", "left", "right")}
+    for spec, roller in zip(preview.assembly.scene.rollers, preview.assembly.rollers, strict=True):
+        where, other, same = meant.get(spec.wrap or "", ("", "", ""))
+        found = preview.passes(roller)
+        if where and found in {"above", "below"} and found != where:
+            yield (
+                f'wrap = "{spec.wrap}" is meant along +x, and strip that travels back along −x '
+                f'passes {found} roller {roller.name} by it. If that is meant, type "{same}". '
+                f"To pass {where}, try --set 'rollers.{roller.name}.wrap=\"{other}\"'"
+            )
+
+
 PHYSICS_RULES = (
+    side_of_return,
     lifting_pressure,
     sinking_exit,
     nip_forces,

@@ -408,8 +408,7 @@ def report(run: Run, told: Collection[str] = ()) -> str:
     if (state := run.state) is not None:
         if state.rollers:
             parts.append(roller_table(state))
-            if state.plasticity is not None:
-                parts += bend_table(state)
+        parts += bend_table(state)
         parts.append(tensions(state))
         if (latent := run.flatness.get("latent_flatness")) is not None:
             manifest = run.flatness["manifest_flatness"]
@@ -461,7 +460,7 @@ def roller_table(state: State) -> Table:
 def bend_table(state: State) -> list[str | Table]:
     """Return the sharpest bend at every roller of strip that can yield, and what it leaves.
 
-    The curl and crossbow that a steady line delivers are told in a sentence.
+    Of strip that no roller touches its largest curl.  What a steady line delivers is a sentence.
     """
     from anmstrip.results.plastic import YieldedStrip
 
@@ -469,12 +468,20 @@ def bend_table(state: State) -> list[str | Table]:
     heads = ("curvature\n(1/m)", "moment\n(N)", "plastic\nshare", "curl\n(1/m)", "crossbow\n(1/m)")
     table = plain_table(title, "\nroller", *heads, "elongation\n(1)", "power\n(W)")
     layers = YieldedStrip.of(state)
-    bends = layers.rollers() if layers else {}
+    if layers is None:
+        return []
+    bends = layers.rollers()
+    if not bends:
+        x, _ = layers.stations
+        left = layers.mean(layers.residual_curvature[0])
+        k = int(np.abs(left).argmax())
+        told = f"{cell(left[k])} 1/m, {cell(x[k])} m from the entry"
+        return [f"The largest curl that is left in the strip, unloaded: {told}."]
     for name, b in bends.items():
         values = b.curl, b.crossbow, b.elongation, b.yield_power
         share, told = f"{100.0 * b.plastic_share:.3g} %", [cell(value) for value in values]
         table.add_row(name, cell(b.curvature), cell(b.moment), share, *told)
-    if not (bends and state.plan.steady):
+    if not state.plan.steady:
         return [table]
     last = [*bends.values()][-1]
     across = "" if last.crossbow is None else f" and a crossbow of {cell(last.crossbow)} 1/m"
