@@ -816,6 +816,17 @@ def test_a_draw_that_stretchy_strip_holds_between_rollers_is_no_slip() -> None:
         assert any("the strip slips on one of them" in line for line in told) == slips
 
 
+@pytest.mark.parametrize(("speed", "gravity", "hangs"), [
+    (0.9, -9.81, True), (0.9, 0.0, False), (1.1, -9.81, False),
+])  # fmt: skip
+def test_strip_gathers_between_rollers_where_it_weighs(speed, gravity, hangs) -> None:
+    tables = changed(
+        ("stages.1.gravity", [0.0, 0.0, gravity]), ("stages.1.rollers.b.surface_speed", speed)
+    )
+    (told,) = (line for line in warnings(preview_of(tables)) if "slips on one of them" in line)
+    assert ("gathers between them and hangs slack" in told) == hangs
+
+
 def table_of_rollers(count: int, **given: Any) -> dict[str, Any]:
     """Strip that a roller turns down behind a table of free rollers, a metre apart."""
     table = [

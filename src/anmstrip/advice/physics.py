@@ -618,10 +618,13 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
             if draw > max(SPEED_DIFFERENCE, held):
                 how = f"goes at {speed:g} m/s" if speed else "stands"
                 told = next(r for r in touched if r.name == fast)
+                order = [r.name for r in touched]  # along the strip
+                piles = order.index(fast) < order.index(name) and distributed_load(assembly.scene)
+                or_not = ", or gathers between them and hangs slack" if piles else ""
                 typed = given * told.sense * carrying_sense(told, assembly.thread)
                 yield (
                     f"roller {name} {how} in stage {stage.name} while {fast} goes at {given:g} "
-                    f"m/s: the strip slips on one of them. "
+                    f"m/s: the strip slips on one of them{or_not}. "
                     f'Try rollers.{name}.drive = "idle" and no speed of it, or '
                     f"--set stages.{stage.name}.rollers.{name}.surface_speed={typed:g}"
                 )
