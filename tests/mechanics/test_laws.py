@@ -12,6 +12,7 @@ from anmstrip.mechanics.laws import (
     NortonHoff,
     RepulsiveSignorini,
     Signorini,
+    TangentBeyond,
     Tanh,
 )
 from anmstrip.taylor.series import taylor_series
@@ -39,6 +40,21 @@ def test_the_contact_law_is_the_root_of_its_quadratic(gap, exponent):
     R = Signorini(K, eta, delta)(gap)
     assert R * (R / K + gap) == pytest.approx(eta * (delta - gap), rel=1e-6 if gap < 0 else 1e-12)
     assert R > 0.0
+
+
+@pytest.mark.parametrize("law", [GradedSignorini(1e4, 1e-6), RepulsiveSignorini(1e10, 1e-2, 1.0)])
+def test_a_law_goes_on_along_its_tangent(law):
+    """The same up to 1e6 Pa; beyond, by the slope R/w of p₀ exp(−h/w), and K/(1 + η δ K/R²)."""
+    straight = TangentBeyond(law, 1e6)
+    slope = 1e6 / 1e-6 if isinstance(law, GradedSignorini) else 1e10 / (1.0 + 1e-2 * 1e10 / 1e12)
+    inside = np.linspace(straight.least, 3.0 * law.width, 20)
+    assert straight(inside) == pytest.approx(law(inside), rel=1e-14)
+    deeper = straight.least - 1e-5 * np.arange(1.0, 4.0)
+    assert straight(deeper) == pytest.approx(1e6 + slope * 1e-5 * np.arange(1.0, 4.0), rel=1e-6)
+    reactions = np.geomspace(1e3, 1e9, 20)
+    assert straight(straight.gap(reactions)) == pytest.approx(reactions, rel=1e-9)
+    series = taylor_series(straight, np.array([straight.least - 1e-5, 2e-6, 0.0]))
+    assert series[1:] == pytest.approx([-slope * 2e-6, 0.0], rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -475,8 +475,8 @@ def bend_table(state: State) -> list[str | Table]:
         x, _ = layers.stations
         left = layers.mean(layers.residual_curvature[0])
         k = int(np.abs(left).argmax())
-        told = f"{cell(left[k])} 1/m, {cell(x[k])} m from the entry"
-        return [f"The largest curl that is left in the strip, unloaded: {told}."]
+        where = f"{cell(left[k])} 1/m, {cell(x[k])} m from the entry"
+        return [f"The largest curl that is left in the strip, unloaded: {where}."]
     for name, b in bends.items():
         values = b.curl, b.crossbow, b.elongation, b.yield_power
         share, told = f"{100.0 * b.plastic_share:.3g} %", [cell(value) for value in values]

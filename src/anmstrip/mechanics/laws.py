@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -93,6 +94,49 @@ class ScaledGaps(ContactLaw):
 
 
 @dataclass(frozen=True)
+class TangentBeyond(ContactLaw):
+    """A law up to a reaction, and its tangent beyond.
+
+    Newton's method so comes out of a roller at once, of which exp(−h/w) leaves one w in each
+    iteration.
+    """
+
+    law: ContactLaw
+    largest: float  # reaction (Pa)
+
+    @cached_property
+    def least(self) -> float:
+        """Gap (m) at that reaction."""
+        return float(self.law.gap(np.float64(self.largest)))
+
+    @cached_property
+    def slope(self) -> float:
+        """Slope −dR/dh there (Pa/m), by a central difference."""
+        around = self.least + DIFFERENCE_SHARE * self.law.width * np.array([-1.0, 1.0])
+        return float(np.subtract(*self.law(around)) / np.ptp(around))
+
+    def __call__(self, gap: Any) -> Any:
+        """Reaction at a gap."""
+        beyond = np.where(gap < self.least, self.least - gap, gap * 0.0)
+        return self.law(gap + beyond) + beyond * self.slope
+
+    def gap(self, reaction: Any) -> Any:
+        """Gap at a reaction."""
+        inside = np.minimum(reaction, self.largest)
+        return self.law.gap(inside) - (reaction - inside) / self.slope
+
+    @property
+    def width(self) -> float:  # type: ignore[override]
+        """Gap (m) over which the reaction sets in."""
+        return self.law.width
+
+    @property
+    def faint(self) -> float:  # type: ignore[override]
+        """Reaction below which nothing counts as touching."""
+        return self.law.faint
+
+
+@dataclass(frozen=True)
 class Signorini:
     """R (R/K + h) = η (δ − h): the paper's law (5c).
 
@@ -147,6 +191,9 @@ class RepulsiveSignorini(ContactLaw):
         """Description for a report."""
         return f"K = {self.stiffness:.3g} Pa/m"
 
+
+DIFFERENCE_SHARE = 1e-4
+"""Share of a law's width over which its slope is taken: right to 1e-9."""
 
 SATURATION_DEPTH = 100.0
 """Depth over the width from which a graded reaction grows no more: 1e43 times its pressure is more
