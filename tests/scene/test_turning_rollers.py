@@ -180,3 +180,31 @@ def test_events_see_the_speed_of_a_free_roller() -> None:
     found = [e for step in run for e in step.events if e.roller == "a" and e.slip is not None]
     assert found
     assert max(e.slip for e in found) < 0.1 * SPEED
+
+
+def test_a_roller_that_nothing_touches_rests_in_a_steady_line() -> None:
+    """Its bearing brakes nothing; that of the other takes 100 N m over 0.2 m and 1 m."""
+    idle = {"radius": 0.2, "drive": "idle", "wrap": "over"}
+    rollers = [
+        {**idle, "name": "turned", "centre": [0.0, 0.0, -0.2], "bearing": 100.0},
+        {"name": "stand_by", "radius": 0.06, "centre": [-0.5, 0.0, 0.1], "drive": "idle",
+         "bearing": 3.0},
+    ]  # fmt: skip
+    tables = {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 5e-4},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "contact": {},
+        "friction": {"coefficient": 0.3},
+        "threading": {"tension": 4e3, "entry": [-1.0, 0.0, 0.0], "exit": [0.2, 0.0, -1.0]},
+        "rollers": rollers,
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [
+            {"name": "run", "steady": True, "strip": {"speed": 1.0}, "exit": {"tension": 4e3}}
+        ],
+        "solver": {"max_tangents": 20},
+    }
+    *_, last = Scene.from_tables(tables, "line.toml").run()
+    reading = last.state.rollers
+    assert last.state.tension("entry") == pytest.approx(3500.0, rel=1e-3)
+    assert reading["stand_by"].surface_speed == 0.0
+    assert reading["turned"].surface_speed == pytest.approx(1.0, rel=1e-3)

@@ -227,7 +227,7 @@ class March:
         self.full = self.full.copy()
         self.full[turning] = self.velocity[turning]
         if self.course.may_begin_running and not self.velocity.any():
-            self.full[turning][:-1] = self.course.set_going(stage)
+            self.full[turning][:-1] = self.course.set_going(stage, self.full)
         self.full[self.assembly.coupled - 1] = 0.0  # c counts from its control
         if state is not None and self.course.pulled(stage) and not self.assembly.closed:
             self.course.values["entry.tension"] = np.array(state.tension("entry"))

@@ -322,11 +322,11 @@ class Course:
         usual = a.friction.speed > 0.99 * CREEP_SHARE * elastic_creep(a.scene)
         return not self.guided or bool(a.turning and usual)
 
-    def set_going(self, stage: StageSpec) -> Array:
+    def set_going(self, stage: StageSpec, full: Array) -> Array:
         """Let a strip at rest run slowly, INITIAL_SPEED_SHARE; return the speeds of free rollers.
 
         From rest, bearings would begin to brake at about V_c: a line of forty rollers takes 14
-        tangents, so 5.  A threaded strip under T with the stretch λ sticks to rollers that run at
+        tangents, so 5.  Those that the strip does not touch rest.  A threaded strip under T with the stretch λ sticks to rollers that run at
         c (λ − 3 D/(2R² E t)), with the membrane force of strip that is bent (m/s).
         """
         a, end = self.assembly, self._targets(stage, dict(self.values))
@@ -344,7 +344,11 @@ class Course:
             speed = max((float(end[driven[r]]) / sticking[r] for r in driven), key=abs, default=0.0)
         self.values |= {key: INITIAL_SPEED_SHARE * end[key] for key in driven.values()}
         self.values["strip.speed"] = np.array(INITIAL_SPEED_SHARE * speed)
-        return np.array([INITIAL_SPEED_SHARE * speed * sticking[name] for name in a.turning])
+        assert a.rubbing is not None
+        near = a.rubbing.contact.elements_near(full, self.values)
+        touched = {r.name: elements.size > 0 for r, elements in zip(a.rollers, near, strict=True)}
+        running = INITIAL_SPEED_SHARE * speed
+        return np.array([running * sticking[name] * touched[name] for name in a.turning])
 
     def finish(self, stage: StageSpec, full: Array | None = None, speed: float = 0.0) -> None:
         """Remember where a stage has ended; if it was steady, in which state and at which speed."""
