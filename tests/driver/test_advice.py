@@ -168,7 +168,18 @@ DRAWN_BACK = merged(  # from right to left, to pass above the roller
     edges={"exit": {"fixed": ["z"]}},
     stages=[{**BLOWN["stages"][0], "pressure": 0.0}],
 )
+STRETCHED = merged(
+    BLOWN,
+    material={"yield_stress": 2e8, "plasticity": {}},
+    stages=[{"name": "run", "steady": True, "rollers": {"r": {"surface_speed": 1.0}},
+             "entry": {"tension": 2.86e5}, "exit": {"tension": 2.86e5}}],
+)  # fmt: skip
 MORE: list[tuple[dict[str, Any], str, list[str]]] = [
+    (STRETCHED, "286 MPa, beyond 231 MPa, at which all of the strip flows, on and on",
+     ["stages.run.exit.tension=8e4", "stages.run.entry.tension=8e4"]),
+    (merged(STRETCHED, material={"plasticity": {"isotropic_hardening": 5e8}}),
+     "beyond 264 MPa, at which all of the strip stretches by more than 5 %",
+     ["stages.run.exit.tension=8e4", "stages.run.entry.tension=8e4"]),
     (DRAWN_BACK, "passes below roller r by it", []),
     (BLOWN, "strip leaves roller r", []),
     (FLOATED, "leaves roller in", []),

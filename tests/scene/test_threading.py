@@ -408,6 +408,12 @@ def test_a_radius_in_millimetres_is_told_where_the_way_has_no_room() -> None:
         Assembly(scene_of(tables)).thread  # noqa: B018
 
 
+def test_a_centre_in_millimetres_is_told_where_the_string_does_not_touch() -> None:
+    tables = {**ONE, "rollers": [roller("a", 0.0, -200.0, 0.5, "over")]}
+    with pytest.raises(InputError, match=r"rollers\.a\.centre = \[0, 0, -0\.2\] if it is in mm"):
+        Assembly(scene_of(tables)).thread  # noqa: B018
+
+
 @pytest.mark.parametrize("stiffer", [1e-4, 1.0, 1e4])
 def test_contact_may_be_of_any_stiffness(stiffer: float) -> None:
     """Full slip: the capstan formula, here 1.2510 within 2e-4 where little is sunk in."""

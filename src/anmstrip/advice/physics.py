@@ -17,6 +17,7 @@ from anmstrip.advice.units import in_megapascals
 from anmstrip.arrays import Array
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.sampling import quadrature_points, shape_of
+from anmstrip.mechanics.plasticity import FlowLaw
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.shell import eigenstrain
 from anmstrip.scene.checks import PARALLEL_COSINE, moved_ends
@@ -45,6 +46,9 @@ METAL_YIELD_STRAIN = 5e-3
 
 METAL_MODULUS = 1e10
 """Young's modulus (Pa) from which a strip is taken for metal; film and paper have less."""
+
+LARGEST_ELONGATION = 0.05
+"""Strain of strip that hardens up to which a line may stretch it as a whole, unsaid."""
 
 CLEARANCE = 1.01
 """Distance of axes over the sum of radii that is proposed of rollers that move into one another."""
@@ -171,7 +175,7 @@ def roller_in_the_way(preview: Preview) -> Iterator[str]:
             yield (
                 f"the threaded strip would run {inside:.2g} m inside of roller {roller.name}. "
                 f'Try rollers.{roller.name}.wrap = "over" or "under", in its place among the '
-                f"others, or --set with another rollers.{roller.name}.centre."
+                f"others, or another rollers.{roller.name}.centre."
             )
 
 
@@ -187,7 +191,7 @@ def untouched_roller(preview: Preview) -> Iterator[str]:
         if preview.turn(roller) == 0.0 and gap > GRAZING_DEPTH * roller.radius:
             yield (
                 f"roller {roller.name} is touched by nothing: the strip passes at {gap:.2g} m. "
-                f"Try --set with another rollers.{roller.name}.centre, a move that long in a "
+                f"Try another rollers.{roller.name}.centre, a move that long in a "
                 "stage, or take the roller out."
             )
         for stage, string in zip(scene.course, preview.strings, strict=True):
@@ -569,14 +573,24 @@ def yield_stress(scene: SceneSpec) -> float:
 
 
 def stretched_beyond_yield(preview: Preview) -> Iterator[str]:
-    """Tensions beyond the yield stress."""
+    """Tensions beyond the yield stress, or under which all of strip that yields flows.
+
+    It hardens by H until it has stretched by (σ − σ_y)/H, and flows on and on if H is 0.
+    """
     scene, t = preview.assembly.scene, preview.assembly.scene.strip.thickness
-    stress, limit = preview.tension / t, yield_stress(scene)
-    if stress > limit and not scene.material.plasticity:
+    stress, limit, how = preview.tension / t, yield_stress(scene), "yields"
+    if (flow := preview.assembly.flow) is not None:
+        hardening = flow.isotropic + flow.kinematic
+        if type(flow).resistance is not FlowLaw.resistance:
+            return
+        limit = flow.yield_stress + LARGEST_ELONGATION * hardening
+        longer = f"stretches by more than {100.0 * LARGEST_ELONGATION:g} %"
+        how = longer if hardening else "flows, on and on"
+    if stress > limit:
         pulled, yields = (f"{in_megapascals(scene, each):.0f} MPa" for each in (stress, limit))
         yield (
             f"the largest tension, {preview.tension:.3g} N/m, is a stress of {pulled}, beyond "
-            f"{yields}, at which all of the strip yields. Try tensions below "
+            f"{yields}, at which all of the strip {how}. Try tensions below "
             f"{two_digits(limit * t, np.floor):.2g} N/m, in N per metre of width."
         )
 
@@ -742,7 +756,7 @@ def tips_over(preview: Preview) -> Iterator[str]:
         yield (
             f"the strip, from x = {first:g} to {last:g} m, tips over in stage {weighed[0]}: the "
             f"rollers below it, from x = {min(places):g} to {max(places):g} m, are not on both "
-            f"sides of its middle. Try --set with other rollers.{assembly.rollers[0].name}.centre"
+            f"sides of its middle. Try other rollers.{assembly.rollers[0].name}.centre"
         )
 
 

@@ -20,8 +20,8 @@ from anmstrip.simulation.meshing import MAX_LYING_TURN
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.threading import LARGEST_RADIUS
 
-LARGEST_IN_LINES = {"m": LARGEST_RADIUS, "m/s": 100.0}
-"""Widths, radii and speeds in a line beyond which another unit was meant."""
+LARGEST_IN_LINES = {"m": LARGEST_RADIUS, "m/s": 100.0, "m/s²": 1e3}
+"""Widths, radii, speeds and gravity in a line beyond which another unit was meant."""
 
 MAX_LINE_STRESS = 500.0
 """Stress (MPa) by which no line pulls: a larger number is a tension in N/m."""
@@ -142,7 +142,7 @@ def doubts(preview: Preview) -> Iterator[Doubt]:
         yield from doubtful_weight(scene)
         return
     found = [*doubtful_strip(preview), *doubtful_friction(scene), *doubtful_speeds(scene)]
-    yield from found
+    yield from [*found, *doubtful_gravity(scene)]
     if (meant := scene_as_meant(scene, found)) is not None:
         yield from doubtful_tensions(meant)
     yield from doubtful_flatness(scene)
@@ -203,6 +203,16 @@ def doubtful_weight(scene: SceneSpec) -> Iterator[Doubt]:
             key = f"stages.{stage.name}.gravity"
             typed = f"{key}=[{', '.join(f'{1e3 * g:g}' for g in stage.gravity)}]"
             yield Doubt(key, size, why.format("mm/s²"), "m/s²", typed)
+
+
+def doubtful_gravity(scene: SceneSpec) -> Iterator[Doubt]:
+    """Yield a gravity that no line has."""
+    for stage in scene.stages:
+        size = float(np.linalg.norm(stage.gravity or 0.0))
+        if stage.gravity is not None and size > LARGEST_IN_LINES["m/s²"]:
+            key, why = f"stages.{stage.name}.gravity", "in m/s², in which no line has such a value"
+            typed = f"{key}=[{', '.join(f'{1e-3 * g:g}' for g in stage.gravity)}]"
+            yield Doubt(key, size, why, "mm/s²", typed)
 
 
 def doubtful_strip(preview: Preview) -> Iterator[Doubt]:

@@ -93,7 +93,9 @@ def warnings(preview: Preview) -> list[str]:
     told, judged = list(units.other_units(preview)), units.as_meant(preview)
     if judged is not None:
         others = (words for rule in OTHER_RULES for words in rule(judged))
-        told += [*serious_as_meant(judged), *others]
+        if_so = "" if judged is preview else "if so, "
+        told += [if_so + words for words in (*serious_as_meant(judged), *others)]
+        told += units.all_in_millimetres(judged)
     return list(dict.fromkeys(told))
 
 
@@ -233,7 +235,7 @@ def lifted_off(state: State, scene: SceneSpec) -> Iterator[str]:
             yield (
                 f"roller {roller.name} is touched by nothing: bent over the others the strip "
                 f"passes at {gap:.2g} m, where a taut string would touch. "
-                f"Try --set with another rollers.{roller.name}.centre, if it should"
+                f"Try another rollers.{roller.name}.centre, if it should"
             )
 
 
@@ -602,14 +604,7 @@ SERIOUS_RULES = (
     heavy_pass,
     strict_tolerance,
 )
-OTHER_RULES = (
-    free_motions,
-    coarse_mesh,
-    slipping_friction,
-    needless_shell,
-    *physics.PHYSICS_RULES,
-    units.all_in_millimetres,
-)
+OTHER_RULES = (free_motions, coarse_mesh, slipping_friction, needless_shell, *physics.PHYSICS_RULES)
 RULES_AT_END = (lifted_off, standing_idlers, spinning_rollers, overstretched, buckled_section)
 
 

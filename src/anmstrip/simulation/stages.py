@@ -326,8 +326,9 @@ class Course:
         """Let a strip at rest run slowly, INITIAL_SPEED_SHARE; return the speeds of free rollers.
 
         From rest, bearings would begin to brake at about V_c: a line of forty rollers takes 14
-        tangents, so 5.  Those that the strip does not touch rest.  A threaded strip under T with the stretch λ sticks to rollers that run at
-        c (λ − 3 D/(2R² E t)), with the membrane force of strip that is bent (m/s).
+        tangents, so 5.  Those that the strip does not touch rest.  A threaded strip under T with
+        the stretch λ sticks to rollers that run at c (λ − 3 D/(2R² E t)), with the membrane force
+        of strip that is bent (m/s).
         """
         a, end = self.assembly, self._targets(stage, dict(self.values))
         assert a.thread is not None and a.friction is not None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -35,7 +35,7 @@ from anmstrip.mechanics.string_path import (
     string_path,
 )
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.scene.tables import I_UNIT
+from anmstrip.scene.tables import ENDS, I_UNIT
 from anmstrip.simulation.defaults import bending_stiffness
 
 SENSES = {"over": 1.0, "left": 1.0, "under": -1.0, "right": -1.0}
@@ -47,6 +47,9 @@ MOST_WAYS = 500
 
 LARGEST_RADIUS = 20.0
 """Radius (m) of which there is no roller in a line."""
+
+FAR_AWAY = 30.0
+"""Ratio of successive sizes and places of a line from which on the larger ones may be in mm."""
 
 OTHER_SIDE = {"over": "under", "under": "over", "left": "right", "right": "left"}
 
@@ -464,6 +467,7 @@ def _refused(scene: SceneSpec, thread: Thread, error: ValueError) -> InputError:
             hint = "wrap = " + ", ".join(f'"{new}" of {name}' for name, new in fitting.items())
         hint += ", another centre, or no wrap: weight or its move then brings it there"
         hint += "; crossing = true if the strip crosses itself there"
+        hint = ", or ".join([*_if_in_millimetres(scene), hint])
         return scene.refused(f"rollers.{names[index]}.wrap", side, expected, hint)
     if 0 < index < len(names):
         first, second = rollers[index - 1 : index + 1]
@@ -483,8 +487,30 @@ def _refused(scene: SceneSpec, thread: Thread, error: ValueError) -> InputError:
     centres = {f"rollers.{roller.name}.centre": roller.centre for roller in scene.rollers}
     value = (given | centres)[key]
     expected = f"room for a straight run from {before} to {after}, which overlap"
-    large = [roller for roller in rollers if roller.radius > LARGEST_RADIUS]
-    hint = "a place further away"
-    for roller in large[:1]:
-        hint += f", or rollers.{roller.name}.radius = {1e-3 * roller.radius:g} if it is in mm"
-    return scene.refused(key, value, expected, hint)
+    return scene.refused(
+        key, value, expected, ", or ".join(["a place further away", *_if_in_millimetres(scene)])
+    )
+
+
+def _if_in_millimetres(scene: SceneSpec) -> Iterator[str]:
+    """Yield what to type besides if radii or places, far larger than all others, are in mm."""
+    assert scene.threading is not None
+    for roller in scene.rollers:
+        if roller.radius > LARGEST_RADIUS:
+            yield f"rollers.{roller.name}.radius = {1e-3 * roller.radius:g} if it is in mm"
+            return
+    places = {f"rollers.{roller.name}.centre": roller.centre for roller in scene.rollers}
+    ends = scene.threading.entry, scene.threading.exit
+    places |= {f"threading.{name}": end for name, end in zip(ENDS, ends, strict=True) if end}
+    sizes = np.unique(
+        [r.radius for r in scene.rollers] + [abs(x) for p in places.values() for x in p]
+    )
+    sizes = sizes[sizes >= min(r.radius for r in scene.rollers)]
+    far = sizes[1:][sizes[1:] > FAR_AWAY * sizes[:-1]].min(initial=np.inf)
+    typed = [
+        f"{key} = [{', '.join(f'{1e-3 * x if abs(x) >= far else x:g}' for x in place)}]"
+        for key, place in places.items()
+        if max(map(abs, place)) >= far
+    ]
+    if typed:
+        yield f"{', '.join(typed)} if it is in mm there"
