@@ -48,7 +48,7 @@ STALE_FILES = ("checkpoint.npz", "summary.json", "report.html")
 
 STEP_COLUMNS = ("stage", "time", "step", "tangents", "order", "range", "residual")
 
-EVENT_COLUMNS = ("time", "stage", "kind", "roller", "point", "x", "y", "gap", "slip")
+EVENT_COLUMNS = ("time", "stage", "kind", "roller", "point", "x", "y", "gap", "slip", "step")
 
 ERROR_COLUMNS = ("time", "stage", "membrane_force", "position")
 

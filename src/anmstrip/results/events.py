@@ -117,6 +117,7 @@ class Event:
     y: float | None = None
     gap: float | None = None  # of the point at this moment (m)
     slip: float | None = None  # m/s
+    step: float | None = None  # of time (s), within which it happened; None along a path
 
 
 class EventWatch:
@@ -210,7 +211,10 @@ class EventWatch:
         if friction is not None:
             friction = replace(friction, contact=friction.contact.restricted(chosen))
         gap, squared = gap_and_slip(contact, friction, plan, stretch)
-        return tuple(self._events(gap, squared, chosen, stretch))
+        found = self._events(gap, squared, chosen, stretch)
+        if not plan.in_time:
+            return tuple(found)
+        return tuple(replace(event, step=state.time - before.time) for event in found)
 
     def _events(
         self, gap: Array, squared: Array | None, chosen: Index, stretch: Stretch
