@@ -400,3 +400,11 @@ def test_a_tangent_that_does_not_fit_into_memory(
     assert summary["status"] == "too_large"
     again = Scene.from_tables(tables, "line.toml", typed(run.message)).run()
     assert 1.2 * again.assembly.unknowns < run.assembly.unknowns
+
+
+def test_what_was_told_of_the_stage_that_stops_comes_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    sentences = ["it slides in stage wrap", "stages.turn.exit.tension = 1 is in N/m", "it turns"]
+    monkeypatch.setattr("anmstrip.advice.diagnosis.serious", lambda _: sentences)
+    assert "stages.turn.exit" in told(wrapped(), stalled())
+    sentences.pop(1)
+    assert "It slides" in told(wrapped(), stalled())

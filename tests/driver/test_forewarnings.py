@@ -570,6 +570,23 @@ def test_even_heat_and_shapes_that_tension_straightens_are_not_told() -> None:
         assert [re.findall(r"by (\S+) that", line)[0] for line in found] == told, found
 
 
+def test_strip_that_no_roller_leads_straight_bends_by_its_camber() -> None:
+    """A camber, and fibres that are longer from edge to edge, bend it; an edge alone wrinkles."""
+    tables = {
+        "strip": {"length": 4.0, "width": 0.3, "thickness": 5e-4},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "edges": {"entry": {"fixed": ["x", "z"], "centred": True}, "exit": {"fixed": ["z"]}},
+        "stages": [{"name": "pull", "exit": {"force": [500.0, 0.0, 0.0]}}],
+    }
+    for given, told in (
+        ({"camber": 1e-2}, []),
+        ({"flatness": {"across": [0.0, 50.0]}}, []),
+        ({"flatness": {"across": [0.0, 0.0, 200.0]}}, ["strip.flatness"]),
+    ):
+        found = list(uneven_fibres(preview_of({**tables, "strip": tables["strip"] | given})))
+        assert [re.findall(r"by (\S+) that the", line)[0] for line in found] == told, found
+
+
 def free(changed: dict[str, Any] | None = None, last: dict[str, Any] | None = None) -> list[str]:
     """Ends that are free to turn in the scene with some entries changed, or with a stage more."""
     tables = copy.deepcopy(TABLES)

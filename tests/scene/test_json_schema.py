@@ -37,7 +37,7 @@ def test_every_scene_of_the_repository_is_accepted(validator: Draft202012Validat
         ("strip", {"lenght": 1.0}, "lenght"),
         ("strip", {"thickness": -1.0}, "-1.0"),
         ("material", {"poisson": 0.5}, "0.5"),
-        ("stages", [{"name": "a"}], "is not valid under any"),
+        ("stages", [{"name": "a", "duration": -1.0}], "-1.0"),
         ("stages", [{"duration": 1.0, "exit": {"forse": [1.0, 0.0, 0.0]}}], "forse"),
         ("rollers", [{"centre": [0.0, 0.0, 0.0]}], "radius"),
     ],

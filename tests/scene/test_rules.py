@@ -395,17 +395,17 @@ def test_a_single_mistake_is_reported_alone(tmp_path: Path) -> None:
     ]
 
 
-def test_what_may_stand_for_a_duration_is_typed(tmp_path: Path) -> None:
-    """In a scene without [friction], whose stages are all frictionless, as the message says."""
-    frictionless = GOOD[:_FRICTION] + GOOD[_ROLLERS:].replace("friction = false\n", "")
-    typed = "\nfriction = false\n"
-    (told,) = mistakes_of(tmp_path, frictionless.replace("duration = 0.6", "")).values()
-    assert typed.strip() in str(told)
-    (tmp_path / "scene.toml").write_text(frictionless.replace("\nduration = 0.6\n", typed))
-    assert Scene.load(tmp_path / "scene.toml").stages[-1].duration == 1.0
-    moving = frictionless.replace("\nduration = 0.6\n", f"{typed}entry.speed = 1.0\n")
+def test_a_duration_may_be_left_out_where_nothing_depends_on_time(tmp_path: Path) -> None:
+    """In a scene without [friction], or a stage without it; not where an end moves."""
+    bare = GOOD[:_FRICTION] + GOOD[_ROLLERS:].replace("friction = false\n", "")
+    timeless = bare.replace("\nduration = 0.6\n", "\n")
+    without = GOOD.replace("\nduration = 0.6\n", "\nfriction = false\n")
+    for text in (timeless, without):
+        (tmp_path / "scene.toml").write_text(text)
+        assert Scene.load(tmp_path / "scene.toml").stages[-1].duration == 1.0
+    moving = bare.replace("\nduration = 0.6\n", "\nentry.speed = 1.0\n")
     (told,) = mistakes_of(tmp_path, moving).values()
-    assert "ends at rest" in str(told)
+    assert "without friction and ends at rest" in str(told)
 
 
 def test_the_only_stage_is_wrong(tmp_path: Path) -> None:

@@ -745,6 +745,28 @@ def test_strip_beside_its_rollers_is_told(crowned: State) -> None:
     assert "--set edges.entry.centred=true" in told
 
 
+def test_one_of_two_driven_rollers_that_is_slid_over_is_named() -> None:
+    """A draw of 1e-4 would raise 5 kN/m by 10; 124° hold 2.4 times as much at f = 0.4, and the
+    second roller holds what is left."""
+    tables = {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 5e-4},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "friction": {"coefficient": 0.4},
+        "threading": {"tension": 5e3, "entry": [-1.5, 0.0, 0.0], "exit": [3.5, 0.0, 0.0]},
+        "rollers": [
+            roller("a", 0.0, -0.25, 0.25, "left"),
+            roller("b", 0.0, -1.0, 0.25, "right"),
+            roller("c", 2.0, 0.25, 0.25, "left", drive="idle"),
+        ],
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [{"name": "run", "steady": True,
+                    "entry": {"tension": 5e3}, "exit": {"tension": 8e3},
+                    "rollers": {"a": {"surface_speed": 2.0}, "b": {"surface_speed": 2.0002}}}],
+    }  # fmt: skip
+    run, _ = ended(Scene.from_tables(tables, "draw.toml"))
+    assert "The strip slides over a." in report(run)
+
+
 @pytest.mark.parametrize(("bearing", "speed"), [(80.0, 2.00014), (2.0, 2.00014), (2.0, 2.02)])
 def test_strip_that_slides_over_rollers_is_told(
     bearing: float, speed: float, monkeypatch: pytest.MonkeyPatch

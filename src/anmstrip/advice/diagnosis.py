@@ -5,6 +5,7 @@ Every cause is a function that looks at a :class:`Failure` and returns a sentenc
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -247,9 +248,10 @@ def round_off(failure: Failure) -> str | None:
 
 
 def forewarned(failure: Failure) -> str | None:
-    """It could be told before the run, of this stage and those before it."""
+    """It could be told before the run, of this stage or else of those before it."""
     found = serious(seen_before(failure))
-    return as_sentence(found[0]) if found else None
+    here = re.compile(rf"\bstages?[ .]{re.escape(failure.stage.name)}\b")
+    return as_sentence(min(found, key=lambda told: not here.search(told))) if found else None
 
 
 def ran_away(failure: Failure) -> bool:

@@ -953,21 +953,27 @@ def uneven_fibres(preview: Preview) -> Iterator[str]:
     """Heat, flatness or camber by which the longest fibres of a section bear no tension.
 
     A fibre whose length without stress is larger by the share e than the mean across bears
-    T − E t e, with the mean T.
+    T − E t e, with the mean T.  Strip that no roller leads straight bends by what is linear in e.
     """
     strip, tension = preview.assembly.strip, preview.tension
     if strip.kinematics.name != "shell" or shape_of(strip) != "quad" or tension == 0.0:
         return
     _, row = np.unique(np.round(quadrature_points(strip)[0] / strip.length, 9), return_inverse=True)
     weights = strip.weights().ravel()
-    width = np.bincount(row, weights)
+    width, y = np.bincount(row, weights), quadrature_points(strip)[1]
+    y = y - (np.bincount(row, weights * y) / width)[row]
+    led = bool(preview.assembly.rollers)
     for key in ("temperature", "flatness", "camber"):
         needed = 0.0
         for plan in preview.plans:
             given = {k: v for k, v in plan.controls.at(1.0).items() if k == f"strip.{key}"}
             if (own := eigenstrain(strip, given)) is not None:
                 mean = np.bincount(row, own[0, 0] * weights) / width
-                excess = float((own[0, 0] - mean[row]).max())
+                uneven = own[0, 0] - mean[row]
+                if not led:
+                    bend = np.bincount(row, weights * y * uneven) / np.bincount(row, weights * y**2)
+                    uneven = uneven - bend[row] * y
+                excess = float(uneven.max())
                 needed = max(needed, strip.tensile_stiffness * excess)
         if needed > tension:
             share = two_digits(SAFE_ANGLE_SHARE * tension / needed, np.floor)
@@ -975,9 +981,10 @@ def uneven_fibres(preview: Preview) -> Iterator[str]:
             less = f"{share:g} of it"
             if camber is not None:
                 less = f"--set strip.camber={share * camber:.2g}"
+            straight = ", where rollers lead strip straight," if led else ""
             yield (
-                f"fibres are so unequal by strip.{key} that, where rollers lead strip straight, "
-                f"the longest bear none of a tension below about {needed:.2g} N/m. At "
+                f"fibres are so unequal by strip.{key} that{straight} the longest "
+                f"bear none of a tension below about {needed:.2g} N/m. At "
                 f"{tension:.3g} N/m they are slack, and wrinkle. "
                 f"Try {less}, or more tension"
             )

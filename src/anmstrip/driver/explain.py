@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from anmstrip.advice.preview import Preview
+from anmstrip.advice.units import MIN_FLATNESS
 from anmstrip.advice.warnings import Level, justified_level, levels, slides, warnings
 from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import InputError, Mistake, printable
@@ -410,14 +411,16 @@ def report(run: Run, told: Collection[str] = ()) -> str:
             parts.append(roller_table(state))
         parts += bend_table(state)
         parts.append(tensions(state))
-        if (latent := run.flatness.get("latent_flatness")) is not None:
-            manifest = run.flatness["manifest_flatness"]
+        latent, manifest = (run.flatness.get(f"{k}_flatness") for k in ("latent", "manifest"))
+        if latent is not None and manifest is not None and latent >= MIN_FLATNESS:
             parts.append(f"Flatness: {latent:.3g} I-units latent, {manifest:.3g} of them in waves.")
         driven = [r.name for r in run.scene.rollers if r.drive == "speed"]
         touched = {n: c for n in driven if (c := state.contacts.get(n)) and c.touching.any()}
-        used = min((state.rollers[n].capacity_used or 0.0 for n in touched), default=0.0)
-        if state.plan.steady and used > SLIDING_SHARE and all(map(slides, touched.values())):
-            parts.append("The strip slides over all driven rollers that it touches.")
+        slid = [n for n in touched if (state.rollers[n].capacity_used or 0.0) > SLIDING_SHARE]
+        slid = [n for n in slid if state.plan.steady and slides(touched[n])]
+        if slid:
+            where = "all driven rollers that it touches" if len(slid) == len(touched) else None
+            parts.append(f"The strip slides over {where or ' and '.join(slid)}.")
         parts += runaway_slips(state)
         if any(part is not None for part in run.errors().values()):
             parts.append(error_table(run))

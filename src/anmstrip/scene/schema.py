@@ -240,19 +240,15 @@ class SceneSpec(Table):
 def json_schema() -> dict[str, Any]:
     """Return the JSON schema of a scene file, by which editors complete and check it.
 
-    What pydantic makes of the models, with what files may leave out besides: names, the duration
-    of stages that are steady or without friction; and with the names of edges as keys of a stage.
+    What pydantic makes of the models, with what files may leave out besides: names, and the
+    duration of stages of which nothing depends on time; and with the names of edges as keys of a
+    stage.
     """
     schema = SceneSpec.model_json_schema()
     tables = schema["$defs"]
     tables["RollerSpec"]["required"].remove("name")
     stage = tables["StageSpec"]
     stage["required"] = []
-    without = [
-        {"properties": {key: {"const": value}}, "required": [key]}
-        for key, value in (("steady", True), ("friction", False))
-    ]
-    stage["anyOf"] = [{"required": ["duration"]}, *without]
     stage["additionalProperties"] = stage["properties"].pop("edges")["additionalProperties"]
     for name, table in {"SceneSpec": schema, **tables}.items():
         table["description"] = table["description"].partition("\n\n")[0]
@@ -351,7 +347,10 @@ def wrong_override(text: str, key: str, value: object, expected: str, hint: str)
 
 
 def with_implied_tables(scene: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the tables of a scene with names for all rollers and stages, and implied contact.
+    """Return the tables of a scene with all that they imply.
+
+    Names for all rollers and stages; contact, where there is friction or threading; and a duration
+    of stages of which nothing depends on time.
 
     Examples
     --------
@@ -367,7 +366,22 @@ def with_implied_tables(scene: Mapping[str, Any]) -> dict[str, Any]:
                 {"name": f"{prefix}{position}", **table} if isinstance(table, Mapping) else table
                 for position, table in enumerate(tables, start=1)
             ]
+    material = scene.get("material")
+    if "friction" in scene or (isinstance(material, Mapping) and "plasticity" in material):
+        return named
+    if isinstance(scene.get("stages"), list | tuple):
+        named["stages"] = [
+            {"duration": 1.0, **table}
+            if isinstance(table, Mapping) and not any(map(moves, table.values()))
+            else table
+            for table in named["stages"]
+        ]
     return named
+
+
+def moves(controls: Any) -> bool:
+    """Return whether the table of an edge in a stage says how fast it moves."""
+    return isinstance(controls, Mapping) and bool({"velocity", "speed"} & controls.keys())
 
 
 LEADING_KEYS = {"move", "velocity", "speed", "force", "release"}
