@@ -20,7 +20,7 @@ from anmstrip.simulation.meshing import MAX_LYING_TURN
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.threading import LARGEST_RADIUS
 
-LARGEST_IN_LINES = {"m": LARGEST_RADIUS, "m/s": 100.0, "m/s²": 1e3}
+LARGEST_IN_LINES = {"m": LARGEST_RADIUS, "m/s": 100.0, "m/s²": 5e3}
 """Widths, radii, speeds and gravity in a line beyond which another unit was meant."""
 
 MAX_LINE_STRESS = 500.0
