@@ -53,6 +53,10 @@ NOT_MODELLED = {
     "inertia": 'not modelled; an idler that gains the speed v in t seconds has drive = "torque" '
     "and torque = -J v/(r t) in that stage",
     "mass": "not modelled: states are quasi-static, and rollers do not bend",
+    **dict.fromkeys(
+        ("spring", "weight"),
+        "not modelled: type the tension that it makes, EDGE.tension in a stage",
+    ),
     "eccentricity": "not modelled; its effect is that of moves, rollers.NAME.move of a stage",
     "bow": "not modelled: axes are straight; the shapes that there are: crown, taper, sides",
     "temperature": "temperatures are those of the strip, strip.temperature",
