@@ -408,3 +408,15 @@ def test_what_was_told_of_the_stage_that_stops_comes_first(monkeypatch: pytest.M
     assert "stages.turn.exit" in told(wrapped(), stalled())
     sentences.pop(1)
     assert "It slides" in told(wrapped(), stalled())
+
+
+def test_a_run_stops_where_strip_is_stretched_to_twice_its_length() -> None:
+    """Pulled by its own length, of which it has all that was computed."""
+    pull = {"name": "pull", "duration": 1.0, "exit": {"move": [8.0, 0.0, 0.0]}}
+    held = {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["x", "z"]}}
+    run = scene(stages=[pull], edges=held, rollers=[], friction=None, contact=None).run()
+    *_, last = run
+    assert run.outcome is Outcome.OVERSTRETCHED
+    assert "more than twice its length" in run.message
+    assert last.state.tension("exit") > 2e11 * 1e-3
+    assert run.state is last.state

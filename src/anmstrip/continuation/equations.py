@@ -187,6 +187,7 @@ class Outcome(Enum):
     INTERRUPTED = "it was interrupted"
     NOT_ENDED = "it has not ended"
     NOT_FINITE = "the equations gave values that are not finite"
+    OVERSTRETCHED = "the strip is stretched to more than twice its length, as no elastic strip is"
     TOO_LARGE = "the factors of the tangent do not fit into memory"
 
     @property

@@ -136,6 +136,13 @@ def errors_of(budget: Budget, march: March, state: State) -> dict[str, float]:
         return budget.of_solver(state, march.memory)
 
 
+def overstretched(state: State) -> bool:
+    """Return whether tension has stretched strip by its own length, for which no law is meant."""
+    if state.membrane is None:
+        return False
+    return bool(state.membrane_forces[0, 0].max() > state.plan.model.strip.tensile_stiffness)
+
+
 class Run:
     """Iterator over the accepted steps of a scene; writes results as it goes.
 
@@ -300,6 +307,8 @@ class Run:
                     with delay_interrupts():
                         accepted = self._accept(step)
                     yield accepted
+                    if overstretched(step.state):
+                        raise PathStopped(Outcome.OVERSTRETCHED, step.state.control)
             finally:
                 self._count(plan)
         with delay_interrupts():
