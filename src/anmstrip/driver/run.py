@@ -136,7 +136,7 @@ def errors_of(budget: Budget, march: March, state: State) -> dict[str, float]:
         return budget.of_solver(state, march.memory)
 
 
-def overstretched(state: State) -> bool:
+def doubled_in_length(state: State) -> bool:
     """Return whether tension has stretched strip by its own length, for which no law is meant."""
     if state.membrane is None:
         return False
@@ -307,7 +307,7 @@ class Run:
                     with delay_interrupts():
                         accepted = self._accept(step)
                     yield accepted
-                    if overstretched(step.state):
+                    if doubled_in_length(step.state):
                         raise PathStopped(Outcome.OVERSTRETCHED, step.state.control)
             finally:
                 self._count(plan)

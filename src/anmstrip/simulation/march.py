@@ -561,7 +561,7 @@ class March:
 
     @property
     def stages_in_time(self) -> int:
-        """How many stages have steps in time."""
+        """Number of stages with steps in time."""
         return sum(map(self.assembly.frictional, self.scene.course))
 
 
