@@ -402,6 +402,19 @@ def test_all_sides_that_do_not_fit_are_told() -> None:
     assert thread.middle.arcs.turn.min() > np.radians(60.0)
 
 
+def test_in_a_line_along_minus_x_the_side_that_is_proposed_says_what_it_is() -> None:
+    """Drawn from right to left, "over" is below: above is "right" of the travel."""
+    tables = {
+        **ONE, "rollers": [roller("a", 0.0, -0.4, 0.4, "over")],
+        "threading": {"tension": 2e4, "entry": [3.0, 0.0, 0.0], "exit": [-0.4, 0.0, -2.0]},
+    }  # fmt: skip
+    with pytest.raises(InputError, match='wrap = "right", another centre'):
+        Assembly(scene_of(tables)).thread  # noqa: B018
+    tables["rollers"][0]["wrap"] = "right"
+    thread = Assembly(scene_of(tables)).thread
+    assert thread is not None and thread.middle.arcs.turn.min() > np.radians(80.0)
+
+
 def test_a_radius_in_millimetres_is_told_where_the_way_has_no_room() -> None:
     tables = {**ONE, "rollers": [roller("a", 0.0, -0.5, 500.0, "over")]}
     with pytest.raises(InputError, match=r"or rollers\.a\.radius = 0\.5 if it is in mm"):

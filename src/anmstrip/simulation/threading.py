@@ -445,9 +445,20 @@ def _sides_that_fit(scene: SceneSpec, thread: Thread) -> dict[str, str]:
             found.append((float(way.middle.length[0]), turned))
     if not found:
         return {}
-    given = {r.name: r.wrap for r in scene.rollers if r.wrap is not None}
-    names = [thread.rollers[k].name for k in min(found)[1]]
-    return {name: OTHER_SIDE[given[name]] for name in names}
+    return {
+        name: _other_side(scene, name) for k in min(found)[1] if (name := thread.rollers[k].name)
+    }
+
+
+def _other_side(scene: SceneSpec, name: str) -> str:
+    """Return the other side of a roller, "left" or "right" in a line that runs along −x.
+
+    There "over" is below.
+    """
+    given = next(roller.wrap for roller in scene.rollers if roller.name == name)
+    other, ends = OTHER_SIDE[given or "over"], scene.threading
+    back = ends and ends.entry and ends.exit and ends.exit[0] < ends.entry[0]
+    return {"over": "left", "under": "right"}.get(other, other) if back else other
 
 
 def _refused(scene: SceneSpec, thread: Thread, error: ValueError) -> InputError:
@@ -462,7 +473,7 @@ def _refused(scene: SceneSpec, thread: Thread, error: ValueError) -> InputError:
             f"there it would have to turn by {np.degrees(turn):.3g} degrees"
         )
         fitting = _sides_that_fit(scene, thread)
-        hint = f'wrap = "{OTHER_SIDE[side or "over"]}"'
+        hint = f'wrap = "{_other_side(scene, names[index])}"'
         if fitting and set(fitting) != {names[index]}:
             hint = "wrap = " + ", ".join(f'"{new}" of {name}' for name, new in fitting.items())
         hint += ", another centre, or no wrap: weight or its move then brings it there"
