@@ -445,9 +445,8 @@ def _sides_that_fit(scene: SceneSpec, thread: Thread) -> dict[str, str]:
             found.append((float(way.middle.length[0]), turned))
     if not found:
         return {}
-    return {
-        name: _other_side(scene, name) for k in min(found)[1] if (name := thread.rollers[k].name)
-    }
+    names = (thread.rollers[k].name for k in min(found)[1])
+    return {name: _other_side(scene, name) for name in names}
 
 
 def _other_side(scene: SceneSpec, name: str) -> str:
