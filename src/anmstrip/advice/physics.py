@@ -17,7 +17,6 @@ from anmstrip.advice.units import in_megapascals
 from anmstrip.arrays import Array
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.sampling import quadrature_points, shape_of
-from anmstrip.mechanics.plasticity import FlowLaw
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.shell import eigenstrain
 from anmstrip.scene.checks import PARALLEL_COSINE, moved_ends
@@ -581,8 +580,8 @@ def stretched_beyond_yield(preview: Preview) -> Iterator[str]:
     stress, limit, how = preview.tension / t, yield_stress(scene), "yields"
     if (flow := preview.assembly.flow) is not None:
         hardening = flow.isotropic + flow.kinematic
-        if type(flow).resistance is not FlowLaw.resistance:
-            return
+        if scene.material.plasticity and scene.material.plasticity.law:
+            return  # which may harden by itself
         limit = flow.yield_stress + LARGEST_ELONGATION * hardening
         longer = f"stretches by more than {100.0 * LARGEST_ELONGATION:g} %"
         how = longer if hardening else "flows, on and on"

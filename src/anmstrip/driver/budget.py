@@ -31,9 +31,7 @@ from anmstrip.fem.sampling import l2_projection
 from anmstrip.fem.strip import Strip, line, renumbered
 from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.linalg.solvers import SparseSolver
-from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.effects import Controls, Effect
-from anmstrip.mechanics.laws import TangentBeyond
 from anmstrip.mechanics.shell import Membrane
 from anmstrip.results.files import ERROR_WORDS
 from anmstrip.results.state import State
@@ -396,6 +394,9 @@ class Budget:
 
 def tangent_beyond(effect: Effect, reaction: float) -> Effect:
     """Return an effect whose law of contact, if any, goes on along its tangent beyond it (Pa)."""
+    from anmstrip.mechanics.contact import Contact, Friction
+    from anmstrip.mechanics.laws import TangentBeyond
+
     if isinstance(effect, Contact):
         return replace(effect, signorini=TangentBeyond(effect.signorini, reaction))
     if isinstance(effect, Friction):
