@@ -478,6 +478,8 @@ def bend_table(state: State) -> list[str | Table]:
         x, _ = layers.stations
         left = layers.mean(layers.residual_curvature[0])
         k = int(np.abs(left).argmax())
+        if np.abs(left[k]) <= DISPLAYED_ZERO:
+            return []
         where = f"{cell(left[k])} 1/m, {cell(x[k])} m from the entry"
         return [f"The largest curl that is left in the strip, unloaded: {where}."]
     for name, b in bends.items():
