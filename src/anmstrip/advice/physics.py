@@ -47,7 +47,8 @@ METAL_MODULUS = 1e10
 """Young's modulus (Pa) from which a strip is taken for metal; film and paper have less."""
 
 LARGEST_ELONGATION = 0.05
-"""Strain of strip that hardens up to which a line may stretch it as a whole, unsaid."""
+"""Strain of strip that hardens up to which a line may stretch it as a whole, unsaid: no
+tension leveller stretches by as much."""
 
 CLEARANCE = 1.01
 """Distance of axes over the sum of radii that is proposed of rollers that move into one another."""

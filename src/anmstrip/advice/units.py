@@ -21,7 +21,8 @@ from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.threading import LARGEST_RADIUS
 
 LARGEST_IN_LINES = {"m": LARGEST_RADIUS, "m/s": 100.0, "m/s²": 5e3}
-"""Widths, radii, speeds and gravity in a line beyond which another unit was meant."""
+"""Widths, radii, speeds and gravity in a line beyond which another unit was meant; the earth's
+gravity is 9810 mm/s²."""
 
 MAX_LINE_STRESS = 500.0
 """Stress (MPa) by which no line pulls: a larger number is a tension in N/m."""
@@ -142,7 +143,9 @@ def doubts(preview: Preview) -> Iterator[Doubt]:
         yield from doubtful_weight(scene)
         return
     found = [*doubtful_strip(preview), *doubtful_friction(scene), *doubtful_speeds(scene)]
-    yield from [*found, *doubtful_gravity(scene)]
+    yield from found
+    why = "in m/s², in which no line has such a value"
+    yield from doubtful_gravity(scene, (LARGEST_IN_LINES["m/s²"], np.inf), why, "mm/s²", 1e-3)
     if (meant := scene_as_meant(scene, found)) is not None:
         yield from doubtful_tensions(meant)
     yield from doubtful_flatness(scene)
@@ -197,22 +200,19 @@ def doubtful_weight(scene: SceneSpec) -> Iterator[Doubt]:
         unit, share = ("kg/m³", 1e-12) if density > 100.0 else ("g/cm³", 1e-9)
         typed = f"material.density={share * density:.6g}"
         yield Doubt("material.density", density, why.format("t/mm³"), unit, typed)
+    yield from doubtful_gravity(scene, (0.0, MIN_GRAVITY), why.format("mm/s²"), "m/s²", 1e3)
+
+
+def doubtful_gravity(
+    scene: SceneSpec, between: tuple[float, float], why: str, meant: str, factor: float
+) -> Iterator[Doubt]:
+    """Yield the gravity of stages between two values, which was meant in another unit."""
     for stage in scene.stages:
         size = float(np.linalg.norm(stage.gravity or 0.0))
-        if stage.gravity is not None and 0.0 < size < MIN_GRAVITY:
+        if stage.gravity is not None and between[0] < size < between[1]:
             key = f"stages.{stage.name}.gravity"
-            typed = f"{key}=[{', '.join(f'{1e3 * g:g}' for g in stage.gravity)}]"
-            yield Doubt(key, size, why.format("mm/s²"), "m/s²", typed)
-
-
-def doubtful_gravity(scene: SceneSpec) -> Iterator[Doubt]:
-    """Yield a gravity that no line has."""
-    for stage in scene.stages:
-        size = float(np.linalg.norm(stage.gravity or 0.0))
-        if stage.gravity is not None and size > LARGEST_IN_LINES["m/s²"]:
-            key, why = f"stages.{stage.name}.gravity", "in m/s², in which no line has such a value"
-            typed = f"{key}=[{', '.join(f'{1e-3 * g:g}' for g in stage.gravity)}]"
-            yield Doubt(key, size, why, "mm/s²", typed)
+            typed = f"{key}=[{', '.join(f'{factor * g:g}' for g in stage.gravity)}]"
+            yield Doubt(key, size, why, meant, typed)
 
 
 def doubtful_strip(preview: Preview) -> Iterator[Doubt]:

@@ -67,7 +67,8 @@ BUDGET_ADVICE = {
 
 EXPECTED_PRESSURE = 10.0
 """Largest pressure on elements of half the length, over that on the given ones, up to which the
-law of contact is followed on the way to their balance."""
+law of contact is followed on the way to their balance.  A foil takes 30 tangents, 32 with 3
+times as much and 40 with 1e4 times."""
 
 LINEAR_RANGE = 1e-2
 """Change of gaps over the onset of contact, and of slip over V_c, over which laws are straight."""

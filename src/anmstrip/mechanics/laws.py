@@ -68,10 +68,26 @@ class ContactLaw:
 
 
 @dataclass(frozen=True)
-class ScaledGaps(ContactLaw):
-    """A law with all gaps multiplied by a number."""
+class DerivedLaw(ContactLaw):
+    """A law that follows from another one, with its width and its faintest reaction."""
 
     law: ContactLaw
+
+    @property
+    def width(self) -> float:  # type: ignore[override]
+        """Gap (m) over which the reaction sets in."""
+        return self.law.width
+
+    @property
+    def faint(self) -> float:  # type: ignore[override]
+        """Reaction below which nothing counts as touching."""
+        return self.law.faint
+
+
+@dataclass(frozen=True)
+class ScaledGaps(DerivedLaw):
+    """A law with all gaps multiplied by a number."""
+
     ratio: float
 
     def __call__(self, gap: Any) -> Any:
@@ -87,21 +103,19 @@ class ScaledGaps(ContactLaw):
         """Gap (m) over which the reaction sets in."""
         return self.ratio * self.law.width
 
-    @property
-    def faint(self) -> float:  # type: ignore[override]
-        """Reaction below which nothing counts as touching."""
-        return self.law.faint
+
+DIFFERENCE_SHARE = 1e-4
+"""Share of a law's width over which its slope is taken: right to 1e-9."""
 
 
 @dataclass(frozen=True)
-class TangentBeyond(ContactLaw):
+class TangentBeyond(DerivedLaw):
     """A law up to a reaction, and its tangent beyond.
 
     Newton's method so comes out of a roller at once, of which exp(−h/w) leaves one w in each
     iteration.
     """
 
-    law: ContactLaw
     largest: float  # reaction (Pa)
 
     @cached_property
@@ -124,16 +138,6 @@ class TangentBeyond(ContactLaw):
         """Gap at a reaction."""
         inside = np.minimum(reaction, self.largest)
         return self.law.gap(inside) - (reaction - inside) / self.slope
-
-    @property
-    def width(self) -> float:  # type: ignore[override]
-        """Gap (m) over which the reaction sets in."""
-        return self.law.width
-
-    @property
-    def faint(self) -> float:  # type: ignore[override]
-        """Reaction below which nothing counts as touching."""
-        return self.law.faint
 
 
 @dataclass(frozen=True)
@@ -191,9 +195,6 @@ class RepulsiveSignorini(ContactLaw):
         """Description for a report."""
         return f"K = {self.stiffness:.3g} Pa/m"
 
-
-DIFFERENCE_SHARE = 1e-4
-"""Share of a law's width over which its slope is taken: right to 1e-9."""
 
 SATURATION_DEPTH = 100.0
 """Depth over the width from which a graded reaction grows no more: 1e43 times its pressure is more

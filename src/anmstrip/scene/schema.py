@@ -52,6 +52,7 @@ from anmstrip.scene.tables import (
     ThreadingSpec,
     example_of,
     meanings,
+    moves,
 )
 
 
@@ -377,11 +378,6 @@ def with_implied_tables(scene: Mapping[str, Any]) -> dict[str, Any]:
             for table in named["stages"]
         ]
     return named
-
-
-def moves(controls: Any) -> bool:
-    """Return whether the table of an edge in a stage says how fast it moves."""
-    return isinstance(controls, Mapping) and bool({"velocity", "speed"} & controls.keys())
 
 
 LEADING_KEYS = {"move", "velocity", "speed", "force", "release"}

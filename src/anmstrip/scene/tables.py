@@ -8,7 +8,7 @@ from __future__ import annotations
 import ast
 import inspect
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from itertools import combinations, pairwise
 from pathlib import Path
@@ -631,6 +631,11 @@ class StripControl(NaturalShape):
     """speed in a steady stage, of unstressed strip, from entry to exit, a number (m/s)"""
 
 
+def moves(controls: Any) -> bool:
+    """Return whether the table of an edge in a stage says how fast it moves."""
+    return isinstance(controls, Mapping) and bool({"velocity", "speed"} & controls.keys())
+
+
 class StageSpec(Table):
     """One stage: controls go from what they were to what is said here.
 
@@ -664,8 +669,7 @@ class StageSpec(Table):
             return given
         own = {key: value for key, value in given.items() if key in cls.model_fields}
         others = {key: value for key, value in given.items() if key not in own}
-        moving = {"velocity", "speed"}
-        moved = any(moving & {*edge} for edge in others.values() if isinstance(edge, dict))
+        moved = any(map(moves, others.values()))
         steady = own.get("steady", False) is not False  # of another type it is told itself
         if steady or (own.get("friction") is False and not moved):
             own.setdefault("duration", 1.0)

@@ -49,7 +49,8 @@ LARGEST_RADIUS = 20.0
 """Radius (m) of which there is no roller in a line."""
 
 FAR_AWAY = 30.0
-"""Ratio of successive sizes and places of a line from which on the larger ones may be in mm."""
+"""Ratio of successive sizes and places of a line from which on the larger ones may be in mm, as
+is said besides of a line that cannot be threaded."""
 
 OTHER_SIDE = {"over": "under", "under": "over", "left": "right", "right": "left"}
 
