@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import deepcopy
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -172,13 +173,22 @@ def test_a_line_that_runs_loose_is_told_and_the_advice_holds_it() -> None:
 
 
 def test_events_see_the_speed_of_a_free_roller() -> None:
-    """An idler takes up the strip's speed: its points slip by much less than that."""
+    """An idler takes up the strip's speed: its points slip by much less than that.
+
+    Each event is dated within the step in time in which it was found, whose length it has.
+    """
     line = deepcopy(LINE)
     line["rollers"][0]["drive"] = "idle"
     line["output"] = {"events": True}
-    run = scene_of(line).run()
-    found = [e for step in run for e in step.events if e.roller == "a" and e.slip is not None]
+    steps = list(scene_of(line).run())
+    found = [e for step in steps for e in step.events if e.roller == "a" and e.slip is not None]
     assert found
+    for before, step in pairwise(steps):
+        begin, end = before.state.time, step.state.time
+        for event in step.events if step.state.plan.in_time else ():
+            assert event.step == pytest.approx(end - begin, rel=1e-9)
+            assert begin <= event.time <= end
+    assert any(e.step is not None for e in found)
     assert max(e.slip for e in found) < 0.1 * SPEED
 
 
