@@ -12,6 +12,8 @@ from reported_files import Results, Surface, ran
 from reported_rollers import Law, Look
 from reported_states import looks_at
 
+from anmstrip.driver.scene import Scene
+
 LEVELS = {"turning": 1.0e-4 * np.log(2.0e4 / (0.1 * float(np.hypot(1e4, 5773.5)) / 0.5))}
 """Gap at which the pressure p0 exp(-h/w) is a tenth of T/r (m)."""
 
@@ -187,3 +189,42 @@ def test_a_roller_touches_when_it_reaches_the_strip(lifted: Results) -> None:
     force = P * 2.0 / 6.0 * lifted.last.sizes[0].min()
     assert up == pytest.approx(1.2 + force * 2.0 / (4.0 * 1.0e4) / 0.1, abs=1e-3)
     assert up + down == pytest.approx(4.0, abs=2e-5)
+
+
+def test_slip_of_a_bridle_is_dated_by_statics() -> None:
+    """The exit pulls ever more than 4 kN/m; the rollers let go in turn, the last one first.
+
+    Then friction has used up what it holds on all wraps behind, T = 4 kN/m exp(f θ).  Steps of
+    half a second lie between; a date is known to the tolerance of the stage.
+    """
+    roller = {"radius": 0.3, "drive": "speed"}
+    places = {"b1": (0.0, 0.0, "left"), "b2": (0.8, -0.9, "right"), "b3": (1.6, 0.0, "left")}
+    begin, lasting, force, most = 3.0, 3.0, 4e3, 20e3
+    line = Scene(
+        strip={"kinematics": "section", "width": 1.0, "thickness": 8e-4},
+        material={"young": 2e11, "poisson": 0.3},
+        contact={},
+        friction={"coefficient": 0.2},
+        threading={"tension": force, "entry": (-1.5, 0.0, 0.3), "exit": (3.5, 0.0, 0.3)},
+        rollers=[
+            {**roller, "name": name, "centre": (x, 0.0, z), "wrap": side}
+            for name, (x, z, side) in places.items()
+        ],
+        edges={"entry": {"fixed": ["x", "z"]}},
+        stages=[
+            {"name": "start", "duration": 2.0, "entry": {"release": True},
+             "rollers": {name: {"surface_speed": 1.0} for name in places}},
+            {"name": "pull", "duration": lasting, "exit": {"tension": most}},
+        ],
+        solver={"tolerance": 1e-2},
+        output={"events": True},
+    )  # fmt: skip
+    steps = list(line.run())  # it runs away as the first one slips as well
+    found = [e for step in steps for e in step.events if e.point is None and e.kind == "slip"]
+    assert [event.roller for event in found] == ["b3", "b2", "b1"]
+    span = np.array([0.8, 0.9])
+    turn = np.arctan2(*span[::-1]) + np.arcsin(2.0 * 0.3 / np.hypot(*span))
+    wraps = turn * np.array([1.0, 3.0, 4.0])  # behind each; the middle one turns it back as well
+    expected = begin + lasting * force * (np.exp(0.2 * wraps) - 1.0) / (most - force)
+    assert [event.time for event in found] == pytest.approx(list(expected), abs=0.06)
+    assert all(event.step <= 1e-2 * lasting * (1.0 + 1e-9) for event in found)

@@ -175,7 +175,8 @@ def test_a_line_that_runs_loose_is_told_and_the_advice_holds_it() -> None:
 def test_events_see_the_speed_of_a_free_roller() -> None:
     """An idler takes up the strip's speed: its points slip by much less than that.
 
-    Each event is dated within the step in time in which it was found, whose length it has.
+    Each event is dated within the step in time in which it was found, and to no less than its
+    length where it concerns a single point.
     """
     line = deepcopy(LINE)
     line["rollers"][0]["drive"] = "idle"
@@ -186,8 +187,11 @@ def test_events_see_the_speed_of_a_free_roller() -> None:
     for before, step in pairwise(steps):
         begin, end = before.state.time, step.state.time
         for event in step.events if step.state.plan.in_time else ():
-            assert event.step == pytest.approx(end - begin, rel=1e-9)
+            assert event.step <= (end - begin) * (1.0 + 1e-9)
             assert begin <= event.time <= end
+        if step.state.plan.in_time and not any(event.point is None for event in step.events):
+            lengths = [event.step for event in step.events]
+            assert lengths == pytest.approx([end - begin] * len(lengths), rel=1e-9)
     assert any(e.step is not None for e in found)
     assert max(e.slip for e in found) < 0.1 * SPEED
 

@@ -209,7 +209,10 @@ class Run:
         if scene.output.events and a.contact is not None:
             from anmstrip.results.events import EventWatch
 
-            self.watch = EventWatch(a.contact, a.rollers, a.friction, a.scales.tension)
+            tolerance = scene.solver.tolerance
+            self.watch = EventWatch(
+                a.contact, a.rollers, a.friction, a.scales.tension, tolerance
+            )
         self.onsets: WrinkleWatch | None = None
         if a.kinematics is SHELL and a.scene.strip.bending:  # else compression alone wrinkles it
             self.onsets = WrinkleWatch(self.cost)

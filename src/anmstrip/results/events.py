@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -117,7 +118,7 @@ class Event:
     y: float | None = None
     gap: float | None = None  # of the point at this moment (m)
     slip: float | None = None  # m/s
-    step: float | None = None  # of time (s), within which it happened; None along a path
+    step: float | None = None  # of time (s), to which its date is known; None along a path
 
 
 class EventWatch:
@@ -131,6 +132,9 @@ class EventWatch:
     friction_law : FrictionLaw or None
     tension : float
         Scale of the tension (N/m).
+    tolerance : float
+        To which the beginnings and ends of contact and slip of whole rollers are dated in time, as
+        a share of the stage.
 
     Attributes
     ----------
@@ -144,9 +148,10 @@ class EventWatch:
         rollers: Sequence[Roller],
         friction_law: FrictionLaw | None,
         tension: float,
+        tolerance: float,
     ) -> None:
         self.contact, self.rollers, self.friction_law = contact, rollers, friction_law
-        self.tension = tension
+        self.tension, self.tolerance = tension, tolerance
         self.watches = Watch(), Watch(), Watch()
         self.plan: Any = None
         self.touching = self.sticking = np.zeros(0, dtype=bool)
@@ -179,10 +184,32 @@ class EventWatch:
     def during(self, before: State, state: State) -> tuple[Event, ...]:
         """Return the events of the step between two states, in their order.
 
+        In time the velocity is linear within a step, and slip that begins late in a long one would
+        be dated early.  A step in which a roller as a whole begins or ceases to touch or to slip is
+        halved until the halves are as short as its tolerance; each takes a few tangents.
+
         Parameters
         ----------
         before, state : State
         """
+        plan = state.plan
+        if not plan.in_time or state.step is None:
+            return self._between(before, state)
+
+        def halved(begin: State, end: State) -> tuple[Event, ...]:
+            kept = deepcopy(self.watches), self.touching.copy(), self.sticking.copy()
+            found, length = self._between(begin, end), end.time - begin.time
+            whole = any(event.point is None for event in found)
+            if not whole or length <= self.tolerance * plan.duration:
+                return found
+            self.watches, self.touching, self.sticking = kept
+            middle = state.at(begin.time + 0.5 * length, before)
+            return (*halved(begin, middle), *halved(middle, replace(end, step=None)))
+
+        return halved(before, state)
+
+    def _between(self, before: State, state: State) -> tuple[Event, ...]:
+        """Events between two states, by polynomials between them."""
         plan, stretch = state.plan, Stretch.between(before, state)
         moved = _at_points(self.contact, stretch.full)
         controls = plan.controls.at(float(stretch.control[0]))
