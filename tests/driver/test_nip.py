@@ -93,6 +93,17 @@ def test_the_force_of_a_nip_follows_from_its_gap() -> None:
     assert not any("nip" in line for line in told(pinch(0.0, 0.0, "contact.faces=false")))
 
 
+def test_rollers_closed_too_far_are_proposed_as_close_as_strip_is_thick() -> None:
+    """Not a hundredth of their radii apart, where the upper one would touch nothing.
+
+    It comes down from 0.1555 m, and rests on strip at 2 · 0.15 + 0.001 − 0.1505 m.
+    """
+    (words,) = (line for line in told(pinch(1.5 * THICKNESS)) if "one another" in line)
+    assert "moves bottom and top 0.0005 m into one another" in words
+    assert "stages.close.rollers.top.move=[0, 0, -0.005]" in words
+    assert not any("leave a gap" in line for line in told(pinch(1.5 * THICKNESS)))
+
+
 @pytest.mark.parametrize("squeeze", [0.0, 4e-5])
 def test_the_force_that_is_told_is_the_one_of_a_run(squeeze: float) -> None:
     """On elements that resolve the onset, of flat strip that hangs in nothing else."""

@@ -89,7 +89,10 @@ PLACE_DECIMALS = 9
 
 
 def meeting_rollers(preview: Preview) -> Iterator[str]:
-    """Rollers that move into one another."""
+    """Rollers that move into one another: those that press the strip may come as far as that."""
+    assembly = preview.assembly
+    stages = nips_in_stages(assembly.scene, assembly.rollers, assembly.thread)
+    pressed = [{nip.first.name, nip.second.name} for found in stages for nip in found]
     for plan in preview.plans:
         end = plan.controls.at(1.0)
         moving = {key for key, slope in plan.controls.slope.items() if np.any(slope)}
@@ -102,7 +105,10 @@ def meeting_rollers(preview: Preview) -> Iterator[str]:
             overlap = a.radius + b.radius - float(np.linalg.norm(way))
             if overlap > 0.0:
                 moved, towards = (a, way) if keys[0] in moving else (b, -way)
-                how = shorter_move(plan, moved, towards, CLEARANCE * (a.radius + b.radius))
+                apart = a.radius + b.radius
+                thick = float(a.half + b.half) if {a.name, b.name} in pressed else 0.0
+                apart = apart + thick if thick else CLEARANCE * apart
+                how = shorter_move(plan, moved, towards, apart)
                 yield (
                     f"stage {plan.name} moves {a.name} and {b.name} {overlap:.2g} m into one "
                     f"another. Try {how}"
@@ -823,6 +829,8 @@ def nip_forces(preview: Preview) -> Iterator[str]:
                 narrowest.get(names, each), each, key=lambda nip_forces: nip_forces.gap
             )
     for (a, b), each in narrowest.items() if assembly.scene.contact else ():
+        if each.gap < 0.0:  # see meeting_rollers
+            continue
         told = (
             f"rollers {a} and {b} leave a gap of {each.gap:.3g} m to a strip of {thickness:.3g} m"
         )
