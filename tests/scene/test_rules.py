@@ -13,7 +13,7 @@ from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
 from anmstrip.fem.geometry import KINEMATICS
 from anmstrip.scene.checks import DISPLACEMENTS
-from anmstrip.scene.hints import NOT_MODELLED
+from anmstrip.scene.hints import FOREIGN_KEYS
 from anmstrip.simulation.problem import Assembly
 
 GOOD = Path(__file__).with_name("capstan.toml").read_text(encoding="utf-8")
@@ -564,12 +564,12 @@ def test_a_decimal_comma_is_told(tmp_path: Path, typed: str) -> None:
     assert "comma" not in refused.value.mistakes[0].expected
 
 
-@pytest.mark.parametrize("key", NOT_MODELLED)
+@pytest.mark.parametrize("key", FOREIGN_KEYS)
 def test_what_rollers_have_in_other_programs_is_explained(key: str) -> None:
     with pytest.raises(InputError) as found:
         Scene.from_tables(tomllib.loads(f"{GOOD}\n[[rollers]]\n{key} = 1.0\n"), "line.toml")
     (mistake,) = [each for each in found.value.mistakes if each.key.endswith(key)]
-    assert mistake.hint == NOT_MODELLED[key]
+    assert mistake.hint == FOREIGN_KEYS[key]
 
 
 @pytest.mark.parametrize(

@@ -210,9 +210,7 @@ class Run:
             from anmstrip.results.events import EventWatch
 
             tolerance = scene.solver.tolerance
-            self.watch = EventWatch(
-                a.contact, a.rollers, a.friction, a.scales.tension, tolerance
-            )
+            self.watch = EventWatch(a.contact, a.rollers, a.friction, a.scales.tension, tolerance)
         self.onsets: WrinkleWatch | None = None
         if a.kinematics is SHELL and a.scene.strip.bending:  # else compression alone wrinkles it
             self.onsets = WrinkleWatch(self.cost)

@@ -49,7 +49,7 @@ NO_CONTROLS = {
 }
 """What a stage does not change of a roller, and what to type instead."""
 
-NOT_MODELLED = {
+FOREIGN_KEYS = {
     "inertia": 'not modelled; an idler that gains the speed v in t seconds has drive = "torque" '
     "and torque = -J v/(r t) in that stage",
     "mass": "not modelled: states are quasi-static, and rollers do not bend",
@@ -59,6 +59,11 @@ NOT_MODELLED = {
     ),
     "eccentricity": "not modelled; its effect is that of moves, rollers.NAME.move of a stage",
     "bow": "not modelled: axes are straight; the shapes that there are: crown, taper, sides",
+    **dict.fromkeys(
+        ("yaw", "skew", "angle", "misalignment"),
+        "a small angle a (rad) about z is axis = [-a, 1.0, 0.0]",
+    ),
+    "tilt": "the end at +y higher by a small angle a (rad) is axis = [0.0, 1.0, a]",
     "temperature": "temperatures are those of the strip, strip.temperature",
 }
 """Keys of rollers in other programs, and what to type instead."""

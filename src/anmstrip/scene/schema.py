@@ -24,8 +24,8 @@ from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.scene import tables as scene_tables
 from anmstrip.scene.checks import DRIVES, KEY_RULES, check_scene
 from anmstrip.scene.hints import (
+    FOREIGN_KEYS,
     NO_CONTROLS,
-    NOT_MODELLED,
     expected_number,
     key_like,
     likely_value,
@@ -509,8 +509,8 @@ def mistakes_of(
                 hint = typed
             elif place.keys[-1] in NO_CONTROLS and "surface_speed" in known:
                 hint = NO_CONTROLS[place.keys[-1]]
-            elif place.keys[-1] in NOT_MODELLED and "radius" in known:
-                hint = NOT_MODELLED[place.keys[-1]]
+            elif place.keys[-1] in FOREIGN_KEYS and "radius" in known:
+                hint = FOREIGN_KEYS[place.keys[-1]]
             elif others := " or ".join(keys_of(model, place.keys[-1])):
                 hint += f"; or in another table, {others}"
             yield Mistake("", key, value, "a known key", hint)
