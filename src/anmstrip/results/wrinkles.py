@@ -42,7 +42,7 @@ where strip lifts off a straight roller in a span of 30 m: 1.5 times as much, as
 """
 
 FIBRE_WIDTH = 0.1
-"""Half the width, in elements, of a fibre along which a mean is taken: one line of points."""
+"""Width, in elements, of a line along which a mean is taken: one of points."""
 
 COMPRESSED_SHARE = 0.1
 """Share of the largest compression that counts as compressed."""
@@ -59,18 +59,19 @@ SMOOTH_DEGREE = 2
 
 @dataclass(frozen=True)
 class Span:
-    """A stretch of the strip between rollers or ends, where its membrane is compressed most."""
+    """A stretch of the strip between rollers or ends, and what compresses its membrane."""
 
     before: str  # roller or end
     after: str
     start: float  # reference x (m)
     end: float
-    compression: float  # N/m, at least 0
-    mean: float  # of the compression along the span, by that place (N/m)
-    bearable: float  # what the span bears all along, under the tension of that place (N/m)
+    compression: float  # the largest (N/m), at least 0
+    mean: float  # of the compression along the span, of the line where that is largest (N/m)
+    bearable: float  # what the span bears all along, under the tension of that line (N/m)
     share: float  # of the width that is compressed there
     points: NDArray[np.bool_] = field(compare=False, repr=False)  # at which it is looked for
     part: float = 0.0  # what that part of the width bears along between stretched ones (N/m)
+    spacing: float = np.inf  # of waves across, if those are what compression makes (m)
 
     @property
     def near(self) -> bool:
@@ -91,7 +92,9 @@ class Span:
 def free_spans(state: State) -> Iterator[Span]:
     """Yield the spans between entry, rollers and exit where the strip is free, in this order.
 
-    Each by :func:`bearable_compression` under the tension where it is compressed most.
+    Each by :func:`bearable_compression` where the line along it is that compression works on most,
+    under the tension of its most compressed point.  In a stretched sheet that is in the middle: at
+    the corners of its clamped ends compression has no bound, and no length.
     """
     model = state.plan.model
     strip, d = model.strip, model.strip.bending_stiffness
@@ -101,6 +104,8 @@ def free_spans(state: State) -> Iterator[Span]:
     arcs = sorted((*(contact.arc + reach), name) for name, contact in touched)
     stations = [(*2 * ends[:1], "the entry"), *arcs, (*2 * ends[1:], "the exit")]
     (positions, fibres, _), weights = quadrature_points(strip), strip.weights().ravel()
+    lines = np.round(fibres / (FIBRE_WIDTH * strip.cell_sizes[1].max())).astype(np.int64)
+    lines -= lines.min()
     for (_, start, before), (end, _, after) in pairwise(stations):
         if start >= end:
             continue
@@ -114,19 +119,24 @@ def free_spans(state: State) -> Iterator[Span]:
             yield Span(*place, 0.0, 0.0, np.inf, 0.0, inside)
             continue
         low, high = state.principal_forces.T
-        worst = int(np.where(inside, low, np.inf).argmin())
+        pressure = np.where(inside, np.maximum(-low, 0.0), 0.0)
+        work, area = (
+            np.bincount(lines[within], each[within]) for each in (pressure * weights, weights)
+        )
+        means = np.divide(work, area, out=np.zeros_like(work), where=area > 0.0)
+        fibre = inside & (lines == means.argmax())
+        worst = int(np.where(fibre if means.any() else inside, low, np.inf).argmin())
         beside = inside & (np.abs(positions - positions[worst]) <= 0.5 * strip.cell_sizes[0].max())
         compressed = beside & (low < COMPRESSED_SHARE * low[worst])
-        share, pressed = weights[compressed].sum() / weights[beside].sum(), max(-low[worst], 0.0)
-        fibre = within & (np.abs(fibres - fibres[worst]) <= FIBRE_WIDTH * strip.cell_sizes[1].max())
-        pressure = np.where(inside, np.maximum(-low, 0.0), 0.0)
-        mean = np.average(pressure[fibre], weights=weights[fibre])
+        share = weights[compressed].sum() / weights[beside].sum()
         borne = bearable_compression(d, q, max(high[worst], 0.0))
         n, part = state.membrane_forces[..., worst], 0.0
+        spacing = wave_spacing(d, q, max(high[worst], 0.0)) if n[1, 1] < n[0, 0] else np.inf
         if n[0, 0] < n[1, 1] and share < 1.0 - COMPRESSED_SHARE:  # the rest of the width holds it
             edge = np.abs(fibres[worst]) > 0.5 * strip.width * (1.0 - COMPRESSED_SHARE)
             part = band_compression(d, float(share) * strip.width, edge=bool(edge))
-        yield Span(*place, float(pressed), float(mean), borne, float(share), inside, part)
+        pressed, mean = float(pressure.max()), float(means.max())
+        yield Span(*place, pressed, mean, borne, float(share), inside, part, spacing)
 
 
 def band_compression(d: float, width: float, *, edge: bool) -> float:
@@ -154,6 +164,14 @@ def bearable_compression(d: float, q: float, tension: float) -> float:
         T along it (N/m).
     """
     return float(2.0 * q * np.sqrt(d * (d * q**2 + tension)) + 2.0 * d * q**2)
+
+
+def wave_spacing(d: float, q: float, tension: float) -> float:
+    """Distance (m) of the crests that come at :func:`bearable_compression`, 2π/k.
+
+    Of all waves across [D (k² + q²)² + T q²]/k² is least at k⁴ = q⁴ + T q²/D.
+    """
+    return float(2.0 * np.pi * (q**4 + tension * q**2 / d) ** -0.25)
 
 
 def far_from_supports(state: State, least: float) -> NDArray[np.bool_]:
