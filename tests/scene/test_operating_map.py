@@ -253,3 +253,35 @@ def test_range_is_read() -> None:
     assert along.key == "rollers.a.torque"
     assert along.values == pytest.approx([-1.0, 0.0, 1.0, 2.0])
     assert len(Along.parse("a=0:1", 101).values) == 101
+
+
+def test_map_beyond_the_grip_says_where_it_is_lost() -> None:
+    """A driven roller of 90° holds 3 500 exp(f π/2) N/m; what came before is kept."""
+    line = Scene(
+        strip={"kinematics": "section", "width": 1.0, "thickness": 4e-4},
+        material={"young": 2e11, "poisson": 0.3},
+        contact={},
+        friction={"coefficient": 0.2},
+        threading={"tension": 4e3, "entry": [-1.0, 0.0, 0.0], "exit": [0.3, 0.0, 1.3]},
+        rollers=[{"name": "d", "radius": 0.3, "centre": [0.0, 0.0, 0.3], "wrap": "under"}],
+        edges={"entry": {"fixed": ["x", "z"]}},
+        stages=[
+            {
+                "name": "run",
+                "steady": True,
+                "entry": {"tension": 3.5e3},
+                "exit": {"tension": 4e3},
+                "rollers": {"d": {"surface_speed": 1.0}},
+            }
+        ],
+    )
+    found = line.map("exit.tension=4000:9000")
+    assert not found.done
+    limit = 3.5e3 * np.exp(0.2 * np.pi / 2.0)
+    last = found.rows[-1]["exit_tension"]
+    assert 0.97 * limit < last < limit
+    (event,) = found.events
+    assert (event["kind"], event["roller"]) == ("grip lost", "d")
+    assert 0.97 * limit < event["exit.tension"] < last + 50.0
+    assert found.message.startswith("Stopped at exit.tension = 47")
+    assert "slides as a whole there. Grip lost on d at exit.tension = 47" in found.message

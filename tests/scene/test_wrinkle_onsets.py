@@ -239,7 +239,7 @@ def test_what_a_compressed_strip_bears_by_its_modes_is_told(
 
 
 def clamped(directory: Path, finer: float) -> Run:
-    """A sheet of plastic, 0.1 mm thick, that is stretched by a tenth between clamps; a run of it."""
+    """A run of a sheet of plastic that is stretched by a tenth between clamps."""
     held = {"fixed": ["x", "y", "z"]}
     tables = {
         "strip": {"length": 0.25, "width": 0.1, "thickness": 1e-4, "finer": finer},

@@ -123,6 +123,7 @@ class Failure:
     stage: StageSpec
     state: State  # last one that was accepted, with the plan of the stage
     stopped: PathStopped
+    place: str | None = None  # of a path that is none of the scene's
 
     @property
     def scene(self) -> SceneSpec:
@@ -145,16 +146,16 @@ class Failure:
         return [c for c in self.state.contacts.values() if c.touching.any()]
 
 
-def diagnosis(failure: Failure) -> str:
-    """Say what has happened and where, then the likely cause and what to type."""
+def diagnosis(failure: Failure, cause: str | None = None) -> str:
+    """Say what has happened and where, then the cause, the likely one if none is known."""
     stopped, location = failure.stopped, failure.location
     words = ": ".join(part for part in (stopped.outcome.value, stopped.detail) if part)
     words += turning_point(failure)
     where = "" if location is None else f"; worst at {location}"
     with np.errstate(all="ignore"):
-        cause = next(found for rule in CAUSES if (found := rule(failure)))
-    time = f"t = {failure.state.time:.6g} s"
-    return f"Stopped in stage {failure.stage.name} at {time}: {words}{where}. {cause}"
+        cause = cause or next(found for rule in CAUSES if (found := rule(failure)))
+    place = failure.place or f"in stage {failure.stage.name} at t = {failure.state.time:.6g} s"
+    return f"Stopped {place}: {words}{where}. {cause}"
 
 
 def turning_point(failure: Failure) -> str:
@@ -423,6 +424,8 @@ def low_order(failure: Failure) -> str | None:
 
 def asked_too_much(failure: Failure) -> str:
     """The last change, in this stage or before it, is more than the strip can follow."""
+    if failure.place is not None:
+        return "Try a smaller range."
     course = failure.scene.course
     until = [stage.name for stage in course].index(failure.stage.name)
     for stage in reversed(course[: until + 1]):

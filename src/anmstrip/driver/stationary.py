@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -286,6 +286,7 @@ class OperatingMap:
         self.rows: list[dict[str, Any]] = []
         self.events: list[dict[str, Any]] = []
         self.message, self.done = "The map has not ended.", False
+        self.failure: Failure | None = None
 
     def __iter__(self) -> Iterator[MapStep]:
         """Yield how far the map is, after every step."""
@@ -306,22 +307,26 @@ class OperatingMap:
     def follow_curve(self, second: float | None) -> Iterator[tuple[float, float]]:
         """Add a curve; yield the share of it that is done, and the value of the control."""
         run, march, values = self.run, self.run.march, self.along[0].values[[0, -1]]
-        if second is not None and not self._moved(self.along[1].stage(run.scene, second)):
+        if second is not None and not self._moved(self.along[1], second):
             return
         here = self.share_of_range()
         inside = 0.0 < here < 1.0
         if not 0.0 <= here <= 1.0:
             here = float(here > 1.0)
-            if not self._moved(self.stages[0][int(here)]):
+            if not self._moved(self.along[0], values[int(here)]):
                 return
         kept = march.full, march.velocity, run.state
         start = values[0] + here * (values[1] - values[0])
         legs: list[list[Piece]] = [[], []]
         for leg in (0, 1) if inside else (1 - int(here),):
-            for step in self._followed(self.stages[0][leg]):
+            ends = float(start), float(values[leg])
+
+            def place(control: float, ends: tuple[float, float] = ends) -> str:
+                return f"at {self.along[0].key} = {ends[0] + control * (ends[1] - ends[0]):.6g}"
+
+            for step in self._followed(self.stages[0][leg], place):
                 branch = step.state.branch
                 assert branch is not None
-                ends = float(start), float(values[leg])
                 legs[leg].append(Piece(step.state.plan, branch, ends, backwards=leg == 0))
                 done = 0.5 * (leg + step.state.control) if inside else step.state.control
                 yield done, ends[0] + step.state.control * (ends[1] - ends[0])
@@ -346,9 +351,10 @@ class OperatingMap:
         aside = np.abs(now - first_ - share * way).max() > 1e-9 * np.abs(way).max()
         return -1.0 if aside else share
 
-    def _moved(self, stage: StageSpec) -> bool:
-        """Go through a stage for good; whether its end was reached."""
-        for _ in self._followed(stage):
+    def _moved(self, along: Along, value: float) -> bool:
+        """Go for good to where a control has a value; whether that was reached."""
+        stage = along.stage(self.run.scene, value)
+        for _ in self._followed(stage, lambda _: f"on the way to {along.key} = {value:.6g}"):
             pass
         march, state = self.run.march, self.run.state
         assert state is not None
@@ -356,8 +362,11 @@ class OperatingMap:
             march.finish(stage, state.plan)
         return arrived
 
-    def _followed(self, stage: StageSpec) -> Iterator[Step]:
-        """Accept the steps of a stage as far as it goes; a stop is told at the end."""
+    def _followed(self, stage: StageSpec, place: Callable[[float], str]) -> Iterator[Step]:
+        """Accept the steps of a stage as far as it goes; a stop, and its place, is told at the end.
+
+        The place is one for each share of the way.
+        """
         run, march = self.run, self.run.march
         plan = march.planned(stage, run.state)
         try:
@@ -366,8 +375,9 @@ class OperatingMap:
                 run.state = step.state
                 yield step
         except PathStopped as stopped:
-            failure = Failure(run.assembly, stage, march.here(plan), stopped)
-            self.message, self.done = diagnosis(failure), False
+            where = place(march.reached or 0.0)
+            self.failure = Failure(run.assembly, stage, march.here(plan), stopped, where)
+            self.done = False
 
     def _read(self) -> None:
         """Sample the curves, and find what happens on them."""
@@ -383,18 +393,23 @@ class OperatingMap:
             for at, kind, roller in curve.events(states, tolerance):
                 found = {"kind": kind, "roller": roller, first: curve.value(at), **second}
                 self.events.append(found)
+        told = []
+        for event in self.events:
+            where = ", ".join(f"{key} = {event[key]:.8g}" for key in (first, *others))
+            roller = f" on {event['roller']}" if event["roller"] else ""
+            told.append(f"{event['kind'].capitalize()}{roller} at {where}.")
         if self.done:
-            told = []
-            for event in self.events:
-                where = ", ".join(f"{key} = {event[key]:.8g}" for key in (first, *others))
-                roller = f" on {event['roller']}" if event["roller"] else ""
-                told.append(f"{event['kind'].capitalize()}{roller} at {where}.")
             curves = "one curve" if len(self.curves) == 1 else f"{len(self.curves)} curves"
             self.message = (
                 f"Done: {len(self.rows)} stationary states on {curves}, "
-                f"{self.run.cost.expansions} tangents, {self.run.seconds:.1f} s. "
-                + " ".join(told or ["No fold, and no roller loses or regains its grip."])
+                f"{self.run.cost.expansions} tangents, {self.run.seconds:.1f} s."
             )
+            told = told or ["No fold, and no roller loses or regains its grip."]
+        elif self.failure is not None:
+            slides = any(event["kind"] == "grip lost" for event in self.events)
+            cause = "The strip slides as a whole there." if slides else None
+            self.message = diagnosis(self.failure, cause)
+        self.message = " ".join([self.message, *told])
 
     def _write(self, directory: Path) -> None:
         """Write table, figure and summary."""
