@@ -811,6 +811,30 @@ def test_the_tension_that_friction_holds_counts_bending() -> None:
     assert not done and beyond
 
 
+@pytest.mark.parametrize(("entry", "exit", "wrong"), [
+    ((-3.0, 0.0, 0.4), (-0.4, 0.0, 3.0), False),
+    ((2.0, 0.0, -0.2), (-2.0, 0.0, -0.2), True),
+])  # fmt: skip
+def test_a_side_is_doubted_where_strip_does_not_pass_it(
+    entry: tuple[float, ...], exit: tuple[float, ...], wrong: bool
+) -> None:
+    """Strip that comes in above and leaves upwards, after 270°, passes above as well as below.
+
+    Drawn from right to left, it passes below alone.
+    """
+    tables = {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 3e-4},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "threading": {"tension": 4000.0, "entry": entry, "exit": exit},
+        "rollers": [{"name": "drum", "radius": 0.4, "centre": [0.0, 0.0, 0.0], "wrap": "over",
+                     "crossing": not wrong}],
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [{"name": "run", "duration": 1.0}],
+    }  # fmt: skip
+    found = any("is meant along +x" in line for line in warnings(preview_of(tables)))
+    assert found == wrong
+
+
 def test_a_draw_that_stretchy_strip_holds_between_rollers_is_no_slip() -> None:
     """Rubber of 15 kN/m is drawn by 5 %, 750 N/m more; a roller holds 470 N/m of that at f = 0.8,
     and 1 250 at 1.4 (e^(fθ) T less T)."""

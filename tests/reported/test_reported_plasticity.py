@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 from anmstrip import InputError, Scene
 from anmstrip.driver.explain import report
+from anmstrip.driver.run import Run
 from anmstrip.results.files import read_history
 from anmstrip.results.plastic import YieldedStrip
 from anmstrip.results.vtk import read_surface
@@ -630,3 +632,46 @@ def test_a_plate_does_not_yield():
     plate = {**SHELL, "strip": {**SHELL["strip"], "kinematics": "plate"}}
     with pytest.raises(InputError, match="a plate has no stretch"):
         Scene.from_tables({**plate, "stages": [{"duration": 1.0}]}, "scene.toml")
+
+
+@pytest.mark.parametrize("hardening", ["isotropic_hardening", "kinematic_hardening"])
+@pytest.mark.parametrize("kinematics", ["section", "shell"])
+def test_strip_that_is_stretched_and_pushed_back_is_told_to_buckle(
+    kinematics: str, hardening: str, tmp_path: Path
+) -> None:
+    """What presses it is the stress that is left, by equilibrium the force on its ends.
+
+    By the strain alone it would still be pulled.  A clamped column bears 4 π² D/L².
+    """
+    held = {"fixed": ["x", "z"]}
+    stages = [
+        {"name": name, "duration": 1.0, "exit": {"move": [way, 0.0, 0.0]}}
+        for name, way in (("stretch", 0.01), ("ease", 0.0075))
+    ]
+    run = Run(
+        Scene(
+            strip={"kinematics": kinematics, "length": 1.0, "width": 0.3, "thickness": 3e-3},
+            material={"young": 7e10, "poisson": 0.33, "yield_stress": 1.5e8,
+                      "plasticity": {hardening: 1e9}},
+            edges={"entry": held | {"centred": True}, "exit": held | {"centred": True}}
+            if kinematics == "shell" else {"entry": held, "exit": held},
+            stages=stages,
+        ),
+        tmp_path,
+    )  # fmt: skip
+    for _ in run:
+        pass
+    assert run.outcome.done, run.message
+    assert run.state is not None
+    pressed = -run.state.tension("exit")
+    assert pressed > 2e4
+    found = -run.state.principal_forces.min()
+    assert found == pytest.approx(pressed, rel=0.02)
+    if kinematics == "section":
+        assert any("more than it bears unbuckled" in words for words in run.warnings)
+    else:
+        assert json.loads((tmp_path / "summary.json").read_text(encoding="utf8"))[
+            "compressive_membrane_force"
+        ] == pytest.approx(pressed, rel=0.02)
+        column = 4.0 * np.pi**2 * 7e10 * 2.7e-8 / 12.0 / (1.0 - 0.33**2)
+        assert any(f"wrinkles are likely above {column:.3g} N/m" in w for w in run.warnings)

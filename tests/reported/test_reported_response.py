@@ -98,5 +98,7 @@ def test_command_writes_gain_and_phase(tmp_path: Path) -> None:
     result = CliRunner().invoke(main, ["response", line, "--to", "yaw", *settings[4:]])
     assert result.exit_code == 2
     assert "--to yaw" in result.output
-    result = CliRunner().invoke(main, ["response", line, "--to", "exit.tension", *settings[4:]])
-    assert "one of: exit.force\n" in result.output, "how this exit is pulled"
+    of = ["--of", "entry_tension", "-o", str(tmp_path)]
+    given = (["response", line, "--to", f"exit.{key}", *of] for key in ("tension", "force"))
+    pulled, forced = (CliRunner().invoke(main, each).output for each in given)
+    assert pulled.replace("exit.tension", "exit.force") == forced

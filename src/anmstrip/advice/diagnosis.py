@@ -165,7 +165,8 @@ def turning_point(failure: Failure) -> str:
         return ""
     reached = plan.controls.at(farthest)
     sizes = {k: np.linalg.norm(v) for k, v in reached.items() if not v.ndim or k.endswith("force")}
-    changed = [f"{k} of {size:.3g}" for k, size in sizes.items() if k in plan.controls.slope]
+    moving = {k: size for k, size in sizes.items() if k in plan.controls.slope}
+    changed = [f"{failure.scene.as_typed(k)} of {size:.3g}" for k, size in moving.items()]
     with_what = f" with {', '.join(changed)}" if changed else ""
     return f" at t = {plan.start + farthest * plan.duration:.6g} s{with_what}"
 

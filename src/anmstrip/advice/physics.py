@@ -1073,8 +1073,11 @@ def side_of_return(preview: Preview) -> Iterator[str]:
     meant = {"over": ("above", "right", "left"), "under": ("below", "left", "right")}
     for spec, roller in zip(preview.assembly.scene.rollers, preview.assembly.rollers, strict=True):
         where, other, same = meant.get(spec.wrap or "", ("", "", ""))
-        found = preview.passes(roller)
-        if where and found in {"above", "below"} and found != where:
+        found, here = preview.passes(roller), preview.lies(roller)
+        if where and here is not None and found in {"above", "below"} and found != where:
+            (_, z), turn = here
+            if (z if where == "above" else -z) > np.cos(0.5 * turn) - 1e-9:
+                continue  # it passes there as well
             yield (
                 f'wrap = "{spec.wrap}" is meant along +x, and strip that travels back along −x '
                 f'passes {found} roller {roller.name} by it. If that is meant, type "{same}". '

@@ -73,12 +73,18 @@ class Preview:
         """Largest wrap of a roller in any stage (rad)."""
         return max((string.turns.get(roller.name, 0.0) for string in self.strings), default=0.0)
 
+    def lies(self, roller: Roller) -> tuple[Array, float] | None:
+        """Direction to the middle of the wrap and the wrap (rad), None where nothing touches it."""
+        name = roller.name
+        found = [(s.places[name], s.turns[name]) for s in self.strings if name in s.places]
+        return found[0] if found else None
+
     def passes(self, roller: Roller) -> str:
         """Say on which side of a roller the strip is, in the middle of its wrap, seen along y."""
-        found = [s.places[roller.name] for s in self.strings if roller.name in s.places]
-        if not found:
+        here = self.lies(roller)
+        if here is None:
             return "–"
-        x, z = found[0]
+        x, z = here[0]
         if abs(z) >= abs(x):
             return "above" if z > 0.0 else "below"
         return "to the right" if x > 0.0 else "to the left"
@@ -313,17 +319,21 @@ def flat_states(
 ) -> Iterator[tuple[StageProblem, Array]]:
     """Yield a stage of a flat strip with its state, stretched by what pulls there, (unknowns,).
 
+    Strip that yields is stretched no further than half of that: what holds it is the same.
     What the strip touches after the first stage is not known; but from a roller to an end that is
     pulled along its own direction it is straight again, and turns about the roller as it would
     about its other end.
     """
-    strip, end = assembly.strip, plan.controls.at(1.0)
+    strip, end, most = assembly.strip, plan.controls.at(1.0), np.inf
+    if assembly.scene.material.plasticity is not None:
+        most = 0.5 * float(assembly.scene.material.yield_stress or np.inf) * strip.thickness
     along, pulls = (
-        [float(np.linalg.norm(end.get(f"{name}.{key}", 0.0))) for name in ENDS]
+        [min(most, float(np.linalg.norm(end.get(f"{name}.{key}", 0.0)))) for name in ENDS]
         for key in ("tension", "force")
     )
     if first:
-        yield plan, uniform_stretch(assembly, max(along + pulls) or assembly.scales.tension, end)
+        tension = max(along + pulls) or min(most, assembly.scales.tension)
+        yield plan, uniform_stretch(assembly, tension, end)
         return
     effects = [effect for effect in plan.model.effects if not effect.by_roller]
     for tension, other in zip(along, ENDS[::-1], strict=True):

@@ -326,12 +326,12 @@ def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
     bears a third less where it has not buckled far, and with some hundredths it may come to a
     higher mode.
     """
-    strip, membrane, given = state.plan.model.strip, state.membrane, scene.strip
-    if membrane is None or strip.count != 2 or not given.bending or given.foundation:
+    strip, given = state.plan.model.strip, scene.strip
+    if state.membrane is None or strip.count != 2 or not given.bending or given.foundation:
         return
     begin, end = strip.span
     arcs = sorted(contact.arc for contact in state.contacts.values() if contact.touching.any())
-    places, forces = quadrature_points(strip)[0], membrane.at(state.full, state.controls)[0, 0]
+    places, forces = quadrature_points(strip)[0], state.membrane_forces[0, 0]
     for (_, start), (stop, _) in pairwise([(begin, begin), *arcs, (end, end)]):
         within = (start <= places) & (places <= stop)
         pressed = -float(forces[within].mean()) if within.any() else 0.0

@@ -140,7 +140,8 @@ def doubled_in_length(state: State) -> bool:
     """Return whether tension has stretched strip by its own length, for which no law is meant."""
     if state.membrane is None:
         return False
-    return bool(state.membrane_forces[0, 0].max() > state.plan.model.strip.tensile_stiffness)
+    elastic = state.membrane.at(state.full, state.controls)[0, 0]
+    return bool(elastic.max() > state.plan.model.strip.tensile_stiffness)
 
 
 class Run:

@@ -477,7 +477,8 @@ def respond(scene: SceneSpec, of: str, to: str, directory: Path) -> str:
         return run.message
     unit = state.strip_speed / run.assembly.strip.length
     omega = unit * np.logspace(*DEFAULT_DECADES, DEFAULT_FREQUENCIES)
-    found = response(state, [r.friction is not None for r in scene.rollers], to, omega)
+    key = next((k for k in state.controls if scene.as_typed(k) == to), to)
+    found = response(state, [r.friction is not None for r in scene.rollers], key, omega)
     name = of if of in found else f"{to.removeprefix('rollers.').partition('.')[0]}_{of}"
     if name not in found:
         raise unknown_name("--of", of, "what is read off a stationary state", found)

@@ -15,6 +15,7 @@ from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, eye, kron
 
 from anmstrip.arrays import Array, Index
 from anmstrip.fem.strip import Strip
+from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.linalg.solvers import WIDEST_BORDER, Bordered
 from anmstrip.taylor.program import COMPILED
 
@@ -516,7 +517,10 @@ class Eliminated:
         self.shapes = moments * layers.weights / sizes[:, None]
         own = derivative[q : q + v, q:].reshape(v, v, -1, operator.points)
         own = own + np.eye(v)[..., None, None] * slopes
-        inverse = np.asarray(np.linalg.inv(own.transpose(3, 2, 1, 0)))  # (points, layers, v, v)
+        try:
+            inverse = np.asarray(np.linalg.inv(own.transpose(3, 2, 1, 0)))  # (points, layers, v, v)
+        except np.linalg.LinAlgError as error:
+            raise SingularTangentError("a layer flows without resistance") from error
         self.inverse = points_last(inverse)
         largest = np.abs(derivative[q:, :q]).max(axis=(1, 2))
         self.acting = np.flatnonzero(largest)

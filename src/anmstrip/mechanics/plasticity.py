@@ -180,6 +180,15 @@ class Plasticity(LawEffect):
         )
         return weaken(force, controls), weaken(moment, controls)
 
+    def tensor(self, force: Any) -> Any:
+        """Return the components (d, d, ...) of xx or (xx, yy, xy)."""
+        index = np.array([[0, 2], [2, 1]])[: self.bending.directions, : self.bending.directions]
+        return np.stack([np.stack([force[k] for k in row]) for row in index])
+
+    def added_forces(self, full: Array, controls: Mapping[str, Any]) -> Array:
+        """Return what ε_p adds to the membrane forces (N/m) of all unknowns, (d, d, points)."""
+        return np.asarray(self.tensor(self.resultants(self.operator.apply(full), controls)[0]))
+
     def moment_error(self, full: Array, change: Array) -> float:
         """Root mean square of the moments of a change of all unknowns, over that of first yield."""
         before, after = (self.stresses(self.operator.apply(x), {}) for x in (full, full + change))
@@ -199,9 +208,7 @@ class Plasticity(LawEffect):
         derivatives, d = self.derivatives(x), self.bending.directions
         force, moment = self.resultants(x, controls)
         work = self.bending.work(derivatives, moment * self.twice[:, None])
-        index = np.array([[0, 2], [2, 1]])[:d, :d]
-        tensor = np.stack([np.stack([force[k] for k in row]) for row in index])
-        stretched = np.einsum("ia...,ab...->ib...", derivatives[:, :d], tensor)
+        stretched = np.einsum("ia...,ab...->ib...", derivatives[:, :d], self.tensor(force))
         count, pairs = work.shape[0], work.shape[1] - d
         along = [[stretched[c, a] + work[c, a] for a in range(d)] for c in range(count)]
         forces = [

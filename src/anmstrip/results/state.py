@@ -238,7 +238,8 @@ class State:
     def membrane_forces(self) -> Array:
         """Membrane forces (N/m) at the quadrature points, shape (d, d, points)."""
         assert self.membrane is not None
-        return self.membrane.at(self.full, self.controls)
+        elastic, flow = self.membrane.at(self.full, self.controls), self.plasticity
+        return elastic if flow is None else elastic + flow.added_forces(self.full, self.controls)
 
     @cached_property
     def imbalance(self) -> Array:

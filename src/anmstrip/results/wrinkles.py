@@ -129,12 +129,16 @@ def free_spans(state: State) -> Iterator[Span]:
         beside = inside & (np.abs(positions - positions[worst]) <= 0.5 * strip.cell_sizes[0].max())
         compressed = beside & (low < COMPRESSED_SHARE * low[worst])
         share = weights[compressed].sum() / weights[beside].sum()
-        borne = bearable_compression(d, q, max(high[worst], 0.0))
-        n, part = state.membrane_forces[..., worst], 0.0
-        spacing = wave_spacing(d, q, max(high[worst], 0.0)) if n[1, 1] < n[0, 0] else np.inf
-        if n[0, 0] < n[1, 1] and share < 1.0 - COMPRESSED_SHARE:  # the rest of the width holds it
+        n, tension = state.membrane_forces[..., worst], max(high[worst], 0.0)
+        spacing, part = np.inf, 0.0
+        if n[1, 1] < n[0, 0]:
+            spacing = wave_spacing(d, q, tension)
+        elif n[0, 0] < n[1, 1] and share < 1.0 - COMPRESSED_SHARE:  # the rest of the width holds it
             edge = np.abs(fibres[worst]) > 0.5 * strip.width * (1.0 - COMPRESSED_SHARE)
             part = band_compression(d, float(share) * strip.width, edge=bool(edge))
+        else:  # as a column: nothing holds it from beside
+            tension = 0.0
+        borne = bearable_compression(d, q, tension)
         pressed, mean = float(pressure.max()), float(means.max())
         yield Span(*place, pressed, mean, borne, float(share), inside, part, spacing)
 

@@ -208,6 +208,14 @@ class SceneSpec(Table):
         threading = StageSpec(name=THREADING, duration=self.threading.duration, friction=False)
         return (threading, *self.stages)
 
+    def as_typed(self, control: str) -> str:
+        """Return the key of a control in a scene, that of a tension for the force that it makes."""
+        name, _, key = control.partition(".")
+        given = [stage.edges[name] for stage in self.stages if name in stage.edges]
+        tension = self.threading is not None or any(edge.tension is not None for edge in given)
+        typed = key == "force" and tension and all(edge.force is None for edge in given)
+        return f"{name}.tension" if typed else control
+
     @property
     def source(self) -> Path | None:
         """The file from which the scene was read, if it was."""
