@@ -576,6 +576,7 @@ ELSEWHERE = {
     "buckled_section": "of what a last state shows",
     "overstretched": "of what a last state shows",
     "unresolved_waves": "test_wrinkle_onsets.py",
+    "turned_axis": "test_forewarnings.py",
     "beside_rollers": "of a state beside its rollers, in test_steady.py",
     "uneven_heat": "test_diagnosis.py",
     "sinking_exit": "test_forewarnings.py",

@@ -811,6 +811,29 @@ def test_the_tension_that_friction_holds_counts_bending() -> None:
     assert not done and beyond
 
 
+def test_an_axis_in_degrees_is_told_and_no_crash() -> None:
+    """A wide strip cannot be laid around a roller 0.3 rad out of line, nor looked at as laid.
+
+    What is proposed is that angle in degrees, of which nothing is said.
+    """
+    tables = {
+        "strip": {"width": 1.0, "thickness": 5e-4, "cells": [16, 2]},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "contact": {},
+        "friction": {"coefficient": 0.2},
+        "threading": {"tension": 5000.0, "entry": [-1.0, 0.0, 0.2], "exit": [0.2, 0.0, -2.0]},
+        "rollers": [{"name": "b", "radius": 0.2, "centre": [0.0, 0.0, 0.0],
+                     "axis": [0.0, 1.0, 0.3], "wrap": "over"}],
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [{"name": "run", "duration": 1.0}],
+    }  # fmt: skip
+    (told,) = warnings(preview_of(tables))
+    assert "axis of roller b is 17° off" in told
+    assert "try --set 'rollers.b.axis=[0, 1, 0.0052]'" in told
+    tables["rollers"][0]["axis"] = [0.0, 1.0, 0.0052]
+    assert not any("axis" in words for words in warnings(preview_of(tables)))
+
+
 @pytest.mark.parametrize(("entry", "exit", "wrong"), [
     ((-3.0, 0.0, 0.4), (-0.4, 0.0, 3.0), False),
     ((2.0, 0.0, -0.2), (-2.0, 0.0, -0.2), True),

@@ -69,6 +69,10 @@ SAGGING_SHARE = 1.1
 """Tension over what friction holds on the wraps of a taut string, up to which the longer wraps of
 strip that sags may hold it: by 4 % in a line of 350 m."""
 
+MAX_AXIS_ANGLE = 0.01
+"""Angle (rad) of a roller out of line from which it is told, whatever its line: strip of 0.5 mm and
+1 m under 5 kN/m, 2 m from the roller before, can be laid at 0.005, and not at 0.02."""
+
 VISIBLE_TURN = 0.05
 """Angle (rad), 3°, by which weight turns the last run of strip so that it is told."""
 
@@ -955,6 +959,26 @@ def slack_edge(preview: Preview) -> Iterator[str]:
                 f"Try --set 'rollers.{roller.name}.axis=[{typed}]'"
             )
         before, since, guided = axis, end[0], True
+
+
+def turned_axis(preview: Preview) -> Iterator[str]:
+    """Rollers turned so far that a wide strip cannot be laid around them: in degrees, perhaps."""
+    scene, thread = preview.assembly.scene, preview.assembly.thread
+    if thread is None or scene.strip.kinematics != "shell":
+        return
+    told = " ".join(slack_edge(preview))
+    for roller in thread.rollers:
+        axis = roller.unit_axis / roller.unit_axis[1]
+        angle = float(np.hypot(axis[0], axis[2]))
+        if angle <= MAX_AXIS_ANGLE or f"roller {roller.name} " in told:
+            continue
+        axis[[0, 2]] *= np.radians(1.0)
+        yield (
+            f"the axis of roller {roller.name} is {np.degrees(angle):.2g}° off the direction "
+            "across the strip, and edges of a wide strip are slack by much less than one. For an "
+            f"angle in degrees, try --set 'rollers.{roller.name}.axis="
+            f"[{', '.join(f'{component:.2g}' for component in axis)}]'"
+        )
 
 
 def uneven_fibres(preview: Preview) -> Iterator[str]:

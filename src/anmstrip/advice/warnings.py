@@ -621,6 +621,7 @@ def needless_shell(preview: Preview) -> Iterator[str]:
 SERIOUS_RULES = (
     physics.roller_in_the_way,
     physics.meeting_rollers,
+    physics.turned_axis,
     physics.roller_over_an_end,
     physics.driven_without_friction,
     sharp_roller,

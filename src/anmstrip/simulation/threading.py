@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.arrays import Array
+from anmstrip.continuation.equations import PathStopped
 from anmstrip.continuation.follow import Settings, follow
 from anmstrip.equilibrium import Equilibrium, Model
 from anmstrip.errors import InputError
@@ -286,7 +287,12 @@ class Thread:
         pull = Controls({"exit.force": self.tension * leaving})
         equations = Equilibrium(Model(strip, pattern, effects, scales), supports, pull)
         settings = Settings(order=RELAXATION_ORDER, tolerance=RELAXATION_TOLERANCE)
-        *_, last = follow(equations, full[at_rest.free], solver=SparseSolver(), settings=settings)
+        try:
+            *_, last = follow(
+                equations, full[at_rest.free], solver=SparseSolver(), settings=settings
+            )
+        except PathStopped:  # of rollers too far out of line, where threading says why
+            return full
         return supports.full(*last.branch.end)
 
     def positions(self, reference: Array, begin: float, finest: float = 0.0) -> Array:
