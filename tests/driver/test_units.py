@@ -87,6 +87,7 @@ MISTYPED: list[tuple[list[str], list[str]]] = [
      ["stages.run.rollers.r1.surface_speed = 120 is in m/s", "stages.run.rollers.r2.surface"]),
     (["material.density=7850.0", "stages.run.gravity=[0, 0, -9810]"],
      ["stages.run.gravity = 9810 is in m/s²"]),
+    (["stages.run.rollers.r2.move=[0, 0, 120]"], ["stages.run.rollers.r2.move = 120 is in m, w"]),
     (["friction.coefficient=20"], ["friction.coefficient = 20 is a ratio of forces"]),
     (["rollers.r2.friction=30"], ["rollers.r2.friction = 30 is a ratio of forces"]),
     (

@@ -432,6 +432,12 @@ def test_duplicate_rollers_are_named(tmp_path: Path) -> None:
     assert list(mistakes_of(tmp_path, GOOD + second + speed)) == ["rollers.r1.name"]
 
 
+def test_unknown_rollers_are_named_beside_rollers_that_are_wrong(tmp_path: Path) -> None:
+    speed = '[[stages]]\nname = "more"\nduration = 1.0\nrollers.q.surface_speed = 1.0\n'
+    text = GOOD.replace("radius = 0.5", "radius = -0.5") + speed
+    assert list(mistakes_of(tmp_path, text)) == ["rollers.r1.radius", "stages.more.rollers.q"]
+
+
 @pytest.mark.parametrize(
     ("table", "typed"),
     [("[[rollers]]", "[[rolls]]"), ("[friction]", "[frictions]"), ("[threading]", "[thread]")],

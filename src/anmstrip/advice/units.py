@@ -27,6 +27,9 @@ gravity is 9810 mm/s²."""
 MAX_LINE_STRESS = 500.0
 """Stress (MPa) by which no line pulls: a larger number is a tension in N/m."""
 
+LARGEST_MOVE = 10.0
+"""Way that no roller and no end is moved, in lengths of the strip."""
+
 MIN_THICKNESS = 4e-3
 """Thickness (m) up to which none can have been typed in mm: there is no strip below 4 µm."""
 
@@ -143,6 +146,7 @@ def doubts(preview: Preview) -> Iterator[Doubt]:
         yield from doubtful_weight(scene)
         return
     found = [*doubtful_strip(preview), *doubtful_friction(scene), *doubtful_speeds(scene)]
+    found += doubtful_moves(preview)
     yield from found
     why = "in m/s², in which no line has such a value"
     yield from doubtful_gravity(scene, (LARGEST_IN_LINES["m/s²"], np.inf), why, "mm/s²", 1e-3)
@@ -211,8 +215,26 @@ def doubtful_gravity(
         size = float(np.linalg.norm(stage.gravity or 0.0))
         if stage.gravity is not None and between[0] < size < between[1]:
             key = f"stages.{stage.name}.gravity"
-            typed = f"{key}=[{', '.join(f'{factor * g:g}' for g in stage.gravity)}]"
-            yield Doubt(key, size, why, meant, typed)
+            yield Doubt(key, size, why, meant, f"{key}={scaled(stage.gravity, factor)}")
+
+
+def scaled(vector: Sequence[float], factor: float) -> str:
+    """Return a vector times a factor, as it is typed."""
+    return f"[{', '.join(f'{factor * component:g}' for component in vector)}]"
+
+
+def doubtful_moves(preview: Preview) -> Iterator[Doubt]:
+    """Yield moves of rollers and ends by many times the length of the strip."""
+    length = preview.assembly.strip.length
+    for stage in preview.assembly.scene.stages:
+        moves = {f"rollers.{name}": control.move for name, control in stage.rollers.items()}
+        moves |= {name: control.move for name, control in stage.edges.items()}
+        for name, move in moves.items():
+            size = float(np.linalg.norm(move or 0.0))
+            if move is not None and size > LARGEST_MOVE * length:
+                key = f"stages.{stage.name}.{name}.move"
+                why = f"in m, with a strip of {length:.3g} m"
+                yield Doubt(key, size, why, "mm", f"{key}={scaled(move, 1e-3)}")
 
 
 def doubtful_strip(preview: Preview) -> Iterator[Doubt]:

@@ -120,11 +120,12 @@ class SceneSpec(Table):
             right["stages"] = tuple(with_entries_released(right["stages"]))
             self.__dict__["stages"] = right["stages"]
         found += check_scene(right)
-        if "stages" not in right:
+        if not {"stages", "rollers"} <= right.keys():
             told = {mistake.key for mistake in found}
-            between = check_scene(
-                {**right, "stages": stages_as_typed(tables.get("stages"))}, KEY_RULES
-            )
+            typed: dict[str, Any] = {"stages": stages_as_typed(tables.get("stages"))}
+            if rollers := rollers_as_typed(tables.get("rollers")):
+                typed["rollers"] = rollers
+            between = check_scene({**typed, **right}, KEY_RULES)
             found += (mistake for mistake in between if mistake.key not in told)
         if found:
             raise InputError(replace(mistake, file=mistake.file or "Scene") for mistake in found)
@@ -422,6 +423,14 @@ def stages_as_typed(stages: object) -> tuple[StageSpec, ...]:
                 given["rollers"] = {}
             found.append(StageSpec.model_construct(**given))
     return tuple(found)
+
+
+def rollers_as_typed(rollers: object) -> tuple[RollerSpec, ...]:
+    """Return rollers that are wrong in themselves with the names that were typed."""
+    tables = rollers if isinstance(rollers, list | tuple) else ()
+    names = (table.get("name") for table in tables if isinstance(table, Mapping))
+    named: Any = RollerSpec.model_construct
+    return tuple(named(name=name) for name in names if isinstance(name, str))
 
 
 def read_text(source: Path) -> str:
