@@ -615,3 +615,21 @@ def test_a_bowed_strip_between_hinges_is_pressed(bow: float, tolerance: float) -
     euler = stiffness * (np.pi / LENGTH) ** 2 * (1.0 + (np.pi * height / LENGTH) ** 2 / 8.0)
     borne = euler - 4.0 * stiffness * bow / (np.pi * height)
     assert -state.tension("exit") == pytest.approx(borne, rel=5e-3)
+
+
+def test_latent_flatness_of_corners_is_as_typed() -> None:
+    """Fibres at a quarter of the width are longer by 40 I-units; these are sides of elements."""
+    table = [[-0.5, -20.0], [-0.25, 20.0], [0.0, -20.0], [0.25, 20.0], [0.5, -20.0]]
+    held = {"fixed": ["x", "z"], "centred": True}
+    scene = Scene(
+        strip={"length": 1.2, "width": 1.0, "thickness": 5e-4},
+        material={"young": 2e11, "poisson": 0.3},
+        edges={"entry": held, "exit": held},
+        stages=[
+            {"name": "wave", "exit": {"move": [6e-4, 0.0, 0.0]},
+             "strip": {"flatness": {"table": table}}}
+        ],
+    )  # fmt: skip
+    *_, last = scene.run()
+    found = Wrinkling(last.state).flatness["latent_flatness"]
+    assert found == pytest.approx(40.0, rel=1e-3)

@@ -50,8 +50,11 @@ COMPRESSED_SHARE = 0.1
 I_UNIT = 1e-5
 """Strain of one I-unit of flatness."""
 
-EDGE_POSITIONS = (-0.5, 0.5)
-"""Where the edges are, over the width."""
+GAUSS_POINTS = np.polynomial.legendre.leggauss(4)[0]
+"""Places across an element, from -1 to 1, at which strains are known."""
+
+TO_SIDES = np.linalg.inv(np.vander(GAUSS_POINTS)).T @ np.vander([-1.0, 1.0], 4).T
+"""From values there to those of the cubic through them at both sides, (4, 2)."""
 
 SMOOTH_DEGREE = 2
 """Degree in y of what is no wrinkle: a line across may be shifted, tilted and bowed."""
@@ -299,7 +302,8 @@ class Wrinkling:
         Latent is by how much the unstressed lengths of fibres differ, as means along the
         strip: what waves and stress share.  Manifest is by how much the waves of fibres differ, of
         the free span where that is most: arc over chord of a fibre, less 1, which is (π²/4)(H/λ)²
-        of waves H high.  Both reach to the edges by cubics.  Empty on triangles, too.
+        of waves H high.  Both reach to the sides of all elements by cubics, since corners of what
+        is typed are there.  Empty on triangles, too.
         """
         strip, membrane = self.state.plan.model.strip, self.state.membrane
         own = eigenstrain(strip, self.state.controls)
@@ -314,9 +318,8 @@ class Wrinkling:
             return np.asarray(np.bincount(fibre[chosen], (values * weights)[chosen], len(places)))
 
         def unevenness(profile: Array) -> float:
-            ends = [np.polyfit(places[k], profile[k], 3) for k in (slice(4), slice(-4, None))]
-            sides = [np.polyval(fit, eta) for fit, eta in zip(ends, EDGE_POSITIONS, strict=True)]
-            return float(np.ptp([*profile, *sides])) / I_UNIT
+            each = profile.reshape(-1, len(GAUSS_POINTS))
+            return float(np.ptp(np.concatenate([each, each @ TO_SIDES], axis=1))) / I_UNIT
 
         everywhere, waves = np.ones(len(x), dtype=bool), [0.0]
         for span in self.spans:
