@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -285,3 +286,61 @@ def test_map_beyond_the_grip_says_where_it_is_lost() -> None:
     assert 0.97 * limit < event["exit.tension"] < last + 50.0
     assert found.message.startswith("Stopped at exit.tension = 47")
     assert "slides as a whole there. Grip lost on d at exit.tension = 47" in found.message
+
+
+@pytest.fixture
+def sharp() -> Scene:
+    """Two equal drives 2 m apart, with friction so sharp that a run takes smoother laws."""
+    rollers = [
+        {"name": name, "radius": 0.3, "centre": [x, 0.0, 0.3], "wrap": "under"}
+        for name, x in (("d1", 0.0), ("d2", 2.0))
+    ]
+    return Scene(
+        strip={"kinematics": "section", "width": 1.0, "thickness": 5e-4},
+        material={"young": 2e11, "poisson": 0.3},
+        contact={},
+        friction={"coefficient": 0.4, "speed": 2e-8},
+        threading={"tension": 1e4, "entry": [-0.3, 0.0, 2.0], "exit": [2.3, 0.0, 2.0]},
+        rollers=rollers,
+        edges={"entry": {"fixed": ["x", "z"]}},
+        stages=[
+            {
+                "name": "run",
+                "steady": True,
+                "entry": {"tension": 1e4},
+                "exit": {"tension": 1.1e4},
+                "rollers": {name: {"surface_speed": 2.0} for name in ("d1", "d2")},
+            }
+        ],
+    )
+
+
+def test_all_rows_of_a_long_map_are_in_equilibrium(sharp: Scene) -> None:
+    """Beyond the grip the path takes more states than a run would follow."""
+    made = sharp.map("exit.tension=17000:21000:9")
+    assert made.done, made.message
+    assert made.run.cost.expansions > 100
+    pulled = [row["exit_tension"] for row in made.rows]
+    assert pulled == pytest.approx(list(np.linspace(17e3, 21e3, 9)), rel=2e-3)
+    for row in made.rows:
+        assert row["d2_tension_out"] == pytest.approx(row["exit_tension"], rel=1e-3)
+
+
+def test_states_between_in_a_steady_stage_are_in_equilibrium(sharp: Scene) -> None:
+    """They were interpolated where smoother laws led to the end of the stage."""
+    tables, times = sharp.to_dict(), (2.25, 2.75, 2.9)
+    pull = {"name": "pull", "steady": True, "duration": 1.0, "exit": {"tension": 2.1e4}}
+    tables["stages"].append(pull)
+    tables["output"] = {"times": list(times)}
+    run = Scene.from_tables(tables, "pull.toml").run()
+    states = [step.state for step in run]
+    assert run.outcome.done, run.message
+    found = [
+        after.at(time, before)
+        for time in times
+        for before, after in pairwise(states)
+        if before.time < time <= after.time
+    ]
+    assert [state.time for state in found] == list(times)
+    behind = [state.rollers["d2"].tension_out for state in found]
+    assert behind == pytest.approx([1.1e4 + 1e4 * (time - 2.0) for time in times], rel=2e-3)

@@ -417,10 +417,10 @@ def report(run: Run, told: Collection[str] = ()) -> str:
         driven = [r.name for r in run.scene.rollers if r.drive == "speed"]
         touched = {n: c for n in driven if (c := state.contacts.get(n)) and c.touching.any()}
         slid = [n for n in touched if (state.rollers[n].capacity_used or 0.0) > SLIDING_SHARE]
-        slid = [n for n in slid if state.plan.steady and slides(touched[n])]
+        slid = [n for n in slid if slides(touched[n])]
         if slid:
             where = "all driven rollers that it touches" if len(slid) == len(touched) else None
-            parts.append(f"The strip slides over {where or ' and '.join(slid)}.")
+            parts.append(f"The strip slides over {where or ', '.join(slid)}.")
         parts += runaway_slips(state)
         if any(part is not None for part in run.errors().values()):
             parts.append(error_table(run))

@@ -301,11 +301,13 @@ class Run:
         with delay_interrupts():
             plan = march.planned(stage, self.state)
         self.counted = (time.perf_counter(), self.steps, self.cost.expansions)
+        most, output = self.scene.solver.max_steps - self.steps, self.scene.output
+        between = output.events or output.times is not None
         if march.reached is not None or self.state is None:  # resumed, or at the very beginning
             self.state = march.here(plan)
         if march.reached is None or march.reached < 1.0:
             try:
-                for step in march.through(plan, self.scene.solver.max_steps - self.steps):
+                for step in march.through(plan, most, between=between):
                     with delay_interrupts():
                         accepted = self._accept(step)
                     yield accepted

@@ -370,7 +370,7 @@ class OperatingMap:
         run, march = self.run, self.run.march
         plan = march.planned(stage, run.state)
         try:
-            for step in march.through(plan, run.scene.solver.max_steps):
+            for step in march.through(plan, run.scene.solver.max_steps, between=True):
                 march.accept(step)
                 run.state = step.state
                 yield step

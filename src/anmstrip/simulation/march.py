@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -301,8 +301,11 @@ class March:
                 self.velocity[last] = speed
         self.reached, self.pace, self.slack, self.past = None, None, False, plan
 
-    def through(self, plan: StageProblem, steps: int) -> Iterator[Step]:
+    def through(self, plan: StageProblem, steps: int, *, between: bool = False) -> Iterator[Step]:
         """Steps to the end of a stage, at most so many; each must be accepted.
+
+        ``between`` asks for the states between those at their ends as well.  Smoother laws may lead
+        to the end of a steady stage without them.
 
         Raises
         ------
@@ -314,9 +317,18 @@ class March:
             max_steps=steps,
             rational=not self.scene.output.events,  # events are roots of polynomials
         )
-        yield from (self._in_time if plan.in_time else self._rate_free)(plan, settings)
+        if plan.in_time:
+            yield from self._in_time(plan, settings)
+        else:
+            direct = plan.steady and not between
+            yield from self._rate_free(plan, settings, self._settled if direct else self._path)
 
-    def _rate_free(self, plan: StageProblem, settings: Settings) -> Iterator[Step]:
+    def _rate_free(
+        self,
+        plan: StageProblem,
+        settings: Settings,
+        path: Callable[[Equilibrium, Array, Settings], Iterator[PathStep]],
+    ) -> Iterator[Step]:
         u, equations = self._start(plan)
         begun, floor = self.reached or 0.0, 0.0
         imbalance = equations.imbalance(equations.residual(u, begun))
@@ -329,7 +341,7 @@ class March:
         settings = replace(settings, tolerance=tolerance, relaxation=relaxation)
         if self.assembly.thread is not None:  # an arch may ask for less than nothing, a line not
             settings = replace(settings, backwards=0.0)
-        for step in (self._settled if plan.steady else self._path)(equations, u, settings):
+        for step in path(equations, u, settings):
             (u, control), imbalance = step.branch.end, step.imbalance
             if plan.steady and control == 1.0:
                 u, imbalance = self._balanced(equations, u, imbalance)
