@@ -23,6 +23,7 @@ from anmstrip.errors import InputError, Mistake
 from anmstrip.results.files import write_summary, write_table
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
+from anmstrip.simulation.defaults import regularising_speed
 from anmstrip.simulation.march import Step
 from anmstrip.simulation.problem import EffectMaker
 from anmstrip.taylor.polynomials import value_at
@@ -409,6 +410,13 @@ class OperatingMap:
             slides = any(event["kind"] == "grip lost" for event in self.events)
             cause = "The strip slides as a whole there." if slides else None
             self.message = diagnosis(self.failure, cause)
+        friction, scene = self.run.assembly.friction, self.run.scene
+        lost = any(event["kind"] == "grip lost" for event in self.events)
+        if lost and friction is not None and friction.speed == regularising_speed(scene):
+            told.append(
+                "Creep of the strip at up to V_c makes that late. To see by how much, "
+                f"try --set friction.speed={0.1 * friction.speed:.2g}"
+            )
         self.message = " ".join([self.message, *told])
 
     def _write(self, directory: Path) -> None:
