@@ -345,7 +345,8 @@ class Accuracy(Sweep):
         own = self.scene.solver.tolerance
         here = next((row for row in by["tolerance"] if row["value"] == own), None)
         if here is None:
-            return "No advice: there is no run to the scene's own tolerance beside its truth."
+            missing = "" if by["tolerance"] else "; it needs --along tolerance as well"
+            return f"No advice without a run to the scene's own tolerance, and its truth{missing}."
         usual = next((row for row in by["mesh"] if row["value"] == 1.0), None)
         meshes = [{**here, "true_tension": 0.0}] if usual is None else by["mesh"]
         usual = usual or meshes[0]
