@@ -280,7 +280,7 @@ def test_a_strip_that_hangs_too_slack_is_told_its_least_tension() -> None:
     }
     run = Scene.model_validate(tables).run()
     states = [step.state for step in run]
-    found = re.search(r"limit point at t = (\S+) s with exit.force of (\S+);", run.message)
+    found = re.search(r"limit point at t = (\S+) s with exit.tension of (\S+);", run.message)
     assert found is not None, run.message
     times = [state.time for state in states]
     last = states[times.index(max(times))]

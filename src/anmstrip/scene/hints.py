@@ -60,10 +60,9 @@ FOREIGN_KEYS = {
     "eccentricity": "not modelled; its effect is that of moves, rollers.NAME.move of a stage",
     "bow": "not modelled: axes are straight; the shapes that there are: crown, taper, sides",
     **dict.fromkeys(
-        ("yaw", "skew", "angle", "misalignment"),
-        "a small angle a (rad) about z is axis = [-a, 1.0, 0.0]",
+        ("yaw", "skew", "angle", "misalignment"), "axis = [-0.001, 1.0, 0.0], for 1 mrad about z"
     ),
-    "tilt": "the end at +y higher by a small angle a (rad) is axis = [0.0, 1.0, a]",
+    "tilt": "axis = [0.0, 1.0, 0.001], for an end at +y that is higher by 1 mrad",
     "temperature": "temperatures are those of the strip, strip.temperature",
 }
 """Keys of rollers in other programs, and what to type instead."""

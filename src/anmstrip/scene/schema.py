@@ -426,11 +426,13 @@ def stages_as_typed(stages: object) -> tuple[StageSpec, ...]:
 
 
 def rollers_as_typed(rollers: object) -> tuple[RollerSpec, ...]:
-    """Return rollers that are wrong in themselves with the names that were typed."""
+    """Return rollers that are wrong in themselves with their names, none where one is no name."""
     tables = rollers if isinstance(rollers, list | tuple) else ()
-    names = (table.get("name") for table in tables if isinstance(table, Mapping))
+    names = [table.get("name") for table in tables if isinstance(table, Mapping)]
+    if not all(isinstance(name, str) and name_like(name) == name for name in names):
+        return ()
     named: Any = RollerSpec.model_construct
-    return tuple(named(name=name) for name in names if isinstance(name, str))
+    return tuple(named(name=name) for name in names)
 
 
 def read_text(source: Path) -> str:
