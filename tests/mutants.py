@@ -552,6 +552,12 @@ EVENTS = (
         "max(TOUCHING_SHARE * tension * roller.radius, law.faint)",
         "events",
     ),
+    Mutant(
+        "dates of slip in whole steps",
+        "if not whole or length <= self.tolerance * plan.duration:",
+        "if not whole or length <= 1e9 * plan.duration:",
+        "events",
+    ),
     Mutant("stick for slip", '("slip", "stick"), (', '("stick", "slip"), (', "events"),
     Mutant(
         "slip of an event squared",
@@ -795,6 +801,19 @@ ADVICE = (
         "{-least[worst]:.3g} N/m, and buckles",
         "{-2.0 * least[worst]:.3g} N/m, and buckles",
         "advice",
+    ),
+    Mutant(
+        "states between are interpolated",
+        "direct = plan.steady and not between",
+        "direct = plan.steady",
+        "profile",
+        "test_operating_map.py",
+    ),
+    Mutant(
+        "forces of yielded strip by its strain",
+        "elastic + flow.added_forces(self.full, self.controls)",
+        "elastic",
+        "plasticity",
     ),
     Mutant(
         "time of a stop",
