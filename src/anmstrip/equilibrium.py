@@ -197,8 +197,7 @@ class Model:
     ) -> float:
         """Root mean square of the membrane forces of a change, over the tension scale.
 
-        Or of the moments of layers that can yield, over that of first yield, if it is larger and
-        they count.
+        Or of the forces and moments of layers that can yield, if they are larger and count.
         """
         error = 0.0
         for effect in self.effects:
@@ -208,7 +207,7 @@ class Model:
                 mean = np.einsum("abp,abp,p->", forces, forces, weights) / weights.sum()
                 error = max(error, float(np.sqrt(mean)) / self.scales.tension)
             elif moments and isinstance(effect, Plasticity):
-                error = max(error, effect.moment_error(full, change))
+                error = max(error, effect.stress_error(full, change, self.scales.tension))
         return error
 
 

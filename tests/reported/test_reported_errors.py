@@ -619,3 +619,40 @@ def test_errors_of_strip_that_hardly_moves_are_known(tmp_path: Path) -> None:
     """
     found = run(hanging, tmp_path / "hanging").summary["errors"]
     assert max(found["path"]["tension"], found["mesh"]["tension"]) < 1e-5
+
+
+def test_flow_in_time_is_as_exact_as_the_tolerance_and_its_error_is_told(tmp_path: Path) -> None:
+    """A tension test between held ends: into flow, unloaded, and loaded again.
+
+    Nothing moves but what is given; the flow alone tells how long a step may be.
+    """
+    ways = {"load": 3e-3, "unload": 1.7e-3, "rest": 1.7e-3, "reload": 3e-3, "more": 4e-3}
+    tables = {
+        "strip": {"kinematics": "section", "length": 1.0, "width": 0.1, "thickness": 1e-3,
+                  "cells": [4, 1]},
+        "material": {"young": 2e11, "poisson": 0.0, "yield_stress": 3e8,
+                     "plasticity": {"kinematic_hardening": 2e9, "uniaxial": True}},
+        "edges": {end: {"fixed": ["x", "z"]} for end in ("entry", "exit")},
+        "stages": [{"name": name, "duration": 1.0, "exit": {"move": [way, 0.0, 0.0]}}
+                   for name, way in ways.items()],
+    }  # fmt: skip
+
+    def ends(tolerance: float, method: str = "series") -> dict[str, float]:
+        solver = {"tolerance": tolerance, "method": method}
+        run = Run(
+            Scene.from_tables(tables | {"solver": solver}, "test.toml"),
+            tmp_path / f"{tolerance}{method}",
+        )
+        return {s.state.plan.name: s.state.tension("exit") for s in run}
+
+    exact, largest = ends(1e-7), 2.85e5
+    for tolerance in (1e-3, 1e-4):
+        found = ends(tolerance)
+        wrong = {name: abs(found[name] - exact[name]) for name in ways}
+        assert max(wrong.values()) < 4.0 * tolerance * largest
+        told = {row["stage"]: float(row["membrane_force"]) for row in
+                rows_of(tmp_path / f"{tolerance}series" / "errors.csv")}  # fmt: skip
+        for name in ("unload", "rest", "reload"):
+            assert wrong[name] / 5.0 < told[name] < 5.0 * wrong[name]
+    newton = ends(1e-3, "newton")
+    assert newton == pytest.approx(exact, abs=4e-3 * largest)

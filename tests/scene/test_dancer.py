@@ -203,3 +203,32 @@ def test_carriage_that_goes_twenty_times_as_far_as_it_was_drawn() -> None:
     for side in ("tension_in", "tension_out", "normal_force"):
         assert getattr(moved, side) == pytest.approx(getattr(drawn, side), rel=2e-3)
     assert run.cost.expansions <= 40
+
+
+def test_a_steady_line_keeps_the_tension_of_its_entry_through_a_stroke() -> None:
+    """Strip slides into place as a roller has moved, and is then pulled as before: 80 N m."""
+    tables = {
+        "strip": {"kinematics": "section", "width": 0.8, "thickness": 4e-4},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "contact": {},
+        "friction": {"coefficient": 0.3},
+        "threading": {"tension": 5e3, "entry": [-1.0, 0.0, -0.6], "exit": [3.0, 0.0, -0.6]},
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "rollers": [
+            {"name": "a", "radius": 0.2, "centre": [0.0, 0.0, -0.2], "wrap": "over"},
+            {"name": "m", "radius": 0.2, "centre": [1.0, 0.0, -0.4], "wrap": "under",
+             "drive": "idle"},
+        ],
+        "stages": [
+            {"name": "run", "steady": True, "entry": {"tension": 5e3}, "exit": {"tension": 5.5e3},
+             "rollers": {"a": {"surface_speed": 1.0}}},
+            {"name": "stroke", "duration": 1.0, "rollers": {"m": {"move": [0.0, 0.0, -0.2]}}},
+            {"name": "again", "steady": True},
+        ],
+    }  # fmt: skip
+    run = Scene.from_tables(tables, "stroke.toml").run()
+    *_, last = run
+    assert run.outcome.done, run.message
+    assert last.state.tension("entry") == pytest.approx(5e3, rel=1e-3)
+    assert last.state.tension("exit") == pytest.approx(5.5e3, rel=1e-6)
+    assert last.state.rollers["a"].torque == pytest.approx(-80.0, rel=1e-2)

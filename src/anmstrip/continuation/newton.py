@@ -272,6 +272,7 @@ class NewtonPath:
             steps = replace(steps, tolerance=settings.tolerance)
         control = start if pace is None else pace.control
         if (guess := equations.unaccelerated()) is not None:
+            steps = replace(steps, least=1)  # its error in time is told by the factors
             found = self.iteration(equations, solver, steps, cost).corrected(guess, target)
             if found is None:
                 raise PathStopped(Outcome.STALLED, control, "Newton's method does not converge")

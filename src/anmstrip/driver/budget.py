@@ -354,6 +354,9 @@ class Budget:
             if isinstance(effect, Membrane):
                 forces = effect.change(state.full, moved, state.controls)
                 found["membrane_force"] = float(np.abs(forces).max())
+        if state.plasticity is not None and state.plasticity.operator.flows:
+            force, _ = state.plasticity.resultant_changes(state.full, moved)
+            found["membrane_force"] = float(np.abs(force).max())
         return found
 
     def look_finer(

@@ -193,6 +193,8 @@ class March:
         if stage.steady and state is not None and state.plan.in_time:
             self.course.take_over(state)
         if stage.steady and self.reached is None:
+            if state is not None:  # strip that slides into place has another, and comes back to it
+                self.course.begun["entry.tension"] = np.array(state.tension("entry"))
             self._begin_steady(stage, state)
         if self.reached is None:
             before, usual = None if state is None else state.friction, self.assembly.friction

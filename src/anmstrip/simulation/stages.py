@@ -365,7 +365,8 @@ class Course:
         self.time += stage.duration
 
     def _targets(self, stage: StageSpec, start: dict[str, Array]) -> dict[str, Array]:
-        end = dict(start)
+        kept = {"entry.tension"} if self.pulled(stage) else set[str]()
+        end = start | {key: self.begun[key] for key in kept & self.begun.keys()}
         for name, edge in stage.edges.items():
             if edge.force is not None:
                 end[f"{name}.force"] = np.array(edge.force, dtype=float)
