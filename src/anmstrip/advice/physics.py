@@ -338,6 +338,7 @@ def pulled_at_both_ends(preview: Preview) -> Iterator[Pulled]:
     held = {name for name in ENDS if name in scene.edges and "x" in scene.edges[name].fixed}
     first = 0.0 if scene.threading is None else scene.threading.tension
     pulls, torques, weight = dict.fromkeys(ENDS, first), dict[str, float](), 0.0
+    given = set[str]()  # ends whose tension is known, held as they may be
     found = nips_in_stages(scene, assembly.rollers, assembly.thread)
     course, known = Course(assembly), {plan.name for plan in preview.plans}
     next(found)
@@ -352,13 +353,16 @@ def pulled_at_both_ends(preview: Preview) -> Iterator[Pulled]:
                 continue
             if edge.release:
                 held.discard(name)
-                pulls[name] = reaction(scene, name, before, weight)
+                if name not in given:
+                    pulls[name] = reaction(scene, name, before, weight)
             if edge.tension is not None or edge.force is not None:
                 force = 0.0 if edge.force is None else float(np.linalg.norm(edge.force))
                 pulls[name] = force if edge.tension is None else edge.tension
+                given.add(name)
         free = not held and assembly.frictional(stage)
         if stage.steady:
             answers = course.pulled(stage) and not assembly.closed
+            given -= set[str]() if answers else {"entry"}  # it answers to the strip's speed
             free = answers and "exit" not in held and not assembly.yields(stage)
         if free and stage.name in known:
             yield Pulled(stage, dict(pulls), dict(torques), weight, nips)

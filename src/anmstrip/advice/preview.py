@@ -52,8 +52,11 @@ class Preview:
     @classmethod
     def of(cls, assembly: Assembly) -> Preview:
         """Walk through all stages."""
-        course, plans, strings = Course(assembly), [], []
+        course, strings = Course(assembly), list[StringEstimate]()
+        plans = list[StageProblem]()
         for stage in assembly.scene.course:
+            if stage.steady and plans and plans[-1].in_time:
+                course.hold_entry_again()
             plans.append(course.plan(stage, {}))
             course.finish(stage)
             strings.append(string_estimate(course))

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from anmstrip.advice.diagnosis import Failure, diagnosis
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import PathStopped
+from anmstrip.continuation.equations import NEGLIGIBLE_SHARE, PathStopped
 from anmstrip.continuation.path import Branch
 from anmstrip.driver.run import Run
 from anmstrip.driver.sensitivities import response, unknown_name
@@ -23,7 +23,7 @@ from anmstrip.errors import InputError, Mistake
 from anmstrip.results.files import write_summary, write_table
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
-from anmstrip.simulation.defaults import regularising_speed
+from anmstrip.simulation.defaults import line_speed, regularising_speed
 from anmstrip.simulation.march import Step
 from anmstrip.simulation.problem import EffectMaker
 from anmstrip.taylor.polynomials import value_at
@@ -483,7 +483,10 @@ def respond(scene: SceneSpec, of: str, to: str, directory: Path) -> str:
     state = run.state
     if state is None or state.strip_speed is None or not run.outcome.done:
         return run.message
-    unit = state.strip_speed / run.assembly.strip.length
+    if abs(state.strip_speed) <= NEGLIGIBLE_SHARE * line_speed(scene):
+        expected, hint = "a strip that runs at its end", "a last stage in which it runs"
+        raise scene.refused(f"stages.{scene.stages[-1].name}", None, expected, hint)
+    unit = abs(state.strip_speed) / run.assembly.strip.length
     omega = unit * np.logspace(*DEFAULT_DECADES, DEFAULT_FREQUENCIES)
     key = next((k for k in state.controls if scene.as_typed(k) == to), to)
     found = response(state, [r.friction is not None for r in scene.rollers], key, omega)

@@ -193,7 +193,7 @@ class March:
         if stage.steady and state is not None and state.plan.in_time:
             self.course.take_over(state)
         if stage.steady and self.reached is None:
-            if state is not None:  # strip that slides into place has another, and comes back to it
+            if state is not None and not self.assembly.closed:  # as before it slides into place
                 self.course.begun["entry.tension"] = np.array(state.tension("entry"))
             self._begin_steady(stage, state)
         if self.reached is None:

@@ -283,10 +283,14 @@ class Course:
         assert velocity is not None
         if speed is None:
             speed = strip_speed(self.assembly.strip, state.full, velocity)
-        self.released.discard("entry")
-        self.values.pop("entry.force", None)
+        self.hold_entry_again()
         self.hold("entry", state.full)
         self.values["strip.speed"] = np.array(speed)
+
+    def hold_entry_again(self) -> None:
+        """Hold the entry that stages in time have let go, as a steady one does."""
+        self.released.discard("entry")
+        self.values.pop("entry.force", None)
 
     def stand_still(self) -> None:
         """Let the strip and all rollers begin the next stage at rest."""

@@ -119,15 +119,18 @@ def list_trials(assembly: Assembly, scene: Scene) -> Iterator[Trial]:
             yield Trial("speed", settings["friction.speed"], settings, laws[-1])
     found = [level for level in levels(Preview.of(assembly)) if not level.against]
     names = [level.kinematics.name for level in found if (level.cost or np.inf) <= MAX_LEVEL_COST]
-    names = [name for name in names if not is_loose(adjust(scene, {"strip.kinematics": name}))]
+    names = [name for name in names if is_held(scene, {"strip.kinematics": name})]
     for name in names[:-1]:
         settings, truth = ({**strict, "strip.kinematics": each} for each in (name, names[-1]))
         yield Trial("kinematics", name, settings, truth)
 
 
-def is_loose(scene: Scene) -> bool:
-    """Whether nothing holds a strip in some direction."""
-    return any(free_motions(Preview.of(Assembly(scene))))
+def is_held(scene: Scene, settings: Settings) -> bool:
+    """Whether a scene can have other values, and the strip is held in all directions then."""
+    try:
+        return not any(free_motions(Preview.of(Assembly(adjust(scene, settings)))))
+    except InputError:
+        return False
 
 
 def adjust(scene: Scene, settings: Settings) -> Scene:
