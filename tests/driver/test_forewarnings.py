@@ -966,3 +966,26 @@ def test_a_strict_tolerance_of_strip_that_rubs_from_the_first_stage_on_is_judged
     tables["stages"] = [{**LAY, "friction": True}]
     tables["solver"] = {"tolerance": 1e-12}
     assert any("tolerance" in words for words in serious(preview_of(tables)))
+
+
+def test_a_line_that_stops_and_runs_again_is_held_and_does_not_run_away() -> None:
+    """A stage in time lets the entry go at 8 kN/m, a steady one after it holds it again.
+
+    The exit falls from 9.3 to 7 kN/m meanwhile, which a roller of 40° holds against 8, not 9.3.
+    """
+    tables = {
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 5e-4},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "contact": {},
+        "friction": {"coefficient": 0.25},
+        "threading": {"tension": 8e3, "entry": [-2.0, 0.0, 0.0], "exit": [3.0, 0.0, 0.0]},
+        "rollers": [{"name": "a", "radius": 0.25, "centre": [0.0, 0.0, 0.6], "wrap": "over"}],
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "stages": [
+            {"name": "run", "steady": True, "entry": {"tension": 8e3}, "exit": {"tension": 9.3e3},
+             "rollers": {"a": {"surface_speed": 2.0}}},
+            {"name": "time", "duration": 1.0, "exit": {"tension": 7e3}},
+            {"name": "again", "steady": True},
+        ],
+    }  # fmt: skip
+    assert warnings(preview_of(tables)) == []

@@ -11,6 +11,7 @@ from anmstrip.cli import main
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
+from anmstrip.simulation.problem import Assembly
 from anmstrip.sweep import accuracy as module
 from anmstrip.sweep import study as sweeps
 from anmstrip.sweep.accuracy import Accuracy, list_trials
@@ -141,3 +142,11 @@ def test_workers_of_dask_do_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyP
     with sweeps.local_workers(1) as client:
         assert len(list(study.run(client))) == 2
     assert all("true_tension" in row for row in study.results())
+
+
+def test_levels_that_a_scene_cannot_have_are_left_out() -> None:
+    """An endless strip is a section; its other comparisons are there."""
+    scene = Scene.load(Path(__file__).parents[2] / "examples" / "belt.toml")
+    along = {trial.along for trial in list_trials(Assembly(scene), scene)}
+    assert "kinematics" not in along
+    assert {"tolerance", "mesh", "speed"} <= along
