@@ -32,7 +32,6 @@ from anmstrip.fem.strip import Strip, line, renumbered
 from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls, Effect
-from anmstrip.mechanics.shell import Membrane
 from anmstrip.results.files import ERROR_WORDS
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import Span, free_spans
@@ -350,13 +349,13 @@ class Budget:
                 return {}
         strip = state.plan.model.strip
         found = {"position": float(np.abs(strip.nodal(moved)[strip.node_values]).max())}
-        for effect in state.plan.model.effects:
-            if isinstance(effect, Membrane):
-                forces = effect.change(state.full, moved, state.controls)
-                found["membrane_force"] = float(np.abs(forces).max())
-        if state.plasticity is not None and state.plasticity.operator.flows:
-            force, _ = state.plasticity.resultant_changes(state.full, moved)
-            found["membrane_force"] = float(np.abs(force).max())
+        if (flow := state.plasticity) is not None and flow.operator.flows:
+            forces, _ = flow.resultant_changes(state.full, moved)
+        elif state.membrane is not None:
+            forces = state.membrane.change(state.full, moved, state.controls)
+        else:
+            return found
+        found["membrane_force"] = float(np.abs(forces).max())
         return found
 
     def look_finer(
