@@ -420,3 +420,34 @@ def test_a_run_stops_where_strip_is_stretched_to_twice_its_length() -> None:
     assert "more than twice its length" in run.message
     assert last.state.tension("exit") > 2e11 * 1e-3
     assert run.state is last.state
+
+
+def test_a_run_stops_where_strip_has_run_away() -> None:
+    """An idle roller is lifted off the strip; what is left of the wrap does not hold 6 kN/m.
+
+    26° at f = 0.3 hold 1.146 times 5 kN/m less what the line law leaves; it went on to 1e5 m/s.
+    """
+    idle = {"radius": 0.2, "drive": "idle"}
+    tables = {
+        "strip": {"kinematics": "section", "width": 0.8, "thickness": 4e-4},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "friction": {"coefficient": 0.3},
+        "threading": {"tension": 5e3, "entry": [-1.0, 0.0, -0.6], "exit": [3.0, 0.0, -0.6]},
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "rollers": [
+            {"name": "a", "radius": 0.2, "centre": [0.0, 0.0, -0.2], "wrap": "over"},
+            {**idle, "name": "m", "centre": [1.0, 0.0, 0.1], "wrap": "under", "bearing": 4.0},
+            {**idle, "name": "c", "centre": [2.0, 0.0, -0.2], "wrap": "over"},
+        ],
+        "stages": [
+            {"name": "run", "steady": True, "entry": {"tension": 5e3}, "exit": {"tension": 6e3},
+             "rollers": {"a": {"surface_speed": 1.0}}},
+            {"name": "lift", "duration": 1.0, "rollers": {"m": {"move": [0.0, 0.0, 0.2]}}},
+        ],
+        "solver": {"tolerance": 1e-2, "max_tangents": 1000},
+    }  # fmt: skip
+    run = Scene.from_tables(tables, "lift.toml").run()
+    *_, last = run
+    assert run.outcome is Outcome.RAN_AWAY
+    assert re.search(r"It slides over a \(2[56]\S*°, 5000 and 59\S+ N/m\)", run.message)
+    assert last.state.strip_speed > 1e3

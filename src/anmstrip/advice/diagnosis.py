@@ -23,7 +23,7 @@ from anmstrip.advice.physics import (
     two_digits,
 )
 from anmstrip.advice.preview import Preview, as_sentence, motions_at, unheld_words
-from anmstrip.advice.warnings import against_section, below_round_off, finer_mesh, serious
+from anmstrip.advice.warnings import against_section, below_round_off, finer_mesh, serious, slides
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import NEGLIGIBLE_SHARE, Evidence, Outcome, PathStopped
 from anmstrip.equilibrium import Equilibrium, StageProblem
@@ -191,6 +191,26 @@ def too_large(failure: Failure) -> str | None:
         return "Nothing varies across the strip. Try --set 'strip.kinematics=\"section\"'"
     longer = 2.0 * float(assembly.strip.cell_sizes[0].min())
     return f"Try longer elements: --set strip.refined={two_digits(longer, np.ceil):g}"
+
+
+def slides_away(failure: Failure) -> str | None:
+    """The strip runs away over rollers that hold less than what pulls at its ends."""
+    if failure.stopped.outcome is not Outcome.RAN_AWAY:
+        return None
+    if (told := forewarned(failure)) is not None:
+        return told
+    driven = {roller.name for roller in failure.scene.rollers if roller.drive == "speed"}
+    sliding = [name for name, c in failure.state.contacts.items() if name in driven and slides(c)]
+    found = [
+        f"{name} ({np.degrees(reading.wrap):.3g}°, {reading.tension_in:.5g} and "
+        f"{reading.tension_out:.5g} N/m)"
+        for name, reading in failure.state.rollers.items()
+        if name in sliding and reading.tension_in is not None
+    ]
+    where = f"It slides over {', '.join(found)}. " if found else ""
+    return (
+        f"{where}Try more wrap or friction there, or less difference of the tensions at its ends."
+    )
 
 
 def not_held(failure: Failure) -> str | None:
@@ -459,6 +479,7 @@ def _vector(values: Array) -> str:
 CAUSES: tuple[Callable[[Failure], str | None], ...] = (
     too_many_steps,
     too_large,
+    slides_away,
     not_held,
     squeezed,
     forewarned,

@@ -144,6 +144,24 @@ def doubled_in_length(state: State) -> bool:
     return bool(elastic.max() > state.plan.model.strip.tensile_stiffness)
 
 
+RUNAWAY_SPEED = 1e3
+"""Speed of strip that runs away, over the largest that a stage gives to rollers and ends."""
+
+
+def runs_away(state: State) -> bool:
+    """Return whether strip that is fed passes at a speed that no friction ends, by a length."""
+    if not state.plan.fed or abs(state.conveyed) < state.plan.model.strip.length:
+        return False
+    given = (state.plan.controls.at(share) for share in (0.0, 1.0))
+    speeds = (abs(float(v)) for at in given for key, v in at.items() if key.endswith("speed"))
+    fastest = max(speeds, default=0.0)
+    return abs(state.strip_speed or 0.0) > RUNAWAY_SPEED * fastest > 0.0
+
+
+ENDLESS = ((Outcome.OVERSTRETCHED, doubled_in_length), (Outcome.RAN_AWAY, runs_away))
+"""Why a run stops at a state from which it would go on for nothing."""
+
+
 class Run:
     """Iterator over the accepted steps of a scene; writes results as it goes.
 
@@ -311,8 +329,9 @@ class Run:
                     with delay_interrupts():
                         accepted = self._accept(step)
                     yield accepted
-                    if doubled_in_length(step.state):
-                        raise PathStopped(Outcome.OVERSTRETCHED, step.state.control)
+                    for outcome, has_come in ENDLESS:
+                        if has_come(step.state):
+                            raise PathStopped(outcome, step.state.control)
             finally:
                 self._count(plan)
         with delay_interrupts():
