@@ -628,6 +628,13 @@ class StageProblem:
     fed: bool = False
 
     @property
+    def fastest(self) -> float:
+        """Largest speed (m/s) that is given to rollers, ends and strip."""
+        given = (self.controls.at(share) for share in (0.0, 1.0))
+        speeds = (abs(float(v)) for at in given for key, v in at.items() if key.endswith("speed"))
+        return max(speeds, default=0.0)
+
+    @property
     def friction(self) -> Friction | None:
         """Friction of the strip on its rollers, if it acts."""
         return cast("Friction", next((e for e in self.model.effects if e.name == "friction"), None))

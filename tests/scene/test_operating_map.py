@@ -363,3 +363,29 @@ def test_states_between_in_a_steady_stage_are_in_equilibrium(sharp: Scene) -> No
     assert [state.time for state in found] == list(times)
     behind = [state.rollers["d2"].tension_out for state in found]
     assert behind == pytest.approx([1.1e4 + 1e4 * (time - 2.0) for time in times], rel=2e-3)
+
+
+def test_a_torque_that_friction_refuses_is_no_row_of_a_map() -> None:
+    """The load of a belt at the ends of its range, 58.3 kN mm by Euler; it turned at 1e12 mm/s."""
+    belt = Scene(
+        strip={"kinematics": "section", "width": 0.05, "thickness": 1e-3},
+        material={"young": 1e9, "poisson": 0.3},
+        contact={},
+        friction={"coefficient": 0.4},
+        threading={"tension": 1e4, "closed": True},
+        rollers=[
+            {"name": "d", "radius": 0.1, "centre": [0.0, 0.0, 0.0], "wrap": "left"},
+            {"name": "l", "radius": 0.1, "centre": [0.6, 0.0, 0.0], "wrap": "left",
+             "drive": "torque"},
+        ],
+        stages=[
+            {"name": "one", "steady": True,
+             "rollers": {"d": {"angular_speed": 10.0}, "l": {"torque": -20.0}}},
+        ],
+    )  # fmt: skip
+    made = belt.map("rollers.l.torque=-60:60:13")
+    assert not made.done
+    assert len(made.rows) == 11
+    for row in made.rows:
+        assert row["l_torque"] == pytest.approx(row["rollers.l.torque"], rel=1e-3, abs=0.01)
+        assert abs(row["l_surface_speed"]) < 2.0

@@ -433,9 +433,7 @@ def runaway_slips(state: State) -> Iterator[str]:
 
     They are many times as large as the speeds that rollers and strip are given in the stage.
     """
-    given = (state.plan.controls.at(share) for share in (0.0, 1.0))
-    speeds = (abs(float(v)) for at in given for key, v in at.items() if key.endswith("speed"))
-    fastest = max(speeds, default=0.0)
+    fastest = state.plan.fastest
     for name, reading in state.rollers.items():
         if reading.max_slip > RUNAWAY_SLIP * fastest > 0.0:
             yield (

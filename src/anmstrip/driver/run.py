@@ -152,10 +152,13 @@ def runs_away(state: State) -> bool:
     """Return whether strip that is fed passes at a speed that no friction ends, by a length."""
     if not state.plan.fed or abs(state.conveyed) < state.plan.model.strip.length:
         return False
-    given = (state.plan.controls.at(share) for share in (0.0, 1.0))
-    speeds = (abs(float(v)) for at in given for key, v in at.items() if key.endswith("speed"))
-    fastest = max(speeds, default=0.0)
-    return abs(state.strip_speed or 0.0) > RUNAWAY_SPEED * fastest > 0.0
+    return abs(state.strip_speed or 0.0) > RUNAWAY_SPEED * state.plan.fastest > 0.0
+
+
+def spins_away(state: State) -> bool:
+    """Return whether a roller turns at a speed that says that friction refuses its torque."""
+    speeds = (abs(contact.surface_speed) for contact in state.contacts.values())
+    return max(speeds, default=0.0) > RUNAWAY_SPEED * state.plan.fastest > 0.0
 
 
 ENDLESS = ((Outcome.OVERSTRETCHED, doubled_in_length), (Outcome.RAN_AWAY, runs_away))

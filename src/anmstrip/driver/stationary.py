@@ -14,9 +14,9 @@ from scipy.optimize import brentq
 
 from anmstrip.advice.diagnosis import Failure, diagnosis
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import NEGLIGIBLE_SHARE, PathStopped
+from anmstrip.continuation.equations import NEGLIGIBLE_SHARE, Outcome, PathStopped
 from anmstrip.continuation.path import Branch
-from anmstrip.driver.run import Run
+from anmstrip.driver.run import Run, spins_away
 from anmstrip.driver.sensitivities import response, unknown_name
 from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import InputError, Mistake
@@ -372,6 +372,8 @@ class OperatingMap:
         plan = march.planned(stage, run.state)
         try:
             for step in march.through(plan, run.scene.solver.max_steps, between=True):
+                if spins_away(step.state):
+                    raise PathStopped(Outcome.RAN_AWAY, step.state.control)
                 march.accept(step)
                 run.state = step.state
                 yield step
