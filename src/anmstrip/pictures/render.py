@@ -504,13 +504,18 @@ def draw_with_pyvista(job: Job) -> None:
 def add_strip(plotter: pyvista.Plotter, job: Job, frame: Frame) -> None:
     """Add the strip with its field, its outline and the scale."""
     import pyvista
+    from vtkmodules.vtkFiltersCore import vtkStaticCleanPolyData
 
     label, factor, limits = job.scale
     grid = pyvista.read(frame.strip)
     grid.clear_data()
     grid[label] = frame.read_strip(job.field)[2] * factor
     surface = grid.extract_surface(nonlinear_subdivision=3, algorithm="dataset_surface")
-    surface = surface.clean(tolerance=MERGE_DISTANCE, absolute=False)
+    merged = vtkStaticCleanPolyData()  # the other filter takes a minute where all is flat
+    merged.SetInputData(surface)
+    merged.SetTolerance(MERGE_DISTANCE)
+    merged.Update()
+    surface = pyvista.wrap(merged.GetOutput())
     nearer = STRIP_SHIFT * job.eye.half_height * job.eye.axes[2]
     surface.translate(nearer, inplace=True)
     plotter.add_mesh(
