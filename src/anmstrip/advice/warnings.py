@@ -760,8 +760,10 @@ def against_section(preview: Preview) -> Iterator[str]:
 def against_plate(preview: Preview) -> Iterator[str]:
     """Facts that a plate, with small slopes and nothing in its plane, does not see."""
     scene, steep = preview.assembly.scene, preview.steepest
-    if any(preview.assembly.frictional(stage) for stage in scene.course):
+    if scene.friction is not None and any(map(preview.assembly.frictional, scene.course)):
         yield "friction moves the strip along"
+    if scene.material.plasticity is not None:
+        yield "the strip yields"
     if naturals(scene):
         yield "heat, flatness or coil set stress the strip in its plane, or bend it"
     if steep.slope > PLATE_SLOPE:
