@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from anmstrip.advice.diagnosis import Failure, diagnosis
 from anmstrip.arrays import Array
-from anmstrip.continuation.equations import NEGLIGIBLE_SHARE, Outcome, PathStopped
+from anmstrip.continuation.equations import Outcome, PathStopped
 from anmstrip.continuation.path import Branch
 from anmstrip.driver.run import Run, spins_away
 from anmstrip.driver.sensitivities import response, unknown_name
@@ -449,6 +449,9 @@ def map_row(state: State) -> dict[str, Any]:
 DEFAULT_DECADES, DEFAULT_FREQUENCIES = (-2.0, 2.0), 41
 """Frequencies by default: powers of ten of V/L with the length L of the strip, and how many."""
 
+RESTING_SHARE = 1e-9
+"""Speed of strip that rests, over the largest speed of the scene."""
+
 
 def respond(scene: SceneSpec, of: str, to: str, directory: Path) -> str:
     """Run a scene, and write the response of its last state: ``response.csv`` and ``.png``.
@@ -485,7 +488,7 @@ def respond(scene: SceneSpec, of: str, to: str, directory: Path) -> str:
     state = run.state
     if state is None or state.strip_speed is None or not run.outcome.done:
         return run.message
-    if abs(state.strip_speed) <= NEGLIGIBLE_SHARE * line_speed(scene):
+    if abs(state.strip_speed) <= RESTING_SHARE * line_speed(scene):
         expected, hint = "a strip that runs at its end", "a last stage in which it runs"
         raise scene.refused(f"stages.{scene.stages[-1].name}", None, expected, hint)
     unit = abs(state.strip_speed) / run.assembly.strip.length
