@@ -23,7 +23,7 @@ from anmstrip.errors import InputError, Mistake
 from anmstrip.results.files import write_summary, write_table
 from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
-from anmstrip.simulation.defaults import line_speed, regularising_speed
+from anmstrip.simulation.defaults import regularising_speed
 from anmstrip.simulation.march import Step
 from anmstrip.simulation.problem import EffectMaker
 from anmstrip.taylor.polynomials import value_at
@@ -449,9 +449,6 @@ def map_row(state: State) -> dict[str, Any]:
 DEFAULT_DECADES, DEFAULT_FREQUENCIES = (-2.0, 2.0), 41
 """Frequencies by default: powers of ten of V/L with the length L of the strip, and how many."""
 
-RESTING_SHARE = 1e-9
-"""Speed of strip that rests, over the largest speed of the scene."""
-
 
 def respond(scene: SceneSpec, of: str, to: str, directory: Path) -> str:
     """Run a scene, and write the response of its last state: ``response.csv`` and ``.png``.
@@ -488,7 +485,8 @@ def respond(scene: SceneSpec, of: str, to: str, directory: Path) -> str:
     state = run.state
     if state is None or state.strip_speed is None or not run.outcome.done:
         return run.message
-    if abs(state.strip_speed) <= RESTING_SHARE * line_speed(scene):
+    friction = state.friction
+    if friction is not None and abs(state.strip_speed) <= friction.law_of_slip.speed:  # it creeps
         expected, hint = "a strip that runs at its end", "a last stage in which it runs"
         raise scene.refused(f"stages.{scene.stages[-1].name}", None, expected, hint)
     unit = abs(state.strip_speed) / run.assembly.strip.length
