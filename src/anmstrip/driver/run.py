@@ -148,7 +148,7 @@ RUNAWAY_SPEED = 1e3
 """Speed of strip that runs away, over the largest that a stage gives to rollers and ends."""
 
 
-def runs_away(state: State) -> bool:
+def has_run_away(state: State) -> bool:
     """Return whether strip that is fed passes at a speed that no friction ends, by a length."""
     if not state.plan.fed or abs(state.conveyed) < state.plan.model.strip.length:
         return False
@@ -161,7 +161,7 @@ def spins_away(state: State) -> bool:
     return max(speeds, default=0.0) > RUNAWAY_SPEED * state.plan.fastest > 0.0
 
 
-ENDLESS = ((Outcome.OVERSTRETCHED, doubled_in_length), (Outcome.RAN_AWAY, runs_away))
+ENDLESS = ((Outcome.OVERSTRETCHED, doubled_in_length), (Outcome.RAN_AWAY, has_run_away))
 """Why a run stops at a state from which it would go on for nothing."""
 
 
