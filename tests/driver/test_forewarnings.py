@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from threaded import SNUBBED
 
 from anmstrip.advice.physics import slack_edge, uneven_fibres
 from anmstrip.advice.preview import Preview, free_motions
@@ -974,13 +975,7 @@ def test_a_line_that_stops_and_runs_again_is_held_and_does_not_run_away() -> Non
     The exit falls from 9.3 to 7 kN/m meanwhile, which a roller of 40° holds against 8, not 9.3.
     """
     tables = {
-        "strip": {"kinematics": "section", "width": 1.0, "thickness": 5e-4},
-        "material": {"young": 2e11, "poisson": 0.3},
-        "contact": {},
-        "friction": {"coefficient": 0.25},
-        "threading": {"tension": 8e3, "entry": [-2.0, 0.0, 0.0], "exit": [3.0, 0.0, 0.0]},
-        "rollers": [{"name": "a", "radius": 0.25, "centre": [0.0, 0.0, 0.6], "wrap": "over"}],
-        "edges": {"entry": {"fixed": ["x", "z"]}},
+        **SNUBBED,
         "stages": [
             {"name": "run", "steady": True, "entry": {"tension": 8e3}, "exit": {"tension": 9.3e3},
              "rollers": {"a": {"surface_speed": 2.0}}},

@@ -12,6 +12,7 @@ from reported_files import Results, Surface, ran
 from reported_rollers import Law, Look
 from reported_states import looks_at
 
+from anmstrip.driver.explain import report
 from anmstrip.driver.scene import Scene
 
 LEVELS = {"turning": 1.0e-4 * np.log(2.0e4 / (0.1 * float(np.hypot(1e4, 5773.5)) / 0.5))}
@@ -219,7 +220,8 @@ def test_slip_of_a_bridle_is_dated_by_statics() -> None:
         solver={"tolerance": 1e-2},
         output={"events": True},
     )  # fmt: skip
-    steps = list(line.run())  # it runs away as the first one slips as well
+    run = line.run()
+    steps = list(run)  # it runs away as the first one slips as well
     found = [e for step in steps for e in step.events if e.point is None and e.kind == "slip"]
     assert [event.roller for event in found] == ["b3", "b2", "b1"]
     span = np.array([0.8, 0.9])
@@ -228,3 +230,4 @@ def test_slip_of_a_bridle_is_dated_by_statics() -> None:
     expected = begin + lasting * force * (np.exp(0.2 * wraps) - 1.0) / (most - force)
     assert [event.time for event in found] == pytest.approx(list(expected), abs=0.06)
     assert all(event.step <= 1e-2 * lasting * (1.0 + 1e-9) for event in found)
+    assert "The strip slides over all driven rollers that it touches." in report(run)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from threaded import SNUBBED
 
 from anmstrip import InputError, Scene
 from anmstrip.cli import main
@@ -107,23 +108,14 @@ def test_command_writes_gain_and_phase(tmp_path: Path) -> None:
 
 def test_responses_of_a_line_that_runs_backwards_and_of_one_at_rest(tmp_path: Path) -> None:
     """Frequencies are positive, the gain is that of the sensitivities; at rest there is none."""
-    line = {
-        "strip": {"kinematics": "section", "width": 1.0, "thickness": 5e-4},
-        "material": {"young": 2e11, "poisson": 0.3},
-        "contact": {},
-        "friction": {"coefficient": 0.25},
-        "threading": {"tension": 8e3, "entry": [-2.0, 0.0, 0.0], "exit": [3.0, 0.0, 0.0]},
-        "rollers": [{"name": "a", "radius": 0.25, "centre": [0.0, 0.0, 0.6], "wrap": "over"}],
-        "edges": {"entry": {"fixed": ["x", "z"]}},
-    }
     pulls = {"entry": {"tension": 8e3}, "exit": {"tension": 8.5e3}}
     run = {"name": "run", "steady": True, **pulls, "rollers": {"a": {"surface_speed": -2.0}}}
-    scene = Scene.from_tables(line | {"stages": [run]}, "back.toml")
+    scene = Scene.from_tables(SNUBBED | {"stages": [run]}, "back.toml")
     respond(scene, "a_torque", "exit.tension", tmp_path)
     table = read_history(tmp_path / "response.csv")
     assert min(table["omega"]) > 0.0
     assert table["gain"][0] == pytest.approx(0.25, rel=1e-3)
     rest = {**run, "rollers": {"a": {"surface_speed": 0.0}}}
-    scene = Scene.from_tables(line | {"stages": [rest]}, "rest.toml")
+    scene = Scene.from_tables(SNUBBED | {"stages": [rest]}, "rest.toml")
     with pytest.raises(InputError, match="a strip that runs at its end"):
         respond(scene, "a_torque", "exit.tension", tmp_path)

@@ -419,7 +419,8 @@ def report(run: Run, told: Collection[str] = ()) -> str:
         slid = [n for n in touched if (state.rollers[n].capacity_used or 0.0) > SLIDING_SHARE]
         slid = [n for n in slid if slides(touched[n])]
         if slid:
-            where = "all driven rollers that it touches" if len(slid) == len(touched) else None
+            every = len(slid) == len(touched) > 1
+            where = "all driven rollers that it touches" if every else None
             parts.append(f"The strip slides over {where or ', '.join(slid)}.")
         parts += runaway_slips(state)
         if any(part is not None for part in run.errors().values()):
