@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from threaded import SNUBBED
 
 from anmstrip.advice.physics import slack_edge, uneven_fibres
 from anmstrip.advice.preview import Preview, free_motions
@@ -20,6 +19,7 @@ from anmstrip.equilibrium import Equilibrium
 from anmstrip.fem.sampling import l2_projection, quadrature_points
 from anmstrip.mechanics.shell import uniaxial_stretches
 from anmstrip.simulation.problem import Assembly
+from lines import SNUBBED
 
 PULL = {
     "name": "pull", "duration": 1.0, "friction": False, "exit": {"force": [1e4, 0.0, 0.0]},

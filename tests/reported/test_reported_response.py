@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from threaded import SNUBBED
 
 from anmstrip import InputError, Scene
 from anmstrip.cli import main
@@ -16,6 +15,7 @@ from anmstrip.driver.sensitivities import response
 from anmstrip.driver.stationary import respond
 from anmstrip.results.files import read_history
 from anmstrip.results.state import State
+from lines import SNUBBED
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
