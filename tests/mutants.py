@@ -734,6 +734,13 @@ BUDGET = (
 
 WRINKLES = (
     Mutant("half of what a span bears", "float(2.0 * q", "float(1.0 * q", "summary"),
+    Mutant(
+        "onsets on half the length move the other way",
+        "share = (1.0 - level / factor)",
+        "share = (level / factor - 1.0)",
+        "summary",
+        "test_wrinkle_onsets.py",
+    ),
     Mutant("wrinkles that are told late", "NEAR_BUCKLING = 0.5", "NEAR_BUCKLING = 2.1", "summary"),
     Mutant("parabolas count as wrinkles", "SMOOTH_DEGREE = 2", "SMOOTH_DEGREE = 1", "summary"),
     Mutant(

@@ -221,21 +221,51 @@ def test_what_a_compressed_strip_bears_by_its_modes_is_told(
 
     The estimate for waves as long as the span, 10 N/m, is 300 times too low.
     """
-    pull = {"name": "pull", "friction": False, "exit": {"tension": 3e4}}
-    tables = {
-        "strip": {"width": 1.0, "thickness": 5e-4, "length": 4.0,
-                  "flatness": {"across": [0.0, 0.0, 120.0]}},
-        "material": {"young": 2e11, "poisson": 0.3},
-        "edges": {"entry": {"fixed": ["x", "y", "z"]}, "exit": {"fixed": ["y", "z"]}},
-        "stages": [pull, {**pull, "name": "relax", "exit": {"tension": tension}}],
-    }  # fmt: skip
-    run = Run(Scene.model_validate(tables), tmp_path)
-    for _ in run:
-        pass
+    run = long_edges(tmp_path, tension=tension)
     (told,) = [line for line in run.warnings if line.startswith("The strip is compressed")]
     times = re.search(r"By its modes on this mesh it bears (\S+) times as much", told)
     assert times is not None, told
     assert least < float(times[1]) < most
+
+
+def long_edges(directory: Path | None, finer: float = 1.0, tension: float = 1.6e4) -> Run:
+    """A run of a strip with edges 30 I-units longer that is eased until they wave."""
+    pull = {"name": "pull", "friction": False, "exit": {"tension": 3e4}}
+    tables = {
+        "strip": {"width": 1.0, "thickness": 5e-4, "length": 4.0, "finer": finer,
+                  "flatness": {"across": [0.0, 0.0, 120.0]}},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "edges": {"entry": {"fixed": ["x", "y", "z"]}, "exit": {"fixed": ["y", "z"]}},
+        "stages": [pull, {**pull, "name": "ease", "exit": {"tension": tension}}],
+    }  # fmt: skip
+    run = Run(Scene.model_validate(tables), directory)
+    for _ in run:
+        pass
+    return run
+
+
+def test_onset_on_elements_of_half_the_length_is_told(tmp_path: Path) -> None:
+    """As a run finds it there; and its being missed on twice the length, with what to type."""
+    given, finer = long_edges(tmp_path / "given"), long_edges(None, 2.0)
+    for kind in ("wrinkles", "bifurcation"):
+        here, there = (
+            next(told for told in run.wrinkles if told["kind"] == kind) for run in (given, finer)
+        )
+        moved = there["exit_tension"] - here["exit_tension"]
+        told = here["on_halves"]["exit_tension"] - here["exit_tension"]
+        assert moved / 1.5 < told < 1.5 * moved
+        later = here["on_halves"]["time"] - here["time"]
+        assert told == pytest.approx(-1.4e4 * later, rel=1e-3)  # it is eased evenly
+    assert f"exit tension {here['on_halves']['exit_tension']:.5g} N/m; 3 more" in given.message
+    assert [told for told in given.wrinkles if told.get("on_halves")] == [
+        next(told for told in given.wrinkles if told["kind"] == kind)
+        for kind in ("wrinkles", "bifurcation")
+    ]
+    coarse = long_edges(tmp_path / "coarse", 0.5)
+    assert not coarse.wrinkles and not coarse.fine_enough
+    (told,) = [words for words in coarse.warnings if "has begun to wrinkle" in words]
+    assert told.endswith("Try --set strip.finer=1")
+    assert not any("has begun to wrinkle" in words for words in given.warnings)
 
 
 def clamped(directory: Path, finer: float) -> Run:

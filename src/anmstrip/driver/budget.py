@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.sparse.linalg import ArpackError
 
 from anmstrip.arrays import Array, Index
 from anmstrip.continuation.equations import Cost, Equations, PathStopped
@@ -34,7 +35,7 @@ from anmstrip.linalg.solvers import SparseSolver
 from anmstrip.mechanics.effects import Controls, Effect
 from anmstrip.results.files import ERROR_WORDS
 from anmstrip.results.state import State
-from anmstrip.results.wrinkles import Span, free_spans
+from anmstrip.results.wrinkles import COLUMN_SHARE, TRACKED_MODES, Onset, Span, buckling, free_spans
 from anmstrip.scene.schema import StageSpec
 from anmstrip.simulation.meshing import mesh_density
 from anmstrip.simulation.problem import Assembly
@@ -127,6 +128,8 @@ class Budget:
         Edge → what the mesh makes of the force (N/m) that holds it, or that it was released with.
     spans : list of tuple of Span
         Free spans of a shell, and the same on elements of half the length.
+    bears : float
+        Lowest factor of a buckling mode on elements of half the length, infinite if unknown.
     """
 
     assembly: Assembly
@@ -136,6 +139,7 @@ class Budget:
     time: float = 0.0
     loads: dict[str, Array] = field(default_factory=dict)
     spans: list[tuple[Span, Span]] = field(default_factory=list)
+    bears: float = np.inf
     solver: SparseSolver = field(default_factory=SparseSolver)  # of written states: one pattern
 
     @cached_property
@@ -186,12 +190,31 @@ class Budget:
 
     @property
     def doubtful(self) -> list[tuple[Span, Span]]:
-        """Spans near wrinkles whose compression depends on the mesh, and the same on the finer."""
+        """Spans near wrinkles whose compression depends on the mesh, and the same on the finer.
+
+        None where modes say that the finer one wrinkles, too.
+        """
+        if 0.0 < self.bears < 1.0:
+            return []
         pairs = ((here, there, there.compression - here.compression) for here, there in self.spans)
         return [
             (a, b)
             for a, b, change in pairs
             if a.near and abs(change) > LARGE_MESH_ERROR * a.compression
+        ]
+
+    @property
+    def of_wrinkles(self) -> list[str]:
+        """A sentence for a run without wrinkles if elements of half the length have some."""
+        if not 0.0 < self.bears < 1.0:
+            return []
+        finer = 2.0 * mesh_density(self.assembly.scene)
+        cure = f"Try --set strip.finer={finer:g}"
+        if self.assembly.scene.strip.mesh is not None:
+            cure = "Try shorter elements"
+        return [
+            "on elements of half the length the strip has begun to wrinkle before this state: "
+            f"there it bears {self.bears:.2g} times its compression. {cure}"
         ]
 
     @property
@@ -358,14 +381,10 @@ class Budget:
         found["membrane_force"] = float(np.abs(forces).max())
         return found
 
-    def look_finer(
+    def finer_problem(
         self, halved: Halved, stage: StageSpec, state: State, released: Collection[str]
-    ) -> None:
-        """Balance a state on elements of half the length.
-
-        What sticks has kept the error from the end of the stage before, as in one step of the
-        backward Euler method over all of this stage.
-        """
+    ) -> StageProblem:
+        """Return the problem of a state on elements of half the length."""
         loads = {f"{name}.force": self.loads[name] for name in released if name in self.loads}
         plan = halved.problem(stage, state, released, loads)
         largest = max(
@@ -374,6 +393,35 @@ class Budget:
         if largest > 0.0:
             effects = [tangent_beyond(e, EXPECTED_PRESSURE * largest) for e in plan.model.effects]
             plan = replace(plan, model=plan.model.with_effects(effects))
+        return plan
+
+    def loads_on_halves(
+        self, stage: StageSpec, onset: Onset, released: Collection[str]
+    ) -> dict[str, float] | None:
+        """Return at which loads an onset of wrinkles is on elements of half the length.
+
+        By the factor of its mode there, in the state that was found here.
+
+        Returns
+        -------
+        dict or None
+            As of :func:`~anmstrip.results.wrinkles.loads`; None if it is not known.
+        """
+        if self.halved is None or onset.beside is None:
+            return None
+        plan = self.finer_problem(self.halved, stage, onset.state, released)
+        factors = buckling_factors(balance_state(plan, onset.state))[onset.number :]
+        return onset.loads_by(float(factors[0])) if len(factors) and factors[0] > 0.0 else None
+
+    def look_finer(
+        self, halved: Halved, stage: StageSpec, state: State, released: Collection[str]
+    ) -> None:
+        """Balance a state on elements of half the length.
+
+        What sticks has kept the error from the end of the stage before, as in one step of the
+        backward Euler method over all of this stage.
+        """
+        plan = self.finer_problem(halved, stage, state, released)
         start, elapsed = plan.supports.start, state.time - self.time
         velocity = None
         if plan.in_time and state.velocity is not None:
@@ -381,18 +429,29 @@ class Budget:
             if self.error is not None:
                 velocity = velocity - self.error / elapsed
         finer = balance_state(plan, state, velocity, elapsed)
-        self.lost, self.error, self.spans = finer is None, None, []
+        self.lost, self.error, self.spans, self.bears = finer is None, None, [], np.inf
         if finer is None:
             return
         if self.assembly.kinematics is SHELL:
             known = {(span.before, span.after): span for span in free_spans(finer)}
             pairs = ((span, known.get((span.before, span.after))) for span in free_spans(state))
             self.spans = [(here, there) for here, there in pairs if there is not None]
+            pressed = (b.compression > COLUMN_SHARE * b.bearable for _, b in self.spans)
+            if self.assembly.scene.strip.bending and not plan.in_time and any(pressed):
+                self.bears = float(buckling_factors(finer).min(initial=np.inf))
         self.error = finer.full - start
         self.parts["mesh"] = largest_differences(state, finer, self.error)
         for name in self.assembly.scene.edges.keys() - set(released):
             length = self.assembly.strip.edges[name].length
             self.loads[name] = (finer.edge_force(name) - state.edge_force(name)) / length
+
+
+def buckling_factors(state: State | None) -> Array:
+    """Return the lowest factors of a state's buckling modes, ascending; none if not known."""
+    try:
+        return np.zeros(0) if state is None else buckling(state, TRACKED_MODES)[0]
+    except (SingularTangentError, ArpackError, MemoryError):
+        return np.zeros(0)
 
 
 def tangent_beyond(effect: Effect, reaction: float) -> Effect:

@@ -29,7 +29,7 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import SHELL
 from anmstrip.results.files import ERROR_WORDS, read_history
 from anmstrip.results.state import State
-from anmstrip.results.wrinkles import WrinkleWatch, Wrinkling
+from anmstrip.results.wrinkles import Onset, WrinkleWatch, Wrinkling
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.simulation.march import March, Step, delay_interrupts, imperfection_of
 from anmstrip.simulation.problem import Assembly, EffectMaker
@@ -56,12 +56,17 @@ def onset_words(found: Sequence[Mapping[str, Any]]) -> str:
     load = "" if uneven is None else f", latent flatness {uneven:.3g} I-units"
     span = " between {} and {}".format(*first["span"]) if first.get("span") else ""
     more = f"; {following} more up to t = {last['time']:.6g} s, in summary.json" * bool(following)
+    there = first.get("on_halves")
+    mesh = there and (
+        f"; on elements of half the length at t = {there['time']:.6g} s, exit tension "
+        f"{there['exit_tension']:.5g} N/m"
+    )
     return (
         f" At t = {first['time']:.6g} s (stage {first['stage']}, exit tension "
         f"{first['exit_tension']:.5g} N/m{load}) {WRINKLE_WORDS[first['kind']]}, "
         f"with wavelengths of {first['wavelength_along']:.3g} m along and "
         f"{first['wavelength']:.3g} m across, most{span} at x = {first['x']:.3g} m, "
-        f"y = {first['y']:.3g} m of the flat strip{more}."
+        f"y = {first['y']:.3g} m of the flat strip{mesh or ''}{more}."
     )
 
 
@@ -351,9 +356,14 @@ class Run:
             march.finish(stage, plan)
             self.first_stage += 1
 
+    @property
+    def is_estimated(self) -> bool:
+        """Whether errors are estimated, as of a run that is written."""
+        return self.recorder is not None or self.estimates
+
     def _look_at_errors(self, stage: StageSpec) -> None:
-        """Estimate the errors of the present state, of a run that is written."""
-        if (self.recorder is not None or self.estimates) and self.state is not None:
+        """Estimate the errors of the present state."""
+        if self.is_estimated and self.state is not None:
             march, before = self.march, self.budget.time
             if self.state.time > before and self.state.plan.name == stage.name:
                 with self.cost.timed("errors"):
@@ -394,16 +404,26 @@ class Run:
 
     def _events(self, before: State, state: State) -> tuple[Event, ...]:
         """Look for wrinkles, and for the events of a step if the scene asks for them."""
-        onsets = [] if self.onsets is None else [o.facts for o in self.onsets.during(state)]
-        self.wrinkles += onsets
+        found = [] if self.onsets is None else self.onsets.during(state)
+        onsets = [self._facts_of(onset) for onset in found]
         if not self.scene.output.events:
             return ()
         from anmstrip.results.events import Event
 
         touched = () if self.watch is None else self.watch.during(before, state)
         born = (Event(o["time"], o["stage"], o["kind"], "", x=o["x"], y=o["y"]) for o in onsets)
-        found = (*touched, *born)
-        return tuple(sorted(found, key=lambda event: event.time))
+        return tuple(sorted((*touched, *born), key=lambda event: event.time))
+
+    def _facts_of(self, onset: Onset) -> dict[str, Any]:
+        """Return the facts of an onset, with its loads on the finer mesh if it is the first."""
+        facts = onset.facts
+        if all(told["kind"] != onset.kind for told in self.wrinkles) and self.is_estimated:
+            stage = next(each for each in self.scene.course if each.name == facts["stage"])
+            with self.cost.timed("errors"):
+                released = self.march.course.released
+                facts["on_halves"] = self.budget.loads_on_halves(stage, onset, released)
+        self.wrinkles.append(facts)
+        return facts
 
     def _count(self, plan: StageProblem) -> None:
         """Add what was spent since the last time to the counters."""
@@ -443,6 +463,7 @@ class Run:
             found = self.budget.warnings if self.outcome.done else self.budget.of_mesh
             useless = self.budget.useless(tension_readings(state).values())
             lost = [*beside_rollers(state, self.scene), *useless]
+            found = [*found, *self._missed_wrinkles]
             seen = [words for rule in RULES_AT_END for words in rule(state, self.scene)]
             known = {key for words in seen for key in proposed_keys(words)}  # better than before
             told = [words for words in told if known.isdisjoint(proposed_keys(words))]
@@ -483,13 +504,18 @@ class Run:
         return dict.fromkeys(ERROR_WORDS) | (self.budget.parts if known else {})
 
     @property
+    def _missed_wrinkles(self) -> list[str]:
+        """Sentence about wrinkles that are there on the finer mesh alone."""
+        return [] if self.wrinkles else self.budget.of_wrinkles
+
+    @property
     def fine_enough(self) -> bool:
         """Whether the mesh is known to change tensions by no more than is asked for.
 
-        Nor may it make up compression of which wrinkles are told.
+        Nor may it make up compression of which wrinkles are told, or keep the strip from wrinkles.
         """
         found, share = self.errors()["mesh"], self.scene.solver.mesh_share
-        if found is None or self.budget.doubtful:
+        if found is None or self.budget.doubtful or self._missed_wrinkles:
             return False
         return found["tension"] <= share * self.assembly.scales.tension
 

@@ -364,6 +364,9 @@ DATED_FACTORS = {ONSET_FACTOR: "wrinkles", 1.0: BIFURCATION}
 a little as a mode is, its path has no bifurcation: it turns aside, and the factor remains above 1
 by less than this in the cases of ``examples/conveyed_wrinkles.py``."""
 
+RATE_SHARE = 0.05
+"""Share of a branch over which the rate at which a mode comes to its onset is a difference."""
+
 WAVE_HEIGHT = 0.5
 """Height of waves over the thickness from which on strip waves that is near its onset and bent a
 little as its mode is, so that its path turns aside.  It is within 4 % of the onset of flat strip
@@ -450,7 +453,8 @@ def buckling(state: State, count: int, solver: LinearSolver | None = None) -> tu
     if not plan.steady:
         free = free[free < model.strip.unknowns]
     equations = Equilibrium(model, replace(plan.supports, free=free), plan.controls)
-    tangent = equations.recurrence(state.full[free], state.control, 1).tangent()
+    u = state.full[free] - plan.supports.start[free]
+    tangent = equations.recurrence(u, state.control, 1).tangent()
     assert state.membrane is not None
     forces = state.membrane_forces
     growth = state.controls.get("strip.growth", 1.0)
@@ -496,11 +500,29 @@ class Onset:
         largest.
     kind : str
         "wrinkles", "bifurcation" or "waves".
+    number : int
+        Of the mode, the lowest factor being that of 0.
+    beside : tuple of State and float, or None
+        A state nearby on the branch, and the factor of the mode there; of waves None.
     """
 
     state: State
     heights: Array
     kind: str
+    number: int = 0
+    beside: tuple[State, float] | None = None
+
+    def loads_by(self, factor: float) -> dict[str, float]:
+        """Return at which loads it is if the factor of its mode, in this state, is another.
+
+        As on another mesh; by the rate at which what compresses, over what is borne, grows here.
+        """
+        assert self.beside is not None
+        state, beside = self.beside
+        level = next(level for level, kind in DATED_FACTORS.items() if kind == self.kind)
+        here, there = loads(self.state), loads(state)
+        share = (1.0 - level / factor) / (level / beside - 1.0)
+        return {key: float(here[key] + share * (there[key] - here[key])) for key in here}
 
     @property
     def wavelengths(self) -> tuple[float, float]:
@@ -521,16 +543,21 @@ class Onset:
         return {
             "kind": self.kind,
             "stage": state.plan.name,
-            "time": state.time,
-            "entry_tension": state.tension("entry"),
-            "exit_tension": state.tension("exit"),
+            **loads(state),
             "x": float(x),
             "y": float(y),
             "span": [spans[0].before, spans[0].after] if spans else None,
             "wavelength_along": along,
             "wavelength": across,
-            **{k: v for k, v in Wrinkling(state).flatness.items() if k == "latent_flatness"},
         }
+
+
+def loads(state: State) -> dict[str, float]:
+    """Return what says how far a path has come: time, tensions, of uneven strip its flatness."""
+    tensions = {f"{name}_tension": state.tension(name) for name in ("entry", "exit")}
+    flatness = Wrinkling(state).flatness
+    own = {key: flatness[key] for key in ("latent_flatness",) if key in flatness}
+    return {"time": state.time, **tensions, **own}
 
 
 def waves_on(state: State, modes: Callable[[float], Array]) -> Iterator[tuple[float, Onset]]:
@@ -647,7 +674,15 @@ class WrinkleWatch:
                 if distance.min(initial=np.inf) < FACTOR_TOLERANCE:  # no birth of a complex pair
                     nearest = int(distance.argmin())
                     here = state.inside(a)
-                    found.append((a, Onset(here, mode_heights(here, modes[:, nearest]), kind)))
+                    heights = mode_heights(here, modes[:, nearest])
+                    aside = a + RATE_SHARE * length * (1.0 if a < 0.5 * length else -1.0)
+                    others = at(aside)[0]
+                    beside = (
+                        (state.inside(aside), float(others[nearest]))
+                        if nearest < len(others)
+                        else None
+                    )
+                    found.append((a, Onset(here, heights, kind, nearest, beside)))
         if ONSET_FACTOR < min(f.min(initial=np.inf) for f in (before, ahead)) < FAR_FROM_BUCKLING:
             found += waves_on(state, lambda a: at(a)[1])
         return [onset for _, onset in sorted(found, key=lambda each: each[0])]
