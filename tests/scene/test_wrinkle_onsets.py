@@ -296,6 +296,17 @@ def test_sheet_that_wrinkles_on_no_coarse_mesh_is_told_of(tmp_path: Path) -> Non
     assert told.endswith("Try --set strip.finer=3")
 
 
+def test_onset_that_elements_of_half_the_length_put_elsewhere_is_told(tmp_path: Path) -> None:
+    """At 4.3 % where 2.98 % is right; by the rate there, half the length comes too low."""
+    run = clamped(tmp_path, 1.5)
+    first = run.wrinkles[0]
+    here, there = first["time"], first["on_halves"]["time"]
+    assert abs(there - 0.298) < 0.6 * abs(here - 0.298)
+    (told,) = [words for words in run.warnings if "too coarse for it" in words]
+    assert f"t = {here:.4g} s begins at {there:.4g} s on" in told
+    assert told.endswith("Try --set strip.finer=3")
+
+
 @pytest.mark.slow
 def test_onset_of_a_stretched_sheet_on_the_mesh_that_is_proposed(tmp_path: Path) -> None:
     """At 2.98 % with a third more elements, 2.95 % here; as a section it is not proposed."""

@@ -208,14 +208,24 @@ class Budget:
         """A sentence for a run without wrinkles if elements of half the length have some."""
         if not 0.0 < self.bears < 1.0:
             return []
-        finer = 2.0 * mesh_density(self.assembly.scene)
-        cure = f"Try --set strip.finer={finer:g}"
-        if self.assembly.scene.strip.mesh is not None:
-            cure = "Try shorter elements"
         return [
             "on elements of half the length the strip has begun to wrinkle before this state: "
-            f"there it bears {self.bears:.2g} times its compression. {cure}"
+            f"there it bears {self.bears:.2g} times its compression. {self.shorter}"
         ]
+
+    def of_onset(self, here: float, there: float) -> list[str]:
+        """A sentence for an onset at a time (s) far from the one on elements of half the length."""
+        return [
+            f"strip that begins to wrinkle at t = {here:.4g} s begins at {there:.4g} s on elements "
+            f"of half the length: the mesh is too coarse for it. {self.shorter}"
+        ]
+
+    @property
+    def shorter(self) -> str:
+        """What makes elements half as long."""
+        if self.assembly.scene.strip.mesh is not None:
+            return "Try shorter elements"
+        return f"Try --set strip.finer={2.0 * mesh_density(self.assembly.scene):g}"
 
     @property
     def of_mesh(self) -> list[str]:

@@ -23,7 +23,7 @@ from anmstrip.advice.warnings import (
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Outcome, PathStopped
 from anmstrip.continuation.follow import Pace
-from anmstrip.driver.budget import Budget, Part, tension_readings
+from anmstrip.driver.budget import LARGE_MESH_ERROR, Budget, Part, tension_readings
 from anmstrip.driver.recorder import Recorder, history_row, identity, kept_values, read_checkpoint
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import SHELL
@@ -463,7 +463,7 @@ class Run:
             found = self.budget.warnings if self.outcome.done else self.budget.of_mesh
             useless = self.budget.useless(tension_readings(state).values())
             lost = [*beside_rollers(state, self.scene), *useless]
-            found = [*found, *self._missed_wrinkles]
+            found = [*found, *self._missed_wrinkles, *self._moved_onsets]
             seen = [words for rule in RULES_AT_END for words in rule(state, self.scene)]
             known = {key for words in seen for key in proposed_keys(words)}  # better than before
             told = [words for words in told if known.isdisjoint(proposed_keys(words))]
@@ -507,6 +507,21 @@ class Run:
     def _missed_wrinkles(self) -> list[str]:
         """Sentence about wrinkles that are there on the finer mesh alone."""
         return [] if self.wrinkles else self.budget.of_wrinkles
+
+    @property
+    def _moved_onsets(self) -> list[str]:
+        """Sentence about the first onset that is elsewhere on elements of half the length."""
+        course = self.scene.course
+        names = [stage.name for stage in course]
+        for told in self.wrinkles:
+            if (there := told.get("on_halves")) is None:
+                continue
+            begin = sum(stage.duration for stage in course[: names.index(told["stage"])])
+            pairs = [(told[key], there[key]) for key in there if key != "time"]
+            pairs.append((told["time"] - begin, there["time"] - begin))
+            if any(abs(b - a) > LARGE_MESH_ERROR * abs(a) for a, b in pairs):
+                return self.budget.of_onset(told["time"], there["time"])
+        return []
 
     @property
     def fine_enough(self) -> bool:
