@@ -6,6 +6,7 @@ import json
 import tomllib
 from bisect import bisect_left
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from anmstrip.continuation.equations import Cost, Tolerances
 from anmstrip.driver.budget import Budget
 from anmstrip.driver.run import Run
 from anmstrip.results.state import State
+from anmstrip.results.wrinkles import Span
 from anmstrip.simulation.march import March
 from anmstrip.simulation.problem import Assembly
 
@@ -562,31 +564,38 @@ def test_a_mesh_that_is_too_coarse_is_named(tmp_path: Path) -> None:
 
 # compression that a coarse shell makes up ---------------------------------------------------------
 
-PRESS = Path(__file__).parents[2] / "examples" / "press.toml"
-FALSE = "wrinkles there may come from the mesh alone"
 
+def test_wrinkles_that_begin_before_a_path_are_told(tmp_path: Path) -> None:
+    """Of a strip that is threaded beyond its onset; what half the length bears is as on that mesh.
 
-@pytest.mark.slow
-def test_false_compression_of_a_coarse_shell_is_warned_of(tmp_path: Path) -> None:
-    """Against runs on finer meshes, the last by what is told to type; as the documentation tells.
-
-    Before the roller: on the given elements, on half the length, and what the span bears (N/m).
+    Under four times the tension, which a stage eases, it comes on the way.
     """
-    coarse, half, refined = (
-        run(scenes.QUARTIC, tmp_path / str(n), *given)
-        for n, given in enumerate(([], ["strip.finer=2"], ['strip.refined="auto"']))
-    )
-    told, _ = [words for words in coarse.summary["warnings"] if FALSE in words]
+    coarse, half = (run(scenes.QUARTIC, tmp_path / str(n), f"strip.finer={n}") for n in (1, 2))
+    (there,) = [words for words in coarse.summary["warnings"] if "has begun to wrinkle" in words]
+    assert there.endswith("Try --set strip.finer=2")
+    (here,) = [words for words in half.summary["warnings"] if "is unstable here" in words]
+    bears = [float(words.partition("it bears ")[2].split()[0]) for words in (there, here)]
+    assert bears[0] == pytest.approx(bears[1], rel=0.02) and bears[1] < 0.8
+    assert not any("has begun to wrinkle" in words for words in half.summary["warnings"])
+    tight = ["strip.finer=2", "threading.tension=8.0e4", "stages.lie.exit.tension=2.2e4"]
+    eased = run(scenes.QUARTIC, tmp_path / "eased", *tight)
+    assert [told["kind"] for told in eased.summary["wrinkles"]].count("bifurcation") >= 1
+    assert not any("is unstable here" in words for words in eased.summary["warnings"])
+
+
+def test_compression_that_goes_with_the_mesh_is_told_where_no_mode_is_known() -> None:
+    """As in stages in time; where half the length has modes, these tell."""
+    scene = Scene.from_tables(tomllib.loads(scenes.QUARTIC), "quartic.toml")
+    budget, none = Budget(Assembly(scene)), np.zeros(0, dtype=bool)
+    here = Span("the entry", "r1", 0.0, 1.0, 554.0, 500.0, 788.0, 0.8, none)
+    budget.spans = [(here, replace(here, compression=466.0))]
+    (told,) = budget.of_mesh
+    assert "compressed by 554 N/m between the entry and r1, but by 466 N/m on elements" in told
     assert told.endswith("Try --set 'strip.refined=\"auto\"'")
-    borne, _ = [words for words in coarse.summary["warnings"] if "likely above" in words]
-    numbers = [float(words.partition(head)[2].split()[0]) for words, head in (
-        (told, "compressed by "), (told, "but by "), (borne, "likely above "))]  # fmt: skip
-    assert numbers == pytest.approx([554, 466, 788], rel=0.01)
-    finer, _ = [words for words in half.summary["warnings"] if "likely above" in words]
-    halved = float(finer.partition("compressed by ")[2].split()[0])
-    assert numbers[1] == pytest.approx(halved, rel=0.02)
-    assert not any(FALSE in words for words in refined.summary["warnings"])
-    assert "(2 run(s)) the mesh" in refined.summary["message"]
+    budget.spans = [(here, replace(here, compression=550.0))]
+    assert not budget.of_mesh
+    budget.spans, budget.bears = [(here, replace(here, compression=466.0))], 1.7
+    assert not budget.of_mesh
 
 
 def test_errors_as_large_as_what_they_are_errors_of_are_told() -> None:

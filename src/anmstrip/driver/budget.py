@@ -192,9 +192,9 @@ class Budget:
     def doubtful(self) -> list[tuple[Span, Span]]:
         """Spans near wrinkles whose compression depends on the mesh, and the same on the finer.
 
-        None where modes say that the finer one wrinkles, too.
+        None where modes say what the finer one bears.
         """
-        if 0.0 < self.bears < 1.0:
+        if self.bears < np.inf:
             return []
         pairs = ((here, there, there.compression - here.compression) for here, there in self.spans)
         return [

@@ -457,38 +457,69 @@ class Run:
             chosen = self.scene.output.times is not None or self.outcome is Outcome.INTERRUPTED
             if written is None or (not chosen and written < state.time):
                 self.recorder.write_state(state)
-            coarse = coarse_mesh(Preview(self.assembly, (), ()))
-            settled = set(coarse) if self.fine_enough else set[str]()
-            told = [words for words in self.forewarnings() if words not in settled]
-            found = self.budget.warnings if self.outcome.done else self.budget.of_mesh
-            useless = self.budget.useless(tension_readings(state).values())
-            lost = [*beside_rollers(state, self.scene), *useless]
-            found = [*found, *self._missed_wrinkles, *self._moved_onsets]
-            seen = [words for rule in RULES_AT_END for words in rule(state, self.scene)]
-            known = {key for words in seen for key in proposed_keys(words)}  # better than before
-            told = [words for words in told if known.isdisjoint(proposed_keys(words))]
-            self.warnings = [*lost, *told, *seen, *found]
-            elastic = state.plan.model.coupled == state.plan.model.unknowns
-            if state.plan.steady and self.outcome.done and elastic:
-                from anmstrip.driver.sensitivities import sensitivities
-
-                own = (roller.friction is not None for roller in self.scene.rollers)
-                hanging = self.assembly.hanging(state.plan)
-                facts["sensitivities"] = sensitivities(state, own, hanging)
-            if self.assembly.kinematics is SHELL:
-                wrinkling = Wrinkling(state)
-                if self.onsets is None:
-                    self.warnings += wrinkling.warnings
-                else:
-                    borne = self.onsets.borne(state)
-                    self.warnings += [told + borne for told in wrinkling.warnings]
-                    self.warnings += self.onsets.warnings
-                height, spacing = wrinkling.wave(self.recorder.surface) or (None, None)
-                facts |= {"wrinkle_amplitude": height, "wrinkle_spacing": spacing}
-                facts["compressive_membrane_force"] = wrinkling.compression
-                self.flatness = wrinkling.flatness
-                facts |= self.flatness
+            wrinkling = Wrinkling(state) if self.assembly.kinematics is SHELL else None
+            self.warnings = self._warnings(state, wrinkling)
+            facts |= self._readings(state, wrinkling)
         self.recorder.summary(facts | {"errors": self.errors(), "warnings": self.warnings}, state)
+
+    def _warnings(self, state: State, wrinkling: Wrinkling | None) -> list[str]:
+        """Return what the scene, its last state and the errors of that give cause for.
+
+        What the scene alone gives cause for is left out where more is known by now.
+        """
+        coarse = [*coarse_mesh(Preview(self.assembly, (), ()))] if self.fine_enough else []
+        useless = self.budget.useless(tension_readings(state).values())
+        seen = [words for rule in RULES_AT_END for words in rule(state, self.scene)]
+        known = {key for words in seen for key in proposed_keys(words)}
+        told = [
+            words
+            for words in self.forewarnings()
+            if words not in coarse and known.isdisjoint(proposed_keys(words))
+        ]
+        found = self.budget.warnings if self.outcome.done else self.budget.of_mesh
+        found = [*found, *self._moved_onsets]
+        if wrinkling is not None:
+            found += self._of_wrinkles(state, wrinkling)
+        return [*beside_rollers(state, self.scene), *useless, *told, *seen, *found]
+
+    def _of_wrinkles(self, state: State, wrinkling: Wrinkling) -> list[str]:
+        """Return warnings of wrinkles that no onset has told, and of strip that is near them."""
+        if (watch := self.onsets) is None:
+            return wrinkling.warnings
+        told, borne = self._missed_wrinkles, watch.borne(state)
+        if borne < 1.0 and not self.wrinkles:
+            there = self.budget.bears
+            half = f", and {there:.2g} times on elements of half the length"
+            told = [
+                "the smooth strip is unstable here, and no onset was found on the way: by its "
+                f"modes it bears {borne:.2g} times its compression"
+                f"{half if there < np.inf else ''}. To see where wrinkles come, begin where it is "
+                "smooth, as under more tension"
+            ]
+        more = f" By its modes on this mesh it bears {borne:.2g} times as much."
+        return [
+            *told,
+            *(words + more * (1.0 < borne < np.inf) for words in wrinkling.warnings),
+            *watch.warnings,
+        ]
+
+    def _readings(self, state: State, wrinkling: Wrinkling | None) -> dict[str, Any]:
+        """Return entries of ``summary.json`` that are read off the last state alone."""
+        facts: dict[str, Any] = {}
+        elastic = state.plan.model.coupled == state.plan.model.unknowns
+        if state.plan.steady and self.outcome.done and elastic:
+            from anmstrip.driver.sensitivities import sensitivities
+
+            own = (roller.friction is not None for roller in self.scene.rollers)
+            hanging = self.assembly.hanging(state.plan)
+            facts["sensitivities"] = sensitivities(state, own, hanging)
+        if wrinkling is not None:
+            assert self.recorder is not None
+            height, spacing = wrinkling.wave(self.recorder.surface) or (None, None)
+            self.flatness = wrinkling.flatness
+            facts |= {"wrinkle_amplitude": height, "wrinkle_spacing": spacing}
+            facts |= {"compressive_membrane_force": wrinkling.compression, **self.flatness}
+        return facts
 
     def errors(self) -> dict[str, Part | None]:
         """Return the estimated errors of the last state of a run that is written.
@@ -506,7 +537,9 @@ class Run:
     @property
     def _missed_wrinkles(self) -> list[str]:
         """Sentence about wrinkles that are there on the finer mesh alone."""
-        return [] if self.wrinkles else self.budget.of_wrinkles
+        if self.onsets is None or self.state is None or self.wrinkles:
+            return []
+        return [] if self.onsets.borne(self.state) < 1.0 else self.budget.of_wrinkles
 
     @property
     def _moved_onsets(self) -> list[str]:

@@ -615,12 +615,15 @@ class WrinkleWatch:
         self.plan: StageProblem | None = None
         self.factors, self.last, self.missed = np.zeros(0), 0.0, 0
 
-    def borne(self, state: State) -> str:
-        """Say how many times as much compression a state bears, by its modes; empty if unknown."""
+    def borne(self, state: State) -> float:
+        """Return how many times its compression a state bears, by its modes; infinite if unknown.
+
+        Where it was not looked at, in proportion to compression.
+        """
         pressed = max((s.compression / s.bearable for s in free_spans(state)), default=0.0)
-        if self.plan is not state.plan or not 0.0 < pressed < self.last < np.inf:
-            return ""
-        return f" By its modes on this mesh it bears {self.last / pressed:.2g} times as much."
+        if self.plan is not state.plan or not (pressed and self.last):
+            return np.inf
+        return self.last / pressed
 
     def during(self, state: State) -> list[Onset]:
         """Return the onsets on the branch that ends in a state, in their order.
