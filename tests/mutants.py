@@ -83,7 +83,19 @@ STATE = (
         "profile",
         "test_dancer.py",
     ),
-    Mutant("tension of an edge is its force", "@ outward) / edge.length", "@ outward)", "rollers"),
+    Mutant(
+        "the tension of an end is along its curl",
+        "return self.stress(tangents) * (sine * sine * -2.0 + 1.0) + aside",
+        "return self.stress(tangents)",
+        "rollers",
+        "test_natural_shapes.py",
+    ),
+    Mutant(
+        "tension of an edge is its force",
+        "(name) @ outward) / edge.length",
+        "(name) @ outward)",
+        "rollers",
+    ),
     Mutant(
         "force of an edge without its load",
         "strip.kinematics.embed(values) + given",

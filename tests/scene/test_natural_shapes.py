@@ -151,6 +151,48 @@ def test_coil_set_curves_a_free_section(claim: Claim) -> None:
     assert np.abs(state.principal_forces).max() < 1e-6 * YOUNG * T
 
 
+@pytest.mark.parametrize(
+    ("curls", "moment", "fixed"),
+    [(5.0, 0.0, ()), (-5.0, 0.0, ()), (0.0, 20.0, ()), (2.5, 0.0, ("z",)), (2.0, -40.0, ("z",))],
+)
+def test_tensions_of_strip_that_curls_at_its_ends_are_as_typed(
+    tmp_path: Path, curls: float, moment: float, fixed: tuple[str, ...]
+) -> None:
+    """One roller without a bearing: tensions on both sides are the same, and of the ends.
+
+    The ends turn by up to 17 degrees out of the line, where the force along them is 4 % less.
+    """
+    text = f"""
+        strip = {{ kinematics = "section", width = 1.0, thickness = 1.0e-3, coil_set = {curls} }}
+        material = {{ young = 2.0e11, poisson = 0.3 }}
+        friction = {{ coefficient = 0.15 }}
+        threading = {{ tension = 5.0e3, entry = [-3.0, 0.0, 0.0], exit = [3.0, 0.0, -1.0] }}
+        edges = {{ entry.fixed = ["x", "z"], exit.fixed = {list(fixed)} }}
+        rollers = [{{ radius = 0.25, centre = [0.0, 0.0, -0.25], wrap = "over" }}]
+        [[stages]]
+        steady = true
+        entry = {{ tension = 5.0e3, moment = {moment} }}
+        exit.tension = 5.0e3
+        rollers.r1.surface_speed = 1.0
+        [[stages]]
+        steady = true
+        entry.tension = 2.0e4
+        exit.tension = 2.0e4
+    """
+    run = Run(Scene.from_tables(tomllib.loads(text), "curled.toml"), tmp_path)
+    ends = {step.state.plan.name: step.state for step in run}
+    for stage, tension in (("stage1", 5e3), ("stage2", 2e4)):
+        state = ends[stage]
+        slope = run.assembly.strip.edge_tangent("entry", state.full)
+        along = -state.edge_force("entry") @ slope / np.linalg.norm(slope)
+        assert along < (1.0 - 5e-4) * tension
+        read = [state.tension("entry"), state.tension("exit"), *state.passages[0].tensions]
+        assert read == pytest.approx(4 * [tension], rel=1e-4)
+    found = json.loads((tmp_path / "summary.json").read_text())["sensitivities"]["entry.tension"]
+    assert found["entry_tension"] == pytest.approx(1.0, abs=1e-4)
+    assert found["r1_tension_in"] == pytest.approx(1.0, abs=1e-3)
+
+
 def test_reported_moment_is_that_of_the_curvature_left() -> None:
     """Held flat a strip with coil set bears D κ⁰ and its stress; free it bears nothing."""
     curvature, bending = 0.2, YOUNG * T**3 / (12.0 * (1.0 - 0.09))

@@ -296,8 +296,7 @@ class Partials:
             effect = part.effect
             if isinstance(effect, FollowerLoad):
                 x = effect.operator.apply(self.tangent.state.full)
-                law = effect.law(x, None, {effect.control: 1.0})
-                yield effect.control, {name: np.asarray(law)}
+                yield effect.control, {name: np.asarray(effect.unit_law(x, controls))}
             elif isinstance(effect, LoadEffect):
                 given = controls[effect.control]
                 if (size := float(np.linalg.norm(given))) > 0.0:
@@ -429,6 +428,8 @@ class Readings:
         """Change of the tension of an edge, see :meth:`State.tension`."""
         state, strip = self.tangent.state, self.tangent.model.strip
         edge, sign = strip.edges[name], -1.0 if name == "entry" else 1.0
+        if (outward := state.pull_direction(name)) is not None:
+            return float(self.edge_forces[name] @ outward) / edge.length
         slope = strip.edge_tangent(name, state.full)
         turn = strip.edge_tangent(name, self.change) - [1.0, 0.0, 0.0]
         found = change_along_slope(

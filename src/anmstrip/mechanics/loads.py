@@ -15,6 +15,9 @@ from anmstrip.fem.sampling import ContactOperator
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.effects import LawEffect, LoadEffect, Operator
 
+UNIT_STEP = 1e-4
+"""Share of a tension over which a law is differentiated: it is wrong by 1e-8 or less."""
+
 
 def edge_force(strip: Strip, name: str) -> LoadEffect:
     """Dead force per length of an edge (N/m), scaled by the control ``NAME.force``."""
@@ -71,6 +74,54 @@ class FollowerLoad(LawEffect):
         """Generalised stress, (components, 1 + directions, points)."""
         return self.stress(x[:, 1:] + self.reference) * controls[self.control] * -1.0
 
+    def unit_law(self, x: Any, controls: Mapping[str, Any]) -> Any:
+        """Change of the stress with the control, shape as of :meth:`law`."""
+        return self.law(x, None, {self.control: 1.0})
+
+
+@dataclass(frozen=True)
+class CurledTension(FollowerLoad):
+    """Tension T (N/m) of strip that curls at its end: along the strip beyond the curl.
+
+    A curvature κ at the end, at which its moment vanishes, straightens inwards.  By the first
+    integral of the elastica the end turns out of the line by an angle θ, and under a pull P, T and
+    what a dead force adds, sin(θ/2) = κ √(D/P)/2.
+    """
+
+    strip: Strip
+    outward: Array  # direction of the line, (3,)
+
+    def direction(self, x: Any, controls: Mapping[str, Any]) -> Any:
+        """Stress of a unit pull beyond the curl.
+
+        κ is the coil set, with the crossbow through Poisson's ratio, and what a moment adds; it
+        turns the strip away from its normal.
+        """
+        tangents, d = x[:, 1:] + self.reference, self.strip.bending_stiffness
+        edge = self.control.partition(".")[0]
+        shares = {"strip.coil_set": 1.0, "strip.crossbow": self.strip.material.poisson}
+        shares[f"{edge}.moment"] = -1.0 / d
+        parts = [controls[key] * share for key, share in shares.items() if key in controls]
+        pull = controls[self.control]
+        if f"{edge}.force" in controls:
+            pull = pull + dot(controls[f"{edge}.force"], self.outward)
+        sine = sum(parts[1:], parts[0]) * (0.5 * np.sqrt(d)) / np.sqrt(pull)
+        m = normal_vector(tangents)
+        normal = on_value(m / np.sqrt(dot(m, m)), tangents.shape[1])
+        aside = normal * (sine * np.sqrt(sine * sine * -1.0 + 1.0) * 2.0)
+        return self.stress(tangents) * (sine * sine * -2.0 + 1.0) + aside
+
+    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+        """Generalised stress, (components, 1 + directions, points)."""
+        return self.direction(x, controls) * controls[self.control] * -1.0
+
+    def unit_law(self, x: Any, controls: Mapping[str, Any]) -> Any:
+        """Change of the stress with the tension, by a central difference."""
+        tension, step = controls[self.control], UNIT_STEP * controls[self.control]
+        ends = ({**controls, self.control: tension + by} for by in (-step, step))
+        before, after = (self.law(x, None, each) for each in ends)
+        return (after - before) / (2.0 * step)
+
 
 def on_value(force: Any, directions: int) -> Any:
     """Stress (components, 1 + directions, points) of a force, which works on the value alone."""
@@ -92,6 +143,13 @@ def edge_tension(strip: Strip, name: str) -> FollowerLoad:
     basis = strip.edge_basis(name)
     operator, reference = CellOperator(strip, (0, 1), basis), strip.frames(basis).tangents
     return FollowerLoad(f"tension on {name}", f"{name}.tension", operator, reference, stress)
+
+
+def curled_edge_tension(strip: Strip, name: str, outward: Array) -> FollowerLoad:
+    """The same of strip that curls at the edge, by a coil set, a crossbow or a moment."""
+    even = edge_tension(strip, name)
+    given = even.name, even.control, even.operator, even.reference, even.stress
+    return CurledTension(*given, strip, outward)
 
 
 def uneven_edge_tension(strip: Strip, name: str) -> FollowerLoad:

@@ -38,6 +38,10 @@ STRIP_EFFECTS = ("membrane", "bending", "plasticity")
 """Effects that are forces of the strip itself."""
 
 
+SHORT_LAYER = 0.1
+"""Length over which an end of the strip curls, over the strip's, up to which it counts as short."""
+
+
 @dataclass(frozen=True, repr=False)
 class State:
     """A state of the strip in a stage.
@@ -266,12 +270,39 @@ class State:
                 return self.plan.model.strip.kinematics.embed(-stress[:, 0] @ operator.weights)
         return np.zeros(3)
 
+    def pull_direction(self, name: str) -> Array | None:
+        """Direction of the force that pulls an edge, in the plane in which the strip bends, (3,).
+
+        Strip that would be curved unstressed curls at an end that no moment holds, over √(D/T).
+        Beyond, it has the direction of the force.  None where that length is no short one.
+        """
+        strip = self.plan.model.strip
+        edge, force = strip.edges[name], self.edge_force(name)
+        if strip.mesh.dim() == 2:
+            ends = edge.nodes[[0, -1]]
+            moved = strip.kinematics.embed(strip.nodal(self.full)[strip.node_values[ends]].T)
+            (across,) = np.diff(strip.nodes[:, ends] + moved).T
+            force = force - force @ across / (across @ across) * across
+        pull = float(np.linalg.norm(force))
+        layer = np.sqrt(strip.bending_stiffness * edge.length / max(pull, 1e-300))
+        pulled = force @ strip.edge_tangent(name, self.full) * (-1.0 if name == "entry" else 1.0)
+        if (
+            pulled <= 0.0
+            or layer > SHORT_LAYER * strip.length
+            or 0 not in strip.kinematics.components
+        ):
+            return None
+        return np.asarray(force / pull)
+
     def tension(self, name: str) -> float:
-        """Mean force per length of an edge along the strip's own direction there (N/m)."""
+        """Mean force per length of an edge along the strip there (N/m).
+
+        Along its pull, see :meth:`pull_direction`, else along the strip's own direction.
+        """
         edge = self.plan.model.strip.edges[name]
-        along = self.plan.model.strip.edge_tangent(name, self.full)
-        along /= np.linalg.norm(along)
-        outward = -along if name == "entry" else along
+        if (outward := self.pull_direction(name)) is None:
+            along = self.plan.model.strip.edge_tangent(name, self.full)
+            outward = along / np.linalg.norm(along) * (-1.0 if name == "entry" else 1.0)
         return float(self.edge_force(name) @ outward) / edge.length
 
     def offset(self, x: Any) -> Any:

@@ -30,6 +30,7 @@ from anmstrip.mechanics.loads import (
     Foundation,
     GrownWeight,
     Pretension,
+    curled_edge_tension,
     edge_force,
     edge_moment,
     edge_tension,
@@ -41,7 +42,7 @@ from anmstrip.mechanics.plasticity import FlowLaw, Plasticity
 from anmstrip.mechanics.roller import RepeatedRollers, Roller, Sides
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
-from anmstrip.scene.tables import I_UNIT, THREADING, FieldSpec, NaturalShape
+from anmstrip.scene.tables import ENDS, I_UNIT, THREADING, FieldSpec, NaturalShape
 from anmstrip.simulation.defaults import (
     distributed_load,
     follows_rollers,
@@ -743,6 +744,12 @@ class Assembly:
         }
         for control in given:
             edge, _, kind = control.rpartition(".")
+            curls = {"strip.coil_set", "strip.crossbow", f"{edge}.moment"}
+            if kind == "tension" and self.thread and self.bending and curls & set(given):
+                ends = np.array([self.strip.mesh.p[0].min(), self.strip.mesh.p[0].max()])
+                outward = self.thread.ends_in_space(ends)[2 + ENDS.index(edge)]
+                effects.append(curled_edge_tension(self.strip, edge, outward))
+                continue
             if kind in makers:
                 effects.append(makers[kind](self.strip, edge))
             elif kind == "gravity":

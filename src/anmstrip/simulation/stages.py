@@ -114,6 +114,8 @@ class Course:
         end = self._targets(stage, start)
         end |= self.uneven_pull(stage, end)
         start |= self.uneven_pull(stage, start)
+        if self.pulled(stage) and "entry.tension" in end:  # before a run, which knows what it was
+            start.setdefault("entry.tension", end["entry.tension"])
         for name in end:
             start.setdefault(name, np.zeros_like(end[name]))
         slope = {n: end[n] - start[n] for n in end if np.any(end[n] != start[n])}
