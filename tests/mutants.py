@@ -96,11 +96,6 @@ STATE = (
         "(name) @ outward)",
         "rollers",
     ),
-        "tension of an edge is its force",
-        "(name) @ outward) / edge.length",
-        "(name) @ outward)",
-        "rollers",
-    ),
     Mutant(
         "force of an edge without its load",
         "strip.kinematics.embed(values) + given",
