@@ -446,3 +446,37 @@ def test_offsets_are_those_of_the_strip_where_it_runs_on(turning: Results, shell
         expected = np.interp(look.arc[0], lines, means)
         assert rollers[name]["offset"] == pytest.approx(expected, abs=1e-7)  # look.arc is sampled
     assert abs(rollers["back"]["offset"]) > 1e-5
+
+
+@pytest.mark.parametrize("steady", [False, True])
+def test_wrap_of_a_helix_is_what_its_tensions_say(tmp_path: Path, steady: bool) -> None:
+    """Tape 0.2 mm thick goes around most of a roller and crosses itself.
+
+    The wrap is that of the string less the lengths √(D/T) over which line loads at both ends turn
+    the tape; it slips all along it where the entry is held, so that ln(T1/T2) = f θ.
+    """
+    text = f"""
+        strip = {{ kinematics = "section", width = 0.02, thickness = 2.0e-4 }}
+        material = {{ young = 1.2e11, poisson = 0.34 }}
+        friction = {{ coefficient = 0.2 }}
+        threading = {{ tension = 2.0e3, entry = [-0.5, 0.0, 0.0], exit = [0.35, 0.0, 0.5] }}
+        edges.entry.fixed = ["x", "z"]
+        rollers = [{{ radius = 0.06, centre = [0.0, 0.0, -0.06], wrap = "over", crossing = true }}]
+        [[stages]]
+        {"steady = true" if steady else "duration = 1.0"}
+        {"entry.tension = 3.0e3" if steady else ""}
+        rollers.r1.surface_speed = 0.1
+    """
+    found = ran(text, tmp_path)
+    reading = found.summary["rollers"]["r1"]
+    tensions = reading["tension_in"], reading["tension_out"]
+    d = 1.2e11 * 8e-12 / 12.0 / (1.0 - 0.34**2)
+    string = np.radians(307.2)
+    expected = string - sum(np.sqrt(d / tension) for tension in tensions) / 0.06
+    assert reading["wrap"] == pytest.approx(expected, abs=0.01)
+    if not steady:
+        assert reading["slip_arc"] == pytest.approx(reading["wrap"], rel=0.01)
+        assert np.log(tensions[0] / tensions[1]) == pytest.approx(0.2 * string, rel=0.01)
+    else:
+        assert 0.0 < reading["slip_arc"] < 0.7 * reading["wrap"]
+    assert not any("travels back" in words for words in found.summary["warnings"])

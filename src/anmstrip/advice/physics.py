@@ -1103,9 +1103,10 @@ def side_of_return(preview: Preview) -> Iterator[str]:
         where, other, same = meant.get(spec.wrap or "", ("", "", ""))
         found, here = preview.passes(roller), preview.lies(roller)
         if where and here is not None and found in {"above", "below"} and found != where:
-            (_, z), turn = here
-            if (z if where == "above" else -z) > np.cos(0.5 * turn) - 1e-9:
-                continue  # it passes there as well
+            place, turn = here
+            z = place[1] / np.linalg.norm(place) * (1.0 if where == "above" else -1.0)
+            if turn > np.pi or z > np.cos(0.5 * turn) - 1e-9:
+                continue  # it passes there as well, or turns back over itself
             yield (
                 f'wrap = "{spec.wrap}" is meant along +x, and strip that travels back along −x '
                 f'passes {found} roller {roller.name} by it. If that is meant, type "{same}". '

@@ -224,12 +224,19 @@ class ContactState:
 
     @cached_property
     def angle(self) -> Array:
-        """Angle of each point about the axis, from the middle of contact or the nearest point."""
+        """Angle of each point about the axis, from the middle of contact or the nearest point.
+
+        It goes on along the strip: a helix may touch more than half a turn from there.
+        """
         weight = self.pressure * self.area * self.touching
         middle = self.normal @ weight if weight.any() else self.normal[:, self.gap.argmin()]
         middle = middle / np.linalg.norm(middle)
         across = self.roller.cross_matrix @ middle
-        return np.arctan2(across @ self.normal, middle @ self.normal)
+        angle = np.arctan2(across @ self.normal, middle @ self.normal)
+        order = np.argsort(self.contact.operator.reference[0], kind="stable")
+        angle[order] = np.unwrap(angle[order])
+        mean = np.average(angle, weights=weight) if weight.any() else angle[self.gap.argmin()]
+        return np.asarray(angle - 2.0 * np.pi * np.round(mean / (2.0 * np.pi)))
 
     @cached_property
     def arc(self) -> tuple[float, float]:
