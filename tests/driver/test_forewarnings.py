@@ -984,3 +984,24 @@ def test_a_line_that_stops_and_runs_again_is_held_and_does_not_run_away() -> Non
         ],
     }  # fmt: skip
     assert warnings(preview_of(tables)) == []
+
+
+@pytest.mark.parametrize(("torque", "told"), [(-1080.0, False), (1080.0, False), (-1300.0, True)])
+def test_torque_that_friction_of_a_belt_refuses(torque: float, told: bool) -> None:
+    """It takes 1105 N m: what it has at rest is about the mean of both its tensions."""
+    tables = {
+        "strip": {"kinematics": "section", "width": 0.1, "thickness": 1e-3},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "contact": {},
+        "friction": {"coefficient": 0.25},
+        "threading": {"closed": True, "tension": 5e4},
+        "rollers": [
+            {"name": "d", "radius": 0.4, "centre": [0.0, 0.0, 0.0], "wrap": "left"},
+            {"name": "e", "radius": 0.3, "centre": [2.0, 0.0, 0.3], "wrap": "left",
+             "drive": "torque"},
+        ],
+        "stages": [{"steady": True, "rollers": {"d": {"surface_speed": 2.0},
+                                                "e": {"torque": torque}}}],
+    }  # fmt: skip
+    found = warnings(preview_of(tables))
+    assert any("the roller turns through" in words for words in found) == told

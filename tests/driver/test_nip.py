@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import copy
 import re
+import tomllib
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -286,3 +288,34 @@ def test_the_force_of_a_nip_does_not_go_with_finer() -> None:
         assert run.state is not None
         forces.append(run.state.rollers["top"].normal_force)
     assert forces[:2] == pytest.approx([forces[2]] * 2, rel=0.01)
+
+
+def test_what_a_run_has_found_is_not_told_to_run_away(tmp_path: Path) -> None:
+    """Thin strip that leaves a nip at 17 degrees presses eight times as hard as straight strip."""
+    text = """
+        strip = { kinematics = "section", width = 0.5, thickness = 5.0e-4 }
+        material = { young = 2.0e11, poisson = 0.3 }
+        contact = { faces = true }
+        friction = { coefficient = 0.2 }
+        threading = { tension = 1.0e4, entry = [-1.0, 0.0, 0.0], exit = [1.0, 0.0, -0.3] }
+        edges.entry.fixed = ["x", "z"]
+        [[rollers]]
+        name = "low"
+        radius = 0.1
+        centre = [0.0, 0.0, -0.1]
+        wrap = "over"
+        [[rollers]]
+        name = "up"
+        radius = 0.1
+        centre = [0.0, 0.0, 0.10049]
+        [[stages]]
+        steady = true
+        entry.tension = 1.2e4
+        rollers = { low.surface_speed = 1.0, up.surface_speed = 1.0 }
+    """
+    run = Run(Scene.from_tables(tomllib.loads(text), "pinch.toml"), tmp_path)
+    for _ in run:
+        pass
+    assert run.outcome.done
+    assert any("only friction holds" in words for words in run.forewarnings())
+    assert not any("only friction holds" in words for words in run.warnings)

@@ -659,10 +659,15 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
                 return
 
 
+BELT_MARGIN = 1.1
+"""Larger than 1, as runs of a belt are not equally long: a tenth more torque is not told."""
+
+
 def torque_beyond_friction(preview: Preview) -> Iterator[str]:
     """Torques that turn a roller through under the strip, since friction cannot take them.
 
-    At most (1 − e^(−fθ)) of the larger of its tensions, and e^(fθ) − 1 of the smaller.
+    At most (1 − e^(−fθ)) of the larger of its tensions, and e^(fθ) − 1 of the smaller; the mean of
+    both is about what an endless strip has at rest.
     """
     assembly, thread = preview.assembly, preview.assembly.thread
     specs = {spec.name: spec for spec in assembly.scene.rollers}
@@ -685,6 +690,8 @@ def torque_beyond_friction(preview: Preview) -> Iterator[str]:
             grip = holding_ratio(preview, roller)
             tension = min(high / grip, low)  # the smaller one, at most
             tension = tension if np.isfinite(tension) else preview.tension
+            if assembly.closed:  # at rest about the mean of both
+                tension = BELT_MARGIN * 2.0 * preview.tension / (grip + 1.0)
             most = roller.radius * assembly.strip.width * tension * (grip - 1.0)
             if not 0.0 < most < abs(control.torque) - specs[roller.name].bearing:
                 continue
