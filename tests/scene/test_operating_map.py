@@ -225,12 +225,14 @@ def test_what_was_computed_before_a_stop_is_kept(tmp_path: Path) -> None:
     [
         (("rollers.b.surface_speed=1:2",), "the name of a roller"),
         (("rollers.a.surfacespeed=1:2",), "surface_speed"),
-        (("rollers.a.move=1:2",), "three numbers"),
+        (("rollers.a.move=1:2",), "a control of a stage that is a number: strip.speed"),
+        (("friction.coefficient=0.1:0.3",), "--vary friction.coefficient=0.1:0.3"),
+        (("stages.run.rollers.a.torque=1:2",), "--along rollers.a.torque=1:2"),
         (("strip.speed=1:1",), "two different numbers"),
         (("strip.speed=1:two",), "two different numbers"),
         (("strip.speed=1:2:1",), "two different numbers"),
         (("duration=1:2",), "a control"),
-        (("entry.release=1:2",), "true or false"),
+        (("entry.release=1:2",), "rollers.(a).surface_speed, .angular_speed or .torque"),
         ((), "one control or two"),
         (("strip.speed=1:2", "strip.speed=1:2"), "another control"),
     ],
@@ -286,6 +288,8 @@ def test_map_beyond_the_grip_says_where_it_is_lost() -> None:
     assert 0.97 * limit < event["exit.tension"] < last + 50.0
     assert found.message.startswith("Stopped at exit.tension = 47")
     assert "slides as a whole there. Grip lost on d at exit.tension = 47" in found.message
+    down = line.map("exit.tension=2000:3900").message  # read from its lower end it is regained
+    assert "slides as a whole there. Grip regained on d at exit.tension = 2" in down
 
 
 def two_drives(**friction: float) -> Scene:

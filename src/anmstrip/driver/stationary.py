@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -13,6 +14,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from anmstrip.advice.diagnosis import Failure, diagnosis
+from anmstrip.advice.warnings import slides
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Outcome, PathStopped
 from anmstrip.continuation.path import Branch
@@ -43,6 +45,10 @@ def require_steady_end(scene: SceneSpec, why: str) -> None:
     if not last.steady:
         key, expected = f"stages.{last.name}.steady", f"true in the last stage: {why}"
         raise scene.refused(key, False, expected, "steady = true")
+
+
+NO_NUMBERS = ("a known key", "three numbers", "true or false")
+"""What is expected of keys that a map cannot follow."""
 
 
 @dataclass(frozen=True)
@@ -98,8 +104,29 @@ class Along:
         except InputError as error:
             place = f"--along {self.text}"
             found = [replace(m, file=place, key=m.key.removeprefix(begin)) for m in error.mistakes]
+            if any(no_number in m.expected for m in found for no_number in NO_NUMBERS):
+                found = [self._no_control(scene)]
             raise InputError(found) from None
         return made.stages[-1]
+
+    def _no_control(self, scene: SceneSpec) -> Mistake:
+        """Return the mistake of a key that is none of a stage, or whose value is no number."""
+        names, file = "|".join(roller.name for roller in scene.rollers), scene.source or "scene"
+        expected = (
+            "a control of a stage that is a number: strip.speed, entry.tension, exit.tension, "
+            f"pressure, rollers.({names}).surface_speed, .angular_speed or .torque"
+        )
+        _, _, given = self.text.partition("=")
+        first, *others = self.key.split(".")
+        hint = "--along strip.speed=0.99:1.01"
+        if first == "stages" and len(others) > 1:
+            hint = f"--along {'.'.join(others[1:])}={given}"
+        else:
+            with suppress(InputError):
+                one = f"{self.key}={float(self.values[0])!r}"
+                SceneSpec.from_tables(scene.to_dict(), file, [one])
+                hint = f"anmstrip sweep {file} --vary {self.text}"
+        return Mistake(f"--along {self.text}", self.key, given, expected, hint)
 
 
 def wrong_control(text: str, key: str, expected: str, value: object = None) -> InputError:
@@ -409,8 +436,12 @@ class OperatingMap:
             )
             told = told or ["No fold, and no roller loses or regains its grip."]
         elif self.failure is not None:
-            slides = any(event["kind"] == "grip lost" for event in self.events)
-            cause = "The strip slides as a whole there." if slides else None
+            contacts, rollers = self.failure.state.contacts, self.run.scene.rollers
+            driven = (contacts[r.name] for r in rollers if r.drive != "idle")
+            touched = [contact for contact in driven if contact.touching.any()]
+            as_a_whole = bool(touched) and all(map(slides, touched))
+            lost = any(event["kind"] == "grip lost" for event in self.events)
+            cause = "The strip slides as a whole there." if as_a_whole or lost else None
             self.message = diagnosis(self.failure, cause)
         friction, scene = self.run.assembly.friction, self.run.scene
         lost = any(event["kind"] == "grip lost" for event in self.events)
