@@ -112,7 +112,7 @@ def describe_step(step: Step) -> str:
     """Return a step in a few words: stage, time, tangents, tension ratio."""
     words = f"{step.stage}, t = {step.time:.4g} of {step.end_time:.4g} s, {step.tangents} tangents"
     ratio = step.tension_ratio
-    return words if ratio is None else f"{words}, tension ratio {ratio:.4f}"
+    return words if (ratio or 0.0) <= 0.0 else f"{words}, tension ratio {ratio:.4f}"
 
 
 def show_progress(
@@ -367,6 +367,8 @@ def explain_command(scene: Scene, picture: Path | None) -> None:
     """
     from anmstrip.driver.explain import draw_line, explain
 
+    if picture is not None:
+        picture.parent.mkdir(parents=True, exist_ok=True)
     click.echo(explain(scene))
     if picture is not None:
         draw_line(scene, picture)
@@ -418,8 +420,11 @@ def map_command(scene: Scene, along: tuple[str, ...], directory: Path, quiet: bo
     from anmstrip.driver.stationary import OperatingMap
 
     made = OperatingMap(scene, along, directory)
-    for _ in made if quiet else show_progress(made, lambda step: step.words):
-        pass
+    try:
+        for _ in made if quiet else show_progress(made, lambda step: step.words):
+            pass
+    except KeyboardInterrupt:
+        made.interrupted()
     click.echo(made.message)
     click.echo(f"Table, figure and summary in {made.directory}.")
     if not made.done:

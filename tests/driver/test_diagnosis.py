@@ -451,3 +451,20 @@ def test_a_run_stops_where_strip_has_run_away() -> None:
     assert run.outcome is Outcome.RAN_AWAY
     assert re.search(r"It slides over a \(2[56]\S*°, 5000 and 59\S+ N/m\)", run.message)
     assert last.state.strip_speed > 1e3
+
+
+def test_slack_strip_that_does_not_bend_is_told_to_bend() -> None:
+    """Under its weight alone, at the first step, it has no stiffness at all."""
+    tables = {
+        "strip": {"kinematics": "section", "length": 6.0, "width": 1.0, "thickness": 5e-4,
+                  "bending": False},
+        "material": {"young": 2e11, "poisson": 0.3, "density": 7850.0},
+        "edges": {end: {"fixed": ["x", "z"]} for end in ("entry", "exit")},
+        "stages": [{"gravity": [0.0, 0.0, -9.81]}],
+    }  # fmt: skip
+    run = Run(Scene.from_tables(tables, "loop.toml"))
+    list(run)
+    assert "without bending nothing else. Try --set strip.bending=true, or" in run.message
+    run = Run(Scene.from_tables(tables, "loop.toml", ["strip.bending=true"]))
+    list(run)
+    assert run.outcome.done

@@ -88,6 +88,18 @@ def test_another_scene_is_refused_with_the_keys_that_differ(
     assert {path: path.read_bytes() for path in copy.iterdir()} == files
 
 
+def test_a_directory_of_another_scene_is_refused_in_one_sentence(
+    begun: tuple[Path, Path], tmp_path: Path
+) -> None:
+    """Not key by key, with values that cannot all be typed."""
+    _, results = begun
+    copy = Path(shutil.copytree(results, tmp_path / "copy"))
+    other = Path(__file__).parents[2] / "examples" / "bridle.toml"
+    with pytest.raises(InputError, match=r"another scene: \d+ keys differ") as refused:
+        Scene.load(other).run(copy, resume=True)
+    assert len(refused.value.mistakes) == 1
+
+
 def test_bounds_of_the_work_may_differ(begun: tuple[Path, Path], tmp_path: Path) -> None:
     scene, results = begun
     copy = shutil.copytree(results, tmp_path / "copy")

@@ -17,7 +17,7 @@ from threaded import ended, scene_of
 from anmstrip import InputError, Scene
 from anmstrip.cli import main
 from anmstrip.continuation.path import Branch
-from anmstrip.driver.stationary import Along, Curve, Piece
+from anmstrip.driver.stationary import Along, Curve, OperatingMap, Piece
 from anmstrip.results.files import read_history
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -218,6 +218,21 @@ def test_what_was_computed_before_a_stop_is_kept(tmp_path: Path) -> None:
     assert made.rows[0]["strip_speed"] == pytest.approx(ends[0], rel=1e-12)
     summary = json.loads((tmp_path / "map.json").read_text(encoding="utf8"))
     assert (summary["status"], summary["message"]) == ("stopped", made.message)
+
+
+def test_what_was_computed_before_an_interruption_is_written(tmp_path: Path) -> None:
+    speed, ends = 1.0 / stretch(1.1e4), (1.0 / stretch(1.11e4), 1.0 / stretch(6e3))
+    along = f"strip.speed={ends[0]}:{ends[1]}:31"
+    made = OperatingMap(string(speed, solver={"tolerance": 1e-5}), [along], tmp_path)
+    steps = iter(made)
+    while not made.curves and "strip.speed" not in next(steps).words:
+        pass
+    steps.close()
+    made.interrupted()
+    assert made.message.startswith("Stopped: it was interrupted")
+    rows = (tmp_path / "map.csv").read_text(encoding="utf-8").splitlines()
+    assert 1 < len(rows) < 32
+    assert json.loads((tmp_path / "map.json").read_text(encoding="utf8"))["status"] == "stopped"
 
 
 @pytest.mark.parametrize(

@@ -322,8 +322,13 @@ def slack(failure: Failure) -> str | None:
         nodes, threaded = strip.mesh.t[:, worst], failure.assembly.thread is not None
         at = place_of(nodes, failure.state, threaded)
         found = f"pressed at {at} with {-least[worst]:.3g} N/m, and buckles"
-    elif mean[0, 0].max() < euler / strip.length**2:
+    elif mean[0, 0].max() <= euler / strip.length**2:
         found = "under no tension, which is what holds a thin strip in shape"
+        if not failure.scene.strip.bending:
+            return (
+                f"The strip is {found}, and without bending nothing else. "
+                "Try --set strip.bending=true, or a stage before that pulls the strip"
+            )
     else:
         return None
     crooked = next(slack_edge(seen_before(failure)), "")

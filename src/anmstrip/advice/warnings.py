@@ -649,6 +649,18 @@ RULES_AT_END = (
 )
 
 
+def with_one_mesh(told: Sequence[str]) -> list[str]:
+    """Return sentences of which only the one with the shortest elements says what to type."""
+    proposed = [re.search(r" Try --set strip\.finer=([\d.e+]+)$", words) for words in told]
+    finest = max((float(found[1]) for found in proposed if found), default=0.0)
+    left = []
+    for words, found in zip(told, proposed, strict=True):
+        shortest = found is not None and float(found[1]) == finest
+        left.append(words if found is None or shortest else words[: found.start()])
+        finest = np.inf if shortest else finest
+    return left
+
+
 def proposed_keys(words: str) -> list[str]:
     """Return the keys that a warning proposes to set.
 

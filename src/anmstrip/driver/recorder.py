@@ -268,6 +268,10 @@ def flat_keys(tables: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str
             yield key, value
 
 
+MOST_DIFFERENCES = 40
+"""Keys up to which scenes are the same one with other values, told one by one: a stage has 25."""
+
+
 def differences(before: Mapping[str, Any], now: Mapping[str, Any], file: str) -> Iterator[Mistake]:
     """Yield the keys in which a scene differs from the one with which a run began."""
     old, new = dict(flat_keys(before)), dict(flat_keys(now))
@@ -305,6 +309,8 @@ def read_checkpoint(path: Path, march: March) -> tuple[dict[str, Array], dict[st
     if facts.pop("signature", None) != signature(arrays, facts):
         raise refused_checkpoint(path, "damaged, or written by another version of this program")
     if mistakes := list(differences(facts["input"], identity(march.assembly), str(path))):
+        if len(mistakes) > MOST_DIFFERENCES:
+            raise refused_checkpoint(path, f"another scene: {len(mistakes)} keys differ")
         raise InputError(mistakes)
     if arrays["full"].shape != (march.assembly.unknowns,):
         raise refused_checkpoint(path, f"{len(arrays['full'])} unknowns")

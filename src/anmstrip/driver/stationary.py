@@ -332,6 +332,13 @@ class OperatingMap:
         if self.directory is not None:
             self._write(self.directory)
 
+    def interrupted(self) -> None:
+        """Write what there is after an interruption."""
+        self.message, self.done = f"Stopped: {Outcome.INTERRUPTED.value}.", False
+        self._read()
+        if self.directory is not None:
+            self._write(self.directory)
+
     def follow_curve(self, second: float | None) -> Iterator[tuple[float, float]]:
         """Add a curve; yield the share of it that is done, and the value of the control."""
         run, march, values = self.run, self.run.march, self.along[0].values[[0, -1]]
@@ -346,21 +353,23 @@ class OperatingMap:
         kept = march.full, march.velocity, run.state
         start = values[0] + here * (values[1] - values[0])
         legs: list[list[Piece]] = [[], []]
-        for leg in (0, 1) if inside else (1 - int(here),):
-            ends = float(start), float(values[leg])
+        try:
+            for leg in (0, 1) if inside else (1 - int(here),):
+                ends = float(start), float(values[leg])
 
-            def place(control: float, ends: tuple[float, float] = ends) -> str:
-                return f"at {self.along[0].key} = {ends[0] + control * (ends[1] - ends[0]):.6g}"
+                def place(control: float, ends: tuple[float, float] = ends) -> str:
+                    return f"at {self.along[0].key} = {ends[0] + control * (ends[1] - ends[0]):.6g}"
 
-            for step in self._followed(self.stages[0][leg], place):
-                branch = step.state.branch
-                assert branch is not None
-                legs[leg].append(Piece(step.state.plan, branch, ends, backwards=leg == 0))
-                done = 0.5 * (leg + step.state.control) if inside else step.state.control
-                yield done, ends[0] + step.state.control * (ends[1] - ends[0])
-            march.full, march.velocity, run.state = kept
-            march.reached = march.pace = None
-        self.curves.append(Curve((*legs[0][::-1], *legs[1]), second))
+                for step in self._followed(self.stages[0][leg], place):
+                    branch = step.state.branch
+                    assert branch is not None
+                    legs[leg].append(Piece(step.state.plan, branch, ends, backwards=leg == 0))
+                    done = 0.5 * (leg + step.state.control) if inside else step.state.control
+                    yield done, ends[0] + step.state.control * (ends[1] - ends[0])
+                march.full, march.velocity, run.state = kept
+                march.reached = march.pace = None
+        finally:  # also of what is interrupted
+            self.curves.append(Curve((*legs[0][::-1], *legs[1]), second))
 
     def share_of_range(self) -> float:
         """Return the place of the first control between its first and last value, 0 to 1."""
