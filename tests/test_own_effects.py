@@ -166,6 +166,61 @@ def test_law_that_cannot_be_used(
     assert words in told[key]
 
 
+LAWS = """
+from dataclasses import dataclass
+import numpy as np
+from anmstrip import ContactLaw, FrictionLaw
+
+@dataclass(frozen=True)
+class Scalar(FrictionLaw):
+    coefficient: float
+    speed: float
+    def __call__(self, normal, slip):
+        return slip * float(normal)
+
+@dataclass(frozen=True)
+class Along(FrictionLaw):
+    coefficient: float
+    speed: float
+    def __call__(self, normal, slip):
+        square = np.einsum("i...,i...->...", slip, slip)
+        return slip * (normal / np.sqrt(square + self.speed**2)) * self.coefficient
+
+@dataclass(frozen=True)
+class Mean(FrictionLaw):
+    coefficient: float
+    speed: float
+    def __call__(self, normal, slip):
+        return -self.coefficient * normal
+
+class Pulling(ContactLaw):
+    width = 1e-4
+    def __call__(self, gap):
+        return np.exp(gap * 1e4)
+"""
+
+
+@pytest.mark.parametrize(
+    ("table", "name", "words"),
+    [
+        ("friction", "Scalar", "a law that works on arrays (only"),
+        ("friction", "Along", "friction against the slip"),
+        ("friction", "Mean", "it returned (4,)"),
+        ("contact", "Pulling", "a pressure that falls with the gap"),
+    ],
+)
+def test_law_that_breaks_its_rules_is_refused(
+    tmp_path: Path, table: str, name: str, words: str
+) -> None:
+    """One evaluation shows it; friction along the slip was run to its end."""
+    (tmp_path / "wrong_laws.py").write_text(LAWS, encoding="utf-8")
+    path = written(tmp_path, "stribeck_law:Stribeck", "{ dip = 0.4, stribeck_speed = 0.1 }")
+    law = [f'{table}.law="wrong_laws:{name}"', f"{table}.parameters={{}}"]
+    with pytest.raises(InputError) as caught:
+        getattr(Run(Scene.load(path, law)).assembly, {"contact": "signorini"}.get(table, table))
+    assert words in str(caught.value)
+
+
 FLOW = {"reference_rate": 3e-3, "layers": 5, "law": "my_laws:Voce"}
 STRETCH = 3.0 * 3e8 / YOUNG
 

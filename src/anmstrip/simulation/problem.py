@@ -829,11 +829,42 @@ def own_law(
         raise scene.refused(key, reference, expected, f"class {name}({base.__name__})")
     known = signature(law).parameters
     try:
-        return law(**{k: v for k, v in given.items() if k in known}, **parameters)
+        made = law(**{k: v for k, v in given.items() if k in known}, **parameters)
     except (TypeError, ValueError) as error:
         expected, typed = f"the arguments of {name}{signature(law)} ({error})", dict(parameters)
         hint = "parameters = { … }"
         raise scene.refused(f"{table}.parameters", typed, expected, hint) from error
+    if wrong := wrong_law(made):
+        raise scene.refused(key, reference, *wrong)
+    return made
+
+
+def wrong_law(law: Any) -> tuple[str, str] | None:
+    """Return what is expected of a user's law of contact or friction, and what to type.
+
+    Nothing if it works on arrays, pushes the less the wider the gap, and rubs against the slip.
+    """
+    from anmstrip.mechanics.laws import ContactLaw, FrictionLaw
+
+    points = np.array([-1.0, 0.5, 2.0, 30.0])
+    try:
+        if isinstance(law, FrictionLaw):
+            slip = law.speed * np.stack([points, 0.0 * points, points[::-1]])
+            found = np.asarray(law(np.ones(4), slip), dtype=float)
+            fits, right = found.shape == slip.shape, bool(np.all((found * slip).sum(axis=0) < 0.0))
+            expected, hint = "friction against the slip", "return -f * normal * …"
+        elif isinstance(law, ContactLaw):
+            found = np.asarray(law(points * law.width), dtype=float)
+            fits, right = found.shape == points.shape, bool(np.all(np.diff(found) <= 0.0))
+            expected, hint = "a pressure that falls with the gap", "return p * np.exp(-gap / w)"
+        else:
+            return None
+    except Exception as error:  # whatever the user's law raises
+        expected, hint = f"a law that works on arrays ({error})", "numpy's functions of arrays"
+        return expected, hint
+    if not fits:
+        expected = f"an array as large as what it is given, and it returned {found.shape}"
+    return None if fits and right else (expected, hint)
 
 
 def local_origin(points: Array) -> Array:
