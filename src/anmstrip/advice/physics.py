@@ -19,7 +19,7 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.sampling import quadrature_points, shape_of
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.shell import eigenstrain
-from anmstrip.scene.checks import PARALLEL_COSINE, moved_ends
+from anmstrip.scene.checks import PARALLEL_COSINE, ROUND_OFF, moved_ends
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, RollerSpec
 from anmstrip.simulation.defaults import (
@@ -107,16 +107,15 @@ def meeting_rollers(preview: Preview) -> Iterator[str]:
             way, axis = np.subtract(*(np.asarray(end[key]) for key in keys)), a.unit_axis
             way -= (way @ axis) * axis
             overlap = a.radius + b.radius - float(np.linalg.norm(way))
-            if overlap > 0.0:
+            if overlap >= -ROUND_OFF * a.radius:
                 moved, towards = (a, way) if keys[0] in moving else (b, -way)
                 apart = a.radius + b.radius
                 thick = float(a.half + b.half) if {a.name, b.name} in pressed else 0.0
                 apart = apart + thick if thick else CLEARANCE * apart
                 how = shorter_move(plan, moved, towards, apart)
-                yield (
-                    f"stage {plan.name} moves {a.name} and {b.name} {overlap:.2g} m into one "
-                    f"another. Try {how}"
-                )
+                far = f"{overlap:.2g} m into one another"
+                far = far if overlap > ROUND_OFF * a.radius else "until they touch each other"
+                yield f"stage {plan.name} moves {a.name} and {b.name} {far}. Try {how}"
 
 
 def roller_over_an_end(preview: Preview) -> Iterator[str]:

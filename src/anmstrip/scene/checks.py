@@ -63,7 +63,7 @@ MIN_MODULUS = 1e6
 """Least Young's modulus of a strip (Pa), that of soft rubber."""
 
 ROUND_OFF = 1e-12
-"""Relative error of a sum of durations, at most."""
+"""Relative error of a sum of durations or lengths, at most."""
 
 MILLIMETRE_RATIO = 10.0
 """Radius over the distance to the next axis from which on it was typed in millimetres.

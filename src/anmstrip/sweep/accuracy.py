@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import product
@@ -331,7 +331,7 @@ class Accuracy(Sweep):
         more = ("position, true\n(m)", "estimated\n(m)", "\nseconds", "\ntangents")
         table = plain_table("Errors and what they cost", "\nalong", "\nvalue", *heads, *more)
         for row in self.results():
-            value = f"{row['element']:.3g} m" if row["along"] == "mesh" else row["value"]
+            value = self.mesh_words(row) if row["along"] == "mesh" else row["value"]
             told = value if isinstance(value, str) else f"{value:.3g}"
             errors = [
                 row.get(f"{of}_{kind}") for kind in ERROR_KINDS for of in ("true", "estimated")
@@ -340,6 +340,16 @@ class Accuracy(Sweep):
             spent = f"{row['seconds']:.2f}" if "seconds" in row else row["status"]
             table.add_row(row["along"], told, *cells, spent, str(row.get("tangents") or "–"))
         return f"{text_of([table], width=110)}\n{self.advice()}"
+
+    def mesh_words(self, row: Mapping[str, Any]) -> str:
+        """Return what tells a mesh from others: its shortest elements, if they are not the same.
+
+        Where rollers ask for elements so short that all meshes have these, it is ``strip.finer``.
+        """
+        lengths = [row["element"] for row in self.results() if row["along"] == "mesh"]
+        if len(set(lengths)) == len(lengths) or row["along"] != "mesh":
+            return f"{row['element']:.3g} m"
+        return f"strip.finer × {row['value']:g}"
 
     def advice(self) -> str:
         """Return what the scene's own tolerance and mesh give at what cost, and a tenth of it."""
@@ -363,7 +373,7 @@ class Accuracy(Sweep):
             (
                 t["true_tension"] + m["true_tension"],
                 t["seconds"] / here["seconds"] * m["seconds"] / usual["seconds"],
-                f"by a tolerance of {t['value']:g} on {m['element']:.2g} m, costs about",
+                f"by a tolerance of {t['value']:g} on {self.mesh_words(m)}, costs about",
             )
             for t, m in product(by["tolerance"], meshes)
             if t["value"] <= own  # with a looser one an error is smaller by chance alone
