@@ -307,6 +307,34 @@ def test_map_beyond_the_grip_says_where_it_is_lost() -> None:
     assert "slides as a whole there. Grip regained on d at exit.tension = 2" in down
 
 
+def test_strip_that_slides_all_along_a_map_is_told() -> None:
+    """Two drives that turn backwards, which carry it nowhere; neither loses its grip on the way."""
+    rollers = [
+        {"name": name, "radius": 0.3, "centre": [x, 0.0, -1.0], "wrap": "right"}
+        for name, x in (("a", 1.0), ("c", 5.0))
+    ]
+    line = Scene(
+        strip={"kinematics": "section", "width": 1.2, "thickness": 5e-4},
+        material={"young": 2e11, "poisson": 0.3},
+        contact={},
+        friction={"coefficient": 0.2, "speed": 1e-5},
+        threading={"tension": 1e4, "entry": [0.0, 0.0, 0.0], "exit": [6.0, 0.0, 0.0]},
+        rollers=[
+            rollers[0],
+            {"name": "b", "radius": 0.25, "centre": [3.0, 0.0, 0.5], "wrap": "left",
+             "drive": "idle", "bearing": 20.0},
+            rollers[1],
+        ],
+        edges={"entry": {"fixed": ["x", "z"]}},
+        stages=[{"name": "run", "steady": True, "entry": {"tension": 1e4},
+                 "rollers": {"a": {"surface_speed": 2.0}, "c": {"surface_speed": 2.0001}}}],
+    )  # fmt: skip
+    found = line.map("rollers.c.surface_speed=2.00005:2.0001:3")
+    assert found.message.endswith("No fold, and no roller loses or regains its grip.")
+    found = line.map("rollers.c.surface_speed=-2.0002:-2.0:3")
+    assert found.message.endswith("The strip slides over all rollers that drive it.")
+
+
 def two_drives(**friction: float) -> Scene:
     """Two equal drives 2 m apart."""
     rollers = [

@@ -443,14 +443,14 @@ class OperatingMap:
                 f"Done: {len(self.rows)} stationary states on {curves}, "
                 f"{self.run.cost.expansions} tangents, {self.run.seconds:.1f} s."
             )
-            told = told or ["No fold, and no roller loses or regains its grip."]
+            if not told and self.run.state is not None:
+                whole = self._slides_as_a_whole(self.run.state)
+                told = ["No fold, and no roller loses or regains its grip."]
+                told += ["The strip slides over all rollers that drive it."] * whole
         elif self.failure is not None:
-            contacts, rollers = self.failure.state.contacts, self.run.scene.rollers
-            driven = (contacts[r.name] for r in rollers if r.drive != "idle")
-            touched = [contact for contact in driven if contact.touching.any()]
-            as_a_whole = bool(touched) and all(map(slides, touched))
             lost = any(event["kind"] == "grip lost" for event in self.events)
-            cause = "The strip slides as a whole there." if as_a_whole or lost else None
+            whole = lost or self._slides_as_a_whole(self.failure.state)
+            cause = "The strip slides as a whole there." if whole else None
             self.message = diagnosis(self.failure, cause)
         friction, scene = self.run.assembly.friction, self.run.scene
         lost = any(event["kind"] == "grip lost" for event in self.events)
@@ -460,6 +460,12 @@ class OperatingMap:
                 f"try --set friction.speed={0.1 * friction.speed:.2g}"
             )
         self.message = " ".join([self.message, *told])
+
+    def _slides_as_a_whole(self, state: State) -> bool:
+        """Whether strip slides over all rollers that are driven, and touches one."""
+        driven = (r.name for r in self.run.scene.rollers if r.drive != "idle")
+        touched = [c for c in map(state.contacts.get, driven) if c and c.touching.any()]
+        return bool(touched) and all(map(slides, touched))
 
     def _write(self, directory: Path) -> None:
         """Write table, figure and summary."""
