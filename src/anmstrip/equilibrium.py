@@ -647,8 +647,9 @@ class StageProblem:
         if not self.steady:
             return None
         growth = self.controls.at(control).get("strip.growth", 1.0)
-        velocity = self.carried(full, self.strip_speed(full, control) / growth)
-        return np.concatenate([velocity, full[self.model.strip.unknowns : -1], [0.0]])
+        velocity, model = self.carried(full, self.strip_speed(full, control) / growth), self.model
+        others = full[model.strip.unknowns : model.coupled - 1]
+        return np.concatenate([velocity, others, np.zeros(1 + len(model.internal))])
 
     def carried(self, full: Array, speed: Any) -> Array:
         """Velocity c ∂r/∂X of strip that moves through its own shape, (unknowns of the strip,)."""
@@ -682,7 +683,8 @@ class StageProblem:
     def before(self, past: StageProblem | None) -> dict[str, Array]:
         """Velocities of rollers that jump as this stage begins, with their values before."""
         then = past.controls.start if past is not None and past.in_time else {}
-        now = {n: v for n, v in self.controls.start.items() if n.endswith((".velocity", ".drift"))}
+        moving = (".velocity", ".drift", ".taking_up")
+        now = {n: v for n, v in self.controls.start.items() if n.endswith(moving)}
         velocities = {name: then.get(name, np.zeros_like(v)) for name, v in now.items()}
         return {name: v for name, v in velocities.items() if np.any(v != now[name])}
 

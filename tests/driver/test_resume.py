@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -237,3 +238,31 @@ def test_a_table_taken_away_under_a_run_is_not_begun_again(
     with pytest.raises(FileNotFoundError) as caught:
         list(steps)
     assert caught.value.filename == str(tmp_path / "history.csv")
+
+
+@pytest.mark.parametrize(("durations", "last"), [((0.7, 0.1), 0.8), ((0.1, 0.7, 0.1, 0.1), 1.0)])
+@pytest.mark.parametrize("interrupted", [False, True])
+def test_all_times_that_are_asked_for_are_written(
+    tmp_path: Path, durations: tuple[float, ...], last: float, interrupted: bool
+) -> None:
+    """Also the beginning, of a run that went on after an interruption, and the end by round-off."""
+    stages = [{"name": f"s{n}", "duration": d} for n, d in enumerate(durations)]
+    tables = {
+        "strip": {"kinematics": "section", "length": 1.0, "width": 1.0, "thickness": 1e-3,
+                  "cells": [4, 1]},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "edges": {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["z"]}},
+        "stages": [{**stages[0], "exit": {"force": [1e3, 0.0, 0.0]}}, *stages[1:]],
+        "output": {"times": [0.0, 0.05, last]},
+    }  # fmt: skip
+    scene = Scene.from_tables(tables, "times.toml")
+    run = scene.run(tmp_path)
+    if interrupted:
+        run.interrupted()
+        run = scene.run(tmp_path, resume=True)
+    list(run)
+    assert run.outcome.done
+    written = ElementTree.parse(tmp_path / "strip.pvd").iter("DataSet")
+    assert [float(entry.get("timestep", "nan")) for entry in written] == pytest.approx(
+        [0.0, 0.05, last]
+    )

@@ -295,3 +295,26 @@ def test_a_strip_that_hangs_too_slack_is_told_its_least_tension() -> None:
     least += 7e10 * 1e-12 / (12.0 * (1.0 - 0.33**2)) / (2.0 * 0.3**2)
     assert last.rollers["b"].tension_in == pytest.approx(least, rel=0.02)
     assert min(times[times.index(last.time) :]) > 1.95
+
+
+def test_states_of_a_line_that_hangs_as_it_begins_are_in_balance() -> None:
+    """What the sagging runs hold is kept with the weight that hangs them, before rollers turn."""
+    rollers = [{"name": name, "radius": 0.3, "centre": [x, 0.0, -0.3], "wrap": "over"}
+               for name, x in (("a", 0.0), ("b", 20.0))]  # fmt: skip
+    scene = Scene(
+        strip={"kinematics": "section", "width": 1.0, "thickness": 1e-3},
+        material={"young": 2e11, "poisson": 0.3, "density": 7800.0},
+        contact={},
+        friction={"coefficient": 0.2},
+        threading={"tension": 5e3, "entry": [-2.0, 0.0, -0.5], "exit": [22.0, 0.0, -0.5]},
+        rollers=rollers,
+        edges={"entry": {"fixed": ["x", "z"]}},
+        stages=[{"name": "run", "steady": True, "gravity": [0.0, 0.0, -9.81],
+                 "strip": {"speed": 1.0},
+                 "rollers": {name: {"surface_speed": 1.0} for name in "ab"}}],
+    )  # fmt: skip
+    steps = [step for step in scene.run() if step.stage == "run"]
+    assert len(steps) > 3
+    for step in steps:
+        assert step.residual < 1.1e-3
+        assert step.state.tension("exit") == pytest.approx(5e3, rel=1e-4)

@@ -133,3 +133,30 @@ def _fine_stretch(assembly: Assembly) -> tuple[float, float]:
     x = np.unique(assembly.strip.nodes[0])
     fine = np.flatnonzero(np.diff(x) < 0.03)
     return float(x[fine[0]]), float(x[fine[-1] + 1])
+
+
+def test_middle_of_a_released_edge_keeps_its_y() -> None:
+    """After a move of 1 mm aside that bends a strip in its plane; so does what holds it there."""
+    scene = Scene.model_validate(
+        {
+            "strip": {"length": 1.0, "width": 0.2, "thickness": 1e-3, "cells": [6, 2]},
+            "material": {"young": 2e11, "poisson": 0.3},
+            "edges": {
+                "entry": {"fixed": ["x", "y", "z"], "centred": True},
+                "exit": {"fixed": ["y", "z"], "centred": True},
+            },
+            "stages": [
+                {"name": "pull", "exit": {"force": [1e3, 0.0, 0.0]}},
+                {"name": "move", "exit": {"move": [0.0, 1e-3, 0.0]}},
+                {"name": "let_go", "exit": {"release": True}},
+            ],
+        }
+    )
+    ends = {step.stage: step.state for step in scene.run()}
+    held, free = ends["move"], ends["let_go"]
+    strip = held.plan.model.strip
+    middle = strip.edges["exit"].nodes[len(strip.edges["exit"].nodes) // 2]
+    y = [strip.nodal(state.full)[strip.node_values[middle], 1] for state in (held, free)]
+    assert y == pytest.approx([1e-3, 1e-3], rel=1e-9)
+    forces = [state.edge_force("exit")[1] for state in (held, free)]
+    assert forces[1] == pytest.approx(forces[0], rel=1e-3) and abs(forces[0]) > 100.0

@@ -118,7 +118,9 @@ class Recorder:
             name: History(directory / name, names, kept["rows"].get(name, 0))
             for name, names in tables.items()
         }
-        self.due = [t for t in assembly.scene.output.times or () if t > kept["time"]]
+        end = sum(stage.duration for stage in assembly.scene.course)  # as steps add it up
+        times = (min(t, end) for t in assembly.scene.output.times or ())
+        self.due = [t for t in times if t > kept["time"]]
         self.surface, self.profile = FieldSampler(assembly.strip), Profile(assembly.strip)
         self.turned = dict.fromkeys((r.name for r in assembly.rollers), 0.0) | kept["turned"]
         self.last_checkpoint = 0.0

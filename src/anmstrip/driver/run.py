@@ -93,7 +93,7 @@ def pack(run: Run) -> tuple[dict[str, Array], dict[str, Any]]:
     arrays |= {"full": march.full, "velocity": march.velocity}
     facts = {key: attrgetter(attribute)(run) for key, attribute in CHECKPOINT_ATTRIBUTES.items()}
     facts |= {"input": run.identity, "seconds": run.seconds}
-    facts |= {"time": 0.0 if run.state is None else run.state.time}
+    facts |= {"time": run.state.time if run.state is not None and run.steps else -1.0}
     facts |= {"released": sorted(march.course.released)}
     if run.budget.error is not None:
         arrays["mesh_error"] = run.budget.error

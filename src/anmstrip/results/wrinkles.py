@@ -572,7 +572,8 @@ def waves_on(state: State, modes: Callable[[float], Array]) -> Iterator[tuple[fl
     assert state.branch is not None
     from scipy.optimize import brentq
 
-    least, length = WAVE_HEIGHT * state.plan.model.strip.thickness, state.branch.length
+    strip, length = state.plan.model.strip, state.branch.length
+    least, begins = WAVE_HEIGHT * strip.thickness, strip.flat_origin[0]
     heights = cache(lambda a: Wrinkling(state.inside(a)).amplitudes() or [])
     begin, end = heights(0.0), heights(length)
     for number, low in enumerate(begin if len(begin) == len(end) else []):  # none has joined
@@ -588,7 +589,7 @@ def waves_on(state: State, modes: Callable[[float], Array]) -> Iterator[tuple[fl
             here = state.inside(a)
             for span in Wrinkling(here).spans[number : number + 1]:
                 onsets = (Onset(here, mode_heights(here, mode), WAVES) for mode in modes(a).T)
-                inside = (o for o in onsets if span.start <= o.facts["x"] <= span.end)
+                inside = (o for o in onsets if span.start <= o.facts["x"] - begins <= span.end)
                 yield from ((a, onset) for onset in islice(inside, 1))
 
 

@@ -248,7 +248,8 @@ class March:
         with suppress(PathStopped):
             *_, last = self.through(plan, MAX_WEIGHING_STATES)
             self.full = last.state.full
-            self.course.values["gravity"] = np.array(stage.gravity)
+            kept = {"gravity", "strip.held"} & last.state.controls.keys()  # what labels hold, too
+            self.course.values |= {key: last.state.controls[key] for key in kept}
 
     def _let_slide(self, stage: StageSpec) -> bool:
         """Let strip that rollers have moved slide into place without friction, and come to rest.
@@ -634,7 +635,9 @@ def imperfection_of(scene: SceneSpec) -> Array:
     """
     assert scene.strip.imperfection is not None
     state = _perfect(scene)
-    factors, modes = buckling(state, scene.strip.imperfection.mode)
+    factors, modes = buckling(state, mode := scene.strip.imperfection.mode)
+    if len(factors) < mode or factors[-1] <= 0.0:
+        raise _refused(scene, f"{int((factors > 0.0).sum())} modes buckle it there")
     if factors[-1] > MAX_COMPRESSION_GROWTH:
         raise _refused(scene, f"it would take {factors[-1]:.1g} times as much to buckle it")
     return mode_heights(state, modes[:, -1]) * scene.strip.imperfection.amplitude

@@ -478,8 +478,13 @@ class Course:
             held[self.assembly.coupled - 1] = not (self.pulled(stage) or self.fed(stage))
         if not self.assembly.yields(stage):  # plastic strains stay
             held[self.assembly.coupled :] = True
+        across = strip.kinematics.place(1)
+        for name, spec in self.assembly.scene.edges.items():
+            middle = middle_node(strip, name) if spec.centred else None
+            if middle is not None and across is not None:  # it keeps its y
+                held[strip.count * strip.node_values[middle] + across] = True
         if full is not None:
-            resting = strip.unknowns + np.flatnonzero(held[strip.unknowns :])
+            resting = np.flatnonzero(held)
             start[resting] = end[resting] = full[resting]
         for name, components in self._held(stage).items():
             edge, now = strip.edges[name], self.moved.get(name, np.zeros(3))
@@ -497,11 +502,6 @@ class Course:
                     shape = full[values] - full[values[0]]
                 start[values], end[values] = now[c] + shape, destination[c] + shape
                 bows[values] = bow[c]
-        across = strip.kinematics.place(1)
-        for name, spec in self.assembly.scene.edges.items():
-            middle = middle_node(strip, name) if spec.centred else None
-            if middle is not None and across is not None:  # it keeps its y
-                held[strip.count * strip.node_values[middle] + across] = True
         if (joint := self.joint) is not None:
             held[joint.exit] = True
         bent = self.assembly.frictional(stage) and np.any(bows)
