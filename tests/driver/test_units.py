@@ -195,6 +195,19 @@ def test_the_speed_of_a_strip_is_doubted_like_that_of_a_roller() -> None:
     assert typed(found) == ["stages.run.strip.speed=2"]
 
 
+@pytest.mark.parametrize("end", ["entry", "exit"])
+def test_the_speed_of_an_end_is_doubted_like_that_of_a_roller(end: str) -> None:
+    tables = {
+        "strip": {"kinematics": "section", "length": 2.0, "width": 1.0, "thickness": 1e-3},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "edges": {"entry": {"fixed": ["x", "z"]}, "exit": {"fixed": ["x", "z"]}},
+        "stages": [{"name": "draw", "duration": 1.0, end: {"speed": 120.0}}],
+    }
+    scene = Scene.from_tables(tables, "line.toml")
+    (found,) = [line for line in warnings(Preview.of(Assembly(scene))) if "was it meant" in line]
+    assert typed(found) == [f"stages.draw.{end}.speed=2"]
+
+
 PLATE = """
 strip = { kinematics = "section", width = 2.5, thickness = 0.03 }
 material = { young = 2.0e11, poisson = 0.3, density = 7850.0 }

@@ -145,7 +145,7 @@ def test_a_run_stops_at_the_tangents_that_it_may_make(tmp_path: Path) -> None:
     assert list(run)
     assert run.cost.expansions == 30
     assert "the allowed number of tangents was used up" in run.message
-    assert "Try --resume --set solver.max_tangents=60" in run.message
+    assert "Try --set solver.max_tangents=60" in run.message  # nothing to resume
 
 
 # disks ---------------------------------------------------------------------------

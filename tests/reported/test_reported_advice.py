@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 import reported_scenes as scenes
-from reported_files import Results, ran
+from reported_files import Results, ran, rows_of
 
 E, NU, T = 2.0e11, 0.3, 1.0e-3
 
@@ -113,3 +114,21 @@ exit.move = [-0.01, 0.0, 0.0]
     assert float(pressed[2]) > np.pi**2 * E * T**3 / 12.0 / (1.0 - NU**2) / (4 * 0.25) ** 2
     assert (float(pressed[1]) + 2.0) / 0.25 % 1.0 == pytest.approx(0.5, abs=0.02)
     assert "Try a larger x in stages.push.exit.move." in message
+
+
+def test_a_resumed_run_has_a_row_for_every_state(tmp_path: Path) -> None:
+    """The last state is written after the checkpoint, and belongs to no step; also if all is done.
+
+    The seconds of all parts are counted.
+    """
+    for options in ((), ("--resume",), ("--resume",)):
+        most = () if options else ("solver.max_steps=6",)
+        given = ("output.every=4", *most)
+        results = ran(scenes.LIFTED, tmp_path, *given, options=("--quiet", *options))
+        sets = ElementTree.parse(results.directory / "strip.pvd").iter("DataSet")
+        shown = [float(found.get("timestep", "nan")) for found in sets]
+        told = sorted({float(row["time"]) for row in rows_of(results.directory / "profile.csv")})
+        assert shown == pytest.approx(told)
+    assert results.summary["status"] == "done"
+    assert sum(results.summary["seconds"].values()) < results.summary["wall_seconds"]
+    assert results.summary["seconds"]["series"] > 0.0  # of a run that had nothing left to do

@@ -23,6 +23,7 @@ from anmstrip.results.state import State
 from anmstrip.results.wrinkles import Span
 from anmstrip.simulation.march import March
 from anmstrip.simulation.problem import Assembly
+from anmstrip.sweep.accuracy import Final
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 COARSE = "strip.refined=0.2"
@@ -665,3 +666,27 @@ def test_flow_in_time_is_as_exact_as_the_tolerance_and_its_error_is_told(tmp_pat
             assert wrong[name] / 5.0 < told[name] < 5.0 * wrong[name]
     newton = ends(1e-3, "newton")
     assert newton == pytest.approx(exact, abs=4e-3 * largest)
+
+
+def test_a_run_is_done_though_its_errors_do_not_fit_into_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is known of the mesh then, and what was solved stays."""
+
+    def too_large(*_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(Budget, "look_finer", too_large)
+    found = run(scenes.LIFTED, tmp_path / "run").summary
+    assert found["status"] == "done"
+    assert found["errors"]["mesh"] is None and found["errors"]["path"] is not None
+
+
+def test_errors_of_what_both_states_have_are_compared() -> None:
+    """A roller that one of them does not touch has no tensions there."""
+    places = np.zeros((3, 1))
+    here = Final({"tension": {"exit": 1.0, "r.in": 5.0}, "force": {"r.drag": 0.0}}, places, {})
+    truth = Final({"tension": {"exit": 1.5}, "force": {"r.drag": 0.2}}, places, {})
+    for pair in ((here, truth), (truth, here)):
+        found = pair[0].error(pair[1])
+        assert found == pytest.approx({"tension": 0.5, "force": 0.2, "position": 0.0})

@@ -259,6 +259,13 @@ def test_what_cannot_be_followed_is_refused(along: tuple[str, ...], words: str) 
     assert "--along" in str(refused.value)
 
 
+def test_a_coil_set_is_followed_if_the_scene_has_one() -> None:
+    """Strip without any has no moment that one could take from it."""
+    with pytest.raises(InputError, match="a control of a stage that is a number"):
+        string(0.9999, strip={}).map("strip.coil_set=0.0:0.1")
+    Along.parse("strip.coil_set=0.0:0.1", 2).stage(string(0.9999, strip={"coil_set": 0.1}), 0.1)
+
+
 def test_last_stage_is_steady() -> None:
     tables = string(0.9999).to_dict()
     tables["stages"].append({"name": "on", "duration": 1.0})
@@ -436,3 +443,41 @@ def test_a_torque_that_friction_refuses_is_no_row_of_a_map() -> None:
     for row in made.rows:
         assert row["l_torque"] == pytest.approx(row["rollers.l.torque"], rel=1e-3, abs=0.01)
         assert abs(row["l_surface_speed"]) < 2.0
+
+
+def test_report_of_a_map_without_rows(tmp_path: Path) -> None:
+    """The line itself stopped before anything was followed."""
+    made = string(0.9999, solver={"max_tangents": 1}).map(
+        "strip.speed=0.9:0.99", directory=tmp_path
+    )
+    assert not made.done and not made.rows
+    assert "--resume" not in made.message
+    result = CliRunner().invoke(main, ["report", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "report.html").is_file()
+
+
+def test_a_second_control_that_stops_leaves_the_next_value_as_it_was() -> None:
+    """Also where the first of its steps were accepted."""
+    made = string(1.0 / stretch(1.1e4)).map
+    whole = made("strip.speed=0.9999:0.99991:3", "exit.tension=9e3:11e3:2")
+    spoilt = OperatingMap(
+        string(1.0 / stretch(1.1e4)), ["strip.speed=0.9999:0.99991:3", "exit.tension=9e3:11e3:2"]
+    )
+    follow, calls = spoilt._followed, []
+
+    def stopping(stage: Any, place: Any) -> Any:
+        calls.append(stage)
+        for step in follow(stage, place):
+            yield step
+            if len(calls) == 1:
+                spoilt.run.march.reached = 0.5
+                return
+
+    spoilt._followed = stopping  # type: ignore[method-assign]
+    for _ in spoilt:
+        pass
+    ends = [[row for row in m.rows if row["exit.tension"] == 11e3] for m in (whole, spoilt)]
+    assert len(ends[0]) == len(ends[1]) == 3
+    for one, other in zip(*ends, strict=True):
+        assert other["entry_tension"] == pytest.approx(one["entry_tension"], rel=1e-4)

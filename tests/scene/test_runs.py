@@ -528,3 +528,10 @@ def test_interrupted_run_writes_what_it_has(tmp_path: Path) -> None:
     _, facts = checkpoint.load_checkpoint(tmp_path / "checkpoint.npz")
     assert facts["steps"] == summary["steps"]
     assert summary["rollers"]["r1"]["tension_out"] > 0.0
+
+
+def test_newtons_method_takes_the_steps_that_it_may() -> None:
+    scene = Scene.load(PRESS, [*GENTLE, 'solver.method="newton"', "solver.max_steps=2"])
+    run = scene.run()
+    assert len(list(run)) == 2
+    assert run.outcome is Outcome.TOO_MANY_STEPS

@@ -124,6 +124,7 @@ class Failure:
     state: State  # last one that was accepted, with the plan of the stage
     stopped: PathStopped
     place: str | None = None  # of a path that is none of the scene's
+    resumable: bool = False  # whether the run can be resumed
 
     @property
     def scene(self) -> SceneSpec:
@@ -178,7 +179,8 @@ def too_many_steps(failure: Failure) -> str | None:
     if key is None:
         return None
     doubt = forewarned(failure) or slack(failure) or low_order(failure)
-    more = f"Try --resume --set solver.{key}={2 * getattr(failure.scene.solver, key)}"
+    goes_on, most = "--resume " * failure.resumable, getattr(failure.scene.solver, key)
+    more = f"Try {goes_on}--set solver.{key}={2 * most}"
     return more if doubt is None else f"{more} but {doubt[0].lower()}{doubt[1:]}"
 
 
@@ -322,7 +324,9 @@ def slack(failure: Failure) -> str | None:
         nodes, threaded = strip.mesh.t[:, worst], failure.assembly.thread is not None
         at = place_of(nodes, failure.state, threaded)
         found = f"pressed at {at} with {-least[worst]:.3g} N/m, and buckles"
-    elif mean[0, 0].max() <= euler / strip.length**2:
+    elif mean[0, 0].max() < euler / strip.length**2 or (
+        failure.stopped.outcome is Outcome.SINGULAR and not forces.any()
+    ):
         found = "under no tension, which is what holds a thin strip in shape"
         if not failure.scene.strip.bending:
             return (
@@ -355,7 +359,8 @@ def uneven_heat(failure: Failure, pressed: float) -> str | None:
 
 def more_tension(failure: Failure) -> str:
     """Say what to type to pull more: twice as much all along, or at least to a strain of 5e-5."""
-    scene, stage = failure.scene, failure.stage.name
+    scene = failure.scene
+    stage = failure.stage.name if failure.place is None else scene.stages[-1].name
     if scene.threading is not None:
         pulls = [("threading.tension", scene.threading.tension)]
         for each in scene.stages if stage != THREADING else ():

@@ -276,9 +276,9 @@ def doubtful_friction(scene: SceneSpec) -> Iterator[Doubt]:
 def doubtful_speeds(scene: SceneSpec) -> Iterator[Doubt]:
     """Yield speeds of strip and of rollers that no line has."""
     for stage in scene.stages:
-        key, entry = f"stages.{stage.name}", stage.edges.get("entry")
+        key = f"stages.{stage.name}"
         speeds = {f"{key}.strip.speed": stage.strip.speed}
-        speeds[f"{key}.entry.speed"] = entry.speed if entry is not None else None
+        speeds |= {f"{key}.{name}.speed": edge.speed for name, edge in stage.edges.items()}
         for name, roller in stage.rollers.items():
             speeds[f"{key}.rollers.{name}.surface_speed"] = roller.surface_speed
         for each, speed in speeds.items():

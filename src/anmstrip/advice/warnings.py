@@ -602,8 +602,7 @@ def needless_shell(preview: Preview) -> Iterator[str]:
     """
     assembly, scene = preview.assembly, preview.assembly.scene
     count, typed = assembly.strip.unknowns, scene.strip.model_fields_set
-    strips = scene.strip, *(stage.strip for stage in scene.stages)
-    fields = [given for strip in strips for given in strip.natural.values()]
+    fields = [given for strip in scene.shapes for given in strip.natural.values()]
     along = any(isinstance(given, FieldSpec) and given.along for given in fields)
     clamped = not scene.rollers and any("y" in edge.fixed for edge in scene.edges.values())
     if count < LARGE_SHELL or "kinematics" in typed or along or clamped:
@@ -751,8 +750,7 @@ def against_section(preview: Preview) -> Iterator[str]:
             yield f"the axis of {roller.name} is not along y"
         if roller.profile:
             yield f"{roller.name} is crowned or tapered"
-    shapes = (scene.strip, *(stage.strip for stage in scene.stages))
-    for key in dict.fromkeys(key for shape in shapes for key in shape.varying_across):
+    for key in dict.fromkeys(key for shape in scene.shapes for key in shape.varying_across):
         yield f"{key.replace('_', ' ')} varies across the strip"
     for stage in scene.stages:
         if stage.gravity is not None and stage.gravity[1]:

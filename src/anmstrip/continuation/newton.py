@@ -279,9 +279,12 @@ class NewtonPath:
             yield straight_step(u, control, found)
             return
         given: dict[str, Any] = {"start": control, "target": target, "iteration": self.iteration}
-        for found in load_steps(equations, u, solver=solver, settings=steps, cost=cost, **given):
+        taken = load_steps(equations, u, solver=solver, settings=steps, cost=cost, **given)
+        for number, found in enumerate(taken, start=1):
             yield straight_step(u, control, found)
             u, control = found.u, found.control
+            if number == settings.max_steps and control != target:
+                raise PathStopped(Outcome.TOO_MANY_STEPS, control)
 
 
 def straight_step(u: Array, control: float, found: Corrected) -> PathStep:

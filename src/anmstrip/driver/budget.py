@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -37,6 +38,7 @@ from anmstrip.results.files import ERROR_WORDS
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import COLUMN_SHARE, TRACKED_MODES, Onset, Span, buckling, free_spans
 from anmstrip.scene.schema import StageSpec
+from anmstrip.scene.tables import ENDS
 from anmstrip.simulation.meshing import mesh_density
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
@@ -76,8 +78,7 @@ LINEAR_RANGE = 1e-2
 
 def tension_readings(state: State) -> dict[str, float]:
     """Return the tensions (N/m) of the ends, and of the strip before and behind what it passes."""
-    found: dict[str, float]
-    found = {n: state.tension(n) for n in ("entry", "exit") if n in state.plan.model.strip.edges}
+    found = {name: state.tension(name) for name in ENDS}
     for passage in state.passages:
         for name in passage.names:
             found |= zip((f"{name}.in", f"{name}.out"), passage.tensions, strict=True)
@@ -277,16 +278,21 @@ class Budget:
                 found,
                 largest_differences(state, found, found.full - state.full),
             )
-            self.parts["regularisation"] = self.by_laws(exact)
+            with suppress(SingularTangentError):
+                self.parts["regularisation"] = self.by_laws(exact)
         else:
-            in_time = self.in_time(state, memory.errors)
-            self.parts |= zip(("time", "path", "regularisation"), in_time, strict=True)
+            in_time, names = self.in_time(state, memory.errors), ("time", "path", "regularisation")
+            with suppress(SingularTangentError):
+                self.parts |= zip(names, in_time, strict=True)
         if any(len(passage.names) > 1 for passage in state.passages):
             self.parts["regularisation"] = None  # a nip presses as its law makes of its gap
         if self.halved is not None:
             told = "estimating the errors by the mesh, on elements of half the length, %d unknowns"
             logging.getLogger(__name__).info(told, self.halved.unknowns)
-            self.look_finer(self.halved, stage, exact, released)
+            try:
+                self.look_finer(self.halved, stage, exact, released)
+            except MemoryError:  # what is solved stays; nothing is known of the mesh
+                self.lost, self.error, self.spans, self.bears = False, None, [], np.inf
         self.time = state.time
 
     def by_laws(self, state: State) -> Part | None:
@@ -420,7 +426,10 @@ class Budget:
         if self.halved is None or onset.beside is None:
             return None
         plan = self.finer_problem(self.halved, stage, onset.state, released)
-        factors = buckling_factors(balance_state(plan, onset.state))[onset.number :]
+        try:
+            factors = buckling_factors(balance_state(plan, onset.state))[onset.number :]
+        except MemoryError:
+            return None
         return onset.loads_by(float(factors[0])) if len(factors) and factors[0] > 0.0 else None
 
     def look_finer(
@@ -534,8 +543,7 @@ class Halved(Assembly):
     @property
     def growth(self) -> Growth | None:
         """Growth of the given mesh, which this one follows."""
-        assert self.given is not None
-        return self.given.growth
+        return self.coarse.growth
 
     @classmethod
     def of(cls, given: Assembly) -> Halved:

@@ -19,7 +19,7 @@ from anmstrip.errors import InputError, Mistake, printable
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
 from anmstrip.results.files import error_rows
 from anmstrip.scene.schema import SceneSpec, StageSpec
-from anmstrip.scene.tables import FieldSpec
+from anmstrip.scene.tables import ENDS, FieldSpec
 from anmstrip.simulation.defaults import (
     CREEP_SHARE,
     elastic_creep,
@@ -510,8 +510,7 @@ def cell(value: float | None, form: str = ".4g") -> str:
 
 def tensions(state: State) -> str:
     """Return the tensions of both ends in a sentence."""
-    ends = [n for n in ("entry", "exit") if n in state.plan.model.strip.edges]
-    told = (f"{state.tension(name):.6g} N/m at the {name}" for name in ends)
+    told = (f"{state.tension(name):.6g} N/m at the {name}" for name in ENDS)
     return f"Tension {' and '.join(told)}."
 
 

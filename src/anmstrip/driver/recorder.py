@@ -32,6 +32,7 @@ from anmstrip.results.files import (
 from anmstrip.results.rollers import STEP_READINGS
 from anmstrip.results.state import State
 from anmstrip.results.vtk import Collection, subdivide, write_rollers, write_surface
+from anmstrip.scene.tables import ENDS
 from anmstrip.simulation.march import March, Step
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
@@ -99,7 +100,7 @@ class Recorder:
         if resumed is None:
             for stale in (*directory.glob("*.pvd"), *map(directory.joinpath, STALE_FILES)):
                 stale.unlink(missing_ok=True)
-        until, contents = None if resumed is None else kept["time"], ("strip.pvd", "rollers.pvd")
+        until, contents = None if resumed is None else kept["written"], ("strip.pvd", "rollers.pvd")
         self.strip, self.rollers = (Collection(directory / name, until) for name in contents)
         tables = {
             "history.csv": columns,
@@ -192,7 +193,8 @@ class Recorder:
         self.last_checkpoint = now
         self.lock.check()
         rows = {name: table.rows for name, table in self.tables.items()}
-        kept = {**facts, "rows": rows, "turned": self.turned}
+        last = -1.0 if self.strip.last is None else self.strip.last
+        kept = {**facts, "rows": rows, "turned": self.turned, "written": last}
         kept["signature"] = signature(arrays, kept)
         save_checkpoint(self.directory / "checkpoint.npz", arrays, kept)
 
@@ -202,9 +204,8 @@ class Recorder:
         edges: dict[str, Any] = {}
         rollers: dict[str, Any] = {}
         if state is not None:
-            for name in self.assembly.strip.edges:
-                if name in ("entry", "exit"):
-                    edges[name] = {"tension": state.tension(name), "force": state.edge_force(name)}
+            for name in ENDS:
+                edges[name] = {"tension": state.tension(name), "force": state.edge_force(name)}
             for name, reading in state.rollers.items():
                 cost = state.regularisation[name]
                 effect = {n: getattr(cost, f"by_{n}") for n in ("creep", "cone", "penetration")}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, replace
 from functools import partial, reduce
 from operator import attrgetter
@@ -29,6 +30,7 @@ from anmstrip.driver.budget import LARGE_MESH_ERROR, Budget, Part, tension_readi
 from anmstrip.driver.recorder import Recorder, history_row, identity, kept_values, read_checkpoint
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import SHELL
+from anmstrip.linalg.direct import SingularTangentError
 from anmstrip.results.files import ERROR_WORDS, read_history
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import Onset, WrinkleWatch, Wrinkling
@@ -78,6 +80,7 @@ MAX_WAITING_UNKNOWNS = 1_000_000
 CHECKPOINT_ATTRIBUTES = {
     **{name: name for name in ("steps", "stages", "effects", "snaps", "wrinkles")},
     **{name: f"march.{name}" for name in ("reached", "slack", "conveyed")},
+    "timed": "cost.seconds",
     **{name: f"cost.{name}" for name in ("expansions", "factorisations")},
     **{"stage": "first_stage", "seconds": "spent", "looked": "budget.time"},
     "course_time": "march.course.time",
@@ -298,22 +301,20 @@ class Run:
         except (PathStopped, MemoryError) as error:
             from anmstrip.advice.diagnosis import Failure, diagnosis, ran_away
 
-            stopped = error if isinstance(error, PathStopped) else self.too_large()
+            reached, size = self.march.reached or 0.0, f"{self.assembly.unknowns} unknowns"
+            too_large = PathStopped(Outcome.TOO_LARGE, reached, size)
+            stopped = error if isinstance(error, PathStopped) else too_large
             self.outcome = stopped.outcome
             stage = course[min(self.first_stage, len(course) - 1)]
             state = self.march.here(self.march.course.plan(stage, {}))
-            failure = Failure(self.assembly, stage, state, stopped)
+            goes_on = self.recorder is not None and not self.estimates
+            failure = Failure(self.assembly, stage, state, stopped, resumable=goes_on)
             self.message = diagnosis(failure)
             with delay_interrupts():
                 self._checkpoint(force=True)
             if not (self.outcome is Outcome.TOO_LARGE or ran_away(failure)):
                 self._look_at_errors(stage)
         self._finish()
-
-    def too_large(self) -> PathStopped:
-        """Return why a run stopped for which there is not enough memory."""
-        reached = self.march.reached or 0.0
-        return PathStopped(Outcome.TOO_LARGE, reached, f"{self.assembly.unknowns} unknowns")
 
     def interrupted(self) -> None:
         """Write checkpoint and summary after an interruption."""
@@ -516,7 +517,8 @@ class Run:
 
             own = (roller.friction is not None for roller in self.scene.rollers)
             hanging = self.assembly.hanging(state.plan)
-            facts["sensitivities"] = sensitivities(state, own, hanging)
+            with suppress(SingularTangentError):
+                facts["sensitivities"] = sensitivities(state, own, hanging)
         if wrinkling is not None:
             assert self.recorder is not None
             height, spacing = wrinkling.wave(self.recorder.surface) or (None, None)

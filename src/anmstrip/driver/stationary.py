@@ -27,7 +27,7 @@ from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.simulation.defaults import regularising_speed
 from anmstrip.simulation.march import Step
-from anmstrip.simulation.problem import EffectMaker
+from anmstrip.simulation.problem import EffectMaker, naturals
 from anmstrip.taylor.polynomials import value_at
 
 DEFAULT_POINTS, DEFAULT_CURVES = 101, 5
@@ -107,6 +107,9 @@ class Along:
             if any(no_number in m.expected for m in found for no_number in NO_NUMBERS):
                 found = [self._no_control(scene)]
             raise InputError(found) from None
+        curls = {"coil_set", "crossbow"} & made.stages[-1].strip.natural.keys()
+        if curls - naturals(scene):  # strip that is not curled bends by another energy
+            raise InputError([self._no_control(scene)])
         return made.stages[-1]
 
     def _no_control(self, scene: SceneSpec) -> Mistake:
@@ -390,13 +393,16 @@ class OperatingMap:
 
     def _moved(self, along: Along, value: float) -> bool:
         """Go for good to where a control has a value; whether that was reached."""
-        stage = along.stage(self.run.scene, value)
+        stage, march = along.stage(self.run.scene, value), self.run.march
+        kept = march.full, march.velocity, self.run.state
         for _ in self._followed(stage, lambda _: f"on the way to {along.key} = {value:.6g}"):
             pass
-        march, state = self.run.march, self.run.state
-        assert state is not None
+        assert self.run.state is not None
         if arrived := march.reached == 1.0:
-            march.finish(stage, state.plan)
+            march.finish(stage, self.run.state.plan)
+        else:
+            march.full, march.velocity, self.run.state = kept
+            march.reached = march.pace = None
         return arrived
 
     def _followed(self, stage: StageSpec, place: Callable[[float], str]) -> Iterator[Step]:

@@ -226,10 +226,6 @@ class Contact(LawEffect):
         names = (f"rollers.{roller.name}.centre" for roller in self.roller.members)
         return np.array([controls[name] for name in names])
 
-    def chosen(self, look: Look) -> Array:
-        """Displacements of this contact's own points, (components, points)."""
-        return self.operator.apply(look[0])
-
     def neighbours(self, look: Look, controls: Mapping[str, Any]) -> Neighbours:
         """Pairs that are near, looked up anew when something has moved far.
 
@@ -266,7 +262,7 @@ class Contact(LawEffect):
 
     def gap(self, look: Look, controls: Mapping[str, Any]) -> Array:
         """Gaps of the points (m), shape (points,)."""
-        return np.asarray(self.seen(self.chosen(look), controls).gap)
+        return np.asarray(self.seen(self.operator.apply(look[0]), controls).gap)
 
     @cached_property
     def latest(self) -> dict[str, Neighbours]:

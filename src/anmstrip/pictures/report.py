@@ -7,6 +7,7 @@ from base64 import b64encode
 from collections.abc import Iterable, Mapping
 from html import escape
 from importlib.resources import files
+from itertools import takewhile
 from math import isfinite
 from pathlib import Path
 from string import Template
@@ -154,7 +155,7 @@ def study_plots(path: Path, rows: Columns) -> dict[str, Any]:
         Columns by name; the names of what is varied and of what was found; the pair that is drawn
         first; and for every row a label, and the group whose points a line joins.
     """
-    varied = list(rows)[: list(rows).index(STUDY_TABLES[path.stem])]
+    varied = list(takewhile(lambda name: name != STUDY_TABLES[path.stem], rows))
     numbers = {name: round_digits(c) for name, c in rows.items() if not isinstance(c, list)}
     known = {name: c for name, c in numbers.items() if any(v is not None for v in c)}
     found = [name for name in known if name not in varied]

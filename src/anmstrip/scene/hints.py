@@ -116,7 +116,8 @@ def key_like(key: str, value: object, known: Iterable[str]) -> str | None:
     if (
         name is None
         or name not in known
-        or not (isinstance(value, int | float) and is_number(value))
+        or isinstance(value, bool)
+        or not isinstance(value, int | float)
     ):
         return None
     if name == "every" and not isinstance(value, int):
@@ -147,11 +148,6 @@ def with_decimal_point(line: str) -> str | None:
     typed = line.partition("#")[0].strip()
     better = DECIMAL_COMMA.sub(r"\1.\2", typed)
     return better if better != typed else None
-
-
-def is_number(value: object) -> bool:
-    """Return whether a value is an integer or a float; true is none."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def expected_number(kind: str, value: object) -> str:

@@ -43,6 +43,7 @@ from anmstrip.scene.tables import (
     EdgeSpec,
     FrictionSpec,
     MaterialSpec,
+    NaturalShape,
     OutputSpec,
     RollerSpec,
     SolverSpec,
@@ -208,6 +209,11 @@ class SceneSpec(Table):
             return self.stages
         threading = StageSpec(name=THREADING, duration=self.threading.duration, friction=False)
         return (threading, *self.stages)
+
+    @property
+    def shapes(self) -> tuple[NaturalShape, ...]:
+        """What the strip would be like unstressed: from the beginning, and by stages."""
+        return (self.strip, *(stage.strip for stage in self.stages))
 
     def as_typed(self, control: str) -> str:
         """Return the key of a control in a scene, that of a tension for the force that it makes."""

@@ -100,8 +100,7 @@ def free_across(scene: SceneSpec) -> bool:
 
 def varies_along(scene: SceneSpec) -> bool:
     """Return whether strip has a shape of its own that varies along; heat is that of its place."""
-    shapes = [scene.strip, *(stage.strip for stage in scene.stages)]
-    given = [item for shape in shapes for item in shape.natural.items()]
+    given = [item for shape in scene.shapes for item in shape.natural.items()]
     return any(getattr(value, "along", ()) for key, value in given if key != "temperature")
 
 
@@ -266,8 +265,7 @@ def eigenstrain(scene: SceneSpec, shape: NaturalShape) -> float:
 
 def largest_eigenstrain(scene: SceneSpec) -> float:
     """Return the largest eigenstrain of a scene, anywhere and in any stage, 0 without."""
-    shapes = scene.strip, *(stage.strip for stage in scene.stages)
-    return max(eigenstrain(scene, shape) for shape in shapes)
+    return max(eigenstrain(scene, shape) for shape in scene.shapes)
 
 
 def largest_force(scene: SceneSpec) -> float:

@@ -429,6 +429,7 @@ class March:
         """First point of a rate-free path, and its equations."""
         free, u = plan.supports.free, self.full[plan.supports.free]
         equations = Equilibrium(plan.model, plan.supports, plan.controls)
+        found: Array | None = None
         if plan.name == THREADING and self.reached is None:
             assert self.assembly.thread is not None
             u = self.assembly.laid[free]
@@ -437,7 +438,6 @@ class March:
                 shape = self.assembly.strip, self.assembly.pattern
                 taut = self.assembly.thread.guess(*shape, bent=False)
                 found = self._corrected(equations, taut[free])
-            u = u if found is None else found
         elif self.slack:
             pulled = plan.pulled
             equations = Equilibrium(plan.model, plan.supports, pulled.controls)
@@ -445,11 +445,9 @@ class March:
                 begin = pulled.controls.at(0.0)
                 u = uniform_stretch(self.assembly, pulled.pull_at_exit(0.0), begin)[free]
                 found = self._corrected(equations, u)
-                u = u if found is None else found
         elif self._lies_flat(plan):
             found = self._corrected(equations, u)
-            u = u if found is None else found
-        return u, equations
+        return u if found is None else found, equations
 
     def _lies_flat(self, plan: StageProblem) -> bool:
         """Return whether strip that would not be flat unstressed still lies in its plane."""

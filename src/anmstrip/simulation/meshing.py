@@ -167,8 +167,7 @@ class Lines:
     @property
     def corners(self) -> list[float]:
         """Labels at which heat or flatness has corners along (m), as the stretch then has."""
-        shapes = [self.scene.strip, *(stage.strip for stage in self.scene.stages)]
-        given = [value for shape in shapes for value in shape.natural.values()]
+        given = [value for shape in self.scene.shapes for value in shape.natural.values()]
         places = sorted({at for value in given for at, _ in getattr(value, "along", ())})
         return [at - self.half for at in places if 0.0 < at < 2.0 * self.half]
 
@@ -322,7 +321,7 @@ def lines_across(scene: SceneSpec) -> Array:
 def corners_across(scene: SceneSpec) -> list[float]:
     """Return y / width where slopes of heat and flatness change across; none of a curve."""
     found: set[float] = set()
-    for shape in [scene.strip, *(stage.strip for stage in scene.stages)]:
+    for shape in scene.shapes:
         for given in shape.natural.values():
             if len(places := getattr(given, "table", ())) < 3:
                 continue
@@ -495,9 +494,8 @@ def nipping_rollers(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread 
 
 def bends_at_its_ends(scene: SceneSpec) -> bool:
     """Return whether strip curves beside its ends: by a coil set, or a moment there."""
-    shapes = [scene.strip, *(stage.strip for stage in scene.stages)]
     ends = [edge for stage in scene.stages for edge in stage.edges.values()]
-    return any(shape.coil_set for shape in shapes) or any(edge.moment for edge in ends)
+    return any(shape.coil_set for shape in scene.shapes) or any(edge.moment for edge in ends)
 
 
 def fine_beside(layer: float, size: float) -> float:

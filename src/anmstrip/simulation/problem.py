@@ -898,8 +898,7 @@ def roller_of(spec: RollerSpec, origin: Array, half: float) -> Roller:
 
 def naturals(scene: SceneSpec) -> set[str]:
     """Return the kinds of eigenstrain and eigencurvature of a scene, from its strip or a stage."""
-    shapes = [scene.strip, *(stage.strip for stage in scene.stages)]
-    return {key for shape in shapes for key in shape.natural}
+    return {key for shape in scene.shapes for key in shape.natural}
 
 
 def varies_across(roller: RollerSpec) -> bool:
@@ -910,8 +909,7 @@ def varies_across(roller: RollerSpec) -> bool:
 
 def fibres_differ(scene: SceneSpec) -> bool:
     """Whether tensions differ across on a roller, by its shape or by that of the strip itself."""
-    shapes = [scene.strip, *(stage.strip for stage in scene.stages)]
-    return any(map(varies_across, scene.rollers)) or any(s.varying_across for s in shapes)
+    return any(map(varies_across, scene.rollers)) or any(s.varying_across for s in scene.shapes)
 
 
 def check_geometry(scene: SceneSpec, strip: Strip, rollers: Sequence[Roller]) -> None:

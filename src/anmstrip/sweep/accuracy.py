@@ -189,19 +189,22 @@ class Final:
         tensions = {name: edge["tension"] for name, edge in summary["edges"].items()}
         forces: dict[str, float] = {}
         for name, roller in summary["rollers"].items():
-            tensions |= {f"{name}.{end}": roller[f"tension_{end}"] for end in ("in", "out")}
+            ends = {f"{name}.{end}": roller[f"tension_{end}"] for end in ("in", "out")}
+            tensions |= {key: value for key, value in ends.items() if value is not None}
             forces |= {f"{name}.{key}": roller[key] for key in ("normal_force", "drag")}
         full = load_checkpoint(variant.directory / CHECKPOINT)[0]["full"]
         places = displacement_at(Assembly(variant.scene).strip, full, flat)
         return cls({"tension": tensions, "force": forces}, places, summary)
 
     def error(self, truth: Final) -> dict[str, float]:
-        """Return the largest differences from another state, as in the error budget."""
-        found = {
-            kind: max((abs(value - truth.values[kind][name]) for name, value in own.items()))
-            for kind, own in self.values.items()
-            if own
-        }
+        """Return the largest differences from another state, as in the error budget.
+
+        Of what both have: no tension is read off beside a roller that nothing touches.
+        """
+        found = {}
+        for kind, own in self.values.items():
+            if both := own.keys() & truth.values[kind].keys():
+                found[kind] = max(abs(own[name] - truth.values[kind][name]) for name in both)
         away = np.linalg.norm(self.places - truth.places, axis=0)
         return {**found, "position": float(away.max())}
 
