@@ -417,8 +417,8 @@ ENDS = (
            "profile"),
     Mutant("largest error is the least", "largest.append(max((abs(", "largest.append(min((abs(",
            "errors"),
-    Mutant("error in time is that of paths", 'zip(("time", "path", "reg',
-           'zip(("path", "time", "reg', "errors"),
+    Mutant("error in time is that of paths", '("time", "path", "reg',
+           '("path", "time", "reg', "errors"),
     Mutant("forces of laws that stay", "effect.sharper(by) for", "effect.sharper(0.0 * by) for",
            "errors"),
     Mutant("laws err in the last step only", "right[1:] += added", "right[1:2] += added[:1]",
@@ -527,8 +527,8 @@ SUMMARY = (
     ),
     Mutant(
         "errors of a study without the largest",
-        "kind: max((abs(value - truth.values[kind][name])",
-        "kind: min((abs(value - truth.values[kind][name])",
+        "max(abs(own[name] - truth.values[kind][name])",
+        "min(abs(own[name] - truth.values[kind][name])",
         "accuracy",
     ),
     Mutant(
@@ -785,7 +785,7 @@ WRINKLES = (
     ),
     Mutant(
         "contact of uneven strip as soft as the mesh allows",
-        "any(map(varies_across, scene.rollers)) or any(s.varying_across for s in shapes)",
+        "any(map(varies_across, scene.rollers)) or any(s.varying_across for s in scene.shapes)",
         "any(map(varies_across, scene.rollers))",
         "explain",
         "test_contact_law.py",
@@ -801,12 +801,7 @@ WRINKLES = (
 )
 
 ADVICE = (
-    Mutant(
-        "bounds trebled",
-        "2 * getattr(failure.scene.solver, key)",
-        "3 * getattr(failure.scene.solver, key)",
-        "advice",
-    ),
+    Mutant("bounds trebled", "solver.{key}={2 * most}", "solver.{key}={3 * most}", "advice"),
     Mutant(
         "elements of a layer",
         "finer_mesh(failure.scene, LAYER_SHARE * layer)",
