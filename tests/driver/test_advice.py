@@ -588,7 +588,7 @@ ELSEWHERE = {
     "more_tension": "slack, and test_random_lines.py of a threaded line",
     "coarse": "of the line pulled a hundred times as much",
     "of_mesh": "the budget, of a mesh that is too coarse",
-    "with_one_mesh": "reads what others propose, in test_wrinkle_onsets.py",
+    "propose_one_mesh": "reads what others propose, in test_wrinkle_onsets.py",
     "shorter": "of the budget, in test_wrinkle_onsets.py",
     "useless": "test_reported_errors.py",
     "of_path": "test_reported_errors.py",

@@ -160,3 +160,25 @@ def test_middle_of_a_released_edge_keeps_its_y() -> None:
     assert y == pytest.approx([1e-3, 1e-3], rel=1e-9)
     forces = [state.edge_force("exit")[1] for state in (held, free)]
     assert forces[1] == pytest.approx(forces[0], rel=1e-3) and abs(forces[0]) > 100.0
+
+
+def test_tension_of_an_end_leaves_out_what_holds_it_aside() -> None:
+    """A tight strip of which the exit is moved aside by a fiftieth of its width."""
+    scene = Scene.model_validate(
+        {
+            "strip": {"length": 1.0, "width": 0.2, "thickness": 1e-3, "cells": [6, 2]},
+            "material": {"young": 2e11, "poisson": 0.3},
+            "edges": {name: {"fixed": [*"xyz"][n:]} for n, name in enumerate(("entry", "exit"))},
+            "stages": [
+                {"name": "pull", "exit": {"force": [1e5, 0.0, 0.0]}},
+                {"name": "move", "exit": {"move": [0.0, 4e-3, 0.0]}},
+            ],
+        }
+    )
+    *_, last = scene.run()
+    state = last.state
+    for name, sign in (("entry", -1.0), ("exit", 1.0)):
+        force, along = state.edge_force(name), state.plan.model.strip.edge_tangent(name, state.full)
+        assert abs(force[1]) > 0.05 * abs(force[0])
+        expected = sign * force @ along / np.linalg.norm(along) / 0.2
+        assert state.tension(name) == pytest.approx(expected, rel=5e-4)

@@ -648,7 +648,7 @@ RULES_AT_END = (
 )
 
 
-def with_one_mesh(told: Sequence[str]) -> list[str]:
+def propose_one_mesh(told: Sequence[str]) -> list[str]:
     """Return sentences of which only the one with the shortest elements says what to type."""
     proposed = [re.search(r" Try --set strip\.finer=([\d.e+]+)$", words) for words in told]
     finest = max((float(found[1]) for found in proposed if found), default=0.0)

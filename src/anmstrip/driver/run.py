@@ -19,9 +19,9 @@ from anmstrip.advice.warnings import (
     RULES_AT_END,
     beside_rollers,
     coarse_mesh,
+    propose_one_mesh,
     proposed_keys,
     warnings,
-    with_one_mesh,
 )
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Outcome, PathStopped
@@ -485,7 +485,9 @@ class Run:
         found = [*found, *self._moved_onsets]
         if wrinkling is not None:
             found += self._of_wrinkles(state, wrinkling)
-        return with_one_mesh([*beside_rollers(state, self.scene), *useless, *told, *seen, *found])
+        return propose_one_mesh(
+            [*beside_rollers(state, self.scene), *useless, *told, *seen, *found]
+        )
 
     def _of_wrinkles(self, state: State, wrinkling: Wrinkling) -> list[str]:
         """Return warnings of wrinkles that no onset has told, and of strip that is near them."""

@@ -39,7 +39,8 @@ STRIP_EFFECTS = ("membrane", "bending", "plasticity")
 
 
 SHORT_LAYER = 0.1
-"""Length over which an end of the strip curls, over the strip's, up to which it counts as short."""
+"""Length √(D/T) over the strip's up to which the curl of an end is short: it falls by e along that
+length, so to e⁻¹⁰ of itself along the strip."""
 
 
 @dataclass(frozen=True, repr=False)
