@@ -579,10 +579,11 @@ class Run:
         """Return the counters of the run, as in ``summary.json``."""
         march, strip = self.march, self.assembly.strip
         density, section = self.scene.material.density, strip.thickness * strip.width
-        held = {} if self.state is None else self.state.controls
         mass = density * section * march.conveyed if density else None
         fed = {"length": march.conveyed, "mass": mass}
-        fed["taken_up"] = float(np.sum(held.get("strip.held", 0.0)))
+        begin, end = strip.span
+        passed = end if self.state is None else begin + self.state.unstressed_length(end)
+        fed["taken_up"] = float(passed - end)
         return {
             "status": "done" if self.outcome.done else self.outcome.name.lower(),
             "message": self.message,

@@ -358,10 +358,7 @@ def moved_ends(
     end of a threaded line that a single direction is held of, as the height of its exit, is only
     guided.
     """
-    along = {"x"} if threading is None else {"x", "z"}
-    held = {name for name, edge in edges.items() if along <= {*edge.fixed}}
-    for stage in stages:
-        held -= {name for name, end in stage.edges.items() if end.release}
+    for stage, held in held_along(threading, edges, stages):
         for name, end in stage.edges.items():
             if end.move is not None:
                 yield f"stages.{stage.name}.{name}.move", end.move
@@ -369,6 +366,17 @@ def moved_ends(
                 value = getattr(end, key)
                 if value is not None and {"entry", "exit"} <= held:
                     yield f"stages.{stage.name}.{name}.{key}", value
+
+
+def held_along(
+    threading: Threading, edges: Edges, stages: Stages
+) -> Iterator[tuple[StageSpec, set[str]]]:
+    """Yield stages, and which edges are held along the strip during each."""
+    along = {"x"} if threading is None else {"x", "z"}
+    held = {name for name, edge in edges.items() if along <= {*edge.fixed}}
+    for stage in stages:
+        held = held - {name for name, end in stage.edges.items() if end.release}
+        yield stage, held
 
 
 def ends_of_a_fed_strip(

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from anmstrip.scene.checks import moved_ends
+from anmstrip.arrays import Array
+from anmstrip.scene.checks import held_along, moved_ends
 from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS, I_UNIT, FieldSpec, NaturalShape, StageSpec
 
@@ -121,13 +122,38 @@ def is_fed_by_default(scene: SceneSpec) -> bool:
     return not any(moved_ends(scene.threading, scene.edges, scene.stages))
 
 
+def open_stages(scene: SceneSpec) -> list[StageSpec]:
+    """Return stages in which runs of a fed strip can take it up: an end is not held along."""
+    threading = scene.threading
+    if not scene.strip.feed or scene.strip.mesh or threading is None or threading.closed:
+        return []
+    stages = held_along(threading, scene.edges, scene.stages)
+    return [stage for stage, held in stages if not set(ENDS) <= held]
+
+
 def follows_rollers(scene: SceneSpec) -> bool:
     """Return whether labels of a fed strip follow rollers that move, and runs take strip up."""
-    threading, wrapped = scene.threading, {r.name for r in scene.rollers if r.wrap is not None}
-    if not scene.strip.feed or scene.strip.mesh or threading is None or threading.closed:
-        return False
-    moved = {name for stage in scene.stages for name, c in stage.rollers.items() if c.move}
+    wrapped = {r.name for r in scene.rollers if r.wrap is not None}
+    moved = {name for stage in open_stages(scene) for name, c in stage.rollers.items() if c.move}
     return not wrapped.isdisjoint(moved)
+
+
+def thermal_growth(scene: SceneSpec, given: FieldSpec, places: Array) -> Array:
+    """Return ∂S/∂X − 1 by which labels of warm strip stay where it was threaded, (places,).
+
+    Parameters
+    ----------
+    scene : SceneSpec
+    given : FieldSpec
+        Temperature (K), of which the mean across counts.
+    places : ndarray, shape (places,)
+        Distances from the entry (m).
+    """
+    before, after = (
+        1.0 + (scene.material.expansion or 0.0) * field.means(places)
+        for field in (scene.strip.temperature or FieldSpec(across=(0.0,)), given)
+    )
+    return np.asarray(before / after - 1.0) * np.ones_like(places)
 
 
 def regularising_speed(scene: SceneSpec) -> float:

@@ -1,7 +1,7 @@
-"""Strip that the runs between rollers take up and give off where rollers move or weight acts.
+"""Strip that the runs between rollers take up and give off where rollers move, or weight or heat act.
 
 Labels of a fed strip that stay on rollers come to hold more of it where these move apart or where
-it hangs through (an arbitrary Lagrangian-Eulerian description whose mesh moves as it is told):
+it hangs through, and less where heat lengthens it (an arbitrary Lagrangian-Eulerian description whose mesh moves as it is told):
 S(X, t), with g = ∂S/∂X = 1 on rollers.  Material passes a label with c − ∂S/∂t, and
 v = ∂r/∂t + (c − ∂S/∂t)/g ∂r/∂X.
 """
@@ -19,11 +19,13 @@ from scipy.integrate import trapezoid
 from anmstrip.arrays import Array
 from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.simulation.defaults import boundary_layer
+from anmstrip.scene.tables import FieldSpec
+from anmstrip.simulation.defaults import boundary_layer, open_stages, thermal_growth
 from anmstrip.simulation.meshing import (
     Loads,
     arcs_in_stages,
     fine_beside,
+    follows_heat,
     hanging_runs,
     wanted_size,
 )
@@ -41,7 +43,7 @@ their rollers, and points of contact pass again.  A carriage 8 m away that was d
 
 @dataclass(frozen=True)
 class Growth:
-    """Shapes of g between rollers.
+    """Shapes of g between rollers, and by heat.
 
     Attributes
     ----------
@@ -49,13 +51,17 @@ class Growth:
         The way of the strip at the beginning, with n rollers.
     x : ndarray, shape (nodes,)
         Labels of the lines of nodes (m), between which g is linear, as r,X may be.
-    shapes : ndarray, shape (nodes, n + 1)
-        Of which each has the integral 1; 0 for a run without a node away from its rollers.
+    shapes : ndarray, shape (nodes, n + 1 + temperatures)
+        Of g − 1.  Those of runs have the integral 1; 0 for a run without a node away from its
+        rollers.  Those of temperatures keep labels where they are.
+    temperatures : tuple of FieldSpec
+        That stages give.
     """
 
     thread: Thread
     x: Array
     shapes: Array
+    temperatures: tuple[FieldSpec, ...] = ()
 
     @classmethod
     def of(cls, scene: SceneSpec, thread: Thread, x: Array) -> Growth:
@@ -72,30 +78,59 @@ class Growth:
             shape = np.clip(inside, 0.0, 1.0)
             whole = float(trapezoid(shape, x))
             shapes.append(shape / whole if whole > 0.0 else 0.0 * x)
-        return cls(thread, x, np.stack(shapes, axis=1))
+        given = (
+            [s.strip.temperature for s in open_stages(scene)] if follows_heat(scene, thread) else []
+        )
+        temperatures = tuple({repr(each): each for each in given if each is not None}.values())
+        shapes += [thermal_growth(scene, each, x - x[0]) for each in temperatures]
+        return cls(thread, x, np.stack(shapes, axis=1), temperatures)
+
+    @property
+    def nothing(self) -> Array:
+        """Shares of the shapes at the beginning, (shapes,)."""
+        return np.zeros(self.shapes.shape[1])
 
     def held(
-        self, centres: Mapping[str, Array], before: Array, loads: Loads | None = None
+        self,
+        centres: Mapping[str, Array],
+        before: Array,
+        loads: Loads | None = None,
+        temperature: FieldSpec | None = None,
     ) -> Array:
-        """Unstressed strip (m) that runs hold beyond that of the beginning, (n + 1,).
+        """Shares of the shapes, (shapes,): of runs the strip (m) that they hold besides.
 
         Parameters
         ----------
         centres : mapping
             Roller → centre (m).
-        before : ndarray, shape (n + 1,)
-            What it is where the taut strip does not touch all rollers.
+        before : ndarray, shape (shapes,)
+            Of which runs stay where the taut strip does not touch all rollers.
         loads : Loads, optional
             By which runs hang.
+        temperature : FieldSpec, optional
+            That the strip comes to (K); without, or of another scene, it stays.
         """
-        thread = self.thread
+        runs = len(self.thread.rollers) + 1
+        warm = before[runs:]
+        if temperature in self.temperatures:
+            warm = np.array([float(each == temperature) for each in self.temperatures])
+        return np.append(
+            self._of_runs(centres, before[:runs], loads, self.shapes[:, runs:] @ warm), warm
+        )
+
+    def _of_runs(
+        self, centres: Mapping[str, Array], before: Array, loads: Loads | None, heat: Array
+    ) -> Array:
+        """Unstressed strip (m) that runs hold beyond that of the beginning, (n + 1,)."""
+        thread, shapes = self.thread, self.shapes[:, : len(before)]
         moved = [replace(r, centre=tuple(map(float, centres[r.name]))) for r in thread.rollers]
         with suppress(NotTouchedError, NoTangentError):
             now = replace(thread, rollers=moved, given=thread.length)
             hung = 0.0 if loads is None else hanging_runs(now, loads)[:, 0]
             longer = (_runs(now) - _runs(thread) + hung) / thread.stretches.along[0]  # fed: uniform
-            peaks = self.shapes.max(axis=0)
-            bounded = np.clip(peaks * longer, MIN_GROWTH - 1.0, MAX_GROWTH - 1.0)
+            longer *= 1.0 + trapezoid(shapes.T * heat, self.x)
+            peaks, least = shapes.max(axis=0), MIN_GROWTH - 1.0 - min(0.0, float(heat.min()))
+            bounded = np.clip(peaks * longer, least, MAX_GROWTH - 1.0)
             return np.divide(bounded, peaks, out=np.zeros_like(peaks), where=peaks > 0.0)
         return before
 
@@ -138,8 +173,8 @@ class Hanging:
     width: float
 
     def changed(self, key: str) -> Array:
-        """Strip (m) that runs take up per unit of a parameter, (n + 1,); 0 if it is no load."""
-        loads, nothing = self.loads, np.zeros(len(self.growth.thread.rollers) + 1)
+        """Strip (m) that runs take up per unit of a parameter, (shapes,); 0 if it is no load."""
+        loads, nothing = self.loads, self.growth.nothing
         arms = {
             f"rollers.{r.name}.torque": r.radius * self.width for r in self.growth.thread.rollers
         }

@@ -25,6 +25,8 @@ from anmstrip.simulation.defaults import (
     first_yield,
     follows_rollers,
     largest_force,
+    open_stages,
+    thermal_growth,
 )
 
 if TYPE_CHECKING:
@@ -615,21 +617,52 @@ def hanging_runs(thread: Thread, loads: Loads) -> Array:
         if pull > 0.0:
             run = starts[:, k], ends[:, k]
             found[k] = supported_catenary(*run, loads.weight, pull, thread.supports)
+            layer = thread.layer * np.sqrt(thread.tension / pull)
+            found[k, 0] = max(0.0, found[k, 0] - _rounded_off(thread, layer, k, *found[k, 1:]))
     return found
 
 
-FOLLOWED_SAG = 0.25
-"""Strip that runs take up by hanging, over the boundary layer √(D/T), from which labels follow: as
-much as the finest elements are long, so that less hardly matters to the mesh."""
+def _rounded_off(thread: Thread, layer: float, run: int, first: float, last: float) -> float:
+    """Return by how much stiff strip between rollers hangs through less than a string does (m).
+
+    Where a string turns by β on either side of a line of contact, the slope of stiff strip is
+    β (1 − e^(−s/λ)), λ = √(D/T), and ½ ∫ of its square less by ¾ β² λ.  On an arc that is longer
+    than 2λ the run lifts off elsewhere, but in the same way.
+    """
+    lost, turns = 0.0, thread.middle.arcs.turn[:, 0]
+    for roller, angle in ((run - 1, first), (run, last)):
+        if 0 <= roller < len(thread.rollers):
+            room = layer / thread.rollers[roller].radius - 0.5 * abs(float(turns[roller]))
+            lost += 0.75 * layer * min(abs(angle), max(0.0, room)) ** 2
+    return lost
+
+
+FOLLOWED_SAG = 0.01
+"""Strip that runs take up by hanging, or give off where they are heated, over the boundary layer
+√(D/T), from which labels follow: as much as the finest elements are long, so that less hardly
+matters to the mesh."""
+
+HEAT_PIECES = 1000
+"""Pieces of the way over which it is summed up by how much heat lengthens the strip."""
 
 
 def follows_weight(scene: SceneSpec, thread: Thread) -> bool:
     """Return whether labels of a fed strip stay on their rollers where its runs hang through."""
-    threading = scene.threading
-    if not scene.strip.feed or scene.strip.mesh or threading is None or threading.closed:
-        return False
-    runs = [hanging_runs(thread, loads)[:, 0] for loads in loads_in_stages(scene)]
-    return bool(np.sum(runs, axis=-1).max() > FOLLOWED_SAG * boundary_layer(scene))
+    loads = zip(scene.stages, loads_in_stages(scene), strict=True)
+    passes = open_stages(scene)
+    runs = [hanging_runs(thread, load)[:, 0].sum() for stage, load in loads if stage in passes]
+    return max(runs, default=0.0) > FOLLOWED_SAG * boundary_layer(scene)
+
+
+def follows_heat(scene: SceneSpec, thread: Thread) -> bool:
+    """Return whether labels of a fed strip stay in their places where heat lengthens it."""
+    places = np.linspace(0.0, thread.length, 1 + HEAT_PIECES)
+    drift = 0.0
+    for stage in open_stages(scene):
+        if (given := stage.strip.temperature) is not None:
+            means = thermal_growth(scene, given, places[1:] - 0.5 * places[1])
+            drift = max(drift, places[1] * float(np.abs(means.cumsum()).max()))
+    return drift > FOLLOWED_SAG * boundary_layer(scene)
 
 
 def lines_of_nodes(

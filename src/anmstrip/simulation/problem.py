@@ -60,6 +60,7 @@ from anmstrip.simulation.meshing import (
     cells_across,
     contact_parts,
     deepest_bearing,
+    follows_heat,
     follows_weight,
     label_at,
     loads_in_stages,
@@ -325,10 +326,11 @@ class Assembly:
 
     @cached_property
     def growth(self) -> Growth | None:
-        """The strip that runs between rollers take up, where labels follow rollers or weight."""
+        """The strip that runs take up, where labels follow rollers, weight or heat."""
         if self.thread is None:
             return None
-        if not (follows_rollers(self.scene) or follows_weight(self.scene, self.thread)):
+        given = self.scene, self.thread
+        if not (follows_rollers(self.scene) or follows_weight(*given) or follows_heat(*given)):
             return None
         from anmstrip.simulation.growth import Growth
 

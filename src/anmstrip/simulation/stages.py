@@ -80,8 +80,8 @@ class Course:
             self.values.setdefault(key, value)
         if self.assembly.conveyed:
             self.values.setdefault("strip.speed", np.array(0.0))
-        if thread is not None and self.assembly.growth is not None:
-            self.values.setdefault("strip.held", np.zeros(len(thread.rollers) + 1))
+        if self.assembly.growth is not None:
+            self.values.setdefault("strip.held", self.assembly.growth.nothing)
         for roller in self.assembly.rollers:
             key = f"rollers.{roller.name}"
             self.values.setdefault(f"{key}.centre", np.array(roller.centre, dtype=float))
@@ -187,7 +187,7 @@ class Course:
         ----------
         stage : StageSpec
         values : mapping
-            ``strip.held`` (m) and ``strip.taking_up`` (m/s) of the runs.
+            ``strip.held`` (m) of the runs, and ``strip.taking_up`` (m/s), its rate.
         """
         a = self.assembly
         if (growth := a.growth) is None:
@@ -403,10 +403,11 @@ class Course:
                 end[f"{key}.torque"] = np.array(control.torque)
             if control is not None and control.move is not None:
                 end[f"{key}.centre"] = np.array(roller.centre) + np.array(control.move)
-        if (growth := self.assembly.growth) is not None:
+        held = (self._holds_along(name, self._held().get(name, ())) for name in ENDS)
+        if (growth := self.assembly.growth) is not None and not all(held):
             centres = {r.name: end[f"rollers.{r.name}.centre"] for r in growth.thread.rollers}
-            loads = self.assembly.loads.get(stage.name)
-            end["strip.held"] = growth.held(centres, start["strip.held"], loads)
+            given = self.assembly.loads.get(stage.name), stage.strip.temperature
+            end["strip.held"] = growth.held(centres, start["strip.held"], *given)
         return end
 
     def _held(self, stage: StageSpec | None = None) -> dict[str, tuple[str, ...]]:
