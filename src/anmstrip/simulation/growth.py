@@ -1,9 +1,9 @@
-"""Strip that the runs between rollers take up and give off where rollers move, or weight or heat act.
+"""Strip that the runs between rollers take up and give off where rollers move or loads change.
 
 Labels of a fed strip that stay on rollers come to hold more of it where these move apart or where
-it hangs through, and less where heat lengthens it (an arbitrary Lagrangian-Eulerian description whose mesh moves as it is told):
-S(X, t), with g = ∂S/∂X = 1 on rollers.  Material passes a label with c − ∂S/∂t, and
-v = ∂r/∂t + (c − ∂S/∂t)/g ∂r/∂X.
+it hangs through, and less where heat or tension lengthens it (an arbitrary Lagrangian-Eulerian
+description whose mesh moves as it is told): S(X, t), with g = ∂S/∂X = 1 on rollers but for heat.
+Material passes a label with c − ∂S/∂t, and v = ∂r/∂t + (c − ∂S/∂t)/g ∂r/∂X.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from anmstrip.simulation.meshing import (
     Loads,
     arcs_in_stages,
     fine_beside,
-    follows_heat,
-    hanging_runs,
+    lengths_of_runs,
+    taken_up,
     wanted_size,
 )
 from anmstrip.simulation.threading import Thread
@@ -78,9 +78,7 @@ class Growth:
             shape = np.clip(inside, 0.0, 1.0)
             whole = float(trapezoid(shape, x))
             shapes.append(shape / whole if whole > 0.0 else 0.0 * x)
-        given = (
-            [s.strip.temperature for s in open_stages(scene)] if follows_heat(scene, thread) else []
-        )
+        given = [stage.strip.temperature for stage in open_stages(scene)]
         temperatures = tuple({repr(each): each for each in given if each is not None}.values())
         shapes += [thermal_growth(scene, each, x - x[0]) for each in temperatures]
         return cls(thread, x, np.stack(shapes, axis=1), temperatures)
@@ -126,8 +124,11 @@ class Growth:
         moved = [replace(r, centre=tuple(map(float, centres[r.name]))) for r in thread.rollers]
         with suppress(NotTouchedError, NoTangentError):
             now = replace(thread, rollers=moved, given=thread.length)
-            hung = 0.0 if loads is None else hanging_runs(now, loads)[:, 0]
-            longer = (_runs(now) - _runs(thread) + hung) / thread.stretches.along[0]  # fed: uniform
+            runs = lengths_of_runs(now)
+            longer = runs - lengths_of_runs(thread)
+            if loads is not None:
+                longer += taken_up(now, loads, runs)
+            longer /= thread.stretches.along[0]  # fed: uniform
             longer *= 1.0 + trapezoid(shapes.T * heat, self.x)
             peaks, least = shapes.max(axis=0), MIN_GROWTH - 1.0 - min(0.0, float(heat.min()))
             bounded = np.clip(peaks * longer, least, MAX_GROWTH - 1.0)
@@ -201,10 +202,3 @@ class Hanging:
                 now = replace(loads, exit=loads.exit + h)
             sides.append(self.growth.held(self.centres, nothing, now))
         return np.asarray(sides[1] - sides[0]) / (2.0 * step)
-
-
-def _runs(thread: Thread) -> Array:
-    """Lengths of the path (m) between the middles of its arcs, and from and to its ends."""
-    arcs = thread.middle.arcs
-    middles = 0.5 * (arcs.start[:, 0] + arcs.end[:, 0])
-    return np.diff([0.0, *middles, float(thread.middle.length[0])])

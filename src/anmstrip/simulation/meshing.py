@@ -553,6 +553,8 @@ class Loads:
 
     Attributes
     ----------
+    stiffness : float
+        E t of the strip (N/m).
     weight : float
         Of the strip, downwards (N/m²).
     exit, entry : float or None
@@ -561,6 +563,7 @@ class Loads:
         Roller → what the tension gains over it (N/m); those that are driven by speed have none.
     """
 
+    stiffness: float
     weight: float
     exit: float
     entry: float | None
@@ -572,6 +575,7 @@ def loads_in_stages(scene: SceneSpec) -> Iterator[Loads]:
     assert scene.threading is not None and scene.strip.width is not None
     pulls: dict[str, float | None] = {"exit": scene.threading.tension, "entry": None}
     mass = (scene.material.density or 0.0) * scene.strip.thickness
+    stiffness = scene.material.young * scene.strip.thickness
     weight, torques = 0.0, dict[str, float]()
     for stage in scene.stages:
         if stage.gravity is not None:
@@ -587,39 +591,60 @@ def loads_in_stages(scene: SceneSpec) -> Iterator[Loads]:
             if roller.drive != "speed":
                 turned = roller.bearing - torques.get(roller.name, 0.0)
                 gains[roller.name] = turned / (roller.radius * scene.strip.width)
-        yield Loads(weight, pulls["exit"] or 0.0, pulls["entry"], gains)
+        yield Loads(stiffness, weight, pulls["exit"] or 0.0, pulls["entry"], gains)
 
 
-def hanging_runs(thread: Thread, loads: Loads) -> Array:
-    """Lengths of the runs beyond their chords (m) and their angles to these, (rollers + 1, 3).
+def pulls_of_runs(thread: Thread, loads: Loads) -> Array:
+    """Tensions at the ends of runs (N/m), (rollers + 1,).
 
-    Tensions are those of the ends, with the weight of what is between; beyond rollers that are
-    driven by speed they are known from the other end, or taken to be the same.
+    They are those of the ends, with the weight of what is between; beyond rollers that are driven
+    by speed they are known from the other end, or taken to be the same.
     """
     path, n = thread.middle, len(thread.rollers)
-    found = np.zeros((n + 1, 3))
-    if loads.weight <= 0.0:
-        return found
-    starts = path.points[:, ::2, 0]
-    ends = np.stack([path.at(s, 0)[0] for s in path.starts[1::2, 0]], axis=1)
+    starts, ends = path.points[1, ::2, 0], _ends_of_runs(thread)[1]
     gains = [loads.gains.get(roller.name) for roller in thread.rollers]
-    level, known = loads.exit - loads.weight * ends[1, -1], list[float]()
+    level, known = loads.exit - loads.weight * ends[-1], list[float]()
     if loads.entry is not None:  # tensions less weight times height, up to the first drive
         first = gains.index(None) if None in gains else n
         gained = np.cumsum([0.0, *gains[:first]])
-        known = list(loads.entry - loads.weight * starts[1, 0] + gained)
+        known = list(loads.entry - loads.weight * starts[0] + gained)
+    levels = np.zeros(n + 1)
     for k in reversed(range(n + 1)):
-        if k < n and gains[k] is not None:
-            level -= gains[k]
+        if k < n and (gain := gains[k]) is not None:
+            level -= gain
         elif k < len(known):
             level = known[k]
-        pull = level + loads.weight * ends[1, k]
-        if pull > 0.0:
-            run = starts[:, k], ends[:, k]
-            found[k] = supported_catenary(*run, loads.weight, pull, thread.supports)
-            layer = thread.layer * np.sqrt(thread.tension / pull)
-            found[k, 0] = max(0.0, found[k, 0] - _rounded_off(thread, layer, k, *found[k, 1:]))
+        levels[k] = level
+    return levels + loads.weight * ends
+
+
+def _ends_of_runs(thread: Thread) -> Array:
+    """Where runs end (m), (2, rollers + 1)."""
+    path = thread.middle
+    return np.stack([path.at(s, 0)[0] for s in path.starts[1::2, 0]], axis=1)
+
+
+def hanging_runs(thread: Thread, loads: Loads) -> Array:
+    """Lengths of the runs beyond their chords (m) and their angles to these, (rollers + 1, 3)."""
+    starts, found = thread.middle.points[:, ::2, 0], np.zeros((len(thread.rollers) + 1, 3))
+    if loads.weight <= 0.0:
+        return found
+    ends, pulls = _ends_of_runs(thread), pulls_of_runs(thread, loads)
+    for k in np.flatnonzero(pulls > 0.0).tolist():
+        run = starts[:, k], ends[:, k]
+        found[k] = supported_catenary(*run, loads.weight, pulls[k], thread.supports)
+        layer = thread.layer * np.sqrt(thread.tension / pulls[k])
+        found[k, 0] = max(0.0, found[k, 0] - _rounded_off(thread, layer, k, *found[k, 1:]))
     return found
+
+
+def taken_up(thread: Thread, loads: Loads, runs: Array) -> Array:
+    """Strip that runs of given lengths (m) take up by hanging and stretching, (rollers + 1,).
+
+    More tension than that of the threaded strip stretches what they hold.
+    """
+    more = pulls_of_runs(thread, loads) - thread.tension
+    return hanging_runs(thread, loads)[:, 0] - runs * more / loads.stiffness
 
 
 def _rounded_off(thread: Thread, layer: float, run: int, first: float, last: float) -> float:
@@ -637,32 +662,45 @@ def _rounded_off(thread: Thread, layer: float, run: int, first: float, last: flo
     return lost
 
 
-FOLLOWED_SAG = 0.01
-"""Strip that runs take up by hanging, or give off where they are heated, over the boundary layer
-√(D/T), from which labels follow: as much as the finest elements are long, so that less hardly
-matters to the mesh."""
+FOLLOWED_DRIFT = 0.25
+"""Way of labels over their rollers, over the boundary layer √(D/T), from which on they follow: as
+much as the finest elements are long, so that less hardly matters to the mesh."""
+
+FOLLOWED_LINE_DRIFT = 0.01
+"""The same over a line of contact, whose force P drives a node that is δ away along by P² δ/D: of
+thirty hearth rolls that bear the weight of the strip the tension was off by 1 %."""
 
 HEAT_PIECES = 1000
 """Pieces of the way over which it is summed up by how much heat lengthens the strip."""
 
 
-def follows_weight(scene: SceneSpec, thread: Thread) -> bool:
-    """Return whether labels of a fed strip stay on their rollers where its runs hang through."""
-    loads = zip(scene.stages, loads_in_stages(scene), strict=True)
-    passes = open_stages(scene)
-    runs = [hanging_runs(thread, load)[:, 0].sum() for stage, load in loads if stage in passes]
-    return max(runs, default=0.0) > FOLLOWED_SAG * boundary_layer(scene)
+def follows(scene: SceneSpec, thread: Thread) -> bool:
+    """Return whether labels of a fed strip follow their rollers or stay on them.
 
-
-def follows_heat(scene: SceneSpec, thread: Thread) -> bool:
-    """Return whether labels of a fed strip stay in their places where heat lengthens it."""
-    places = np.linspace(0.0, thread.length, 1 + HEAT_PIECES)
-    drift = 0.0
-    for stage in open_stages(scene):
+    They follow rollers that move, and stay where weight, tension or heat lengthens the strip.
+    """
+    if follows_rollers(scene):
+        return True
+    places, drift, passes = np.linspace(0.0, thread.length, HEAT_PIECES), 0.0, open_stages(scene)
+    for stage, loads in zip(scene.stages, loads_in_stages(scene), strict=True):
+        if stage not in passes:
+            continue
+        ways = taken_up(thread, loads, lengths_of_runs(thread)).cumsum()
         if (given := stage.strip.temperature) is not None:
-            means = thermal_growth(scene, given, places[1:] - 0.5 * places[1])
-            drift = max(drift, places[1] * float(np.abs(means.cumsum()).max()))
-    return drift > FOLLOWED_SAG * boundary_layer(scene)
+            heat = thermal_growth(scene, given, places).cumsum() * places[1]
+            ways = np.append(ways, heat)
+        drift = max(drift, float(np.abs(ways).max()))
+    layer, turns = boundary_layer(scene), thread.middle.arcs.turn[:, 0]
+    arcs = [r.radius * abs(float(turn)) for r, turn in zip(thread.rollers, turns, strict=True)]
+    line = min(arcs, default=np.inf) < layer
+    return drift > (FOLLOWED_LINE_DRIFT if line else FOLLOWED_DRIFT) * layer
+
+
+def lengths_of_runs(thread: Thread) -> Array:
+    """Lengths of the path (m) between the middles of its arcs, and from and to its ends."""
+    arcs = thread.middle.arcs
+    middles = 0.5 * (arcs.start[:, 0] + arcs.end[:, 0])
+    return np.diff([0.0, *middles, float(thread.middle.length[0])])
 
 
 def lines_of_nodes(

@@ -45,7 +45,6 @@ from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, I_UNIT, THREADING, FieldSpec, NaturalShape
 from anmstrip.simulation.defaults import (
     distributed_load,
-    follows_rollers,
     largest_eigenstrain,
     largest_force,
     line_speed,
@@ -60,8 +59,7 @@ from anmstrip.simulation.meshing import (
     cells_across,
     contact_parts,
     deepest_bearing,
-    follows_heat,
-    follows_weight,
+    follows,
     label_at,
     loads_in_stages,
     mesh_density,
@@ -326,11 +324,10 @@ class Assembly:
 
     @cached_property
     def growth(self) -> Growth | None:
-        """The strip that runs take up, where labels follow rollers, weight or heat."""
+        """The strip that runs take up, where labels follow rollers, or stay on them."""
         if self.thread is None:
             return None
-        given = self.scene, self.thread
-        if not (follows_rollers(self.scene) or follows_weight(*given) or follows_heat(*given)):
+        if not follows(self.scene, self.thread):
             return None
         from anmstrip.simulation.growth import Growth
 
@@ -347,12 +344,12 @@ class Assembly:
     def hanging(self, plan: StageProblem) -> Hanging | None:
         """The labels that follow strip hanging between its rollers at the end of a stage."""
         controls, loads = plan.controls.at(1.0), self.loads.get(plan.name)
-        if self.growth is None or loads is None or not loads.weight > 0.0:
+        if self.growth is None or loads is None:
             return None
         from anmstrip.simulation.growth import Hanging
 
         centres = {r.name: controls[f"rollers.{r.name}.centre"] for r in self.rollers}
-        size = float(np.linalg.norm(controls["gravity"]))
+        size = float(np.linalg.norm(controls.get("gravity", 0.0)))
         strip = self.strip
         return Hanging(self.growth, centres, loads, size, strip.thickness, strip.width)
 
