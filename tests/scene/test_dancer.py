@@ -152,7 +152,7 @@ def test_shapes_hold_what_the_way_grows_by() -> None:
     for first, last in growth.thread.arcs.values():
         assert growth.at(np.linspace(first, last, 9), held) == pytest.approx(1.0, abs=1e-12)
     centres["dancer"] = centres["dancer"] + np.array([0.0, 0.0, 50.0])
-    assert growth.held(centres, held) is held
+    assert np.array_equal(growth.held(centres, held), held)
 
 
 def test_a_span_that_has_grown_wrinkles_as_one_of_its_length() -> None:

@@ -666,9 +666,11 @@ FOLLOWED_DRIFT = 0.25
 """Way of labels over their rollers, over the boundary layer √(D/T), from which on they follow: as
 much as the finest elements are long, so that less hardly matters to the mesh."""
 
-FOLLOWED_LINE_DRIFT = 0.01
-"""The same over a line of contact, whose force P drives a node that is δ away along by P² δ/D: of
-thirty hearth rolls that bear the weight of the strip the tension was off by 1 %."""
+FOLLOWED_PULL = 1e-4
+"""Share of the tension from which on labels follow, that drift over lines of contact changes it by.
+
+One at δ beside the top of a roller of radius r bears its force P aslant, by P δ/r: on thirty hearth
+rolls the tension was off by 1 %."""
 
 HEAT_PIECES = 1000
 """Pieces of the way over which it is summed up by how much heat lengthens the strip."""
@@ -681,19 +683,22 @@ def follows(scene: SceneSpec, thread: Thread) -> bool:
     """
     if follows_rollers(scene):
         return True
-    places, drift, passes = np.linspace(0.0, thread.length, HEAT_PIECES), 0.0, open_stages(scene)
+    places, passes = np.linspace(0.0, thread.length, HEAT_PIECES), open_stages(scene)
+    layer, turns = boundary_layer(scene), np.abs(thread.middle.arcs.turn[:, 0])
+    radii = np.array([roller.radius for roller in thread.rollers])
     for stage, loads in zip(scene.stages, loads_in_stages(scene), strict=True):
         if stage not in passes:
             continue
-        ways = taken_up(thread, loads, lengths_of_runs(thread)).cumsum()
+        drifts = taken_up(thread, loads, lengths_of_runs(thread)).cumsum()
+        angles = np.abs(hanging_runs(thread, loads)[:, 1:])
+        forces = np.where(turns * radii < layer, turns + angles[1:, 0] + angles[:-1, 1], 0.0)
         if (given := stage.strip.temperature) is not None:
             heat = thermal_growth(scene, given, places).cumsum() * places[1]
-            ways = np.append(ways, heat)
-        drift = max(drift, float(np.abs(ways).max()))
-    layer, turns = boundary_layer(scene), thread.middle.arcs.turn[:, 0]
-    arcs = [r.radius * abs(float(turn)) for r, turn in zip(thread.rollers, turns, strict=True)]
-    line = min(arcs, default=np.inf) < layer
-    return drift > (FOLLOWED_LINE_DRIFT if line else FOLLOWED_DRIFT) * layer
+            drifts = np.append(drifts, heat)
+        drift = float(np.abs(drifts).max())
+        if drift > FOLLOWED_DRIFT * layer or drift * np.sum(forces / radii) > FOLLOWED_PULL:
+            return True
+    return False
 
 
 def lengths_of_runs(thread: Thread) -> Array:
