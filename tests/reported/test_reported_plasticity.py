@@ -210,6 +210,21 @@ def test_power_is_what_the_tensions_do():
     assert column == pytest.approx(told, rel=0.01)  # at nodes, between which its peak lies
 
 
+def test_power_of_a_drawn_section_is_what_its_ends_do():
+    """T v: all of it flows, though its fibres flow by 1 − ν² of what the section lengthens."""
+    tables = {
+        "strip": {
+            "kinematics": "section", "length": 1.0, "width": 2.0, "thickness": 1e-3, "cells": (4, 1)
+        },
+        "material": {"young": 2e11, "poisson": 0.3, "yield_stress": 3e8, "plasticity": {}},
+        "edges": {name: {"fixed": ("x", "z")} for name in ("entry", "exit")},
+        "stages": [{"name": "draw", "duration": 2.0, "exit": {"velocity": (0.02, 0.0, 0.0)}}],
+    }  # fmt: skip
+    *_, last = Scene.from_tables(tables, "drawn.toml").run()
+    told = last.state.along("yield_power")
+    assert told == pytest.approx(2.0 * last.state.tension("exit") * 0.02, rel=2e-3)
+
+
 def ends_of(state):
     """Unknowns of position of both ends."""
     strip = state.plan.model.strip

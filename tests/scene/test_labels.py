@@ -161,3 +161,18 @@ def test_strip_between_two_held_ends_is_stretched(change: Any, loads: Any) -> No
     assert run.state is not None
     assert run.state.tension("exit") == pytest.approx(held_tension(*loads), abs=200.0)
     assert run.facts()["feed"]["taken_up"] == 0.0
+
+
+@pytest.mark.parametrize("steady", [True, False])
+def test_line_rests_where_nothing_rubs(steady: bool) -> None:
+    """A stage without friction is independent of time: the line does not walk off meanwhile."""
+    speed = {"strip": {"speed": 2.0}} if steady else {"entry": {"speed": 2.0}, "duration": 0.5}
+    runs = {"steady": steady, "rollers": {"r1": {"surface_speed": 2.0}}} | speed
+    edges = {"entry": {"fixed": ("x", "z")}}
+    stages = [{"name": "run"} | runs, {"name": "pause", "friction": False}]
+    run = done(HELD | {"edges": edges, "stages": stages})
+    assert run.state is not None and run.cost.expansions < 40
+    way = np.stack([run.state.along(name) for name in "xz"])
+    assert way[:, 0] == pytest.approx([-2.0, -1.0], abs=1e-6)
+    assert way[:, -1] == pytest.approx([2.0, -1.0], abs=2e-3)
+    assert run.state.tension("entry") == pytest.approx(2e4, rel=1e-4)

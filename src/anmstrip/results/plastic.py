@@ -150,13 +150,18 @@ class YieldedStrip:
 
     @cached_property
     def power(self) -> Array:
-        """Power of the flow per area, ∫σ ε_p' dζ (W/m²)."""
+        """Power of the flow per area, ∫σ ε_p' dζ (W/m²).
+
+        The middle surface of a section flows by the mean of ε_p' over the share of ε_x in E' ε.
+        """
         if not self.effect.operator.flows:
             return np.zeros_like(self.x)
         rates = self.flow.rates(self.stress, self.internal, self.effect.share(self.state.controls))
         speed = 1.0 if self.effect.rate_dependent else self.state.strip_speed
-        work = self.stress * rates[: len(self.stress)]
-        return np.asarray(np.einsum("l,klp->p", self.effect.layers.weights, work) * speed)
+        work, weights = self.stress * rates[: len(self.stress)], self.effect.layers.weights
+        more = self.force[0] * (weights @ rates[0]) / weights.sum()
+        found = np.einsum("l,klp->p", weights, work) + more * (1.0 / self.effect.contracting - 1.0)
+        return np.asarray(found * speed)
 
     @cached_property
     def stations(self) -> tuple[Array, Index]:

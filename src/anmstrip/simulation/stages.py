@@ -446,10 +446,13 @@ class Course:
         return np.asarray(along / np.linalg.norm(along))
 
     def _label_speeds(self, stage: StageSpec, name: str) -> tuple[Array, Array]:
-        """The same of the labels there: of a fed strip those that material passes stay."""
+        """The same of the labels there: of a fed strip those that material passes stay.
+
+        Also where nothing rubs, which is independent of time: the line rests meanwhile.
+        """
         before, after = self._speeds(stage, name)
         edge, direction, held = self.passing(stage)
-        if not (self.fed(stage) and held and edge == name):
+        if not (self.assembly.scene.strip.feed and held and edge == name):
             return before, after
         both = np.stack([before, after])
         across = both - np.outer(both @ direction, direction)
