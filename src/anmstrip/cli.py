@@ -285,7 +285,8 @@ def run_command(
             click.echo(f"Next: {afresh}{'' if loaded.repeated else ' --resume'}")
             sys.exit(EXIT_STOPPED)
     click.echo(running.message)
-    click.echo(report(running, told))
+    if words := report(running, told):
+        click.echo(words)
     if not no_report:
         from anmstrip.pictures.report import write_report
 

@@ -468,3 +468,31 @@ def test_slack_strip_that_does_not_bend_is_told_to_bend() -> None:
     run = Run(Scene.from_tables(tables, "loop.toml", ["strip.bending=true"]))
     list(run)
     assert run.outcome.done
+
+
+def test_strip_that_has_not_come_to_rest_has_no_readings(tmp_path: Path) -> None:
+    """As it is laid, a roller may press it by 1e46 N: nothing of that is a result."""
+    scene = Scene.load("examples/line.toml", ["solver.max_tangents=1"])
+    run = Run(scene, tmp_path)
+    for _ in run:
+        pass
+    assert not run.outcome.done and run.steps == 0 and run.state is not None
+    assert report(run) == ""
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["rollers"] == {} and summary["edges"] == {}
+
+
+@pytest.mark.parametrize("force", [10.0, -10.0])
+def test_strip_that_turns_about_its_only_support_is_no_column(force: float, tmp_path: Path) -> None:
+    """Pulled, it hangs from its hinge; pressed, it stands on it: told, whatever it bears."""
+    tables = {
+        "strip": {"kinematics": "section", "length": 1.0, "width": 0.5, "thickness": 1e-3},
+        "material": {"young": 2.1e11, "poisson": 0.3},
+        "edges": {"entry": {"fixed": ("x", "z")}},
+        "stages": [{"exit": {"force": (force, 0.0, 0.0)}}],
+    }
+    run = Run(Scene.from_tables(tables, "hinge.toml"), tmp_path)
+    for _ in run:
+        pass
+    assert run.outcome.done, run.message
+    assert any("it turns freely" in words for words in run.warnings) == (force < 0.0)

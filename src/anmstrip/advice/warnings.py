@@ -321,6 +321,7 @@ def unresolved_waves(state: State, scene: SceneSpec) -> Iterator[str]:
 def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
     """Free spans of a section that are pressed by more than they bear if their ends are clamped.
 
+    Strip that turns freely about one end and is free at the other bears nothing.
     Nothing bends a straight strip on its path beyond the load at which it buckles; what is proposed
     is a curvature 0.8 t/L², by which a span is a tenth of its thickness high: with one thickness it
     bears a third less where it has not buckled far, and with some hundredths it may come to a
@@ -332,9 +333,18 @@ def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
     begin, end = strip.span
     arcs = sorted(contact.arc for contact in state.contacts.values() if contact.touching.any())
     places, forces = quadrature_points(strip)[0], state.membrane_forces[0, 0]
+    held = {name for name, edge in scene.edges.items() if "z" in edge.fixed}
+    loose = [name for name in ENDS if name not in held]
+    turns = loose and not arcs and scene.threading is None
     for (_, start), (stop, _) in pairwise([(begin, begin), *arcs, (end, end)]):
         within = (start <= places) & (places <= stop)
         pressed = -float(forces[within].mean()) if within.any() else 0.0
+        if turns and pressed * (stop - start) ** 2 > SLACK_END * strip.bending_stiffness:
+            yield (
+                f"the strip is pressed by {pressed:.3g} N/m, and nothing holds its "
+                f"{' and '.join(loose)} across: it turns freely, and this state is not stable."
+            )
+            continue
         if pressed * (stop - start) ** 2 <= 4.0 * np.pi**2 * strip.bending_stiffness:
             continue
         curved = 0.8 * given.thickness / (stop - start) ** 2

@@ -406,7 +406,7 @@ def report(run: Run, told: Collection[str] = ()) -> str:
     Warnings that were told before are left out.
     """
     parts: list[str | Table] = []
-    if (state := run.state) is not None:
+    if (state := run.reported) is not None:
         if state.rollers:
             parts.append(roller_table(state))
         parts += bend_table(state)

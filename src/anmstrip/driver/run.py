@@ -463,7 +463,8 @@ class Run:
             wrinkling = Wrinkling(state) if self.assembly.kinematics is SHELL else None
             self.warnings = self._warnings(state, wrinkling)
             facts |= self._readings(state, wrinkling)
-        self.recorder.summary(facts | {"errors": self.errors(), "warnings": self.warnings}, state)
+        facts |= {"errors": self.errors(), "warnings": self.warnings}
+        self.recorder.summary(facts, self.reported)
 
     def _warnings(self, state: State, wrinkling: Wrinkling | None) -> list[str]:
         """Return what the scene, its last state and the errors of that give cause for.
@@ -503,7 +504,7 @@ class Run:
                 f"{half if there < np.inf else ''}. To see where wrinkles come, begin where it is "
                 "smooth, as under more tension"
             ]
-        more = f" By its modes on this mesh it bears {borne:.2g} times as much."
+        more = f" Its modes on this mesh bear {borne:.2g} times this compression."
         return [
             *told,
             *(words + more * (1.0 < borne < np.inf) for words in wrinkling.warnings),
@@ -528,6 +529,12 @@ class Run:
             facts |= {"wrinkle_amplitude": height, "wrinkle_spacing": spacing}
             facts |= {"compressive_membrane_force": wrinkling.compression, **self.flatness}
         return facts
+
+    @property
+    def reported(self) -> State | None:
+        """The last state; none of a strip that has been laid, but has not come to rest."""
+        laid = self.steps == 0 and self.scene.threading is not None
+        return None if laid else self.state
 
     def errors(self) -> dict[str, Part | None]:
         """Return the estimated errors of the last state of a run that is written.
