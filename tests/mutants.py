@@ -56,6 +56,48 @@ class Mutant:
 
 STATE = (
     Mutant(
+        "runs take strip up between two held ends",
+        "if not set(ENDS) <= held]",
+        "]",
+        "summary",
+        "test_labels.py",
+    ),
+    Mutant(
+        "labels of warm strip drift",
+        "np.asarray(before / after - 1.0)",
+        "0.0 * np.asarray(before / after - 1.0)",
+        "summary",
+        "test_labels.py",
+    ),
+    Mutant(
+        "labels of stretched strip drift",
+        "runs * more / loads.stiffness",
+        "0.0 * runs * more / loads.stiffness",
+        "summary",
+        "test_labels.py",
+    ),
+    Mutant(
+        "runs of stiff strip hang like strings",
+        "lost += 0.75 * layer",
+        "lost += 0.0 * layer",
+        "summary",
+        "test_labels.py",
+    ),
+    Mutant(
+        "a fed line walks off where nothing rubs",
+        "if not (self.assembly.scene.strip.feed and held and edge == name):",
+        "if not (self.fed(stage) and held and edge == name):",
+        "summary",
+        "test_labels.py",
+    ),
+    Mutant(
+        "readings of strip that is only laid",
+        "return None if laid else self.state",
+        "return self.state",
+        "summary",
+        "test_diagnosis.py",
+    ),
+    Mutant(
         "runs give off what they take up",
         'fed["taken_up"] = float(',
         'fed["taken_up"] = -float(',
@@ -872,8 +914,10 @@ YIELD = (
            "VON_MISES[len(self.strain)]", "plasticity"),
     Mutant("what flows throughout is elastic", "turns, 1.0, np.minimum(",
            "turns, 1.0, np.maximum(", "plasticity"),
-    Mutant("power of half of the stress", '"l,klp->p", self.effect.layers.weights, work)',
-           '"l,klp->p", 0.5 * self.effect.layers.weights, work)', "plasticity"),
+    Mutant("power of half of the stress", '"l,klp->p", weights, work)',
+           '"l,klp->p", 0.5 * weights, work)', "plasticity"),
+    Mutant("power of the middle as that of its fibres", "(1.0 / self.effect.contracting - 1.0)",
+           "(1.0 - self.effect.contracting) * 0.0", "plasticity"),
 )  # fmt: skip
 
 MUTANTS = (

@@ -50,7 +50,7 @@ class FakeRun:
     message: str = "Reached the end."
     warnings: tuple[str, ...] = ("The strip is compressed.",)
     forewarned: tuple[str, ...] = ()
-    state: None = None
+    reported: None = None
     saved: list[bool] = field(default_factory=list)
 
     @property

@@ -335,7 +335,7 @@ def test_compressed_spans_are_warned_of(thin: Results, shell: Results) -> None:
             expected.append((words, pytest.approx(bearable * pressed / mean, rel=0.02)))
     assert len(expected) == 2
     lines = [line for line in thin.summary["warnings"] if line.startswith(wrinkles)]
-    parts = [line.partition(" N/m. By its modes")[0].partition(" above ") for line in lines]
+    parts = [line.partition(" N/m. Its modes")[0].partition(" above about ") for line in lines]
     assert [(words, float(limit)) for words, _, limit in parts] == expected
 
 
