@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
+from anmstrip.driver.stationary import OperatingMap
 from anmstrip.mechanics.string_path import catenary
 
 HEARTH: dict[str, Any] = {
@@ -99,6 +100,19 @@ def test_film_stays_on_its_rollers_as_it_is_stretched() -> None:
     told = run.facts()["feed"]["taken_up"]
     strain = 300.0 / (4e9 * 5e-5)
     assert told == pytest.approx(-strain * _path_length(run), rel=0.05)
+
+
+def test_labels_stay_along_a_map() -> None:
+    """Where the last control of a map pulls, as at the end of the scene: back to 100 N/m."""
+    scene = Scene.from_tables(film(400.0), "line.toml")
+    found = OperatingMap(scene, ["exit.tension=400:100:4"])
+    for _ in found:
+        pass
+    state = found.run.state
+    assert found.done and state is not None, found.message
+    assert found.run.cost.expansions < 40
+    last = found.curves[0].pieces[-1].plan.controls.at(1.0)
+    assert np.abs(last["strip.held"]).max() < 2e-4  # by the bearings; of 400 N/m 5e-3
 
 
 def _path_length(run: Run) -> float:

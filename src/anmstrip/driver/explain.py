@@ -91,8 +91,8 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
         yield f"No edge is held in y: friction{shape or ' alone keeps'} the strip on its rollers."
     if assembly.growth is not None:
         yield (
-            "The mesh follows rollers that move, and stays on them where strip hangs through or is "
-            "heated: the runs between them take strip up, or give it off."
+            "The mesh follows rollers that move, and stays on them where loads or heat lengthen "
+            "the strip: the runs between them take strip up, or give it off."
         )
     yield effect_table(preview)
     if (bent := scene.strip.imperfection) is not None:

@@ -17,7 +17,7 @@ from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.string_path import NoTangentError, NotTouchedError, supported_catenary
 from anmstrip.scene.checks import PARALLEL_COSINE
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.scene.tables import RollerControl
+from anmstrip.scene.tables import RollerControl, StageSpec
 from anmstrip.simulation.defaults import (
     bending_stiffness,
     boundary_layer,
@@ -570,14 +570,17 @@ class Loads:
     gains: dict[str, float]
 
 
-def loads_in_stages(scene: SceneSpec) -> Iterator[Loads]:
-    """Yield the loads at the end of each stage of a threaded strip, as far as they are given."""
+def loads_in_stages(scene: SceneSpec, *after: StageSpec) -> Iterator[Loads]:
+    """Yield the loads at the end of each stage of a threaded strip, as far as they are given.
+
+    Also of stages after those of the scene, as of a map.
+    """
     assert scene.threading is not None and scene.strip.width is not None
     pulls: dict[str, float | None] = {"exit": scene.threading.tension, "entry": None}
     mass = (scene.material.density or 0.0) * scene.strip.thickness
     stiffness = scene.material.young * scene.strip.thickness
     weight, torques = 0.0, dict[str, float]()
-    for stage in scene.stages:
+    for stage in (*scene.stages, *after):
         if stage.gravity is not None:
             weight = -mass * stage.gravity[2]
         for name, control in stage.edges.items():
@@ -619,7 +622,7 @@ def pulls_of_runs(thread: Thread, loads: Loads) -> Array:
 
 
 def _ends_of_runs(thread: Thread) -> Array:
-    """Where runs end (m), (2, rollers + 1)."""
+    """Points (m) at which runs end, (2, rollers + 1)."""
     path = thread.middle
     return np.stack([path.at(s, 0)[0] for s in path.starts[1::2, 0]], axis=1)
 

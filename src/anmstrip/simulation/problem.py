@@ -341,6 +341,14 @@ class Assembly:
         names = (stage.name for stage in self.scene.stages)
         return dict(zip(names, loads_in_stages(self.scene), strict=True))
 
+    def loads_of(self, stage: StageSpec) -> Loads | None:
+        """What a threaded strip is pulled with at the end of a stage, as of one of a map."""
+        if self.scene.threading is None or stage.name == THREADING:
+            return None
+        if (known := self.loads.get(stage.name)) is None:
+            *_, known = loads_in_stages(self.scene, stage)
+        return known
+
     def hanging(self, plan: StageProblem) -> Hanging | None:
         """The labels that follow strip hanging between its rollers at the end of a stage."""
         controls, loads = plan.controls.at(1.0), self.loads.get(plan.name)

@@ -406,7 +406,7 @@ class Course:
         held = (self._holds_along(name, self._held().get(name, ())) for name in ENDS)
         if (growth := self.assembly.growth) is not None and not all(held):
             centres = {r.name: end[f"rollers.{r.name}.centre"] for r in growth.thread.rollers}
-            given = self.assembly.loads.get(stage.name), stage.strip.temperature
+            given = self.assembly.loads_of(stage), stage.strip.temperature
             end["strip.held"] = growth.held(centres, start["strip.held"], *given)
         return end
 
