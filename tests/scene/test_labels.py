@@ -14,6 +14,7 @@ from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.stationary import OperatingMap
 from anmstrip.mechanics.string_path import catenary
+from anmstrip.simulation.problem import Assembly
 
 HEARTH: dict[str, Any] = {
     "strip": {"kinematics": "section", "width": 1.25, "thickness": 1.2e-3},
@@ -65,6 +66,18 @@ def test_strip_on_hearth_rolls_keeps_its_tension(heat: tuple[str, ...]) -> None:
     carried = sum(roller.normal_force for roller in state.rollers.values())
     ends = state.edge_force("entry")[2] + state.edge_force("exit")[2]
     assert carried + ends == pytest.approx(weight, rel=1e-3)
+
+
+def test_uneven_strip_may_touch_its_rollers_along_lines() -> None:
+    """Nothing differs along an arc that has no length: the contact of a shell sets in as usual."""
+    shell = {**HEARTH["strip"], "kinematics": "shell", "cells": (30, 2)}
+    warm = "stages.run.strip.temperature={ across = [0.0, 0.0, 40.0] }"
+    given = HEARTH | {"strip": shell}
+    onsets = [
+        Assembly(Scene.from_tables(given, "line.toml", settings)).signorini.width
+        for settings in ((), (warm,))
+    ]
+    assert onsets[0] == pytest.approx(onsets[1], rel=1e-12)
 
 
 def film(tension: float) -> dict[str, Any]:

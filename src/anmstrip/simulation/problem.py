@@ -703,12 +703,13 @@ class Assembly:
     def _spread(self) -> float:
         """Width over the longest arc of uneven strip on cylinders, at least 1.
 
-        What differs between fibres on a short arc spreads along over a width.
+        What differs between fibres on a short arc spreads along over a width; on strip that touches
+        its rollers along lines nothing does.
         """
         if self.thread is None or any(map(varies_across, self.scene.rollers)):
             return 1.0
         longest = max((end - start for start, end in self.thread.arcs.values()), default=np.inf)
-        return max(1.0, self.strip.width / longest)
+        return max(1.0, self.strip.width / longest) if longest > 0.0 else np.inf
 
     def _contact(self, reaches: list[float]) -> Contact | None:
         """Contact of every point with every roller, up to the given gaps."""
