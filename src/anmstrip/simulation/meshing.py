@@ -684,9 +684,12 @@ def follows(scene: SceneSpec, thread: Thread) -> bool:
 
     They follow rollers that move, and stay where weight, tension or heat lengthens the strip.
     """
+    passes = open_stages(scene)
+    if not passes:
+        return False
     if follows_rollers(scene):
         return True
-    places, passes = np.linspace(0.0, thread.length, HEAT_PIECES), open_stages(scene)
+    places = np.linspace(0.0, thread.length, HEAT_PIECES)
     layer, turns = boundary_layer(scene), np.abs(thread.middle.arcs.turn[:, 0])
     radii = np.array([roller.radius for roller in thread.rollers])
     for stage, loads in zip(scene.stages, loads_in_stages(scene), strict=True):
