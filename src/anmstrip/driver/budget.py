@@ -223,7 +223,7 @@ class Budget:
 
     @property
     def shorter(self) -> str:
-        """What makes elements half as long."""
+        """Settings that make elements half as long."""
         if self.assembly.scene.strip.mesh is not None:
             return "Try shorter elements"
         return f"Try --set strip.finer={2.0 * mesh_density(self.assembly.scene):g}"

@@ -212,7 +212,7 @@ class SceneSpec(Table):
 
     @property
     def shapes(self) -> tuple[NaturalShape, ...]:
-        """What the strip would be like unstressed: from the beginning, and by stages."""
+        """Shapes of the strip unstressed: from the beginning, and by stages."""
         return (self.strip, *(stage.strip for stage in self.stages))
 
     def as_typed(self, control: str) -> str:

@@ -342,7 +342,7 @@ class Assembly:
         return dict(zip(names, loads_in_stages(self.scene), strict=True))
 
     def loads_of(self, stage: StageSpec) -> Loads | None:
-        """What a threaded strip is pulled with at the end of a stage, as of one of a map."""
+        """Loads of a threaded strip at the end of a stage, also of one of a map."""
         if self.scene.threading is None or stage.name == THREADING:
             return None
         if (known := self.loads.get(stage.name)) is None:
