@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
+from test_hanging import done
 
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
@@ -39,14 +40,6 @@ HEARTH: dict[str, Any] = {
 }  # fmt: skip
 
 HOT = "stages.run.strip.temperature={ across = [700.0], along = [[0.0, 0.0], [8.0, 1.0]] }"
-
-
-def done(tables: dict[str, Any], *settings: str) -> Run:
-    run = Run(Scene.from_tables(tables, "line.toml", settings))
-    for _ in run:
-        pass
-    assert run.outcome.done, run.message
-    return run
 
 
 @pytest.mark.parametrize("heat", [(), (HOT,)], ids=["cold", "hot"])

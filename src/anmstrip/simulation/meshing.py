@@ -670,13 +670,13 @@ FOLLOWED_DRIFT = 0.25
 much as the finest elements are long, so that less hardly matters to the mesh."""
 
 FOLLOWED_PULL = 1e-4
-"""Share of the tension from which on labels follow, that drift over lines of contact changes it by.
+"""Change of tension by drift over lines of contact, over the tension, from which on labels follow.
 
 One at δ beside the top of a roller of radius r bears its force P aslant, by P δ/r: on thirty hearth
 rolls the tension was off by 1 %."""
 
-HEAT_PIECES = 1000
-"""Pieces of the way over which it is summed up by how much heat lengthens the strip."""
+HEAT_PLACES = 1000
+"""Places along the way at which it is summed up by how much heat lengthens the strip."""
 
 
 def follows(scene: SceneSpec, thread: Thread) -> bool:
@@ -689,7 +689,7 @@ def follows(scene: SceneSpec, thread: Thread) -> bool:
         return False
     if follows_rollers(scene):
         return True
-    places = np.linspace(0.0, thread.length, HEAT_PIECES)
+    places = np.linspace(0.0, thread.length, HEAT_PLACES)
     layer, turns = boundary_layer(scene), np.abs(thread.middle.arcs.turn[:, 0])
     radii = np.array([roller.radius for roller in thread.rollers])
     for stage, loads in zip(scene.stages, loads_in_stages(scene), strict=True):
