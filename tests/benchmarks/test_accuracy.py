@@ -136,6 +136,7 @@ def test_series_follow_sharper_friction_for_little_more() -> None:
     assert sharp[1] < 1.5 * blunt[1]
 
 
+@pytest.mark.slow
 def test_a_strip_follows_sharper_friction_in_a_straight_line() -> None:
     """A decade of ω costs about as many tangents as the one before, and never a multiple."""
     strip = friction.Strip(0.2)

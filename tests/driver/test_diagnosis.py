@@ -422,6 +422,7 @@ def test_a_run_stops_where_strip_is_stretched_to_twice_its_length() -> None:
     assert run.state is last.state
 
 
+@pytest.mark.slow
 def test_a_run_stops_where_strip_has_run_away() -> None:
     """An idle roller is lifted off the strip; what is left of the wrap does not hold 6 kN/m.
 

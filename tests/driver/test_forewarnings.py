@@ -479,6 +479,7 @@ def test_a_roller_that_is_moved_across_is_seen_by_a_shell_alone() -> None:
     assert list(against_section(preview_of(tables))) == ["stage run moves a across the strip"]
 
 
+@pytest.mark.slow
 def test_a_patch_of_long_strip_that_travels_off_is_told_before() -> None:
     """A table along of flatness belongs to the material; what is proposed keeps it in its place."""
     tables = copy.deepcopy(BRIDLE)

@@ -240,6 +240,7 @@ def test_ten_cycles_take_the_tangents_that_the_documentation_tells(kind, exponen
     assert np.mean(piece.tangents[1:]) == pytest.approx(tangents, rel=0.03)
 
 
+@pytest.mark.slow
 def test_moment_on_the_way_is_within_a_few_tolerances():
     """Also between first yield and flow, where it was wrong by 2 % at any tolerance."""
     paths = []

@@ -181,6 +181,7 @@ def test_report_of_a_study_of_which_nothing_has_ended(tmp_path: Path) -> None:
     assert (study["over"], study["found"]) == (["along", "value"], [])
 
 
+@pytest.mark.slow
 def test_a_browser_draws_a_study(swept: Path, tmp_path: Path) -> None:
     page = shown((swept / "report.html").as_uri(), tmp_path)
     assert 'data-drawn="yes"' in page  # the script came to its end
@@ -189,6 +190,7 @@ def test_a_browser_draws_a_study(swept: Path, tmp_path: Path) -> None:
     assert page.count('hidden=""') == 4  # nothing of a run
 
 
+@pytest.mark.slow
 def test_a_browser_draws_everything_of_a_run(finished: tuple[Path, str], tmp_path: Path) -> None:
     page = shown((finished[0] / "report.html").as_uri(), tmp_path)
     assert 'data-drawn="yes"' in page  # the script came to its end

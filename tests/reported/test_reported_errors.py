@@ -77,6 +77,7 @@ def strict(tmp_path_factory: pytest.TempPathFactory) -> Results:
     return run(scenes.TURNING, tmp_path_factory.mktemp("errors") / "strict", *given)
 
 
+@pytest.mark.slow
 def test_the_mesh_costs_what_a_mesh_four_times_as_fine_saves(
     strict: Results, tmp_path: Path
 ) -> None:
@@ -199,6 +200,7 @@ duration = 1.0
 """A roller that carries the strip, stops with a rise of tension, and stands."""
 
 
+@pytest.mark.slow
 def test_errors_in_time_are_carried_across_corners_of_friction(tmp_path: Path) -> None:
     """What begins to slip or to stick within a step does not make errors larger that went before:
     with resistance and tangent of different states they were told a thousand times too large."""
@@ -308,6 +310,7 @@ LAWS = {
 
 
 @pytest.mark.parametrize("name", LAWS)
+@pytest.mark.slow
 def test_the_laws_cost_what_sharper_ones_save(name: str, tmp_path: Path) -> None:
     """Five times as sharp, within a factor of 5; the mesh hides less than 3e-5 of all."""
     scene, given, keys, values = LAWS[name]
@@ -398,6 +401,7 @@ def test_an_error_of_the_path_that_is_not_found_is_not_none_at_all(
     assert idler().errors()["path"] is None
 
 
+@pytest.mark.slow
 def test_a_finer_mesh_takes_few_tangents(monkeypatch: pytest.MonkeyPatch) -> None:
     """Corners of friction stop Newton's method there; a path took 14 tangents after its 13."""
     costs: list[Cost] = []
@@ -453,6 +457,7 @@ stages = [{ name = "level", steady = true, strip.speed = 0.5 }]
 
 
 @pytest.mark.parametrize("given", [("strip.refined=2e-3", "contact.onset=1e-7"), ()])
+@pytest.mark.slow
 def test_the_part_of_the_mesh_is_found_where_contact_begins_deep(
     tmp_path: Path, given: tuple[str, ...]
 ) -> None:
@@ -566,6 +571,7 @@ def test_a_mesh_that_is_too_coarse_is_named(tmp_path: Path) -> None:
 # compression that a coarse shell makes up ---------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_wrinkles_that_begin_before_a_path_are_told(tmp_path: Path) -> None:
     """Of a strip that is threaded beyond its onset; what half the length bears is as on that mesh.
 

@@ -569,6 +569,7 @@ def test_a_shell_that_is_conveyed_yields_as_its_section_does(tmp_path, claim):
     claim(what, told[1], left[1], 0.05, "layers flowing on the same curvatures")
 
 
+@pytest.mark.slow
 def test_a_shell_that_is_conveyed_hardens_as_its_section_does():
     """Its stationary state is found from strip on, that does not flow yet."""
     flow, gained = {"reference_rate": 0.5, "layers": 5, "isotropic_hardening": 1e10}, []
@@ -651,6 +652,7 @@ def test_a_plate_does_not_yield():
 
 @pytest.mark.parametrize("hardening", ["isotropic_hardening", "kinematic_hardening"])
 @pytest.mark.parametrize("kinematics", ["section", "shell"])
+@pytest.mark.slow
 def test_strip_that_is_stretched_and_pushed_back_is_told_to_buckle(
     kinematics: str, hardening: str, tmp_path: Path
 ) -> None:

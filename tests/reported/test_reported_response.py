@@ -82,6 +82,7 @@ def test_offset_follows_a_roller_that_is_yawed_to_and_fro() -> None:
     assert (ratio[3], phase[3]) == (pytest.approx(1.0, abs=0.02), pytest.approx(0.0, abs=1.0))
 
 
+@pytest.mark.slow
 def test_command_writes_gain_and_phase(tmp_path: Path) -> None:
     """They are those of the amplitudes; names that are none are refused."""
     scene = str(EXAMPLES / "steering.toml")

@@ -12,6 +12,7 @@ from reported_files import rows_of, typed_apart
 pytest.importorskip("distributed", reason="dask is not installed")
 
 
+@pytest.mark.slow
 def test_rows_are_what_the_scenes_left(tmp_path: Path) -> None:
     """Twice the width carries twice the force under the same tension; a scene is done or not."""
     scene = tmp_path / "plate.toml"

@@ -143,6 +143,7 @@ def test_line_loads_are_those_of_the_tension_at_their_ends() -> None:
         assert load == pytest.approx(np.sqrt(stiffness * tension) / 0.5, rel=0.06)
 
 
+@pytest.mark.slow
 def test_strip_that_yields_uses_no_friction_by_its_plastic_work() -> None:
     """On a roller that turns freely tension rises by that alone; it seemed to use half of f N."""
     bend: dict[str, Any] = {

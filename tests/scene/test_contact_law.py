@@ -143,6 +143,7 @@ def test_on_short_arcs_of_cylinders_uneven_strip_has_more_of_it(fall: float, cro
     assert law.width == pytest.approx(spread * least, rel=0.01)
 
 
+@pytest.mark.slow
 def test_it_gives_the_tensions_of_a_crowned_roller_that_a_stiff_penalty_gives() -> None:
     tensions = []
     for contact in ({}, {"stiffness": 1e11, "eta": 1.0, "delta": 1e-3}):

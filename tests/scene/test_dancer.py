@@ -107,6 +107,7 @@ def test_what_is_read_along_strip_that_runs_hold() -> None:
     assert speeds[-1] == pytest.approx(SPEED - 2.0 * rate, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_labels_that_are_carried_along_come_to_the_same() -> None:
     """The same line with labels that are material, and so with all of the strip that passes."""
     stages = [

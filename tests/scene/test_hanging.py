@@ -99,6 +99,7 @@ def test_strip_that_hangs_passes_its_labels_at_its_own_speed() -> None:
     assert speeds == pytest.approx(np.ones(len(speeds)), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_line_whose_runs_hang_deeply_is_done() -> None:
     """50 m: without growth 3 236 tangents, 1.1 m of strip drawn from its end."""
     tables = copy.deepcopy(FURNACE)
@@ -127,6 +128,7 @@ def tensions(state: State, passages: Sequence[RollerPassage]) -> dict[str, float
 
 
 @pytest.mark.parametrize("key", ["gravity", "exit.force", "strip.thickness"])
+@pytest.mark.slow
 def test_sensitivities_are_those_of_lines_whose_ends_stay(
     key: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -235,6 +237,7 @@ def test_supports_slip_by_what_they_run_ahead(steady: bool) -> None:
         assert reading.torque == pytest.approx(0.2 * reading.normal_force * 0.1, rel=0.01)
 
 
+@pytest.mark.slow
 def test_sensitivities_of_strip_on_supports(monkeypatch: pytest.MonkeyPatch) -> None:
     """Differences of runs on the same labels, by the laws of the first."""
     rows, step, settings = [], 1e-4, (STRICT, "friction.speed=2e-3")
@@ -255,6 +258,7 @@ def test_sensitivities_of_strip_on_supports(monkeypatch: pytest.MonkeyPatch) -> 
         assert found[name] == pytest.approx(difference, rel=2e-3), name
 
 
+@pytest.mark.slow
 def test_a_strip_that_hangs_too_slack_is_told_its_least_tension() -> None:
     """Between rollers strip of weight q hangs under no less than the least of its catenaries.
 

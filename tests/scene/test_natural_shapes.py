@@ -235,6 +235,7 @@ def test_edges_wave_from_their_onset_on(waved: tuple[Run, Path, list[Step]]) -> 
         assert np.count_nonzero(np.diff(np.sign(z[np.abs(z) > 1e-4]))) == 3
 
 
+@pytest.mark.slow
 def test_edges_wave_as_early_where_a_force_pulls_them() -> None:
     """Strip with an imperfection, pulled from slack while its flatness comes.
 
@@ -257,6 +258,7 @@ def test_edges_wave_as_early_where_a_force_pulls_them() -> None:
 
 
 @pytest.mark.parametrize(("middle", "number", "parts"), [(1.0, 2.0, 1), (-1.0, 0.2125, 2)])
+@pytest.mark.slow
 def test_long_parts_of_the_width_bear_more_than_the_whole(
     middle: float, number: float, parts: int
 ) -> None:
@@ -381,6 +383,7 @@ def test_uneven_strip_goes_on_beyond_its_exit(held: tuple[str, ...]) -> None:
     assert np.abs(forces[1, 1][beside]).max() < 600.0
 
 
+@pytest.mark.slow
 def test_uneven_strip_that_is_let_go_goes_on_before_its_entry() -> None:
     """As the fixed entry held it: nothing presses it across, and friction carries it along."""
     tables = {

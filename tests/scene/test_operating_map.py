@@ -388,6 +388,7 @@ def test_grip_of_two_drives_is_lost_late_by_creep() -> None:
     assert "late" not in better.message
 
 
+@pytest.mark.slow
 def test_all_rows_of_a_long_map_are_in_equilibrium(sharp: Scene) -> None:
     """Beyond the grip the path takes more states than a run would follow."""
     made = sharp.map("exit.tension=17000:21000:9")
@@ -399,6 +400,7 @@ def test_all_rows_of_a_long_map_are_in_equilibrium(sharp: Scene) -> None:
         assert row["d2_tension_out"] == pytest.approx(row["exit_tension"], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_states_between_in_a_steady_stage_are_in_equilibrium(sharp: Scene) -> None:
     """They were interpolated where smoother laws led to the end of the stage."""
     tables, times = sharp.to_dict(), (2.25, 2.75, 2.9)

@@ -327,7 +327,8 @@ def test_long_march_of_an_example_ends_there(
     assert taken >= 100 * tangents(run)
 
 
-@pytest.mark.parametrize("seconds", [3.0, pytest.param(30.0, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seconds", [3.0, 30.0])
 def test_shell_is_taken_over_with_its_entry_turned(seconds: float) -> None:
     """A roller out of line turns strip that is let go; held straight, its entry buckled at once.
 

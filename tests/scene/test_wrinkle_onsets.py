@@ -244,6 +244,7 @@ def long_edges(directory: Path | None, finer: float = 1.0, tension: float = 1.6e
     return run
 
 
+@pytest.mark.slow
 def test_onset_on_elements_of_half_the_length_is_told(tmp_path: Path) -> None:
     """As a run finds it there; and its being missed on twice the length, with what to type."""
     given, finer = long_edges(tmp_path / "given"), long_edges(None, 2.0)
@@ -296,6 +297,7 @@ def test_sheet_that_wrinkles_on_no_coarse_mesh_is_told_of(tmp_path: Path) -> Non
     assert told.endswith("Try --set strip.finer=3")
 
 
+@pytest.mark.slow
 def test_onset_that_elements_of_half_the_length_put_elsewhere_is_told(tmp_path: Path) -> None:
     """At 4.3 % where 2.98 % is right; by the rate there, half the length comes too low."""
     run = clamped(tmp_path, 1.5)

@@ -51,6 +51,7 @@ def test_what_applies_to_a_scene_is_varied() -> None:
     assert smooth["mesh"] == [0.5, 1.0]
 
 
+@pytest.mark.slow
 def test_the_largest_run_is_told_beside_the_scene(tmp_path: Path) -> None:
     """By the unknowns of both strips; those of layers of the scene were counted as well."""
     scene = Scene.load(EXAMPLES / "leveller.toml")

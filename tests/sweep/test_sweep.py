@@ -208,6 +208,7 @@ def test_a_scheduler_that_is_not_there(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_on_workers(pull: Path, tmp_path: Path) -> None:
     """By the command, with dask's processes: rows are what run writes, in their order."""
     out = tmp_path / "out"

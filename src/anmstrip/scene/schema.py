@@ -574,10 +574,14 @@ def better_value(kind: str, value: Any, place: Place, data: Mapping[str, Any]) -
 def told_once(found: Iterable[Mistake]) -> list[Mistake]:
     """Return mistakes without keys that are missing because they are misspelt, as is told."""
     told = list(found)
-    misspelt = [mistake for mistake in told if mistake.expected == "a known key"]
-    meant = meant_keys(misspelt)
-    echoes = [m for m in told if m.value is None and tuple(m.key.split(".")) in meant]
-    return [mistake for mistake in told if mistake in misspelt or mistake not in echoes]
+    meant = meant_keys(told)
+    return [
+        mistake
+        for mistake in told
+        if mistake.expected == "a known key"
+        or mistake.value is not None
+        or tuple(mistake.key.split(".")) not in meant
+    ]
 
 
 def meant_keys(found: Iterable[Mistake]) -> set[tuple[str, ...]]:
