@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -91,8 +91,24 @@ def deepest_place(contact: Contact, places: Callable[[Array], Array]) -> float |
     return float(shares[j] + nearest[j, point] * (shares[j + 1] - shares[j]))
 
 
+class PointEffect(LawEffect):
+    """An effect at points of the strip, of which some may be chosen."""
+
+    @cached_property
+    def parts(self) -> dict[bytes, Self]:
+        """The latest choices of points."""
+        return {}
+
+    def restricted(self, points: Index) -> Self:
+        """The same on some of the points."""
+        return remember(self.parts, points, self._part)
+
+    def _part(self, points: Index) -> Self:
+        raise NotImplementedError
+
+
 @dataclass(frozen=True)
-class Contact(LawEffect):
+class Contact(PointEffect):
     """Normal tractions R n of rollers at points of the strip.
 
     Controls: ``rollers.NAME.centre`` (m).
@@ -117,7 +133,6 @@ class Contact(LawEffect):
     kinematics: Kinematics = SHELL
 
     name = "contact"
-    rate_dependent = False
 
     @cached_property
     def reaches(self) -> Any:
@@ -156,16 +171,7 @@ class Contact(LawEffect):
         ends = np.bincount(which, minlength=len(self.roller.members)).cumsum()[:-1]
         return np.split(np.argsort(which, kind="stable"), ends)
 
-    def restricted(self, points: Index) -> Contact:
-        """The same on some of the points."""
-        return remember(self.parts, points, self._part)
-
-    @cached_property
-    def parts(self) -> dict[bytes, Contact]:
-        """The latest choices of points."""
-        return {}
-
-    def _part(self, points: Index) -> Contact:
+    def _part(self, points: Index) -> Self:
         operator, roller = self.operator.restricted(points), self.roller.restricted(points)
         return replace(self, operator=operator, roller=roller)
 
@@ -388,7 +394,7 @@ class Neighbours:
 
 
 @dataclass(frozen=True)
-class Friction(LawEffect):
+class Friction(PointEffect):
     """Tangential tractions R_T of rollers at points of the strip.
 
     The slip has one component along the direction of turning and, in space, one along
@@ -464,16 +470,7 @@ class Friction(LawEffect):
         """The same effect on the points within reach."""
         return self.restricted(self.contact.within_reach(full, controls))
 
-    def restricted(self, points: Index) -> Friction:
-        """The same on some of the points."""
-        return remember(self.parts, points, self._part)
-
-    @cached_property
-    def parts(self) -> dict[bytes, Friction]:
-        """The latest choices of points."""
-        return {}
-
-    def _part(self, points: Index) -> Friction:
+    def _part(self, points: Index) -> Self:
         return replace(self, contact=self.contact.restricted(points))
 
     def tangents(self, place: Projection) -> Any:
@@ -498,7 +495,7 @@ class Friction(LawEffect):
 
     def sliding(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Projection, Any, Any]:
         """Return where the points are on the roller, its tangents there, and their slip."""
-        place = self.contact.seen(x, controls)
+        place = self.contact.seen(x[: self.contact.kinematics.count], controls)
         tangents = self.tangents(place)
         return place, tangents, self.slip(place, tangents, v, controls)
 

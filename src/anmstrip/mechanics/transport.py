@@ -117,12 +117,6 @@ class TurningFriction(Friction):
         own = super().slip(place, tangents, v[:-1], controls)
         return own - self.turned(place) * (v[-1] * self.roller.sense)
 
-    def sliding(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Projection, Any, Any]:
-        """Return where the points are on the roller, its tangents there, and their slip."""
-        place = self.contact.seen(x[:-1], controls)
-        tangents = self.tangents(place)
-        return place, tangents, self.slip(place, tangents, v, controls)
-
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Residual per area of the strip and of the surface, (components + 1, points)."""
         place, tangents, slip = self.sliding(x, v, controls)
@@ -340,7 +334,7 @@ class CarriedFriction(AlignedFriction):
 
     def by_labels(self, speed: Any, controls: Mapping[str, Any]) -> Any:
         """Return the speed (m/s) along labels that hold g as much strip."""
-        if self.grown is None or "strip.held" not in controls:
+        if self.grown is None:
             return speed
         return speed / (self.growth(controls) + 1.0)
 
@@ -352,8 +346,7 @@ class CarriedFriction(AlignedFriction):
 
     def further(self, controls: Mapping[str, Any]) -> Any:
         """Return ∂S/∂t (m/s) at the points of the contact, beyond that at their rollers' labels."""
-        if self.passed is None or self.drifts is None:
-            return 0.0
+        assert self.passed is not None and self.drifts is not None
         here = self._at_contact(self.passed)
         beyond = here - self.drifts[:, self.roller.seen_by(here.shape[1])]
         return _over_runs(controls["strip.taking_up"], beyond)
