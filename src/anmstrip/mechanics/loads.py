@@ -322,8 +322,7 @@ class Foundation(LawEffect):
 
     def __init__(self, strip: Strip, stiffness: float) -> None:
         self.operator, self.stiffness = ContactOperator(strip), stiffness
-        height = [component == 2 for component in strip.kinematics.components]
-        self.upwards = np.array(height, dtype=float)[:, None]
+        self.upwards = strip.kinematics.chosen[:, 2:]
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Return the residual per area, k w along z, shape (components, points)."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from anmstrip.arrays import Array
-from anmstrip.fem.geometry import dot, normal_vector, normal_work
+from anmstrip.fem.geometry import DERIVATIVE_PAIRS, dot, normal_vector, normal_work
 from anmstrip.fem.operators import CellOperator, Pattern
 from anmstrip.fem.sampling import quadrature_points
 from anmstrip.fem.strip import Strip
@@ -294,12 +294,8 @@ def stiffness(strip: Strip) -> Array:
 
     Of a section D alone, shape (1, 1): it does not bend across.
     """
-    nu = strip.material.poisson
-    if strip.kinematics.directions == 1:
-        return np.full((1, 1), strip.bending_stiffness)
-    return strip.bending_stiffness * np.array(
-        [[1.0, nu, 0.0], [nu, 1.0, 0.0], [0.0, 0.0, 2.0 * (1.0 - nu)]]
-    )
+    kept = len(DERIVATIVE_PAIRS[strip.kinematics.directions])
+    return (moduli(strip) * np.array([[1.0], [1.0], [2.0]]))[:kept, :kept]
 
 
 def moduli(strip: Strip) -> Array:
