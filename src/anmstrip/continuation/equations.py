@@ -144,7 +144,9 @@ instead of 76, without a new beginning 1 140."""
 class Tolerances:
     """Bounds that follow from the tolerance of a scene; forces and lengths in the problem's scales.
 
-    The tolerance itself bounds the error of position and tension.
+    The tolerance itself bounds the errors in time, of position in the whole duration and of tension
+    at any time, the imbalance of a state that Newton's method has corrected, and the distance, over
+    the length scale, below which a place is not known.
     """
 
     tolerance: float  # of a scene, relative
@@ -155,24 +157,9 @@ class Tolerances:
         return min(self.tolerance, LARGEST_PATH_IMBALANCE)
 
     @property
-    def time(self) -> float:
-        """Largest error in time: of position in the whole duration, of tension at any time."""
-        return self.tolerance
-
-    @property
     def time_residual(self) -> float:
         """Largest imbalance at the end of a branch within a time step."""
         return NEGLIGIBLE_SHARE * self.tolerance
-
-    @property
-    def correction(self) -> float:
-        """Largest imbalance of a state that Newton's method has corrected."""
-        return self.tolerance
-
-    @property
-    def position(self) -> float:
-        """Distance, over the length scale, below which a place is not known."""
-        return self.tolerance
 
 
 class Outcome(Enum):

@@ -381,7 +381,7 @@ class Run:
         if step.snapped:
             values = self.assembly.strip.unknowns_of(self.assembly.strip.node_values)
             distance = float(np.abs(state.full - self.march.full)[values].max())
-            if distance > self.march.tolerances.position * self.assembly.scales.length:
+            if distance > self.march.tolerances.tolerance * self.assembly.scales.length:
                 told = {"stage": plan.name, "time": state.time, "distance": distance}
                 self.snaps.append(told)
         self.state = state

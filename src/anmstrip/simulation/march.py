@@ -461,7 +461,7 @@ class March:
         Near to it corrections of a long line may fail, for its strip slides round many rollers by
         what each of them makes its way longer: this is a path along the rollers, not straight.
         """
-        aim = self.tolerances.correction
+        aim = self.tolerances.tolerance
         settings = Corrections(
             aim, MAX_GUESS_CORRECTIONS, growth=GUESS_GROWTH, near=SLIDING_IMBALANCE
         )
@@ -485,8 +485,9 @@ class March:
 
     def _in_time(self, plan: StageProblem, settings: Settings) -> Iterator[Step]:
         solver, memory = self.scene.solver, self._memory(plan)
-        aim, most = self.tolerances.time, solver.highest_time_order
-        whole = self.stages_in_time * plan.duration  # every stage may add as much to the error
+        aim, most = self.tolerances.tolerance, solver.highest_time_order
+        stages_in_time = sum(map(self.assembly.frictional, self.scene.course))
+        whole = stages_in_time * plan.duration  # every stage may add as much to the error
         stepping = Stepping(whole, aim, most, solver.time_step, self.follow)
         given = plan.model, plan.supports, plan.controls, plan.start, plan.duration
         motion = Motion(*given, plan.before(self.past))
@@ -571,11 +572,6 @@ class March:
         """First time step (s) of a stage that begins anew: all of it if nothing is to move."""
         first = plan.duration * (1.0 if plan.still else FIRST_STEP)
         return self.scene.solver.time_step or first
-
-    @property
-    def stages_in_time(self) -> int:
-        """Number of stages with steps in time."""
-        return sum(map(self.assembly.frictional, self.scene.course))
 
 
 def _many(pace: Pace) -> bool:
