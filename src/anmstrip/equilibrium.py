@@ -101,16 +101,10 @@ class Model:
         self._forces: tuple[Controls | None, dict[bytes, Array]] = None, {}
 
     @property
-    def rate_dependent(self) -> bool:
-        """Whether any effect looks at the velocity."""
-        return any(effect.rate_dependent for effect in self.effects)
-
-    @property
     def without_rates(self) -> Model:
         """The effects that do not look at the velocity."""
-        if not self.rate_dependent:
-            return self
-        return self.with_effects([e for e in self.effects if not e.rate_dependent])
+        kept = [effect for effect in self.effects if not effect.rate_dependent]
+        return self if len(kept) == len(self.effects) else self.with_effects(kept)
 
     def with_effects(self, effects: Sequence[Effect]) -> Model:
         """Return the same with other effects."""
@@ -141,14 +135,6 @@ class Model:
         model = self.with_effects(self.effects)
         model.seconds = self.seconds
         return model
-
-    def sharpening(self, full: Array, velocity: Array | None, controls: Mapping[str, Any]) -> Array:
-        """Derivative of the residual by a share by which laws come nearer to the sharp ones."""
-        total = np.zeros_like(full)
-        for effect in self.effects:
-            if (change := effect.sharpening(full, velocity, controls)) is not None:
-                total[: len(change)] += change
-        return self.closed(total)
 
     def joining(self, chain: Chain, matrix: csc_matrix, free: Index) -> Joining:
         """Assembler over the free unknowns and those that are carried along, remembered."""
@@ -330,8 +316,11 @@ class Equilibrium:
     def sharpening(self, u: Array, control: float) -> Array:
         """Derivative of the residual by a share by which laws come nearer to the sharp ones."""
         state = self.supports.full(u, control), self.full_velocity(u, control)
-        total = self.model.sharpening(*state, self.controls.at(control))
-        return self.supports.gathered(total)
+        total, values = np.zeros(self.model.unknowns), self.controls.at(control)
+        for effect in self.model.effects:
+            if (change := effect.sharpening(*state, values)) is not None:
+                total[: len(change)] += change
+        return self.supports.gathered(self.model.closed(total))
 
     def turned(self, u: Array) -> float:
         """Friction that may be wrong for slip that turns round until λ = 1, u, over all forces."""
@@ -581,20 +570,17 @@ class Motion:
         moved[self.supports.free] = change
         return float(np.abs(moved[self.model.value_unknowns]).max()) / self.model.scales.length
 
-    def fading_error(self, u: Array, change: Array) -> float:
-        """Error in membrane force over the tension scale: slip lets it relax."""
-        return self._tension_error(u, change)
+    def fading_error(self, u: Array, change: Array, *, moments: bool = True) -> float:
+        """Error in membrane force over the tension scale, or in moments: slip lets it relax."""
+        full, moved = self.supports.start.copy(), np.zeros(self.model.unknowns)
+        full[self.supports.free], moved[self.supports.free] = u, change
+        return self.model.tension_error(full, moved, self.controls.start, moments)
 
     def abrupt_error(self, u: Array, change: Array) -> float:
         """Error in membrane force, where slip changes it from one moment to the next."""
         if not any(effect.has_corners for effect in self.model.effects):
             return 0.0
-        return self._tension_error(u, change, moments=False)
-
-    def _tension_error(self, u: Array, change: Array, moments: bool = True) -> float:
-        full, moved = self.supports.start.copy(), np.zeros(self.model.unknowns)
-        full[self.supports.free], moved[self.supports.free] = u, change
-        return self.model.tension_error(full, moved, self.controls.start, moments)
+        return self.fading_error(u, change, moments=False)
 
 
 @dataclass(frozen=True)
