@@ -5,7 +5,7 @@ import pytest
 from skfem import MeshQuad
 
 from anmstrip.fem.operators import Pattern
-from anmstrip.fem.strip import EDGES, Material, Strip, grid, renumbered
+from anmstrip.fem.strip import Material, Strip, grid, renumbered
 
 XS = np.array([-1.0, -0.6, -0.5, 0.2, 1.0])
 YS = np.array([-0.4, -0.3, 0.1, 0.4])
@@ -20,14 +20,14 @@ WHERE = {"entry": (0, -1.0, YS), "exit": (0, 1.0, YS), "right": (1, -0.4, XS), "
 
 
 def test_sizes_and_stiffnesses(strip):
-    assert set(strip.edges) == set(EDGES)
+    assert set(strip.edges) == set(WHERE)
     assert (strip.length, strip.width) == (2.0, pytest.approx(0.8))
     assert strip.unknowns == 3 * strip.scalars == 12 * len(XS) * len(YS)
     assert strip.membrane_stiffness == pytest.approx(2e11 * 1e-3 / 0.91)
     assert strip.bending_stiffness == pytest.approx(2e11 * 1e-9 / 12 / 0.91)
 
 
-@pytest.mark.parametrize("name", EDGES)
+@pytest.mark.parametrize("name", WHERE)
 def test_edge_has_its_nodes_in_order(strip, name):
     axis, position, along = WHERE[name]
     edge = strip.edges[name]
@@ -36,7 +36,7 @@ def test_edge_has_its_nodes_in_order(strip, name):
     assert edge.length == pytest.approx(np.ptp(along))
 
 
-@pytest.mark.parametrize("name", EDGES)
+@pytest.mark.parametrize("name", WHERE)
 def test_edge_dofs_are_values_and_slopes_along_it(strip, name):
     """The field 3 + 5 s, s along the edge, has just these dofs."""
     axis, _, along = WHERE[name]
@@ -48,7 +48,7 @@ def test_edge_dofs_are_values_and_slopes_along_it(strip, name):
     np.testing.assert_allclose(u[edge.trace[len(edge.nodes) :]], 5.0)
 
 
-@pytest.mark.parametrize("name", EDGES)
+@pytest.mark.parametrize("name", WHERE)
 @pytest.mark.parametrize("power", [0, 1, 2, 3])
 def test_edge_load_is_the_integral_of_its_cubic_trace(strip, name, power):
     """∫ s^p ds is exact up to cubics: total force (p = 0) and no moment about the middle."""

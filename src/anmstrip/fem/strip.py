@@ -14,8 +14,6 @@ from anmstrip.arrays import Array, Index
 from anmstrip.fem.elements import Argyris, BognerFoxSchmit, Hermite
 from anmstrip.fem.geometry import DERIVATIVE_PAIRS, SHELL, Frames, Kinematics, ReferenceSurface
 
-EDGES = ("entry", "exit", "left", "right")
-
 ELEMENTS = {MeshLine: (Hermite, 6), MeshQuad: (BognerFoxSchmit, 6), MeshTri: (Argyris, 8)}
 """C1 element of every kind of mesh, and the degree of polynomials integrated exactly.
 
