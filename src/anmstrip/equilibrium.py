@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
 
@@ -506,6 +506,7 @@ class EquilibriumSeries:
             self.model.seconds[part.effect.name] += time.perf_counter() - begin
 
 
+@dataclass(frozen=True)
 class Motion:
     """A stage in time; a :class:`~anmstrip.timestepping.formulas.RateEquations`.
 
@@ -521,17 +522,12 @@ class Motion:
         step leads from these, with which the velocities of the state before are in equilibrium.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        supports: Supports,
-        controls: Controls,
-        start: float,
-        duration: float,
-        before: Mapping[str, Array] | None = None,
-    ) -> None:
-        self.model, self.supports, self.controls = model, supports, controls
-        self.start, self.duration, self.before = start, duration, before or {}
+    model: Model
+    supports: Supports
+    controls: Controls
+    start: float
+    duration: float
+    before: Mapping[str, Array] = field(default_factory=dict)
 
     def during(self, t: float, h: float, velocity: AffineVelocity, about: Array) -> Equilibrium:
         """Equations of one time step, for increments from ``about``."""
@@ -550,8 +546,7 @@ class Motion:
 
     def of(self, model: Model) -> Motion:
         """The same with another model."""
-        given = self.supports, self.controls, self.start, self.duration, self.before
-        return Motion(model, *given)
+        return replace(self, model=model)
 
     def dragged(self, t: float, u: Array, v: Array, time: float) -> Motion | None:
         """The same with a drag as large as tension/length at a speed of length/time."""
