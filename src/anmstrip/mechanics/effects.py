@@ -194,8 +194,12 @@ class LinearEffect(Effect):
         return (self.matrix @ own.reshape(-1, self.pattern.count)).ravel()
 
     def force(self, full: Array, velocity: Array | None, controls: Values) -> Array:
-        """Return K u, shape (unknowns,)."""
+        """Return K u, shape (unknowns of the strip,)."""
         return self.product(full)
+
+    def change(self, u: Array, control: float, controls: Controls) -> Array:
+        """Return what a change of the unknowns and of λ makes of it."""
+        return self.product(u)
 
     @cached_property
     def matrix(self) -> csr_matrix:
@@ -238,6 +242,14 @@ class LoadEffect(Effect):
     def load_vector(self, control: Array) -> Array:
         """Return the residual of a value of the control, shape (unknowns,)."""
         return (self.load[:, None] * -self.kinematics.pick(control)).ravel()
+
+    def change(self, u: Array, control: float, controls: Controls) -> Array | None:
+        """Return what a change of the unknowns and of λ makes of it."""
+        slope = np.asarray(controls.rate(self.control))
+        return self.load_vector(control * slope) if slope.any() else None
+
+    def add_tangent(self, blocks: Blocks) -> None:
+        """Add nothing: it does not look at the unknowns."""
 
 
 @dataclass(frozen=True)
@@ -556,40 +568,23 @@ class CompiledSeries(EffectSeries):
         self.operator.add_tangent(found, pattern, blocks)
 
 
-class LinearSeries(EffectSeries):
-    """A constant matrix: order k is K u_k."""
+class StraightSeries(EffectSeries):
+    """An effect that is linear in the unknowns and in λ: a constant matrix, or a dead load."""
 
-    effect: LinearEffect
+    effect: LinearEffect | LoadEffect
 
-    def __init__(self, effect: LinearEffect, full: Array) -> None:
-        self.effect, self.start = effect, full
+    def __init__(self, effect: LinearEffect | LoadEffect, state: State, controls: Controls) -> None:
+        self.effect, self.state, self.controls = effect, state, controls
 
     def residual(self) -> Array:
-        return self.effect.product(self.start)
+        full, velocity, control = self.state
+        return self.effect.force(full, velocity, self.controls.at(control))
 
-    def derivative(self, u: Array, v: Array | None, control: float) -> Array:
-        return self.effect.product(u)
+    def derivative(self, u: Array, v: Array | None, control: float) -> Array | None:
+        return self.effect.change(u, control, self.controls)
 
     def add_tangent(self, pattern: Pattern, blocks: Blocks, rate: float) -> None:
         self.effect.add_tangent(blocks)
-
-
-class LoadSeries(EffectSeries):
-    """A dead load: of order 0 and 1 in λ."""
-
-    effect: LoadEffect
-
-    def __init__(self, effect: LoadEffect, control: float, controls: Controls) -> None:
-        self.effect = effect
-        self.value = controls.at(control)[effect.control]
-        self.slope = controls.rate(effect.control)
-
-    def residual(self) -> Array:
-        return self.effect.load_vector(self.value)
-
-    def derivative(self, u: Array, v: Array | None, control: float) -> Array | None:
-        change = control * np.asarray(self.slope)
-        return self.effect.load_vector(change) if np.any(self.slope) else None
 
 
 def series_of(
@@ -597,10 +592,8 @@ def series_of(
 ) -> EffectSeries:
     """Return the orders of an effect about a state: all unknowns, their velocities, and λ."""
     full, _, control = state
-    if isinstance(effect, LinearEffect):
-        return LinearSeries(effect, full)
-    if isinstance(effect, LoadEffect):
-        return LoadSeries(effect, control, controls)
+    if isinstance(effect, LinearEffect | LoadEffect):
+        return StraightSeries(effect, state, controls)
     assert isinstance(effect, LawEffect)
     near = effect.near(full, controls.at(control))
     law = laws.of(near, state, controls)
