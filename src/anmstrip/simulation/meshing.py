@@ -197,11 +197,8 @@ class Lines:
         if contact_stands(scene):
             back = ahead = 0.0
         arcs = () if thread is None else arcs_in_stages(scene, thread)
-        nipping = nipping_rollers(scene, self.rollers, thread)
-        depths = deepest_bearing(scene, self.rollers, thread)
-        pairs = zip(self.rollers, depths, strict=True)
-        for roller, depth in pairs if scene.contact is not None else ():
-            size = wanted_size(scene, roller.radius, layer, depth, roller.name in nipping)
+        pairs = zip(self.rollers, wanted_sizes(scene, self.rollers, thread), strict=True)
+        for roller, size in pairs if scene.contact is not None else ():
             margin = fine_beside(layer, size)
             lifts = np.array([arc[roller.name] for arc in arcs if roller.name in arc])
             if not len(lifts):  # anywhere near where the strip passes the roller
@@ -354,10 +351,9 @@ def contact_parts(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | 
     typed = spec.cells is not None or spec.element_length is not None
     if spec.kinematics != "section" or spec.mesh is not None or typed:
         return 1
-    layer, nipping = bending_layer(scene, thread), nipping_rollers(scene, rollers, thread)
+    longest, nipping = wanted_sizes(scene, rollers, thread), nipping_rollers(scene, rollers, thread)
     depths = deepest_bearing(scene, rollers, thread)
     asked = (4.0 * np.sqrt(2.0 * d * r.radius) for d, r in zip(depths, rollers, strict=True))
-    longest = (wanted_size(scene, r.radius, layer, nips=r.name in nipping) for r in rollers)
     parts = max((h / a for h, a in zip(longest, asked, strict=True)), default=1.0)
     parts = max(parts, NIP_PARTS / mesh_density(scene) if nipping else 1.0)
     return int(np.clip(np.ceil(parts), 1, MAX_CONTACT_PARTS))
@@ -368,13 +364,17 @@ def most_unknowns(rollers: int) -> int:
     return max(DEFAULT_UNKNOWNS, UNKNOWNS_PER_ROLLER * rollers)
 
 
-def shortest_wanted(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> float:
-    """Return the length (m) of elements by default over the roller where it is shortest."""
+def wanted_sizes(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> list[float]:
+    """Return the lengths (m) of elements by default over rollers."""
     layer, nipping = bending_layer(scene, thread), nipping_rollers(scene, rollers, thread)
     depths = deepest_bearing(scene, rollers, thread)
     pairs = zip(rollers, depths, strict=True)
-    sizes = (wanted_size(scene, r.radius, layer, depth, r.name in nipping) for r, depth in pairs)
-    return min(sizes, default=0.0)
+    return [wanted_size(scene, r.radius, layer, depth, r.name in nipping) for r, depth in pairs]
+
+
+def shortest_wanted(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> float:
+    """Return the length (m) of elements by default over the roller where it is shortest."""
+    return min(wanted_sizes(scene, rollers, thread), default=0.0)
 
 
 def wanted_size(
@@ -475,17 +475,25 @@ def nips_in_stages(
     scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None
 ) -> Iterator[list[Nip]]:
     """Yield the nips at the beginning and at the end of each stage."""
-    places = {roller.name: roller for roller in rollers}
     found = nips(rollers, thread, scene.strip.thickness)
     yield found
+    for places in rollers_in_stages(scene, rollers):
+        if places is not None:
+            found = nips(places, thread, scene.strip.thickness)
+        yield found
+
+
+def rollers_in_stages(
+    scene: SceneSpec, rollers: Sequence[Roller]
+) -> Iterator[tuple[Roller, ...] | None]:
+    """Yield rollers where they are at the end of each stage; None where it moves none."""
+    places = {roller.name: roller for roller in rollers}
     for stage in scene.stages:
         ways = {name: control.move for name, control in stage.rollers.items() if control.move}
         for roller in (roller for roller in rollers if roller.name in ways):
             centre = np.add(roller.centre, ways[roller.name])
             places[roller.name] = replace(roller, centre=tuple(centre))
-        if ways:
-            found = nips(list(places.values()), thread, scene.strip.thickness)
-        yield found
+        yield tuple(places.values()) if ways else None
 
 
 def nipping_rollers(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> set[str]:
@@ -510,17 +518,11 @@ def arcs_in_stages(scene: SceneSpec, thread: Thread) -> list[dict[str, tuple[flo
 
     Where labels follow rollers, the middle of an arc stays where it was.
     """
-    arcs, rollers, given = [thread.arcs], list(thread.rollers), {r.name: r for r in thread.rollers}
-    taut = thread
-    for stage, loads in zip(scene.stages, loads_in_stages(scene), strict=True):
-        ways = {name: control.move for name, control in stage.rollers.items() if control.move}
-        for k, roller in enumerate(rollers):
-            if roller.name in ways:
-                centre = np.add(given[roller.name].centre, ways[roller.name])
-                rollers[k] = replace(roller, centre=tuple(centre))
+    arcs, taut, places = [thread.arcs], thread, rollers_in_stages(scene, thread.rollers)
+    for rollers, loads in zip(places, loads_in_stages(scene), strict=True):
         with suppress(NotTouchedError, NoTangentError):
-            if ways:
-                taut = replace(thread, rollers=tuple(rollers), given=thread.length)
+            if rollers is not None:
+                taut = replace(thread, rollers=rollers, given=thread.length)
             now = dict(taut.arcs)
             if follows_rollers(scene):
                 for name, (first, last) in now.items():
