@@ -785,7 +785,7 @@ def sideways_entry(preview: Preview) -> Iterator[str]:
     course = Course(preview.assembly)
     for stage in preview.assembly.scene.stages:
         course.released |= {name for name, each in stage.edges.items() if each.release}
-        edge, direction, held = course.passing(stage)
+        edge, direction, held = course.passing
         control = stage.edges.get(edge)
         if not (course.fed(stage) and held and control and control.velocity):
             continue

@@ -649,7 +649,7 @@ class Halved(Assembly):
         values |= {key: values[key] + more[key] for key in more}
         course = Course(self, released=set(released))
         course.values = {**values, **course.values}
-        values |= course.growing(stage, values) | course.uneven_pull(stage, values)
+        values |= course.growing(values) | course.uneven_pull(stage, values)
         plan = course.plan(stage, {}, start)
         supports = replace(plan.supports, start=start, slope=np.zeros_like(start), bow=None)
         return replace(plan, supports=supports, controls=Controls(values))

@@ -66,7 +66,7 @@ class Course:
 
     def __post_init__(self) -> None:
         thread = self.assembly.thread
-        if thread is not None and not self.values:  # begin at the ends, pulled at the exit
+        if thread is not None:  # begin at the ends, pulled at the exit
             x = self.assembly.strip.mesh.p[0]
             entry, exit, *outward = thread.ends_in_space(np.array([x.min(), x.max()]))
             self.begun = {"entry": entry, "exit": exit}
@@ -75,18 +75,16 @@ class Course:
             if not self.assembly.closed:
                 self.values["exit.force"] = thread.tension * self.outward["exit"]
         if self.assembly.flow is not None:  # a threaded strip begins as an elastic one
-            self.values.setdefault("yielding", np.array(float(thread is None)))
-        for key, value in self.assembly.natural(self.assembly.scene.strip).items():
-            self.values.setdefault(key, value)
+            self.values["yielding"] = np.array(float(thread is None))
+        self.values |= self.assembly.natural(self.assembly.scene.strip)
         if self.assembly.conveyed:
-            self.values.setdefault("strip.speed", np.array(0.0))
+            self.values["strip.speed"] = np.array(0.0)
         if self.assembly.growth is not None:
-            self.values.setdefault("strip.held", self.assembly.growth.nothing)
+            self.values["strip.held"] = self.assembly.growth.nothing
         for roller in self.assembly.rollers:
-            key = f"rollers.{roller.name}"
-            self.values.setdefault(f"{key}.centre", np.array(roller.centre, dtype=float))
-            self.values.setdefault(f"{key}.surface_speed", np.array(0.0))
-            self.values.setdefault(f"{key}.torque", np.array(0.0))
+            key, rest = f"rollers.{roller.name}", ("surface_speed", "torque")
+            self.values[f"{key}.centre"] = np.array(roller.centre, dtype=float)
+            self.values |= {f"{key}.{name}": np.array(0.0) for name in rest}
 
     def plan(
         self, stage: StageSpec, reactions: dict[str, Array], full: Array | None = None
@@ -127,9 +125,9 @@ class Course:
             held = start["strip.held"]
             taken = 0.0 * held if stage.steady else slope.get("strip.held", 0.0 * held)
             start["strip.taking_up"] = taken / stage.duration
-            start |= self.growing(stage, start)
+            start |= self.growing(start)
             if "strip.held" in slope:
-                ended = self.growing(stage, start | {"strip.held": held + slope["strip.held"]})
+                ended = self.growing(start | {"strip.held": held + slope["strip.held"]})
                 slope["strip.growth"] = ended["strip.growth"] - start["strip.growth"]
         effects = self.assembly.effects(stage, start)
         a, pull = self.assembly, self._pull(full) if self.pulled(stage) else None
@@ -137,7 +135,7 @@ class Course:
         if goes_on and stage.steady and a.yields(stage):
             effects.append(Onward(a.strip, "exit", a.scales.tension))
         if self.fed(stage):
-            edge, direction, tied = self.passing(stage)
+            edge, direction, tied = self.passing
             effects.append(a.passage(edge, direction, tied))
             before, after = (tied * float(v @ direction) for v in self._speeds(stage, edge))
             start["strip.passing"] = np.array(before)
@@ -177,7 +175,7 @@ class Course:
                 found[f"{name}.unevenness"] = excess * (pull / slack if slack > pull else 1.0)
         return found
 
-    def growing(self, stage: StageSpec, values: Mapping[str, Array]) -> dict[str, Array]:
+    def growing(self, values: Mapping[str, Array]) -> dict[str, Array]:
         """The stretch g that labels hold, and the speed (m/s) that this adds to what passes them.
 
         At the quadrature points, ``strip.growth`` and ``strip.drift``, and at rollers; nothing
@@ -185,7 +183,6 @@ class Course:
 
         Parameters
         ----------
-        stage : StageSpec
         values : mapping
             ``strip.held`` (m) of the runs, and ``strip.taking_up`` (m/s), its rate.
         """
@@ -193,7 +190,7 @@ class Course:
         if (growth := a.growth) is None:
             return {}
         x, rates = quadrature_points(a.strip)[0], values["strip.taking_up"]
-        last = float(rates.sum()) if self.passing(stage)[0] == "exit" else 0.0
+        last = float(rates.sum()) if self.passing[0] == "exit" else 0.0
         found = {
             "strip.growth": growth.at(x, values["strip.held"]),
             "strip.drift": last - growth.up_to(x, rates),
@@ -207,7 +204,8 @@ class Course:
         """Whether material passes labels that stay, in time."""
         return bool(self.assembly.scene.strip.feed) and self.assembly.rubs(stage)
 
-    def passing(self, stage: StageSpec) -> tuple[str, Array, bool]:
+    @property
+    def passing(self) -> tuple[str, Array, bool]:
         """End of a fed strip whose label stays, the direction there, (3,), and if it is held along.
 
         The exit, if it alone is held along the strip, else the entry.
@@ -451,7 +449,7 @@ class Course:
         Also where nothing rubs, which is independent of time: the line rests meanwhile.
         """
         before, after = self._speeds(stage, name)
-        edge, direction, held = self.passing(stage)
+        edge, direction, held = self.passing
         if not (self.assembly.scene.strip.feed and held and edge == name):
             return before, after
         both = np.stack([before, after])
