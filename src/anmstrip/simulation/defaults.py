@@ -250,8 +250,10 @@ def elastic_creep(scene: SceneSpec) -> float:
 
 def working_strain(scene: SceneSpec) -> float:
     """Return that of the least tension of a scene, or of a tenth of the largest if that is more."""
-    tension = max(least_tension(scene), SLACK_SHARE * largest_force(scene))
-    return tension / (scene.material.young * scene.strip.thickness)
+    young, thickness = scene.material.young, scene.strip.thickness
+    wanted = [pull for pull in given_tensions(scene) if pull > 0.0]
+    least = min(wanted, default=USUAL_STRAIN * young * thickness)
+    return max(least, SLACK_SHARE * largest_force(scene)) / (young * thickness)
 
 
 def given_tensions(scene: SceneSpec) -> Iterator[float]:
@@ -271,12 +273,6 @@ def edge_pulls(stage: StageSpec) -> Iterator[tuple[str, float]]:
             yield name, float(np.linalg.norm(edge.force))
 
 
-def least_tension(scene: SceneSpec) -> float:
-    """Return the least tension above 0 (N/m) that is asked for, else that of a usual strain."""
-    wanted = [pull for pull in given_tensions(scene) if pull > 0.0]
-    return min(wanted, default=USUAL_STRAIN * scene.material.young * scene.strip.thickness)
-
-
 def eigenstrain(scene: SceneSpec, shape: NaturalShape) -> float:
     """Return the largest strain that heat, flatness or camber give the unstressed strip."""
     units = {"temperature": scene.material.expansion or 0.0, "flatness": I_UNIT}
@@ -287,11 +283,6 @@ def eigenstrain(scene: SceneSpec, shape: NaturalShape) -> float:
         values = given.samples if isinstance(given, FieldSpec) else given
         found.append(units[key] * float(np.abs(values).max()))
     return max(found)
-
-
-def largest_eigenstrain(scene: SceneSpec) -> float:
-    """Return the largest eigenstrain of a scene, anywhere and in any stage, 0 without."""
-    return max(eigenstrain(scene, shape) for shape in scene.shapes)
 
 
 def largest_force(scene: SceneSpec) -> float:

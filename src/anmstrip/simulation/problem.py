@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from importlib import import_module
 from inspect import signature
@@ -45,7 +45,7 @@ from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, I_UNIT, THREADING, FieldSpec, NaturalShape
 from anmstrip.simulation.defaults import (
     distributed_load,
-    largest_eigenstrain,
+    eigenstrain,
     largest_force,
     line_speed,
     resting_speed,
@@ -525,15 +525,11 @@ class Assembly:
             return None
         from anmstrip.mechanics.laws import Algebraic, FrictionLaw, NortonHoff, Tanh
 
-        assert f.speed is not None
+        given = f.model_dump(include={"coefficient", "exponent", "omega", "speed"})
         if ":" in f.law:
-            given = f.model_dump(include={"coefficient", "exponent", "omega", "speed"})
             return own_law(self.scene, "friction", f, FrictionLaw, given)
-        if f.law == "norton-hoff":
-            return NortonHoff(f.coefficient, f.exponent, f.omega, f.speed)
-        if f.law == "tanh":
-            return Tanh(f.coefficient, f.omega, f.speed)
-        return Algebraic(f.coefficient, f.speed)
+        law = {"norton-hoff": NortonHoff, "tanh": Tanh, "algebraic": Algebraic}[f.law]
+        return law(**{field.name: given[field.name] for field in fields(law)})
 
     @cached_property
     def contact(self) -> Contact | None:
@@ -687,18 +683,13 @@ class Assembly:
             onset = min(
                 onset, FLOATING_SHARE * thickness / max(1.0, float(np.log(pressure / load)))
             )
-        onset = min(onset, LYING_ONSET * self._lying_depth)
+        if self.thread is not None:
+            depths = deepest_bearing(self.scene, self.rollers, self.thread)
+            onset = min(onset, LYING_ONSET * float(depths.min()))
         if self.kinematics.count == 3 and fibres_differ(self.scene):
             stretch = tension / (self.material.young * thickness)
             onset = min(onset, ONSET_STRETCH * stretch * radius * self._spread())
         return GradedSignorini(pressure, c.onset or onset)
-
-    @property
-    def _lying_depth(self) -> float:
-        """Depth (m) by which strip that is threaded over rollers and lies on them may sink."""
-        if self.thread is None:
-            return np.inf
-        return float(deepest_bearing(self.scene, self.rollers, self.thread).min())
 
     def _spread(self) -> float:
         """Width over the longest arc of uneven strip on cylinders, at least 1.
@@ -794,7 +785,8 @@ class Assembly:
         """
         tension = largest_force(self.scene)
         if tension == 0.0:
-            heat = self.strip.tensile_stiffness * largest_eigenstrain(self.scene)
+            warmest = max(eigenstrain(self.scene, shape) for shape in self.scene.shapes)
+            heat = self.strip.tensile_stiffness * warmest
             tension = max(heat, tension_of_moves(self.scene))
         if tension == 0.0:
             load = distributed_load(self.scene) * self.strip.length

@@ -348,22 +348,21 @@ def thread_of(
         if not spec.closed:
             return thread
         length = float(thread.middle.length[0])
-        share = length / (length + bent_longer(scene, thread))
+        share = length / (length + bent_longer(thread))
         along = share * thread.stretches.along
         return replace(thread, stretches=replace(thread.stretches, along=along))
     except (NotTouchedError, NoTangentError) as error:
         raise _refused(scene, thread, error) from error
 
 
-def bent_longer(scene: SceneSpec, thread: Thread) -> float:
+def bent_longer(thread: Thread) -> float:
     """Return by how much the way of stiff strip is longer than that of a string (m).
 
     It is bent beside a roller over λ = √(D/T), and straight from λ²/2R outside the string's way on:
     a² λ/4 − R a³/6 at either end of a wrap θ, a = λ/R, at most θ/2 of one that it only touches
     along a line.
     """
-    layer, longer = float(np.sqrt(bending_stiffness(scene) / thread.tension)), 0.0
-    starts, ends = thread.middle.arcs[:2]
+    layer, longer, (starts, ends, _) = thread.layer, 0.0, thread.middle.arcs
     for roller, depth, start, end in zip(thread.rollers, thread.depths, starts, ends, strict=True):
         radius = roller.radius + roller.half + depth
         angle = min(layer, 0.5 * float(end[0] - start[0])) / radius
