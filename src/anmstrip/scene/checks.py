@@ -79,6 +79,18 @@ def edge_controls(stages: Stages) -> Iterator[tuple[str, str, EdgeControl]]:
             yield f"stages.{stage.name}.{name}", name, control
 
 
+def held_in_stages(
+    edges: Edges, stages: Stages
+) -> Iterator[tuple[str, str, EdgeControl, tuple[str, ...], bool]]:
+    """Yield the same with the components that the edge holds then, and whether it was let go."""
+    released: set[str] = set()
+    for key, name, control in edge_controls(stages):
+        if control.release:
+            released.add(name)
+        fixed = edges[name].fixed if name in edges and name not in released else ()
+        yield key, name, control, fixed, name in released
+
+
 def nonzero(vector: tuple[float, float, float] | None) -> list[str]:
     """Return the names of the components of a vector that are not zero."""
     return [name for name, value in zip("xyz", vector or (), strict=False) if value != 0]
@@ -229,12 +241,8 @@ def tensions_and_moments(strip: StripSpec, stages: Stages) -> Iterator[Mistake]:
 
 def held_components(edges: Edges, stages: Stages) -> Iterator[Mistake]:
     """Yield motion of free components and force on held ones; a release frees them all."""
-    released: set[str] = set()
     conveyed = {f"stages.{stage.name}.entry" for stage in stages if stage.steady}
-    for place, name, control in edge_controls(stages):
-        if control.release:
-            released.add(name)
-        fixed = edges[name].fixed if name in edges and name not in released else ()
+    for place, name, control, fixed, released in held_in_stages(edges, stages):
         release = f"{name}.release = true in this stage or an earlier one"
         for key in ("move", "velocity"):
             value = getattr(control, key)
@@ -242,7 +250,7 @@ def held_components(edges: Edges, stages: Stages) -> Iterator[Mistake]:
                 expected = f"0 in {', '.join(free)}: not held on this edge, so it cannot be moved"
                 wanted = ", ".join(f'"{c}"' for c in "xyz" if c in (*fixed, *free))
                 hint = f"[edges.{name}]\nfixed = [{wanted}]"
-                hint = f"{name}.force = […], for it was released" if name in released else hint
+                hint = f"{name}.force = […], for it was released" if released else hint
                 yield Mistake("", f"{place}.{key}", value, expected, hint)
         if both := [c for c in nonzero(control.force) if c in fixed]:
             expected = f"0 in {', '.join(both)}: the component is held; its reaction follows"
@@ -257,11 +265,7 @@ def pulled_once(threading: Threading, edges: Edges, stages: Stages) -> Iterator[
 
     Elsewhere they act besides a tension, as they do where the end is held in z.
     """
-    released: set[str] = set()
-    for key, name, control in edge_controls(stages) if threading else ():
-        if control.release:
-            released.add(name)
-        fixed = edges[name].fixed if name in edges and name not in released else ()
+    for key, _, control, fixed, _ in held_in_stages(edges, stages) if threading else ():
         if "z" not in fixed and None not in (control.force, control.tension):
             expected = "either the force or the tension of this end, which replaces it, not both"
             hint = "one of them; take one out"
@@ -270,13 +274,9 @@ def pulled_once(threading: Threading, edges: Edges, stages: Stages) -> Iterator[
 
 def speeds_at_ends(strip: StripSpec, edges: Edges, stages: Stages) -> Iterator[Mistake]:
     """Yield speeds of what is no held end of the strip, and of a plate, which stays in place."""
-    released: set[str] = set()
-    for key, name, control in edge_controls(stages):
-        if control.release:
-            released.add(name)
+    for key, name, control, held, released in held_in_stages(edges, stages):
         if control.speed is None:
             continue
-        held = edges[name].fixed if name in edges and name not in released else ()
         if strip.kinematics == "plate":
             expected, hint = 'nothing: a "plate" does not move along', NEXT_KINEMATICS["plate"]
         elif name not in ENDS:
@@ -285,7 +285,7 @@ def speeds_at_ends(strip: StripSpec, edges: Edges, stages: Stages) -> Iterator[M
         elif not {"x", "z"} & {*held}:
             expected = "nothing: this end is not held, so that the strip's speed follows"
             hint = f'[edges.{name}]\nfixed = ["x", "z"]'
-            if name in released:
+            if released:
                 hint = f"{name}.force = […], for it was released"
         else:
             continue
