@@ -41,6 +41,7 @@ from anmstrip.timestepping.explicit import integrate_explicitly, join_series
 from anmstrip.timestepping.formulas import start_memory
 from anmstrip.timestepping.implicit import Stepping, integrate
 from anmstrip.timestepping.index_one import (
+    Controlled,
     FunctionRateEquations,
     Instability,
     TimePath,
@@ -66,12 +67,9 @@ MAX_CASE_STEPS = 200_000
 
 
 @dataclass(frozen=True)
-class CaseSolution:
-    """Result of an integration."""
+class CaseSolution(Controlled):
+    """Result of an integration; its error (m) is one along the curve in fast motion."""
 
-    path: TimePath
-    error: float  # estimated error of u (m), in fast motion along the curve
-    passes: int  # integrations that it took to keep the tolerance
     cost: Cost  # of all passes
     stopped: PathStopped | None  # why the path ended before its time
 
@@ -104,7 +102,7 @@ def solve_case(case: MassSpring, scheme: str, *, order: int, tolerance: float) -
     found = integrate_controlled(
         run, case.residual, tolerance, speed=FAST_SPEED * case.parameters.V_c
     )
-    return CaseSolution(found.path, found.error, found.passes, cost, reasons[-1])
+    return CaseSolution(**vars(found), cost=cost, stopped=reasons[-1])
 
 
 def explicit_scheme(
@@ -173,6 +171,12 @@ class CaseEvent:
     the slip that Coulomb's law asks for."""
     message: str = ""  # of a loss of existence
 
+    @classmethod
+    def at(cls, time: float, kind: str, u: Array, value: Any) -> CaseEvent:
+        """Return an event at a place u, of which the first case has one component."""
+        ux, uy = (*map(float, u), 0.0)[:2]
+        return cls(float(time), kind, ux, uy, float(value))
+
 
 def events_of(case: MassSpring, pieces: Iterator[tuple[float, float, Array]]) -> list[CaseEvent]:
     """All events along a path.
@@ -204,10 +208,9 @@ def events_of(case: MassSpring, pieces: Iterator[tuple[float, float, Array]]) ->
             x, speed = value_at(u, a), value_at(v, a)
             if which in (1, 2) and not (pressed or case.gap(x) <= level):
                 continue
-            value = float(case.slip(x, speed) if which in (1, 2) else case.gap(x))
+            value = case.slip(x, speed) if which in (1, 2) else case.gap(x)
             kind = CASE_EVENTS[which][0 if sense > 0 else 1]
-            ux, uy = (*map(float, x), 0.0)[:2]
-            event = CaseEvent(float(start + a), kind, ux, uy, value)
+            event = CaseEvent.at(start + a, kind, x, value)
             if kind == "stick":
                 event = turn_of_sliding(case, event, whole, found[-1].time if found else 0.0)
             found.append(event)
@@ -245,8 +248,7 @@ def turn_of_sliding(
             k = SLIDING_SAMPLES - 1 - ahead[::-1].index(True)
             t = float(brentq(sliding, times[k], times[k + 1], args=(u, start), xtol=1e-12))
             x, v = value_at(u, t - start), value_at(derivative_coefficients(u), t - start)
-            ux, uy = (*map(float, x), 0.0)[:2]
-            return CaseEvent(t, "stick", ux, uy, float(case.slip(x, v)))
+            return CaseEvent.at(t, "stick", x, case.slip(x, v))
     return stick
 
 

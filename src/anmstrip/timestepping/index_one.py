@@ -405,21 +405,19 @@ class FunctionRateEquations(RateEquations):
         return float(np.abs(change).max()) / time_stretch(v, self.speed)
 
 
+@dataclass
 class FunctionStepEquations(StepEquations):
     """One step of a formula, as equations for the increment u with λ as control."""
 
-    def __init__(
-        self,
-        problem: FunctionRateEquations,
-        t: float,
-        h: float,
-        velocity: AffineVelocity,
-        about: Array,
-    ) -> None:
-        self.problem, self.t, self.h = problem, t, h
-        self.velocity, self.about = velocity, about
-        self.softness = np.eye(len(about))
-        self.share = h / problem.whole if h > 0.0 else 1.0
+    problem: FunctionRateEquations
+    t: float
+    h: float
+    velocity: AffineVelocity
+    about: Array
+
+    def __post_init__(self) -> None:
+        self.softness = np.eye(len(self.about))
+        self.share = self.h / self.problem.whole if self.h > 0.0 else 1.0
         self.unit = self.share
 
     def arguments(self, u: Array, control: float) -> tuple[ArrayLike, ...]:
