@@ -141,6 +141,7 @@ class Part:
     stride: int = 1
 
 
+@dataclass(eq=False)
 class LinearOperator:
     """L, from unknowns to points, as its sparse matrices say.
 
@@ -192,14 +193,6 @@ class LinearOperator:
             columns = given.first + j + given.count * given.matrix.indices[b].astype(np.int64)
             weights = out.weights[point] * out.matrix.data[a] * given.matrix.data[b]
             blocks.add(rows, columns, derivative[given.row + j, out.row + i, point] * weights)
-
-
-@dataclass(frozen=True)
-class GivenOperator(LinearOperator):
-    """An operator by matrices that are given."""
-
-    points: int
-    matrices: tuple[list[Part], list[Part]]
 
 
 class CellOperator:

@@ -219,10 +219,7 @@ class Joining:
         numbered = coo_matrix((kept + 1.0, index), shape=(len(order),) * 2).tocsc()
         numbered.sort_indices()
         self.part, self.source = numbered, numbered.data.astype(np.int64) - 1
-        spread = np.abs(
-            numbered.indices - np.repeat(np.arange(len(order)), np.diff(numbered.indptr))
-        )
-        narrow = spread.max() < WIDEST_CHAIN_BAND
+        narrow = np.abs(index[0] - index[1]).max() < WIDEST_CHAIN_BAND
         self.plan = BandPlan(numbered) if narrow else ChainPlan(numbered, ends)
 
     def joined(self, matrix: csc_matrix | Bordered, values: Array, pull: Array) -> Joined:
@@ -230,11 +227,10 @@ class Joining:
 
         ``pull`` is the row of the further unknowns in the last row of the border.
         """
-        bordered = isinstance(matrix, Bordered)
         inner = matrix.inner if isinstance(matrix, Bordered) else matrix
         whole, n, m = copy(self.part), inner.shape[0], len(pull)
         whole.data = np.concatenate([inner.data, values])[self.source]
-        if not bordered:
+        if not isinstance(matrix, Bordered):
             return Joined(whole, self.place, self.plan)
         others = len(matrix.corner)
         numbers = np.concatenate([self.place[:n], n + m + np.arange(others), self.place[n:]])

@@ -17,14 +17,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from anmstrip.arrays import Array, Index
-from anmstrip.fem.operators import (
-    Blocks,
-    CellOperator,
-    GivenOperator,
-    LinearOperator,
-    Part,
-    Pattern,
-)
+from anmstrip.fem.operators import Blocks, CellOperator, LinearOperator, Part, Pattern
 from anmstrip.fem.sampling import ContactOperator, SlopeOperator, l2_projection
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.contact import Friction, control_of, transform
@@ -160,11 +153,11 @@ class Drives(LawEffect):
     has_corners = True
 
     @cached_property
-    def operator(self) -> GivenOperator:  # type: ignore[override]
+    def operator(self) -> LinearOperator:  # type: ignore[override]
         """The rollers are their own points."""
         count = len(self.names)
         parts = [Part(csr_matrix(np.eye(count)), np.ones(count), self.unknowns)]
-        return GivenOperator(count, (parts, parts))
+        return LinearOperator(count, (parts, parts))
 
     def sharper(self, share: float) -> Drives:
         """Return the same with V_b smaller by a share."""
@@ -413,7 +406,7 @@ class Passage(LawEffect):
             mean[scalars] = along / len(scalars)
             inputs.append(Part(csr_matrix(mean.reshape(1, -1)), one, row=row))
         last = Part(csr_matrix(one[None]), one, unknowns - 1)
-        self.operator = GivenOperator(1, ([*inputs, replace(last, row=len(inputs))], [last]))
+        self.operator = LinearOperator(1, ([*inputs, replace(last, row=len(inputs))], [last]))
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Residual (N), shape (1, 1)."""
