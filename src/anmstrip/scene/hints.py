@@ -7,7 +7,7 @@ import re
 import unicodedata
 from collections.abc import Iterable
 from difflib import get_close_matches
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, TypeGuard, get_args
 
 from pydantic import TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
@@ -74,6 +74,11 @@ DECIMAL_COMMA = re.compile(r"(=\s*[-+]?\d+),\s*(\d)")
 """A decimal comma behind a key, which is not in a list."""
 
 
+def is_number(value: object) -> TypeGuard[float]:
+    """Return whether a value is a number, which true and false are not."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
 def number_in(text: str, meaning: str) -> float | None:
     """Return the number in a text, in the unit that ends the meaning of its key; None without one.
 
@@ -112,13 +117,8 @@ def key_like(key: str, value: object, known: Iterable[str]) -> str | None:
     >>> key_like("rpm", 60, ["angular_speed"]), key_like("nu", 0.3, ["young"])
     ('angular_speed = 6.28319', None)
     """
-    name, share = OTHER_NAMES.get(key.lower(), (None, 1.0))
-    if (
-        name is None
-        or name not in known
-        or isinstance(value, bool)
-        or not isinstance(value, int | float)
-    ):
+    name, share = OTHER_NAMES.get(key.lower(), ("", 1.0))
+    if name not in known or not is_number(value):
         return None
     if name == "every" and not isinstance(value, int):
         return "times = [0.5, 1.0]; or every = 10, of the steps"

@@ -19,6 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, PlainValidator, StrictBool, m
 from pydantic.fields import FieldInfo
 
 from anmstrip.errors import InputError, Mistake
+from anmstrip.scene.hints import is_number
 
 ENDS = ("entry", "exit")
 """The ends of a strip, at −x and +x: all the edges that a section has."""
@@ -48,6 +49,8 @@ Vector = tuple[Number, Number, Number]
 Component = Literal["x", "y", "z"]
 OWN_LAW_PATTERN = r"[A-Za-z_][\w.]*:[A-Za-z_]\w*"
 """Pattern of the name of a class in a module, ``module:Class``."""
+
+OwnLaw = Annotated[str, Field(strict=True, pattern=f"^{OWN_LAW_PATTERN}$")]
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=64)]
 
@@ -115,9 +118,10 @@ def check_bending(value: object) -> bool | str:
 
 def check_refined(value: object) -> float | str:
     """Return an element length (m), or "auto"."""
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if value == "auto" or (number and SMALLEST_NUMBER <= value <= LARGEST_NUMBER):  # type: ignore[operator]
-        return value if isinstance(value, str) else float(value)  # type: ignore[arg-type]
+    if is_number(value) and SMALLEST_NUMBER <= value <= LARGEST_NUMBER:
+        return float(value)
+    if value == "auto":
+        return "auto"
     raise ValueError
 
 
@@ -168,8 +172,7 @@ class FieldSpec(Table):
     @model_validator(mode="before")
     @classmethod
     def _from_number(cls, given: Any) -> Any:
-        number = isinstance(given, int | float) and not isinstance(given, bool)
-        return {"across": [given]} if number else given
+        return {"across": [given]} if is_number(given) else given
 
     def find_mistakes(self) -> Iterator[Mistake]:
         """Yield neither or both kinds of profile, and tables in disorder."""
@@ -323,9 +326,7 @@ class PlasticitySpec(Table):
     layers: Annotated[Integer, Field(ge=5, le=81)] | None = Field(None, examples=["21"])
     """layers through the thickness, an integer from 5 to 81; left out: 21 of a section, 11 of a
     shell (1)"""
-    law: Annotated[str, Field(strict=True, pattern=f"^{OWN_LAW_PATTERN}$")] | None = Field(
-        None, examples=['"my_laws:Voce"']
-    )
+    law: OwnLaw | None = Field(None, examples=['"my_laws:Voce"'])
     """a law of one's own, "module:Class"; left out: von Mises's with linear hardening (text)"""
     parameters: dict[str, Number] = Field({}, examples=["{ gain = 0.5, path = 1.0e-3 }"])
     """further arguments of a law of one's own, a table of numbers (1)"""
@@ -395,9 +396,7 @@ class ContactSpec(Table):
     can resolve, unless ``onset`` and ``pressure`` say otherwise.
     """
 
-    law: Annotated[str, Field(strict=True, pattern=f"^{OWN_LAW_PATTERN}$")] | None = Field(
-        None, examples=['"my_laws:HardContact"']
-    )
+    law: OwnLaw | None = Field(None, examples=['"my_laws:HardContact"'])
     """a law of one's own, "module:Class"; left out: a built-in law (text)"""
     parameters: dict[str, Number] = Field({}, examples=["{ stiffness = 1.0e10 }"])
     """arguments of a law of one's own, a table of numbers (1)"""
