@@ -575,7 +575,6 @@ def test_what_a_last_state_shows_is_cured(
 
 ELSEWHERE = {
     "squeezed": "test_diagnosis.py, test_nip.py",
-    "elements_of": "words of two rules, in test_units.py",
     "tips_over": "told where nothing pulls, among what is told before a run",
     "lifted_off": "of an idler that bent strip does not touch",
     "standing_idlers": "test_steady.py",
@@ -604,7 +603,7 @@ ELSEWHERE = {
     "motions_at": "test_freedom.py",
     "motion_words": "test_freedom.py",
     "differences": "test_resume.py",
-    "finer_mesh": "coarse_mesh",
+    "finer_mesh": "coarse_mesh, and two rules in test_units.py",
     "shorter_elements": "coarse_mesh, in test_defaults.py",
     "unheld_words": "unheld_strip, not_held",
     "why_speed_is_free": "released_strip",

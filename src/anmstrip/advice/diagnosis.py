@@ -23,6 +23,7 @@ from anmstrip.advice.physics import (
     two_digits,
 )
 from anmstrip.advice.preview import Preview, as_sentence, motions_at, unheld_words
+from anmstrip.advice.units import typed_vector
 from anmstrip.advice.warnings import against_section, below_round_off, finer_mesh, serious, slides
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import NEGLIGIBLE_SHARE, Evidence, Outcome, PathStopped
@@ -374,7 +375,7 @@ def more_tension(failure: Failure) -> str:
     force = np.asarray(end.get("exit.force", np.zeros(3)))
     if force[0] > 0.0:
         larger = max(2.0, least / float(np.linalg.norm(force))) * force
-        return f"Try --set 'stages.{stage}.exit.force={_vector(larger)}'"
+        return f"Try --set 'stages.{stage}.exit.force={typed_vector(larger, '.4g')}'"
     if held is not None and "x" in held.fixed:
         return f"Try a larger x in stages.{stage}.exit.move."
     first = scene.stages[0]
@@ -475,15 +476,10 @@ def asked_too_much(failure: Failure) -> str:
                 return (
                     f"Stage {stage.name} puts weight on strip that runs: rollers that it only just "
                     "touches cannot turn before. Put it on in a stage before, of its own with "
-                    f"friction = false and gravity = {_vector(np.array(stage.gravity))}."
+                    f"friction = false and gravity = {typed_vector(stage.gravity or (), '.4g')}."
                 )
             return f"Stage {stage.name} changes {changed}: try a smaller change."
     return more_tension(failure)
-
-
-def _vector(values: Array) -> str:
-    """Return a vector as it is typed."""
-    return f"[{', '.join(f'{float(v):.4g}' for v in values)}]"
 
 
 CAUSES: tuple[Callable[[Failure], str | None], ...] = (

@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from anmstrip.advice.preview import Preview
-from anmstrip.advice.units import in_megapascals
+from anmstrip.advice.units import in_megapascals, typed_vector
 from anmstrip.arrays import Array
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.sampling import quadrature_points, shape_of
@@ -33,6 +33,7 @@ from anmstrip.simulation.meshing import (
     Nip,
     carrying_sense,
     label_at,
+    nipping_rollers,
     nips_in_stages,
     strip_travel,
     surface_speed,
@@ -151,7 +152,7 @@ def shorter_move(plan: StageProblem, moved: Roller, way: Array, apart: float) ->
     back = move_to_distance(plan, moved, way, apart)
     if back is None:
         return f"a shorter {told}."
-    return f"--set '{told}=[{', '.join(f'{x:.4g}' for x in back)}]'"
+    return f"--set '{told}={typed_vector(back, '.4g')}'"
 
 
 def move_to_distance(plan: StageProblem, moved: Roller, way: Array, apart: float) -> Array | None:
@@ -615,8 +616,20 @@ def gravity_upwards(preview: Preview) -> Iterator[str]:
         if g is not None and g[2] > 0.0:
             yield (
                 f"gravity in stage {stage.name} points upwards, as z does. "
-                f"Try --set 'stages.{stage.name}.gravity=[{g[0]:g}, {g[1]:g}, {-g[2]:g}]'"
+                f"Try --set 'stages.{stage.name}.gravity={typed_vector((*g[:2], -g[2]))}'"
             )
+
+
+def carrying_speeds(
+    assembly: Assembly, rollers: Sequence[Roller]
+) -> Iterator[tuple[StageSpec, dict[str, float]]]:
+    """Yield stages with the speeds (m/s) with which rollers carry strip on, as given until then."""
+    last = dict[str, float]()
+    for stage in assembly.scene.stages:
+        for roller in rollers:
+            if (speed := surface_speed(stage.rollers.get(roller.name), roller)) is not None:
+                last[roller.name] = speed * roller.sense * carrying_sense(roller, assembly.thread)
+        yield stage, last
 
 
 def unequal_speeds(preview: Preview) -> Iterator[str]:
@@ -624,17 +637,14 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
 
     Not those between which strip stretches as much, by less tension than they hold.
     """
-    assembly, last = preview.assembly, dict[str, float]()
+    assembly = preview.assembly
     driven = (r for r in assembly.rollers if r.name not in assembly.turning)
     touched = [roller for roller in driven if preview.turn(roller) > 0.0]
     if assembly.friction is None:
         return
     grip = min((holding_ratio(preview, roller) for roller in touched), default=1.0)
     held = (grip - 1.0) * preview.tension / assembly.strip.tensile_stiffness
-    for stage in assembly.scene.stages:
-        for roller in touched:
-            if (speed := surface_speed(stage.rollers.get(roller.name), roller)) is not None:
-                last[roller.name] = speed * roller.sense * carrying_sense(roller, assembly.thread)
+    for stage, last in carrying_speeds(assembly, touched):
         if not stage.rollers or not any(last.values()):
             continue
         fast = max(last, key=lambda name: abs(last[name]))
@@ -709,12 +719,7 @@ def heavy_bearings(preview: Preview) -> Iterator[str]:
     Friction makes of a tension T at most T e^(fθ), and turns the roller with the difference.
     """
     assembly = preview.assembly
-    nipped = {
-        roller.name
-        for nips in nips_in_stages(assembly.scene, assembly.rollers, assembly.thread)
-        for nip in nips
-        for roller in (nip.first, nip.second)
-    }
+    nipped = nipping_rollers(assembly.scene, assembly.rollers, assembly.thread)
     for spec, roller in zip(assembly.scene.rollers, assembly.rollers, strict=True):
         arm = roller.radius * assembly.strip.width
         most = arm * preview.tension * (holding_ratio(preview, roller) - 1.0)
@@ -734,15 +739,12 @@ def strip_without_tension(preview: Preview) -> Iterator[str]:
 
     Where friction could brake it to nothing, or where both speeds are nearly the same number.
     """
-    assembly, last = preview.assembly, dict[str, float]()
+    assembly = preview.assembly
     if (thread := assembly.thread) is None or assembly.friction is None:
         return
     stretch = {r.name: thread.stretch(label_at(r, thread)) for r in assembly.rollers}
     unpulled = (1.0 - BRAKING_SHARE) * thread.tension / assembly.strip.tensile_stiffness
-    for stage in assembly.scene.stages:
-        for roller in assembly.rollers:
-            if (speed := surface_speed(stage.rollers.get(roller.name), roller)) is not None:
-                last[roller.name] = speed * roller.sense * carrying_sense(roller, assembly.thread)
+    for stage, last in carrying_speeds(assembly, assembly.rollers):
         given = stage.strip.speed if stage.steady else None
         slow = [
             roller
@@ -793,12 +795,12 @@ def sideways_entry(preview: Preview) -> Iterator[str]:
         speed = float(np.linalg.norm(control.velocity))
         apart = np.arccos(np.clip(abs(along) / speed, 0.0, 1.0)) if speed else 0.0
         if np.sin(apart) > ALIGNED_SINE:
-            typed = ", ".join(f"{np.copysign(speed, along) * d:.4g}" for d in direction)
+            typed = typed_vector(np.copysign(speed, along) * np.asarray(direction), ".4g")
             yield (
                 f"{edge}.velocity in stage {stage.name} is {np.degrees(apart):.2g}° off the strip "
                 f"there, so that the {edge} itself moves across it, by {speed * np.sin(apart):.2g} "
                 f"m/s. Type {edge}.speed = {np.copysign(speed, along):.4g} instead, or "
-                f"try --set 'stages.{stage.name}.{edge}.velocity=[{typed}]'"
+                f"try --set 'stages.{stage.name}.{edge}.velocity={typed}'"
             )
 
 
@@ -911,8 +913,7 @@ def typed_place(assembly: Assembly, stage: str, roller: Roller, centre: Array) -
             value = centre - np.asarray(roller.centre)
         if each.name == stage:
             break
-    rounded = np.round(value, PLACE_DECIMALS) + 0.0
-    return f"--set '{key}=[{', '.join(f'{x:.12g}' for x in rounded)}]'"
+    return f"--set '{key}={typed_vector(np.round(value, PLACE_DECIMALS) + 0.0, '.12g')}'"
 
 
 def closer_rollers(assembly: Assembly, stage: str, nip: Nip, squeeze: float) -> str:
@@ -961,12 +962,11 @@ def slack_edge(preview: Preview) -> Iterator[str]:
         slender = run > SLENDER_RUN * width
         if guided and slender and angle > bearable:
             axis = before + SAFE_ANGLE_SHARE * bearable / angle * (axis - before)
-            typed = ", ".join(f"{component:.2g}" for component in axis)
             yield (
                 f"roller {roller.name} is out of line by {1e3 * angle:.3g} mrad with what guides "
                 f"the strip {run:.3g} m before. Strip that it steers has a slack edge "
                 f"from {1e3 * bearable:.2g} mrad on, and wrinkles. "
-                f"Try --set 'rollers.{roller.name}.axis=[{typed}]'"
+                f"Try --set 'rollers.{roller.name}.axis={typed_vector(axis, '.2g')}'"
             )
         before, since, guided = axis, end[0], True
 
@@ -986,8 +986,8 @@ def turned_axis(preview: Preview) -> Iterator[str]:
         yield (
             f"the axis of roller {roller.name} is {np.degrees(angle):.2g}° off the direction "
             "across the strip, and edges of a wide strip are slack by much less than one. For an "
-            f"angle in degrees, try --set 'rollers.{roller.name}.axis="
-            f"[{', '.join(f'{component:.2g}' for component in axis)}]'"
+            "angle in degrees, "
+            f"try --set 'rollers.{roller.name}.axis={typed_vector(axis, '.2g')}'"
         )
 
 

@@ -6,7 +6,7 @@ A value that is in doubt is no measure of others: these are judged in the scene 
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -215,12 +215,13 @@ def doubtful_gravity(
         size = float(np.linalg.norm(stage.gravity or 0.0))
         if stage.gravity is not None and between[0] < size < between[1]:
             key = f"stages.{stage.name}.gravity"
-            yield Doubt(key, size, why, meant, f"{key}={scaled(stage.gravity, factor)}")
+            better = typed_vector(factor * np.array(stage.gravity))
+            yield Doubt(key, size, why, meant, f"{key}={better}")
 
 
-def scaled(vector: Sequence[float], factor: float) -> str:
-    """Return a vector times a factor, as it is typed."""
-    return f"[{', '.join(f'{factor * component:g}' for component in vector)}]"
+def typed_vector(components: Iterable[float], form: str = "g") -> str:
+    """Return numbers as they are typed in a list, each in a format."""
+    return f"[{', '.join(format(float(component), form) for component in components)}]"
 
 
 def doubtful_moves(preview: Preview) -> Iterator[Doubt]:
@@ -234,7 +235,7 @@ def doubtful_moves(preview: Preview) -> Iterator[Doubt]:
             if move is not None and size > LARGEST_MOVE * length:
                 key = f"stages.{stage.name}.{name}.move"
                 why = f"in m, with a strip of {length:.3g} m"
-                yield Doubt(key, size, why, "mm", f"{key}={scaled(move, 1e-3)}")
+                yield Doubt(key, size, why, "mm", f"{key}={typed_vector(1e-3 * np.array(move))}")
 
 
 def doubtful_strip(preview: Preview) -> Iterator[Doubt]:
@@ -248,12 +249,10 @@ def doubtful_strip(preview: Preview) -> Iterator[Doubt]:
     least = min(bent, default=np.inf) if largest_force(scene) else np.inf
     if t > max(min(0.1 * least, 0.1), MIN_THICKNESS):
         yield doubt("strip.thickness", t, "m", "mm", 1e-3 * t)
-    if (width := scene.strip.width or 0.0) > LARGEST_IN_LINES["m"]:
-        yield doubt("strip.width", width, "m", "mm", 1e-3 * width)
-    for roller in scene.rollers:
-        if roller.radius > LARGEST_IN_LINES["m"]:
-            key = f"rollers.{roller.name}.radius"
-            yield doubt(key, roller.radius, "m", "mm", 1e-3 * roller.radius)
+    sizes = {f"rollers.{roller.name}.radius": roller.radius for roller in scene.rollers}
+    for key, size in {"strip.width": scene.strip.width or 0.0, **sizes}.items():
+        if size > LARGEST_IN_LINES["m"]:
+            yield doubt(key, size, "m", "mm", 1e-3 * size)
     if (meant_as := meant_modulus(m.young)) is not None:
         yield doubt("material.young", m.young, "Pa", *meant_as)
     if m.yield_stress is not None and m.yield_stress < 1e4:
@@ -310,7 +309,7 @@ def doubtful_flatness(scene: SceneSpec) -> Iterator[Doubt]:
         most = 0.0 if field is None else float(np.abs(field.samples).max())
         if field is not None and 0.0 < most < MIN_FLATNESS:
             if field.across:
-                typed = f"across=[{', '.join(f'{1e5 * c:g}' for c in field.across)}]"
+                typed = f"across={typed_vector(1e5 * np.array(field.across))}"
             else:
                 typed = f"table=[{', '.join(f'[{eta:g}, {1e5 * c:g}]' for eta, c in field.table)}]"
             why = "in I-units, in which no line has such a value"

@@ -124,15 +124,8 @@ def sharp_roller(preview: Preview) -> Iterator[str]:
             yield (
                 f"roller {roller.name} turns the strip by {np.degrees(turn):.0f}°, and elements of "
                 f"{h:.2g} m cannot follow its radius of {roller.radius:.2g} m. "
-                f"Try {elements_of(preview, LAYER_SHARE * roller.radius)}"
+                f"Try {finer_mesh(preview.assembly.scene, LAYER_SHARE * roller.radius, 1)}"
             )
-
-
-def elements_of(preview: Preview, length: float) -> str:
-    """Say what to type for elements of a length (m) over rollers."""
-    if preview.assembly.scene.strip.mesh is not None:
-        return f"elements of {length:.1g} m in strip.mesh"
-    return f"--set strip.refined={length:.1g}"
 
 
 def soft_contact(preview: Preview) -> Iterator[str]:
@@ -155,7 +148,7 @@ def soft_contact(preview: Preview) -> Iterator[str]:
                 f"into roller {roller.name}, of radius {roller.radius:.2g} m. Try --set {key}"
             )
         elif contact.constants is None and law.width > MAX_PENETRATION * roller.radius:
-            cure = elements_of(preview, LAYER_SHARE * roller.radius)
+            cure = finer_mesh(preview.assembly.scene, LAYER_SHARE * roller.radius, 1)
             if contact.onset is not None:
                 cure = f"--set contact.onset={least:.1g}"
             yield (
@@ -405,8 +398,8 @@ def slack_end(preview: Preview) -> Iterator[str]:
             continue
         before = plan.controls.at(0.0)["exit.force"]
         if np.linalg.norm(force) < SLACK_END * largest < (pulled := np.linalg.norm(before)):
-            kept = ", ".join(f"{pull:.2g}" for pull in 0.1 * largest / pulled * before)
-            key = f"'stages.{plan.name}.exit.force=[{kept}]'"
+            kept = units.typed_vector(0.1 * largest / pulled * before, ".2g")
+            key = f"'stages.{plan.name}.exit.force={kept}'"
             typed = next(stage.edges.get("exit") for stage in stages if stage.name == plan.name)
             if typed is not None and typed.tension is not None:
                 key = f"stages.{plan.name}.exit.tension={0.1 * largest:.2g}"
@@ -542,11 +535,11 @@ def below_round_off(scene: SceneSpec, floor: float, share: float = 1.0) -> str:
     )
 
 
-def finer_mesh(scene: SceneSpec, length: float) -> str:
-    """Return what to type for elements of a length (m) over rollers."""
+def finer_mesh(scene: SceneSpec, length: float, digits: int = 3) -> str:
+    """Return what to type for elements of a length (m) over rollers, with so many digits."""
     if scene.strip.mesh is not None:
-        return f"a mesh with elements of {length:.3g} m there."
-    return f"--set strip.refined={length:.3g}"
+        return f"elements of {length:.{digits}g} m in strip.mesh."
+    return f"--set strip.refined={length:.{digits}g}"
 
 
 def slip_speed(preview: Preview) -> float:
