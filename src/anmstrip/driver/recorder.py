@@ -258,7 +258,9 @@ def kept_values(course: Course) -> dict[str, dict[str, Array]]:
     return {**ends, "value": course.values}
 
 
-def flat_keys(tables: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def flat_keys(
+    tables: Mapping[str, Any], prefix: str = "", between: str = "."
+) -> Iterator[tuple[str, Any]]:
     """Yield dotted keys with their values; entries of lists of tables go by their names."""
     for name, value in tables.items():
         key, inner = f"{prefix}{name}", value
@@ -266,7 +268,7 @@ def flat_keys(tables: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str
             inner = {str(v.get("name", i)): v for i, v in enumerate(value)}
             yield key, list(inner)
         if isinstance(inner, dict):
-            yield from flat_keys(inner, f"{key}.")
+            yield from flat_keys(inner, f"{key}{between}", between)
         else:
             yield key, value
 

@@ -254,13 +254,19 @@ class Partials:
             }
             return np.asarray(effect.law(effect.operator.apply(state.full), None, controls))
 
-        names = (name for name in (*THICKNESS_POWERS, "weight") if name in tangent.parts)
-        effects = {name: tangent.law_part(name).effect for name in names}
-        found = {
+        names = [name for name in (*THICKNESS_POWERS, "weight") if name in tangent.parts]
+        found = self._difference(law, names, step)
+        return {**found, "friction": self.by_passing_labels(key)}
+
+    def _difference(
+        self, law: Callable[[Any, float], Array], names: Iterable[str], step: float
+    ) -> Explicit:
+        """Derivatives of laws of effects, changed by h, by a difference of fourth order."""
+        effects = {name: self.tangent.law_part(name).effect for name in names}
+        return {
             name: sum((w / step * law(effect, at * step) for at, w in STENCIL), np.array(0.0))
             for name, effect in effects.items()
         }
-        return {**found, "friction": self.by_passing_labels(key)}
 
     def by_passing_labels(self, key: str) -> Array:
         """Derivative of friction, of strip that passes labels with c/g, as by a change of c."""
@@ -378,11 +384,7 @@ class Partials:
             x = effect.operator.apply(state.full)
             return np.asarray(effect.law(x, None, state.controls))
 
-        effects = {kind: tangent.law_part(kind).effect for kind in ("contact", "friction")}
-        return {
-            kind: sum((w / h * law(effect, at * h) for at, w in STENCIL), np.array(0.0))
-            for kind, effect in effects.items()
-        }
+        return self._difference(law, ("contact", "friction"), h)
 
 
 @dataclass(frozen=True)

@@ -331,13 +331,15 @@ class OperatingMap:
             for way, value in self.follow_curve(second):
                 told = f"{words}{self.along[0].key} = {value:.6g}, {run.cost.expansions} tangents"
                 yield MapStep(told, share * (1 + number + way))
-        self._read()
-        if self.directory is not None:
-            self._write(self.directory)
+        self._end()
 
     def interrupted(self) -> None:
         """Write what there is after an interruption."""
         self.message, self.done = f"Stopped: {Outcome.INTERRUPTED.value}.", False
+        self._end()
+
+    def _end(self) -> None:
+        """Read off what there is, and write it if that is wanted."""
         self._read()
         if self.directory is not None:
             self._write(self.directory)

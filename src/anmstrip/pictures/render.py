@@ -14,7 +14,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -31,6 +31,7 @@ from PIL import Image
 
 from anmstrip.arrays import Array, Index
 from anmstrip.errors import InputError, Mistake
+from anmstrip.pictures.report import spread_places
 from anmstrip.results.files import atomic_write
 from anmstrip.results.vtk import (
     FIELDS,
@@ -108,17 +109,14 @@ def render(
     with TemporaryDirectory(prefix="anmstrip-") as scratch:
         last = plan_job(states[-1:], chosen, SIZE, Path(scratch))
         draw_in_space(last)
-        pictures = [save_picture(last, folder / "picture.png")]
-        draw_side(last)
-        pictures.append(save_picture(last, folder / "picture_side.png"))
-        if vector is not None:
-            (frame,) = last.frames
-            frame = replace(frame, picture=frame.picture.with_suffix(f".{vector}"))
-            draw_side(drawn := replace(last, frames=(frame,)))
-            pictures.append(save_picture(drawn, folder / f"picture_side.{vector}"))
+        pictures = [folder / "picture.png"]
+        with atomic_write(pictures[0]) as temporary:
+            temporary.write_bytes(last.frames[0].picture.read_bytes())
+        for ending in ("png", vector) if vector else ("png",):
+            pictures.append(folder / f"picture_side.{ending}")
+            draw_side(last, pictures[-1])
         if movie:
-            count = min(len(states), MAX_FRAMES)
-            kept = np.unique(np.linspace(0, len(states) - 1, count).round().astype(int))
+            kept = spread_places(len(states), MAX_FRAMES)
             every = plan_job([states[k] for k in kept], chosen, MOVIE_SIZE, Path(scratch))
             draw_in_space(every)
             with atomic_write(folder / "movie.gif") as temporary:
@@ -225,13 +223,6 @@ def scale_limits(values: Array) -> tuple[float, float]:
         return (0.0, high) if high > -low else (low, 0.0)
     room = max(high - low, SMALL_SHARE * largest) - (high - low)
     return low - 0.5 * room, high + 0.5 * room
-
-
-def save_picture(job: Job, target: Path) -> Path:
-    """Keep the picture of the only frame of a job."""
-    with atomic_write(target) as temporary:
-        temporary.write_bytes(job.frames[0].picture.read_bytes())
-    return target
 
 
 def quantize(picture: Path) -> Image.Image:
@@ -576,32 +567,31 @@ def draw_with_matplotlib(job: Job) -> None:
         FigureCanvasAgg(figure).print_png(frame.picture)
 
 
-def draw_side(job: Job) -> None:
-    """Draw every frame of a job seen along y: the middle line of the strip, and the rollers."""
-    for frame in job.frames:
-        figure = blank_figure(job, frame)
-        axes = figure.add_axes((0.07, 0.09, 0.9, 0.72))
-        segments, values = middle_line(*frame.read_strip(job.field))
-        seen = segments.reshape(-1, 2)
-        if rollers := frame.read_rollers():
-            points, cells, tones = rollers
-            faces = points[:, [0, 2]]
-            seen = np.concatenate([seen, faces])
-            add_polygons(
-                axes, faces[cells], np.array([to_rgb(grey) for grey in ROLLER_COLOURS])[tones], 0.4
-            )
-        colours = colours_of(job, values)
-        axes.add_collection(LineCollection(list(segments), colors=colours, lw=3, capstyle="round"))
-        # a box around everything, and some room, with the same scale in both directions
-        share = axes.get_position()
-        sheet = np.array([share.width * job.size[0], share.height * job.size[1]])
-        low, high = seen.min(axis=0), seen.max(axis=0)
-        middle, reach = 0.5 * (low + high), 0.5 * (1.0 + SIDE_MARGIN) * (high - low)
-        left, right = (middle + side * sheet * max(reach / sheet) for side in (-1, 1))
-        axes.set(xlim=(left[0], right[0]), ylim=(left[1], right[1]))
-        axes.set(xlabel="x [m]", ylabel="z [m]")
-        axes.spines[["top", "right"]].set_visible(False)
-        figure.savefig(frame.picture)
+def draw_side(job: Job, target: Path) -> None:
+    """Draw the only frame of a job seen along y: the middle line of the strip, and the rollers."""
+    (frame,) = job.frames
+    figure = blank_figure(job, frame)
+    axes = figure.add_axes((0.07, 0.09, 0.9, 0.72))
+    segments, values = middle_line(*frame.read_strip(job.field))
+    seen = segments.reshape(-1, 2)
+    if rollers := frame.read_rollers():
+        points, cells, tones = rollers
+        faces, greys = points[:, [0, 2]], np.array([to_rgb(grey) for grey in ROLLER_COLOURS])
+        seen = np.concatenate([seen, faces])
+        add_polygons(axes, faces[cells], greys[tones], 0.4)
+    colours = colours_of(job, values)
+    axes.add_collection(LineCollection(list(segments), colors=colours, lw=3, capstyle="round"))
+    # a box around everything, and some room, with the same scale in both directions
+    share = axes.get_position()
+    sheet = np.array([share.width * job.size[0], share.height * job.size[1]])
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    middle, reach = 0.5 * (low + high), 0.5 * (1.0 + SIDE_MARGIN) * (high - low)
+    left, right = (middle + side * sheet * max(reach / sheet) for side in (-1, 1))
+    axes.set(xlim=(left[0], right[0]), ylim=(left[1], right[1]))
+    axes.set(xlabel="x [m]", ylabel="z [m]")
+    axes.spines[["top", "right"]].set_visible(False)
+    with atomic_write(target) as temporary:
+        figure.savefig(temporary, format=target.suffix.removeprefix("."))
 
 
 def add_polygons(axes: Axes, corners: Array, colours: Array, edge: float) -> None:

@@ -121,6 +121,7 @@ class Event:
     step: float | None = None  # of time (s), to which its date is known; None along a path
 
 
+@dataclass
 class EventWatch:
     """The events of a run, found step after step.
 
@@ -142,16 +143,13 @@ class EventWatch:
         For every pair of a point and a roller how it is now.
     """
 
-    def __init__(
-        self,
-        contact: Contact,
-        rollers: Sequence[Roller],
-        friction_law: FrictionLaw | None,
-        tension: float,
-        tolerance: float,
-    ) -> None:
-        self.contact, self.rollers, self.friction_law = contact, rollers, friction_law
-        self.tension, self.tolerance = tension, tolerance
+    contact: Contact
+    rollers: Sequence[Roller]
+    friction_law: FrictionLaw | None
+    tension: float
+    tolerance: float
+
+    def __post_init__(self) -> None:
         self.watches = Watch(), Watch(), Watch()
         self.plan: Any = None
         self.touching = self.sticking = np.zeros(0, dtype=bool)

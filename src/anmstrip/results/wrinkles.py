@@ -285,9 +285,9 @@ class Wrinkling:
             found.append((float(height), float(spacing)))
         return found if lines else None
 
-    def amplitudes(self, sampler: FieldSampler | None = None) -> list[float] | None:
+    def amplitudes(self) -> list[float] | None:
         """Heights of :meth:`waves` (m)."""
-        found = self.waves(sampler)
+        found = self.waves()
         return None if found is None else [height for height, _ in found]
 
     def wave(self, sampler: FieldSampler | None = None) -> tuple[float, float] | None:
@@ -560,6 +560,18 @@ def loads(state: State) -> dict[str, float]:
     return {"time": state.time, **tensions, **own}
 
 
+def dated(change: Callable[[float], float], length: float) -> float:
+    """Return where on a branch something changes its sign, to :data:`ONSET_TOLERANCE` of it."""
+    from scipy.optimize import brentq
+
+    return float(brentq(change, 0.0, length, xtol=ONSET_TOLERANCE * length, rtol=ONSET_TOLERANCE))
+
+
+def pressed_share(state: State) -> float:
+    """Return the largest compression of a free span over what it bears, 0 without one."""
+    return max((span.compression / span.bearable for span in free_spans(state)), default=0.0)
+
+
 def waves_on(state: State, modes: Callable[[float], Array]) -> Iterator[tuple[float, Onset]]:
     """Places on the branch that ends in a state where waves of a free span become high.
 
@@ -570,8 +582,6 @@ def waves_on(state: State, modes: Callable[[float], Array]) -> Iterator[tuple[fl
         Modes at a place, in columns, ascending by their factors.
     """
     assert state.branch is not None
-    from scipy.optimize import brentq
-
     strip, length = state.plan.model.strip, state.branch.length
     least, begins = WAVE_HEIGHT * strip.thickness, strip.flat_origin[0]
     heights = cache(lambda a: Wrinkling(state.inside(a)).amplitudes() or [])
@@ -583,9 +593,7 @@ def waves_on(state: State, modes: Callable[[float], Array]) -> Iterator[tuple[fl
                 found = heights(a)[number : number + 1]
                 return found[0] / least - 1.0 if found else -1.0
 
-            a = float(
-                brentq(higher, 0.0, length, xtol=ONSET_TOLERANCE * length, rtol=ONSET_TOLERANCE)
-            )
+            a = dated(higher, length)
             here = state.inside(a)
             for span in Wrinkling(here).spans[number : number + 1]:
                 onsets = (Onset(here, mode_heights(here, mode), WAVES) for mode in modes(a).T)
@@ -621,7 +629,7 @@ class WrinkleWatch:
 
         Where it was not looked at, in proportion to compression.
         """
-        pressed = max((s.compression / s.bearable for s in free_spans(state)), default=0.0)
+        pressed = pressed_share(state)
         if self.plan is not state.plan or not (pressed and self.last):
             return np.inf
         return self.last / pressed
@@ -635,7 +643,7 @@ class WrinkleWatch:
         """
         if state.plasticity is not None and state.plasticity.operator.flows:
             return []
-        pressed = max((s.compression / s.bearable for s in free_spans(state)), default=0.0)
+        pressed = pressed_share(state)
         if self.plan is not state.plan:
             self.plan, self.factors, self.last = state.plan, np.zeros(0), 0.0
         near = bool((self.factors < FAR_FROM_BUCKLING).any())
@@ -658,8 +666,6 @@ class WrinkleWatch:
         self.factors = ahead
         self.last = pressed * float(ahead.min(initial=np.inf))
         found = []
-        from scipy.optimize import brentq
-
         for level, kind in DATED_FACTORS.items():
             counts = [int((factors < level).sum()) for factors in (before, self.factors)]
             for number in range(*(sorted(counts) if kind == BIFURCATION else counts)):
@@ -670,9 +676,7 @@ class WrinkleWatch:
 
                 if excess(0.0) * excess(length) > 0.0:  # modes are missed at one end
                     continue
-                a = float(
-                    brentq(excess, 0.0, length, xtol=ONSET_TOLERANCE * length, rtol=ONSET_TOLERANCE)
-                )
+                a = dated(excess, length)
                 factors, modes = at(a)
                 distance = np.abs(factors - level)
                 if distance.min(initial=np.inf) < FACTOR_TOLERANCE:  # no birth of a complex pair

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anmstrip.continuation.equations import Outcome
+from anmstrip.driver.recorder import flat_keys
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError, Mistake
@@ -297,16 +298,7 @@ def row_of(summary: Mapping[str, Any]) -> dict[str, Any]:
     row = {fact: summary.get(fact) for fact in FACT_COLUMNS}
     for edge, values in summary.get("edges", {}).items():
         row[f"{edge}_tension"] = values["tension"]
-    return {**row, **flatten(summary.get("rollers", {}))}
-
-
-def flatten(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return nested tables as one, the names on the way joined by underscores."""
-    flat: dict[str, Any] = {}
-    for key, value in tables.items():
-        name = f"{prefix}{key}"
-        flat |= flatten(value, f"{name}_") if isinstance(value, Mapping) else {name: value}
-    return flat
+    return row | dict(flat_keys(summary.get("rollers", {}), between="_"))
 
 
 @dataclass(frozen=True)
