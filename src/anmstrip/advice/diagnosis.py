@@ -29,7 +29,8 @@ from anmstrip.arrays import Array
 from anmstrip.continuation.equations import NEGLIGIBLE_SHARE, Evidence, Outcome, PathStopped
 from anmstrip.equilibrium import Equilibrium, StageProblem
 from anmstrip.mechanics.shell import eigenstrain
-from anmstrip.results.state import ContactState, State
+from anmstrip.results.rollers import ContactState
+from anmstrip.results.state import State
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import THREADING
 from anmstrip.simulation.meshing import LAYER_SHARE, Nip

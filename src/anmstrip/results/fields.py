@@ -20,7 +20,7 @@ from anmstrip.fem.sampling import (
 )
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.shell import eigencurvature, moduli
-from anmstrip.results.rollers import Readable
+from anmstrip.results.strip_state import StripState
 from anmstrip.results.vtk import FIELDS, facing, triangle_lattice
 
 OUTPUT_POINTS = {"line": unit_grid(4, 1), "quad": unit_grid(4), "triangle": triangle_lattice(6)}
@@ -72,7 +72,7 @@ class FieldSampler:
         if local is None:
             self.cells = facing(self.reference, self.cells)
 
-    def sample(self, state: Readable) -> dict[str, Array]:
+    def sample(self, state: StripState) -> dict[str, Array]:
         """All fields of a state by name, points first; see :data:`~anmstrip.results.vtk.FIELDS`."""
         return {
             "displacement": self.interpolate(state.full),
@@ -87,11 +87,11 @@ class FieldSampler:
         own = self._average(self._at_points(self.value, full))
         return self.kinematics.embed(own.T).T
 
-    def curvature(self, state: Readable) -> Array:
+    def curvature(self, state: StripState) -> Array:
         """Curvatures (xx, yy, xy) (1/m), positive where the top is stretched, (points, 3)."""
         return self._average(self._geometry(state.full, self._growth(state))[2])
 
-    def _growth(self, state: Readable) -> Any:
+    def _growth(self, state: StripState) -> Any:
         """Unstressed length at a label over that of the reference, 1 or (elements, points)."""
         growth = state.controls.get("strip.growth")
         return 1.0 if growth is None else self._recovered(growth[None])[0]
@@ -134,7 +134,7 @@ class FieldSampler:
         apart = self.local[:, :, None] - contact_points(self.strip)[:, None]
         return np.asarray((apart**2).sum(axis=0).argmin(axis=1))
 
-    def contact_fields(self, state: Readable) -> dict[str, Array]:
+    def contact_fields(self, state: StripState) -> dict[str, Array]:
         """Sums over the rollers of what they do; gap and slip of the nearest one."""
         found = list(state.contacts.values())
         if not found:
@@ -160,7 +160,7 @@ class FieldSampler:
         np.maximum.at(status, self.own, found_status[cells[:, self.nearest]])
         return {**fields, "contact_status": np.repeat(status, self.lines)}
 
-    def stress_fields(self, state: Readable) -> dict[str, Array]:
+    def stress_fields(self, state: StripState) -> dict[str, Array]:
         """Membrane forces, moments, von Mises stress of the top surface, curvature, normal."""
         tangents, normal, curvature = self._geometry(state.full, self._growth(state))
         bending, sheet = curvature, state.membrane
@@ -196,7 +196,7 @@ class FieldSampler:
             "normal": self._average(normal),
         }
 
-    def _tension_correction(self, state: Readable, tension: Array) -> Array:
+    def _tension_correction(self, state: StripState, tension: Array) -> Array:
         """Change of a tension to that in equilibrium, on the mean over the width, in its shape."""
         if (found := state.tension_profile) is None:
             return np.zeros_like(tension)
@@ -223,7 +223,7 @@ class FieldSampler:
         weights /= np.bincount(number, weights)[number]
         return unit * places, number, csr_matrix((weights, (number, np.arange(x.size))))
 
-    def layer_fields(self, state: Readable) -> dict[str, Array]:
+    def layer_fields(self, state: StripState) -> dict[str, Array]:
         """Return N and M (xx, yy, xy) of plastic strains, and what is read off the layers."""
         if state.plasticity is None:
             return {"force": np.zeros((3, 1, 1)), "moment": np.zeros((3, 1, 1))}
@@ -243,7 +243,7 @@ class FieldSampler:
         scalars = dict(zip(names, found[3 * d :], strict=True))
         return {"force": force, "moment": moment, "residual_curvature": left, **scalars}
 
-    def membrane_forces(self, state: Readable) -> Array:
+    def membrane_forces(self, state: StripState) -> Array:
         """Membrane forces (xx, yy, xy) (N/m), recovered, shape (3, elements, points).
 
         Within an element on a roller those of the strains swing about the force that is in
@@ -352,7 +352,7 @@ class Profile:
         places = np.round((x - x.min()) / unit)
         self.station: Index = np.unique(places, return_inverse=True)[1]
 
-    def columns(self, state: Readable) -> dict[str, Array]:
+    def columns(self, state: StripState) -> dict[str, Array]:
         """Return the columns of the table, with a value for every station from the entry on.
 
         What belongs to contact is NaN where no point of the station touches a roller.
@@ -398,7 +398,7 @@ class Profile:
         with np.errstate(invalid="ignore"):
             return np.asarray(total / np.bincount(self.station, weights))
 
-    def friction_columns(self, state: Readable, normal: Array) -> dict[str, Array]:
+    def friction_columns(self, state: StripState, normal: Array) -> dict[str, Array]:
         """Slip along the strip, positive where it runs ahead of the roller, and share of the cone.
 
         Of the points in contact; the share is that of all forces of a station.

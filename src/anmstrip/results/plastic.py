@@ -13,7 +13,7 @@ from anmstrip.arrays import Array, Index
 from anmstrip.fem.sampling import shape_of
 from anmstrip.mechanics.plasticity import VON_MISES, Plasticity
 from anmstrip.mechanics.shell import moduli, weaken
-from anmstrip.results.rollers import Readable
+from anmstrip.results.strip_state import StripState
 
 PLASTIC_COLUMNS = (
     "residual_curvature",
@@ -56,7 +56,7 @@ class YieldedStrip:
 
     Parameters
     ----------
-    state : Readable
+    state : StripState
     effect : Plasticity
 
     Attributes
@@ -69,7 +69,7 @@ class YieldedStrip:
         1/m, positive with a stretched top; N/m; N.
     """
 
-    def __init__(self, state: Readable, effect: Plasticity) -> None:
+    def __init__(self, state: StripState, effect: Plasticity) -> None:
         self.state, self.effect, self.strip = state, effect, effect.strip
         self.flow, layers = effect.flow, effect.layers
         x = np.asarray(self.strip.basis.global_coordinates())[0].ravel()
@@ -83,7 +83,7 @@ class YieldedStrip:
         self.moment = np.einsum("l,klp->kp", layers.weights * layers.heights, self.stress)
 
     @classmethod
-    def of(cls, state: Readable) -> YieldedStrip | None:
+    def of(cls, state: StripState) -> YieldedStrip | None:
         """Return what is read off the layers of a state, None where nothing can yield."""
         return None if state.plasticity is None else cls(state, state.plasticity)
 

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anmstrip.arrays import Array, Index
 from anmstrip.mechanics.roller import Roller
-from anmstrip.mechanics.shell import Membrane
 
 if TYPE_CHECKING:
     from anmstrip.mechanics.contact import Contact
-    from anmstrip.mechanics.plasticity import Plasticity
 
 
 TOUCHING_SHARE = 0.1
@@ -513,65 +511,3 @@ def regularisation_of(
         uneven = float(np.abs(gaps - gaps.mean()).max()) / radius / (tension / stiffness)
     penetration = float(np.abs(state.gap[touching]).max())
     return Regularisation(creep, penetration, by_creep, by_cone, penetration / radius + uneven)
-
-
-class Readable(Protocol):
-    """The part of a :class:`~anmstrip.results.state.State` that fields and profiles read."""
-
-    @property
-    def time(self) -> float:
-        """Time (s)."""
-
-    @property
-    def full(self) -> Array:
-        """Displacements, shape (unknowns,)."""
-
-    @property
-    def material_velocity(self) -> Array:
-        """Velocity of the material, shape (unknowns of the strip,)."""
-
-    @property
-    def controls(self) -> Mapping[str, Array]:
-        """Values of the controls."""
-
-    def unstressed_length(self, x: Array) -> Array:
-        """Length of unstressed strip (m) between the entry and labels."""
-
-    def slope(self, x: Any) -> Array:
-        """Derivative ∂r/∂X of the strip at a reference x, mean over its width, (..., 3)."""
-
-    @property
-    def gaps(self) -> Array:
-        """Gap (m) of every contact point from the roller that it is nearest to."""
-
-    @property
-    def contacts(self) -> Mapping[str, ContactState]:
-        """Roller → what it does to the strip."""
-
-    @property
-    def rollers(self) -> Mapping[str, RollerReading]:
-        """Roller → what is read off."""
-
-    @property
-    def passages(self) -> Sequence[RollerPassage]:
-        """Rollers from the entry on, one by one, or at once those whose contacts overlap."""
-
-    @property
-    def bends(self) -> bool:
-        """Whether the strip resists bending."""
-
-    @property
-    def membrane(self) -> Membrane | None:
-        """Membrane of the strip; a plate has none."""
-
-    @property
-    def tension_profile(self) -> tuple[Array, Array] | None:
-        """Reference x (m) and mean tension (N/m) there, by equilibrium, where that tells them."""
-
-    @property
-    def plasticity(self) -> Plasticity | None:
-        """Plastic strains, of strip that can yield."""
-
-    @property
-    def strip_speed(self) -> float | None:
-        """Speed of the strip (m/s); None but in steady stages."""
