@@ -456,21 +456,15 @@ def response_command(scene: Scene, of: str, to: str, directory: Path) -> None:
     click.echo(f"Table and figure in {directory}.")
 
 
-@main.command("case", short_help="Run a mass-spring case of the paper.")
+@main.command("case", context_settings={"show_default": True})
 @click.argument("name")
 @click.option(
-    "--order",
-    type=click.IntRange(2, 60),
-    default=19,
-    show_default=True,
-    metavar="N",
-    help="Order of the series.",
+    "--order", type=click.IntRange(2, 60), default=19, metavar="N", help="Order of the series."
 )
 @click.option(
     "--tolerance",
     type=click.FloatRange(1e-14, 0.1),
     default=1e-4,
-    show_default=True,
     metavar="EPS",
     help="Error that is aimed at, relative to the case's own scales.",
 )
@@ -479,7 +473,6 @@ def response_command(scene: Scene, of: str, to: str, directory: Path) -> None:
     "--scheme",
     type=click.Choice(["taylor", "implicit"]),
     default="taylor",
-    show_default=True,
     help="The paper's scheme, explicit in time, or the implicit one.",
 )
 @directory_option

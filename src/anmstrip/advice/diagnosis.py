@@ -15,6 +15,7 @@ import numpy as np
 
 from anmstrip.advice.physics import (
     PLACE_DECIMALS,
+    across,
     closer_rollers,
     held_by_nip,
     pulled_at_both_ends,
@@ -243,9 +244,8 @@ def squeezed(failure: Failure) -> str | None:
         a, b = (
             replace(r, centre=tuple(np.array(controls[f"rollers.{r.name}.centre"]))) for r in pair
         )
-        across = np.subtract(b.centre, a.centre)
-        across -= (across @ a.unit_axis) * a.unit_axis
-        nip = Nip(a, b, float(np.linalg.norm(across)) - a.radius - b.radius)
+        apart = float(np.linalg.norm(across(np.subtract(b.centre, a.centre), a.unit_axis)))
+        nip = Nip(a, b, apart - a.radius - b.radius)
         first, second = (contacts[r.name].pressed for r in pair)
         pressed = np.isin(first, second).any() and (nip.squeeze > 0.0 or not a.half)
         doubt = pressed and (forewarned(failure) or held_by_nip(seen_before(failure), nip))

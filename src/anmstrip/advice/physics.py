@@ -105,8 +105,7 @@ def meeting_rollers(preview: Preview) -> Iterator[str]:
             keys = [f"rollers.{roller.name}.centre" for roller in (a, b)]
             if not moving.intersection(keys) or abs(a.unit_axis @ b.unit_axis) < PARALLEL_COSINE:
                 continue
-            way, axis = np.subtract(*(np.asarray(end[key]) for key in keys)), a.unit_axis
-            way -= (way @ axis) * axis
+            way = across(np.subtract(*(np.asarray(end[key]) for key in keys)), a.unit_axis)
             overlap = a.radius + b.radius - float(np.linalg.norm(way))
             if overlap >= -ROUND_OFF * a.radius:
                 moved, towards = (a, way) if keys[0] in moving else (b, -way)
@@ -117,6 +116,11 @@ def meeting_rollers(preview: Preview) -> Iterator[str]:
                 far = f"{overlap:.2g} m into one another"
                 far = far if overlap > ROUND_OFF * a.radius else "until they touch each other"
                 yield f"stage {plan.name} moves {a.name} and {b.name} {far}. Try {how}"
+
+
+def across(way: Array, axis: Array) -> Array:
+    """Return the part of a way that is perpendicular to a unit axis, (3,)."""
+    return np.asarray(way - (way @ axis) * axis)
 
 
 def roller_over_an_end(preview: Preview) -> Iterator[str]:
@@ -136,7 +140,7 @@ def roller_over_an_end(preview: Preview) -> Iterator[str]:
                 if name not in held or not moves:
                     continue
                 way = plan.controls.at(1.0)[centre] - np.array([x, 0.0, z])
-                way -= (way @ roller.unit_axis) * roller.unit_axis
+                way = across(way, roller.unit_axis)
                 inside = roller.radius - float(np.linalg.norm(way))
                 if inside > GRAZING_DEPTH * roller.radius:
                     shorter = shorter_move(plan, roller, way, CLEARANCE * roller.radius)
@@ -161,10 +165,10 @@ def move_to_distance(plan: StageProblem, moved: Roller, way: Array, apart: float
     ``way`` (m) leads from the other one to its end, which is q of its move m too far:
     |way − q m| = ``apart``.  None if it is no further away at the start.
     """
-    key, axis = f"rollers.{moved.name}.centre", moved.unit_axis
+    key = f"rollers.{moved.name}.centre"
     move = np.asarray(plan.controls.slope[key], dtype=float)
-    across = move - (move @ axis) * axis
-    half, square = float(way @ across), float(across @ across)
+    sideways = across(move, moved.unit_axis)
+    half, square = float(way @ sideways), float(sideways @ sideways)
     q = (half + np.sqrt(half**2 + square * (apart**2 - float(way @ way)))) / square
     if q > 1.0:
         return None
@@ -870,8 +874,8 @@ def nip_force(assembly: Assembly, nip: Nip, squeeze: float) -> float:
     """
     law, curvature = assembly.signorini, 0.5 / nip.first.radius + 0.5 / nip.second.radius
     reach = np.sqrt((max(squeeze, 0.0) + NIP_RANGE * law.width) / curvature)
-    axis, way = nip.first.unit_axis, np.subtract(nip.second.centre, nip.first.centre)
-    way -= (way @ axis) * axis
+    axis = nip.first.unit_axis
+    way = across(np.subtract(nip.second.centre, nip.first.centre), axis)
     way /= np.linalg.norm(way)
     middle = np.asarray(nip.first.centre) + (nip.first.radius + 0.5 * nip.gap) * way
     points, areas = assembly.laid_points
@@ -925,8 +929,7 @@ def closer_rollers(assembly: Assembly, stage: str, nip: Nip, squeeze: float) -> 
     here, other = nip.second, nip.first
     if other.name in moved and here.name not in moved:
         here, other = other, here
-    way = np.subtract(other.centre, here.centre)
-    way -= (way @ here.unit_axis) * here.unit_axis
+    way = across(np.subtract(other.centre, here.centre), here.unit_axis)
     centre = np.asarray(here.centre) + (squeeze - nip.squeeze) / np.linalg.norm(way) * way
     (drawn,) = (roller for roller in assembly.rollers if roller.name == here.name)
     return typed_place(assembly, stage, drawn, centre)

@@ -538,7 +538,7 @@ class Halved(Assembly):
     The laws stay what the given mesh resolves, so that the mesh alone makes the difference.
     """
 
-    given: Assembly | None = None
+    coarse: Assembly = field(kw_only=True)  # of the given mesh
 
     @property
     def growth(self) -> Growth | None:
@@ -548,16 +548,10 @@ class Halved(Assembly):
     @classmethod
     def of(cls, given: Assembly) -> Halved:
         """Return the assembly on elements of half the length of a given one."""
-        made = cls(given.scene, None, given.added, given)
+        made = cls(given.scene, None, given.added, coarse=given)
         if given.imperfection is None:
             return made
         return replace(made, imperfection=made.prolonged(given.imperfection))
-
-    @property
-    def coarse(self) -> Assembly:
-        """The given assembly."""
-        assert self.given is not None
-        return self.given
 
     @cached_property
     def strip(self) -> Strip:

@@ -186,8 +186,7 @@ class SharpenedRun(Run):
     def laws(self) -> dict[str, float]:
         """Return q and ω or V_c (m/s), and K (Pa/m) and η (Pa) or the onset of contact (m)."""
         f, c = self.scene.friction, self.scene.contact
-        assert f is not None and c is not None
-        assert f.speed is not None
+        assert f and c and f.speed
         friction = {"speed": f.speed}
         if f.law == "norton-hoff":
             friction = {"exponent": f.exponent, "omega": f.omega}
@@ -201,8 +200,7 @@ class SharpenedRun(Run):
         Friction all at once where the error budget is known, and contact by no more than that.
         """
         friction = self.scene.friction
-        assert friction is not None
-        assert friction.speed is not None
+        assert friction and friction.speed
         tolerance, whole, sharper = self.scene.solver.tolerance, self.budgeted, {}
         every = [cost for costs in self.costs.values() for cost in costs]
         for key, value in self.laws().items():

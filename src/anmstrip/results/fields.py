@@ -20,7 +20,7 @@ from anmstrip.fem.sampling import (
 )
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.shell import eigencurvature, moduli
-from anmstrip.results.strip_state import StripState
+from anmstrip.results.strip_state import StripState, stations
 from anmstrip.results.vtk import FIELDS, facing, triangle_lattice
 
 OUTPUT_POINTS = {"line": unit_grid(4, 1), "quad": unit_grid(4), "triangle": triangle_lattice(6)}
@@ -344,13 +344,10 @@ class Profile:
     """
 
     def __init__(self, strip: Strip) -> None:
-        kind = shape_of(strip)
         self.fields = FieldSampler(strip, contact_points(strip))
         self.areas = ContactOperator(strip).weights
-        x, sizes = self.fields.reference[0], strip.cell_sizes[0]
-        unit = float(sizes.mean() if kind == "triangle" else 1e-6 * sizes.min())
-        places = np.round((x - x.min()) / unit)
-        self.station: Index = np.unique(places, return_inverse=True)[1]
+        x = self.fields.reference[0]
+        _, self.station = stations(strip, x - x.min())
 
     def columns(self, state: StripState) -> dict[str, Array]:
         """Return the columns of the table, with a value for every station from the entry on.

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from anmstrip.arrays import Array, Index
-from anmstrip.fem.sampling import shape_of
 from anmstrip.mechanics.plasticity import VON_MISES, Plasticity
 from anmstrip.mechanics.shell import moduli, weaken
-from anmstrip.results.strip_state import StripState
+from anmstrip.results.strip_state import StripState, stations
 
 PLASTIC_COLUMNS = (
     "residual_curvature",
@@ -165,14 +164,8 @@ class YieldedStrip:
 
     @cached_property
     def stations(self) -> tuple[Array, Index]:
-        """Arc lengths (m), ascending, and the number of each point among them.
-
-        Of triangles, whose points do not stand in lines, pieces as long as an element.
-        """
-        sizes, triangles = self.strip.cell_sizes[0], shape_of(self.strip) == "triangle"
-        unit = float(sizes.mean() if triangles else 1e-6 * sizes.min())
-        places, number = np.unique(np.round(self.x / unit), return_inverse=True)
-        return places * unit, number
+        """Arc lengths (m), ascending, and the number of each point among them."""
+        return stations(self.strip, self.x)
 
     def mean(self, values: Array) -> Array:
         """Return the mean over the width of values at the points, at every station."""

@@ -436,6 +436,17 @@ class StripState:
         return np.asarray(strip.material.density * strip.thickness * area * gravity)
 
 
+def stations(strip: Strip, x: Array) -> tuple[Array, Index]:
+    """Return places (m) along the strip, ascending, and the number of each x (m) among them.
+
+    Of triangles, whose points do not stand in lines, places are as far apart as an element is long.
+    """
+    sizes, triangles = strip.cell_sizes[0], shape_of(strip) == "triangle"
+    unit = float(sizes.mean() if triangles else 1e-6 * sizes.min())
+    places, number = np.unique(np.round(x / unit), return_inverse=True)
+    return places * unit, number
+
+
 def turn_upwards(strip: Strip, way: Array) -> Array:
     """Return ways along a strip turned to its upper side, Δr × e_y, a plate's upwards, (..., 3)."""
     chosen = strip.kinematics.chosen
