@@ -250,9 +250,8 @@ def squeezed(failure: Failure) -> str | None:
         pressed = np.isin(first, second).any() and (nip.squeeze > 0.0 or not a.half)
         doubt = pressed and (forewarned(failure) or held_by_nip(seen_before(failure), nip))
         if nip.gap < 0.0 or (pressed and not doubt):
-            least = (
-                0.0 if a.half and nip.gap >= 0.0 else nip.squeeze - 1.1 * max(-nip.gap, thickness)
-            )
+            nips = a.half and nip.gap >= 0.0
+            least = 0.0 if nips else nip.squeeze - 1.1 * max(-nip.gap, thickness)
             return (
                 f"Rollers {a.name} and {b.name} are {nip.gap:.3g} m apart and squeeze the strip. "
                 f"Try {closer_rollers(assembly, failure.stage.name, nip, least)}"

@@ -438,9 +438,8 @@ def other_ways_to_hold(preview: Preview, end: str, pulled: Pulled, turn: float) 
             f"{closer_rollers(assembly, pulled.stage.name, nip, squeeze)}"
         )
     turned = replace(pulled, torques={name: -torque for name, torque in pulled.torques.items()})
-    if largest_held_tension(preview, end, turned, NIP_SAFETY) > max(
-        high, largest_held_tension(preview, end, pulled, NIP_SAFETY)
-    ):
+    held, other = (largest_held_tension(preview, end, p, NIP_SAFETY) for p in (pulled, turned))
+    if other > max(high, held):
         keys = (f"stages.{pulled.stage.name}.rollers.{name}.torque" for name in pulled.torques)
         return f", or the other sign of {', '.join(keys)}"
     bent = max(taken_by_bending(preview, roller) for roller in assembly.rollers) if turn else 0.0
@@ -845,9 +844,7 @@ def nip_forces(preview: Preview) -> Iterator[str]:
     for found in nips_in_stages(assembly.scene, assembly.rollers, assembly.thread):
         for each in found:
             names = each.first.name, each.second.name
-            narrowest[names] = min(
-                narrowest.get(names, each), each, key=lambda nip_forces: nip_forces.gap
-            )
+            narrowest[names] = min(narrowest.get(names, each), each, key=lambda nip: nip.gap)
     for (a, b), each in narrowest.items() if assembly.scene.contact else ():
         if each.gap < 0.0:  # see meeting_rollers
             continue

@@ -129,9 +129,8 @@ def string_estimate(course: Course) -> StringEstimate:
         slopes = np.arctan2(np.sin(angles), np.cos(angles))
         middles = path.at(0.5 * (path.arcs.start[:, 0] + path.arcs.end[:, 0]), 0)[0].T
         least = min(float(roller.radius) for roller in a.rollers)
-        looks = max(
-            STRING_SAMPLES, int(20.0 * float(path.length[0]) / least)
-        )  # chords cut in by r/3200
+        # chords cut in by r/3200
+        looks = max(STRING_SAMPLES, int(20.0 * float(path.length[0]) / least))
         sides = ["over" if sense > 0.0 else "under" for _, sense in rollers]
         kept = path.arcs.turn[:, 0].tolist(), sides, middles - centres
         turns, sides_of, places = (dict(zip(names, values, strict=True)) for values in kept)

@@ -160,9 +160,7 @@ class Budget:
         """
         assembly, told, cures = self.assembly, list[str](), dict(BUDGET_ADVICE)
         if assembly.scene.friction is None:  # the onset of contact goes with the mesh
-            cures["regularisation"] = (
-                f"Try --set strip.finer={2.0 * mesh_density(assembly.scene):g}"
-            )
+            cures["regularisation"] = self.shorter
         largest = max(assembly.scales.tension, *map(abs, tensions))
         sideways, half = 1 in assembly.kinematics.components, 0.5 * assembly.strip.width
         for of, found in self.parts.items():
@@ -197,12 +195,12 @@ class Budget:
         """
         if self.bears < np.inf:
             return []
-        pairs = ((here, there, there.compression - here.compression) for here, there in self.spans)
-        return [
-            (a, b)
-            for a, b, change in pairs
-            if a.near and abs(change) > LARGE_MESH_ERROR * a.compression
-        ]
+
+        def changes(here: Span, there: Span) -> bool:
+            change = abs(there.compression - here.compression)
+            return here.near and change > LARGE_MESH_ERROR * here.compression
+
+        return [pair for pair in self.spans if changes(*pair)]
 
     @property
     def of_wrinkles(self) -> list[str]:
@@ -274,10 +272,8 @@ class Budget:
                 self.lost, self.error, self.spans = False, None, []
                 self.time = state.time  # as at a limit point: nothing is known of laws and meshes
                 return
-            exact, self.parts["path"] = (
-                found,
-                largest_differences(state, found, found.full - state.full),
-            )
+            exact, change = found, found.full - state.full
+            self.parts["path"] = largest_differences(state, found, change)
             with suppress(SingularTangentError):
                 self.parts["regularisation"] = self.by_laws(exact)
         else:
@@ -676,12 +672,8 @@ def balance_state(
     zero = np.zeros(len(free))
     first = equations.imbalance(equations.residual(zero, 0.0))
     floor = ROUND_OFF_MARGIN * equations.round_off(zero, 0.0)
-    wanted, solver = (
-        max(
-            min(max(IMBALANCE_REDUCTION * first, floor), LARGEST_IMBALANCE_LEFT), SMALLEST_IMBALANCE
-        ),
-        SparseSolver(),
-    )
+    wanted = min(max(IMBALANCE_REDUCTION * first, floor), LARGEST_IMBALANCE_LEFT)
+    wanted, solver = max(wanted, SMALLEST_IMBALANCE), SparseSolver()
     corrections = Corrections(
         wanted, MAX_CORRECTIONS, FAST_REDUCTION, least=1, kept=TANGENT_REUSE_RATIO
     )

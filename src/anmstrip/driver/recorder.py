@@ -284,12 +284,8 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any], file: str) ->
         if key not in CHANGEABLE_KEYS and old.get(key) != new.get(key):
             was = toml_text(old.get(key))
             expected = f"{was}, with which this run began; what is there would not fit the rest"
-            hint = (
-                f"--set {shlex.quote(f'{key}={was}')}, or {START_AFRESH}"
-                if key in old
-                else START_AFRESH
-            )
-            yield Mistake(file, key, new.get(key), expected, hint)
+            back = f"--set {shlex.quote(f'{key}={was}')}, or " * (key in old)
+            yield Mistake(file, key, new.get(key), expected, back + START_AFRESH)
 
 
 def signature(arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> str:

@@ -184,9 +184,8 @@ class ContactState:
         low, high = np.sort([above[:-1], above[1:]], axis=0)
         part = np.clip(high / np.maximum(high - low, 1e-300), 0.0, 1.0)
         arc = float(np.diff(angle) @ part)
-        return (
-            None if arc == 0.0 and self.max_slip >= RUNNING_SLIP * abs(self.surface_speed) else arc
-        )
+        slips = self.max_slip >= RUNNING_SLIP * abs(self.surface_speed)
+        return None if arc == 0.0 and slips else arc
 
     @property
     def grip(self) -> float:

@@ -205,11 +205,8 @@ class StripState:
         pull = float(np.linalg.norm(force))
         layer = np.sqrt(strip.bending_stiffness * edge.length / max(pull, 1e-300))
         pulled = force @ strip.edge_tangent(name, self.full) * (-1.0 if name == "entry" else 1.0)
-        if (
-            pulled <= 0.0
-            or layer > SHORT_LAYER * strip.length
-            or 0 not in strip.kinematics.components
-        ):
+        along = 0 in strip.kinematics.components
+        if pulled <= 0.0 or layer > SHORT_LAYER * strip.length or not along:
             return None
         return np.asarray(force / pull)
 

@@ -225,9 +225,8 @@ def read_surface(path: AnyPath) -> SurfaceMesh:
 def _decoded(array: ElementTree.Element) -> NDArray[Any]:
     """Return the values of an array that :func:`_array` wrote."""
     text, columns = array.text or "", array.get("NumberOfComponents")
-    content = bytearray(
-        zlib.decompress(base64.b64decode(text[BLOCK_HEADER:]))
-    )  # which can be changed
+    # an array of bytes, since these can be changed
+    content = bytearray(zlib.decompress(base64.b64decode(text[BLOCK_HEADER:])))
     values = np.frombuffer(content, dtype="<f8" if array.get("type") == "Float64" else "<i8")
     return values.reshape(-1, int(columns)) if columns else values
 

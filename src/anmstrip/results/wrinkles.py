@@ -647,22 +647,14 @@ class WrinkleWatch:
         if self.plan is not state.plan:
             self.plan, self.factors, self.last = state.plan, np.zeros(0), 0.0
         near = bool((self.factors < FAR_FROM_BUCKLING).any())
-        if state.branch is None or (
-            not near
-            and (
-                pressed < COLUMN_SHARE
-                or self.last > PROPORTION_MARGIN * FAR_FROM_BUCKLING * pressed
-            )
-        ):
+        far = pressed < COLUMN_SHARE or self.last > PROPORTION_MARGIN * FAR_FROM_BUCKLING * pressed
+        if state.branch is None or (far and not near):
             self.factors = np.zeros(0)
             return []
         at, length = cache(lambda a: self._modes(state.inside(a))), state.branch.length
         ahead = at(length)[0]
-        before = (
-            self.factors
-            if len(self.factors) or not (ahead < FAR_FROM_BUCKLING).any()
-            else at(0.0)[0]
-        )
+        looked = len(self.factors) or not (ahead < FAR_FROM_BUCKLING).any()
+        before = self.factors if looked else at(0.0)[0]
         self.factors = ahead
         self.last = pressed * float(ahead.min(initial=np.inf))
         found = []
@@ -685,11 +677,8 @@ class WrinkleWatch:
                     heights = mode_heights(here, modes[:, nearest])
                     aside = a + RATE_SHARE * length * (1.0 if a < 0.5 * length else -1.0)
                     others = at(aside)[0]
-                    beside = (
-                        (state.inside(aside), float(others[nearest]))
-                        if nearest < len(others)
-                        else None
-                    )
+                    known = nearest < len(others)
+                    beside = (state.inside(aside), float(others[nearest])) if known else None
                     found.append((a, Onset(here, heights, kind, nearest, beside)))
         if ONSET_FACTOR < min(f.min(initial=np.inf) for f in (before, ahead)) < FAR_FROM_BUCKLING:
             found += waves_on(state, lambda a: at(a)[1])
