@@ -177,18 +177,13 @@ def scene_as_meant(scene: SceneSpec, found: Sequence[Doubt]) -> SceneSpec | None
 def in_millimetres(scene: SceneSpec) -> bool:
     """Return whether sizes, modulus and tension fit together in N, mm and MPa, and not in SI."""
     strip, young = scene.strip, scene.material.young
-    given = {"young": young, "thickness": strip.thickness, "width": strip.width}
-    strain = largest_force(scene) / (young * strip.thickness)
-    wide = strip.width is not None and strip.width > WIDEST_IN_METRES
-    return (
-        all(
-            value is not None and MILLIMETRE_RANGES[key][0] <= value <= MILLIMETRE_RANGES[key][1]
-            for key, value in given.items()
-        )
-        and all(roller.radius >= MIN_RADIUS for roller in scene.rollers)
-        and strain <= MAX_TENSION_STRAIN
-        and (wide or strain >= MIN_TENSION_STRAIN)
-    )
+    width, strain = strip.width or 0.0, largest_force(scene) / (young * strip.thickness)
+    given = {"young": young, "thickness": strip.thickness, "width": width}
+    ranges = ((value, *MILLIMETRE_RANGES[key]) for key, value in given.items())
+    sized = all(least <= value <= most for value, least, most in ranges)
+    sized = sized and all(roller.radius >= MIN_RADIUS for roller in scene.rollers)
+    needed = 0.0 if width > WIDEST_IN_METRES else MIN_TENSION_STRAIN
+    return sized and needed <= strain <= MAX_TENSION_STRAIN
 
 
 def in_megapascals(scene: SceneSpec, stress: float) -> float:

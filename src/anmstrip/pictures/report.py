@@ -117,11 +117,9 @@ def write_report(directory: AnyPath) -> Path:
     if history.is_file():
         known = read_json(folder / "summary.json") or {}
         body = html_tables(known)
-        found |= {
-            "along": written_profiles(folder / "profile.csv"),
-            "over": history_columns(history),
-        }
-        found |= {"space": last_surface(folder)}
+        found["along"] = written_profiles(folder / "profile.csv")
+        found["over"] = history_columns(history)
+        found["space"] = last_surface(folder)
     elif study is not None:
         known, rows = read_json(study.with_suffix(".json")) or {}, read_history(study)
         body = study_tables(study, rows)
