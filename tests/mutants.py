@@ -752,7 +752,12 @@ ESTIMATES = (
 )
 
 BUDGET = (
-    Mutant("the path is off by nothing", "found.full - state.full)", "0.0 * found.full)", "errors"),
+    Mutant(
+        "the path is off by nothing",
+        "= found, found.full - state.full",
+        "= found, 0.0 * found.full",
+        "errors",
+    ),
     Mutant(
         "errors in time fade at once",
         "after = np.array([self.solver.factors.solve(each) for each in right])",
@@ -879,8 +884,8 @@ ADVICE = (
     ),
     Mutant(
         "rollers squeeze by their sum",
-        "float(np.linalg.norm(across)) - a.radius - b.radius)",
-        "float(np.linalg.norm(across)) - a.radius)",
+        "Nip(a, b, apart - a.radius - b.radius)",
+        "Nip(a, b, apart - a.radius)",
         "advice",
         "test_diagnosis.py",
     ),
