@@ -174,7 +174,40 @@ STRETCHED = merged(
     stages=[{"name": "run", "steady": True, "rollers": {"r": {"surface_speed": 1.0}},
              "entry": {"tension": 2.86e5}, "exit": {"tension": 2.86e5}}],
 )  # fmt: skip
+SLACK_BELT: dict[str, Any] = {
+    "strip": {"kinematics": "section", "width": 0.5, "thickness": 8e-4},
+    "material": {"young": 2e11, "poisson": 0.3, "expansion": 1.2e-5},
+    "contact": {},
+    "friction": {"coefficient": 0.2},
+    "threading": {"tension": 2e4, "closed": True},
+    "rollers": [
+        {"name": "a", "radius": 0.3, "centre": [0.0, 0.0, 0.0], "wrap": "right"},
+        {"name": "b", "radius": 0.3, "centre": [3.0, 0.0, 0.0], "wrap": "right", "drive": "idle"},
+    ],
+    "stages": [{"name": "run", "steady": True, "strip": {"temperature": 60.0},
+                "rollers": {"a": {"surface_speed": 2.0}}}],
+}  # fmt: skip
+"""E t α ΔT = 115 kN/m against 20 kN/m: it stopped at steps that were too short, and said no why."""
+
+HEATED = merged(
+    changed(("edges.exit", {"fixed": ["x", "z"]}), ("material.expansion", 1.2e-5)),
+    stages=[{"name": "heat", "friction": False, "strip": {"temperature": 60.0}}],
+)
+PULLED_OFF = merged(
+    SLACK_BELT,
+    threading={"closed": False, "tension": 1e4, "entry": [-2.0, 0, -0.2], "exit": [2.0, 0, -0.2]},
+    rollers=[{"name": "a", "radius": 0.4, "centre": [0.0, 0.0, -0.4], "wrap": "over"}],
+    edges={"entry": {"fixed": ["x", "z"]}},
+    stages=[
+        {"name": "pull", "friction": False, "rollers": {"a": {"surface_speed": 1.0}},
+         "exit": {"force": [9e3, 0.0, 3e3]}},
+    ],
+)  # fmt: skip
+
 MORE: list[tuple[dict[str, Any], str, list[str]]] = [
+    (SLACK_BELT, "in stage run lengthens the strip by 0.00072 of its length", []),
+    (HEATED, "in stage heat lengthens the strip by 0.00072 of its length", []),
+    (PULLED_OFF, "comes off roller a in stage pull, as stages.pull.exit.force turns its exit", []),
     (STRETCHED, "286 MPa, beyond 231 MPa, at which all of the strip flows, on and on",
      ["stages.run.exit.tension=8e4", "stages.run.entry.tension=8e4"]),
     (merged(STRETCHED, material={"plasticity": {"isotropic_hardening": 5e8}}),
@@ -574,6 +607,7 @@ def test_what_a_last_state_shows_is_cured(
 # all of them -------------------------------------------------------------------------------------
 
 ELSEWHERE = {
+    "pulled_off": "words of untouched_roller",
     "squeezed": "test_diagnosis.py, test_nip.py",
     "tips_over": "told where nothing pulls, among what is told before a run",
     "lifted_off": "of an idler that bent strip does not touch",

@@ -208,15 +208,32 @@ def untouched_roller(preview: Preview) -> Iterator[str]:
                 f"Try another rollers.{roller.name}.centre, a move that long in a "
                 "stage, or take the roller out."
             )
+        touched = False
         for stage, string in zip(scene.course, preview.strings, strict=True):
-            wrapped = thread is not None and roller in thread.rollers
-            if wrapped and stage.rollers and roller.name not in string.turns:
+            wrapped, before = thread is not None and roller in thread.rollers, touched
+            touched = roller.name in string.turns
+            moved = [name for name, turn in stage.rollers.items() if turn.move]
+            leaves = f"the strip comes off roller {roller.name} in stage {stage.name}"
+            if wrapped and moved and not touched:
                 yield (
-                    f"the strip comes off roller {roller.name} in stage {stage.name}, which moves "
-                    f"{' and '.join(stage.rollers)}. Try shorter moves "
-                    f"(stages.{stage.name}.rollers)."
+                    f"{leaves}, which moves {' and '.join(moved)}. "
+                    f"Try shorter moves (stages.{stage.name}.rollers)."
                 )
                 break
+            if wrapped and before and not touched:
+                yield from (f"{leaves}{why}" for why in pulled_off(preview.assembly, stage))
+
+
+def pulled_off(assembly: Assembly, stage: StageSpec) -> Iterator[str]:
+    """Say which force turns an end of a threaded strip, and the one that pulls as it was laid."""
+    x = assembly.strip.mesh.p[0]
+    for name, end in stage.edges.items():
+        if end.force and name in ENDS and assembly.thread is not None:
+            laid = assembly.thread.ends_in_space(np.array([x.min(), x.max()]))
+            way = np.linalg.norm(end.force) * np.asarray(laid[2 + ENDS.index(name)])
+            typed = ", ".join(f"{part:.4g}" for part in (way[0], 0.0, way[-1]))
+            key = f"stages.{stage.name}.{name}.force"
+            yield f", as {key} turns its {name}. Try --set '{key}=[{typed}]'"
 
 
 def coefficient_on(scene: SceneSpec, roller: RollerSpec) -> float:
@@ -765,6 +782,45 @@ def strip_without_tension(preview: Preview) -> Iterator[str]:
                 f"{given:.9g} m/s is its speed unstressed. Try entry.tension and no strip.speed "
                 f"there, or --set stages.{stage.name}.strip.speed={last[name] / stretch[name]:.12g}"
             )
+
+
+def slack_by_heat(preview: Preview) -> Iterator[str]:
+    """Stages whose heat or flatness lengthens strip between fixed places by more than it is pulled.
+
+    An endless strip keeps its length, and one that both ends hold, without weight to hang in, where
+    no end and no roller has been moved.
+    """
+    assembly, tension = preview.assembly, preview.tension
+    scene, strip = assembly.scene, assembly.strip
+    if scene.threading is None or strip.kinematics.name == "plate":
+        return
+    held = {name for name in ENDS if name in scene.edges and "x" in scene.edges[name].fixed}
+    weights, laid = strip.weights().ravel(), 0.0
+    for stage, plan in zip(scene.course, preview.plans, strict=True):
+        ends = [stage.edges[name] for name in ENDS if name in stage.edges]
+        led = ends or stage.steady or any(turn.move for turn in stage.rollers.values())
+        if not assembly.closed and (held != set(ENDS) or led):
+            return
+        own = eigenstrain(strip, plan.controls.at(1.0))
+        longer = 0.0 if own is None else float(weights @ own[0, 0] / weights.sum())
+        if plan is preview.plans[0]:
+            laid = longer
+        if "gravity" in plan.controls.at(1.0):
+            return
+        needed = strip.tensile_stiffness * (longer - laid)
+        if needed > tension > 0.0:
+            given, share = stage.strip.temperature, SAFE_ANGLE_SHARE * tension / needed
+            less = f"{two_digits(share, np.floor):g} of it"
+            if given and not given.along and len(given.across or ()) == 1 and laid == 0.0:
+                degrees = two_digits(share * given.across[0], np.floor)
+                less = f"--set stages.{stage.name}.strip.temperature={degrees:g}"
+            yield (
+                f"heat or flatness in stage {stage.name} lengthens the strip by "
+                f"{longer - laid:.2g} of its length, between places that stay. Of its tension of "
+                f"{tension:.3g} N/m that takes {needed:.2g} N/m: it goes slack. "
+                f"Try more tension, or {less}"
+            )
+            return
 
 
 def tips_over(preview: Preview) -> Iterator[str]:

@@ -225,9 +225,12 @@ def lifted_off(state: State, scene: SceneSpec) -> Iterator[str]:
             continue
         if not contact.touching.any():
             gap = float(contact.gap.min(initial=np.inf))
+            led = [end for stage in scene.stages for end in stage.edges.values()]
+            led_away = any(end.force or end.move or end.velocity for end in led)
+            here = f"the strip passes at {gap:.2g} m"
+            bent = f"bent over the others {here}, where a taut string would touch"
             yield (
-                f"roller {roller.name} is touched by nothing: bent over the others the strip "
-                f"passes at {gap:.2g} m, where a taut string would touch. "
+                f"roller {roller.name} is touched by nothing: {here if led_away else bent}. "
                 f"Try another rollers.{roller.name}.centre, if it should"
             )
 
@@ -634,6 +637,7 @@ SERIOUS_RULES = (
     physics.beyond_capacity,
     physics.torque_beyond_friction,
     physics.strip_without_tension,
+    physics.slack_by_heat,
     physics.strip_runs_out,
     slack_end,
     heavy_strip,
