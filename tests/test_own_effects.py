@@ -146,6 +146,55 @@ TURN = 2.0 * (np.arcsin(0.5 / DISTANCE) + np.arctan2(0.5, 2.0))
 """Wrap of a taut string from (−2, −1) over the circle of 0.5 m about (0, −0.5) to (2, −1)."""
 
 
+class Air(LawEffect):
+    """Air that resists motion: residual c v per area."""
+
+    name = "air"
+    rate_dependent = True
+
+    def __init__(self, strip: Strip, c: float) -> None:
+        self.operator, self.c = ContactOperator(strip), c  # c in Pa s/m
+
+    def law(self, x: Any, v: Any, controls: Any) -> Any:
+        return v * self.c
+
+
+DRAWN: dict[str, Any] = {
+    "strip": {"kinematics": "section", "width": 1.0, "thickness": 5e-4},
+    "material": {"young": 2.1e11, "poisson": 0.3},
+    "friction": {"coefficient": 0.3},
+    "threading": {"tension": 1e4, "entry": [-2.0, 0.0, -0.2], "exit": [2.0, 0.0, -0.2]},
+    "rollers": [{"name": "a", "radius": 0.4, "centre": [0, 0, -0.4], "wrap": "over",
+                 "drive": "idle"}],
+    "edges": {"entry": {"fixed": ["x", "z"]}},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("stage", "fed", "words"),
+    [
+        ({"duration": 1.0, "entry": {"speed": 0.5}}, True, "those of labels that stay while fed"),
+        ({"duration": 1.0, "entry": {"speed": 0.5}}, False, ""),
+        ({"steady": True, "strip": {"speed": 0.5}}, True, "is left out of stage stage1"),
+    ],
+)
+def test_an_effect_that_has_no_velocity_of_the_strip_is_told_of(
+    stage: dict[str, Any], fed: bool, words: str
+) -> None:
+    """Air of 1000 Pa s/m at 0.5 m/s on 4 m takes 2 kN/m, of fed strip nothing, and said nothing."""
+    scene = Scene.from_tables(
+        {**DRAWN, "strip": {**DRAWN["strip"], "feed": fed}, "stages": [stage]}, "drawn.toml"
+    )
+    run = Run(scene, effects=[lambda strip: Air(strip, 1000.0)])
+    assert [words in line for line in run.forewarnings() if "effect air" in line] == [True] * bool(
+        words
+    )
+    if not words:
+        *_, last = run
+        force = np.linalg.norm(last.state.edge_force("entry"))
+        assert force == pytest.approx(1e4 - 1000.0 * 0.5 * 4.0, rel=5e-3)
+
+
 @pytest.mark.parametrize(
     ("law", "parameters", "key", "words"),
     [

@@ -608,6 +608,7 @@ def test_what_a_last_state_shows_is_cured(
 
 ELSEWHERE = {
     "pulled_off": "words of untouched_roller",
+    "rates_of_labels": "of a user's own effects, in test_own_effects.py",
     "squeezed": "test_diagnosis.py, test_nip.py",
     "tips_over": "told where nothing pulls, among what is told before a run",
     "lifted_off": "of an idler that bent strip does not touch",

@@ -600,6 +600,24 @@ LARGE_SHELL = 5000
 """Unknowns of a shell from which on it is told that a section would do."""
 
 
+def rates_of_labels(preview: Preview) -> Iterator[str]:
+    """Effects of the user's own that use velocities, where material passes labels that stay."""
+    assembly = preview.assembly
+    steady = [stage.name for stage in assembly.scene.course if stage.steady]
+    passing = [plan.name for plan in preview.plans if plan.in_time and assembly.scene.strip.feed]
+    for effect in assembly.added_effects:
+        if effect.rate_dependent and steady:
+            yield (
+                f"effect {effect.name} depends on velocities, and is left out of stage "
+                f"{steady[0]}, which is steady. Try the stage in time"
+            )
+        if effect.rate_dependent and passing:
+            yield (
+                f"effect {effect.name} depends on velocities, which in stage {passing[0]} are "
+                "those of labels that stay while fed strip passes them. Try --set strip.feed=false"
+            )
+
+
 def needless_shell(preview: Preview) -> Iterator[str]:
     """Large shells, by default, of scenes in which nothing varies across the strip.
 
@@ -644,7 +662,14 @@ SERIOUS_RULES = (
     heavy_pass,
     strict_tolerance,
 )
-OTHER_RULES = (free_motions, coarse_mesh, slipping_friction, needless_shell, *physics.PHYSICS_RULES)
+OTHER_RULES = (
+    free_motions,
+    coarse_mesh,
+    slipping_friction,
+    rates_of_labels,
+    needless_shell,
+    *physics.PHYSICS_RULES,
+)
 RULES_AT_END = (
     lifted_off,
     standing_idlers,
