@@ -56,6 +56,13 @@ class Mutant:
 
 STATE = (
     Mutant(
+        "short arcs leave fibres as slack as long ones",
+        "-np.expm1(-2.1 * turns",
+        "-np.expm1(-21.0 * turns",
+        "summary",
+        "test_forewarnings.py",
+    ),
+    Mutant(
         "runs take strip up between two held ends",
         "if not set(ENDS) <= held]",
         "]",

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anmstrip.advice.physics import slack_edge, uneven_fibres
+from anmstrip.advice.physics import loose_fibres, slack_edge, uneven_fibres
 from anmstrip.advice.preview import Preview, free_motions
 from anmstrip.advice.warnings import against_section, serious, warnings
 from anmstrip.driver.scene import Scene
@@ -528,6 +528,73 @@ def test_strip_too_stiff_to_wrap_its_rollers_is_held_as_a_string() -> None:
     assert not [line for line in serious(preview_of(tables)) if "runs away" in line]
     run["exit"] = {"tension": 2.4e4 / np.exp(1.1 * 0.25 * np.radians(222.0))}
     assert [line for line in serious(preview_of(tables)) if "runs away" in line]
+
+
+def test_edges_come_off_crowned_rollers_from_the_tension_that_is_told() -> None:
+    """Wide strip lies on half of its crowned roller; the edges bear nothing there.
+
+    By hand E t (2/3) (c W²/4)/R (1 − e^(−2.1 πR/W)): 10.2 kN/m, to two digits upwards.
+    """
+    tables = crowned(n=2, crown=-2e-4)
+    (told,) = loose_fibres(preview_of(tables))
+    found = re.search(r"^the radius of r1, r2 varies .* below about (\S+) N/m.*tension=(\S+)$", told)
+    assert found is not None
+    assert float(found[1]) == pytest.approx(10.2e3, rel=0.1)
+    tables["threading"]["tension"] = float(found[2])
+    run = Scene.model_validate(tables).run()
+    for _ in run:
+        pass
+    assert run.outcome.done and run.state is not None
+    assert not list(loose_fibres(preview_of(tables)))
+    forces = run.state.membrane_forces[0, 0].ravel()
+    x = quadrature_points(run.state.plan.model.strip)[0].ravel()
+    first, last = run.march.assembly.thread.arcs["r2"]
+    assert abs(forces[(first < x) & (x < last)].min()) < 0.15 * float(found[2])
+
+
+def test_a_line_of_crowned_rollers_stops_for_its_crowns_and_runs_with_more_tension() -> None:
+    tables = crowned(n=4, crown=-1.39e-3)
+    run = Scene.model_validate(tables).run()
+    for _ in run:
+        pass
+    found = re.search(
+        r"The radius of r1, r2, r3, r4 varies .* threading.tension=(\d+)$", run.message
+    )
+    assert found is not None
+    run = Scene.model_validate(
+        {**tables, "threading": {**tables["threading"], "tension": float(found[1])}}
+    ).run()
+    for _ in run:
+        pass
+    assert run.outcome.done
+
+
+def crowned(n: int, crown: float) -> dict[str, Any]:
+    """A wide strip up and down over rollers of a furnace, all of one crown (1/m)."""
+    radius, height = 0.4, 3.0
+    rollers = [
+        {
+            "name": f"r{k + 1}",
+            "radius": radius,
+            "centre": [2.0 * k * radius, 0.0, k % 2 * height],
+            "wrap": "over" if k % 2 else "under",
+            "crown": [0.0, crown],
+        }
+        for k in range(n)
+    ]
+    return {
+        "strip": {"kinematics": "shell", "width": 1.2, "thickness": 6e-4},
+        "material": {"young": 1.6e11, "poisson": 0.3},
+        "contact": {},
+        "edges": {"entry": {"fixed": ["x", "z"], "centred": True}},
+        "threading": {
+            "tension": 6e3,
+            "entry": [-2.0, 0.0, -radius],
+            "exit": [(2.0 * n - 1.0) * radius, 0.0, 0.0],
+        },
+        "rollers": rollers,
+        "stages": [{"name": "hold", "duration": 1.0, "friction": False}],
+    }
 
 
 def test_fibres_are_slack_from_the_tension_that_is_told() -> None:

@@ -6,7 +6,7 @@ Every cause is a function that looks at a :class:`Failure` and returns a sentenc
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -18,6 +18,7 @@ from anmstrip.advice.physics import (
     across,
     closer_rollers,
     held_by_nip,
+    loose_fibres,
     pulled_at_both_ends,
     runs_away,
     slack_edge,
@@ -274,9 +275,15 @@ def round_off(failure: Failure) -> str | None:
 
 def forewarned(failure: Failure) -> str | None:
     """It could be told before the run, of this stage or else of those before it."""
+    names, here = [stage.name for stage in failure.scene.course], failure.stage.name
+    later = names[names.index(here) + 1 :] if here in names else []
+
+    def is_of(told: str, stages: Sequence[str]) -> bool:
+        return any(re.search(rf"\bstages?[ .]{re.escape(name)}\b", told) for name in stages)
+
     found = serious(seen_before(failure))
-    here = re.compile(rf"\bstages?[ .]{re.escape(failure.stage.name)}\b")
-    return as_sentence(min(found, key=lambda told: not here.search(told))) if found else None
+    found = [told for told in found if is_of(told, [here]) or not is_of(told, later)]
+    return as_sentence(min(found, key=lambda told: not is_of(told, [here]))) if found else None
 
 
 def ran_away(failure: Failure) -> bool:
@@ -308,6 +315,11 @@ def stiff_strip(failure: Failure) -> str | None:
         f"radius {roller.radius:.2g} m. "
         f"Try --set threading.tension={two_digits(stiffness / roller.radius**2, np.ceil):g}"
     )
+
+
+def profiled(failure: Failure) -> str | None:
+    """Rollers whose profiles leave fibres of the strip without tension."""
+    return as_sentence(next(loose_fibres(seen_before(failure)), "")) or None
 
 
 def slack(failure: Failure) -> str | None:
@@ -490,6 +502,7 @@ CAUSES: tuple[Callable[[Failure], str | None], ...] = (
     squeezed,
     forewarned,
     stiff_strip,
+    profiled,
     slack,
     round_off,
     free_motion,

@@ -66,6 +66,9 @@ BRAKING_SHARE = 0.1
 SAFE_ANGLE_SHARE = 0.8
 """Share of the angle, or of the uneven strain, at which an edge is slack that is proposed."""
 
+PROFILE_SAMPLES = 41
+"""Of the profile of a roller below a strip."""
+
 SAGGING_SHARE = 1.1
 """Tension over what friction holds on the wraps of a taut string, up to which the longer wraps of
 strip that sags may hold it: by 4 % in a line of 350 m."""
@@ -1088,6 +1091,37 @@ def uneven_fibres(preview: Preview) -> Iterator[str]:
             )
 
 
+def loose_fibres(preview: Preview) -> Iterator[str]:
+    """Rollers with profiles on which the shortest fibres of a shell bear no tension.
+
+    On a roller of the profile r(y) a fibre is shorter than the mean by e = (r̄ − r)/r̄, but for what
+    is linear in y, which bends the strip in its plane.  If the arc a is long it bears T − E t e
+    there.  Shorter arcs share e with the strip beside them: what balances itself across a width W
+    decays like e^(−4.21 x/W) (Timoshenko and Goodier, Theory of elasticity, §24), so that
+    1 − e^(−2.1 a/W) of it is left in the middle.
+    """
+    strip, thread, tension = preview.assembly.strip, preview.assembly.thread, preview.tension
+    if strip.kinematics.name != "shell" or thread is None or tension == 0.0:
+        return
+    needed, turns = dict[str, float](), thread.turns
+    y = strip.width * np.linspace(-0.5, 0.5, PROFILE_SAMPLES)
+    for roller in thread.rollers:
+        radii = roller.radius_at((y - roller.centre[1]) / roller.unit_axis[1])
+        shorter = float((np.polyval(np.polyfit(y, radii, 1), y) - radii).max() / radii.mean())
+        left = -np.expm1(-2.1 * turns[roller.name] * radii.mean() / strip.width)
+        if (least := strip.tensile_stiffness * left * shorter) > tension:
+            needed[roller.name] = least
+    if needed:
+        most = two_digits(max(needed.values()), np.ceil)
+        share = two_digits(SAFE_ANGLE_SHARE * tension / most, np.floor)
+        yield (
+            f"the radius of {', '.join(needed)} varies so much below the strip that its "
+            f"shortest fibres there bear none of a tension below about {most:.2g} N/m. At "
+            f"{tension:.3g} N/m they come off, and the strip beside may wrinkle. "
+            f"Try {share:g} of the crown or taper, or --set threading.tension={most:g}"
+        )
+
+
 def sinking_exit(preview: Preview) -> Iterator[str]:
     """An exit that is free to sink under the weight of the last run, by q l²/2T.
 
@@ -1184,6 +1218,7 @@ PHYSICS_RULES = (
     heavy_bearings,
     slack_edge,
     uneven_fibres,
+    loose_fibres,
     untouched_roller,
     sideways_entry,
     beyond_yield,

@@ -716,7 +716,7 @@ def element_over(assembly: Assembly, roller: Roller) -> float:
         first, last = assembly.thread.arcs[roller.name]
         if contact_stands(assembly.scene):
             nodes = np.unique(mesh.p[0])
-            around = np.searchsorted(nodes, [first, last]).clip(1, len(nodes) - 2)
+            around = np.abs(nodes[1:-1, None] - [first, last]).argmin(axis=0) + 1
             return float(np.diff(nodes)[[around - 1, around]].max())
     x = mesh.p[0, mesh.t].mean(axis=0)
     return float(assembly.strip.cell_sizes[0, (first <= x) & (x <= last)].max(initial=0.0))
