@@ -402,6 +402,24 @@ def test_all_sides_that_do_not_fit_are_told() -> None:
     assert thread.middle.arcs.turn.min() > np.radians(60.0)
 
 
+def test_the_side_that_is_proposed_wraps_all_rollers_well() -> None:
+    """The middle one of three is drawn on the wrong side; turning the first leaves half a degree.
+
+    By tangents to circles: 30°, 85°, 35° where the middle one is turned round.
+    """
+    drawn = [
+        roller("a", 0.0, -0.3, 0.3, "over"), roller("b", 1.0, -0.6, 0.3, "over"),
+        roller("c", 2.0, -0.3, 0.3, "over"),
+    ]  # fmt: skip
+    ends = {"tension": 1e4, "entry": (-2.0, 0.0, 0.0), "exit": (4.0, 0.0, 0.0)}
+    tables = {"threading": ends, "rollers": drawn}
+    with pytest.raises(InputError, match=r'rollers\.b\.wrap[^/]*wrap = "under", another'):
+        Assembly(scene_of(tables)).thread  # noqa: B018
+    drawn[1]["wrap"] = "under"
+    thread = Assembly(scene_of(tables)).thread
+    assert thread is not None and thread.middle.arcs.turn.min() > np.radians(25.0)
+
+
 def test_in_a_line_along_minus_x_the_side_that_is_proposed_says_what_it_is() -> None:
     """Drawn from right to left, "over" is below: above is "right" of the travel."""
     tables = {

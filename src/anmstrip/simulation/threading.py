@@ -436,7 +436,8 @@ def _depth(scene: SceneSpec, roller: Roller) -> float:
 def _sides_that_fit(scene: SceneSpec, thread: Thread) -> dict[str, str]:
     """Return the fewest sides of rollers, by name, with which a taut string touches all of them.
 
-    Of as many the shortest way.  None where there are none among ``MOST_WAYS`` that are tried.
+    Of as many those with the largest least wrap.  None where there are none among ``MOST_WAYS``
+    that are tried.
     """
     found: list[tuple[float, tuple[int, ...]]] = []
     each = range(len(thread.rollers))
@@ -448,7 +449,7 @@ def _sides_that_fit(scene: SceneSpec, thread: Thread) -> dict[str, str]:
         senses[list(turned)] *= -1
         with suppress(NotTouchedError, NoTangentError, InputError):
             way = _with_ends(scene, replace(thread, senses=senses))
-            found.append((float(way.middle.length[0]), turned))
+            found.append((-min(way.turns.values()), turned))
     if not found:
         return {}
     names = (thread.rollers[k].name for k in min(found)[1])
