@@ -269,7 +269,7 @@ class Budget:
         exact, self.parts = state, dict.fromkeys(("path", "time", "mesh", "regularisation"))
         if memory is None or memory.errors is None:
             if (found := balance_state(frozen_problem(state), state)) is None:
-                self.lost, self.error, self.spans = False, None, []
+                self._forget()
                 self.time = state.time  # as at a limit point: nothing is known of laws and meshes
                 return
             exact, change = found, found.full - state.full
@@ -288,8 +288,12 @@ class Budget:
             try:
                 self.look_finer(self.halved, stage, exact, released)
             except MemoryError:  # what is solved stays; nothing is known of the mesh
-                self.lost, self.error, self.spans, self.bears = False, None, [], np.inf
+                self._forget()
         self.time = state.time
+
+    def _forget(self, lost: bool = False) -> None:
+        """Forget what a finer mesh told of the state before; ``lost`` if it has none of this one."""
+        self.lost, self.error, self.spans, self.bears = lost, None, [], np.inf
 
     def by_laws(self, state: State) -> Part | None:
         """Return what regularised laws make of a state that no past belongs to."""
@@ -444,7 +448,7 @@ class Budget:
             if self.error is not None:
                 velocity = velocity - self.error / elapsed
         finer = balance_state(plan, state, velocity, elapsed)
-        self.lost, self.error, self.spans, self.bears = finer is None, None, [], np.inf
+        self._forget(finer is None)
         if finer is None:
             return
         if self.assembly.kinematics is SHELL:
