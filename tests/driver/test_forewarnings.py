@@ -552,6 +552,7 @@ def test_edges_come_off_crowned_rollers_from_the_tension_that_is_told() -> None:
     assert abs(forces[(first < x) & (x < last)].min()) < 0.15 * float(found[2])
 
 
+@pytest.mark.slow
 def test_a_line_of_crowned_rollers_stops_for_its_crowns_and_runs_with_more_tension() -> None:
     tables = crowned(n=4, crown=-1.39e-3)
     run = Scene.model_validate(tables).run()
@@ -570,7 +571,7 @@ def test_a_line_of_crowned_rollers_stops_for_its_crowns_and_runs_with_more_tensi
 
 
 def test_elements_on_rollers_are_those_beside_the_ends_of_their_arcs() -> None:
-    """Nodes lie at these ends but for round-off, by which one roller seemed to have 0.11 m instead of 0.065."""
+    """Nodes lie at these ends but for round-off, by which one seemed to have 0.11 m, not 0.065."""
     assembly = Assembly(Scene.model_validate(crowned(n=6, crown=-1.39e-3, height=10.0)))
     lengths = [element_over(assembly, roller) for roller in assembly.rollers]
     assert max(lengths) < 1.05 * min(lengths)
