@@ -275,6 +275,7 @@ LONG = (
     "was it meant in strains",
     "strip.flatness = 0.0001 is in I-units",
     "in stage settle nothing holds the strip in x",
+    "in stage run a span of the strip weighs",
 )
 """What takes long to cure."""
 

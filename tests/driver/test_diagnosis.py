@@ -233,6 +233,7 @@ def test_strip_that_may_glide_across() -> None:
     assert typed(told(run, stalled())) == ["edges.entry.centred=true"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steady", [True, False])
 def test_errors_of_a_strip_that_runs_away_are_not_told(tmp_path: Path, steady: bool) -> None:
     """It has no state to be wrong by, on any mesh: friction on 222° holds a ratio of 2.17."""

@@ -9,6 +9,7 @@ import pytest
 from long_run import parts_of
 
 
+@pytest.mark.slow
 def test_a_long_run_takes_no_more_and_more(tmp_path: Path) -> None:
     """Of 100 000 steps: ``python tests/hard/long_run.py --steps 100000``."""
     parts = parts_of(500, tmp_path, every=25)

@@ -133,6 +133,7 @@ def test_laws_are_sharpened_until_it_is_not_seen(tmp_path: Path) -> None:
     assert summary["input"]["friction"]["exponent"] < 0.05
 
 
+@pytest.mark.slow
 def test_laws_are_sharpened_until_the_error_budget_does_not_see_them() -> None:
     """Strip that is pulled harder over a standing roll, and slips over nearly all of it.
 

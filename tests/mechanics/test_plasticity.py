@@ -214,6 +214,7 @@ def test_what_is_left_of_the_error_of_elongations_is_of_the_strain(monkeypatch):
         assert elongation - fibres(51, 0.2, 4.0)[0] == pytest.approx(second, abs=7e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "layers"), [(Piece, 11), (ShellPiece, 7)])
 def test_reversals_do_not_stall_and_cost_like_the_logarithm_of_the_exponent(kind, layers):
     exponents, tangents = np.array([5, 51, 101]), []

@@ -637,6 +637,7 @@ def test_errors_of_strip_that_hardly_moves_are_known(tmp_path: Path) -> None:
     assert max(found["path"]["tension"], found["mesh"]["tension"]) < 1e-5
 
 
+@pytest.mark.slow
 def test_flow_in_time_is_as_exact_as_the_tolerance_and_its_error_is_told(tmp_path: Path) -> None:
     """A tension test between held ends: into flow, unloaded, and loaded again.
 
