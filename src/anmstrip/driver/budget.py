@@ -292,7 +292,7 @@ class Budget:
         self.time = state.time
 
     def _forget(self, lost: bool = False) -> None:
-        """Forget what a finer mesh told of the state before; ``lost`` if it has none of this one."""
+        """Forget what a finer mesh told of a state; ``lost`` if it has none of the next one."""
         self.lost, self.error, self.spans, self.bears = lost, None, [], np.inf
 
     def by_laws(self, state: State) -> Part | None:
