@@ -18,7 +18,7 @@ from test_forewarnings import BRIDLE
 
 from anmstrip.continuation.equations import Evidence, NO_EVIDENCE, Outcome, PathStopped
 from anmstrip.driver import budget
-from anmstrip.advice.diagnosis import Failure, diagnosis, slack
+from anmstrip.advice.diagnosis import Failure, diagnosis, forewarned, slack
 from anmstrip.driver.explain import report
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
@@ -295,6 +295,19 @@ def test_strip_that_is_pressed() -> None:
         r"The strip is pressed at x = \S+ m with 4\.\d+e\+05 N/m, and buckles", message
     )
     assert "a larger x in stages.push.exit.move" in message
+
+
+def test_a_stop_is_not_laid_to_a_stage_that_comes_later() -> None:
+    """Strip that no roller carries faster than it comes is told of the stage in which it is so."""
+    speeds = {each["name"]: {"surface_speed": 1.0} for each in BRIDLE["rollers"]}
+    run_up = {"name": "run", "steady": True, "rollers": speeds, "strip": {"speed": 1.0}}
+    run = Scene.model_validate({**BRIDLE, "stages": [run_up]}).run()
+    threaded = next(iter(run)).state
+    threading, last = (
+        forewarned(Failure(run.assembly, stage, threaded, stalled())) for stage in run.scene.course
+    )
+    assert threading is None
+    assert last is not None and "in stage run" in last
 
 
 def test_long_elements_over_a_roller() -> None:

@@ -1097,7 +1097,7 @@ def loose_fibres(preview: Preview) -> Iterator[str]:
     On a roller of the profile r(y) a fibre is shorter than the mean by e = (r̄ − r)/r̄, but for what
     is linear in y, which bends the strip in its plane.  If the arc a is long it bears T − E t e
     there.  Shorter arcs share e with the strip beside them: what balances itself across a width W
-    decays like e^(−4.21 x/W) (Timoshenko and Goodier, Theory of elasticity, §24), so that
+    decays like e^(−4.21 x/W) (Timoshenko and Goodier, Theory of elasticity, 1970, §26), so that
     1 − e^(−2.1 a/W) of it is left in the middle.
     """
     strip, thread, tension = preview.assembly.strip, preview.assembly.thread, preview.tension
