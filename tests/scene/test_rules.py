@@ -282,12 +282,18 @@ WRONG_PLATE = [
 
 def mistakes_of(directory: Path, text: str) -> dict[str, str]:
     """Return the mistakes found in a scene, as they are told, by key."""
-    path = directory / "scene.toml"
-    path.write_text(text, encoding="utf-8")
+    path = write(directory, text)
     with pytest.raises(InputError) as caught:
         Assembly(Scene.load(path)).strip  # noqa: B018
     assert all(mistake.file == str(path) for mistake in caught.value.mistakes)
     return {mistake.key: str(mistake) for mistake in caught.value.mistakes}
+
+
+def write(directory: Path, text: str) -> Path:
+    """Return the file of a scene."""
+    path = directory / "scene.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
 
 
 def test_a_stage_that_is_wrong_in_itself_hides_no_mistake_between_tables(tmp_path: Path) -> None:
@@ -501,6 +507,19 @@ def test_released_edge_takes_a_force(tmp_path: Path, released: str) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(stages + later, encoding="utf-8")
     assert Scene.load(path).stages[-1].edges["entry"].force == (1.0, 0.0, 0.0)
+
+
+def test_a_released_edge_is_not_held_again(tmp_path: Path) -> None:
+    later = '\n[[stages]]\nname = "free"\nduration = 1.0\nentry.force = [1, 0, 0]\n'
+    text = GOOD.replace("duration = 0.6", f"duration = 0.6\nentry.release = true\n{later}", 1)
+    free = Scene.load(write(tmp_path, text))
+    assert Scene.model_validate(free.to_dict()).to_dict() == free.to_dict()
+    found = mistakes_of(tmp_path, text.replace(later, f"{later}entry.release = false\n"))
+    (told,) = found.values()
+    assert "stages.free.entry.release" in found
+    assert "given:    false" in told
+    assert "stage turn lets this edge go" in told
+    assert "type:     nothing; take it out here" in told
 
 
 def test_zeros_are_no_motion_and_no_force(tmp_path: Path) -> None:

@@ -260,6 +260,19 @@ def held_components(edges: Edges, stages: Stages) -> Iterator[Mistake]:
             yield Mistake("", f"{place}.tension", control.tension, expected, release)
 
 
+def released_for_good(stages: Stages) -> Iterator[Mistake]:
+    """Yield edges that a stage is to hold again which an earlier one has let go."""
+    by = dict[str, str]()
+    for stage in stages:
+        for name, control in stage.edges.items():
+            if control.release:
+                by.setdefault(name, stage.name)
+            elif name in by and "release" in control.model_fields_set:
+                expected = f"nothing: stage {by[name]} lets this edge go, and no stage holds it again"
+                hint = f"nothing; take it out here, or {name}.release out of stage {by[name]}"
+                yield Mistake("", f"stages.{stage.name}.{name}.release", False, expected, hint)
+
+
 def pulled_once(threading: Threading, edges: Edges, stages: Stages) -> Iterator[Mistake]:
     """Yield forces on ends of a threaded line that the tension of the same stage replaces.
 
@@ -693,7 +706,7 @@ def times_of_the_run(threading: Threading, stages: Stages, output: OutputSpec) -
 RULES: tuple[Callable[..., Iterable[Mistake]], ...] = (
     unique_rollers, unique_stages, known_edges, known_rollers, controls_of_drives, flat_plates,
     rollers_of_a_section, known_directions, tensions_and_moments, held_components, speeds_at_ends,
-    pulled_once, natural_shapes,
+    released_for_good, pulled_once, natural_shapes,
     ends_of_a_fed_strip, gravity_has_density, known_laws_are_sharpened, refined_mesh_is_estimated,
     rollers_have_friction, stages_have_friction, closed_strip, steady_stages, yielding_strip,
     threading_partners, one_length, held_entry, own_name, threading_ends, borne_tension,
