@@ -81,8 +81,8 @@ def test_what_moves_is_told_by_the_keys_that_were_typed() -> None:
     flat["stages"][0]["exit"] = {"tension": 1e4}
     expected = {
         "draw": ["exit.tension", "entry.speed"],
-        "turn": ["entry.speed", "rollers.b.angular_speed"],
-        "pull": ["entry.tension", "rollers.c.move", "rollers.b.angular_speed"],
+        "turn": ["entry.speed, as before", "rollers.b.angular_speed"],
+        "pull": ["entry.tension", "rollers.c.move", "rollers.b.angular_speed, as before"],
         "tension": ["exit.tension"],
         "press": ["rollers.r1.move"],
         "swing": ["exit.move"],

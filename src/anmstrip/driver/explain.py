@@ -43,6 +43,9 @@ INTERNAL_CONTROLS = {
 }
 """Controls that follow from others, and are typed by nobody."""
 
+SPEED_WORDS = ("speed", "passing")
+"""Last words of controls that are speeds: what has one moves though the speed stays."""
+
 DISPLAYED_ZERO = 1e-12
 """Number of a table below which it is round-off, whatever its unit."""
 
@@ -331,7 +334,10 @@ def draw_line(scene: SceneSpec, picture: Path) -> None:
 
 
 def stage_table(preview: Preview) -> Table:
-    """Return the stages with their times, free unknowns and paths, and what moves in them."""
+    """Return the stages with their times, free unknowns and paths, and what moves in them.
+
+    Speeds that are what they were before are told to be so.
+    """
     columns = ("from (s)", "to (s)", "free unknowns", "path", "what moves")
     table = plain_table("Stages", "stage", *columns)
     typed, strip = dict[str, str](), preview.assembly.strip
@@ -341,9 +347,10 @@ def stage_table(preview: Preview) -> Table:
         for name in preview.assembly.scene.edges:
             unknowns = strip.unknowns_of(strip.edges[name].trace)
             moving += [f"{name}.move"] * bool(np.any(plan.supports.slope[unknowns]))
-        held = plan.controls.at(1.0).items()
-        moving += [k for k, v in held if k.endswith(("speed", "passing")) and np.any(v)]
         shown = dict.fromkeys(typed.get(key, key) for key in moving)
+        speeds = {k: v for k, v in plan.controls.at(1.0).items() if k.endswith(SPEED_WORDS)}
+        turning = dict.fromkeys(typed.get(key, key) for key, v in speeds.items() if np.any(v))
+        shown |= {f"{key}, as before": None for key in turning if key not in shown}
         times = (f"{time:g}" for time in (plan.start, plan.start + plan.duration))
         free, what = str(len(plan.supports.free)), ",\n".join(shown) or "nothing"
         table.add_row(plan.name, *times, free, path_of(plan), what)
