@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from threaded import ended, roller, scene_of
 
 from anmstrip.advice.warnings import Preview, serious
-from anmstrip.driver.explain import explain
+from anmstrip.driver.explain import explain, report
 from anmstrip.driver.scene import Scene
 from anmstrip.simulation.problem import Assembly
 
@@ -69,6 +69,14 @@ def test_tensions_are_those_of_moments_about_the_axes(braked: Any) -> None:
     assert (a.torque, b.torque) == pytest.approx((-40.0, 60.0), abs=0.01)
     assert (a.drag, b.drag) == pytest.approx((-200.0, 300.0), abs=0.05)
     assert b.tension_out == pytest.approx(1e4, rel=1e-3)
+
+
+def test_a_roller_with_a_torque_is_driven(braked: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """So the strip is said to slide over it, as it would be of one with a speed."""
+    run, _ = braked
+    monkeypatch.setattr("anmstrip.driver.explain.slides", lambda contact: True)
+    monkeypatch.setattr("anmstrip.driver.explain.SLIDING_SHARE", 0.0)
+    assert "The strip slides over b." in report(run)
 
 
 def test_free_rollers_turn_with_the_strip(braked: Any) -> None:

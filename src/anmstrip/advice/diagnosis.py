@@ -205,7 +205,7 @@ def slides_away(failure: Failure) -> str | None:
         return None
     if (told := forewarned(failure)) is not None:
         return told
-    driven = {roller.name for roller in failure.scene.rollers if roller.drive == "speed"}
+    driven = {roller.name for roller in failure.scene.rollers if roller.driven}
     sliding = [name for name, c in failure.state.contacts.items() if name in driven and slides(c)]
     found = [
         f"{name} ({np.degrees(reading.wrap):.3g}°, {reading.tension_in:.5g} and "

@@ -421,7 +421,7 @@ def report(run: Run, told: Collection[str] = ()) -> str:
         latent, manifest = (run.flatness.get(f"{k}_flatness") for k in ("latent", "manifest"))
         if latent is not None and manifest is not None and latent >= MIN_FLATNESS:
             parts.append(f"Flatness: {latent:.3g} I-units latent, {manifest:.3g} of them in waves.")
-        driven = [r.name for r in run.scene.rollers if r.drive == "speed"]
+        driven = [r.name for r in run.scene.rollers if r.driven]
         touched = {n: c for n in driven if (c := state.contacts.get(n)) and c.touching.any()}
         slid = [n for n in touched if (state.rollers[n].capacity_used or 0.0) > SLIDING_SHARE]
         slid = [n for n in slid if slides(touched[n])]

@@ -471,7 +471,7 @@ class OperatingMap:
 
     def _slides_as_a_whole(self, state: State) -> bool:
         """Whether strip slides over all rollers that are driven, and touches one."""
-        driven = (r.name for r in self.run.scene.rollers if r.drive != "idle")
+        driven = (r.name for r in self.run.scene.rollers if r.driven)
         touched = [c for c in map(state.contacts.get, driven) if c and c.touching.any()]
         return bool(touched) and all(map(slides, touched))
 

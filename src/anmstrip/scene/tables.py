@@ -535,6 +535,11 @@ class RollerSpec(Table):
             yield Mistake("", "axis", self.axis, expected, "axis = [0.0, 1.0, 0.0]")
 
     @property
+    def driven(self) -> bool:
+        """Whether a drive turns it, to a speed or by a torque."""
+        return self.drive != "idle"
+
+    @property
     def profile(self) -> dict[str, object]:
         """Keys, with values, that make it another body than a cylinder."""
         sides = self.sides and self.sides.model_dump()
