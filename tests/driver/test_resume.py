@@ -89,6 +89,27 @@ def test_another_scene_is_refused_with_the_keys_that_differ(
     assert {path: path.read_bytes() for path in copy.iterdir()} == files
 
 
+def test_only_what_was_typed_is_named_as_changed(tmp_path: Path) -> None:
+    """V_c follows from the friction coefficient; that strip is fed from the end that is let go."""
+    turned = '{ name = "r", radius = 0.5, centre = [0.0, 0.0, -0.501] }'
+    friction = f"rollers = [{turned}]\nfriction.coefficient = 0.2\n"
+    stage = "\n[[stages]]\nduration = 1.0\n"
+    path = tmp_path / "scene.toml"
+    path.write_text(friction + SCENE + f"{stage}exit.velocity = [0.0, 0.0, 0.1]\n{stage}entry"
+                    ".force = [0.0, 0.0, 0.0]\n", encoding="utf-8")  # fmt: skip
+    run = Scene.load(path).run(tmp_path / "results")
+    next(iter(run))
+    run.interrupted()
+    given = {"friction.coefficient": "0.3", "stages.stage3.entry.release": "true"}
+    for key, value in given.items():
+        with pytest.raises(InputError) as caught:
+            Scene.load(path, [f"{key}={value}"]).run(tmp_path / "results", resume=True)
+        assert [mistake.key for mistake in caught.value.mistakes] == [key]
+    with pytest.raises(InputError) as caught:
+        Scene.load(path, ["friction.speed=0.1"]).run(tmp_path / "results", resume=True)
+    assert [mistake.key for mistake in caught.value.mistakes] == ["friction.speed"]
+
+
 def test_a_directory_of_another_scene_is_refused_in_one_sentence(
     begun: tuple[Path, Path], tmp_path: Path
 ) -> None:

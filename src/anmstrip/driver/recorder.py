@@ -32,7 +32,9 @@ from anmstrip.results.files import (
 from anmstrip.results.rollers import STEP_READINGS
 from anmstrip.results.state import State
 from anmstrip.results.vtk import Collection, subdivide, write_rollers, write_surface
+from anmstrip.scene.schema import SceneSpec
 from anmstrip.scene.tables import ENDS
+from anmstrip.simulation.defaults import is_fed_by_default, regularising_speed
 from anmstrip.simulation.march import March, Step
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.stages import Course
@@ -288,6 +290,14 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any], file: str) ->
             yield Mistake(file, key, new.get(key), expected, back + START_AFRESH)
 
 
+def derived_keys(scene: SceneSpec) -> set[str]:
+    """Return keys of a scene with its defaults whose values follow from others."""
+    found = {"strip.feed"} if scene.strip.feed == is_fed_by_default(scene) else set()
+    if scene.friction is not None and scene.friction.speed == regularising_speed(scene):
+        found.add("friction.speed")
+    return found
+
+
 def signature(arrays: Mapping[str, Array], facts: Mapping[str, Any]) -> str:
     """Return a hash (SHA-256) of this program's version and of all that a checkpoint holds."""
     known = json.dumps(plain(facts, keep_nonfinite=True), sort_keys=True)
@@ -312,7 +322,8 @@ def read_checkpoint(path: Path, march: March) -> tuple[dict[str, Array], dict[st
     if mistakes := list(differences(facts["input"], identity(march.assembly), str(path))):
         if len(mistakes) > MOST_DIFFERENCES:
             raise refused_checkpoint(path, f"another scene: {len(mistakes)} keys differ")
-        raise InputError(mistakes)
+        derived = derived_keys(march.assembly.scene)  # nobody typed what follows
+        raise InputError([m for m in mistakes if m.key not in derived] or mistakes)
     if arrays["full"].shape != (march.assembly.unknowns,):
         raise refused_checkpoint(path, f"{len(arrays['full'])} unknowns")
     return arrays, facts

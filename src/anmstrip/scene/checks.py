@@ -268,7 +268,7 @@ def released_for_good(stages: Stages) -> Iterator[Mistake]:
             if control.release:
                 by.setdefault(name, stage.name)
             elif name in by and "release" in control.model_fields_set:
-                expected = f"nothing: stage {by[name]} lets this edge go, and no stage holds it again"
+                expected = f"nothing: stage {by[name]} lets this edge go for good"
                 hint = f"nothing; take it out here, or {name}.release out of stage {by[name]}"
                 yield Mistake("", f"stages.{stage.name}.{name}.release", False, expected, hint)
 

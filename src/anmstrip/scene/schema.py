@@ -244,12 +244,11 @@ class SceneSpec(Table):
     def to_dict(self) -> dict[str, Any]:
         """Return the scene as used, defaults included, as it would be typed; JSON-ready."""
         scene = self.model_dump(mode="json", exclude_none=True)
-        released = set[str]()
-        for stage in scene["stages"]:
+        for stage, given in zip(scene["stages"], self.stages, strict=True):
             stage["friction"] = stage["friction"] and self.friction is not None
-            for name in released & stage["edges"].keys():  # no stage holds these again
-                stage["edges"][name].pop("release")
-            released |= {name for name, edge in stage["edges"].items() if edge.get("release")}
+            for name, edge in given.edges.items():
+                if "release" not in edge.model_fields_set:  # an edge stays free once it is let go
+                    del stage["edges"][name]["release"]
             stage.update(stage.pop("edges"))
         if self.friction is not None:
             for key in {"exponent", "omega"}.difference(self.friction.constants):
