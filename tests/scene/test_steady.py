@@ -16,7 +16,7 @@ from threaded import ONE, ended, roller, scene_of
 
 from anmstrip.advice.preview import Preview
 from anmstrip.advice.warnings import beside_rollers, lifted_off, standing_idlers
-from anmstrip.driver.explain import explain, report
+from anmstrip.driver.explain import cell, explain, report
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
 from anmstrip.driver.sensitivities import response
@@ -816,7 +816,9 @@ def test_slips_that_no_motion_balances_are_marked(monkeypatch: pytest.MonkeyPatc
     slip = run.state.rollers["r"].max_slip  # some m/s to some km/s, where steps become too short
     monkeypatch.setattr("anmstrip.driver.explain.RUNAWAY_SLIP", 1.1 * slip)
     assert "no speed of the line" not in report(run)
+    assert f" {cell(slip, '.3g')} " in report(run)
     monkeypatch.setattr("anmstrip.driver.explain.RUNAWAY_SLIP", 0.9 * slip)
+    assert f" {cell(slip, '.3g')} " not in report(run)
     assert "The slip on r is no speed of the line, beside 1 m/s" in report(run)
 
 

@@ -33,6 +33,7 @@ from anmstrip.taylor.series import record
 
 if TYPE_CHECKING:
     from anmstrip.driver.run import Run
+    from anmstrip.results.rollers import RollerReading
     from anmstrip.results.state import State
 
 MEGABYTE = 2.0**20
@@ -437,21 +438,25 @@ def report(run: Run, told: Collection[str] = ()) -> str:
 
 
 def runaway_slips(state: State) -> Iterator[str]:
-    """Yield slips that are no speeds of a line: friction holds the strip at none.
-
-    They are many times as large as the speeds that rollers and strip are given in the stage.
-    """
-    fastest = state.plan.fastest
+    """Yield slips that are no speeds of a line: friction holds the strip at none."""
     for name, reading in state.rollers.items():
-        if reading.max_slip > RUNAWAY_SLIP * fastest > 0.0:
+        if runs_away(state, reading):
             yield (
-                f"The slip on {name} is no speed of the line, beside {fastest:.3g} m/s: friction "
-                "does not hold the strip there, whatever the slip."
+                f"The slip on {name} is no speed of the line, beside {state.plan.fastest:.3g} m/s: "
+                "friction does not hold the strip there, whatever the slip."
             )
 
 
+def runs_away(state: State, reading: RollerReading) -> bool:
+    """Return whether slip is many times what rollers and strip are given in the stage."""
+    return bool(reading.max_slip > RUNAWAY_SLIP * state.plan.fastest > 0.0)
+
+
 def roller_table(state: State) -> Table:
-    """Return what every roller does, in units that stand in the heads of the columns."""
+    """Return what every roller does, in units that stand in the heads of the columns.
+
+    A slip that runs away is a dash: it is that of the step at which the run stopped, and no speed.
+    """
     heads = ("wrap\n(°)", "T in\n(N/m)", "T out\n(N/m)", "normal\n(N)", "torque\n(N m)")
     more = ("slip\n(m/s)", "friction\nused", "load on\n(N/m)", "load off\n(N/m)")
     sideways = ("offset\n(mm)",) * any(r.offset is not None for r in state.rollers.values())
@@ -459,7 +464,7 @@ def roller_table(state: State) -> Table:
     for name, r in state.rollers.items():
         used = "–" if r.capacity_used is None else f"{100.0 * r.capacity_used:.3g} %"
         values = (np.degrees(r.wrap), r.tension_in, r.tension_out, r.normal_force, r.torque)
-        read = r.max_slip, r.line_load_in, r.line_load_out
+        read = None if runs_away(state, r) else r.max_slip, r.line_load_in, r.line_load_out
         slip, *loads = (cell(value, ".3g") for value in read)
         offset = () if r.offset is None else (f"{round(1e3 * r.offset, 3) + 0.0:.3f}",)
         table.add_row(name, *map(cell, values), slip, used, *loads, *offset)
