@@ -145,6 +145,24 @@ def test_the_line_is_drawn_as_it_is_threaded(
     assert f"<!-- {wheels[0].caption.split()[0]} -->" in text
 
 
+def test_a_picture_that_is_not_drawn_to_its_end_replaces_none(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    picture = tmp_path / "line.PNG"
+    draw_line(scene_of(seen((-1, -1), False)), picture)
+    before = picture.read_bytes()
+    assert before.startswith(b"\x89PNG")
+
+    def killed(self: object, path: Path, **how: object) -> None:
+        Path(path).write_bytes(before[:99])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(curves.Figure, "savefig", killed)
+    with pytest.raises(KeyboardInterrupt):
+        draw_line(scene_of(seen((-1, -1), False)), picture)
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [before]
+
+
 def test_a_long_line_is_drawn_around_its_rollers(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -217,9 +217,9 @@ def axis_places(axis: Axis, rows: Rows, key: str) -> list[float]:
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure as a PNG, all at once."""
+    """Write a figure all at once, as its name says, see ``SUFFIXES``."""
     with atomic_write(path) as temporary:
-        figure.savefig(temporary, format="png")
+        figure.savefig(temporary, format=path.suffix.removeprefix(".").lower())
 
 
 SUFFIXES = (".png", ".svg", ".pdf")
@@ -276,7 +276,7 @@ def draw_layout(picture: Path, title: str, line: Array, wheels: Sequence[Wheel])
     for name, place, along in (("entry", line[:, 0], -1), ("exit", line[:, -1], 1)):
         side = "right" if along * (line[0, -1] - line[0, 0]) < 0.0 else "left"
         axes.annotate(name, tuple(place), (0, 8), textcoords="offset points", ha=side, fontsize=11)
-    figure.savefig(picture)
+    save_figure(figure, picture)
 
 
 def draw_wheel(axes: Axes, wheel: Wheel, line: Array, small: bool) -> None:
