@@ -17,7 +17,8 @@ from threaded import ended, scene_of
 from anmstrip import InputError, Scene
 from anmstrip.cli import main
 from anmstrip.continuation.path import Branch
-from anmstrip.driver.stationary import Along, Curve, OperatingMap, Piece
+from anmstrip.driver.stationary import ROLLER_COLUMNS, Along, Curve, OperatingMap, Piece
+from anmstrip.pictures.curves import map_figure
 from anmstrip.results.files import read_history
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -483,3 +484,22 @@ def test_a_second_control_that_stops_leaves_the_next_value_as_it_was() -> None:
     assert len(ends[0]) == len(ends[1]) == 3
     for one, other in zip(*ends, strict=True):
         assert other["entry_tension"] == pytest.approx(one["entry_tension"], rel=1e-4)
+
+
+def test_nothing_of_a_picture_stands_on_anything_else_of_it() -> None:
+    """The legend is beside the panels, the control below the offset of its ticks."""
+    key, rollers = "rollers.lower_steering_roll_behind_the_pot.surface_speed", ["a", "b"]
+    columns = [f"{name}_{column}" for name in rollers for column in (*ROLLER_COLUMNS, "offset")]
+    rows = [
+        {key: 1.0 + 1e-5 * k, "entry_tension": 1e4} | dict.fromkeys(columns, 1e3 * k)
+        for k in range(-5, 6)
+    ]
+    figure = map_figure(rows, [key], rollers, [])
+    figure.draw_without_rendering()
+    (legend,), panels = figure.legends, figure.axes
+    assert not any(legend.get_window_extent().overlaps(axes.get_tightbbox()) for axes in panels)
+    (below,) = (text for text in figure.texts if text.get_text() == key)
+    offsets = [axes.xaxis.get_offset_text() for axes in panels]
+    assert sum(offset.get_visible() for offset in offsets) == 2
+    for offset in filter(lambda text: text.get_visible(), offsets):
+        assert not below.get_window_extent().overlaps(offset.get_window_extent())

@@ -81,13 +81,16 @@ def map_figure(rows: Rows, keys: Sequence[str], rollers: Sequence[str], events: 
             style = ":" if event["kind"] == "fold" else "--"
             axes.axvline(event[keys[0]], color="grey", linewidth=0.8, linestyle=style)
         axes.set_title(title, fontsize=10)
-        axes.set_xlabel(keys[0])
         axes.xaxis.set_major_locator(MaxNLocator(4))  # long labels would overlap
     labels = dict(zip(*grid[0].get_legend_handles_labels()[::-1], strict=True))
     if len(labels) <= MAX_LEGEND:
-        grid[0].legend(labels.values(), labels, frameon=False, fontsize=8)
+        beside: dict[str, Any] = {"loc": "outside right upper", "frameon": False, "fontsize": 8}
+        figure.legend(list(labels.values()), list(labels), **beside)
+    figure.supxlabel(keys[0], fontsize=10)  # below the offset of the ticks
     for axes in grid[len(panels) :]:
         axes.remove()
+        grid[len(panels) - 2].xaxis.set_tick_params(labelbottom=True)
+        grid[len(panels) - 2].xaxis.offsetText.set_visible(True)
     if len(keys) == 2 and curves:
         told = f"{keys[1]} from {min(curves):.6g} (pale) to {max(curves):.6g}"
         figure.suptitle(told, fontsize=10)
