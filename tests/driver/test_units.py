@@ -138,6 +138,36 @@ def test_a_narrow_strip_in_millimetres_is_one_too() -> None:
     assert not [line for line in told(*IN_MILLIMETRES, "strip.width=5.0") if "meant in" in line]
 
 
+RUBBER = ("material.poisson=0.45", "strip.thickness={}", "material.young={:g}",
+          "threading.tension={:g}", "stages.run.entry.tension={:g}")  # fmt: skip
+
+
+def of_rubber(thickness: float, young: float, strain: float) -> list[str]:
+    """Settings of a belt under tensions of a strain."""
+    pull = young * thickness * strain
+    return [
+        key.format(value)
+        for key, value in zip(RUBBER, (0.45, thickness, young, pull, 0.9 * pull), strict=True)
+    ]
+
+
+@pytest.mark.parametrize("young", [2.0, 20.0, 500.0, 1e3, 4e3])
+@pytest.mark.parametrize("strain", [1e-3, 0.045])
+def test_rubber_and_plastics_in_other_units_are_not_asked_for_metals(
+    young: float, strain: float
+) -> None:
+    """In N, mm and MPa, and softer than 1 GPa in kN and m."""
+    lines = [s for s in IN_MILLIMETRES if not s.startswith(("stages.run.entry", "strip.thick"))]
+    found = told(*lines, *of_rubber(3.0, young, strain))
+    assert begins(found, "the values of this scene fit together in N, mm, MPa and s"), found
+    if young < 1e3:
+        found = told(*of_rubber(3e-3, 1e3 * young, strain), "material.density=1.2")
+        assert begins(found, "the values of this scene fit together in kN, m, kN/m² and s"), found
+        found = told(*of_rubber(3e-3, 1e3 * young, strain), "material.density=1200.0")
+        assert begins(found, "material.density = 1200 is in t/m³ here", "the values"), found
+        assert typed(found[0]) == ["material.density=1.2"]
+
+
 WATCH_SPRING = """
 strip = { kinematics = "section", width = 1.2, thickness = 0.02 }
 material = { young = 2.0e5, poisson = 0.3, yield_stress = 2000.0 }

@@ -20,9 +20,9 @@ from anmstrip.simulation.meshing import MAX_LYING_TURN
 from anmstrip.simulation.problem import Assembly
 from anmstrip.simulation.threading import LARGEST_RADIUS
 
-LARGEST_IN_LINES = {"m": LARGEST_RADIUS, "m/s": 100.0, "m/s²": 5e3}
-"""Widths, radii, speeds and gravity in a line beyond which another unit was meant; the earth's
-gravity is 9810 mm/s²."""
+LARGEST_IN_LINES = {"m": LARGEST_RADIUS, "m/s": 100.0, "m/s²": 5e3, "t/m³": 25.0}
+"""Widths, radii, speeds, gravity and density in a line beyond which another unit was meant; the
+earth's gravity is 9810 mm/s²."""
 
 MAX_LINE_STRESS = 500.0
 """Stress (MPa) by which no line pulls: a larger number is a tension in N/m."""
@@ -51,7 +51,16 @@ EARTH_GRAVITY = 9.81
 MAX_TENSION_STRAIN = 5e-3
 """Strain by tension that no strip in millimetres has: it is that of a tension in N/m."""
 
-MILLIMETRE_RANGES = {"young": (1e3, 1e6), "thickness": (1e-3, 20.0), "width": (0.3, 2e4)}
+SOFT_MODULUS = 1e4
+"""Modulus (MPa) up to which strip is rubber or a plastic."""
+
+MAX_SOFT_STRAIN = 0.1
+"""Strain by tension that such strip may have."""
+
+MIN_RUBBER_POISSON = 0.4
+"""Poisson's ratio from which on strip is rubber rather than a metal."""
+
+MILLIMETRE_RANGES = {"young": (1.0, 1e6), "thickness": (1e-3, 20.0), "width": (0.3, 2e4)}
 """Least and largest modulus (MPa), thickness and width (mm) of strip."""
 
 WIDEST_IN_METRES = 3.0
@@ -118,6 +127,16 @@ def all_in_millimetres(preview: Preview) -> Iterator[str]:
         )
 
 
+def all_in_kilonewtons(preview: Preview) -> Iterator[str]:
+    """A scene in kilonewtons and metres, of which labels do not know."""
+    if in_kilonewtons(preview.assembly.scene):
+        yield (
+            "the values of this scene fit together in kN, m, kN/m² and s, with t/m³. Results are "
+            "in these units too, whatever units labels and messages name: tensions in kN/m and "
+            "torques in kN m, for instance."
+        )
+
+
 def as_meant(preview: Preview) -> Preview | None:
     """Return the preview of the scene as it was presumably meant.
 
@@ -144,6 +163,13 @@ def doubts(preview: Preview) -> Iterator[Doubt]:
     scene = preview.assembly.scene
     if in_millimetres(scene):
         yield from doubtful_weight(scene)
+        return
+    if in_kilonewtons(scene):
+        density = scene.material.density or 0.0
+        if density > LARGEST_IN_LINES["t/m³"]:
+            why = "in t/m³ here, since the other values are in kN, m and kN/m²"
+            typed = f"material.density={1e-3 * density:.6g}"
+            yield Doubt("material.density", density, why, "kg/m³", typed)
         return
     found = [*doubtful_strip(preview), *doubtful_friction(scene), *doubtful_speeds(scene)]
     found += doubtful_moves(preview)
@@ -183,12 +209,24 @@ def in_millimetres(scene: SceneSpec) -> bool:
     sized = all(least <= value <= most for value, least, most in ranges)
     sized = sized and all(roller.radius >= MIN_RADIUS for roller in scene.rollers)
     needed = 0.0 if width > WIDEST_IN_METRES else MIN_TENSION_STRAIN
-    return sized and needed <= strain <= MAX_TENSION_STRAIN
+    return sized and needed <= strain <= (
+        MAX_SOFT_STRAIN if young <= SOFT_MODULUS else MAX_TENSION_STRAIN
+    )
+
+
+def in_kilonewtons(scene: SceneSpec) -> bool:
+    """Return whether modulus and tension of rubber fit together in kN and m, and no Pa fit it."""
+    strip, m = scene.strip, scene.material
+    strain = largest_force(scene) / (m.young * strip.thickness)
+    largest = max([strip.width or 0.0, *(roller.radius for roller in scene.rollers)])
+    sized = largest <= LARGEST_IN_LINES["m"] and not in_millimetres(scene)
+    rubber = m.poisson >= MIN_RUBBER_POISSON and meant_modulus(m.young) is not None
+    return sized and rubber and MIN_TENSION_STRAIN <= strain <= MAX_SOFT_STRAIN
 
 
 def in_megapascals(scene: SceneSpec, stress: float) -> float:
     """Return a stress in MPa, from the units of the scene."""
-    return stress if in_millimetres(scene) else 1e-6 * stress
+    return stress if in_millimetres(scene) else (1e-3 if in_kilonewtons(scene) else 1e-6) * stress
 
 
 def doubtful_weight(scene: SceneSpec) -> Iterator[Doubt]:

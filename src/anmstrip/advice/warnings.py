@@ -96,6 +96,7 @@ def warnings(preview: Preview) -> list[str]:
         if_so = "" if judged is preview else "if so, "
         told += [if_so + words for words in (*serious_as_meant(judged), *others)]
         told += units.all_in_millimetres(judged)
+        told += units.all_in_kilonewtons(judged)
     return list(dict.fromkeys(told))
 
 
