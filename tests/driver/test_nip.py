@@ -8,6 +8,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from test_advice import typed
 from test_diagnosis import stalled
@@ -93,6 +94,32 @@ def test_the_force_of_a_nip_follows_from_its_gap() -> None:
     assert "The force of a nip cannot be given: it follows from the gap" in words
     assert not any("nip" in line for line in told(pinch(-1e-4)))
     assert not any("nip" in line for line in told(pinch(0.0, 0.0, "contact.faces=false")))
+
+
+@pytest.mark.parametrize(("tension", "share"), [(2e3, 0.32), (2e4, 1.72)])
+def test_the_force_on_a_drum_is_told_for_straight_strip(tension: float, share: float) -> None:
+    """What presses the drum beyond the roller is what tensions press: T over the angle they turn.
+
+    The force of the run is a third of that on straight strip, or twice it.
+    """
+    tables = copy.deepcopy(PINCH)
+    drum, top = tables["rollers"]
+    drum |= {"name": "drum", "radius": 0.5, "centre": [0.0, 0.0, -0.5005]}
+    top |= {"radius": 0.1, "centre": [0.0, 0.0, 0.1055]}
+    ends = {"entry": [-2.0, 0.0, -0.3], "exit": [2.0, 0.0, -0.3]}
+    tables["threading"] = {"tension": tension, **ends}
+    move = {"top": {"move": [0.0, 0.0, -0.00502]}}
+    tables["stages"] = [{"name": "close", "duration": 1.0, "friction": False, "rollers": move}]
+    scene = Scene.from_tables(tables, "drum.toml")
+    (words,) = (line for line in told(scene) if "nip" in line)
+    found = re.search(r"about (\S+) N were it straight, but it is drawn round drum\.", words)
+    assert found is not None
+    run = ended(scene)
+    assert run.state is not None and run.assembly.thread is not None
+    on_drum, force = (reading.normal_force for reading in run.state.rollers.values())
+    assert force == pytest.approx(share * float(found[1]), rel=0.05)
+    turn = run.assembly.thread.turns["drum"]
+    assert on_drum - force == pytest.approx(2.0 * tension * np.sin(0.5 * turn), rel=0.02)
 
 
 def test_rollers_closed_too_far_are_proposed_as_close_as_strip_is_thick() -> None:

@@ -30,6 +30,7 @@ from anmstrip.simulation.defaults import (
     varies_along,
 )
 from anmstrip.simulation.meshing import (
+    MAX_LYING_TURN,
     Nip,
     carrying_sense,
     label_at,
@@ -897,7 +898,11 @@ def strip_runs_out(preview: Preview) -> Iterator[str]:
 
 
 def nip_forces(preview: Preview) -> Iterator[str]:
-    """Rollers that nip the strip: their force follows from the gap, where they touch its faces."""
+    """Rollers that nip the strip: their force follows from the gap, where they touch its faces.
+
+    Strip that is drawn round one of them lies otherwise in the gap than straight strip, for which
+    the force is told: tension lays it on that one, and its bending lifts it off.
+    """
     assembly, thickness = preview.assembly, preview.assembly.strip.thickness
     narrowest = dict[tuple[str, str], Nip]()
     for found in nips_in_stages(assembly.scene, assembly.rollers, assembly.thread):
@@ -913,9 +918,11 @@ def nip_forces(preview: Preview) -> Iterator[str]:
         if each.first.half:
             closer = assembly.signorini.width
             force, more = (nip_force(assembly, each, each.squeeze + s) for s in (0.0, closer))
+            drawn = [r.name for r in (each.first, each.second) if preview.turn(r) > MAX_LYING_TURN]
+            bent = f" were it straight, but it is drawn round {drawn[0]}" if drawn else ""
             yield (
-                f"{told}, and press it with about {force:.2g} N. The force of a nip cannot be "
-                "given: it follows from the gap by the law of contact, and is "
+                f"{told}, and press it with about {force:.2g} N{bent}. The force of a nip cannot "
+                "be given: it follows from the gap by the law of contact, and is "
                 f"{more:.2g} N with a gap smaller by {closer:.1g} m."
             )
         elif each.gap < thickness * (1.0 - 1e-9):
