@@ -263,6 +263,8 @@ FOLLOWED = {
     "which pulls at its entry by 4e+04 N/m against 1e+04 N/m, and on 222° of wrap friction "
     "holds 2.16 times": ["stages.run.entry.tension=2.1e4"],
     "on 111° of wrap friction holds 1.47 times": ["stages.run.entry.tension=1.4e4"],
+    "on 222° of wrap friction holds 1.62 times": ["friction.coefficient=0.68"],
+    "friction holds 1.33 times": ["stages.run.entry.tension=1.3e4"],
     "a stress of 600 MPa, beyond 500 MPa": [
         "stages.run.entry.tension=1.5e5", "stages.run.exit.tension=1.5e5",
     ],

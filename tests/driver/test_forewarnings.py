@@ -368,6 +368,22 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
         "on 111° of wrap friction holds 1.47 times", "stages.run.entry.tension below "
         "1.4e+04 N/m, or a friction coefficient above 0.73",
     ),
+    (  # b keeps its own 0.05, by which 111° of it hold 1.1 times as much
+        [("stages.1.entry.tension", 4e4), ("rollers.1.friction", 0.05)],
+        "on 222° of wrap friction holds 1.62 times", "stages.run.entry.tension below "
+        "1.6e+04 N/m, or a friction coefficient above 0.68 on a",
+    ),
+    (  # it keeps what it has, and no other coefficient acts
+        [("stages.1.entry.tension", 4e4), ("rollers.0.friction", 0.1),
+         ("rollers.1.friction", 0.05)],
+        "friction holds 1.33 times", "stages.run.entry.tension below 1.3e+04 N/m.",
+    ),
+    (  # no speed is given, and they are not said to be idle
+        [("stages.1.entry", None), ("stages.1.rollers", {}), ("stages.1.steady", True),
+         ("stages.1.strip.speed", 2.0)],
+        "rollers a, b stand in stage run and the strip, which comes in at 2 m/s, slides over",
+        "--set 'rollers.a.drive=\"idle\"' --set 'rollers.b.drive=\"idle\"'",
+    ),
     ([("material.yield_stress", 3e8)], "bending over a gives 366 MPa", "rollers.a.radius=0.37"),
     (
         [("strip.thickness", 5e-3)],

@@ -438,15 +438,15 @@ def beyond_capacity(preview: Preview) -> Iterator[str]:
                 f"only friction holds the strip in x in stage {stage.name}, which pulls at its "
                 f"{end} by {high:.3g} N/m against {low:.3g} N/m, and on {np.degrees(turn):.0f}° of "
                 f"wrap {held_by} at most: {none}the strip {runs}. "
-                f"Try {lower}{other_ways_to_hold(preview, end, pulled, turn * plain)}."
+                f"Try {lower}{other_ways_to_hold(preview, end, pulled, plain)}."
             )
 
 
-def other_ways_to_hold(preview: Preview, end: str, pulled: Pulled, turn: float) -> str:
+def other_ways_to_hold(preview: Preview, end: str, pulled: Pulled, plain: bool) -> str:
     """Return what else to type so that rollers hold what pulls more than they hold, at an end.
 
-    A nip that is closed farther, torques that act the other way, or the friction coefficient with
-    which wraps of a turn (rad) in all hold it alone.
+    A nip that is closed farther, torques that act the other way, or, where it is plain that wraps
+    alone hold it, their friction coefficient.
     """
     assembly, high = preview.assembly, pulled.ends[end]
     for nip in pulled.nips if assembly.rollers[0].half else ():
@@ -463,10 +463,27 @@ def other_ways_to_hold(preview: Preview, end: str, pulled: Pulled, turn: float) 
     if other > max(high, held):
         keys = (f"stages.{pulled.stage.name}.rollers.{name}.torque" for name in pulled.torques)
         return f", or the other sign of {', '.join(keys)}"
-    bent = max(taken_by_bending(preview, roller) for roller in assembly.rollers) if turn else 0.0
+    return holding_coefficient(preview, pulled) if plain else ""
+
+
+def holding_coefficient(preview: Preview, pulled: Pulled) -> str:
+    """Return the friction coefficient with which wraps alone hold what pulls, as an advice.
+
+    Rollers that have coefficients of their own keep them.
+    """
+    assembly, high = preview.assembly, max(pulled.ends.values())
+    own = {s.name: s.friction for s in assembly.scene.rollers if s.friction is not None}
+    driven = {r.name: preview.turn(r) for r in assembly.rollers if r.name not in assembly.turning}
+    common = [name for name, turn in driven.items() if turn and name not in own]
+    turn = sum(driven[name] for name in common)
+    bent = max(taken_by_bending(preview, roller) for roller in assembly.rollers)
     low = min(pulled.ends.values()) - bent
-    f = np.log((high - bent) / low) / turn if low > 0.0 and turn else np.inf
-    return f", or a friction coefficient above {two_digits(f, np.ceil):g}" if f < 2.0 else ""
+    if low <= 0.0 or not turn:
+        return ""
+    kept = sum(own[name] * driven[name] for name in driven if name in own)
+    f = (np.log((high - bent) / low) - kept) / turn
+    there = f" on {', '.join(common)}" if kept else ""
+    return f", or a friction coefficient above {two_digits(f, np.ceil):g}{there}" if f < 2.0 else ""
 
 
 def held_by_nip(preview: Preview, nip: Nip) -> bool:
@@ -690,6 +707,29 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
                     f"--set stages.{stage.name}.rollers.{name}.surface_speed={typed:g}"
                 )
                 return
+
+
+def standing_rollers(preview: Preview) -> Iterator[str]:
+    """Driven rollers without any speed, over which strip slides that comes in at a given one."""
+    assembly = preview.assembly
+    driven = (roller for roller in assembly.rollers if roller.name not in assembly.turning)
+    touched = [r for r in driven if preview.turn(r) > 0.0 and holding_ratio(preview, r) > 1.0]
+    for stage, last in carrying_speeds(assembly, touched):
+        entry = stage.edges.get("entry")
+        given = stage.strip.speed if stage.steady else entry and entry.speed
+        stand = [roller.name for roller in touched if roller.name not in last]
+        rubs = stage.steady or assembly.rubs(stage)
+        if not rubs or not given or not stand or any(last.values()):
+            continue
+        idle = " ".join(f"--set 'rollers.{name}.drive=\"idle\"'" for name in stand)
+        zero = ", ".join(f"stages.{stage.name}.rollers.{name}.surface_speed" for name in stand)
+        verb, it, they = ("s", "it", "it") if len(stand) == 1 else ("", "them", "they")
+        yield (
+            f"roller{'' if verb else 's'} {', '.join(stand)} stand{verb} in stage {stage.name} and "
+            f"the strip, which comes in at {given:g} m/s, slides over {it}. Try {idle}, or type "
+            f"{zero}, 0 if {they} should stand"
+        )
+        return
 
 
 BELT_MARGIN = 1.1
@@ -1232,4 +1272,5 @@ PHYSICS_RULES = (
     stretched_beyond_yield,
     gravity_upwards,
     unequal_speeds,
+    standing_rollers,
 )
