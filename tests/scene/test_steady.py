@@ -15,7 +15,7 @@ from scipy.integrate import quad, solve_ivp
 from threaded import ONE, ended, roller, scene_of
 
 from anmstrip.advice.preview import Preview
-from anmstrip.advice.warnings import beside_rollers, lifted_off, standing_idlers
+from anmstrip.advice.warnings import beside_rollers, lifted_off, standing_idlers, unbalanced_idlers
 from anmstrip.driver.explain import cell, explain, report
 from anmstrip.driver.run import Run
 from anmstrip.driver.scene import Scene
@@ -795,6 +795,32 @@ def test_strip_that_slides_over_rollers_is_told(
     monkeypatch.setattr("anmstrip.driver.explain.SLIDING_SHARE", used)
     assert "The strip slides over" not in report(run)
     assert "no speed of the line" not in report(run)
+
+
+def test_idlers_that_are_not_yet_balanced_are_told() -> None:
+    """Where a line is set going, what idlers take beyond their bearings falls to 0 on the way."""
+    heat = {"across": [460.0], "along": [[0.0, 1.0], [5.0, 1.0], [9.0, 0.5]]}
+    tables = {
+        **CROWNED,
+        "strip": {"kinematics": "section", "width": 1.0, "thickness": 5e-4, "temperature": heat},
+        "material": {"young": 2e11, "poisson": 0.3, "density": 7850.0, "expansion": 1.2e-5},
+        "threading": {"tension": 8e3, "entry": [-2.0, 0.0, 2.0], "exit": [3.0, 0.0, 8.0]},
+        "rollers": [
+            roller("a", 0.0, 0.0, 0.4, "right", drive="idle", bearing=20.0),
+            roller("b", 1.0, 7.6, 0.4, "left"),
+        ],
+        "stages": [{"name": "run", "steady": True, "gravity": [0.0, 0.0, -9.81],
+                    "entry": {"tension": 8e3}, "exit": {"tension": 9e3},
+                    "rollers": {"b": {"surface_speed": 2.0}}}],
+    }  # fmt: skip
+    scene = Scene.from_tables(tables, "pot.toml")
+    _, first, *_, last = [step.state for step in scene.run()]
+    taken = abs(first.contacts["a"].torque)
+    (told,) = unbalanced_idlers(first, scene)
+    assert taken > 40.0 and told.startswith(
+        f"idle roller a is not in balance yet: friction turns it with {taken:.3g} N m"
+    )
+    assert not list(unbalanced_idlers(last, scene))
 
 
 def test_slips_that_no_motion_balances_are_marked(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -84,6 +84,10 @@ EXPLAIN_COST_EXPONENTS = np.array([1.0, 1.8])
 BALANCED_TORQUE = 1e-3
 """Share of the torque of friction within which a drive is balanced: the default tolerance."""
 
+UNBALANCED_SHARE = 3e-3
+"""Share of the force on an idler times its radius, beyond which it is out of balance: thrice the
+default tolerance of forces."""
+
 FRICTION_DIFFERENCE = 0.1
 """Share by which a friction coefficient may act as another one than was typed, unsaid."""
 
@@ -249,6 +253,24 @@ def standing_idlers(state: State, scene: SceneSpec) -> Iterator[str]:
                 f"{contact.max_slip:.3g} m/s: friction turns it with {given:.3g} N m, and its "
                 f"bearings hold {spec.bearing:g} N m. "
                 f"Try --set rollers.{spec.name}.bearing={0.5 * given:.2g}, or more wrap or friction"
+            )
+
+
+def unbalanced_idlers(state: State, scene: SceneSpec) -> Iterator[str]:
+    """Idle rollers that friction turns with more than their bearings hold, on the way to balance.
+
+    So it is in a steady stage that sets a line going, before its end.
+    """
+    for spec in scene.rollers if state.plan.steady else ():
+        contact = state.contacts.get(spec.name)
+        if spec.drive != "idle" or contact is None:
+            continue
+        taken = abs(contact.torque)
+        if taken > spec.bearing + UNBALANCED_SHARE * contact.normal_force * spec.radius:
+            yield (
+                f"idle roller {spec.name} is not in balance yet: friction turns it with "
+                f"{taken:.3g} N m, and its bearings hold {spec.bearing:g} N m. Only the end of "
+                "this stage is a stationary state; until there tensions beside it are others"
             )
 
 
@@ -674,6 +696,7 @@ OTHER_RULES = (
 RULES_AT_END = (
     lifted_off,
     standing_idlers,
+    unbalanced_idlers,
     spinning_rollers,
     overstretched,
     buckled_section,
