@@ -378,6 +378,12 @@ WRONG: list[tuple[list[tuple[str, Any]], str, str]] = [
          ("rollers.1.friction", 0.05)],
         "friction holds 1.33 times", "stages.run.entry.tension below 1.3e+04 N/m.",
     ),
+    (  # both turn as seen from one side: what is typed takes the place of what was
+        [("stages.1.rollers.a", {"angular_speed": 3.0}),
+         ("stages.1.rollers.b", {"angular_speed": 3.0})],
+        "roller b goes at -0.9 m/s in stage run while a goes at 0.9 m/s",
+        "--set stages.run.rollers.b.angular_speed=-3",
+    ),
     (  # no speed is given, and they are not said to be idle
         [("stages.1.entry", None), ("stages.1.rollers", {}), ("stages.1.steady", True),
          ("stages.1.strip.speed", 2.0)],

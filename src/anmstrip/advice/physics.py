@@ -695,16 +695,21 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
             draw = abs(speed - given) / abs(given)
             if draw > max(SPEED_DIFFERENCE, held):
                 how = f"goes at {speed:g} m/s" if speed else "stands"
-                told = next(r for r in touched if r.name == fast)
+                told = next(r for r in touched if r.name == name)
                 order = [r.name for r in touched]  # along the strip
                 piles = order.index(fast) < order.index(name) and distributed_load(assembly.scene)
                 or_not = ", or gathers between them and hangs slack" if piles else ""
-                typed = given * told.sense * carrying_sense(told, assembly.thread)
+                key, typed = "surface_speed", given * carrying_sense(told, assembly.thread)
+                control = stage.rollers.get(name)
+                if control is not None and control.angular_speed is not None:
+                    key, typed = "angular_speed", typed / told.radius
+                else:
+                    typed *= told.sense
                 yield (
                     f"roller {name} {how} in stage {stage.name} while {fast} goes at {given:g} "
                     f"m/s: the strip slips on one of them{or_not}. "
                     f'Try rollers.{name}.drive = "idle" and no speed of it, or '
-                    f"--set stages.{stage.name}.rollers.{name}.surface_speed={typed:g}"
+                    f"--set stages.{stage.name}.rollers.{name}.{key}={typed:g}"
                 )
                 return
 
