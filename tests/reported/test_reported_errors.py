@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import tomllib
 from bisect import bisect_left
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -17,6 +17,8 @@ from reported_files import Results, ran, rows_of
 
 from anmstrip import Scene
 from anmstrip.continuation.equations import Cost, Tolerances
+from anmstrip.continuation.follow import Pace, PathStep
+from anmstrip.driver import budget
 from anmstrip.driver.budget import Budget
 from anmstrip.driver.run import Run
 from anmstrip.results.state import State
@@ -417,6 +419,59 @@ def test_a_finer_mesh_takes_few_tangents(monkeypatch: pytest.MonkeyPatch) -> Non
     *_, _ = run
     assert run.errors()["mesh"] is not None
     assert sum(cost.factorisations for cost in costs) <= 12
+
+
+PAPER = """
+strip = { width = 0.6, thickness = 80e-6, finer = 0.5 }
+material = { young = 5e9, poisson = 0.3 }
+contact = {}
+friction = { coefficient = 0.3 }
+threading = { tension = 200.0, entry = [-0.6, 0.0, -0.4], exit = [1.2, 0.0, -1.0] }
+edges.entry.fixed = ["x", "y", "z"]
+rollers = [
+    { name = "guide", radius = 0.08, centre = [0.0, 0.0, 0.0], wrap = "over" },
+    { name = "steer", radius = 0.08, centre = [1.2, 0.0, 0.0], wrap = "over" },
+]
+[[stages]]
+name = "run"
+steady = true
+entry.tension = 200.0
+exit.tension = 200.0
+rollers.guide.surface_speed = 2.0
+"""
+
+
+@pytest.mark.slow
+def test_a_finer_mesh_is_found_by_way_of_two_laws(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Paper on a roller 0.9 mm/m out of line: friction ten times as wide is too far, paths slow."""
+    monkeypatch.setattr(budget, "follow", None)
+    tables = tomllib.loads(PAPER)
+    tables["rollers"][1] |= {"drive": "idle", "axis": [-9e-4, 1.0, 0.0]}
+    run = Scene.from_tables(tables, "paper.toml").run()
+    run.estimates = True
+    *_, last = run
+    assert run.errors()["mesh"] is not None
+    monkeypatch.setattr(budget, "WIDER_LAWS", {10.0: 1e-2})
+    with pytest.raises(TypeError, match="not callable"):  # nothing but a path is left
+        run.budget.look(run.scene.course[-1], last.state, None, ())
+
+
+def test_a_path_that_crawls_is_given_up(
+    idler: Callable[[], Run], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A furnace beyond its limit on elements of half the length took 40 branches, twice its run."""
+    state, taken = idler().state, list[float]()
+
+    def crawling(*_: Any, start: float, **__: Any) -> Iterator[PathStep]:
+        for control in (0.1, 0.3, *(0.4 + 1e-3 * np.arange(18))):
+            taken.append(control)
+            yield PathStep(cast(Any, None), 0.0, Pace(control, 1e-3))
+
+    assert state is not None
+    monkeypatch.setattr(budget, "follow", crawling)
+    monkeypatch.setattr(budget.Newton, "corrected", lambda *_: None)
+    assert budget.balance_state(budget.frozen_problem(state), state) is None
+    assert taken == pytest.approx(2 * [0.1, 0.3, 0.4, 0.401, 0.402, 0.403])
 
 
 def test_an_interrupted_run_has_the_same_budget(coarse: Results, tmp_path: Path) -> None:

@@ -17,12 +17,13 @@ import numpy as np
 from scipy.sparse.linalg import ArpackError
 
 from anmstrip.arrays import Array, Index
-from anmstrip.continuation.equations import Cost, Equations, PathStopped
+from anmstrip.continuation.equations import Cost, Equations, Outcome, PathStopped
 from anmstrip.continuation.follow import PathStep, Settings, follow
 from anmstrip.continuation.newton import (
     ROUND_OFF_MARGIN,
     SLOW_CONVERGENCE_RATIO,
     TANGENT_REUSE_RATIO,
+    Corrected,
     Corrections,
     Newton,
     solve_by_narrowing,
@@ -503,13 +504,15 @@ LARGEST_IMBALANCE_LEFT = 1e-3
 """Largest imbalance that is left, over the force scale: contact that a finer mesh finds deep inside
 a roller begins with any."""
 
-WIDER_LAW = 10.0
-"""Width of that law over the given one: two or three tangents, and three to five from there to the
-given one, for which a width of 100 is too far."""
+WIDER_LAWS = {10.0: 1e-2, 3.0: 0.0}
+"""Widths of those laws over the given one, each with the part of the imbalance, and of the force
+scale, that is left with it.
 
-WIDER_LAW_REDUCTION = 1e-2
-"""Part of the imbalance, and of the force scale, that is left with the wider law.  A shell on a
-roller 0.7 mm/m out of line begins with 1e12 of it, and sharp friction then has corners."""
+The first takes two or three tangents, and three to five from there to the given one, for which a
+width of 100 is too far.  A shell on a roller 0.7 mm/m out of line begins with 1e12 of the force
+scale, and sharp friction then has corners.  Where 10 is too far as well, on paper 0.9 mm/m out of
+line, six more lead by way of 3.
+"""
 
 MAX_CORRECTIONS = 8
 """Iterations of Newton's method, each with a line search.  23 random lines with idlers, where it
@@ -529,6 +532,11 @@ MAX_BALANCING_BRANCHES = 20
 """Of paths by way of the smoothest laws, and of that on which the imbalance fades away, where
 friction holds the strip and Newton's method finds no way: one to ten are enough.  Without smoothest
 laws, which take six to ten tangents, seven of 109 stages of 35 such lines had no balance."""
+
+
+CRAWLING = 10.0
+"""Branches that the rest of such a path would take at the pace of the last three, over those that
+are left, beyond which it is given up: it crawls past a limit point."""
 
 
 @dataclass(frozen=True)
@@ -649,6 +657,44 @@ class Halved(Assembly):
         return replace(plan, supports=supports, controls=Controls(values))
 
 
+def corrected_by_width(
+    equations: Equilibrium, solver: SparseSolver, wanted: float, first: float
+) -> tuple[Corrected | None, Array]:
+    """Return the state in balance near zero by Newton's method, and where to go on if it is None.
+
+    At once, or from where wider laws of friction lead.
+
+    Parameters
+    ----------
+    equations : Equilibrium
+    solver : SparseSolver
+    wanted, first : float
+        Imbalance that is asked for, and that of zero.
+    """
+    begin = np.zeros(len(equations.supports.free))
+    corrections = Corrections(
+        wanted, MAX_CORRECTIONS, FAST_REDUCTION, least=1, kept=TANGENT_REUSE_RATIO
+    )
+    quick = replace(corrections, near=np.inf, helpful=SLOW_CONVERGENCE_RATIO)
+    found = Newton(equations, solver, quick, Cost()).corrected(begin, 0.0)
+    if found is None or found.imbalance <= wanted:
+        return found, begin
+    near = found.u
+    for width, reduction in WIDER_LAWS.items():
+        if (laws := equations.smoother(width)) is not None:
+            least = max(wanted, reduction * min(first, 1.0))
+            rough = replace(corrections, tolerance=least, least=0, most=MAX_ROUGH_CORRECTIONS)
+            found = Newton(laws[0], solver, rough, Cost()).corrected(near, 0.0)
+            if found is None:
+                break
+            near = found.u
+        begin = near
+        found = Newton(equations, solver, corrections, Cost()).corrected(begin, 0.0)
+        if found is not None or laws is None:
+            break
+    return found, begin
+
+
 @np.errstate(over="ignore", invalid="ignore")  # of iterations that run away
 def balance_state(
     plan: StageProblem, state: State, velocity: Array | None = None, elapsed: float = 0.0
@@ -678,25 +724,18 @@ def balance_state(
     floor = ROUND_OFF_MARGIN * equations.round_off(zero, 0.0)
     wanted = min(max(IMBALANCE_REDUCTION * first, floor), LARGEST_IMBALANCE_LEFT)
     wanted, solver = max(wanted, SMALLEST_IMBALANCE), SparseSolver()
-    corrections = Corrections(
-        wanted, MAX_CORRECTIONS, FAST_REDUCTION, least=1, kept=TANGENT_REUSE_RATIO
-    )
-    quick = replace(corrections, near=np.inf, helpful=SLOW_CONVERGENCE_RATIO)
-    found, begin = Newton(equations, solver, quick, Cost()).corrected(zero, 0.0), zero
-    if found is not None and found.imbalance > wanted:
-        if (laws := equations.smoother(WIDER_LAW)) is not None:
-            least = max(wanted, WIDER_LAW_REDUCTION * min(first, 1.0))
-            rough = replace(corrections, tolerance=least, least=0, most=MAX_ROUGH_CORRECTIONS)
-            found = Newton(laws[0], solver, rough, Cost()).corrected(found.u, 0.0)
-        if found is not None:
-            begin = found.u
-            found = Newton(equations, solver, corrections, Cost()).corrected(begin, 0.0)
+    found, begin = corrected_by_width(equations, solver, wanted, first)
     settings = Settings(
         tolerance=wanted, max_steps=MAX_BALANCING_BRANCHES, give_way=False, rational=True
     )
 
     def path(laws: Equations, u: Array, start: float) -> PathStep:
-        *_, last = follow(laws, u, solver=solver, settings=settings, start=start)
+        controls = [start]
+        for last in follow(laws, u, solver=solver, settings=settings, start=start):
+            controls.append(last.pace.control)
+            left, far = MAX_BALANCING_BRANCHES + 1 - len(controls), CRAWLING * np.ptp(controls[-4:])
+            if len(controls) > 3 and 3.0 * (1.0 - controls[-1]) > left * far:
+                raise PathStopped(Outcome.TOO_MANY_STEPS, controls[-1])
         return last
 
     if found is None:
