@@ -21,6 +21,7 @@ from anmstrip.driver.run import Run, Step
 from anmstrip.driver.scene import Scene
 from anmstrip.fem.sampling import quadrature_points
 from anmstrip.fem.strip import grid
+from anmstrip.mechanics.loads import UnevenTension
 from anmstrip.results.fields import FieldSampler
 from anmstrip.results.wrinkles import Wrinkling
 from anmstrip.simulation.problem import Assembly
@@ -381,6 +382,38 @@ def test_uneven_strip_goes_on_beyond_its_exit(held: tuple[str, ...]) -> None:
     np.testing.assert_allclose(forces[0, 0][last], expected, atol=600.0)
     beside = (x > x.max() - 0.5) & (np.abs(x - x.max()) < 0.4)
     assert np.abs(forces[1, 1][beside]).max() < 600.0
+
+
+def test_what_uneven_strip_pulls_goes_with_the_tension_there_and_not_with_the_stage() -> None:
+    """Slack below 10 kN/m; eased to 4 kN/m it pulled at 12 as at 8, and waved there first."""
+    strip = {"width": 0.5, "thickness": 5e-4, "flatness": {"across": [0.0, 0.0, 60.0]}}
+    tables: dict[str, Any] = {
+        "strip": strip | {"cells": [24, 4]},
+        "material": {"young": 2e11, "poisson": 0.3},
+        "contact": {},
+        "threading": {**ONE["threading"], "tension": 2.4e4},
+        "rollers": ONE["rollers"],
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+    }
+
+    def pulled(last: float, tension: float) -> np.ndarray:
+        tables["stages"] = [{"name": "ease", "friction": False, "exit": {"tension": last}}]
+        course = Course(Assembly(scene := Scene.model_validate(tables)))
+        for stage in scene.course:
+            plan = course.plan(stage, {})
+            course.finish(stage)
+        (effect,) = (e for e in plan.model.effects if isinstance(e, UnevenTension))
+        controls = plan.controls.at((2.4e4 - tension) / (2.4e4 - last))
+        x = effect.operator.apply(0.0 * plan.supports.start)  # flat: all along x
+        return np.asarray(effect.law(x, None, controls))[0, 0]
+
+    whole = pulled(1.2e4, 2.4e4)
+    slack = whole.max()  # at an edge, pulled in −x, but for half the distance of a point from it
+    assert 0.85 < slack / (1e8 * 6e-4 * (0.25 - 1.0 / 12.0)) < 1.0
+    for tension, share in ((1.2e4, 1.0), (6e3, 6e3 / slack)):
+        found = pulled(4e3, tension)
+        np.testing.assert_allclose(found, pulled(3e3, tension), rtol=1e-9)
+        np.testing.assert_allclose(found, share * whole, rtol=5e-3)
 
 
 @pytest.mark.slow

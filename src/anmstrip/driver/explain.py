@@ -40,7 +40,8 @@ MEGABYTE = 2.0**20
 
 INTERNAL_CONTROLS = {
     *("strip.held", "strip.growth", "strip.softening", "strip.weakening"),
-    *("entry.unevenness", "exit.unevenness", "yielding"),
+    *(f"{end}.{kind}" for end in ENDS for kind in ("unevenness", "slack")),
+    "yielding",
 }
 """Controls that follow from others, and are typed by nobody."""
 

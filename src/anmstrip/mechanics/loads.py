@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,13 @@ from anmstrip.fem.operators import CellOperator
 from anmstrip.fem.sampling import ContactOperator
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.effects import LawEffect, LoadEffect, Operator
+
+SLACK_POWER = 4
+"""Logarithm (base 2) of the power by which fibres cease to bear less than nothing: 3 is 5 % off
+where a tenth of the mean is left, 5 has twice as short a series there."""
+
+NO_SLACK = 1e-100
+"""What that power of tension over its scale is added to, so that its root is smooth at 0."""
 
 UNIT_STEP = 1e-4
 """Share of a tension over which a law is differentiated: it is wrong by 1e-8 or less."""
@@ -123,6 +130,38 @@ class CurledTension(FollowerLoad):
         return (after - before) / (2.0 * step)
 
 
+@dataclass(frozen=True)
+class UnevenTension(FollowerLoad):
+    """What the tensions of fibres are beyond their mean T (N/m) where strip goes on at its end.
+
+    No fibre pushes: of what the longest bear less than the mean, S (N/m, control ``NAME.slack``),
+    a mean below that leaves the share T/S.  Here it is T (Tⁿ + Sⁿ)^(−1/n), n = 16, which is smooth:
+    0.988 where T is 1.1 S.
+    """
+
+    outward: Array  # direction of the line, (3,)
+    scale: float  # of tensions (N/m)
+
+    def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
+        """Generalised stress, (components, 1 + directions, points)."""
+        edge = self.control.partition(".")[0]
+        pull = controls.get(f"{edge}.tension", 0.0)
+        if f"{edge}.force" in controls:
+            pull = pull + dot(controls[f"{edge}.force"], self.outward)
+        mean = t = pull / self.scale
+        s = controls[f"{edge}.slack"] / self.scale
+        for _ in range(SLACK_POWER):
+            t, s = t * t, s * s
+        larger = t + s + NO_SLACK
+        for _ in range(SLACK_POWER):
+            larger = np.sqrt(larger)
+        return super().law(x, v, controls) * (mean / larger)
+
+    def unit_law(self, x: Any, controls: Mapping[str, Any]) -> Any:
+        """Change of the stress with an even control, shape as of :meth:`law`."""
+        return self.law(x, None, {**controls, self.control: 1.0})
+
+
 def on_value(force: Any, directions: int) -> Any:
     """Stress (components, 1 + directions, points) of a force, which works on the value alone."""
     return np.einsum("i...,a->ia...", force, np.eye(1 + directions)[0])
@@ -152,10 +191,11 @@ def curled_edge_tension(strip: Strip, name: str, outward: Array) -> FollowerLoad
     return CurledTension(*given, strip, outward)
 
 
-def uneven_edge_tension(strip: Strip, name: str) -> FollowerLoad:
+def uneven_edge_tension(strip: Strip, name: str, outward: Array, scale: float) -> UnevenTension:
     """The same of every fibre, beyond the mean of all, control ``NAME.unevenness`` (points,)."""
     even = edge_tension(strip, name)
-    return replace(even, name=f"uneven {even.name}", control=f"{name}.unevenness")
+    given = even.operator, even.reference, even.stress, outward, scale
+    return UnevenTension(f"uneven {even.name}", f"{name}.unevenness", *given)
 
 
 def edge_moment(strip: Strip, name: str) -> FollowerLoad:

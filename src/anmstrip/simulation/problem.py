@@ -735,20 +735,20 @@ class Assembly:
         if (stiffness := self.scene.strip.foundation) is not None:
             own.append(Foundation(self.strip, stiffness))
         effects: list[Effect] = [effect for effect in own if effect is not None]
-        makers = {
-            "force": edge_force,
-            "tension": edge_tension,
-            "unevenness": uneven_edge_tension,
-            "moment": edge_moment,
-        }
+        makers = {"force": edge_force, "tension": edge_tension, "moment": edge_moment}
         for control in given:
             edge, _, kind = control.rpartition(".")
             curls = {"strip.coil_set", "strip.crossbow", f"{edge}.moment"}
-            if kind == "tension" and self.thread and self.bending and curls & set(given):
+            if self.thread and edge in ENDS:
                 ends = np.array([self.strip.mesh.p[0].min(), self.strip.mesh.p[0].max()])
                 outward = self.thread.ends_in_space(ends)[2 + ENDS.index(edge)]
-                effects.append(curled_edge_tension(self.strip, edge, outward))
-                continue
+                if kind == "unevenness":
+                    scale = self.scales.tension
+                    effects.append(uneven_edge_tension(self.strip, edge, outward, scale))
+                    continue
+                if kind == "tension" and self.bending and curls & set(given):
+                    effects.append(curled_edge_tension(self.strip, edge, outward))
+                    continue
             if kind in makers:
                 effects.append(makers[kind](self.strip, edge))
             elif kind == "gravity":

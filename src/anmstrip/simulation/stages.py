@@ -159,7 +159,8 @@ class Course:
         """Return what uneven strip, which goes on beyond its ends, pulls there besides the mean.
 
         ``NAME.unevenness`` (N/m), at ends of a threaded shell that are free along it: an even pull
-        on longer and shorter fibres alike would press it across beside the edge.  No fibre pushes.
+        on longer and shorter fibres alike would press it across beside the edge.  ``NAME.slack``
+        (N/m) is the tension at which the longest bears none.
         """
         a, found = self.assembly, dict[str, Array]()
         if a.thread is None or a.closed or a.membrane is None or shape_of(a.strip) != "quad":
@@ -169,10 +170,8 @@ class Course:
             mostly = "xyz"[int(np.abs(self._directions[name]).argmax())]
             excess = uneven_tension(a.strip, name, values)
             if excess is not None and mostly not in held.get(name, ()):
-                given = (values.get(f"{name}.{kind}", np.zeros(1)) for kind in ("force", "tension"))
-                pull = sum(float(np.linalg.norm(each)) for each in given)
-                slack = -float(excess.min())
-                found[f"{name}.unevenness"] = excess * (pull / slack if slack > pull else 1.0)
+                found[f"{name}.unevenness"] = excess
+                found[f"{name}.slack"] = np.array(-excess.min())
         return found
 
     def growing(self, values: Mapping[str, Array]) -> dict[str, Array]:
