@@ -193,6 +193,22 @@ def test_heat_that_presses_a_strip_is_named() -> None:
         assert ("threading.tension=" in found) != named
 
 
+def test_long_fibres_press_a_threaded_shell_by_what_they_exceed_the_mean() -> None:
+    """E t times 20 I-units at the edges: twice as much was told, the range of 30."""
+    tables = copy.deepcopy(BRIDLE)
+    tables["strip"] |= {"kinematics": "shell", "flatness": {"across": [0.0, 0.0, 120.0]}}
+    run = Scene.model_validate(tables).run()
+    next(iter(run))
+    squeezed = replace(run.state, full=0.9999 * run.state.full)
+    found = slack(Failure(run.assembly, run.scene.course[0], squeezed, stalled())) or ""
+    told = re.search(r"strip.flatness varies so much .* may press it by (\S+) N/m", found)
+    assert told is not None, found
+    expected = run.assembly.strip.tensile_stiffness * 1.2e-3 * (0.25 - 1.0 / 12.0)
+    assert (
+        0.85 < float(told[1]) / expected < 1.01
+    )  # up to half the distance of a point from an edge
+
+
 def test_derivatives_are_compared_as_forces_and_lengths() -> None:
     run = wrapped()
     plan, strip = run.state.plan, run.assembly.strip

@@ -18,6 +18,7 @@ from anmstrip.advice.physics import (
     across,
     closer_rollers,
     held_by_nip,
+    longest_fibre,
     loose_fibres,
     pulled_at_both_ends,
     runs_away,
@@ -30,6 +31,7 @@ from anmstrip.advice.warnings import against_section, below_round_off, finer_mes
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import NEGLIGIBLE_SHARE, Evidence, Outcome, PathStopped
 from anmstrip.equilibrium import Equilibrium, StageProblem
+from anmstrip.fem.sampling import shape_of
 from anmstrip.mechanics.shell import eigenstrain
 from anmstrip.results.rollers import ContactState
 from anmstrip.results.state import State
@@ -354,13 +356,18 @@ def slack(failure: Failure) -> str | None:
 
 
 def uneven_heat(failure: Failure, pressed: float) -> str | None:
-    """Heat or flatness whose strains differ so much over the strip that they press it (N/m)."""
+    """Heat or flatness whose strains differ so much over the strip that they press it (N/m).
+
+    A threaded shell, which may lengthen, by what its longest fibres exceed the mean across.
+    """
     strip, stage, made = failure.assembly.strip, failure.stage, dict[str, float]()
+    across = failure.assembly.thread is not None and shape_of(strip) == "quad"
     for key in ("temperature", "flatness", "camber"):
         controls = {k: v for k, v in failure.state.controls.items() if k == f"strip.{key}"}
         if (own := eigenstrain(strip, controls)) is not None:
             where = f"stages.{stage.name}.strip" if key in stage.strip.natural else "strip"
-            made[f"{where}.{key}"] = strip.tensile_stiffness * float(np.ptp(own[0, 0]))
+            most = longest_fibre(strip, own[0, 0], True) if across else float(np.ptp(own[0, 0]))
+            made[f"{where}.{key}"] = strip.tensile_stiffness * most
     key = max(made, key=lambda each: made[each], default="")
     if not key or made[key] <= pressed:
         return None

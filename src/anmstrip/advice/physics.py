@@ -17,6 +17,7 @@ from anmstrip.advice.units import in_megapascals, typed_vector
 from anmstrip.arrays import Array
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.sampling import quadrature_points, shape_of
+from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.roller import Roller
 from anmstrip.mechanics.shell import eigenstrain
 from anmstrip.scene.checks import PARALLEL_COSINE, ROUND_OFF, moved_ends
@@ -1102,6 +1103,28 @@ def turned_axis(preview: Preview) -> Iterator[str]:
         )
 
 
+def longest_fibre(strip: Strip, own: Array, led: bool) -> float:
+    """Return by which strain the longest fibre exceeds the mean across, on a mesh of rectangles.
+
+    Parameters
+    ----------
+    strip : Strip
+    own : ndarray, shape (points,)
+        Strains along the strip without stress, at quadrature points.
+    led : bool
+        Whether rollers lead it straight; else it bends by what is linear across.
+    """
+    _, row = np.unique(np.round(quadrature_points(strip)[0] / strip.length, 9), return_inverse=True)
+    weights = strip.weights().ravel()
+    width, y = np.bincount(row, weights), quadrature_points(strip)[1]
+    y = y - (np.bincount(row, weights * y) / width)[row]
+    uneven = own - (np.bincount(row, own * weights) / width)[row]
+    if not led:
+        bend = np.bincount(row, weights * y * uneven) / np.bincount(row, weights * y**2)
+        uneven = uneven - bend[row] * y
+    return float(uneven.max())
+
+
 def uneven_fibres(preview: Preview) -> Iterator[str]:
     """Heat, flatness or camber by which the longest fibres of a section bear no tension.
 
@@ -1111,22 +1134,13 @@ def uneven_fibres(preview: Preview) -> Iterator[str]:
     strip, tension = preview.assembly.strip, preview.tension
     if strip.kinematics.name != "shell" or shape_of(strip) != "quad" or tension == 0.0:
         return
-    _, row = np.unique(np.round(quadrature_points(strip)[0] / strip.length, 9), return_inverse=True)
-    weights = strip.weights().ravel()
-    width, y = np.bincount(row, weights), quadrature_points(strip)[1]
-    y = y - (np.bincount(row, weights * y) / width)[row]
     led = bool(preview.assembly.rollers)
     for key in ("temperature", "flatness", "camber"):
         needed = 0.0
         for plan in preview.plans:
             given = {k: v for k, v in plan.controls.at(1.0).items() if k == f"strip.{key}"}
             if (own := eigenstrain(strip, given)) is not None:
-                mean = np.bincount(row, own[0, 0] * weights) / width
-                uneven = own[0, 0] - mean[row]
-                if not led:
-                    bend = np.bincount(row, weights * y * uneven) / np.bincount(row, weights * y**2)
-                    uneven = uneven - bend[row] * y
-                excess = float(uneven.max())
+                excess = longest_fibre(strip, own[0, 0], led)
                 needed = max(needed, strip.tensile_stiffness * excess)
         if needed > tension:
             share = two_digits(SAFE_ANGLE_SHARE * tension / needed, np.floor)
