@@ -197,6 +197,7 @@ def test_long_fibres_press_a_threaded_shell_by_what_they_exceed_the_mean() -> No
     """E t times 20 I-units at the edges: twice as much was told, the range of 30."""
     tables = copy.deepcopy(BRIDLE)
     tables["strip"] |= {"kinematics": "shell", "flatness": {"across": [0.0, 0.0, 120.0]}}
+    tables["strip"]["finer"] = 0.3
     run = Scene.model_validate(tables).run()
     next(iter(run))
     squeezed = replace(run.state, full=0.9999 * run.state.full)

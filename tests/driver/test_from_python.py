@@ -114,3 +114,8 @@ def test_mistakes_between_tables_are_told_beside_those_within(tmp_path: Path) ->
 def test_the_package_has_a_version_and_types() -> None:
     assert anmstrip.__version__.count(".") == 2
     assert (Path(anmstrip.__file__).parent / "py.typed").is_file()
+
+
+def test_a_path_in_the_place_of_a_scene_is_told_how_to_be_loaded() -> None:
+    with pytest.raises(TypeError, match=r"as Scene.load\('line.toml'\) returns"):
+        anmstrip.Run("line.toml")  # type: ignore[arg-type]

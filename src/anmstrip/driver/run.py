@@ -203,6 +203,8 @@ class Run:
     InputError
         The scene's mesh or rollers cannot be used, nothing buckles that should be imperfect,
         or there is no checkpoint of this scene to resume.
+    TypeError
+        Anything but a scene is given, as its path.
     """
 
     estimates = False  # also errors of a run that is not written
@@ -214,6 +216,8 @@ class Run:
         resume: bool = False,
         effects: Iterable[EffectMaker] = (),
     ) -> None:
+        if not isinstance(scene, SceneSpec):
+            raise TypeError(f"expected a scene, as Scene.load({scene!r}) returns; given {scene!r}")
         self.directory = None if directory is None else Path(directory)
         bent = None if scene.strip.imperfection is None else imperfection_of(scene)
         a = self.assembly = Assembly(scene, bent, tuple(effects))
