@@ -194,7 +194,7 @@ def test_heat_that_presses_a_strip_is_named() -> None:
 
 
 def test_long_fibres_press_a_threaded_shell_by_what_they_exceed_the_mean() -> None:
-    """E t times 20 I-units at the edges: twice as much was told, the range of 30."""
+    """E t times 20 I-units at the edges; what was told was the range, of 30."""
     tables = copy.deepcopy(BRIDLE)
     tables["strip"] |= {"kinematics": "shell", "flatness": {"across": [0.0, 0.0, 120.0]}}
     tables["strip"]["finer"] = 0.3
@@ -205,9 +205,7 @@ def test_long_fibres_press_a_threaded_shell_by_what_they_exceed_the_mean() -> No
     told = re.search(r"strip.flatness varies so much .* may press it by (\S+) N/m", found)
     assert told is not None, found
     expected = run.assembly.strip.tensile_stiffness * 1.2e-3 * (0.25 - 1.0 / 12.0)
-    assert (
-        0.85 < float(told[1]) / expected < 1.01
-    )  # up to half the distance of a point from an edge
+    assert 0.75 < float(told[1]) / expected < 1.01  # points are inside of the edges
 
 
 def test_derivatives_are_compared_as_forces_and_lengths() -> None:
