@@ -533,7 +533,6 @@ MAX_BALANCING_BRANCHES = 20
 friction holds the strip and Newton's method finds no way: one to ten are enough.  Without smoothest
 laws, which take six to ten tangents, seven of 109 stages of 35 such lines had no balance."""
 
-
 CRAWLING = 10.0
 """Branches that the rest of such a path would take at the pace of the last three, over those that
 are left, beyond which it is given up: it crawls past a limit point."""

@@ -171,7 +171,7 @@ class Course:
             excess = uneven_tension(a.strip, name, values)
             if excess is not None and mostly not in held.get(name, ()):
                 found[f"{name}.unevenness"] = excess
-                found[f"{name}.slack"] = np.array(-excess.min())
+                found[f"{name}.slack"] = -excess.min(keepdims=True)
         return found
 
     def growing(self, values: Mapping[str, Array]) -> dict[str, Array]:
