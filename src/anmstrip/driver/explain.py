@@ -441,14 +441,14 @@ def report(run: Run, told: Collection[str] = ()) -> str:
 def runaway_slips(state: State) -> Iterator[str]:
     """Yield slips that are no speeds of a line: friction holds the strip at none."""
     for name, reading in state.rollers.items():
-        if runs_away(state, reading):
+        if slip_runs_away(state, reading):
             yield (
                 f"The slip on {name} is no speed of the line, beside {state.plan.fastest:.3g} m/s: "
                 "friction does not hold the strip there, whatever the slip."
             )
 
 
-def runs_away(state: State, reading: RollerReading) -> bool:
+def slip_runs_away(state: State, reading: RollerReading) -> bool:
     """Return whether slip is many times what rollers and strip are given in the stage."""
     return bool(reading.max_slip > RUNAWAY_SLIP * state.plan.fastest > 0.0)
 
@@ -465,7 +465,7 @@ def roller_table(state: State) -> Table:
     for name, r in state.rollers.items():
         used = "–" if r.capacity_used is None else f"{100.0 * r.capacity_used:.3g} %"
         values = (np.degrees(r.wrap), r.tension_in, r.tension_out, r.normal_force, r.torque)
-        read = None if runs_away(state, r) else r.max_slip, r.line_load_in, r.line_load_out
+        read = None if slip_runs_away(state, r) else r.max_slip, r.line_load_in, r.line_load_out
         slip, *loads = (cell(value, ".3g") for value in read)
         offset = () if r.offset is None else (f"{round(1e3 * r.offset, 3) + 0.0:.3f}",)
         table.add_row(name, *map(cell, values), slip, used, *loads, *offset)

@@ -132,7 +132,7 @@ class CurledTension(FollowerLoad):
 
 @dataclass(frozen=True)
 class UnevenTension(FollowerLoad):
-    """What the tensions of fibres are beyond their mean T (N/m) where strip goes on at its end.
+    """Tensions of fibres beyond their mean T (N/m), where uneven strip goes on at its end.
 
     No fibre pushes: of what the longest bear less than the mean, S (N/m, control ``NAME.slack``),
     a mean below that leaves the share T/S.  Here it is T (Tⁿ + Sⁿ)^(−1/n), n = 16, which is smooth:
