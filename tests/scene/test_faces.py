@@ -112,3 +112,24 @@ def test_a_strip_needs_room_between_rollers_that_it_passes_between() -> None:
             continue
         with pytest.raises(InputError, match="wrap on a or b, which press the strip between them"):
             _ = assembly.thread
+
+
+def test_pinch_rolls_at_pass_line_are_proposed_without_a_wrap() -> None:
+    """The strip, half its thickness above the deflector, passes a quarter of it above the lower."""
+    tables: dict[str, Any] = {
+        "strip": {"thickness": 1e-3},
+        "contact": {"faces": True},
+        "threading": {"tension": 4e3, "entry": (-1.0, 0.0, -0.4), "exit": (3.0, 0.0, 0.0)},
+        "rollers": [
+            roller("deflector", 0.0, -0.2, 0.2, "over"),
+            roller("lower", 1.5, -0.1005, 0.1, "over"),
+            {"name": "upper", "radius": 0.1, "centre": [1.5, 0.0, 0.1005]},
+        ],
+    }
+    with pytest.raises(
+        InputError, match=r"no wrap: the strip passes between it and upper, or wrap"
+    ):
+        _ = Assembly(scene_of(tables)).thread
+    del tables["rollers"][1]["wrap"]
+    thread = Assembly(scene_of(tables)).thread
+    assert thread is not None and list(thread.turns) == ["deflector"]

@@ -36,7 +36,7 @@ from anmstrip.mechanics.string_path import (
     string_path,
 )
 from anmstrip.scene.schema import SceneSpec
-from anmstrip.scene.tables import ENDS, I_UNIT
+from anmstrip.scene.tables import ENDS, I_UNIT, RollerSpec
 from anmstrip.simulation.defaults import bending_stiffness
 
 SENSES = {"over": 1.0, "left": 1.0, "under": -1.0, "right": -1.0}
@@ -473,7 +473,7 @@ def _refused(scene: SceneSpec, thread: Thread, error: ValueError) -> InputError:
     index, turn = getattr(error, "index", 0), getattr(error, "turn", None)
     names = [roller.name for roller in rollers]
     if turn is not None:
-        side = next(r.wrap for r in scene.rollers if r.name == names[index])
+        own = next(r for r in scene.rollers if r.name == names[index])
         expected = (
             "a side on which the taut strip touches this roller; "
             f"there it would have to turn by {np.degrees(turn):.3g} degrees"
@@ -482,15 +482,16 @@ def _refused(scene: SceneSpec, thread: Thread, error: ValueError) -> InputError:
         hint = f'wrap = "{_other_side(scene, names[index])}"'
         if fitting and set(fitting) != {names[index]}:
             hint = "wrap = " + ", ".join(f'"{new}" of {name}' for name, new in fitting.items())
+        for other in scene.rollers:
+            if other.wrap is None and 0.0 <= _room(own, other) <= scene.strip.thickness:
+                hint = f"no wrap: the strip passes between it and {other.name}, or {hint}"
         hint += ", another centre, or no wrap: weight or its move then brings it there"
         hint += "; crossing = true if the strip crosses itself there"
         hint = ", or ".join([*_if_in_millimetres(scene), hint])
-        return scene.refused(f"rollers.{names[index]}.wrap", side, expected, hint)
+        return scene.refused(f"rollers.{names[index]}.wrap", own.wrap, expected, hint)
     if 0 < index < len(names):
         first, second = rollers[index - 1 : index + 1]
-        apart = float(np.linalg.norm(np.subtract(second.centre, first.centre)))
-        gap = apart - first.radius - second.radius
-        if 0.0 <= gap <= scene.strip.thickness:  # as pinch rolls are drawn
+        if 0.0 <= _room(first, second) <= scene.strip.thickness:  # as pinch rolls are drawn
             expected = f"wrap on {first.name} or {second.name}, which press the strip between them"
             side = next(r.wrap for r in scene.rollers if r.name == second.name)
             hint = f"no wrap in the table of {second.name}"
@@ -507,6 +508,12 @@ def _refused(scene: SceneSpec, thread: Thread, error: ValueError) -> InputError:
     return scene.refused(
         key, value, expected, ", or ".join(["a place further away", *_if_in_millimetres(scene)])
     )
+
+
+def _room(first: Roller | RollerSpec, second: Roller | RollerSpec) -> float:
+    """Return the distance between two rollers (m), but for round-off."""
+    apart = float(np.linalg.norm(np.subtract(second.centre, first.centre)))
+    return round(apart - first.radius - second.radius, 12)
 
 
 def _if_in_millimetres(scene: SceneSpec) -> Iterator[str]:
