@@ -797,7 +797,7 @@ def test_strip_that_slides_over_rollers_is_told(
     assert "no speed of the line" not in report(run)
 
 
-def test_idlers_that_are_not_yet_balanced_are_told() -> None:
+def test_idlers_that_are_not_yet_balanced_are_told(tmp_path: Path) -> None:
     """Where a line is set going, what idlers take beyond their bearings falls to 0 on the way."""
     heat = {"across": [460.0], "along": [[0.0, 1.0], [5.0, 1.0], [9.0, 0.5]]}
     tables = {
@@ -821,6 +821,9 @@ def test_idlers_that_are_not_yet_balanced_are_told() -> None:
         f"idle roller a is not in balance yet: friction turns it with {taken:.3g} N m"
     )
     assert not list(unbalanced_idlers(last, scene))
+    stopped = Scene.from_tables({**tables, "solver": {"max_steps": 2}}, "pot.toml").run(tmp_path)
+    assert len(list(stopped)) == 2
+    assert [words for words in stopped.warnings if "is not in balance yet" in words]
 
 
 def test_slips_that_no_motion_balances_are_marked(monkeypatch: pytest.MonkeyPatch) -> None:
