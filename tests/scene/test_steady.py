@@ -802,6 +802,7 @@ def test_idlers_that_are_not_yet_balanced_are_told(tmp_path: Path) -> None:
     heat = {"across": [460.0], "along": [[0.0, 1.0], [5.0, 1.0], [9.0, 0.5]]}
     tables = {
         **CROWNED,
+        "solver": {},
         "strip": {"kinematics": "section", "width": 1.0, "thickness": 5e-4, "temperature": heat},
         "material": {"young": 2e11, "poisson": 0.3, "density": 7850.0, "expansion": 1.2e-5},
         "threading": {"tension": 8e3, "entry": [-2.0, 0.0, 2.0], "exit": [3.0, 0.0, 8.0]},

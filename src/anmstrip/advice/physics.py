@@ -728,12 +728,12 @@ def standing_rollers(preview: Preview) -> Iterator[str]:
         if not rubs or not given or not stand or any(last.values()):
             continue
         idle = " ".join(f"--set 'rollers.{name}.drive=\"idle\"'" for name in stand)
-        zero = ", ".join(f"stages.{stage.name}.rollers.{name}.surface_speed" for name in stand)
+        keys = (f"stages.{stage.name}.rollers.{name}.surface_speed = 0" for name in stand)
         verb, it, they = ("s", "it", "it") if len(stand) == 1 else ("", "them", "they")
         yield (
             f"roller{'' if verb else 's'} {', '.join(stand)} stand{verb} in stage {stage.name} and "
-            f"the strip, which comes in at {given:g} m/s, slides over {it}. Try {idle}, or type "
-            f"{zero}, 0 if {they} should stand"
+            f"the strip, which comes in at {given:g} m/s, slides over {it}. Try {idle}, or "
+            f"{' and '.join(keys)} if {they} should stand"
         )
         return
 

@@ -117,24 +117,19 @@ def mesh_in_millimetres(preview: Preview) -> bool:
     return scene.strip.mesh is not None and in_pascals and width > LARGEST_IN_LINES["m"]
 
 
-def all_in_millimetres(preview: Preview) -> Iterator[str]:
-    """A scene in newtons, millimetres and megapascals, of which labels do not know."""
-    if in_millimetres(preview.assembly.scene):
-        yield (
-            "the values of this scene fit together in N, mm, MPa and s, with t/mm³ and mm/s². "
-            "Results are in these units too, whatever units labels and messages name: tensions "
-            "in N/mm and torques in N mm, for instance."
-        )
-
-
-def all_in_kilonewtons(preview: Preview) -> Iterator[str]:
-    """A scene in kilonewtons and metres, of which labels do not know."""
-    if in_kilonewtons(preview.assembly.scene):
-        yield (
-            "the values of this scene fit together in kN, m, kN/m² and s, with t/m³. Results are "
-            "in these units too, whatever units labels and messages name: tensions in kN/m and "
-            "torques in kN m, for instance."
-        )
+def all_in_other_units(preview: Preview) -> Iterator[str]:
+    """A scene whose values fit together in units of which labels do not know."""
+    scene = preview.assembly.scene
+    if in_millimetres(scene):
+        units, results = "N, mm, MPa and s, with t/mm³ and mm/s²", "N/mm and torques in N mm"
+    elif in_kilonewtons(scene):
+        units, results = "kN, m, kN/m² and s, with t/m³", "kN/m and torques in kN m"
+    else:
+        return
+    yield (
+        f"the values of this scene fit together in {units}. Results are in these units too, "
+        f"whatever units labels and messages name: tensions in {results}, for instance."
+    )
 
 
 def as_meant(preview: Preview) -> Preview | None:

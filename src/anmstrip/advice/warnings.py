@@ -84,9 +84,9 @@ EXPLAIN_COST_EXPONENTS = np.array([1.0, 1.8])
 BALANCED_TORQUE = 1e-3
 """Share of the torque of friction within which a drive is balanced: the default tolerance."""
 
-UNBALANCED_SHARE = 3e-3
-"""Share of the force on an idler times its radius, beyond which it is out of balance: thrice the
-default tolerance of forces."""
+UNBALANCED_SHARE = 3.0
+"""Share of the force on an idler times its radius, over the tolerance, beyond which it is out of
+balance."""
 
 FRICTION_DIFFERENCE = 0.1
 """Share by which a friction coefficient may act as another one than was typed, unsaid."""
@@ -99,8 +99,7 @@ def warnings(preview: Preview) -> list[str]:
         others = (words for rule in OTHER_RULES for words in rule(judged))
         if_so = "" if judged is preview else "if so, "
         told += [if_so + words for words in (*serious_as_meant(judged), *others)]
-        told += units.all_in_millimetres(judged)
-        told += units.all_in_kilonewtons(judged)
+        told += units.all_in_other_units(judged)
     return list(dict.fromkeys(told))
 
 
@@ -265,8 +264,8 @@ def unbalanced_idlers(state: State, scene: SceneSpec) -> Iterator[str]:
         contact = state.contacts.get(spec.name)
         if spec.drive != "idle" or contact is None:
             continue
-        taken = abs(contact.torque)
-        if taken > spec.bearing + UNBALANCED_SHARE * contact.normal_force * spec.radius:
+        taken, share = abs(contact.torque), UNBALANCED_SHARE * scene.solver.tolerance
+        if taken > spec.bearing + share * contact.normal_force * spec.radius:
             yield (
                 f"idle roller {spec.name} is not in balance yet: friction turns it with "
                 f"{taken:.3g} N m, and its bearings hold {spec.bearing:g} N m. Only the end of "

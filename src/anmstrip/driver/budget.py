@@ -539,7 +539,8 @@ laws, which take six to ten tangents, seven of 109 stages of 35 such lines had n
 
 CRAWLING = 10.0
 """Branches that the rest of such a path would take at the pace of the last three, over those that
-are left, beyond which it is given up: it crawls past a limit point."""
+are left, beyond which it is given up: it crawls past a limit point.  Of 328 paths of random lines
+that arrive one comes to 4, and the others to 0.3 at most; a furnace beyond its limit has 65."""
 
 
 @dataclass(frozen=True)

@@ -739,16 +739,16 @@ class Assembly:
         for control in given:
             edge, _, kind = control.rpartition(".")
             curls = {"strip.coil_set", "strip.crossbow", f"{edge}.moment"}
-            if self.thread and edge in ENDS:
+            curled = kind == "tension" and self.bending and curls & set(given)
+            if self.thread and edge in ENDS and (curled or kind == "unevenness"):
                 ends = np.array([self.strip.mesh.p[0].min(), self.strip.mesh.p[0].max()])
                 outward = self.thread.ends_in_space(ends)[2 + ENDS.index(edge)]
-                if kind == "unevenness":
-                    scale = self.scales.tension
-                    effects.append(uneven_edge_tension(self.strip, edge, outward, scale))
-                    continue
-                if kind == "tension" and self.bending and curls & set(given):
-                    effects.append(curled_edge_tension(self.strip, edge, outward))
-                    continue
+                effects.append(
+                    curled_edge_tension(self.strip, edge, outward)
+                    if curled
+                    else uneven_edge_tension(self.strip, edge, outward, self.scales.tension)
+                )
+                continue
             if kind in makers:
                 effects.append(makers[kind](self.strip, edge))
             elif kind == "gravity":
