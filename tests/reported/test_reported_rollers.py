@@ -12,6 +12,8 @@ from reported_files import Results, Surface, ran
 from reported_rollers import Look
 from reported_states import looks_at
 
+from anmstrip import Scene
+
 G, D = 9.81, 2.0e11 * 1e-9 / 12.0 / (1.0 - 0.3**2)
 
 LEFT = 1e-3
@@ -480,3 +482,37 @@ def test_wrap_of_a_helix_is_what_its_tensions_say(tmp_path: Path, steady: bool) 
     else:
         assert 0.0 < reading["slip_arc"] < 0.7 * reading["wrap"]
     assert not any("travels back" in words for words in found.summary["warnings"])
+
+
+def test_a_line_load_that_no_load_at_the_end_balances_is_none() -> None:
+    """A plate of 2.5 mm at the entry of a pickling line: 0 was told where it runs on the billy."""
+    places = {"deflector": 0.0, "brake": 1.5, "billy": 3.0, "snub": 4.5, "puller": 6.0}
+    rollers: list[dict[str, Any]] = []
+    for name, x in places.items():
+        above = name in ("deflector", "billy")
+        rollers.append({"name": name, "radius": 0.3 if above else 0.4, "drive": "idle"})
+        low = name in ("brake", "snub")
+        rollers[-1] |= {"centre": [x, 0.0, -1.5 * low], "wrap": "under" if low else "over"}
+        rollers[-1] |= {"bearing": 15.0} if above or name == "snub" else {}
+    rollers[1]["drive"], rollers[-1]["drive"] = "torque", "speed"
+    tables = {
+        "strip": {"kinematics": "section", "width": 1.25, "thickness": 2.5e-3},
+        "material": {"young": 2.06e11, "poisson": 0.3, "density": 7850.0},
+        "contact": {},
+        "friction": {"coefficient": 0.25},
+        "threading": {"tension": 1.2e4, "entry": [-3.0, 0.0, 0.3], "exit": [6.4, 0.0, -3.0]},
+        "edges": {"entry": {"fixed": ["x", "z"]}},
+        "rollers": rollers,
+        "stages": [{
+            "name": "run", "steady": True, "gravity": [0.0, 0.0, -9.81],
+            "entry": {"tension": 1.2e4}, "exit": {"tension": 1.3e4},
+            "rollers": {"brake": {"torque": -3000.0}, "puller": {"surface_speed": 1.5}},
+        }],
+    }  # fmt: skip
+    *_, last = Scene.from_tables(tables, "pickling.toml").run()
+    readings = last.state.rollers
+    assert readings["billy"].line_load_in is None
+    bending = 2.06e11 * 2.5e-3**3 / 12.0 / 0.91
+    loads = [r.line_load_out for r in readings.values()]
+    theory = [np.sqrt(bending * readings[r["name"]].tension_out) / r["radius"] for r in rollers]
+    assert all(0.4 < load / q < 1.2 for load, q in zip(loads, theory, strict=True) if load)

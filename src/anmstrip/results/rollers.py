@@ -421,8 +421,8 @@ def lift_offs(
     The point is :data:`LOAD_RANGE` √(D/T) behind the place where the gap is that of the least
     pressure, at most in the middle.  By a soft law strip has lifted off before that place, whose
     distance from the load falls with the cube root of the onset alone.  There are no such loads
-    along a line of contact, shorter than :data:`LINE_CONTACT` √(D/T), and where elements are longer
-    than √(D/T).
+    along a line of contact, shorter than :data:`LINE_CONTACT` √(D/T), where elements are longer
+    than √(D/T), and where forces and moment have no such load.
     """
     if not (state.ends.size and state.pressure.any()):
         return np.zeros(2), [None, None]
@@ -447,10 +447,11 @@ def lift_offs(
         held, lost = (np.interp(point, np.sort(sense * x), values) for values in sums)
         here = tension + 0.5 * np.sign(other - tension) * abs(lost)
         pressure = here / state.roller.radius - state.lifting
-        load = float(np.sqrt(max(held**2 - 2.0 * pressure * (force @ u), 0.0)))
+        square = held**2 - 2.0 * pressure * float(force @ u)
+        load = float(np.sqrt(max(square, 0.0)))
         ends[k] = sense * (point - (held - load) / pressure)
         there = elements[np.abs(elements.mean(axis=1) - state.arc[k]).argmin()]
-        loads.append(load if np.ptp(there) <= layers[k] else None)
+        loads.append(load if square > 0.0 and np.ptp(there) <= layers[k] else None)
     along_a_line = np.ptp(ends) <= LINE_CONTACT * layers.max()
     return np.interp(ends, x, angle), [None, None] if along_a_line else loads
 
