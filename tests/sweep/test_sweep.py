@@ -11,7 +11,8 @@ import time
 from contextlib import nullcontext
 from importlib import util
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
+from unittest.mock import Mock
 
 import pytest
 from click.testing import CliRunner, Result
@@ -252,6 +253,20 @@ def test_a_cluster_that_goes_away_leaves_its_table(
     assert "3 of 3 scenes done, 2 of them ended before" in again.stdout
 
 
+@pytest.mark.usefixtures("direct")
+@pytest.mark.parametrize("error", [OSError, RuntimeError])
+def test_a_sweep_given_up_after_its_cluster(
+    error: type[Exception], monkeypatch: pytest.MonkeyPatch, pull: Path, tmp_path: Path
+) -> None:
+    """As when a caller's loop fails inside ``with local_workers()``: nothing more is said."""
+    gone = Direct()
+    monkeypatch.setattr(gone, "cancel", Mock(side_effect=error("IOLoop is closed")))
+    running = Sweep(pull, ["strip.length=1,2"], directory=tmp_path / "out").run(cast(Any, gone))
+    next(running)
+    running.close()
+    cast(Mock, gone.cancel).assert_called_once()
+
+
 @pytest.mark.slow
 def test_a_killed_scheduler(tmp_path: Path) -> None:
     """Killed after the first scene: one sentence, the table, and the rest next time.
@@ -427,7 +442,7 @@ def test_killed_workers_lose_nothing(tmp_path: Path) -> None:
         running = study.run(client)
         first = study.directory / next(running).row["directory"]
         wait_for_steps(study, 2)
-        begun = {path: stamp(path / "input.json") for path in study.directory.glob("f*")}
+        begun = {path: stamp(path) for path in study.directory.glob("f*/input.json")}
         done = stamp(first / "summary.json")
         for pid in client.run(os.getpid).values():
             os.kill(pid, signal.SIGKILL)
@@ -435,7 +450,7 @@ def test_killed_workers_lose_nothing(tmp_path: Path) -> None:
     assert not study.stopped
     assert stamp(first / "summary.json") == done
     assert len(begun) >= 2
-    assert {path: stamp(path / "input.json") for path in begun} == begun  # gone on with
+    assert {path: stamp(path) for path in begun} == begun  # gone on with
     for variant, row in zip(study.variants, study.rows, strict=True):
         wanted = row_of(scenes.run_scene(variant.scene, tmp_path / variant.directory.name))
         for name, value in wanted.items():

@@ -439,7 +439,7 @@ class Sweep:
                     raise ConnectionError("the scheduler has gone")
                 yield jobs[job], job.exception() or job.result()
         finally:
-            with suppress(OSError):  # nobody there any more
+            with suppress(OSError, RuntimeError):  # nobody there any more, or its loop is closed
                 client.cancel(list(jobs))
 
     def write_table(self) -> None:
