@@ -317,7 +317,7 @@ class RollerReading:
     bearing_torque: float  # with which bearings brake a roller that turns freely (N m)
     capacity_used: float | None  # share of the largest friction, at most 1; None without friction
     slip_arc: float | None  # angle over which friction is at 0.95 of f R_N or more (rad)
-    line_load_in: float | None  # where the strip runs on, beyond T/r (N/m), see lift_offs
+    line_load_in: float | None  # where the strip runs on, beyond N/r (N/m), see lift_offs
     line_load_out: float | None  # where it runs off
     offset: float | None  # of the strip along y where it runs on (m); None if it stays in its plane
     resultant: Array  # force of the roller on the strip (N), shape (3,)
@@ -408,13 +408,17 @@ def capacity_used(
 def lift_offs(
     state: ContactState, tensions: Sequence[float], bending: float
 ) -> tuple[Array, list[float | None]]:
-    """Angles (rad) where contact begins and ends, and loads per width (N/m) there, beyond T/r.
+    """Angles (rad) where contact begins and ends, and loads per width (N/m) there, beyond N/r.
 
-    In theory a strip that resists bending presses with T/r on the way, and with a line load
-    q = √(D T)/r at both ends, where its curvature falls off; a mesh and a soft law spread that, in
-    peaks that grow with every refinement.  Of the forces F_i up to a point at the distances u_i
-    from them, a pressure κ = T/r − p that begins at u, where p lifts the strip, and a load q there
-    have the same sum and moment:
+    In theory a strip that resists bending presses with N/r on the way, and with a line load at both
+    ends, where its curvature falls off.  As N + D κ²/2 is the same on and off the roller, with the
+    curvature 1/r on it and none far away,
+
+        N = T − D/(2 r²),  q² = T² − N²,  q ≈ √(D T)/r of thin strip.
+
+    A mesh and a soft law spread the loads, in peaks that grow with every refinement.  Of the forces
+    F_i up to a point at the distances u_i from them, a pressure κ = N/r − p that begins at u, where
+    p lifts the strip, and a load q there have the same sum and moment:
 
         q + κ u = Σ F_i,  q u + κ u²/2 = Σ F_i u_i  ⟹  q² = (Σ F_i)² − 2 κ Σ F_i u_i.
 
@@ -426,7 +430,8 @@ def lift_offs(
     """
     if not (state.ends.size and state.pressure.any()):
         return np.zeros(2), [None, None]
-    if min(tensions) <= max(state.lifting * state.roller.radius, 0.0):
+    bent = 0.5 * bending / state.roller.radius**2
+    if min(tensions) - bent <= max(state.lifting * state.roller.radius, 0.0):
         return np.array([state.ends[0].min(), state.ends[0].max()]), [None, None]
     near = np.flatnonzero(state.pressure)
     places = np.round(state.contact.operator.reference[0, near], 9)
@@ -445,7 +450,7 @@ def lift_offs(
         ordered = np.stack([force, rubbed])[:, ::sense]  # summed up to the middle of each
         sums = np.cumsum(ordered, axis=1) - 0.5 * ordered
         held, lost = (np.interp(point, np.sort(sense * x), values) for values in sums)
-        here = tension + 0.5 * np.sign(other - tension) * abs(lost)
+        here = tension + 0.5 * np.sign(other - tension) * abs(lost) - bent
         pressure = here / state.roller.radius - state.lifting
         square = held**2 - 2.0 * pressure * float(force @ u)
         load = float(np.sqrt(max(square, 0.0)))
