@@ -6,6 +6,7 @@ import ast
 import copy
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -678,3 +679,14 @@ def test_every_function_that_proposes_a_setting_is_tested() -> None:
     assert wanted == {rule.__name__ for rule in rules}
     for rule in rules:
         assert any(any(True for _ in rule(preview)) for preview in previews), rule.__name__
+
+
+def test_rules_read_the_stages_up_to_a_stop() -> None:
+    """As where a threaded strip that both ends hold stops while it is laid on."""
+    for tables, _, _ in SAID:
+        whole = Preview.of(Assembly(Scene.from_tables(tables, "line.toml")))
+        for until in range(1, len(whole.plans)):
+            seen = replace(whole, plans=whole.plans[:until], strings=whole.strings[:until])
+            assert [stage.name for stage in seen.stages] == [plan.name for plan in seen.plans]
+            for rule in SERIOUS_RULES:
+                assert all(rule(seen)), rule.__name__

@@ -134,9 +134,9 @@ def roller_over_an_end(preview: Preview) -> Iterator[str]:
     if threading is None or threading.closed or thread is None:
         return
     places, _ = thread.middle.at(np.array([0.0, float(thread.middle.length[0])]), 0)
-    edges, stages = preview.assembly.scene.edges, preview.assembly.scene.course
+    edges = preview.assembly.scene.edges
     held = {name for name in ENDS if name in edges and {"x", "z"} <= set(edges[name].fixed)}
-    for plan, stage in zip(preview.plans, stages, strict=False):
+    for plan, stage in zip(preview.plans, preview.stages, strict=True):
         held -= {name for name, edge in stage.edges.items() if edge.release}
         for roller in preview.assembly.rollers:
             centre = f"rollers.{roller.name}.centre"
@@ -214,7 +214,7 @@ def untouched_roller(preview: Preview) -> Iterator[str]:
                 "stage, or take the roller out."
             )
         touched = False
-        for stage, string in zip(scene.course, preview.strings, strict=True):
+        for stage, string in zip(preview.stages, preview.strings, strict=True):
             wrapped, before = thread is not None and roller in thread.rollers, touched
             touched = roller.name in string.turns
             moved = [name for name, turn in stage.rollers.items() if turn.move]
@@ -846,7 +846,7 @@ def slack_by_heat(preview: Preview) -> Iterator[str]:
         return
     held = {name for name in ENDS if name in scene.edges and "x" in scene.edges[name].fixed}
     weights, laid = strip.weights().ravel(), 0.0
-    for stage, plan in zip(scene.course, preview.plans, strict=True):
+    for stage, plan in zip(preview.stages, preview.plans, strict=True):
         ends = [stage.edges[name] for name in ENDS if name in stage.edges]
         led = ends or stage.steady or any(turn.move for turn in stage.rollers.values())
         if not assembly.closed and (held != set(ENDS) or led):
@@ -1221,7 +1221,7 @@ def lifting_pressure(preview: Preview) -> Iterator[str]:
     scene, tension = preview.assembly.scene, preview.tension
     mass = preview.assembly.material.density * preview.assembly.strip.thickness
     radii = {roller.name: roller.radius for roller in scene.rollers}
-    for stage, plan, string in zip(scene.course, preview.plans, preview.strings, strict=True):
+    for stage, plan, string in zip(preview.stages, preview.plans, preview.strings, strict=True):
         pressure, path = stage.pressure or 0.0, string.path
         if not pressure or path is None or tension == 0.0:
             continue

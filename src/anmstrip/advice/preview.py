@@ -26,7 +26,7 @@ from anmstrip.mechanics.string_path import (
     StringPath,
     string_path,
 )
-from anmstrip.scene.schema import SceneSpec
+from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, EdgeSpec
 from anmstrip.simulation.defaults import bending_stiffness, largest_force
 from anmstrip.simulation.meshing import axis_crossing
@@ -61,6 +61,11 @@ class Preview:
             course.finish(stage)
             strings.append(string_estimate(course))
         return cls(assembly, plans, strings)
+
+    @property
+    def stages(self) -> Sequence[StageSpec]:
+        """The stages that are seen: of a run that stopped up to the one where it did."""
+        return self.assembly.scene.course[: len(self.plans)]
 
     @property
     def tension(self) -> float:

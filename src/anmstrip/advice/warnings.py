@@ -142,7 +142,8 @@ def soft_contact(preview: Preview) -> Iterator[str]:
     for roller in preview.assembly.rollers if contact is not None else ():
         assert contact is not None
         law, pressure = preview.assembly.signorini, preview.tension / roller.radius
-        depth, least = -float(law.gap(np.float64(pressure))), MAX_PENETRATION**2 * roller.radius
+        depth = -float(law.gap(np.float64(pressure))) if pressure else 0.0
+        least = MAX_PENETRATION**2 * roller.radius
         if depth > MAX_PENETRATION * roller.radius and preview.turn(roller) > MAX_PENETRATION:
             key = f"contact.onset={law.width * least / depth:.1g}"
             if contact.constants is not None:
