@@ -181,6 +181,28 @@ def test_a_nip_that_stops_a_run_is_opened_by_the_move_that_has_closed_it() -> No
     assert typed(message) == ["stages.close.rollers.top.move=[0, 0, -0.005]"]
 
 
+def test_a_nip_drawn_without_the_thickness_is_told_to_be_opened() -> None:
+    """It was told to press with 1e15 N, and where it stopped that nothing pulls the strip."""
+    tables: dict[str, Any] = copy.deepcopy(PINCH)
+    tables["strip"] |= {"width": 1.3, "thickness": 8e-4}
+    tables["threading"] = {"tension": 8e3, "entry": [-2.0, 0.0, 0.3], "exit": [2.0, 0.0, -2.0]}
+    tables["rollers"][0] |= {"radius": 0.3, "centre": [0.0, 0.0, 0.0]}
+    tables["rollers"][1] |= {"centre": [0.31828, 0.0, 0.31827], "friction": 0.05}
+    speeds = {"bottom": {"surface_speed": 1.5}, "top": {"surface_speed": -0.75}}
+    ends = {end: {"tension": 8e3} for end in ("entry", "exit")}
+    tables["stages"] = [{"name": "run", "steady": True, "rollers": speeds, **ends}]
+    scene = Scene.from_tables(tables, "coater.toml")
+    (found,) = [line for line in told(scene) if "leave a gap" in line]
+    assert "to a strip of 0.0008 m, and would crush it" in found
+    (setting,) = typed(found)
+    message = ended(scene).message
+    assert "m apart and squeeze the strip." in message
+    assert typed(message) == [setting]
+    cured = Scene.from_tables(tables, "coater.toml", [setting])
+    assert not any("crush" in line for line in told(cured))
+    assert ended(cured).outcome.done
+
+
 def test_a_nip_that_is_needed_is_not_opened() -> None:
     """Closed by 0.1 mm it holds what would run away if it only just touched."""
     run = Run(pinch(1e-4, 0.0, "stages.start.entry.tension=2100"))

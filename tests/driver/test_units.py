@@ -213,6 +213,14 @@ def test_stresses_of_a_line_in_millimetres_are_in_megapascals() -> None:
     assert any("at the surface, a strain of 0.57 %" in line for line in small), small
 
 
+def test_stresses_below_one_megapascal_are_told() -> None:
+    """A line in kN and m, whose strip yields at 0.15 of them, was told to exceed 0 MPa."""
+    soft = ["material.young=2.1e8", "material.yield_stress=1.5e5", "threading.tension=10"]
+    soft += ["stages.run.entry.tension=9"]
+    (found,) = [line for line in told(*soft) if "bending over r1" in line]
+    assert "r1 gives 0.31 MPa at the surface, above the yield stress 0.15 MPa" in found
+
+
 def test_the_speed_of_a_strip_is_doubted_like_that_of_a_roller() -> None:
     running = BRIDLE.replace("entry.tension = 9.0e3", "strip.speed = 120.0")
     running = running.replace("rollers.r1.surface_speed = 2.0\n", "").replace(

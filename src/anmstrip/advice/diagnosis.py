@@ -17,6 +17,7 @@ from anmstrip.advice.physics import (
     PLACE_DECIMALS,
     across,
     closer_rollers,
+    crushes,
     held_by_nip,
     longest_fibre,
     loose_fibres,
@@ -251,6 +252,7 @@ def squeezed(failure: Failure) -> str | None:
         nip = Nip(a, b, apart - a.radius - b.radius)
         first, second = (contacts[r.name].pressed for r in pair)
         pressed = np.isin(first, second).any() and (nip.squeeze > 0.0 or not a.half)
+        pressed |= crushes(assembly, nip)  # strip that may not have come to touch them yet
         doubt = pressed and (forewarned(failure) or held_by_nip(seen_before(failure), nip))
         if nip.gap < 0.0 or (pressed and not doubt):
             nips = a.half and nip.gap >= 0.0

@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from anmstrip.advice.preview import Preview
-from anmstrip.advice.units import in_megapascals, typed_vector
+from anmstrip.advice.units import in_megapascals, told_stress, typed_vector
 from anmstrip.arrays import Array
 from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.sampling import quadrature_points, shape_of
@@ -93,6 +93,9 @@ NIP_RANGE = 80.0
 
 NIP_SAFETY = 1.2
 """Force of a nip, an estimate, over the one by which friction would just hold the strip."""
+
+CRUSHING_SHARE = 0.02
+"""Pressure of a nip over Young's modulus from which on its gap is taken for a mistake."""
 
 PLACE_DECIMALS = 9
 """Decimals of a place (m) that is typed: the rest is round-off."""
@@ -593,14 +596,14 @@ def beyond_yield(preview: Preview) -> Iterator[str]:
         strain = 0.5 * t * sharpest_curvature(preview, roller)
         stress = m.young * strain / (1.0 - m.poisson**2)
         if limit is not None and stress > limit:
-            bound = f"above the yield stress {in_megapascals(scene, limit):.0f} MPa"
+            bound = f"above the yield stress {told_stress(scene, limit)}"
             least = m.young * t / (2.0 * limit * (1.0 - m.poisson**2))
         elif limit is None and is_metal(scene) and strain > METAL_YIELD_STRAIN:
             bound, least = f"a strain of {100.0 * strain:.2g} %", 0.5 * t / METAL_YIELD_STRAIN
         else:
             continue
         yield (
-            f"bending over {roller.name} gives {in_megapascals(scene, stress):.0f} MPa at the "
+            f"bending over {roller.name} gives {told_stress(scene, stress)} at the "
             f"surface, {bound}, but this strip stays elastic. Try {yielding_instead(scene)}"
             f"--set rollers.{roller.name}.radius={two_digits(least, np.ceil):g}"
         )
@@ -643,7 +646,7 @@ def stretched_beyond_yield(preview: Preview) -> Iterator[str]:
         longer = f"stretches by more than {100.0 * LARGEST_ELONGATION:g} %"
         how = longer if hardening else "flows, on and on"
     if stress > limit:
-        pulled, yields = (f"{in_megapascals(scene, each):.0f} MPa" for each in (stress, limit))
+        pulled, yields = (told_stress(scene, each) for each in (stress, limit))
         yield (
             f"the largest tension, {preview.tension:.3g} N/m, is a stress of {pulled}, beyond "
             f"{yields}, at which all of the strip {how}. Try tensions below "
@@ -950,18 +953,25 @@ def nip_forces(preview: Preview) -> Iterator[str]:
     the force is told: tension lays it on that one, and its bending lifts it off.
     """
     assembly, thickness = preview.assembly, preview.assembly.strip.thickness
-    narrowest = dict[tuple[str, str], Nip]()
-    for found in nips_in_stages(assembly.scene, assembly.rollers, assembly.thread):
-        for each in found:
-            names = each.first.name, each.second.name
-            narrowest[names] = min(narrowest.get(names, each), each, key=lambda nip: nip.gap)
-    for (a, b), each in narrowest.items() if assembly.scene.contact else ():
+    narrowest = dict[tuple[str, str], tuple[Nip, str]]()
+    stages = ["", *(stage.name for stage in assembly.scene.stages)]
+    found = nips_in_stages(assembly.scene, assembly.rollers, assembly.thread)
+    for stage, each in ((s, nip) for s, nips in zip(stages, found, strict=True) for nip in nips):
+        names = each.first.name, each.second.name
+        if names not in narrowest or each.gap < narrowest[names][0].gap:
+            narrowest[names] = each, stage
+    for (a, b), (each, stage) in narrowest.items() if assembly.scene.contact else ():
         if each.gap < 0.0:  # see meeting_rollers
             continue
         told = (
             f"rollers {a} and {b} leave a gap of {each.gap:.3g} m to a strip of {thickness:.3g} m"
         )
-        if each.first.half:
+        if crushes(assembly, each):
+            yield (
+                f"{told}, and would crush it, which does not become thinner. "
+                f"Try {closer_rollers(assembly, stage, each, 0.0)}"
+            )
+        elif each.first.half:
             closer = assembly.signorini.width
             force, more = (nip_force(assembly, each, each.squeeze + s) for s in (0.0, closer))
             drawn = [r.name for r in (each.first, each.second) if preview.turn(r) > MAX_LYING_TURN]
@@ -973,6 +983,13 @@ def nip_forces(preview: Preview) -> Iterator[str]:
             )
         elif each.gap < thickness * (1.0 - 1e-9):
             yield f"{told}, and touch its mid-surface alone (contact.faces)."
+
+
+def crushes(assembly: Assembly, nip: Nip) -> bool:
+    """Whether a nip that touches faces presses straight strip with more than E/50."""
+    with np.errstate(over="ignore"):
+        pressure = np.asarray(assembly.signorini(np.array([-0.5 * nip.squeeze])))
+    return bool(nip.first.half and pressure[0] > CRUSHING_SHARE * assembly.scene.material.young)
 
 
 def nip_force(assembly: Assembly, nip: Nip, squeeze: float) -> float:
@@ -1152,7 +1169,7 @@ def uneven_fibres(preview: Preview) -> Iterator[str]:
             yield (
                 f"fibres are so unequal by strip.{key} that{straight} the longest "
                 f"bear none of a tension below about {needed:.2g} N/m. At "
-                f"{tension:.3g} N/m they are slack, and wrinkle. "
+                f"{tension:.3g} N/m they are slack, and may wrinkle. "
                 f"Try {less}, or more tension"
             )
 

@@ -224,6 +224,12 @@ def in_megapascals(scene: SceneSpec, stress: float) -> float:
     return stress if in_millimetres(scene) else (1e-3 if in_kilonewtons(scene) else 1e-6) * stress
 
 
+def told_stress(scene: SceneSpec, stress: float) -> str:
+    """Say a stress in MPa: soft strip may yield below one."""
+    told = in_megapascals(scene, stress)
+    return f"{told:.0f} MPa" if told >= 10.0 else f"{told:.2g} MPa"
+
+
 def doubtful_weight(scene: SceneSpec) -> Iterator[Doubt]:
     """Yield a density and a gravity in SI units beside millimetres and megapascals."""
     density = scene.material.density
