@@ -120,6 +120,18 @@ def test_explain_says_sides_and_directions() -> None:
     assert "–" in rows["c"]
 
 
+@pytest.mark.parametrize("driven", [{"angular_speed": 0.25}, {"surface_speed": -0.05}])
+def test_explain_says_how_speeds_of_stages_turn_rollers(driven: dict[str, float]) -> None:
+    """B is passed below, and a speed about its axis drives the strip back, over an idler a."""
+    line = deepcopy(LINE)
+    line["rollers"][0]["drive"] = "idle"
+    line["stages"][1]["rollers"]["b"] = driven
+    text = explain(scene_of(line))
+    rows = {r.split()[0]: r.split() for r in text.partition("\nRollers")[2].splitlines()[1:6] if r}
+    assert "clockwise" in rows["b"]
+    assert "anticlockwise," in rows["a"]
+
+
 def test_the_line_is_drawn_as_it_is_threaded(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -262,10 +262,10 @@ def left_out(preview: Preview) -> list[str]:
 def geometry_table(preview: Preview) -> Table:
     """Return the rollers: radii at the strip's sides, places, senses, distances, wraps and sides.
 
-    Where the strip passes and how a positive speed turns the roller are seen with x to the right
-    and z upwards.
+    Where the strip passes and how the roller turns are seen with x to the right and z upwards.
     """
     strip, thread = preview.assembly.strip, preview.assembly.thread
+    turning = clockwise_rollers(preview)
     kinds = {spec.name: spec.drive for spec in preview.assembly.scene.rollers}
     last = "wrap (°), side" if thread else "gap to the flat strip, wrap (°), side"
     columns = ("radius (m)", "centre (m)", "axis", "passed", "turns", last)
@@ -283,14 +283,32 @@ def geometry_table(preview: Preview) -> Table:
         touched = sides and (thread or turn > 0.0 or flat_gap(strip, roller) <= 0.0)
         wrap = f"{np.degrees(turn):.4g}°, {sides[0]}" if touched else "not touched"
         drive = f", {kinds[roller.name]}" if kinds[roller.name] != "speed" else ""
-        clockwise = roller.sense * roller.unit_axis[1] >= 0.0
         centre = ", ".join(f"{c:g}" for c in np.add(roller.centre, strip.origin))
         axis = ", ".join(f"{c:.3g}" for c in roller.unit_axis)
-        turns = ("" if clockwise else "anti") + "clockwise" + drive
+        turns = ("" if roller.name in turning else "anti") + "clockwise" + drive
         wrap = wrap if thread is not None else f"{flat_gap(strip, roller):.3g} m, {wrap}"
         passed = preview.passes(roller)
         table.add_row(roller.name, radius, centre, axis, passed, turns, wrap)
     return table
+
+
+def clockwise_rollers(preview: Preview) -> set[str]:
+    """Return the names of the rollers that turn clockwise, by the first speed that they are given.
+
+    Those without go with the strip: backwards if all do that have a wrap and a speed, else as a
+    positive speed turns them.
+    """
+    rollers, thread = preview.assembly.rollers, preview.assembly.thread
+    ends = [plan.controls.at(1.0) for plan in preview.plans]
+    told = {
+        r.name: [float(end[f"rollers.{r.name}.surface_speed"]) for end in ends] for r in rollers
+    }
+    given = {name: speed for name, v in told.items() if (speed := next(filter(None, v), 0.0))}
+    driving = [speed for name, speed in given.items() if thread is None or name in thread.turns]
+    backwards = bool(driving) and max(driving) < 0.0 and thread is not None
+    senses = {r.name: r.sense * float(r.unit_axis[1]) for r in rollers}
+    travel = -1.0 if backwards else 1.0
+    return {name for name, sense in senses.items() if sense * given.get(name, travel) >= 0.0}
 
 
 def draw_line(scene: SceneSpec, picture: Path) -> None:
@@ -317,6 +335,7 @@ def draw_line(scene: SceneSpec, picture: Path) -> None:
         path, turns, controls = thread.middle, thread.turns, preview.plans[0].controls.at(0.0)
     half, origin = 0.5 * assembly.strip.length, assembly.origin[[0, 2]]
     line, wheels, arcs = np.array([[-half, half], [0.0, 0.0]]), [], {}
+    turning = clockwise_rollers(preview)
     if path is not None:
         joints = np.arange(len(path.starts))
         places = np.linspace(0.0, joints[-1], POINTS_PER_PIECE * joints[-1] + 1)
@@ -328,10 +347,9 @@ def draw_line(scene: SceneSpec, picture: Path) -> None:
         centre = np.asarray(controls[f"rollers.{roller.name}.centre"])[[0, 2]] + origin
         wrap = f"\n{np.degrees(turns[roller.name]):.4g}°" if roller.name in arcs else ""
         kind = "" if spec.drive == "speed" else f"\n{spec.drive}"
-        clockwise = roller.sense * roller.unit_axis[1] >= 0.0
         arc = arcs.get(roller.name, np.zeros((2, 0)))
         caption = roller.name + wrap + kind
-        wheels.append(Wheel(centre, roller.radius, bool(clockwise), caption, arc))
+        wheels.append(Wheel(centre, roller.radius, roller.name in turning, caption, arc))
     draw_layout(picture, scene.title or scene.name, line + origin[:, None], wheels)
 
 

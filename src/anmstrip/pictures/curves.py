@@ -243,7 +243,7 @@ class Wheel(NamedTuple):
 
     centre: Array  # x, z (m)
     radius: float  # m
-    clockwise: bool  # which way a positive speed turns it
+    clockwise: bool  # which way it turns
     caption: str
     arc: Array  # points of the strip on it, x, z (m), (2, n); none where it is not touched
 
@@ -283,7 +283,7 @@ def draw_layout(picture: Path, title: str, line: Array, wheels: Sequence[Wheel])
 
 
 def draw_wheel(axes: Axes, wheel: Wheel, line: Array, small: bool) -> None:
-    """Draw a roller with its wrap, and an arrow in the sense of a positive speed.
+    """Draw a roller with its wrap, and an arrow in the sense in which it turns.
 
     Its caption stands on it, or beside it if it is small: beyond its wrap, where no strip is, or
     away from the strip that passes it.
