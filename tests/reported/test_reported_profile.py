@@ -146,19 +146,24 @@ def lift_off(look: Look, tensions: tuple[float, float], sense: float) -> float:
     """Place of an end: a load there, with N/r behind it, balances what presses near it.
 
     The forces within 2 √(D/T) of the end and N/r from the load on have the same sum and moment;
-    N is T less D/(2 r²) and half of what friction takes there.
+    N is T less D/(2 r²) and what friction takes up to every place.
     """
-    tension, other = tensions[:: int(sense)]
+    tension, radius = tensions[:: int(sense)][0], look.shape.radius
     width = look.surface.width
     x = sense * look.surface.at_contact(look.surface.reference)[..., 0]
     ends = sorted(sense * v for v in look.arc)
     point = min(ends[0] + 2.0 * np.sqrt(D / tension), 0.5 * sum(ends))
     share = look.surface.areas / width
-    rubbed = np.sum(look.traction * look.turning, axis=-1)
-    before, lost = (up_to(x, v * share, point) for v in (look.pressure, rubbed))
-    here = tension + 0.5 * np.sign(other - tension) * abs(lost) - 0.5 * D / look.shape.radius**2
-    kappa = here / look.shape.radius
-    moment = (look.pressure * share * np.maximum(point - x, 0.0)).sum()
+    tangent = look.surface.derivative_at(HALVES, look.surface.positions, 1)
+    tangent *= sense / np.linalg.norm(tangent, axis=-1, keepdims=True)
+    rubbed = np.sum(look.traction * tangent, axis=-1) * share
+    _, number = np.unique(np.round(x, 9), return_inverse=True)
+    whole = np.bincount(number.ravel(), rubbed.ravel())
+    taken = (np.cumsum(whole) - 0.5 * whole)[number].reshape(x.shape)
+    pressure = look.pressure + taken / radius
+    before = up_to(x, pressure * share, point)
+    kappa = (tension - 0.5 * D / radius**2) / radius
+    moment = (pressure * share * np.maximum(point - x, 0.0)).sum()
 
     def left(u: float) -> float:
         return float((before - kappa * u) * u + 0.5 * kappa * u**2 - moment)

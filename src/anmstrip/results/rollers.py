@@ -352,7 +352,7 @@ def reading_of(
     force = state.pressure * state.area * touching
     along = np.einsum("ip,ip->p", state.slip, state.turning)
     tensions = passage.tensions if touching.any() else (None, None)
-    ends, loads = lift_offs(state, passage.tensions, bending)
+    ends, loads = lift_offs(state, passage.tensions, bending, not yields)
     loads = [None, None] if yields else loads
     wrap = float(np.ptp(ends))
     return RollerReading(
@@ -406,7 +406,7 @@ def capacity_used(
 
 
 def lift_offs(
-    state: ContactState, tensions: Sequence[float], bending: float
+    state: ContactState, tensions: Sequence[float], bending: float, elastic: bool
 ) -> tuple[Array, list[float | None]]:
     """Angles (rad) where contact begins and ends, and loads per width (N/m) there, beyond N/r.
 
@@ -422,6 +422,9 @@ def lift_offs(
 
         q + κ u = Σ F_i,  q u + κ u²/2 = Σ F_i u_i  ⟹  q² = (Σ F_i)² − 2 κ Σ F_i u_i.
 
+    What friction has taken of N/r up to a point is added to F_i there.  Strip that yields is bent by
+    less than D/r, and its N is taken for T.
+
     The point is :data:`LOAD_RANGE` √(D/T) behind the place where the gap is that of the least
     pressure, at most in the middle.  By a soft law strip has lifted off before that place, whose
     distance from the load falls with the cube root of the onset alone.  There are no such loads
@@ -430,8 +433,9 @@ def lift_offs(
     """
     if not (state.ends.size and state.pressure.any()):
         return np.zeros(2), [None, None]
-    bent = 0.5 * bending / state.roller.radius**2
-    if min(tensions) - bent <= max(state.lifting * state.roller.radius, 0.0):
+    radius = state.roller.radius
+    bent = 0.5 * bending / radius**2 if elastic else 0.0
+    if min(tensions) - bent <= max(state.lifting * radius, 0.0):
         return np.array([state.ends[0].min(), state.ends[0].max()]), [None, None]
     near = np.flatnonzero(state.pressure)
     places = np.round(state.contact.operator.reference[0, near], 9)
@@ -442,23 +446,29 @@ def lift_offs(
     angle = np.bincount(station, state.angle[near] * share) / np.bincount(station, share)
     elements = state.contact.operator.reference[0][state.cells]
     ends, layers, loads = np.zeros(2), np.zeros(2), list[float | None]()
-    for k, (tension, other) in enumerate((tensions, tensions[::-1])):
+    onwards = state.roller.sense * np.sign(angle[-1] - angle[0])  # a positive speed along x
+    length = np.bincount(station, share)
+    for k, tension in enumerate(tensions):
         sense, layers[k] = 1 - 2 * k, np.sqrt(bending / tension)
         first, last = sense * state.arc[k], sense * state.middle
         point = min(first + LOAD_RANGE * layers[k], last)
         u = np.maximum(point - sense * x, 0.0)
-        ordered = np.stack([force, rubbed])[:, ::sense]  # summed up to the middle of each
-        sums = np.cumsum(ordered, axis=1) - 0.5 * ordered
-        held, lost = (np.interp(point, np.sort(sense * x), values) for values in sums)
-        here = tension + 0.5 * np.sign(other - tension) * abs(lost) - bent
-        pressure = here / state.roller.radius - state.lifting
-        square = held**2 - 2.0 * pressure * float(force @ u)
+        lost = up_to_the_middle(sense * onwards * rubbed[::sense])[::sense]
+        borne = force + lost * length / radius  # as if friction had left the tension alone
+        held = np.interp(point, np.sort(sense * x), up_to_the_middle(borne[::sense]))
+        pressure = (tension - bent) / radius - state.lifting
+        square = held**2 - 2.0 * pressure * float(borne @ u)
         load = float(np.sqrt(max(square, 0.0)))
         ends[k] = sense * (point - (held - load) / pressure)
         there = elements[np.abs(elements.mean(axis=1) - state.arc[k]).argmin()]
         loads.append(load if square > 0.0 and np.ptp(there) <= layers[k] else None)
     along_a_line = np.ptp(ends) <= LINE_CONTACT * layers.max()
     return np.interp(ends, x, angle), [None, None] if along_a_line else loads
+
+
+def up_to_the_middle(values: Array) -> Array:
+    """Return the sums of values up to the middle of each."""
+    return np.asarray(np.cumsum(values) - 0.5 * values)
 
 
 @dataclass(frozen=True)
