@@ -13,6 +13,7 @@ from test_advice import typed
 from anmstrip.advice.preview import Preview
 from anmstrip.advice.warnings import warnings
 from anmstrip.driver.scene import Scene
+from anmstrip.errors import InputError
 from anmstrip.fem.strip import grid
 from anmstrip.simulation.problem import Assembly
 
@@ -211,6 +212,15 @@ def test_stresses_of_a_line_in_millimetres_are_in_megapascals() -> None:
     assert typed(found) == ["material.plasticity={}", "rollers.r1.radius=620"]
     small = told(*IN_MILLIMETRES, "rollers.r1.radius=70", "rollers.r1.centre=[0, 0, -70]")
     assert any("at the surface, a strain of 0.57 %" in line for line in small), small
+
+
+def test_a_radius_for_which_there_is_no_room_is_not_told() -> None:
+    """0.62 m for r1, whose axis is 0.85 m from that of r2: typed, it was refused."""
+    near = ["material.yield_stress=1.5e8", "rollers.r2.centre=[0.6, 0.0, -0.9]"]
+    (found,) = [line for line in told(*near) if "bending over r1" in line]
+    assert typed(found) == ["material.plasticity={}"]
+    with pytest.raises(InputError, match="overlap"):
+        scene_of(*near, "rollers.r1.radius=0.62")
 
 
 def test_stresses_below_one_megapascal_are_told() -> None:

@@ -602,11 +602,31 @@ def beyond_yield(preview: Preview) -> Iterator[str]:
             bound, least = f"a strain of {100.0 * strain:.2g} %", 0.5 * t / METAL_YIELD_STRAIN
         else:
             continue
+        larger = two_digits(least, np.ceil)
+        tries = [yielding_instead(scene)]
+        if has_room(preview.assembly, roller, larger):
+            tries += [f"--set rollers.{roller.name}.radius={larger:g}"]
+        advice = ", or ".join(filter(None, tries)) or "a thinner strip"
         yield (
             f"bending over {roller.name} gives {told_stress(scene, stress)} at the "
-            f"surface, {bound}, but this strip stays elastic. Try {yielding_instead(scene)}"
-            f"--set rollers.{roller.name}.radius={two_digits(least, np.ceil):g}"
+            f"surface, {bound}, but this strip stays elastic. Try {advice}"
         )
+
+
+def has_room(assembly: Assembly, roller: Roller, radius: float) -> bool:
+    """Whether a roller of another radius (m) overlaps no parallel one, and is still wrapped."""
+    for other in assembly.rollers:
+        way = across(np.subtract(other.centre, roller.centre), roller.unit_axis)
+        parallel = abs(other.unit_axis @ roller.unit_axis) > PARALLEL_COSINE
+        if other is not roller and parallel and np.linalg.norm(way) < other.radius + radius:
+            return False
+    if (thread := assembly.thread) is None:
+        return True
+    rollers = [replace(r, radius=radius) if r.name == roller.name else r for r in thread.rollers]
+    try:
+        return bool(replace(thread, rollers=rollers).turns)
+    except ValueError:
+        return False
 
 
 def is_metal(scene: SceneSpec) -> bool:
@@ -615,14 +635,14 @@ def is_metal(scene: SceneSpec) -> bool:
 
 
 def yielding_instead(scene: SceneSpec) -> str:
-    """Return what lets strip yield, as the first of two settings; nothing where it cannot.
+    """Return what lets strip yield; nothing where it cannot.
 
     Strip that runs in time and is fed does not yield, since its labels change.
     """
     runs = any(stage.steady for stage in scene.stages) or not scene.strip.feed
     if scene.material.yield_stress is None or scene.strip.kinematics == "plate" or not runs:
         return ""
-    return "--set 'material.plasticity={}' so that it can yield, or "
+    return "--set 'material.plasticity={}' so that it can yield"
 
 
 def yield_stress(scene: SceneSpec) -> float:
