@@ -218,9 +218,7 @@ class EventWatch:
             self.watches[0].signs = np.where(gap > 0.0, 1.0, -1.0)
             self.touching, self.sticking = gap <= 0.0, np.zeros(len(gap), dtype=bool)
         self.plan = plan
-        friction: Any = None
-        if stretch.velocity is not None:
-            friction = next((e for e in plan.model.effects if e.name == "friction"), None)
+        friction = None if stretch.velocity is None else plan.friction
         # No gap changes by more than its point and its roller move
         powers = stretch.length ** np.arange(1.0, max(len(moved), len(stretch.control)))
         travel = powers[: len(moved) - 1] @ np.linalg.norm(moved[1:], axis=1)
