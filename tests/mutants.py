@@ -526,8 +526,8 @@ HISTORY = (
     ),
     Mutant(
         "numbers with six digits",
-        "writer.writerows(rows)",
-        'writer.writerows([f"{x:.6g}" if isinstance(x, float) else x for x in r] for r in rows)',
+        ".writerows(rows)",
+        '.writerows([f"{x:.6g}" if isinstance(x, float) else x for x in r] for r in rows)',
         "summary",
     ),
     Mutant(

@@ -185,18 +185,16 @@ def plain(value: Any, *, keep_nonfinite: bool = False) -> Any:
     >>> plain({"drag": np.float64(2.5), "wrap": np.array([1, np.inf])})
     {'drag': 2.5, 'wrap': [1.0, None]}
     """
-    if type(value) is float:  # a subclass is told by the test of numpy's
-        return value if keep_nonfinite or math.isfinite(value) else None
+    if isinstance(value, float):
+        return float(value) if keep_nonfinite or math.isfinite(value) else None
     if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
+        return plain(value.tolist(), keep_nonfinite=keep_nonfinite)
     if isinstance(value, Mapping):
         return {str(k): plain(v, keep_nonfinite=keep_nonfinite) for k, v in value.items()}
     if isinstance(value, list | tuple):
         return [plain(item, keep_nonfinite=keep_nonfinite) for item in value]
     if isinstance(value, PurePath):
         return str(value)
-    if isinstance(value, float) and not (keep_nonfinite or math.isfinite(value)):
-        return None
     return value
 
 
@@ -422,6 +420,5 @@ def _cells(values: Sequence[Any] | NDArray[np.float64]) -> list[Any]:
 def _encode(rows: Iterable[Sequence[object]]) -> bytes:
     """Return lines of CSV: numbers that read back to the last bit."""
     buffer = io.StringIO(newline="")
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerows(rows)
+    csv.writer(buffer, lineterminator="\n").writerows(rows)
     return buffer.getvalue().encode()
