@@ -101,11 +101,11 @@ def free_spans(state: State) -> Iterator[Span]:
     """
     model = state.plan.model
     strip, d = model.strip, model.strip.bending_stiffness
-    ends = float(strip.nodes[0].min()), float(strip.nodes[0].max())
+    begin, stop = strip.span
     reach = FREE_DISTANCE * np.sqrt(d / model.scales.tension) * np.array([-1.0, 1.0])
     touched = [(name, c) for name, c in state.contacts.items() if c.touching.any()]
     arcs = sorted((*(contact.arc + reach), name) for name, contact in touched)
-    stations = [(*2 * ends[:1], "the entry"), *arcs, (*2 * ends[1:], "the exit")]
+    stations = [(begin, begin, "the entry"), *arcs, (stop, stop, "the exit")]
     (positions, fibres, _), weights = quadrature_points(strip), strip.weights().ravel()
     lines = np.round(fibres / (FIBRE_WIDTH * strip.cell_sizes[1].max())).astype(np.int64)
     lines -= lines.min()
