@@ -212,8 +212,7 @@ class FieldSampler:
         """
         x, *y = self.strip.basis.mapping.F(self.local)
         sizes, weights = self.strip.cell_sizes, np.ones(x.size)
-        unit = 1e-6 * sizes[0].min()
-        places, number = np.unique(np.round(x.ravel() / unit), return_inverse=True)
+        places, number = stations(self.strip, x.ravel())
         if self.kind == "quad":  # those that integrate polynomials across an element
             inside = (y[0] - y[0].min(axis=1, keepdims=True)) / sizes[1][:, None]
             across, line = np.unique(np.round(inside.ravel(), 6), return_inverse=True)
@@ -221,7 +220,7 @@ class FieldSampler:
             shares = np.linalg.solve(across ** powers[:, None], 1.0 / (powers + 1.0))
             weights = np.repeat(sizes[1], x.shape[1]) * shares[line]
         weights /= np.bincount(number, weights)[number]
-        return unit * places, number, csr_matrix((weights, (number, np.arange(x.size))))
+        return places, number, csr_matrix((weights, (number, np.arange(x.size))))
 
     def layer_fields(self, state: StripState) -> dict[str, Array]:
         """Return N and M (xx, yy, xy) of plastic strains, and what is read off the layers."""
@@ -355,13 +354,11 @@ class Profile:
         What belongs to contact is NaN where no point of the station touches a roller.
         """
         fields, flat = self.fields.sample(state), self.fields.reference
-        names: tuple[str, ...] = PROFILE_COLUMNS
         yielded: dict[str, Array] = {}
         if state.plasticity is not None:
-            from anmstrip.results import plastic
+            from anmstrip.results.plastic import YieldedStrip
 
-            names = (*PROFILE_COLUMNS, *plastic.PLASTIC_COLUMNS)
-            yielded = plastic.YieldedStrip(state, state.plasticity).columns(fields["arc_length"])
+            yielded = YieldedStrip(state, state.plasticity).columns(fields["arc_length"])
         position = flat.T + fields["displacement"] + self.fields.strip.origin
         low, high = (np.full(self.station.max() + 1, end) for end in (np.inf, -np.inf))
         np.minimum.at(low, self.station, fields["tension"])
@@ -386,7 +383,7 @@ class Profile:
                 if load is not None:
                     loads[place] = np.nan_to_num(loads[place]) + load
         table = {"time": np.full(len(loads), state.time), **columns, "line_load": loads}
-        return {name: table[name] for name in names}
+        return {name: table[name] for name in dict.fromkeys((*PROFILE_COLUMNS, *yielded))}
 
     def _mean(self, values: Array, weights: Array | None = None) -> Array:
         """Mean over each station; NaN where there is no weight."""
