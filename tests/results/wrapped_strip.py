@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from anmstrip.mechanics.roller import Roller
-from anmstrip.results.vtk import Collection, triangle_lattice, write_rollers, write_surface
+from anmstrip.results.vtk import TRIANGLE_LATTICE, Collection, write_rollers, write_surface
 
 RADIUS, WRAP = 0.5, np.pi / 6
 
@@ -29,7 +29,7 @@ def triangular_lattices(along, across, x, y):
 
     The two triangles of a rectangle turn the same way; nothing is shared.
     """
-    u, v = triangle_lattice(6)
+    u, v = TRIANGLE_LATTICE / 5
     columns, rows = (grid.reshape(-1, 1) for grid in np.mgrid[:along, :across])
     low, high = ((columns + p, rows + q) for p, q in ((u, v), (1.0 - u, 1.0 - v)))
     places = np.stack([np.concatenate(pair).ravel() for pair in zip(low, high, strict=True)])

@@ -21,9 +21,9 @@ from anmstrip.fem.sampling import (
 from anmstrip.fem.strip import Strip
 from anmstrip.mechanics.shell import eigencurvature, moduli
 from anmstrip.results.strip_state import StripState, stations
-from anmstrip.results.vtk import FIELDS, facing, triangle_lattice
+from anmstrip.results.vtk import FIELDS, TRIANGLE_LATTICE, facing
 
-OUTPUT_POINTS = {"line": unit_grid(4, 1), "quad": unit_grid(4), "triangle": triangle_lattice(6)}
+OUTPUT_POINTS = {"line": unit_grid(4, 1), "quad": unit_grid(4), "triangle": TRIANGLE_LATTICE / 5}
 """Points of the output on each kind of element: cubic patches, quintic triangles."""
 
 

@@ -27,6 +27,9 @@ Cells = NDArray[np.int64]
 LAGRANGE_ORDER = np.array([0, 3, 15, 12, 1, 2, 7, 11, 13, 14, 4, 8, 5, 6, 9, 10])
 """Tensor-grid index of each node of a cell of type 70: corners, edges, interior."""
 
+TRIANGLE_LATTICE = np.array([(i, j) for j in range(6) for i in range(6 - j)]).T
+"""Places (i, j) of the points of a quintic triangle, at (i, j)/5 of the unit triangle, (2, 21)."""
+
 TRIANGLE_ORDER = np.array(
     [0, 5, 20, 1, 2, 3, 4, 10, 14, 17, 19, 18, 15, 11, 6, 7, 9, 16, 8, 13, 12]
 )
@@ -270,23 +273,6 @@ def sector_tones(rollers: SurfaceMesh) -> Cells:
     return np.floor(angle * ROLLER_SECTORS / (2.0 * np.pi)).astype(int) % 2
 
 
-def triangle_lattice(n: int) -> Points:
-    """Points of the unit triangle, n on each side, row by row from the side y = 0.
-
-    Point (i, j) with i + j < n stands at (i, j) / (n - 1); j is the outer index.
-
-    Returns
-    -------
-    (2, n (n + 1) / 2) array
-
-    Examples
-    --------
-    >>> triangle_lattice(3).T.tolist()
-    [[0.0, 0.0], [0.5, 0.0], [1.0, 0.0], [0.0, 0.5], [0.5, 0.5], [0.0, 1.0]]
-    """
-    return np.array([(i, j) for j in range(n) for i in range(n - j)]).T / (n - 1)
-
-
 def subdivide(cells: ArrayLike) -> Cells:
     """Cut smooth cells into plain ones through their nodes; plain ones stay as they are.
 
@@ -306,8 +292,7 @@ def subdivide(cells: ArrayLike) -> Cells:
         corners = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
         pieces = np.stack(corners, axis=-1).reshape(-1, 4)
     elif nodes.shape[1] == 21:
-        lattice = np.rint(5.0 * triangle_lattice(6)).astype(int).T.tolist()
-        number = {(i, j): k for k, (i, j) in enumerate(lattice)}
+        number = {(i, j): k for k, (i, j) in enumerate(TRIANGLE_LATTICE.T.tolist())}
         upright = [((i, j), (i + 1, j), (i, j + 1)) for i, j in number]
         hanging = [((i + 1, j), (i + 1, j + 1), (i, j + 1)) for i, j in number]
         inside = [t for t in (*upright, *hanging) if number.keys() >= set(t)]
@@ -327,17 +312,12 @@ def facing(points: Points, cells: Cells) -> Cells:
     cells : (m, 16) or (m, 21) array of int
         As in :class:`SurfaceMesh`.
     """
-    quads = cells.shape[1] == 16
-    across = 12 if quads else 20
-    first, second = (
-        points[:2, cells[:, k]] - points[:2, cells[:, 0]] for k in (3 if quads else 5, across)
-    )
-    below = first[0] * second[1] < first[1] * second[0]
-    if quads:
-        swapped = np.arange(16).reshape(4, 4).T.ravel()
+    if cells.shape[1] == 16:
+        along, across, swapped = 3, 12, np.arange(16).reshape(4, 4).T.ravel()
     else:
-        i, j = np.rint(5.0 * triangle_lattice(6)).astype(int)
-        swapped = np.lexsort((j, i))
+        along, across, swapped = 5, 20, np.lexsort(TRIANGLE_LATTICE[::-1])
+    first, second = (points[:2, cells[:, k]] - points[:2, cells[:, 0]] for k in (along, across))
+    below = first[0] * second[1] < first[1] * second[0]
     return np.where(below[:, None], cells[:, swapped], cells)
 
 
