@@ -200,7 +200,7 @@ def test_a_velocity_typed_with_few_digits_is_that_of_the_strip(angle: float, mov
     run = done(scene)
     strip, state = run.assembly.strip, run.state
     last = strip.nodal(state.full)[strip.edges["entry"].values[0]]
-    first = run.assembly.thread.ends_in_space(strip.mesh.p[0, [0, -1]])[0]
+    first = run.assembly.thread.ends_in_space(strip)[0]
     across = np.hypot(*(last - first[[0, 2]]))
     assert across == pytest.approx(moved * np.sin(np.radians(angle)), rel=1e-6, abs=1e-12)
 

@@ -234,10 +234,9 @@ def untouched_roller(preview: Preview) -> Iterator[str]:
 
 def pulled_off(assembly: Assembly, stage: StageSpec) -> Iterator[str]:
     """Say which force turns an end of a threaded strip, and the one that pulls as it was laid."""
-    x = assembly.strip.mesh.p[0]
     for name, end in stage.edges.items():
         if end.force and name in ENDS and assembly.thread is not None:
-            laid = assembly.thread.ends_in_space(np.array([x.min(), x.max()]))
+            laid = assembly.thread.ends_in_space(assembly.strip)
             way = np.linalg.norm(end.force) * np.asarray(laid[2 + ENDS.index(name)])
             typed = ", ".join(f"{part:.4g}" for part in (way[0], 0.0, way[-1]))
             key = f"stages.{stage.name}.{name}.force"
@@ -904,7 +903,7 @@ def tips_over(preview: Preview) -> Iterator[str]:
     above = any(roller.centre[2] > 0.0 for roller in assembly.rollers)
     if assembly.thread is not None or held or above or not weighed:
         return
-    first, last = assembly.strip.nodes[0].min(), assembly.strip.nodes[0].max()
+    first, last = assembly.strip.span
     places = [roller.centre[0] for roller in assembly.rollers if first < roller.centre[0] < last]
     if places and not min(places) < 0.5 * (first + last) < max(places):
         yield (

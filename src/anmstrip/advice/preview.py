@@ -144,8 +144,8 @@ def string_estimate(course: Course) -> StringEstimate:
         span = carried_span(course, path, {n: gap for n, gap in gaps.items() if n not in turns})
         return StringEstimate(turns, sides_of, slope, places, path, gaps, span)
     entry, exit = (thread_end(course, name) for name in ENDS)
-    x, moved = a.strip.mesh.p[0], [course.moved.get(name, np.zeros(3)) for name in ENDS]
-    straight = np.array([[x.min(), 0.0], [x.max(), 0.0]]) + np.array(moved)[:, [0, 2]]
+    moved = [course.moved.get(name, np.zeros(3)) for name in ENDS]
+    straight = np.array([[x, 0.0] for x in a.strip.span]) + np.array(moved)[:, [0, 2]]
     gaps = roller_gaps(course, straight.T)
     if isinstance(entry, FixedEnd) and isinstance(exit, FixedEnd):
         along = np.subtract(exit.position, entry.position)

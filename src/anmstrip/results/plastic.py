@@ -72,7 +72,7 @@ class YieldedStrip:
         self.state, self.effect, self.strip = state, effect, effect.strip
         self.flow, layers = effect.flow, effect.layers
         x = np.asarray(self.strip.basis.global_coordinates())[0].ravel()
-        self.x = x - self.strip.mesh.p[0].min()
+        self.x = x - self.strip.span[0]
         self.values = effect.operator.apply(state.full)
         self.stress = np.asarray(effect.stresses(self.values, state.controls))
         self.internal = np.asarray(effect.internal(self.values))
@@ -216,7 +216,7 @@ class YieldedStrip:
         than the curl that they leave, the other way round.  What it leaves is a mean over the free
         strip behind it, since strip may yield again where tension straightens it.
         """
-        begin = self.strip.mesh.p[0].min()
+        begin, _ = self.strip.span
         middles = {n: c.middle - begin for n, c in self.state.contacts.items() if c.touching.any()}
         names = sorted(middles, key=lambda name: middles[name])
         places = np.array([middles[name] for name in names])

@@ -741,8 +741,7 @@ class Assembly:
             curls = {"strip.coil_set", "strip.crossbow", f"{edge}.moment"}
             curled = kind == "tension" and self.bending and curls & set(given)
             if self.thread and edge in ENDS and (curled or kind == "unevenness"):
-                ends = np.array([self.strip.mesh.p[0].min(), self.strip.mesh.p[0].max()])
-                outward = self.thread.ends_in_space(ends)[2 + ENDS.index(edge)]
+                outward = self.thread.ends_in_space(self.strip)[2 + ENDS.index(edge)]
                 effects.append(
                     curled_edge_tension(self.strip, edge, outward)
                     if curled

@@ -67,8 +67,7 @@ class Course:
     def __post_init__(self) -> None:
         thread = self.assembly.thread
         if thread is not None:  # begin at the ends, pulled at the exit
-            x = self.assembly.strip.mesh.p[0]
-            entry, exit, *outward = thread.ends_in_space(np.array([x.min(), x.max()]))
+            entry, exit, *outward = thread.ends_in_space(self.assembly.strip)
             self.begun = {"entry": entry, "exit": exit}
             self.moved.update(self.begun)
             self.outward = dict(zip(("entry", "exit"), outward, strict=True))

@@ -240,14 +240,9 @@ class Thread:
         room = np.minimum(runs[:-1], runs[1:]) > FREE_RUN * self.layer
         return np.where(room & (radii * turn > 2.0 * self.layer), self.layer**2 / radii, 0.0)
 
-    def ends_in_space(self, reference: Array) -> tuple[Array, Array, Array, Array]:
-        """Displacements of entry and exit, and outward directions of the strip there, (3,) each.
-
-        Parameters
-        ----------
-        reference : ndarray, shape (2,)
-            Reference x of entry and exit.
-        """
+    def ends_in_space(self, strip: Strip) -> tuple[Array, Array, Array, Array]:
+        """Displacements of entry and exit, and outward directions of the strip there, (3,) each."""
+        reference = np.array(strip.span)
         s = self.stretches.place(reference - reference[0])
         position, direction = self.middle.at(s, 0)
         in_space = np.stack([position[0], np.zeros(2), position[1]])
@@ -274,8 +269,7 @@ class Thread:
 
     def _relaxed(self, strip: Strip, pattern: Pattern, full: Array) -> Array:
         """Let a shell slide along its own surface, between entry and exit, to equilibrium."""
-        x, entry = strip.mesh.p[0], strip.edges["entry"]
-        *_, leaving = self.ends_in_space(np.array([x.min(), x.max()]))
+        entry, (*_, leaving) = strip.edges["entry"], self.ends_in_space(strip)
         one = entry.values[[len(entry.values) // 2]]
         held = np.concatenate([3 * entry.trace, 3 * entry.trace + 2, 3 * one + 1])
         at_rest = Supports.at_rest(strip.unknowns, held)
