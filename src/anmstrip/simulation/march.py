@@ -552,20 +552,18 @@ class March:
 
         No formula looks back across a jump of an acceleration.
         """
-        past = self.past
+        past, memory, first = self.past, self.memory, self._first(plan)
         fresh = past is not None and (plan.still or past.still or not plan.continues(past))
-        if self.memory is not None and not fresh:
-            memory, first = self.memory, self._first(plan)
-            if self.past is None or plan.continues(self.past, smoothly=True):
+        if memory is not None and not fresh:
+            if past is None or plan.continues(past, smoothly=True):
                 return memory
             latest = memory.times[:1], memory.states[:1], memory.v
             return Memory(*latest, first, errors=memory.errors)
         free, errors = plan.supports.free, None
-        if self.memory is not None and self.memory.errors is not None and self.past is not None:
+        if memory is not None and memory.errors is not None and past is not None:
             whole = np.zeros((3, len(self.full)))
-            whole[:, self.past.supports.free] = self.memory.errors.after
+            whole[:, past.supports.free] = memory.errors.after
             errors = Errors(whole[:, free], whole[:, free], 0.0)
-        first = self._first(plan)
         return start_memory(plan.start, self.full[free], self.velocity[free], first, errors)
 
     def _first(self, plan: StageProblem) -> float:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from skfem import MeshLine, MeshQuad
@@ -28,10 +28,7 @@ from anmstrip.simulation.defaults import (
     open_stages,
     thermal_growth,
 )
-
-if TYPE_CHECKING:
-    from anmstrip.simulation.threading import Thread
-
+from anmstrip.simulation.threading import Thread
 
 MAX_ELEMENTS = 250_000
 """Of a strip; the tangent of a shell of so many takes tens of gigabytes."""
@@ -769,7 +766,7 @@ def graded_nodes(
     passed = np.cumsum(np.append(0.0, 0.5 * np.diff(x) * (1.0 / sizes[1:] + 1.0 / sizes[:-1])))
     passed *= finer * min(1.0, most / passed[-1])
     xs, places = [np.array([-half])], [0.0]
-    for place in np.interp(marks, x, passed) if len(marks) else ():
+    for place in np.interp(marks, x, passed):
         if min(place - places[-1], passed[-1] - place) > MIN_NODE_DISTANCE:
             places.append(float(place))
     for a, b in pairwise([*places, float(passed[-1])]):

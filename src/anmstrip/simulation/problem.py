@@ -68,6 +68,7 @@ from anmstrip.simulation.meshing import (
     strip_mesh,
     surface_speed,
 )
+from anmstrip.simulation.threading import Thread, thread_of
 
 if TYPE_CHECKING:
     from skfem import Mesh
@@ -78,7 +79,6 @@ if TYPE_CHECKING:
     from anmstrip.mechanics.transport import Drives
     from anmstrip.scene.tables import ContactSpec, FrictionSpec, PlasticitySpec
     from anmstrip.simulation.growth import Growth, Hanging
-    from anmstrip.simulation.threading import Thread
 
 GENTLE_PROFILES = {
     "crown": "crown = [0.0, -{:g}]",
@@ -308,8 +308,6 @@ class Assembly:
         """Path of a threaded strip around its rollers."""
         if self.scene.threading is None:
             return None
-        from anmstrip.simulation.threading import thread_of
-
         rollers = rollers_of(self.scene, self.origin)
         length = self.scene.strip.length
         if self.scene.strip.mesh is not None:
@@ -325,9 +323,7 @@ class Assembly:
     @cached_property
     def growth(self) -> Growth | None:
         """The strip that runs take up, where labels follow rollers, or stay on them."""
-        if self.thread is None:
-            return None
-        if not follows(self.scene, self.thread):
+        if self.thread is None or not follows(self.scene, self.thread):
             return None
         from anmstrip.simulation.growth import Growth
 
