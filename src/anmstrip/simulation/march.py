@@ -165,6 +165,8 @@ class March:
         Unstressed length (m) of the strip that has been fed in, in time.
     follow : callable
         Follows paths, by series or by Newton's method (``solver.method``).
+    ways : dict
+        The solver and the counters that all which solves is given.
     """
 
     def __init__(self, assembly: Assembly) -> None:
@@ -174,6 +176,7 @@ class March:
         self.tolerances = Tolerances(assembly.scene.solver.tolerance)
         self.course, self.solver = Course(assembly), SparseSolver()
         self.cost = Cost(most=assembly.scene.solver.max_tangents)
+        self.ways: dict[str, Any] = {"solver": self.solver, "cost": self.cost}
         self.full = np.zeros(assembly.unknowns)
         self.velocity = np.zeros_like(self.full)
         self.reached: float | None = None
@@ -382,8 +385,7 @@ class March:
 
     def _path(self, equations: Equilibrium, u: Array, settings: Settings) -> Iterator[PathStep]:
         """Steps of a path from where it has come to."""
-        given: dict[str, Any] = {"solver": self.solver, "pace": self.pace, "cost": self.cost}
-        return self.follow(equations, u, settings=settings, **given)
+        return self.follow(equations, u, settings=settings, pace=self.pace, **self.ways)
 
     def _settled(self, equations: Equilibrium, u: Array, settings: Settings) -> Iterator[PathStep]:
         """Steps of a steady stage; where they are many or stall, the last is by smoother laws."""
@@ -414,15 +416,14 @@ class March:
         self, equations: Equilibrium, u: Array, control: float, settings: Settings
     ) -> Corrected | None:
         """Stationary state at the end of a stage by way of smoother laws, None if there is none."""
-        given: dict[str, Any] = {"solver": self.solver, "cost": self.cost}
         few = replace(settings, max_steps=MAX_STATES, give_way=False, rational=True)
 
         def path(laws: Equations, u: Array, start: float) -> PathStep:
-            *_, last = self.follow(laws, u, settings=few, start=start, **given)
+            *_, last = self.follow(laws, u, settings=few, start=start, **self.ways)
             return last
 
         return solve_by_narrowing(
-            equations, u, control, path, tolerance=settings.tolerance, **given
+            equations, u, control, path, tolerance=settings.tolerance, **self.ways
         )
 
     def _start(self, plan: StageProblem) -> tuple[Array, Equilibrium]:
@@ -474,9 +475,8 @@ class March:
         path = Settings(
             tolerance=aim, max_steps=MAX_SLIDING_BRANCHES, give_way=False, rational=True
         )
-        given: dict[str, Any] = {"solver": self.solver, "settings": path, "cost": self.cost}
         try:
-            *_, last = self.follow(equations, found.u, **given)
+            *_, last = self.follow(equations, found.u, settings=path, **self.ways)
             return last.branch.end[0]
         except PathStopped:
             settings = replace(settings, near=0.0)
@@ -491,7 +491,7 @@ class March:
         stepping = Stepping(whole, aim, most, solver.time_step, self.follow)
         given = plan.model, plan.supports, plan.controls, plan.start, plan.duration
         motion = Motion(*given, plan.before(self.past))
-        ways: dict[str, Any] = {"solver": self.solver, "stepping": stepping, "cost": self.cost}
+        ways = {**self.ways, "stepping": stepping}
         friction, ends = self.assembly.friction, [plan.start + plan.duration]
         if friction is not None and solver.time_step is None:
             ends = [*plan.reversals(friction.speed / NEGLIGIBLE_SHARE), *ends]
