@@ -608,6 +608,12 @@ class StageProblem:
     steady: bool = False
     fed: bool = False
 
+    def equations(
+        self, velocity: AffineVelocity | None = None, moving: Array | None = None
+    ) -> Equilibrium:
+        """Equations of the free unknowns; see :class:`Equilibrium` for velocities."""
+        return Equilibrium(self.model, self.supports, self.controls, velocity, moving)
+
     @property
     def fastest(self) -> float:
         """Largest speed (m/s) that is given to rollers, ends and strip."""

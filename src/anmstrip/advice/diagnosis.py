@@ -31,7 +31,7 @@ from anmstrip.advice.units import typed_vector
 from anmstrip.advice.warnings import against_section, below_round_off, finer_mesh, serious, slides
 from anmstrip.arrays import Array
 from anmstrip.continuation.equations import NEGLIGIBLE_SHARE, Evidence, Outcome, PathStopped
-from anmstrip.equilibrium import Equilibrium, StageProblem
+from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.sampling import shape_of
 from anmstrip.mechanics.shell import eigenstrain
 from anmstrip.results.rollers import ContactState
@@ -271,7 +271,7 @@ def round_off(failure: Failure) -> str | None:
     u = state.full[free] - plan.supports.start[free]
     if plan.in_time and state.velocity is not None:
         rates = AffineVelocity(1.0, state.velocity[free] - u, np.zeros_like(u))
-    equations = Equilibrium(plan.model, plan.supports, plan.controls, rates, state.velocity)
+    equations = plan.equations(rates, state.velocity)
     share = NEGLIGIBLE_SHARE if plan.in_time else 1.0
     told = below_round_off(failure.scene, equations.round_off(u, state.control), share)
     return f"The value {told}" if told else None

@@ -16,7 +16,7 @@ import numpy as np
 
 from anmstrip.advice import physics, units
 from anmstrip.advice.preview import NEGLIGIBLE_BEARING, Preview, free_motions, unheld_words
-from anmstrip.equilibrium import Equilibrium, StageProblem
+from anmstrip.equilibrium import StageProblem
 from anmstrip.fem.geometry import KINEMATICS, Kinematics
 from anmstrip.fem.sampling import quadrature_points
 from anmstrip.mechanics.roller import Roller
@@ -541,7 +541,7 @@ def strict_tolerance(preview: Preview) -> Iterator[str]:
         laid = assembly.thread.laid(assembly.strip, assembly.pattern)[plan.supports.free]
     rate, still = 1.0 / plan.duration, np.zeros_like(laid)
     velocity = AffineVelocity(rate, -rate * laid, still) if plan.in_time else None
-    equations = Equilibrium(plan.model, plan.supports, plan.controls, velocity)
+    equations = plan.equations(velocity)
     if told := below_round_off(assembly.scene, equations.round_off(laid, 0.0)):
         yield told
 

@@ -300,9 +300,8 @@ class Budget:
         """Return what regularised laws make of a state that no past belongs to."""
         if not state.rollers:
             return None
-        free, still = state.plan.supports.free, frozen_problem(state)
+        free, equations = state.plan.supports.free, frozen_problem(state).equations()
         zero = np.zeros(len(free))
-        equations = Equilibrium(still.model, still.supports, still.controls)
         factors = SparseSolver().factorise(equations.recurrence(zero, 0.0, 1).tangent())
         moved = np.zeros((2, len(state.full)))
         moved[0, free] = factors.solve(equations.sharpening(zero, 0.0))
@@ -348,10 +347,7 @@ class Budget:
         assert state.velocity is not None
         free = state.plan.supports.free
         velocity = AffineVelocity(errors.rate, state.velocity[free], np.zeros(len(free)))
-        still = frozen_problem(state)
-        equations = Equilibrium(
-            still.model, still.supports, still.controls, velocity, state.velocity
-        )
+        equations = frozen_problem(state).equations(velocity, state.velocity)
         zero = np.zeros(len(free))
         factors = SparseSolver().factorise(equations.recurrence(zero, 0.0, 1).tangent())
         resistance, left = equations.resistance(zero, 0.0), equations.residual(zero, 0.0)
@@ -380,9 +376,7 @@ class Budget:
                 return {}
             moved[free] = memory.errors.after[:2].sum(axis=0)
         else:
-            still = frozen_problem(state)
-            equations = Equilibrium(still.model, still.supports, still.controls)
-            point = equations.recurrence(np.zeros(len(free)), 0.0, 1)
+            point = frozen_problem(state).equations().recurrence(np.zeros(len(free)), 0.0, 1)
             try:
                 moved[free] = self.solver.factorise(point.tangent()).solve(point.residual)
             except (SingularTangentError, MemoryError):
@@ -723,7 +717,7 @@ def balance_state(
     free, moving, rates = plan.supports.free, velocity, None
     if moving is not None:
         rates = AffineVelocity(1.0 / elapsed, moving[free], np.zeros(len(free)))
-    equations = Equilibrium(plan.model, plan.supports, plan.controls, rates, moving)
+    equations = plan.equations(rates, moving)
     zero = np.zeros(len(free))
     first = equations.imbalance(equations.residual(zero, 0.0))
     floor = ROUND_OFF_MARGIN * equations.round_off(zero, 0.0)

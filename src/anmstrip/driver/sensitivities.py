@@ -16,7 +16,6 @@ from scipy.sparse import csc_matrix, csr_matrix, vstack
 from scipy.sparse.linalg import splu
 
 from anmstrip.arrays import Array, Index
-from anmstrip.equilibrium import Equilibrium
 from anmstrip.errors import InputError, Mistake, nearest
 from anmstrip.fem.sampling import quadrature_points
 from anmstrip.linalg.direct import Factors, equilibrate
@@ -62,7 +61,7 @@ class StationaryTangent:
         self.state, self.model, self.hanging = state, state.plan.model, hanging
         self.taken_up: dict[str, Array] = {}
         self.free = state.plan.supports.free
-        self.equations = Equilibrium(self.model, state.plan.supports, state.plan.controls)
+        self.equations = state.plan.equations()
         self.series = self.equations.recurrence(state.full[self.free], state.control, 1)
         self.matrix = self.series.tangent()
         self.parts = {part.effect.name: self._at_points(part) for part in self.series.parts}

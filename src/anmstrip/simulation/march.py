@@ -210,7 +210,7 @@ class March:
         plan = self.course.plan(stage, reactions, self.full)
         if stage.steady and self.reached is None and state is not None and state.plan.in_time:
             free = plan.supports.free
-            equations = Equilibrium(plan.model, plan.supports, plan.controls)
+            equations = plan.equations()
             imbalance = equations.imbalance(equations.residual(self.full[free], 0.0))
             if imbalance > MAX_MOVING_IMBALANCE and self._let_slide(stage):
                 self._begin_steady(stage, replace(state, full=self.full))
@@ -265,7 +265,7 @@ class March:
             return False
         sliding = StageSpec(name=stage.name, duration=stage.duration, friction=False)
         plan = self.course.plan(sliding, {}, self.full)
-        equations = Equilibrium(plan.model, plan.supports, plan.controls)
+        equations = plan.equations()
         found = self._corrected(equations, self.full[plan.supports.free])
         if found is None:
             return False
@@ -429,7 +429,7 @@ class March:
     def _start(self, plan: StageProblem) -> tuple[Array, Equilibrium]:
         """First point of a rate-free path, and its equations."""
         free, u = plan.supports.free, self.full[plan.supports.free]
-        equations = Equilibrium(plan.model, plan.supports, plan.controls)
+        equations = plan.equations()
         found: Array | None = None
         if plan.name == THREADING and self.reached is None:
             assert self.assembly.thread is not None
@@ -441,7 +441,7 @@ class March:
                 found = self._corrected(equations, taut[free])
         elif self.slack:
             pulled = plan.pulled
-            equations = Equilibrium(plan.model, plan.supports, pulled.controls)
+            equations = pulled.equations()
             if self.reached is None:
                 begin = pulled.controls.at(0.0)
                 u = uniform_stretch(self.assembly, pulled.pull_at_exit(0.0), begin)[free]
