@@ -159,29 +159,20 @@ def roller_over_an_end(preview: Preview) -> Iterator[str]:
 
 
 def shorter_move(plan: StageProblem, moved: Roller, way: Array, apart: float) -> str:
-    """Return what to type for a roller that stops on its way, see :func:`move_to_distance`."""
-    told = f"stages.{plan.name}.rollers.{moved.name}.move"
-    back = move_to_distance(plan, moved, way, apart)
-    if back is None:
-        return f"a shorter {told}."
-    return f"--set '{told}={typed_vector(back, '.4g')}'"
-
-
-def move_to_distance(plan: StageProblem, moved: Roller, way: Array, apart: float) -> Array | None:
-    """Return the move (m) of a roller that stops on its way at a distance from another.
+    """Return what to type for a roller that stops on its way at a distance from another (m).
 
     ``way`` (m) leads from the other one to its end, which is q of its move m too far:
-    |way − q m| = ``apart``.  None if it is no further away at the start.
+    |way − q m| = ``apart``.  Where it is no further away at the start no move is named.
     """
-    key = f"rollers.{moved.name}.centre"
+    key, told = f"rollers.{moved.name}.centre", f"stages.{plan.name}.rollers.{moved.name}.move"
     move = np.asarray(plan.controls.slope[key], dtype=float)
     sideways = across(move, moved.unit_axis)
     half, square = float(way @ sideways), float(sideways @ sideways)
     q = (half + np.sqrt(half**2 + square * (apart**2 - float(way @ way)))) / square
     if q > 1.0:
-        return None
+        return f"a shorter {told}."
     end = np.asarray(plan.controls.at(1.0)[key]) - q * move
-    return np.asarray(end - moved.centre)
+    return f"--set '{told}={typed_vector(end - moved.centre, '.4g')}'"
 
 
 def roller_in_the_way(preview: Preview) -> Iterator[str]:
