@@ -647,7 +647,6 @@ ELSEWHERE = {
     "shorter_elements": "coarse_mesh, in test_defaults.py",
     "unheld_words": "unheld_strip, not_held",
     "why_speed_is_free": "released_strip",
-    "effective_friction_words": "slipping_friction",
     "yielding_instead": "beyond_yield",
     "below_round_off": "round_off, strict_tolerance",
     "typed_place": "closer_rollers, in test_nip.py",

@@ -182,23 +182,20 @@ def laid_string(course: Course) -> tuple[StringPath, list[tuple[Roller, float]],
         given = centres, radii, [float(sense) for _, sense in rollers]
         try:
             path = string_path(*given, entry, exit, crossed)
-            rest = a.strip.length - float(path.length[0])
-            if isinstance(exit, StraightEnd) and not isinstance(entry, StraightEnd):
-                exit = longer(exit, rest)
-            elif isinstance(entry, StraightEnd) and not isinstance(exit, StraightEnd):
-                entry = longer(entry, rest)
-            else:
-                return path, rollers, np.array(centres)[:, :, 0]
-            path = string_path(*given, entry, exit, crossed)
+            if isinstance(entry, StraightEnd) != isinstance(exit, StraightEnd):
+                rest = a.strip.length - float(path.length[0])
+                entry, exit = longer(entry, rest), longer(exit, rest)
+                path = string_path(*given, entry, exit, crossed)
+            return path, rollers, np.array(centres)[:, :, 0]
         except (NotTouchedError, NoTangentError) as error:
             del rollers[min(error.index, len(rollers) - 1)]
-            continue
-        return path, rollers, np.array(centres)[:, :, 0]
     return None
 
 
-def longer(end: StraightEnd, length: float) -> StraightEnd:
-    """Return an end with a straight run that is longer (m), if one is left."""
+def longer(end: End, length: float) -> End:
+    """Return an end with a straight run that is longer (m), if it has one and one is left."""
+    if not isinstance(end, StraightEnd):
+        return end
     run = float(np.asarray(end.length)) + length
     return StraightEnd(run, end.angle) if run > 0.0 else end
 

@@ -607,16 +607,12 @@ def slipping_friction(preview: Preview) -> Iterator[str]:
     elif spec.law == "norton-hoff" and np.isfinite(slip):
         share = float(law.share(slip))
         if abs(share - 1.0) > FRICTION_DIFFERENCE:
-            yield effective_friction_words(spec.coefficient, share, slip)
-
-
-def effective_friction_words(coefficient: float, share: float, slip: float) -> str:
-    """Return that Norton and Hoff's law does not act with the coefficient that was typed."""
-    return (
-        f"friction.coefficient = {coefficient:g} acts as {share * coefficient:.3g} at a slip of "
-        f"{slip:.2g} m/s, since Norton and Hoff's law grows with the slip. "
-        f'Try law = "algebraic", or --set friction.speed={slip:.1g}'
-    )
+            f = spec.coefficient
+            yield (
+                f"friction.coefficient = {f:g} acts as {share * f:.3g} at a slip of {slip:.2g} "
+                "m/s, since Norton and Hoff's law grows with the slip. "
+                f'Try law = "algebraic", or --set friction.speed={slip:.1g}'
+            )
 
 
 LARGE_SHELL = 5000
