@@ -105,7 +105,7 @@ def meeting_rollers(preview: Preview) -> Iterator[str]:
     """Rollers that move into one another: those that press the strip may come as far as that."""
     assembly = preview.assembly
     stages = nips_in_stages(assembly.scene, assembly.rollers, assembly.thread)
-    pressed = [{nip.first.name, nip.second.name} for found in stages for nip in found]
+    pressed = [set(nip.names) for found in stages for nip in found]
     for plan in preview.plans:
         end = plan.controls.at(1.0)
         moving = {key for key, slope in plan.controls.slope.items() if np.any(slope)}
@@ -181,7 +181,7 @@ def roller_in_the_way(preview: Preview) -> Iterator[str]:
     if assembly.thread is None:
         return
     drawn, *_ = nips_in_stages(assembly.scene, assembly.rollers, assembly.thread)
-    nipping = {r.name for nip in drawn if nip.gap >= 0.0 for r in (nip.first, nip.second)}
+    nipping = {name for nip in drawn if nip.gap >= 0.0 for name in nip.names}
     for roller in assembly.rollers:
         inside = -preview.strings[0].gaps.get(roller.name, 0.0)
         if inside > GRAZING_DEPTH * roller.radius and roller.name not in nipping:
@@ -340,9 +340,7 @@ class Pulled:
     def with_squeeze(self, nip: Nip, squeeze: float) -> Pulled:
         """Return the same with a nip that squeezes the strip by so much (m)."""
         other = replace(nip, gap=nip.gap + nip.squeeze - squeeze)
-        both = nip.first.name, nip.second.name
-        same = [(each.first.name, each.second.name) == both for each in self.nips]
-        nips = [other if is_it else each for is_it, each in zip(same, self.nips, strict=True)]
+        nips = [other if each.names == nip.names else each for each in self.nips]
         return replace(self, nips=nips)
 
 
@@ -967,9 +965,8 @@ def nip_forces(preview: Preview) -> Iterator[str]:
     stages = ["", *(stage.name for stage in assembly.scene.stages)]
     found = nips_in_stages(assembly.scene, assembly.rollers, assembly.thread)
     for stage, each in ((s, nip) for s, nips in zip(stages, found, strict=True) for nip in nips):
-        names = each.first.name, each.second.name
-        if names not in narrowest or each.gap < narrowest[names][0].gap:
-            narrowest[names] = each, stage
+        if each.names not in narrowest or each.gap < narrowest[each.names][0].gap:
+            narrowest[each.names] = each, stage
     for (a, b), (each, stage) in narrowest.items() if assembly.scene.contact else ():
         if each.gap < 0.0:  # see meeting_rollers
             continue
@@ -1035,8 +1032,8 @@ def nip_friction(assembly: Assembly, nip: Nip, load: float, sure: float) -> floa
 
 def driven_friction(assembly: Assembly, nip: Nip) -> float:
     """Return the sum of the friction coefficients of those of its rollers that are driven."""
-    rollers = {nip.first.name, nip.second.name} - set(assembly.turning)
-    specs = (spec for spec in assembly.scene.rollers if spec.name in rollers)
+    driven = set(nip.names) - set(assembly.turning)
+    specs = (spec for spec in assembly.scene.rollers if spec.name in driven)
     return sum(coefficient_on(assembly.scene, spec) for spec in specs)
 
 

@@ -442,6 +442,11 @@ class Nip:
     gap: float  # m
 
     @property
+    def names(self) -> tuple[str, str]:
+        """Names of both."""
+        return self.first.name, self.second.name
+
+    @property
     def squeeze(self) -> float:
         """Way (m) by which both are closer than they may be without pressing the strip."""
         return float(self.first.half + self.second.half) - self.gap
@@ -496,7 +501,7 @@ def rollers_in_stages(
 def nipping_rollers(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> set[str]:
     """Return the names of rollers that nip the strip in any stage."""
     found = (nip for nips in nips_in_stages(scene, rollers, thread) for nip in nips)
-    return {roller.name for nip in found for roller in (nip.first, nip.second)}
+    return {name for nip in found for name in nip.names}
 
 
 def bends_at_its_ends(scene: SceneSpec) -> bool:
