@@ -41,10 +41,9 @@ class State(StripState):
             a = 0.0 if begins else self.branch.reaches(control)
         if a is not None:
             return replace(self.inside(a), time=time, control=control)
-        begun = self.conveyed if before is None else before.conveyed
-        start, u = self.plan.start, np.zeros_like(self.full)
+        begun, start, u = self.conveyed, self.plan.start, np.zeros_like(self.full)
         if before is not None:
-            start, u = before.time, before.full
+            begun, start, u = before.conveyed, before.time, before.full
         s = (time - start) / (self.time - start)
         conveyed = begun + s * (self.conveyed - begun)
         if self.step is not None:
