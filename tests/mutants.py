@@ -508,8 +508,8 @@ PROFILE = (
 HISTORY = (
     Mutant(
         "both tensions are the entry's",
-        "= state.tension(edge)",
-        '= state.tension("entry")',
+        'values |= {f"{name}_tension": state.tension(name)',
+        'values |= {f"{name}_tension": state.tension("entry")',
         "rollers",
     ),
     Mutant(

@@ -61,8 +61,7 @@ FEED_COLUMNS = ("strip_speed", "conveyed")
 def history_row(step: Step, conveyed: bool) -> dict[str, Any]:
     """Return the row of a step in ``history.csv``, of strip that has a speed of its own or not."""
     state, values = step.state, {column: getattr(step, column) for column in STEP_COLUMNS}
-    for edge in ("entry", "exit"):
-        values[f"{edge}_tension"] = state.tension(edge)
+    values |= {f"{name}_tension": state.tension(name) for name in ENDS}
     if conveyed:
         speed = state.strip_speed  # of strip whose labels travel there is not one
         fed = 0.0 if speed is None and not state.plan.in_time else speed, state.conveyed
