@@ -445,6 +445,7 @@ class OperatingMap:
             where = ", ".join(f"{key} = {event[key]:.8g}" for key in (first, *others))
             roller = f" on {event['roller']}" if event["roller"] else ""
             told.append(f"{event['kind'].capitalize()}{roller} at {where}.")
+        lost = any(event["kind"] == "grip lost" for event in self.events)
         if self.done:
             curves = "one curve" if len(self.curves) == 1 else f"{len(self.curves)} curves"
             self.message = (
@@ -456,12 +457,10 @@ class OperatingMap:
                 told = ["No fold, and no roller loses or regains its grip."]
                 told += ["The strip slides over all rollers that drive it."] * whole
         elif self.failure is not None:
-            lost = any(event["kind"] == "grip lost" for event in self.events)
             whole = lost or self._slides_as_a_whole(self.failure.state)
             cause = "The strip slides as a whole there." if whole else None
             self.message = diagnosis(self.failure, cause)
         friction, scene = self.run.assembly.friction, self.run.scene
-        lost = any(event["kind"] == "grip lost" for event in self.events)
         if lost and friction is not None and friction.speed == regularising_speed(scene):
             told.append(
                 "Creep of the strip at up to V_c makes that late. To see by how much, "
