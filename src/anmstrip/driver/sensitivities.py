@@ -466,7 +466,7 @@ class Readings:
         """Derivatives with respect to the parameter, by what is read off."""
         tangent, state = self.tangent, self.tangent.state
         model, change = tangent.model, self.change
-        found = {f"{name}_tension": self.tension(name) for name in ("entry", "exit")}
+        found = {f"{name}_tension": self.tension(name) for name in ENDS}
         found["strip_speed"] = float(change[model.coupled - 1]) + (self.key == "strip.speed")
         pushes, drags = (
             tangent.on_rollers(name, change, self.explicit) for name in ("contact", "friction")
@@ -476,7 +476,8 @@ class Readings:
         passed, passages = tangent.passage_of, state.passages
         gained = np.zeros((len(passages), 3))
         np.add.at(gained, passed, each)
-        rises = cumulate(self.edge_forces["entry"], gained) + self.heavier * tangent.weights
+        behind = self.edge_forces["entry"] + np.cumsum(gained, axis=0)
+        rises = np.stack([behind - gained, behind], axis=1) + self.heavier * tangent.weights
         if (held := tangent.held(self.key)).any() and tangent.hanging is not None:
             longer = tangent.hanging.growth.up_to(tangent.arcs.ravel(), held)
             rises += state.weight_of(longer).reshape(rises.shape)
@@ -529,12 +530,6 @@ def change_along_slope(force: Array, change: Array, slope: Array, turn: Array) -
     return np.asarray((change * along + force * turned).sum(axis=-1))
 
 
-def cumulate(first: Array, gained: Array) -> Array:
-    """Sums before and behind each of several rollers that add to them, (n, 3) → (n, 2, 3)."""
-    behind = first + np.cumsum(gained, axis=0)
-    return np.stack([behind - gained, behind], axis=1)
-
-
 def sensitivities(
     state: State, own: Iterable[bool], hanging: Hanging | None = None
 ) -> dict[str, dict[str, float]]:
@@ -578,11 +573,6 @@ class Oscillation:
     key: str
     explicit: Explicit
 
-    @property
-    def speed(self) -> float:
-        """c (m/s)."""
-        return float(self.tangent.state.strip_speed or 0.0)
-
     @cached_property
     def by_velocity(self) -> Array:
         """Derivative of friction at its points by ∂r/∂t, (count, count + 1, points)."""
@@ -590,7 +580,8 @@ class Oscillation:
         inputs, points = part.shape
         unit = np.broadcast_to(np.eye(inputs)[count : 2 * count, :, None], (count, inputs, points))
         g = 1.0 + self.tangent.friction.growth(self.tangent.state.controls)
-        return part.orders.derivative(unit) * (g / self.speed)
+        c = float(self.tangent.state.strip_speed or 0.0)
+        return part.orders.derivative(unit) * (g / c)
 
     @cached_property
     def rate(self) -> Array:
