@@ -103,11 +103,11 @@ def largest_differences(state: State, other: State, moved: Array) -> Part:
     moved : ndarray, shape (unknowns,)
         Difference of displacements, on the mesh of the other.
     """
-    strip, largest = other.plan.model.strip, []
+    largest = []
     for read in (tension_readings, force_readings):
         here, there = read(state), read(other)
         largest.append(max((abs(there[key] - here[key]) for key in here), default=0.0))
-    position = np.abs(strip.nodal(moved)[strip.node_values]).max()
+    position = np.abs(moved[other.plan.model.value_unknowns]).max()
     return {"tension": largest[0], "force": largest[1], "position": float(position)}
 
 
@@ -381,8 +381,7 @@ class Budget:
                 moved[free] = self.solver.factorise(point.tangent()).solve(point.residual)
             except (SingularTangentError, MemoryError):
                 return {}
-        strip = state.plan.model.strip
-        found = {"position": float(np.abs(strip.nodal(moved)[strip.node_values]).max())}
+        found = {"position": float(np.abs(moved[state.plan.model.value_unknowns]).max())}
         if (flow := state.plasticity) is not None and flow.operator.flows:
             forces, _ = flow.resultant_changes(state.full, moved)
         elif state.membrane is not None:

@@ -383,8 +383,8 @@ class Run:
         velocity = None if before.velocity is None else self.march.velocity
         before = replace(before, full=self.march.full, velocity=velocity)  # as this stage has them
         if step.snapped:
-            values = self.assembly.strip.unknowns_of(self.assembly.strip.node_values)
-            distance = float(np.abs(state.full - self.march.full)[values].max())
+            moved = (state.full - self.march.full)[plan.model.value_unknowns]
+            distance = float(np.abs(moved).max())
             if distance > self.march.tolerances.tolerance * self.assembly.scales.length:
                 told = {"stage": plan.name, "time": state.time, "distance": distance}
                 self.snaps.append(told)
