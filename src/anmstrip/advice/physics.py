@@ -529,20 +529,18 @@ def largest_tensions(
         By which the forces of nips, which are estimates, are divided.
     """
     assembly, forth = preview.assembly, end == ENDS[-1]
-    thread, specs = assembly.thread, {spec.name: spec for spec in assembly.scene.rollers}
-    order = sorted(assembly.rollers, key=lambda roller: float(roller.centre[0]))
-    if thread is not None:
+    thread, given = assembly.thread, assembly.scene.threading
+    specs = {spec.name: spec for spec in assembly.scene.rollers}
+    if thread is None or given is None:  # flat
+        order = sorted(assembly.rollers, key=lambda roller: float(roller.centre[0]))
+        heights = [0.0] * (len(order) + 2)
+    else:
         rollers = {roller.name: roller for roller in assembly.rollers}
         order = [rollers[roller.name] for roller in thread.rollers]
-    given = assembly.scene.threading
-    heights = [float(roller.centre[2]) for roller in order]
-    if given is not None:
-        low = float(assembly.origin[2])
+        heights, low = [float(roller.centre[2]) for roller in order], float(assembly.origin[2])
         start = heights[0] if given.entry is None else given.entry[2] - low
         stop = heights[-1] if given.exit is None else given.exit[2] - low
         heights = [start, *heights, stop]
-    else:  # flat
-        heights = [0.0] * (len(order) + 2)
     if not forth:
         order, heights = order[::-1], heights[::-1]
     passed, pressed = {roller.name for roller in order}, dict[str, list[Nip]]()
