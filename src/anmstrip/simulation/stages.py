@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -380,25 +381,22 @@ class Course:
                 end[f"{name}.tension"] = np.array(edge.tension, dtype=float)
                 if edge.force is None and f"{name}.force" in end:
                     end[f"{name}.force"] = np.zeros(3)
-            if edge.moment is not None:
-                end[f"{name}.moment"] = np.array(edge.moment, dtype=float)
-        plain = {
+        plain: dict[str, Any] = {
             "gravity": stage.gravity,
             "pressure": stage.pressure,
             "strip.speed": stage.strip.speed,
         }
-        end.update({key: np.array(to, dtype=float) for key, to in plain.items() if to is not None})
+        plain |= {f"{name}.moment": edge.moment for name, edge in stage.edges.items()}
         if self.assembly.yields(stage):
             end["yielding"] = np.array(1.0)
         end |= self.assembly.natural(stage.strip)
         for roller in self.assembly.rollers:
             control, key = stage.rollers.get(roller.name), f"rollers.{roller.name}"
-            if (speed := self._asked_speed(stage, roller)) is not None:
-                end[f"{key}.surface_speed"] = np.array(speed)
-            if control is not None and control.torque is not None:
-                end[f"{key}.torque"] = np.array(control.torque)
+            plain[f"{key}.surface_speed"] = self._asked_speed(stage, roller)
+            plain[f"{key}.torque"] = control and control.torque
             if control is not None and control.move is not None:
                 end[f"{key}.centre"] = np.array(roller.centre) + np.array(control.move)
+        end |= {key: np.array(to, dtype=float) for key, to in plain.items() if to is not None}
         held = (self._holds_along(name, self._held().get(name, ())) for name in ENDS)
         if (growth := self.assembly.growth) is not None and not all(held):
             centres = {r.name: end[f"rollers.{r.name}.centre"] for r in growth.thread.rollers}
