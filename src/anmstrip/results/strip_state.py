@@ -304,9 +304,7 @@ class StripState:
         model = self.plan.model
         if name not in model.turning:
             return float(self.controls[f"rollers.{name}.surface_speed"]), 0.0
-        from anmstrip.mechanics.transport import Drives
-
-        drives = next((e for e in model.effects if isinstance(e, Drives)), None)
+        drives = self._effect("drives")
         if drives is None or self.velocity is None:
             return 0.0, 0.0
         speeds, number = drives.operator.apply(self.velocity)[0], model.turning.index(name)
