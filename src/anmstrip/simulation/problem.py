@@ -332,14 +332,12 @@ class Assembly:
     @cached_property
     def loads(self) -> dict[str, Loads]:
         """Stage → what a threaded strip is pulled with at its end."""
-        if self.scene.threading is None:
-            return {}
         names = (stage.name for stage in self.scene.stages)
         return dict(zip(names, loads_in_stages(self.scene), strict=True))
 
     def loads_of(self, stage: StageSpec) -> Loads | None:
         """Loads of a threaded strip at the end of a stage, also of one of a map."""
-        if self.scene.threading is None or stage.name == THREADING:
+        if stage.name == THREADING:
             return None
         if (known := self.loads.get(stage.name)) is None:
             *_, known = loads_in_stages(self.scene, stage)
@@ -347,11 +345,11 @@ class Assembly:
 
     def hanging(self, plan: StageProblem) -> Hanging | None:
         """The labels that follow strip hanging between its rollers at the end of a stage."""
-        controls, loads = plan.controls.at(1.0), self.loads.get(plan.name)
-        if self.growth is None or loads is None:
+        if self.growth is None or (loads := self.loads.get(plan.name)) is None:
             return None
         from anmstrip.simulation.growth import Hanging
 
+        controls = plan.controls.at(1.0)
         centres = {r.name: controls[f"rollers.{r.name}.centre"] for r in self.rollers}
         size = float(np.linalg.norm(controls.get("gravity", 0.0)))
         strip = self.strip
