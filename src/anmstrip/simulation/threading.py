@@ -261,10 +261,21 @@ class Thread:
         return self._relaxed(strip, pattern, full) if uneven else full
 
     def laid(self, strip: Strip, pattern: Pattern, bent: bool = True) -> Array:
-        """Displacements onto the path, in the mean square over the strip, shape (unknowns,)."""
-        reference, begin = quadrature_points(strip), float(strip.mesh.p[0].min())
-        finest = float(strip.cell_sizes[0].min()) if bent else np.inf
-        places = self.positions(reference, begin, finest)
+        """Displacements onto the path, in the mean square over the strip, shape (unknowns,).
+
+        It is bent onto rollers over layers, if elements resolve these, or taut as a string.
+        """
+        reference, heights = quadrature_points(strip), self.heights
+        lines, fibre = np.unique(reference[1], return_inverse=True)
+        label, stretches = reference[0] - strip.span[0], self.stretches
+        s = stretches.place(label)
+        if bent and strip.cell_sizes[0].min() < FREE_RUN * self.layer and heights.any():
+            path, signed = self.touching(lines, heights)
+            position = path.stiff(s, fibre, self.layer, signed)
+        else:
+            position, _ = self.touching(lines, 0.0 * heights)[0].at(s, fibre)
+        across = np.interp(label, stretches.labels, stretches.across)
+        places = np.stack([position[0], reference[1] * across, position[1]])
         return l2_projection(strip, pattern, places - reference)
 
     def _relaxed(self, strip: Strip, pattern: Pattern, full: Array) -> Array:
@@ -288,23 +299,6 @@ class Thread:
         except PathStopped:  # of rollers too far out of line, where threading says why
             return full
         return supports.full(*last.branch.end)
-
-    def positions(self, reference: Array, begin: float, finest: float = 0.0) -> Array:
-        """Return the places of points of a flat strip that begins at x = begin, (3, points).
-
-        It is bent onto rollers over layers that elements of the finest length (m) resolve.
-        """
-        x, y = reference[0], reference[1]
-        lines, fibre = np.unique(y, return_inverse=True)
-        label, stretches, heights = x - begin, self.stretches, self.heights
-        s = stretches.place(label)
-        if finest < FREE_RUN * self.layer and heights.any():
-            path, signed = self.touching(lines, heights)
-            position = path.stiff(s, fibre, self.layer, signed)
-        else:
-            position, _ = self.touching(lines, 0.0 * heights)[0].at(s, fibre)
-        across = np.interp(label, stretches.labels, stretches.across)
-        return np.stack([position[0], y * across, position[1]])
 
 
 def thread_of(
