@@ -99,8 +99,7 @@ class FieldSampler:
     def _average(self, values: Array) -> Array:
         """Mean over the elements that share a point, (..., elements, 16) → (points, ...)."""
         mean = self.mean @ values.reshape(-1, self.own.size).T
-        points = mean.reshape(-1, *values.shape[:-2])
-        return np.repeat(points, self.lines, axis=0) if self.lines > 1 else points
+        return np.repeat(mean.reshape(-1, *values.shape[:-2]), self.lines, axis=0)
 
     def _at_points(self, table: Array, full: Array) -> Array:
         """Sum of the basis functions in a table, shape (components, ..., elements, points)."""
