@@ -699,13 +699,12 @@ def unequal_speeds(preview: Preview) -> Iterator[str]:
         if not stage.rollers or not any(last.values()):
             continue
         fast = max(last, key=lambda name: abs(last[name]))
-        others = [roller.name for roller in touched if holding_ratio(preview, roller) > 1.0]
-        for name in others:
+        others = {r.name: r for r in touched if holding_ratio(preview, r) > 1.0}
+        for name, told in others.items():
             speed, given = last.get(name, 0.0), last[fast]
             draw = abs(speed - given) / abs(given)
             if draw > max(SPEED_DIFFERENCE, held):
                 how = f"goes at {speed:g} m/s" if speed else "stands"
-                told = next(r for r in touched if r.name == name)
                 order = [r.name for r in touched]  # along the strip
                 piles = order.index(fast) < order.index(name) and distributed_load(assembly.scene)
                 or_not = ", or gathers between them and hangs slack" if piles else ""
