@@ -146,8 +146,7 @@ class SharpenedRun(Run):
             if not self.outcome.done:
                 return
             laws, sharper, tolerance = self.laws(), self.sharper(), self.scene.solver.tolerance
-            done = {"effect": self.effect, "tangents": self.cost.expansions}
-            self.passes = (*self.passes, {**laws, **done})
+            self.passes += ({**laws, "effect": self.effect, "tangents": self.cost.expansions},)
             *words, last = (
                 SHARPENED_CONSTANTS[key][1].format(value) for key, value in laws.items()
             )
