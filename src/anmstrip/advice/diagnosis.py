@@ -233,8 +233,7 @@ def not_held(failure: Failure) -> str | None:
         name = "xyz"[component]
         if held[strip.count * strip.node_values + place].any() or name in by_rollers:
             continue
-        told = unheld_words(failure.scene, failure.stage.name, name)
-        return as_sentence(told)
+        return as_sentence(unheld_words(failure.scene, failure.stage.name, name))
     return None
 
 

@@ -264,8 +264,7 @@ def holding_ratio(preview: Preview, roller: Roller) -> float:
     """Return e^(fθ) of a driven roller: the ratio of tensions that friction on it can hold."""
     scene = preview.assembly.scene
     (spec,) = (spec for spec in scene.rollers if spec.name == roller.name)
-    f = coefficient_on(scene, spec)
-    return float(np.exp(min(f * preview.turn(roller), 100.0)))
+    return float(np.exp(min(coefficient_on(scene, spec) * preview.turn(roller), 100.0)))
 
 
 def taken_by_bending(preview: Preview, roller: Roller) -> float:

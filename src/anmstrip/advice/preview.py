@@ -344,8 +344,7 @@ def flat_states(
         if not tension:
             continue
         held = strip.count * strip.edges[other].trace[:, None] + np.arange(strip.count)
-        free = np.setdiff1d(plan.supports.free, held)
-        supports = replace(plan.supports, free=free)
+        supports = replace(plan.supports, free=np.setdiff1d(plan.supports.free, held))
         run = replace(plan, model=plan.model.with_effects(effects), supports=supports)
         yield run, uniform_stretch(assembly, tension, end)
 

@@ -287,8 +287,7 @@ def geometry_table(preview: Preview) -> Table:
         axis = ", ".join(f"{c:.3g}" for c in roller.unit_axis)
         turns = ("" if roller.name in turning else "anti") + "clockwise" + drive
         wrap = wrap if thread is not None else f"{flat_gap(strip, roller):.3g} m, {wrap}"
-        passed = preview.passes(roller)
-        table.add_row(roller.name, radius, centre, axis, passed, turns, wrap)
+        table.add_row(roller.name, radius, centre, axis, preview.passes(roller), turns, wrap)
     return table
 
 

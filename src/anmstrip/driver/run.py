@@ -386,8 +386,7 @@ class Run:
             moved = (state.full - self.march.full)[plan.model.value_unknowns]
             distance = float(np.abs(moved).max())
             if distance > self.march.tolerances.tolerance * self.assembly.scales.length:
-                told = {"stage": plan.name, "time": state.time, "distance": distance}
-                self.snaps.append(told)
+                self.snaps.append({"stage": plan.name, "time": state.time, "distance": distance})
         self.state = state
         self.march.accept(step)
         self.steps += 1

@@ -554,8 +554,7 @@ def respond(scene: SceneSpec, of: str, to: str, directory: Path) -> str:
     rows = (dict(zip(columns, row, strict=True)) for row in zip(omega, gain, phase, strict=True))
     directory.mkdir(parents=True, exist_ok=True)
     write_table(directory / "response.csv", columns, rows)
-    figure = response_figure(omega, gain, phase, f"{name} to {to}")
-    save_figure(figure, directory / "response.png")
+    save_figure(response_figure(omega, gain, phase, f"{name} to {to}"), directory / "response.png")
     return (
         f"Done: {name} answers to {to} with {gain[0]:.6g} at {omega[0]:.3g} rad/s and with "
         f"{gain[-1]:.6g} at {omega[-1]:.3g} rad/s."

@@ -337,8 +337,7 @@ class History:
         if unknown := table.keys() - set(self.columns):
             raise ValueError(f"no such columns: {', '.join(sorted(unknown))}")
         count = max(map(len, table.values()), default=0)
-        empty = [None] * count
-        cells = (_cells(table.get(name, empty)) for name in self.columns)
+        cells = (_cells(table.get(name, [None] * count)) for name in self.columns)
         lines = _encode(zip(*cells, strict=True))
         with named_errors(self.path), self.path.open("rb+") as file:  # not made anew
             file.seek(0, os.SEEK_END)

@@ -141,8 +141,7 @@ def write_surface(
             raise ValueError(f"{name} has shape {values.shape} for {len(positions)} points")
     number, order = _KINDS[indices.shape[1]]
     count, size = indices.shape
-    kinds = np.full(count, number)
-    corners = indices[:, order].ravel(), size * np.arange(1, count + 1), kinds
+    corners = indices[:, order].ravel(), size * np.arange(1, count + 1), np.full(count, number)
     text = FILE_TEMPLATE.format(
         points=len(positions),
         cells=count,

@@ -265,8 +265,7 @@ class March:
             return False
         sliding = StageSpec(name=stage.name, duration=stage.duration, friction=False)
         plan = self.course.plan(sliding, {}, self.full)
-        equations = plan.equations()
-        found = self._corrected(equations, self.full[plan.supports.free])
+        found = self._corrected(plan.equations(), self.full[plan.supports.free])
         if found is None:
             return False
         self.full, self.velocity = plan.supports.full(found, 0.0), np.zeros_like(self.velocity)

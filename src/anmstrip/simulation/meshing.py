@@ -364,8 +364,7 @@ def most_unknowns(rollers: int) -> int:
 def wanted_sizes(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread | None) -> list[float]:
     """Return the lengths (m) of elements by default over rollers."""
     layer, nipping = bending_layer(scene, thread), nipping_rollers(scene, rollers, thread)
-    depths = deepest_bearing(scene, rollers, thread)
-    pairs = zip(rollers, depths, strict=True)
+    pairs = zip(rollers, deepest_bearing(scene, rollers, thread), strict=True)
     return [wanted_size(scene, r.radius, layer, depth, r.name in nipping) for r, depth in pairs]
 
 

@@ -363,8 +363,7 @@ class Assembly:
             mesh = strip_mesh(self.scene, self.rollers, self.thread)
         else:
             mesh = renumbered(self.mesh_of_file.translated(-self.flat_origin))
-        width = spec.width or 1.0
-        strip = Strip(mesh, spec.thickness, self.material, self.kinematics, width)
+        strip = Strip(mesh, spec.thickness, self.material, self.kinematics, spec.width or 1.0)
         strip.origin, strip.flat_origin = self.origin, self.flat_origin
         strip.contact_parts = contact_parts(self.scene, self.rollers, self.thread)
         check_geometry(self.scene, strip, self.rollers)

@@ -119,8 +119,7 @@ class Course:
         slope = {n: end[n] - start[n] for n in end if np.any(end[n] != start[n])}
         for roller in self.assembly.rollers:
             key = f"rollers.{roller.name}"
-            rate = slope.get(f"{key}.centre", np.zeros(3)) / stage.duration
-            start[f"{key}.velocity"] = rate
+            start[f"{key}.velocity"] = slope.get(f"{key}.centre", np.zeros(3)) / stage.duration
         if self.assembly.growth is not None:
             held = start["strip.held"]
             taken = 0.0 * held if stage.steady else slope.get("strip.held", 0.0 * held)

@@ -336,8 +336,7 @@ def thread_of(
         if not spec.closed:
             return thread
         length = float(thread.middle.length[0])
-        share = length / (length + bent_longer(thread))
-        along = share * thread.stretches.along
+        along = length / (length + bent_longer(thread)) * thread.stretches.along
         return replace(thread, stretches=replace(thread.stretches, along=along))
     except (NotTouchedError, NoTangentError) as error:
         raise _refused(scene, thread, error) from error
