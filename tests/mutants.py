@@ -609,8 +609,8 @@ EVENTS = (
     ),
     Mutant(
         "contact at another pressure",
-        "max(TOUCHING_SHARE * tension / roller.radius, law.faint)",
-        "max(TOUCHING_SHARE * tension * roller.radius, law.faint)",
+        "max(TOUCHING_SHARE * tension / r.radius, law.faint)",
+        "max(TOUCHING_SHARE * tension * r.radius, law.faint)",
         "events",
     ),
     Mutant(
@@ -924,8 +924,8 @@ YIELD = (
            "np.asarray(self.curvature + elastic", "plasticity"),
     Mutant("plastic strain as if it were stress", "np.linalg.inv(VON_MISES[len(self.strain)])",
            "VON_MISES[len(self.strain)]", "plasticity"),
-    Mutant("what flows throughout is elastic", "turns, 1.0, np.minimum(",
-           "turns, 1.0, np.maximum(", "plasticity"),
+    Mutant("what flows throughout is elastic", "begun = np.minimum((high",
+           "begun = np.maximum((high", "plasticity"),
     Mutant("power of half of the stress", '"l,klp->p", weights, work)',
            '"l,klp->p", 0.5 * weights, work)', "plasticity"),
     Mutant("power of the middle as that of its fibres", "(1.0 / self.effect.contracting - 1.0)",

@@ -71,7 +71,7 @@ def expand_once(scene: Scene) -> None:
     for stage in scene.course:
         plan = course.plan(stage, {})
         course.finish(stage)
-    full = uniform_stretch(a, TENSION) if a.thread is None else a.thread.guess(a.strip, a.pattern)
+    full = uniform_stretch(a, TENSION, {}) if a.thread is None else a.laid
     u = full[plan.supports.free]
     rest, equations = 0.0 * u, Equilibrium(plan.model, plan.supports, plan.controls)
     if plan.in_time:

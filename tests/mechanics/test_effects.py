@@ -102,9 +102,8 @@ def test_uniform_stretch(strip, elastic, strain):
 @pytest.mark.parametrize("tension", [1.0, 1e5, 5e6])
 def test_stretched_strip_is_in_equilibrium(strip, elastic, tension):
     """The start of a scene: it leaves nothing to be taken away."""
-    full = uniform_stretch(
-        SimpleNamespace(strip=strip, pattern=Pattern(strip), unknowns=strip.unknowns), tension
-    )
+    assembly = SimpleNamespace(strip=strip, pattern=Pattern(strip), unknowns=strip.unknowns)
+    full = uniform_stretch(assembly, tension, {})
     equations = free_equations(
         strip,
         [*elastic, edge_force(strip, "exit"), edge_force(strip, "entry")],

@@ -158,9 +158,7 @@ class EventWatch:
     def levels(self) -> Array:
         """Gap (m) below which a pair touches, shape (pairs,)."""
         law, tension = self.contact.signorini, self.tension
-        least = [
-            max(TOUCHING_SHARE * tension / roller.radius, law.faint) for roller in self.rollers
-        ]
+        least = [max(TOUCHING_SHARE * tension / r.radius, law.faint) for r in self.rollers]
         return self._of_pairs([float(law.gap(pressure)) for pressure in least])
 
     @cached_property

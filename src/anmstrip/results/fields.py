@@ -230,9 +230,8 @@ class FieldSampler:
         layers = YieldedStrip(state, state.plasticity)
         d = len(layers.curvature)
         parts = [layers.plastic_share, layers.face_strain, layers.flow.mises(layers.stress[:, -1])]
-        found = self._recovered(
-            np.vstack([*layers.added, layers.residual_curvature, *parts]), layered=True
-        )
+        values = np.vstack([*layers.added, layers.residual_curvature, *parts])
+        found = self._recovered(values, layered=True)
         force, moment, left = (np.zeros((3, *found.shape[1:])) for _ in range(3))
         force[:d], moment[:d], left[:d] = found[:d], found[d : 2 * d], found[2 * d : 3 * d]
         if d == 1:

@@ -376,9 +376,8 @@ def read_history(
     with Path(path).open(encoding="utf-8", newline="") as file:
         lines = (line for line in file if line.endswith("\n"))
         header = next(csv.reader(lines), [])
-        records = csv.reader(
-            line for number, line in enumerate(lines) if rows is None or number in rows
-        )
+        wanted = (line for n, line in enumerate(lines) if rows is None or n in rows)
+        records = csv.reader(wanted)
         parts: list[list[Any]] = [[] for _ in header]
         while some := list(islice(records, ROWS_AT_ONCE)):
             for part, cells in zip(parts, zip(*some, strict=True), strict=True):

@@ -137,9 +137,8 @@ class YieldedStrip:
         slope = np.tile(slope, (len(gaps), 1))
         change, elastic = self.flow.mises(np.diff(self.stress, axis=1)), gaps + 0.0 * slope
         np.divide(change, slope, out=elastic, where=change < slope * gaps)
-        elastic *= np.where(
-            turns, 1.0, np.minimum((high - low) / np.abs(high - FLOWING_SHARE), 1.0)
-        )
+        begun = np.minimum((high - low) / np.abs(high - FLOWING_SHARE), 1.0)
+        elastic *= np.where(turns, 1.0, begun)
         plastic = np.where(high > FLOWING_SHARE, gaps - elastic, 0.0)
         return np.asarray(plastic.sum(axis=0) / gaps.sum())
 

@@ -123,9 +123,8 @@ def free_spans(state: State) -> Iterator[Span]:
             continue
         low, high = state.principal_forces.T
         pressure = np.where(inside, np.maximum(-low, 0.0), 0.0)
-        work, area = (
-            np.bincount(lines[within], each[within]) for each in (pressure * weights, weights)
-        )
+        summed = pressure * weights, weights
+        work, area = (np.bincount(lines[within], each[within]) for each in summed)
         means = np.divide(work, area, out=np.zeros_like(work), where=area > 0.0)
         fibre = inside & (lines == means.argmax())
         worst = int(np.where(fibre if means.any() else inside, low, np.inf).argmin())
@@ -260,9 +259,7 @@ class Wrinkling:
         x = reference[0, [line[0] for line in lines]]
         bases = [np.vander(reference[1, line], SMOOTH_DEGREE + 1) for line in lines]
         pairs = list(zip(bases, lines, strict=True))
-        fits = np.stack(
-            [np.linalg.lstsq(basis, points[line], rcond=None)[0] for basis, line in pairs]
-        )
+        fits = np.stack([np.linalg.lstsq(b, points[k], rcond=None)[0] for b, k in pairs])
         normals = np.cross(np.gradient(fits[:, -1], x, axis=0), fits[:, -2])
         normals /= np.linalg.norm(normals, axis=1)[:, None]
         parts = zip(x, pairs, fits, normals, strict=True)

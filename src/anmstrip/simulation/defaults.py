@@ -351,9 +351,7 @@ def line_speed(scene: SceneSpec) -> float:
     if max(speeds) > 0.0:
         return max(speeds)
     time = sum(stage.duration for stage in scene.stages if stage.friction)
-    way = max(moves) or STANDING_GIVE * min(
-        (roller.radius for roller in scene.rollers), default=1.0
-    )
+    way = max(moves) or STANDING_GIVE * min((r.radius for r in scene.rollers), default=1.0)
     return way / (time or sum(stage.duration for stage in scene.stages))
 
 

@@ -112,9 +112,8 @@ class Growth:
         warm = before[runs:]
         if temperature in self.temperatures:
             warm = np.array([float(each == temperature) for each in self.temperatures])
-        return np.append(
-            self._of_runs(centres, before[:runs], loads, self.shapes[:, runs:] @ warm), warm
-        )
+        heat = self.shapes[:, runs:] @ warm
+        return np.append(self._of_runs(centres, before[:runs], loads, heat), warm)
 
     def _of_runs(
         self, centres: Mapping[str, Array], before: Array, loads: Loads | None, heat: Array
@@ -175,10 +174,8 @@ class Hanging:
 
     def changed(self, key: str) -> Array:
         """Strip (m) that runs take up per unit of a parameter, (shapes,); 0 if it is no load."""
-        loads, nothing = self.loads, self.growth.nothing
-        arms = {
-            f"rollers.{r.name}.torque": r.radius * self.width for r in self.growth.thread.rollers
-        }
+        loads, growth = self.loads, self.growth
+        arms = {f"rollers.{r.name}.torque": r.radius * self.width for r in growth.thread.rollers}
         scales = {
             "gravity": self.gravity,
             "strip.thickness": self.thickness,
@@ -187,7 +184,7 @@ class Hanging:
             "entry.tension": loads.entry or 0.0,
         } | {name: arm * loads.exit for name, arm in arms.items()}
         if not (step := DIFFERENCE_SHARE * scales.get(key, 0.0)):
-            return nothing
+            return growth.nothing
         sides = []
         for h in (-step, step):
             if key in ("gravity", "strip.thickness"):
@@ -200,5 +197,5 @@ class Hanging:
                 now = replace(loads, entry=scales[key] + h)
             else:
                 now = replace(loads, exit=loads.exit + h)
-            sides.append(self.growth.held(self.centres, nothing, now))
+            sides.append(growth.held(self.centres, growth.nothing, now))
         return np.asarray(sides[1] - sides[0]) / (2.0 * step)

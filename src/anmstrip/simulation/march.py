@@ -471,11 +471,9 @@ class March:
         aim = max(aim, equations.round_off(found.u, 0.0))
         if found.imbalance <= aim:
             return found.u
-        path = Settings(
-            tolerance=aim, max_steps=MAX_SLIDING_BRANCHES, give_way=False, rational=True
-        )
+        few = Settings(tolerance=aim, max_steps=MAX_SLIDING_BRANCHES, give_way=False, rational=True)
         try:
-            *_, last = self.follow(equations, found.u, settings=path, **self.ways)
+            *_, last = self.follow(equations, found.u, settings=few, **self.ways)
             return last.branch.end[0]
         except PathStopped:
             settings = replace(settings, near=0.0)
@@ -505,12 +503,10 @@ class March:
                 for step in integrate(motion, memory, until, settings=settings, **ways):
                     memory = step.memory
                     settings = replace(settings, max_steps=settings.max_steps - 1)
-                    accepted = self._step(
-                        plan, replace(step, start=begin), settings.order, velocity
-                    )
-                    yield accepted
-                    assert accepted.state.velocity is not None
-                    begin, velocity = step.end, accepted.state.velocity
+                    taken = self._step(plan, replace(step, start=begin), settings.order, velocity)
+                    yield taken
+                    assert taken.state.velocity is not None
+                    begin, velocity = step.end, taken.state.velocity
             if memory.times[0] == until < ends[-1]:  # slip turns round: it begins anew
                 now = memory.errors and Errors(memory.errors.after, memory.errors.after, 0.0)
                 past = memory.states[0], memory.v

@@ -308,9 +308,8 @@ def lines_across(scene: SceneSpec) -> Array:
     marks = sorted([-0.5, *corners, *[0.0] * middle, 0.5])
     counts = np.diff(marks) * count * mesh_density(scene)
     counts = np.ceil(counts - 1e-9) if corners else np.maximum(np.round(counts), 1.0)
-    parts = [
-        np.linspace(a, b, 1 + int(n)) for (a, b), n in zip(pairwise(marks), counts, strict=True)
-    ]
+    pieces = zip(pairwise(marks), counts, strict=True)
+    parts = [np.linspace(a, b, 1 + int(n)) for (a, b), n in pieces]
     return np.concatenate([[-0.5], *(part[1:] for part in parts)])
 
 
@@ -408,9 +407,8 @@ def deepest_bearing(scene: SceneSpec, rollers: Sequence[Roller], thread: Thread 
     stiffness = 15.0 * bending_stiffness(scene) / p**3 + 4.0 * largest_force(scene) / p
     falls = np.array([abs(r.centre[2]) - r.radius - r.half for r in rollers])
     falls *= thread is None
-    return np.maximum(
-        SETTLING_DEPTH * load * p / stiffness if stiffness else np.inf, MIN_FALL_DEPTH * falls
-    )
+    lying = SETTLING_DEPTH * load * p / stiffness if stiffness else np.inf
+    return np.maximum(lying, MIN_FALL_DEPTH * falls)
 
 
 def bending_layer(scene: SceneSpec, thread: Thread | None) -> float:
@@ -464,9 +462,8 @@ def nips(rollers: Sequence[Roller], thread: Thread | None, thickness: float) -> 
         way = centres[i + 1 :] - centres[i]
         across = np.linalg.norm(way - np.outer(way @ axes[i], axes[i]), axis=1)
         gaps = across - radii[i + 1 :] - radii[i]
-        faced = (side[i + 1 :] * side[i] < 0.0) & (
-            np.abs(axes[i + 1 :] @ axes[i]) > PARALLEL_COSINE
-        )
+        parallel = np.abs(axes[i + 1 :] @ axes[i]) > PARALLEL_COSINE
+        faced = parallel & (side[i + 1 :] * side[i] < 0.0)
         for j in map(int, np.flatnonzero(faced & (gaps <= NIP_GAP * thickness))):
             found.append(Nip(first, rollers[i + 1 + j], float(gaps[j])))
     return found
@@ -774,9 +771,8 @@ def graded_nodes(
         if min(place - places[-1], passed[-1] - place) > MIN_NODE_DISTANCE:
             places.append(float(place))
     for a, b in pairwise([*places, float(passed[-1])]):
-        xs.append(
-            np.interp(np.linspace(a, b, max(1, int(np.ceil(b - a - 1e-9))) + 1)[1:], passed, x)
-        )
+        count = max(1, int(np.ceil(b - a - 1e-9)))
+        xs.append(np.interp(np.linspace(a, b, count + 1)[1:], passed, x))
     return np.concatenate(xs)
 
 

@@ -463,9 +463,8 @@ class Assembly:
         """Return plastic flow that is frozen, in time, or along the strip."""
         p = self.scene.material.plasticity
         assert p is not None and self.membrane is not None
-        layers = Layers.of(
-            self.strip.thickness, p.layers or DEFAULT_LAYERS[self.scene.strip.kinematics]
-        )
+        count = p.layers or DEFAULT_LAYERS[self.scene.strip.kinematics]
+        layers = Layers.of(self.strip.thickness, count)
         variables = flow.variables(self.kinematics.directions)
         slopes = upwind_differences(self.strip) if along else None
         assert isinstance(self.bending, KirchhoffLove)
@@ -673,9 +672,8 @@ class Assembly:
         apart = 0.5 * element / parts  # two points to a part
         onset = (apart if parts > 1 else 0.5 * apart) ** 2 / (2.0 * radius)
         if load:
-            onset = min(
-                onset, FLOATING_SHARE * thickness / max(1.0, float(np.log(pressure / load)))
-            )
+            onsets_high = max(1.0, float(np.log(pressure / load)))
+            onset = min(onset, FLOATING_SHARE * thickness / onsets_high)
         if self.thread is not None:
             depths = deepest_bearing(self.scene, self.rollers, self.thread)
             onset = min(onset, LYING_ONSET * float(depths.min()))
@@ -919,10 +917,8 @@ def check_geometry(scene: SceneSpec, strip: Strip, rollers: Sequence[Roller]) ->
         least = float(np.min(roller.radius_at(across - roller.centre[1])))
         if not least > 0.0:
             profile, value = next(iter(spec.profile.items()))
-            key, hint = (
-                f"rollers.{spec.name}.{profile}",
-                GENTLE_PROFILES[profile].format(1e-3 * spec.radius),
-            )
+            key = f"rollers.{spec.name}.{profile}"
+            hint = GENTLE_PROFILES[profile].format(1e-3 * spec.radius)
             expected = f"a radius above 0 all across the strip; it falls to {least:.3g} (m)"
             mistakes.append(scene.mistake(key, value, expected, hint))
         elif scene.threading is None and (gap := flat_gap(strip, roller)) < -1e-12 * spec.radius:

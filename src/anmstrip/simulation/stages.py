@@ -140,13 +140,12 @@ class Course:
             start["strip.passing"] = np.array(before)
             if after != before:
                 slope["strip.passing"] = np.array(after - before)
+        given = a.scales, a.turning, a.conveyed, pull, a.units(stage)
         return StageProblem(
             name=stage.name,
             start=self.time,
             duration=stage.duration,
-            model=Model(
-                a.strip, a.pattern, effects, a.scales, a.turning, a.conveyed, pull, a.units(stage)
-            ),
+            model=Model(a.strip, a.pattern, effects, *given),
             supports=self.supports(stage, full),
             controls=Controls(start, slope),
             in_time=a.frictional(stage),
@@ -339,9 +338,7 @@ class Course:
             r.name: a.thread.stretch(label_at(r, a.thread)) - bent / r.radius**2 / stiffness
             for r in a.rollers
         }
-        driven = {
-            name: f"rollers.{name}.surface_speed" for name in sticking if name not in a.turning
-        }
+        driven = {r: f"rollers.{r}.surface_speed" for r in sticking if r not in a.turning}
         speed = float(end["strip.speed"])
         if self.pulled(stage):
             speed = max((float(end[driven[r]]) / sticking[r] for r in driven), key=abs, default=0.0)
@@ -506,20 +503,18 @@ class Course:
         return Supports(free, start, slope, bows if bent else None, joint)
 
 
-def uniform_stretch(
-    assembly: Assembly, tension: float, controls: Mapping[str, Array] | None = None
-) -> Array:
+def uniform_stretch(assembly: Assembly, tension: float, controls: Mapping[str, Array]) -> Array:
     """Displacement of the uniformly stretched flat strip, all unknowns.
 
     Parameters
     ----------
     tension : float
         T (N/m) along x.
-    controls : mapping, optional
+    controls : mapping
         Of whose eigenstrain the mean counts.
     """
     strip = assembly.strip
-    own, weights = eigenstrain(strip, controls or {}), strip.weights().ravel()
+    own, weights = eigenstrain(strip, controls), strip.weights().ravel()
     mean = (0.0, 0.0)
     if own is not None:
         xx, yy = (own[i, i] @ weights / weights.sum() for i in (0, -1))

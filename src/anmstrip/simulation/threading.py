@@ -513,10 +513,9 @@ def _if_in_millimetres(scene: SceneSpec) -> Iterator[str]:
     places = {f"rollers.{roller.name}.centre": roller.centre for roller in scene.rollers}
     ends = scene.threading.entry, scene.threading.exit
     places |= {f"threading.{name}": end for name, end in zip(ENDS, ends, strict=True) if end}
-    sizes = np.unique(
-        [r.radius for r in scene.rollers] + [abs(x) for p in places.values() for x in p]
-    )
-    sizes = sizes[sizes >= min(r.radius for r in scene.rollers)]
+    radii = [roller.radius for roller in scene.rollers]
+    sizes = np.unique(radii + [abs(x) for place in places.values() for x in place])
+    sizes = sizes[sizes >= min(radii)]
     far = sizes[1:][sizes[1:] > FAR_AWAY * sizes[:-1]].min(initial=np.inf)
     typed = [
         f"{key} = [{', '.join(f'{1e-3 * x if abs(x) >= far else x:g}' for x in place)}]"
