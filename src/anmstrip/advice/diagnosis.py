@@ -244,9 +244,8 @@ def squeezed(failure: Failure) -> str | None:
     for pair in combinations(assembly.rollers, 2):
         if not {roller.name for roller in pair} <= set(contacts):
             continue
-        a, b = (
-            replace(r, centre=tuple(np.array(controls[f"rollers.{r.name}.centre"]))) for r in pair
-        )
+        centres = (controls[f"rollers.{roller.name}.centre"] for roller in pair)
+        a, b = (replace(r, centre=tuple(at)) for r, at in zip(pair, centres, strict=True))
         apart = float(np.linalg.norm(across(np.subtract(b.centre, a.centre), a.unit_axis)))
         nip = Nip(a, b, apart - a.radius - b.radius)
         first, second = (contacts[r.name].pressed for r in pair)
@@ -431,9 +430,8 @@ def sharp_contact(failure: Failure) -> str | None:
     contact = failure.scene.contact
     if contact is None or contact.onset is None:
         return None
-    resolved = failure.scene.model_copy(
-        update={"contact": contact.model_copy(update={"onset": None})}
-    )
+    graded = contact.model_copy(update={"onset": None})
+    resolved = failure.scene.model_copy(update={"contact": graded})
     onset = Assembly(resolved).signorini.width
     if not contact.onset < SHARP_ONSET * onset:
         return None

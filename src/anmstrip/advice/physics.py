@@ -250,9 +250,8 @@ def driven_without_friction(preview: Preview) -> Iterator[str]:
             if (c := stage.rollers.get(spec.name)) and (c.surface_speed or c.angular_speed)
         ]
         f = coefficient_on(scene, spec)
-        if turning and (
-            not f or not any(s.steady or preview.assembly.frictional(s) for s in turning)
-        ):
+        rubs = f and any(s.steady or preview.assembly.frictional(s) for s in turning)
+        if turning and not rubs:
             off = f"stages.{turning[0].name}.friction=true" if f else "friction.coefficient=0.2"
             yield (
                 f"roller {spec.name} turns, but nothing rubs on it, so that it drives nothing. "

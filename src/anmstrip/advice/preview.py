@@ -438,12 +438,10 @@ def unheld_words(scene: SceneSpec, stage: str, component: str) -> str:
         if any(c.surface_speed or c.angular_speed or c.torque for c in each.rollers.values())
     ]
     if component == "x" and edge in ENDS and turning:
-        later = [name for name in turning if name != stage]
-        key += (
-            f" --set stages.{later[0]}.{edge}.release=true"
-            if later
-            else (f" and turn the rollers in a later stage, with {edge}.release = true there.")
-        )
+        let_go = f" and turn the rollers in a later stage, with {edge}.release = true there."
+        if later := [name for name in turning if name != stage]:
+            let_go = f" --set stages.{later[0]}.{edge}.release=true"
+        key += let_go
     return f"nothing holds the strip in {component}. Try --set {key}"
 
 

@@ -204,9 +204,8 @@ def in_millimetres(scene: SceneSpec) -> bool:
     sized = all(least <= value <= most for value, least, most in ranges)
     sized = sized and all(roller.radius >= MIN_RADIUS for roller in scene.rollers)
     needed = 0.0 if width > WIDEST_IN_METRES else MIN_TENSION_STRAIN
-    return sized and needed <= strain <= (
-        MAX_SOFT_STRAIN if young <= SOFT_MODULUS else MAX_TENSION_STRAIN
-    )
+    most = MAX_SOFT_STRAIN if young <= SOFT_MODULUS else MAX_TENSION_STRAIN
+    return sized and needed <= strain <= most
 
 
 def in_kilonewtons(scene: SceneSpec) -> bool:

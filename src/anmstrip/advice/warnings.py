@@ -521,9 +521,8 @@ def shorter_elements(assembly: Assembly, longest: float) -> str:
     if found.unknowns <= MAX_HALVED_UNKNOWNS:
         less = " or less travel" * any(not stage.steady for stage in scene.stages)
         return f"Shorter ones need {count}. Try {key}{less}"
-    memory, seconds = (
-        EXPLAIN_COST[1:] * (found.unknowns / EXPLAIN_COST[0]) ** EXPLAIN_COST_EXPONENTS
-    )
+    growth = (found.unknowns / EXPLAIN_COST[0]) ** EXPLAIN_COST_EXPONENTS
+    memory, seconds = EXPLAIN_COST[1:] * growth
     time = f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} minutes"
     return (
         f"{key} makes them so short, but with {count}, for which `anmstrip explain` alone takes "

@@ -397,9 +397,8 @@ class Budget:
         """Return the problem of a state on elements of half the length."""
         loads = {f"{name}.force": self.loads[name] for name in released if name in self.loads}
         plan = halved.problem(stage, state, released, loads)
-        largest = max(
-            (float(c.pressure.max(initial=0.0)) for c in state.contacts.values()), default=0.0
-        )
+        pressures = (float(c.pressure.max(initial=0.0)) for c in state.contacts.values())
+        largest = max(pressures, default=0.0)
         if largest > 0.0:
             effects = [tangent_beyond(e, EXPECTED_PRESSURE * largest) for e in plan.model.effects]
             plan = replace(plan, model=plan.model.with_effects(effects))
@@ -613,11 +612,10 @@ class Halved(Assembly):
         """
         if (layers := self.coarse.frozen) is None:
             return np.zeros(0)
-        own, (parents, local) = self.coarse.strip.basis.X[0], self.children
+        old, (parents, local) = self.coarse.strip, self.children
+        own = old.basis.X[0]
         powers = np.vander(local.ravel(), len(own)) @ np.linalg.inv(np.vander(own))
-        values = layers.operator.values(full).reshape(
-            -1, self.coarse.strip.mesh.nelements, len(own)
-        )
+        values = layers.operator.values(full).reshape(-1, old.mesh.nelements, len(own))
         functions = powers.reshape(len(parents), -1, len(own))
         return np.einsum("epq,leq->lep", functions, values[:, parents]).ravel()
 
@@ -669,10 +667,8 @@ def corrected_by_width(
         Imbalance that is asked for, and that of zero.
     """
     begin = np.zeros(len(equations.supports.free))
-    corrections = Corrections(
-        wanted, MAX_CORRECTIONS, FAST_REDUCTION, least=1, kept=TANGENT_REUSE_RATIO
-    )
-    quick = replace(corrections, near=np.inf, helpful=SLOW_CONVERGENCE_RATIO)
+    usual = Corrections(wanted, MAX_CORRECTIONS, FAST_REDUCTION, least=1, kept=TANGENT_REUSE_RATIO)
+    quick = replace(usual, near=np.inf, helpful=SLOW_CONVERGENCE_RATIO)
     found = Newton(equations, solver, quick, Cost()).corrected(begin, 0.0)
     if found is None or found.imbalance <= wanted:
         return found, begin
@@ -680,13 +676,13 @@ def corrected_by_width(
     for width, reduction in WIDER_LAWS.items():
         if (laws := equations.smoother(width)) is not None:
             least = max(wanted, reduction * min(first, 1.0))
-            rough = replace(corrections, tolerance=least, least=0, most=MAX_ROUGH_CORRECTIONS)
+            rough = replace(usual, tolerance=least, least=0, most=MAX_ROUGH_CORRECTIONS)
             found = Newton(laws[0], solver, rough, Cost()).corrected(near, 0.0)
             if found is None:
                 break
             near = found.u
         begin, last = near, laws is None or width == min(WIDER_LAWS)
-        tried = corrections if last else replace(corrections, most=FEW_CORRECTIONS)
+        tried = usual if last else replace(usual, most=FEW_CORRECTIONS)
         found = Newton(equations, solver, tried, Cost()).corrected(begin, 0.0)
         if found is not None or last:
             break

@@ -239,7 +239,7 @@ def left_out(preview: Preview) -> list[str]:
     follows, bent = (any(n.startswith(f"{k} on") for n in names) for k in ("tension", "moment"))
     rubs = any(plan.in_time or plan.steady for plan in preview.plans)
     still = scene.friction is not None and not rubs
-    bends = scene.strip.bending
+    bends, uneven = scene.strip.bending, naturals(scene)
     acting = {
         "membrane (a plate has the tension that exit.force gives it).": "membrane" in names,
         "bending (strip.bending = false): no boundary layer, any curvature is free.": bends,
@@ -251,9 +251,7 @@ def left_out(preview: Preview) -> list[str]:
         "tension that turns with the strip (no end has it).": follows,
         "moments on edges (no stage has entry.moment or exit.moment).": bent,
         "plasticity (no table [material.plasticity]): the strip is elastic.": "plasticity" in names,
-        "heat, flatness, camber, coil set (no such key in [strip]): flat if unstressed.": naturals(
-            scene
-        ),
+        "heat, flatness, camber, coil set (no such key in [strip]): flat if unstressed.": uneven,
         "inertia, which is not modelled.": False,
     }
     return [line for line, acts in acting.items() if not acts]

@@ -287,9 +287,8 @@ class Run:
         return columns
 
     def __repr__(self) -> str:
-        return (
-            f"<Run of {self.scene.title or self.scene.name!r}: {self.steps} steps. {self.message}>"
-        )
+        name = self.scene.title or self.scene.name
+        return f"<Run of {name!r}: {self.steps} steps. {self.message}>"
 
     @property
     def end_time(self) -> float:
@@ -489,9 +488,8 @@ class Run:
         found = [*found, *self._moved_onsets]
         if wrinkling is not None:
             found += self._of_wrinkles(state, wrinkling)
-        return propose_one_mesh(
-            [*beside_rollers(state, self.scene), *useless, *told, *seen, *found]
-        )
+        beside = beside_rollers(state, self.scene)
+        return propose_one_mesh([*beside, *useless, *told, *seen, *found])
 
     def _of_wrinkles(self, state: State, wrinkling: Wrinkling) -> list[str]:
         """Return warnings of wrinkles that no onset has told, and of strip that is near them."""

@@ -147,23 +147,20 @@ class SharpenedRun(Run):
                 return
             laws, sharper, tolerance = self.laws(), self.sharper(), self.scene.solver.tolerance
             self.passes += ({**laws, "effect": self.effect, "tangents": self.cost.expansions},)
-            *words, last = (
-                SHARPENED_CONSTANTS[key][1].format(value) for key, value in laws.items()
-            )
+            words = [SHARPENED_CONSTANTS[key][1].format(value) for key, value in laws.items()]
             sharp = self.effect <= tolerance
             self.message += (
                 f" Regularisation changes tensions by about {self.effect:.2g}, "
                 f"{'below' if sharp else 'above'} the tolerance of {tolerance:g}, with "
-                f"{', '.join(words)} and {last} after {len(self.passes)} run(s)"
+                f"{', '.join(words[:-1])} and {words[-1]} after {len(self.passes)} run(s)"
             )
             bound = "their constants are the least" if laws == sharper else "there are no more"
             self.message += "." if sharp else f": {bound}."
             if sharp or len(self.passes) == MAX_RUNS or laws == sharper:
                 self._finish()
                 return
-            restart(
-                self, {(SHARPENED_CONSTANTS[key][0], key): value for key, value in sharper.items()}
-            )
+            changes = {(SHARPENED_CONSTANTS[key][0], key): sharper[key] for key in sharper}
+            restart(self, changes)
 
     def facts(self) -> dict[str, Any]:
         """Return the counters of the run, and what was done to sharpen its laws."""
@@ -239,21 +236,20 @@ class RefinedRun(Run):
         while True:
             yield from super().__iter__()
             strip, found = self.assembly.strip, self.errors()["mesh"]
-            self.passes += (
-                {
-                    "finer": self.scene.strip.finer or 1.0,
-                    "element": float(strip.cell_sizes[0].min()),
-                    "unknowns": strip.unknowns,
-                    "error": None if found is None else found["tension"],
-                    "tangents": self.cost.expansions,
-                },
-            )
+            told: dict[str, Any] = {
+                "finer": self.scene.strip.finer or 1.0,
+                "element": float(strip.cell_sizes[0].min()),
+                "unknowns": strip.unknowns,
+                "error": None if found is None else found["tension"],
+                "tangents": self.cost.expansions,
+            }
+            self.passes += (told,)
             spent = self.outcome in (Outcome.TOO_MANY_STEPS, Outcome.TOO_MANY_TANGENTS)
             if self.fine_enough or spent or not self.assembly.can_halve:
                 self.message += self.words()
                 self._finish()
                 return
-            restart(self, {("strip", "finer"): 2.0 * self.passes[-1]["finer"]})
+            restart(self, {("strip", "finer"): 2.0 * told["finer"]})
 
     def words(self) -> str:
         """Return what refinement has come to, as a sentence."""

@@ -157,9 +157,8 @@ class StationaryTangent:
         for name, areas in self.areas.items():
             part, entries, rows = self.law_part(name), 0, 0
             count, points = int(np.prod(part.shape[:-1])), part.shape[-1]
-            unit = np.broadcast_to(
-                np.eye(count).reshape(-1, *part.shape[:-1], 1), (count, *part.shape)
-            )
+            each = np.eye(count).reshape(-1, *part.shape[:-1], 1)
+            unit = np.broadcast_to(each, (count, *part.shape))
             slopes = part.orders.derivative(unit).reshape(count, -1, points)
             operator: Any = part.operator
             for given in operator.matrices[0]:
@@ -249,10 +248,9 @@ class Partials:
         step = DIFFERENCE_STEP / float(np.abs(change).max())
 
         def law(effect: Any, h: float) -> Array:
-            controls = state.controls | {
-                "strip.growth": state.controls["strip.growth"] + h * change
-            }
-            return np.asarray(effect.law(effect.operator.apply(state.full), None, controls))
+            grown = {"strip.growth": state.controls["strip.growth"] + h * change}
+            x, controls = effect.operator.apply(state.full), state.controls | grown
+            return np.asarray(effect.law(x, None, controls))
 
         names = [name for name in (*THICKNESS_POWERS, "weight") if name in tangent.parts]
         found = self._difference(law, names, step)
@@ -346,9 +344,8 @@ class Partials:
 
         def yawed(roller: Roller, h: float) -> Roller:
             x, y, z = roller.axis
-            return replace(
-                roller, axis=(x * np.cos(h) - y * np.sin(h), x * np.sin(h) + y * np.cos(h), z)
-            )
+            turned = x * np.cos(h) - y * np.sin(h), x * np.sin(h) + y * np.cos(h)
+            return replace(roller, axis=(*turned, z))
 
         half = 0.5 * self.tangent.model.strip.width
         for roller in self.tangent.friction.roller.members:
@@ -434,9 +431,8 @@ class Readings:
             return float(self.edge_forces[name] @ outward) / edge.length
         slope = strip.edge_tangent(name, state.full)
         turn = strip.edge_tangent(name, self.change) - [1.0, 0.0, 0.0]
-        found = change_along_slope(
-            self.tangent.edge_forces[name], self.edge_forces[name], slope, turn
-        )
+        force, change = self.tangent.edge_forces[name], self.edge_forces[name]
+        found = change_along_slope(force, change, slope, turn)
         return sign * float(found) / edge.length
 
     @property
@@ -468,9 +464,7 @@ class Readings:
         model, change = tangent.model, self.change
         found = {f"{name}_tension": self.tension(name) for name in ENDS}
         found["strip_speed"] = float(change[model.coupled - 1]) + (self.key == "strip.speed")
-        pushes, drags = (
-            tangent.on_rollers(name, change, self.explicit) for name in ("contact", "friction")
-        )
+        pushes, drags = (tangent.on_rollers(name, change, self.explicit) for name in tangent.areas)
         count, places = model.strip.kinematics.count, list(tangent.order.values())
         each = -model.strip.kinematics.embed(pushes + drags[:count]).T[places]
         passed, passages = tangent.passage_of, state.passages

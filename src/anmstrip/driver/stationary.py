@@ -305,9 +305,8 @@ class OperatingMap:
         require_steady_end(scene, "a map is made of stationary states")
         if not 1 <= len(along) <= 2:
             raise wrong_control(" ".join(along), "", "one control or two", len(along))
-        self.along = [
-            Along.parse(t, n) for t, n in zip(along, (DEFAULT_POINTS, DEFAULT_CURVES), strict=False)
-        ]
+        counts = zip(along, (DEFAULT_POINTS, DEFAULT_CURVES), strict=False)
+        self.along = [Along.parse(text, count) for text, count in counts]
         self.stages = [[a.stage(scene, v) for v in a.values[[0, -1]]] for a in self.along]
         if len({a.key for a in self.along}) < len(along):
             raise wrong_control(along[1], self.along[1].key, "another control")
@@ -384,13 +383,11 @@ class OperatingMap:
         if not names:
             text, key = self.along[0].text, self.along[0].key
             raise wrong_control(text, key, "a control of a steady stage")
-        now, first_, last_ = (
-            np.concatenate([np.ravel(at[name]) for name in names])
-            for at in (plans[0].controls.start, first, last)
-        )
-        way = last_ - first_
-        share = float((now - first_) @ way / (way @ way))
-        aside = np.abs(now - first_ - share * way).max() > 1e-9 * np.abs(way).max()
+        given = plans[0].controls.start, first, last
+        now, begin, end = (np.concatenate([np.ravel(at[n]) for n in names]) for at in given)
+        way = end - begin
+        share = float((now - begin) @ way / (way @ way))
+        aside = np.abs(now - begin - share * way).max() > 1e-9 * np.abs(way).max()
         return -1.0 if aside else share
 
     def _moved(self, along: Along, value: float) -> bool:
