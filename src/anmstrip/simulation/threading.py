@@ -487,14 +487,16 @@ def _refused(scene: SceneSpec, thread: Thread, error: ValueError) -> InputError:
     after = names[index] if index < len(names) else "the exit"
     key = f"rollers.{after}.centre" if index < len(names) else "threading.exit"
     key = key if index else "threading.entry"
-    assert scene.threading is not None
-    given = {"threading.entry": scene.threading.entry, "threading.exit": scene.threading.exit}
-    centres = {f"rollers.{roller.name}.centre": roller.centre for roller in scene.rollers}
-    value = (given | centres)[key]
     expected = f"room for a straight run from {before} to {after}, which overlap"
-    return scene.refused(
-        key, value, expected, ", or ".join(["a place further away", *_if_in_millimetres(scene)])
-    )
+    hint = ", or ".join(["a place further away", *_if_in_millimetres(scene)])
+    return scene.refused(key, _places(scene)[key], expected, hint)
+
+
+def _places(scene: SceneSpec) -> dict[str, Any]:
+    """Return keys of the places between which strip is threaded, as typed (m)."""
+    assert scene.threading is not None
+    centres = {f"rollers.{roller.name}.centre": roller.centre for roller in scene.rollers}
+    return centres | {f"threading.{name}": getattr(scene.threading, name) for name in ENDS}
 
 
 def _room(first: Roller | RollerSpec, second: Roller | RollerSpec) -> float:
@@ -505,14 +507,11 @@ def _room(first: Roller | RollerSpec, second: Roller | RollerSpec) -> float:
 
 def _if_in_millimetres(scene: SceneSpec) -> Iterator[str]:
     """Yield what to type besides if radii or places, far larger than all others, are in mm."""
-    assert scene.threading is not None
     for roller in scene.rollers:
         if roller.radius > LARGEST_RADIUS:
             yield f"rollers.{roller.name}.radius = {1e-3 * roller.radius:g} if it is in mm"
             return
-    places = {f"rollers.{roller.name}.centre": roller.centre for roller in scene.rollers}
-    ends = scene.threading.entry, scene.threading.exit
-    places |= {f"threading.{name}": end for name, end in zip(ENDS, ends, strict=True) if end}
+    places = {key: place for key, place in _places(scene).items() if place}
     radii = [roller.radius for roller in scene.rollers]
     sizes = np.unique(radii + [abs(x) for place in places.values() for x in place])
     sizes = sizes[sizes >= min(radii)]
