@@ -760,11 +760,9 @@ def torque_beyond_friction(preview: Preview) -> Iterator[str]:
     held = "exit" in assembly.scene.edges and "x" in assembly.scene.edges["exit"].fixed
     last = {} if thread is None or held else {thread.rollers[-1].name: preview.tension}
     for stage in assembly.scene.stages:
-        pulled = pulls.get(stage.name)
-        before, behind = (
-            dict(largest_tensions(preview, end, pulled)) if pulled else dict[str, float]()
-            for end in ENDS[::-1]
-        )
+        before, behind = dict[str, float](), dict[str, float]()
+        if (pulled := pulls.get(stage.name)) is not None:
+            before, behind = (dict(largest_tensions(preview, end, pulled)) for end in ENDS[::-1])
         for roller in assembly.rollers if assembly.rubs(stage) or stage.steady else ():
             control = stage.rollers.get(roller.name)
             if control is None or not control.torque:

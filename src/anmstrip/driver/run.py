@@ -616,10 +616,8 @@ class Run:
             "friction had no equilibrium to hold it in."
             for snap in self.snaps
         )
-        wrinkles = "".join(
-            onset_words([told for told in self.wrinkles if told["kind"] == kind])
-            for kind in WRINKLE_WORDS
-        )
+        kinds = ([told for told in self.wrinkles if told["kind"] == kind] for kind in WRINKLE_WORDS)
+        wrinkles = "".join(map(onset_words, kinds))
         return (
             f"Done: {self.end_time:g} s in {self.steps} steps, {self.cost.expansions} tangents, "
             f"{self.seconds:.1f} s.{snaps}{wrinkles}"

@@ -160,10 +160,8 @@ class ContactState:
         rows, row = np.unique(x, return_inverse=True)
         limit = (self.coefficient or 0.0) * self.pressure
         parts = np.ones_like(limit), self.angle, limit, np.linalg.norm(self.traction, axis=0)
-        area, angle, limit, used = (
-            np.bincount(row, (part[cells] * areas).sum(axis=1), len(rows)).astype(float)
-            for part in parts
-        )
+        sums = ((part[cells] * areas).sum(axis=1) for part in parts)
+        area, angle, limit, used = (np.bincount(row, s, len(rows)).astype(float) for s in sums)
         share = np.divide(used, limit, out=np.zeros_like(used), where=limit > 0.0)
         order = np.argsort(angle / area)
         return np.stack([share, angle / area])[:, order]

@@ -142,10 +142,8 @@ class StripState:
         if self.membrane is None or shape_of(strip) == "triangle" or np.ptp(np.bincount(number)):
             return None
         own = [effect for effect in model.effects if effect.name in STRIP_EFFECTS]
-        forces = sum(
-            effect.force(self.full, self.velocity, self.controls)[: strip.unknowns]
-            for effect in own
-        )
+        here = self.full, self.velocity, self.controls
+        forces = sum(effect.force(*here)[: strip.unknowns] for effect in own)
         values = strip.kinematics.embed(strip.nodal(np.asarray(forces))[strip.dofs("u")].T)
         before = np.stack([np.bincount(number, part) for part in values]).cumsum(axis=1)[:, :-1]
         (lines, moved), (_, slopes) = (self.lines_across(name) for name in ("u", "u_x"))
@@ -254,11 +252,9 @@ class StripState:
         if (contact := self.contact) is None:
             return {}
         rubbing = {} if self.friction is None else self.friction.by_roller
-        near = zip(contact.by_roller, contact.elements_near(self.full, self.controls), strict=True)
-        return {
-            name: self._contact(contact.by_roller[name], rubbing.get(name), elements)
-            for name, elements in near
-        }
+        parts, near = contact.by_roller, contact.elements_near(self.full, self.controls)
+        pairs = zip(parts, near, strict=True)
+        return {n: self._contact(parts[n], rubbing.get(n), elements) for n, elements in pairs}
 
     @property
     def contact(self) -> Contact | None:
@@ -366,10 +362,9 @@ class StripState:
             force = force + sum(contacts[name].resultant for name in names)
             pushed = self.pressure_before(arc)
             forces = np.stack([before, force]) + self.weight_before(arc) + pushed
-            free = [
-                begin - stops[stops < begin].max(initial=strip.span[0]),
-                stops[stops > end].min(initial=strip.span[1]) - end,
-            ]
+            behind, ahead = stops[stops < begin], stops[stops > end]
+            low, high = behind.max(initial=strip.span[0]), ahead.min(initial=strip.span[1])
+            free = [begin - low, high - end]
             sizes = np.maximum(np.linalg.norm(forces, axis=1) / strip.width, 1e-200)
             away = np.minimum(FREE_DISTANCE * np.sqrt(stiffness / sizes), 0.5 * np.array(free))
             places = np.array([begin - away[0], end + away[1]])
