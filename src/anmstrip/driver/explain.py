@@ -265,6 +265,7 @@ def geometry_table(preview: Preview) -> Table:
     strip, thread = preview.assembly.strip, preview.assembly.thread
     turning = clockwise_rollers(preview)
     kinds = {spec.name: spec.drive for spec in preview.assembly.scene.rollers}
+    wraps = {} if thread is None else thread.turns
     last = "wrap (°), side" if thread else "gap to the flat strip, wrap (°), side"
     columns = ("radius (m)", "centre (m)", "axis", "passed", "turns", last)
     table = plain_table("Rollers", "roller", *columns)
@@ -275,8 +276,7 @@ def geometry_table(preview: Preview) -> Table:
             place = roller.centre[1] + strip.origin[1]
             low, high = (roller.radius_at(y - place) for y in (left, right))
             radius += f"; {low:g} at y = {left:g} m, {high:g} at y = {right:g} m"
-        turn = preview.turn(roller) if thread is None else thread.turns.get(roller.name)
-        turn = preview.turn(roller) if turn is None else turn
+        turn = wraps.get(roller.name, preview.turn(roller))
         sides = [s.senses[roller.name] for s in preview.strings if roller.name in s.senses]
         touched = sides and (thread or turn > 0.0 or flat_gap(strip, roller) <= 0.0)
         wrap = f"{np.degrees(turn):.4g}°, {sides[0]}" if touched else "not touched"
@@ -434,7 +434,8 @@ def report(run: Run, told: Collection[str] = ()) -> str:
         if state.rollers:
             parts.append(roller_table(state))
         parts += bend_table(state)
-        parts.append(tensions(state))
+        ends = (f"{state.tension(name):.6g} N/m at the {name}" for name in ENDS)
+        parts.append(f"Tension {' and '.join(ends)}.")
         latent, manifest = (run.flatness.get(f"{k}_flatness") for k in ("latent", "manifest"))
         if latent is not None and manifest is not None and latent >= MIN_FLATNESS:
             parts.append(f"Flatness: {latent:.3g} I-units latent, {manifest:.3g} of them in waves.")
@@ -534,12 +535,6 @@ def cell(value: float | None, form: str = ".4g") -> str:
         return "–"
     value = value if abs(value) > DISPLAYED_ZERO else 0.0
     return format(value, ".0f" if 1e3 <= abs(value) < 1e7 else form)
-
-
-def tensions(state: State) -> str:
-    """Return the tensions of both ends in a sentence."""
-    told = (f"{state.tension(name):.6g} N/m at the {name}" for name in ENDS)
-    return f"Tension {' and '.join(told)}."
 
 
 def error_table(run: Run) -> Table:
