@@ -217,9 +217,8 @@ def slides_away(failure: Failure) -> str | None:
         if name in sliding and reading.tension_in is not None
     ]
     where = f"It slides over {', '.join(found)}. " if found else ""
-    return (
-        f"{where}Try more wrap or friction there, or less difference of the tensions at its ends."
-    )
+    cure = "Try more wrap or friction there, or less difference of the tensions at its ends."
+    return where + cure
 
 
 def not_held(failure: Failure) -> str | None:

@@ -960,28 +960,26 @@ def nip_forces(preview: Preview) -> Iterator[str]:
     for stage, each in ((s, nip) for s, nips in zip(stages, found, strict=True) for nip in nips):
         if each.names not in narrowest or each.gap < narrowest[each.names][0].gap:
             narrowest[each.names] = each, stage
-    for (a, b), (each, stage) in narrowest.items() if assembly.scene.contact else ():
-        if each.gap < 0.0:  # see meeting_rollers
+    for (a, b), (nip, stage) in narrowest.items() if assembly.scene.contact else ():
+        if nip.gap < 0.0:  # see meeting_rollers
             continue
-        told = (
-            f"rollers {a} and {b} leave a gap of {each.gap:.3g} m to a strip of {thickness:.3g} m"
-        )
-        if crushes(assembly, each):
+        told = f"rollers {a} and {b} leave a gap of {nip.gap:.3g} m to a strip of {thickness:.3g} m"
+        if crushes(assembly, nip):
             yield (
                 f"{told}, and would crush it, which does not become thinner. "
-                f"Try {closer_rollers(assembly, stage, each, 0.0)}"
+                f"Try {closer_rollers(assembly, stage, nip, 0.0)}"
             )
-        elif each.first.half:
+        elif nip.first.half:
             closer = assembly.signorini.width
-            force, more = (nip_force(assembly, each, each.squeeze + s) for s in (0.0, closer))
-            drawn = [r.name for r in (each.first, each.second) if preview.turn(r) > MAX_LYING_TURN]
+            force, more = (nip_force(assembly, nip, nip.squeeze + s) for s in (0.0, closer))
+            drawn = [r.name for r in (nip.first, nip.second) if preview.turn(r) > MAX_LYING_TURN]
             bent = f" were it straight, but it is drawn round {drawn[0]}" if drawn else ""
             yield (
                 f"{told}, and press it with about {force:.2g} N{bent}. The force of a nip cannot "
                 "be given: it follows from the gap by the law of contact, and is "
                 f"{more:.2g} N with a gap smaller by {closer:.1g} m."
             )
-        elif each.gap < thickness * (1.0 - 1e-9):
+        elif nip.gap < thickness * (1.0 - 1e-9):
             yield f"{told}, and touch its mid-surface alone (contact.faces)."
 
 

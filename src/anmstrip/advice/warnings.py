@@ -829,9 +829,8 @@ def against_plate(preview: Preview) -> Iterator[str]:
         yield "heat, flatness or coil set stress the strip in its plane, or bend it"
     if steep.slope > PLATE_SLOPE:
         wraps = [f"{n} by {np.degrees(t):.3g}°" for n, t in steep.turns.items() if t > 0.0]
-        error = (
-            f"{50.0 * steep.slope**2:.0f} %" if steep.slope <= 1.0 else "beyond all small slopes"
-        )
+        share = f"{50.0 * steep.slope**2:.0f} %"
+        error = share if steep.slope <= 1.0 else "beyond all small slopes"
         yield (
             f"slopes reach {np.degrees(steep.slope):.3g}°"
             f"{', wrapping ' if wraps else ''}{', '.join(wraps)}: the error, slope²/2, would be "

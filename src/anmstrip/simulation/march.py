@@ -416,14 +416,13 @@ class March:
     ) -> Corrected | None:
         """Stationary state at the end of a stage by way of smoother laws, None if there is none."""
         few = replace(settings, max_steps=MAX_STATES, give_way=False, rational=True)
+        aim = settings.tolerance
 
         def path(laws: Equations, u: Array, start: float) -> PathStep:
             *_, last = self.follow(laws, u, settings=few, start=start, **self.ways)
             return last
 
-        return solve_by_narrowing(
-            equations, u, control, path, tolerance=settings.tolerance, **self.ways
-        )
+        return solve_by_narrowing(equations, u, control, path, tolerance=aim, **self.ways)
 
     def _start(self, plan: StageProblem) -> tuple[Array, Equilibrium]:
         """First point of a rate-free path, and its equations."""

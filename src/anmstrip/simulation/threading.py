@@ -292,10 +292,9 @@ class Thread:
         pull = Controls({"exit.force": self.tension * leaving})
         equations = Equilibrium(Model(strip, pattern, effects, scales), supports, pull)
         settings = Settings(order=RELAXATION_ORDER, tolerance=RELAXATION_TOLERANCE)
+        u = full[at_rest.free]
         try:
-            *_, last = follow(
-                equations, full[at_rest.free], solver=SparseSolver(), settings=settings
-            )
+            *_, last = follow(equations, u, solver=SparseSolver(), settings=settings)
         except PathStopped:  # of rollers too far out of line, where threading says why
             return full
         return supports.full(*last.branch.end)
