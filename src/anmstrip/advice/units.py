@@ -336,8 +336,7 @@ def doubtful_tensions(scene: SceneSpec) -> Iterator[Doubt]:
 def doubtful_flatness(scene: SceneSpec) -> Iterator[Doubt]:
     """Yield flatness so small that it may be a strain."""
     uneven = {"strip.flatness": scene.strip.flatness}
-    for stage in scene.stages:
-        uneven[f"stages.{stage.name}.strip.flatness"] = stage.strip.flatness
+    uneven |= {f"stages.{s.name}.strip.flatness": s.strip.flatness for s in scene.stages}
     for key, field in uneven.items():
         most = 0.0 if field is None else float(np.abs(field.samples).max())
         if field is not None and 0.0 < most < MIN_FLATNESS:

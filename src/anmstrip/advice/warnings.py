@@ -582,9 +582,7 @@ def slip_speed(preview: Preview) -> float:
         for roller in rollers:
             if (given := surface_speed(stage.rollers.get(roller.name), roller)) is not None:
                 turning[roller.name] = given
-        for name, edge in stage.edges.items():
-            if edge.signed_speed is not None:
-                moving[name] = edge.signed_speed
+        moving |= {n: e.signed_speed for n, e in stage.edges.items() if e.signed_speed is not None}
         moves = moves or any(turning.values()) or any(moving.values())
         speeds = [turning.get(r.name, 0.0) for r in rollers if r.name not in idle]
         slip = max([slip, *(abs(v - moving.get(name, 0.0)) for v in speeds for name in held)])

@@ -205,8 +205,7 @@ class Recorder:
         edges: dict[str, Any] = {}
         rollers: dict[str, Any] = {}
         if state is not None:
-            for name in ENDS:
-                edges[name] = {"tension": state.tension(name), "force": state.edge_force(name)}
+            edges = {n: {"tension": state.tension(n), "force": state.edge_force(n)} for n in ENDS}
             for name, reading in state.rollers.items():
                 cost = state.regularisation[name]
                 effect = {n: getattr(cost, f"by_{n}") for n in ("creep", "cone", "penetration")}
