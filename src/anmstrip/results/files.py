@@ -185,10 +185,10 @@ def plain(value: Any, *, keep_nonfinite: bool = False) -> Any:
     >>> plain({"drag": np.float64(2.5), "wrap": np.array([1, np.inf])})
     {'drag': 2.5, 'wrap': [1.0, None]}
     """
-    if isinstance(value, float):
-        return float(value) if keep_nonfinite or math.isfinite(value) else None
     if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist(), keep_nonfinite=keep_nonfinite)
+        value = value.tolist()
+    if isinstance(value, float):
+        return value if keep_nonfinite or math.isfinite(value) else None
     if isinstance(value, Mapping):
         return {str(k): plain(v, keep_nonfinite=keep_nonfinite) for k, v in value.items()}
     if isinstance(value, list | tuple):
