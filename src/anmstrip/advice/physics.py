@@ -244,11 +244,8 @@ def driven_without_friction(preview: Preview) -> Iterator[str]:
     """Rollers that turn in a stage in which nothing rubs on them."""
     scene = preview.assembly.scene
     for spec in scene.rollers:
-        turning = [
-            stage
-            for stage in scene.stages
-            if (c := stage.rollers.get(spec.name)) and (c.surface_speed or c.angular_speed)
-        ]
+        given = ((stage, stage.rollers.get(spec.name)) for stage in scene.stages)
+        turning = [stage for stage, c in given if c and (c.surface_speed or c.angular_speed)]
         f = coefficient_on(scene, spec)
         rubs = f and any(s.steady or preview.assembly.frictional(s) for s in turning)
         if turning and not rubs:
@@ -819,16 +816,14 @@ def strip_without_tension(preview: Preview) -> Iterator[str]:
     stretch = {r.name: thread.stretch(label_at(r, thread)) for r in assembly.rollers}
     unpulled = (1.0 - BRAKING_SHARE) * thread.tension / assembly.strip.tensile_stiffness
     for stage, last in carrying_speeds(assembly, assembly.rollers):
-        given = stage.strip.speed if stage.steady else None
-        slow = [
-            roller
-            for roller in assembly.rollers
-            if given and 0.0 < last.get(roller.name, 0.0) / given < stretch[roller.name] - unpulled
-        ]
+        if not (stage.steady and (given := stage.strip.speed)):
+            continue
+        ratios = {r.name: last.get(r.name, 0.0) / given for r in assembly.rollers}
+        slow = [r for r in assembly.rollers if 0.0 < ratios[r.name] < stretch[r.name] - unpulled]
         held = float(np.prod([holding_ratio(preview, roller) for roller in slow]))
-        same = [abs(last[r.name] / given - 1.0) < stretch[r.name] - 1.0 for r in slow if given]
+        same = [abs(ratios[r.name] - 1.0) < stretch[r.name] - 1.0 for r in slow]
         elastic = not assembly.yields(stage)
-        if given and (held > 1.0 / BRAKING_SHARE or (elastic and any(same))):
+        if held > 1.0 / BRAKING_SHARE or (elastic and any(same)):
             name = min((roller.name for roller in slow), key=lambda each: last[each])
             yield (
                 f"roller {name} goes at {last[name]:.9g} m/s in stage {stage.name}: strip slides "

@@ -103,11 +103,8 @@ class Recorder:
                 stale.unlink(missing_ok=True)
         until, contents = None if resumed is None else kept["written"], ("strip.pvd", "rollers.pvd")
         self.strip, self.rollers = (Collection(directory / name, until) for name in contents)
-        tables = {
-            "history.csv": columns,
-            "profile.csv": PROFILE_COLUMNS,
-            "errors.csv": ERROR_COLUMNS,
-        }
+        tables = {"history.csv": columns, "profile.csv": PROFILE_COLUMNS}
+        tables["errors.csv"] = ERROR_COLUMNS
         if assembly.flow is not None:
             from anmstrip.results import plastic
 

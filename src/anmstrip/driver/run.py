@@ -479,11 +479,8 @@ class Run:
         useless = self.budget.useless(tension_readings(state).values())
         seen = [words for rule in RULES_AT_END for words in rule(state, self.scene)]
         known = {key for words in seen for key in proposed_keys(words)}
-        told = [
-            words
-            for words in self.forewarnings()
-            if words not in settled and known.isdisjoint(proposed_keys(words))
-        ]
+        told = [words for words in self.forewarnings() if words not in settled]
+        told = [words for words in told if known.isdisjoint(proposed_keys(words))]
         found = self.budget.warnings if self.outcome.done else self.budget.of_mesh
         found = [*found, *self._moved_onsets]
         if wrinkling is not None:
@@ -506,11 +503,8 @@ class Run:
                 "smooth, as under more tension"
             ]
         more = f" Its modes on this mesh bear {borne:.2g} times this compression."
-        return [
-            *told,
-            *(words + more * (1.0 < borne < np.inf) for words in wrinkling.warnings),
-            *watch.warnings,
-        ]
+        near = (words + more * (1.0 < borne < np.inf) for words in wrinkling.warnings)
+        return [*told, *near, *watch.warnings]
 
     def _readings(self, state: State, wrinkling: Wrinkling | None) -> dict[str, Any]:
         """Return entries of ``summary.json`` that are read off the last state alone."""

@@ -213,11 +213,8 @@ class Curve:
 
     def places(self, values: Array) -> list[float]:
         """Ways at which the first control has one of some values, as often as it has."""
-        found = [
-            begin + way
-            for begin, piece in zip(self.knots, self.pieces, strict=False)
-            for way in piece.places(values)
-        ]
+        pieces = zip(self.knots, self.pieces, strict=False)
+        found = [begin + way for begin, piece in pieces for way in piece.places(values)]
         begins = self.pieces and np.abs(values - self.value(0.0)).min() <= 1e-9 * np.ptp(values)
         return [0.0, *found] if begins else found
 

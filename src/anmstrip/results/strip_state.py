@@ -327,16 +327,11 @@ class StripState:
         strip = self.plan.model.strip
         bending, sideways = self.bends * strip.bending_stiffness, 1 in strip.kinematics.components
         found = {name: passage for passage in self.passages for name in passage.names}
-        return {
-            name: reading_of(
-                contact,
-                found[name],
-                bending,
-                self.offset(contact.arc[0]) if sideways else None,
-                self.plasticity is not None,
-            )
-            for name, contact in self.contacts.items()
-        }
+        readings, yields = {}, self.plasticity is not None
+        for name, contact in self.contacts.items():
+            offset = self.offset(contact.arc[0]) if sideways else None
+            readings[name] = reading_of(contact, found[name], bending, offset, yields)
+        return readings
 
     @cached_property
     def passages(self) -> list[RollerPassage]:

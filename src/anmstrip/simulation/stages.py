@@ -377,11 +377,8 @@ class Course:
                 end[f"{name}.tension"] = np.array(edge.tension, dtype=float)
                 if edge.force is None and f"{name}.force" in end:
                     end[f"{name}.force"] = np.zeros(3)
-        plain: dict[str, Any] = {
-            "gravity": stage.gravity,
-            "pressure": stage.pressure,
-            "strip.speed": stage.strip.speed,
-        }
+        plain: dict[str, Any] = {"gravity": stage.gravity, "pressure": stage.pressure}
+        plain["strip.speed"] = stage.strip.speed
         plain |= {f"{name}.moment": edge.moment for name, edge in stage.edges.items()}
         if self.assembly.yields(stage):
             end["yielding"] = np.array(1.0)
