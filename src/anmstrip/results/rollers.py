@@ -420,8 +420,8 @@ def lift_offs(
 
         q + κ u = Σ F_i,  q u + κ u²/2 = Σ F_i u_i  ⟹  q² = (Σ F_i)² − 2 κ Σ F_i u_i.
 
-    What friction has taken of N/r up to a point is added to F_i there.  Strip that yields is bent by
-    less than D/r, and its N is taken for T.
+    What friction has taken of N/r up to a point is added to F_i there.  Strip that yields is bent
+    by less than D/r, and its N is taken for T.
 
     The point is :data:`LOAD_RANGE` √(D/T) behind the place where the gap is that of the least
     pressure, at most in the middle.  By a soft law strip has lifted off before that place, whose
