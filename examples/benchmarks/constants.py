@@ -64,6 +64,7 @@ ELSEWHERE = {
     "threading": (
         "MAX_GUESS_CORRECTIONS",
         "GUESS_GROWTH",
+        "WIDER_CONTACT",
         "SLIDING_IMBALANCE",
         "MAX_SLIDING_BRANCHES",
         "DIVERGENCE_GROWTH",

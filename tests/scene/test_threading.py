@@ -203,6 +203,41 @@ def test_roller_that_a_taut_string_just_passes(cells: tuple[int, int] | None) ->
     assert state.rollers["beside"].resultant[2] == pytest.approx(-1e4 * 0.5 * turn, rel=5e-3)
 
 
+@pytest.mark.parametrize(
+    ("cells", "leg", "share"),
+    [((12, 6), 0.8, 0.15), pytest.param((24, 10), 3.0, 0.1, marks=pytest.mark.slow)],
+)
+def test_strip_is_laid_on_a_crown_whose_edges_bear_nothing(
+    cells: tuple[int, int], leg: float, share: float
+) -> None:
+    """0.5 mm of crown at 6 kN/m, a thirteenth of what its edges need: it rests on its middle.
+
+    On a long arc each fibre bears E t times what its way is longer, N = E t k (b² − y²)/r within
+    |y| < b, and all together T w = 4/3 E t k b³/r.
+    """
+    stiffness, k, r = 1.6e11 * 7e-4, 1.4e-3, 0.4
+    tables: dict[str, Any] = {
+        "strip": {"width": 1.2, "thickness": 7e-4, "cells": cells},
+        "material": {"young": 1.6e11, "poisson": 0.3},
+        "contact": {},
+        "threading": {"tension": 6e3, "entry": [-r, 0.0, -leg], "exit": [r, 0.0, -leg]},
+        "rollers": [{**roller("r1", 0.0, 0.0, r, "over"), "crown": [0.0, -k]}],
+        "edges": {"entry": {"fixed": ["x", "z"], "centred": True}},
+        "stages": [{"duration": 1.0}],
+    }
+    run = Scene.from_tables(tables, "crown.toml").run()
+    assert next(iter(run)).stage == "threading"
+    half = np.cbrt(6e3 * 1.2 * 0.75 * r / (stiffness * k))
+    contact = run.state.contacts["r1"]
+    y = contact.contact.operator.reference[1]
+    y = np.abs(y - 0.5 * (y.min() + y.max()))
+    arc = np.abs(contact.angle) < 0.3
+    bears = (contact.pressure * contact.area)[arc]
+    assert bears[y[arc] > half + 1.2 / cells[1]].sum() < 1e-6 * bears.sum()
+    assert (bears * y[arc]).sum() / bears.sum() == pytest.approx(0.375 * half, rel=share)
+    assert run.state.tension("entry") == pytest.approx(6e3, rel=1e-3)
+
+
 def furnace(z: float, **support: Any) -> dict[str, Any]:
     """Three rollers 4 m apart, of which the one in the middle stands at a height (m)."""
     rolls = [roller(name, x, 0.0, 0.3, "over") for name, x in (("a", 0.0), ("b", 4.0), ("c", 8.0))]

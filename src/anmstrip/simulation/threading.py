@@ -250,26 +250,23 @@ class Thread:
         outward = np.stack([direction[0], np.zeros(2), direction[1]]) * [-1.0, 1.0]
         return moved[:, 0], moved[:, 1], outward[:, 0], outward[:, 1]
 
-    def guess(self, strip: Strip, pattern: Pattern, bent: bool = True) -> Array:
-        """Displacements of the threaded strip before equilibrium, shape (unknowns,).
-
-        Bent onto its rollers, or as a taut string.
-        """
-        full = self.laid(strip, pattern, bent)
+    def guess(self, strip: Strip, pattern: Pattern) -> Array:
+        """Displacements of the threaded strip before equilibrium, shape (unknowns,)."""
+        full = self.laid(strip, pattern)
         # Fibres that go ways of different lengths slide along their own surface first.
         uneven = any(not r.is_cylinder or r.unit_axis[0] or r.unit_axis[2] for r in self.rollers)
         return self._relaxed(strip, pattern, full) if uneven else full
 
-    def laid(self, strip: Strip, pattern: Pattern, bent: bool = True) -> Array:
+    def laid(self, strip: Strip, pattern: Pattern) -> Array:
         """Displacements onto the path, in the mean square over the strip, shape (unknowns,).
 
-        It is bent onto rollers over layers, if elements resolve these, or taut as a string.
+        It is bent onto rollers over layers, if elements resolve these, else taut as a string.
         """
         reference, heights = quadrature_points(strip), self.heights
         lines, fibre = np.unique(reference[1], return_inverse=True)
         label, stretches = reference[0] - strip.span[0], self.stretches
         s = stretches.place(label)
-        if bent and strip.cell_sizes[0].min() < FREE_RUN * self.layer and heights.any():
+        if strip.cell_sizes[0].min() < FREE_RUN * self.layer and heights.any():
             path, signed = self.touching(lines, heights)
             position = path.stiff(s, fibre, self.layer, signed)
         else:
