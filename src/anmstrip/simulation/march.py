@@ -62,8 +62,8 @@ started in less than 60 tangents, with 1 in 113."""
 WIDER_CONTACT = (1000.0, 100.0, 30.0, 10.0, 3.0, 1.0)
 """Onsets of contact over the given one, by way of which strip is laid where that one fails: on
 rollers so crowned that edges bear nothing, or that a taut string just passes.  Strip of 6 kN/m on
-crowns of 0.4 to 1.1 mm takes 50 to 66 tangents; with 100 as the first two of five fail, with 10 all.
-"""
+crowns of 0.4 to 1.1 mm takes 50 to 66 tangents; with 100 as the first two of five fail, with 10
+all."""
 
 SLIDING_IMBALANCE, MAX_SLIDING_BRANCHES = 0.05, 4
 """Imbalance from which strip slides into place on a path, where corrections make it grow, and the
