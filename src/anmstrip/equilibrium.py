@@ -249,6 +249,11 @@ class Equilibrium:
             return None
         return -self.velocity.slope / self.velocity.rate
 
+    def with_wider_laws(self, width: float) -> Equilibrium:
+        """The same with laws that set in over so many times the gap and the slip speed."""
+        model = self.model.with_effects([e.sharper(1.0 - width) for e in self.model.effects])
+        return Equilibrium(model, self.supports, self.controls, self.velocity, self.moving)
+
     def smoother(self, width: float) -> tuple[Equilibrium, Equilibrium] | None:
         """The same with corners so many times as wide in velocity, and their narrowing at λ = 1.
 

@@ -16,11 +16,15 @@ import reported_scenes as scenes
 from reported_files import Results, ran, rows_of
 
 from anmstrip import Scene
+from anmstrip.arrays import Array
 from anmstrip.continuation.equations import Cost, Tolerances
 from anmstrip.continuation.follow import Pace, PathStep
+from anmstrip.continuation.newton import Corrected
 from anmstrip.driver import budget
 from anmstrip.driver.budget import Budget
 from anmstrip.driver.run import Run
+from anmstrip.linalg.solvers import SparseSolver
+from anmstrip.mechanics.contact import Contact
 from anmstrip.results.state import State
 from anmstrip.results.wrinkles import Span
 from anmstrip.simulation.march import March
@@ -442,18 +446,37 @@ rollers.guide.surface_speed = 2.0
 
 
 @pytest.mark.slow
-def test_a_finer_mesh_is_found_by_way_of_two_laws(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Paper on a roller 0.9 mm/m out of line: friction ten times as wide is too far, paths slow."""
+def test_a_finer_mesh_is_found_by_way_of_wider_laws(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Paper on a roller 2 mm/m out of line: Newton's method alone finds none."""
     monkeypatch.setattr(budget, "follow", None)
     tables = tomllib.loads(PAPER)
-    tables["rollers"][1] |= {"drive": "idle", "axis": [-9e-4, 1.0, 0.0]}
+    tables["rollers"][1] |= {"drive": "idle", "axis": [-2e-3, 1.0, 0.0]}
     run = Scene.from_tables(tables, "paper.toml").run()
     run.estimates = True
     *_, last = run
     assert run.errors()["mesh"] is not None
-    monkeypatch.setattr(budget, "WIDER_LAWS", {10.0: 1e-2})
+    monkeypatch.setattr(budget, "WIDER_LAWS", ())
     with pytest.raises(TypeError, match="not callable"):  # nothing but a path is left
         run.budget.look(run.scene.course[-1], last.state, None, ())
+
+
+@pytest.mark.parametrize(("first", "widths"), [(0.9, [1.0, 1.0, 1.0, 1.0]), (1.1, [1, 10, 3, 1])])
+def test_contact_is_wider_where_it_is_elsewhere(
+    first: float, widths: list[float], idler: Callable[[], Run], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A furnace of conical rolls has no balance by way of wider friction alone."""
+    state, taken = idler().state, list[float]()
+    assert state is not None
+
+    def recorded(newton: Any, u: Array, control: float) -> Corrected:
+        law = next(e.signorini for e in newton.equations.model.effects if isinstance(e, Contact))
+        taken.append(float(law.gap(np.float64(1e3))))
+        return Corrected(u, control, 1, 1.0)
+
+    monkeypatch.setattr(budget.Newton, "corrected", recorded)
+    equations = budget.frozen_problem(state).equations()
+    budget.corrected_by_width(equations, SparseSolver(), 1e-6, first)
+    assert taken == pytest.approx(np.array(widths) * taken[0])
 
 
 def test_a_path_that_crawls_is_given_up(

@@ -440,7 +440,7 @@ class March:
             u = self.assembly.laid[free]
             found = self._corrected(equations, u)
             if found is None:
-                found = self._corrected_by_width(plan, u)
+                found = self._corrected_by_width(equations, u)
         elif self.slack:
             pulled = plan.pulled
             equations = pulled.equations()
@@ -452,12 +452,10 @@ class March:
             found = self._corrected(equations, u)
         return u if found is None else found, equations
 
-    def _corrected_by_width(self, plan: StageProblem, guess: Array) -> Array | None:
+    def _corrected_by_width(self, equations: Equilibrium, guess: Array) -> Array | None:
         """The state near a guess by way of laws of contact that set in over longer distances."""
         for width in WIDER_CONTACT:
-            effects = [effect.sharper(1.0 - width) for effect in plan.model.effects]
-            wider = replace(plan, model=plan.model.with_effects(effects))
-            found = self._corrected(wider.equations(), guess)
+            found = self._corrected(equations.with_wider_laws(width), guess)
             if found is None:
                 return None
             guess = found
