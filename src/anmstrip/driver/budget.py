@@ -492,7 +492,7 @@ IMBALANCE_REDUCTION = 1e-5
 SMALLEST_IMBALANCE = 1e-10
 """Least imbalance that is asked for, over the force scale, where displacements are small."""
 
-LARGEST_IMBALANCE_LEFT = 1e-3
+LARGEST_IMBALANCE_LEFT = 1e-4
 """Largest imbalance that is left, over the force scale: contact that a finer mesh finds deep inside
 a roller begins with any."""
 
@@ -676,18 +676,33 @@ def corrected_by_width(
     found = Newton(equations, solver, quick, Cost()).corrected(begin, 0.0)
     if found is None or found.imbalance <= wanted:
         return found, begin
-    near, laws = found.u, [equations.with_wider_laws(width) for width in WIDER_LAWS]
-    if first <= CONTACT_IMBALANCE:
-        smoother = (equations.smoother(width) for width in WIDER_LAWS)
-        laws = [friction[0] for friction in smoother if friction is not None]
-    for wider in laws:
+    smoother = [pair[0] for pair in map(equations.smoother, WIDER_LAWS) if pair is not None]
+    ladders: list[list[Equilibrium]] = [smoother]
+    if first > CONTACT_IMBALANCE:
+        ladders = [[equations.with_wider_laws(width) for width in WIDER_LAWS], smoother]
+    for ladder in ladders:
+        near = led_by(ladder, found.u, solver, usual)
+        if near is not None:
+            begin = near
+            balanced = Newton(equations, solver, usual, Cost()).corrected(near, 0.0)
+            if balanced is not None:
+                return balanced, begin
+    return None, begin
+
+
+def led_by(
+    ladder: Iterable[Equilibrium], near: Array, solver: SparseSolver, usual: Corrections
+) -> Array | None:
+    """Return where wider laws lead from near one to the next, or None if one has no balance."""
+    for wider in ladder:
         least = WIDER_REDUCTION * min(wider.imbalance(wider.residual(near, 0.0)), 1.0)
-        rough = replace(usual, tolerance=max(wanted, least), least=0, most=MAX_ROUGH_CORRECTIONS)
+        least = max(usual.tolerance, least)
+        rough = replace(usual, tolerance=least, least=0, most=MAX_ROUGH_CORRECTIONS)
         found = Newton(wider, solver, rough, Cost()).corrected(near, 0.0)
         if found is None:
-            return None, begin
+            return None
         near = found.u
-    return Newton(equations, solver, usual, Cost()).corrected(near, 0.0), near
+    return near
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of iterations that run away
