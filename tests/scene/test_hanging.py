@@ -135,7 +135,8 @@ def test_sensitivities_are_those_of_lines_whose_ends_stay(
     """Differences of runs, in which strip hangs deeper or less; entry tensions else 20 % off."""
     run = done(FURNACE, STRICT)
     assert run.state is not None
-    state, rows, step = corrected(run.state), [], 1e-3
+    step = 2e-3 if key == "strip.thickness" else 1e-3  # above what is left of imbalance
+    state, rows = corrected(run.state), []
     found = sensitivities(state, [False] * 2, run.assembly.hanging(state.plan))[key]
     mesh, growth = run.assembly.strip.mesh, run.assembly.growth
     problem, tension = "anmstrip.simulation.problem", run.assembly.scales.tension
