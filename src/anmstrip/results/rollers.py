@@ -420,6 +420,7 @@ def lift_offs(
 
         q + κ u = Σ F_i,  q u + κ u²/2 = Σ F_i u_i  ⟹  q² = (Σ F_i)² − 2 κ Σ F_i u_i.
 
+    Distances are those of strip as it is cut, along which hot strip turns by more than 1/r.
     What friction has taken of N/r up to a point is added to F_i there.  Strip that yields is bent
     by less than D/r, and its N is taken for T.
 
@@ -445,16 +446,17 @@ def lift_offs(
     elements = state.contact.operator.reference[0][state.cells]
     ends, layers, loads = np.zeros(2), np.zeros(2), list[float | None]()
     onwards = state.roller.sense * np.sign(angle[-1] - angle[0])  # a positive speed along x
-    length = np.bincount(station, share)
+    length, turn = np.bincount(station, share), np.ptp(np.interp(state.arc, x, angle))
+    bend = np.ptp(state.arc) / turn if turn > 0.0 else radius  # of hot strip, as it is cut
     for k, tension in enumerate(tensions):
         sense, layers[k] = 1 - 2 * k, np.sqrt(bending / tension)
         first, last = sense * state.arc[k], sense * state.middle
         point = min(first + LOAD_RANGE * layers[k], last)
         u = np.maximum(point - sense * x, 0.0)
         lost = up_to_the_middle(sense * onwards * rubbed[::sense])[::sense]
-        borne = force + lost * length / radius  # as if friction had left the tension alone
+        borne = force + lost * length / bend  # as if friction had left the tension alone
         held = np.interp(point, np.sort(sense * x), up_to_the_middle(borne[::sense]))
-        pressure = (tension - bent) / radius - state.lifting
+        pressure = (tension - bent) / bend - state.lifting
         square = held**2 - 2.0 * pressure * float(borne @ u)
         load = float(np.sqrt(max(square, 0.0)))
         ends[k] = sense * (point - (held - load) / pressure)
