@@ -447,16 +447,16 @@ def lift_offs(
     ends, layers, loads = np.zeros(2), np.zeros(2), list[float | None]()
     onwards = state.roller.sense * np.sign(angle[-1] - angle[0])  # a positive speed along x
     length, turn = np.bincount(station, share), np.ptp(np.interp(state.arc, x, angle))
-    bend = np.ptp(state.arc) / turn if turn > 0.0 else radius  # of hot strip, as it is cut
+    label_radius = np.ptp(state.arc) / turn if turn > 0.0 else radius  # r over the stretch
     for k, tension in enumerate(tensions):
         sense, layers[k] = 1 - 2 * k, np.sqrt(bending / tension)
         first, last = sense * state.arc[k], sense * state.middle
         point = min(first + LOAD_RANGE * layers[k], last)
         u = np.maximum(point - sense * x, 0.0)
         lost = up_to_the_middle(sense * onwards * rubbed[::sense])[::sense]
-        borne = force + lost * length / bend  # as if friction had left the tension alone
+        borne = force + lost * length / label_radius  # as if friction had left the tension alone
         held = np.interp(point, np.sort(sense * x), up_to_the_middle(borne[::sense]))
-        pressure = (tension - bent) / bend - state.lifting
+        pressure = (tension - bent) / label_radius - state.lifting
         square = held**2 - 2.0 * pressure * float(borne @ u)
         load = float(np.sqrt(max(square, 0.0)))
         ends[k] = sense * (point - (held - load) / pressure)

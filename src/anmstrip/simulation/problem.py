@@ -672,8 +672,8 @@ class Assembly:
         apart = 0.5 * element / parts  # two points to a part
         onset = (apart if parts > 1 else 0.5 * apart) ** 2 / (2.0 * radius)
         if load:
-            onsets_high = max(1.0, float(np.log(pressure / load)))
-            onset = min(onset, FLOATING_SHARE * thickness / onsets_high)
+            onsets = max(1.0, float(np.log(pressure / load)))
+            onset = min(onset, FLOATING_SHARE * thickness / onsets)
         if self.thread is not None:
             depths = deepest_bearing(self.scene, self.rollers, self.thread)
             onset = min(onset, LYING_ONSET * float(depths.min()))
