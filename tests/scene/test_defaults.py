@@ -14,6 +14,7 @@ from threaded import ended, roller, scene_of
 from anmstrip.advice.preview import Preview
 from anmstrip.advice.warnings import coarse_mesh
 from anmstrip.driver.scene import Scene
+from anmstrip.errors import InputError
 from anmstrip.fem.sampling import ContactOperator
 from anmstrip.simulation.defaults import elastic_creep
 from anmstrip.simulation.meshing import LENGTH_GROWTH, Zone, graded_nodes
@@ -64,6 +65,22 @@ def test_contact_is_implied_by_friction_and_by_threading() -> None:
         del flat[name]
     flat["stages"] = [{"duration": 1.0, "exit": {"force": [1e4, 0.0, 0.0]}}]
     assert Scene.model_validate(flat).contact is None
+
+
+def test_strip_is_threaded_against_its_entry() -> None:
+    """Which needs no table, and keeps what it says besides; belts and flat strip have none."""
+    bare = {key: value for key, value in LINE.items() if key != "edges"}
+    assert Scene.model_validate(bare).edges == Scene.model_validate(LINE).edges
+    centred = Scene.from_tables(bare, "s", ["edges.entry.centred=false"]).edges["entry"]
+    assert centred.fixed == ("x", "z") and centred.centred is False
+    with pytest.raises(InputError, match="x and z held, to thread against"):
+        Scene.from_tables(bare, "s", ['edges.entry.fixed=["y"]'])
+    belt = Path(__file__).parents[2] / "examples" / "belt.toml"
+    assert not Scene.load(belt).edges
+    flat = {**bare, "strip": {**LINE["strip"], "length": 4.0}, "rollers": []}
+    del flat["threading"], flat["friction"]
+    flat["stages"] = [{"duration": 1.0, "gravity": [0.0, 0.0, -9.81]}]
+    assert not Scene.model_validate(flat).edges
 
 
 def test_slip_speed_is_a_tenth_of_the_elastic_creep() -> None:

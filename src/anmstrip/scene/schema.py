@@ -368,8 +368,8 @@ def wrong_override(text: str, key: str, value: object, expected: str, hint: str)
 def with_implied_tables(scene: Mapping[str, Any]) -> dict[str, Any]:
     """Return the tables of a scene with all that they imply.
 
-    Names for all rollers and stages; contact, where there is friction or threading; and a duration
-    of stages of which nothing depends on time.
+    Names for all rollers and stages; contact, where there is friction or threading; the entry held,
+    against which strip is threaded; and a duration of stages of which nothing depends on time.
 
     Examples
     --------
@@ -379,6 +379,11 @@ def with_implied_tables(scene: Mapping[str, Any]) -> dict[str, Any]:
     named = dict(scene)
     if scene.get("contact") is None and {"friction", "threading"} & scene.keys():
         named["contact"] = {}
+    threading, edges = scene.get("threading"), scene.get("edges", {})
+    if isinstance(threading, Mapping) and not threading.get("closed"):
+        entry = edges.get("entry", {}) if isinstance(edges, Mapping) else None
+        if isinstance(entry, Mapping):
+            named["edges"] = {**edges, "entry": {"fixed": ["x", "z"], **entry}}
     for key, prefix in (("rollers", "r"), ("stages", "stage")):
         if isinstance(tables := scene.get(key), list | tuple):
             named[key] = [
