@@ -266,6 +266,7 @@ FOLLOWED = {
     "on 111° of wrap friction holds 1.47 times": ["stages.run.entry.tension=1.4e4"],
     "on 222° of wrap friction holds 1.62 times": ["friction.coefficient=0.68"],
     "friction holds 1.33 times": ["stages.run.entry.tension=1.3e4"],
+    "bending over a, b gives 1110 MPa at the surface, a strain of 0.51 %": ["strip.thickness=1e-3"],
     "a stress of 600 MPa, beyond 500 MPa": [
         "stages.run.entry.tension=1.5e5", "stages.run.exit.tension=1.5e5",
     ],

@@ -6,7 +6,7 @@ sentences, each with what to type.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -573,37 +573,45 @@ def beyond_yield(preview: Preview) -> Iterator[str]:
     limit, t = scene.material.yield_stress, scene.strip.thickness
     if scene.contact is None or not bending_stiffness(scene) or scene.material.plasticity:
         return
+    if limit is not None:
+        bound = f"above the yield stress {told_stress(scene, limit)}"
+        most = limit * (1.0 - m.poisson**2) / m.young
+    else:
+        most = METAL_YIELD_STRAIN if is_metal(scene) else np.inf
+    bent: dict[float, list[Roller]] = {}
     for roller in preview.assembly.rollers:
-        strain = 0.5 * t * sharpest_curvature(preview, roller)
-        stress = m.young * strain / (1.0 - m.poisson**2)
-        if limit is not None and stress > limit:
-            bound = f"above the yield stress {told_stress(scene, limit)}"
-            least = m.young * t / (2.0 * limit * (1.0 - m.poisson**2))
-        elif limit is None and is_metal(scene) and strain > METAL_YIELD_STRAIN:
-            bound, least = f"a strain of {100.0 * strain:.2g} %", 0.5 * t / METAL_YIELD_STRAIN
-        else:
+        bent.setdefault(0.5 * t * sharpest_curvature(preview, roller), []).append(roller)
+    for strain, rollers in bent.items():
+        if strain <= most:
             continue
-        larger = two_digits(least, np.ceil)
+        if limit is None:
+            bound = f"a strain of {100.0 * strain:.2g} %"
+        larger = two_digits(0.5 * t / most, np.ceil)
         tries = [yielding_instead(scene)]
-        if has_room(preview.assembly, roller, larger):
-            tries += [f"--set rollers.{roller.name}.radius={larger:g}"]
+        if has_room(preview.assembly, rollers, larger):
+            radii = " ".join(f"--set rollers.{r.name}.radius={larger:g}" for r in rollers)
+            tries += [radii if len(rollers) < 5 else f"radii of {larger:g}"]
         advice = ", or ".join(filter(None, tries)) or "a thinner strip"
+        stress = told_stress(scene, m.young * strain / (1.0 - m.poisson**2))
         yield (
-            f"bending over {roller.name} gives {told_stress(scene, stress)} at the "
+            f"bending over {', '.join(roller.name for roller in rollers)} gives {stress} at the "
             f"surface, {bound}, but this strip stays elastic. Try {advice}"
         )
 
 
-def has_room(assembly: Assembly, roller: Roller, radius: float) -> bool:
-    """Whether a roller of another radius (m) overlaps no parallel one, and is still wrapped."""
-    for other in assembly.rollers:
+def has_room(assembly: Assembly, widened: Collection[Roller], radius: float) -> bool:
+    """Whether rollers of another radius (m) overlap no parallel one, and are still wrapped."""
+    names = {roller.name for roller in widened}
+    rollers = [replace(r, radius=radius) if r.name in names else r for r in assembly.rollers]
+    for roller, other in combinations(rollers, 2):
         way = across(np.subtract(other.centre, roller.centre), roller.unit_axis)
         parallel = abs(other.unit_axis @ roller.unit_axis) > PARALLEL_COSINE
-        if other is not roller and parallel and np.linalg.norm(way) < other.radius + radius:
+        near = np.linalg.norm(way) < other.radius + roller.radius
+        if names & {roller.name, other.name} and parallel and near:
             return False
     if (thread := assembly.thread) is None:
         return True
-    rollers = [replace(r, radius=radius) if r.name == roller.name else r for r in thread.rollers]
+    rollers = [replace(r, radius=radius) if r.name in names else r for r in thread.rollers]
     try:
         return bool(replace(thread, rollers=rollers).turns)
     except ValueError:
