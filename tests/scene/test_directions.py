@@ -143,7 +143,8 @@ def test_the_line_is_drawn_as_it_is_threaded(
     scene = scene_of(seen((-1, -1), False))
     draw_line(scene, tmp_path / "line.svg")
     (given,) = drawn
-    _, _, line, wheels = given
+    _, _, line, wheels, backwards = given
+    assert not backwards
     np.testing.assert_allclose(line[:, [0, -1]].T, [[0.8, -0.3], [-1.4, 0.1]], atol=1e-12)
     for wheel, table in zip(wheels, scene.rollers, strict=True):
         assert wheel.clockwise == (table.name != "b")
@@ -155,6 +156,20 @@ def test_the_line_is_drawn_as_it_is_threaded(
     text = (tmp_path / "line.svg").read_text(encoding="utf8")
     assert text.count("<!-- entry -->") == 1
     assert f"<!-- {wheels[0].caption.split()[0]} -->" in text
+
+
+@pytest.mark.parametrize("speed", [0.05, -0.05])
+def test_arrows_go_the_way_the_strip_travels(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, speed: float
+) -> None:
+    """From entry to exit, or back where rollers drive it back: their arrows do the same."""
+    drawn: list[Any] = []
+    monkeypatch.setattr(curves, "draw_travel", lambda axes, line: drawn.append(line))
+    line = deepcopy(LINE)
+    line["stages"][1]["rollers"]["b"] = {"surface_speed": speed}
+    draw_line(scene_of(line), tmp_path / "line.svg")
+    ((x, _),) = drawn
+    assert np.sign(x[-1] - x[0]) == np.sign(speed)
 
 
 def test_a_picture_that_is_not_drawn_to_its_end_replaces_none(
@@ -183,7 +198,7 @@ def test_a_long_line_is_drawn_around_its_rollers(
     monkeypatch.setattr(curves, "draw_layout", lambda *given: drawn.append(given))
     examples = Path(__file__).parents[2] / "examples"
     draw_line(Scene.load(examples / "line.toml"), tmp_path / "line.png")
-    ((*_, line, wheels),) = drawn
+    ((*_, line, wheels, _),) = drawn
     middles = 0.5 * (line[:, 1:] + line[:, :-1])
     for wheel in wheels:
         assert np.linalg.norm(middles - wheel.centre[:, None], axis=0).min() > 0.99 * wheel.radius

@@ -289,11 +289,10 @@ def geometry_table(preview: Preview) -> Table:
     return table
 
 
-def clockwise_rollers(preview: Preview) -> set[str]:
-    """Return the names of the rollers that turn clockwise, by the first speed that they are given.
+def first_speeds(preview: Preview) -> tuple[dict[str, float], bool]:
+    """Return the first speed (m/s) that each roller is given, and whether strip travels backwards.
 
-    Those without go with the strip: backwards if all do that have a wrap and a speed, else as a
-    positive speed turns them.
+    It does if all do that have a wrap and a speed.
     """
     rollers, thread = preview.assembly.rollers, preview.assembly.thread
     ends = [plan.controls.at(1.0) for plan in preview.plans]
@@ -301,9 +300,14 @@ def clockwise_rollers(preview: Preview) -> set[str]:
         r.name: [float(end[f"rollers.{r.name}.surface_speed"]) for end in ends] for r in rollers
     }
     given = {name: speed for name, v in told.items() if (speed := next(filter(None, v), 0.0))}
-    driving = [speed for name, speed in given.items() if thread is None or name in thread.turns]
-    backwards = bool(driving) and max(driving) < 0.0 and thread is not None
-    senses = {r.name: r.sense * float(r.unit_axis[1]) for r in rollers}
+    driving = [given[name] for name in given if thread is not None and name in thread.turns]
+    return given, bool(driving) and max(driving) < 0.0
+
+
+def clockwise_rollers(preview: Preview) -> set[str]:
+    """Return which rollers turn clockwise, by name; those without a speed go with the strip."""
+    given, backwards = first_speeds(preview)
+    senses = {r.name: r.sense * float(r.unit_axis[1]) for r in preview.assembly.rollers}
     travel = -1.0 if backwards else 1.0
     return {name for name, sense in senses.items() if sense * given.get(name, travel) >= 0.0}
 
@@ -347,7 +351,8 @@ def draw_line(scene: SceneSpec, picture: Path) -> None:
         arc = arcs.get(roller.name, np.zeros((2, 0)))
         caption = roller.name + wrap + kind
         wheels.append(Wheel(centre, roller.radius, roller.name in turning, caption, arc))
-    draw_layout(picture, scene.title or scene.name, line + origin[:, None], wheels)
+    _, backwards = first_speeds(preview)
+    draw_layout(picture, scene.title or scene.name, line + origin[:, None], wheels, backwards)
 
 
 def stage_table(preview: Preview) -> Table:

@@ -248,7 +248,9 @@ class Wheel(NamedTuple):
     arc: Array  # points of the strip on it, x, z (m), (2, n); none where it is not touched
 
 
-def draw_layout(picture: Path, title: str, line: Array, wheels: Sequence[Wheel]) -> None:
+def draw_layout(
+    picture: Path, title: str, line: Array, wheels: Sequence[Wheel], backwards: bool = False
+) -> None:
     """Draw a line as its strip would lie if it were a string.
 
     Parameters
@@ -259,6 +261,8 @@ def draw_layout(picture: Path, title: str, line: Array, wheels: Sequence[Wheel])
     line : ndarray, shape (2, n)
         Points x, z of the strip from entry to exit (m).
     wheels : sequence of Wheel
+    backwards : bool
+        Whether the strip travels from exit to entry.
     """
     circles = [
         wheel.centre[:, None] + wheel.radius * np.array([[-1, 1], [-1, 1]]) for wheel in wheels
@@ -275,7 +279,7 @@ def draw_layout(picture: Path, title: str, line: Array, wheels: Sequence[Wheel])
     for wheel in wheels:
         draw_wheel(axes, wheel, line, wheel.radius < SMALL_ROLLER * max(width, height))
     axes.plot(*line, color=OUTLINE, linewidth=2.0, zorder=3)
-    draw_travel(axes, line)
+    draw_travel(axes, line[:, ::-1] if backwards else line)
     for name, place, along in (("entry", line[:, 0], -1), ("exit", line[:, -1], 1)):
         side = "right" if along * (line[0, -1] - line[0, 0]) < 0.0 else "left"
         axes.annotate(name, tuple(place), (0, 8), textcoords="offset points", ha=side, fontsize=11)
@@ -313,7 +317,7 @@ def draw_wheel(axes: Axes, wheel: Wheel, line: Array, small: bool) -> None:
 
 
 def draw_travel(axes: Axes, line: Array) -> None:
-    """Draw arrows along a strip, from entry to exit, equally far apart."""
+    """Draw arrows along a line of points, x and z (m), equally far apart."""
     s = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=1), axis=0)))
     for share in (np.arange(TRAVEL_ARROWS) + 0.5) / TRAVEL_ARROWS:
         begin, end = (
