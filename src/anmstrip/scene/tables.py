@@ -504,7 +504,8 @@ class RollerSpec(Table):
     axis: Vector = Field((0.0, 1.0, 0.0), examples=["[0.0, 1.0, 0.0]"])
     """direction of the axis, three numbers, not all 0 (1)"""
     crown: tuple[Number, ...] = Field((), examples=["[0.0, -2.0e-3]"], max_length=8)
-    """c1, c2, …: radius + c1 s + c2 s² + … at s along the axis, numbers (m/m^k)"""
+    """c1, c2, …: radius + c1 s + c2 s² + … at s along the axis, as [0, -d/b²] of a roller thinner
+    by d at s = b, numbers (m/m^k)"""
     taper: Number = Field(0.0, examples=["1.0e-3"])
     """a cone: radius + taper s at s along the axis, besides a crown, a number (m/m)"""
     sides: SidesSpec | None = Field(
