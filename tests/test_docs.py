@@ -100,6 +100,21 @@ def test_first_pages_run_as_printed(
             exec(compile(text, name, "exec"), {"__name__": "first"})
 
 
+@pytest.mark.slow
+def test_the_table_of_rollers_is_printed_as_on_the_page_of_results(tmp_path: Path) -> None:
+    """To the last digit but one, which the machine may change."""
+    done = CliRunner().invoke(
+        main, ["run", str(ROOT / "examples/capstan.toml"), "-o", str(tmp_path)]
+    )
+    page = (ROOT / "docs/results.md").read_text(encoding="utf-8")
+    (shown,) = (text for _, text in FENCE.findall(page) if text.startswith("Rollers at"))
+    printed = done.output[done.output.index("Rollers at") :].splitlines()
+    for line, given in zip(shown.splitlines(), printed, strict=False):
+        for word, other in zip(line.split(), given.split(), strict=True):
+            number = re.fullmatch(r"-?[\d.]+", word)
+            assert float(other) == pytest.approx(float(word), rel=2e-3) if number else other == word
+
+
 CLAIM = re.compile(r"^def (test_\w+)\([^)]*\bclaim\b", re.MULTILINE)
 
 

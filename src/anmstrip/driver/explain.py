@@ -480,7 +480,7 @@ def roller_table(state: State) -> Table:
     A slip that runs away is a dash: it is that of the step at which the run stopped, and no speed.
     """
     heads = ("wrap\n(°)", "T in\n(N/m)", "T out\n(N/m)", "normal\n(N)", "torque\n(N m)")
-    more = ("slip\n(m/s)", "friction\nused", "load on\n(N/m)", "load off\n(N/m)")
+    more = ("slip\n(m/s)", "slides\n(°)", "friction\nused", "load on\n(N/m)", "load off\n(N/m)")
     sideways = ("offset\n(mm)",) * any(r.offset is not None for r in state.rollers.values())
     table = plain_table(f"Rollers at t = {state.time:.6g} s", "\nroller", *heads, *more, *sideways)
     for name, r in state.rollers.items():
@@ -488,8 +488,9 @@ def roller_table(state: State) -> Table:
         values = (np.degrees(r.wrap), r.tension_in, r.tension_out, r.normal_force, r.torque)
         read = None if slip_runs_away(state, r) else r.max_slip, r.line_load_in, r.line_load_out
         slip, *loads = (cell(value, ".3g") for value in read)
+        arc = cell(None if r.slip_arc is None else np.degrees(r.slip_arc), ".3g")
         offset = () if r.offset is None else (f"{round(1e3 * r.offset, 3) + 0.0:.3f}",)
-        table.add_row(name, *map(cell, values), slip, used, *loads, *offset)
+        table.add_row(name, *map(cell, values), slip, arc, used, *loads, *offset)
     return table
 
 

@@ -55,6 +55,7 @@ ROLLER_TABLE = {
     "torque": ("torque", "N\N{NO-BREAK SPACE}m", 1.0),
     "surface_speed": ("surface speed", "m/s", 1.0),
     "max_slip": ("largest slip", "m/s", 1.0),
+    "slip_arc": ("slides over", "°", 180.0 / np.pi),
     "capacity_used": ("friction used", "%", 100.0),
     "offset": ("offset", "mm", 1e3),
 }
