@@ -280,6 +280,11 @@ def test_fed_strip_says_so() -> None:
     assert "fed" not in explain(Scene.model_validate(tables))
     tables["strip"]["feed"] = True
     assert "fed: fresh strip follows" in explain(Scene.model_validate(tables))
+    del tables["strip"]["feed"]
+    led = ["edges.exit.fixed=['x', 'z']", "friction.coefficient=0.3"]
+    led += [f"stages.stage1.{name}.speed=0.5" for name in ("entry", "exit")]
+    text = explain(Scene.from_tables(tables, "led", led))
+    assert "its ends move, and no fresh strip follows" in " ".join(text.split())
 
 
 def test_mesh_file_has_no_section() -> None:

@@ -18,6 +18,7 @@ from anmstrip.equilibrium import StageProblem
 from anmstrip.errors import InputError, Mistake, printable
 from anmstrip.mechanics.effects import Effect, LawEffect, LinearEffect, LoadEffect
 from anmstrip.results.files import error_rows
+from anmstrip.scene.checks import moved_ends
 from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, FieldSpec
 from anmstrip.simulation.defaults import (
@@ -80,13 +81,17 @@ def explanation(scene: SceneSpec) -> Iterator[str | Table]:
     assembly = Assembly(scene)
     preview = Preview.of(assembly)
     strip, found = assembly.strip, levels(preview)
+    fed = ", fed: fresh strip follows what has left" if scene.strip.feed else ""
+    led = scene.threading is not None and not scene.strip.feed
+    if led and any(moved_ends(scene.threading, scene.edges, scene.stages)):
+        fed = ", of finite length: its ends move, and no fresh strip follows"
     h, own = strip.cell_sizes[0], assembly.kinematics.name
     yield printable(scene.title or scene.name)
     yield (
         f"Strip {strip.length:g} m × {strip.width:g} m × {strip.thickness:g} m, "
         f"{strip.mesh.t.shape[1]} elements {h.min():.3g} to {h.max():.3g} m long, "
         f"{strip.unknowns} unknowns, kinematics {scene.strip.kinematics}"
-        f"{', fed: fresh strip follows what has left' if scene.strip.feed else ''}."
+        f"{fed}."
     )
     if loose_across(scene):
         yield "Nothing else holds the strip in y: the middle of the entry is (edges.entry.centred)."
