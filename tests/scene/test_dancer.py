@@ -56,6 +56,12 @@ def ends(scene: dict[str, Any]) -> tuple[Run, dict[str, Any]]:
     return run, found
 
 
+def last_row(run: Run, stage: str) -> dict[str, Any]:
+    """The last of a stage in ``history.csv``."""
+    (*_, number) = np.flatnonzero(np.array(run.history["stage"]) == stage)
+    return {key: column[number] for key, column in run.history.items()}
+
+
 def test_dancer_is_lowered_while_the_line_runs(claim: Claim) -> None:
     """The way grows by twice the stroke, so that every strand in turn runs slower."""
     run, found = ends(dancer())
@@ -73,7 +79,7 @@ def test_dancer_is_lowered_while_the_line_runs(claim: Claim) -> None:
     claim("left at the exit (m)", left, 0.5 + 1.0 + 2.0 * 0.6 + 2.0, 0.003, "kinematics")
 
 
-def test_dancer_of_a_line_that_is_held_at_its_exit() -> None:
+def test_dancer_of_a_line_that_is_held_at_its_exit(claim: Claim) -> None:
     """What it takes up comes from the entry then, where the strip runs faster."""
     held = {"fixed": ["x", "z"]}
     stages = dancer()["stages"]
@@ -81,16 +87,30 @@ def test_dancer_of_a_line_that_is_held_at_its_exit() -> None:
         "name": "start", "duration": 1.0,
         "entry": {"release": True, "tension": TENSION}, "exit": {"speed": SPEED},
     }  # fmt: skip
-    run, found = ends(dancer(edges={"entry": held, "exit": held}, stages=stages))
+    stages[3] = {**stages[3], "strip": {"temperature": 100.0}}
+    material = {"young": 2.1e11, "poisson": 0.3, "density": 7850.0, "expansion": 1.2e-5}
+    given = {"edges": {"entry": held, "exit": held}, "stages": stages, "material": material}
+    run, found = ends(dancer(**given))
     rate = STROKE / 2.0
     for k, reading in enumerate(found["stroke"].rollers.values()):
         assert reading.surface_speed == pytest.approx(SPEED + (2 - k) * rate, abs=2e-3)
+    row = last_row(run, "stroke")
+    assert row["entry_speed"] == pytest.approx(SPEED + 2.0 * rate, rel=2e-3)
+    assert row["exit_speed"] == row["strip_speed"] == pytest.approx(SPEED, rel=1e-3)
+    row = last_row(run, "after")  # leaves warm, and gives α ΔT of itself off, at the entry
+    strain, stretch = 1.2e-5 * 100.0, TENSION / 2.1e11 / 3e-4
+    left = SPEED / (1.0 + strain) / (1.0 + stretch)
+    claim("exit, warm (m/s)", row["exit_speed"], left, 1e-5, "kinematics")
+    assert row["strip_speed"] == row["exit_speed"]
+    length = found["after"].unstressed_length(found["after"].plan.model.strip.span[1])
+    given_off = strain * length / 2.0
+    claim("entry, warm (m/s)", row["entry_speed"], left - given_off, 1e-4, "kinematics")
     assert run.cost.expansions < 80
 
 
 def test_what_is_read_along_strip_that_runs_hold() -> None:
     """Tension is even between rollers, and arc length counts unstressed strip."""
-    _, found = ends(dancer())
+    run, found = ends(dancer())
     state = found["stroke"]
     x, z, length, tension = (state.along(n) for n in ("x", "z", "arc_length", "tension"))
     steps = np.hypot(np.diff(x), np.diff(z))
@@ -105,6 +125,9 @@ def test_what_is_read_along_strip_that_runs_hold() -> None:
     rate = STROKE / 2.0
     assert speeds[0] == pytest.approx(SPEED, rel=1e-3)
     assert speeds[-1] == pytest.approx(SPEED - 2.0 * rate, rel=1e-3)
+    row = last_row(run, "stroke")
+    unstressed = speeds[[0, -1]] / (1.0 + TENSION / 2.1e11 / 3e-4)
+    assert [row["entry_speed"], row["exit_speed"]] == pytest.approx(unstressed, rel=1e-5)
 
 
 @pytest.mark.slow

@@ -57,15 +57,21 @@ ERROR_COLUMNS = ("time", "stage", "membrane_force", "position")
 
 FEED_COLUMNS = ("strip_speed", "conveyed")
 
+END_SPEEDS = {f"{name}_speed": name for name in ENDS}
+"""Columns of strip that rollers which move, or its weight, take up or give off, and their ends."""
 
-def history_row(step: Step, conveyed: bool) -> dict[str, Any]:
-    """Return the row of a step in ``history.csv``, of strip that has a speed of its own or not."""
+
+def history_row(step: Step, assembly: Assembly) -> dict[str, Any]:
+    """Return the row of a step in ``history.csv``."""
     state, values = step.state, {column: getattr(step, column) for column in STEP_COLUMNS}
     values |= {f"{name}_tension": state.tension(name) for name in ENDS}
-    if conveyed:
-        speed = state.strip_speed  # of strip whose labels travel there is not one
-        fed = 0.0 if speed is None and not state.plan.in_time else speed, state.conveyed
+    if assembly.conveyed:
+        rests = state.strip_speed is None and not state.plan.in_time
+        fed = 0.0 if rests else state.strip_speed, state.conveyed  # no speed if labels travel
         values |= dict(zip(FEED_COLUMNS, fed, strict=True))
+        if assembly.growth is not None:
+            ends = {key: state.end_speed(end) for key, end in END_SPEEDS.items()}
+            values |= dict.fromkeys(ends, 0.0) if rests else ends
     for name, reading in state.rollers.items():
         values |= {f"{name}_{column}": getattr(reading, column) for column in STEP_READINGS}
     return values
@@ -95,7 +101,8 @@ class Recorder:
         directory.mkdir(parents=True, exist_ok=True)
         self.lock = DirectoryLock(directory)
         names = [f"{r.name}_{column}" for r in assembly.rollers for column in STEP_READINGS]
-        feed = FEED_COLUMNS if assembly.conveyed else ()
+        feed = [*FEED_COLUMNS] if assembly.conveyed else []
+        feed += END_SPEEDS if assembly.growth is not None else []
         columns = (*STEP_COLUMNS, "entry_tension", "exit_tension", *feed, *names)
         kept: Mapping[str, Any] = resumed or {"rows": {}, "time": -1.0, "turned": {}}
         if resumed is None:
@@ -130,7 +137,7 @@ class Recorder:
         self.lock.check()
         if output.times is None and not self.strip.count:
             self.write_state(state.at(state.plan.start, before))
-        self.tables["history.csv"].append(history_row(step, self.assembly.conveyed))
+        self.tables["history.csv"].append(history_row(step, self.assembly))
         for event in step.events:
             self.tables["events.csv"].append(asdict(event))
         while self.due and self.due[0] <= state.time:

@@ -404,7 +404,7 @@ class Run:
 
     def _read(self) -> None:
         """Read the rows of the history off the states of a run that is not written."""
-        self.rows += [history_row(step, self.assembly.conveyed) for step in self.unread]
+        self.rows += [history_row(step, self.assembly) for step in self.unread]
         self.unread.clear()
 
     def _events(self, before: State, state: State) -> tuple[Event, ...]:

@@ -369,11 +369,11 @@ class SteadyFriction(CarriedFriction):
 
 
 class Passage(LawEffect):
-    """Condition at the end of a fed strip for the length that has passed, c |∂r/∂X| = V.
+    """Condition at the end of a fed strip for the length that has passed, c/g |∂r/∂X| = V.
 
     V is what an end that is held would move with; its label stays.  Where nothing holds the end,
     its label stays along the strip, v·d = V = 0.  As a force it is multiplied by a stiffness.
-    Control: ``strip.passing`` V (m/s).
+    Controls: ``strip.passing`` V (m/s), and ``strip.held``, by which heat changes g there.
 
     Parameters
     ----------
@@ -388,14 +388,23 @@ class Passage(LawEffect):
         N s/m.
     unknowns : int
         Those of strip and rollers, and the length that has passed, which is the last.
+    grown : ndarray, shape (runs, 1), optional
+        By how much g grows there with ``strip.held``.
     """
 
     name, rate_dependent = "passage", True
 
     def __init__(
-        self, strip: Strip, edge: str, direction: Array, held: bool, stiffness: float, unknowns: int
+        self,
+        strip: Strip,
+        edge: str,
+        direction: Array,
+        held: bool,
+        stiffness: float,
+        unknowns: int,
+        grown: Array | None = None,
     ) -> None:
-        self.held, self.stiffness = held, stiffness
+        self.held, self.stiffness, self.grown = held, stiffness, grown
         own, one = strip.kinematics.pick(direction), np.ones(1)
         self.flat = strip.kinematics.pick([1.0, 0.0, 0.0])
         values, slopes = strip.edges[edge].values, strip.dofs("u_x")[strip.edges[edge].nodes]
@@ -410,11 +419,13 @@ class Passage(LawEffect):
 
     def law(self, x: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Residual (N), shape (1, 1)."""
-        moving = v[0]
+        moving, given = v[0], controls["strip.passing"]
+        if self.grown is not None:
+            given = given * (_over_runs(controls["strip.held"], self.grown) + 1.0)
         if self.held:
             squares = ((x[1 + k] + flat) ** 2 for k, flat in enumerate(self.flat))
             moving = v[-1] * np.sqrt(sum(squares))
-        return np.stack([(moving - controls["strip.passing"]) * self.stiffness])
+        return np.stack([(moving - given) * self.stiffness])
 
 
 def transport_velocity(strip: Strip, pattern: Pattern, full: Array, speed: Any) -> Array:

@@ -85,6 +85,11 @@ class StripState:
             return float(self.velocity[self.plan.model.coupled - 1])
         return self.plan.strip_speed(self.full, self.control) if self.plan.steady else None
 
+    def end_speed(self, edge: str) -> float | None:
+        """Speed at which strip passes an end (m of unstressed strip per second), if it does."""
+        drift = float(self.controls.get(f"{edge}.drift", 0.0))
+        return None if self.strip_speed is None else self.strip_speed + drift
+
     @cached_property
     def material_velocity(self) -> Array:
         """Velocity of the material, on the strip's functions, (unknowns of the strip,)."""

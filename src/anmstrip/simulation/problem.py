@@ -632,7 +632,10 @@ class Assembly:
         from anmstrip.mechanics.transport import Passage
 
         stiffness = self.strip.tensile_stiffness * self.strip.width / line_speed(self.scene)
-        return Passage(self.strip, edge, direction, held, stiffness, self.coupled)
+        grown = None
+        if self.growth is not None:
+            grown = self.growth.shapes[[0 if edge == "entry" else -1]].T
+        return Passage(self.strip, edge, direction, held, stiffness, self.coupled, grown)
 
     @cached_property
     def signorini(self) -> ContactLaw:

@@ -175,8 +175,8 @@ class Course:
     def growing(self, values: Mapping[str, Array]) -> dict[str, Array]:
         """The stretch g that labels hold, and the speed (m/s) that this adds to what passes them.
 
-        At the quadrature points, ``strip.growth`` and ``strip.drift``, and at rollers; nothing
-        unless labels follow rollers that move.
+        At the quadrature points, ``strip.growth`` and ``strip.drift``, at ends and at rollers;
+        nothing unless labels follow rollers that move.
 
         Parameters
         ----------
@@ -187,10 +187,13 @@ class Course:
         if (growth := a.growth) is None:
             return {}
         x, rates = quadrature_points(a.strip)[0], values["strip.taking_up"]
-        last = float(rates.sum()) if self.passing[0] == "exit" else 0.0
+        whole = growth.up_to(growth.x[-1:], rates)[0]
+        last = whole if self.passing[0] == "exit" else 0.0
         found = {
             "strip.growth": growth.at(x, values["strip.held"]),
             "strip.drift": last - growth.up_to(x, rates),
+            "entry.drift": np.array(last),
+            "exit.drift": np.array(last - whole),
         }
         for roller in a.rollers:
             label = np.array(label_at(roller, growth.thread))
