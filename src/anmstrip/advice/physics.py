@@ -25,7 +25,7 @@ from anmstrip.scene.schema import SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, RollerSpec
 from anmstrip.simulation.defaults import (
     bending_stiffness,
-    boundary_layer,
+    bent_curvature,
     distributed_load,
     largest_force,
     varies_along,
@@ -418,7 +418,9 @@ def beyond_capacity(preview: Preview) -> Iterator[str]:
             if plain and not turn and key == "tension":
                 lower = f"--set {typed}={low:g}, or rollers that the strip wraps"
             elif bound > 0.0:
-                lower = f"{typed} below {two_digits(bound, np.floor):.2g} N/m"
+                below = two_digits(bound, np.floor)
+                below = below if below > low else float(f"{0.5 * (low + bound):.4g}")
+                lower = f"{typed} below {below:.4g} N/m"
             else:
                 lower = f"a lower {typed}"
             yield (
@@ -427,6 +429,8 @@ def beyond_capacity(preview: Preview) -> Iterator[str]:
                 f"wrap {held_by} at most: {none}the strip {runs}. "
                 f"Try {lower}{other_ways_to_hold(preview, end, pulled, plain)}."
             )
+            if lost and not pulled.weight:  # no later stage is reached
+                return
 
 
 def other_ways_to_hold(preview: Preview, end: str, pulled: Pulled, plain: bool) -> str:
@@ -562,9 +566,8 @@ def largest_tensions(
 
 
 def sharpest_curvature(preview: Preview, roller: Roller) -> float:
-    """Curvature (1/m) of the strip on a roller: 1/r, or θ/2λ where it only touches along a line."""
-    line = preview.turn(roller) / (2.0 * boundary_layer(preview.assembly.scene) or 1e-300)
-    return float(min(1.0 / roller.radius, line))
+    """Curvature (1/m) of the strip on a roller."""
+    return bent_curvature(preview.assembly.scene, roller.radius, preview.turn(roller))
 
 
 def beyond_yield(preview: Preview) -> Iterator[str]:
@@ -792,6 +795,25 @@ def torque_beyond_friction(preview: Preview) -> Iterator[str]:
             )
 
 
+def turn_by_weight(preview: Preview, roller: Roller) -> float:
+    """Largest angle (rad), w (l₁ + l₂)/2T, by which runs beside a roller wrap it by their weight.
+
+    The weight of half of both, across the strip, is what the roller bears besides T θ.
+    """
+    assembly, found = preview.assembly, 0.0
+    mass = assembly.material.density * assembly.strip.thickness / (preview.tension or np.inf)
+    for plan, string in zip(preview.plans, preview.strings, strict=True):
+        gravity, path = plan.controls.at(1.0).get("gravity"), string.path
+        if gravity is None or path is None or roller.name not in string.turns:
+            continue
+        sense = 1.0 if string.senses[roller.name] == "over" else -1.0
+        beside = slice(first := list(string.turns).index(roller.name), first + 2)
+        headings, runs = path.angles[::2, 0][beside], np.diff(path.starts[:, 0])[::2][beside]
+        pressing = gravity[0] * np.sin(headings) - gravity[2] * np.cos(headings)
+        found = max(found, 0.5 * mass * sense * float(runs @ pressing))
+    return found
+
+
 def heavy_bearings(preview: Preview) -> Iterator[str]:
     """Idle rollers that stand, since their bearings hold more than friction turns them with.
 
@@ -801,14 +823,16 @@ def heavy_bearings(preview: Preview) -> Iterator[str]:
     nipped = nipping_rollers(assembly.scene, assembly.rollers, assembly.thread)
     for spec, roller in zip(assembly.scene.rollers, assembly.rollers, strict=True):
         arm = roller.radius * assembly.strip.width
-        most = arm * preview.tension * (holding_ratio(preview, roller) - 1.0)
+        sag = turn_by_weight(preview, roller)
+        grip = float(np.exp(coefficient_on(assembly.scene, spec) * sag))
+        most = arm * preview.tension * (grip * holding_ratio(preview, roller) - 1.0)
         if spec.name in nipped or spec.drive != "idle" or not 0.0 < most < spec.bearing:
             continue
         yield (
             f"idle roller {spec.name} stands still, and the strip slides over it: its bearings "
             f"hold {spec.bearing:g} N m, and friction on a wrap of "
-            f"{np.degrees(preview.turn(roller)):.3g}° under {preview.tension:.3g} N/m turns it "
-            f"with {most:.2g} N m at most. "
+            f"{np.degrees(preview.turn(roller) + sag):.3g}° under {preview.tension:.3g} N/m turns "
+            f"it with {most:.2g} N m at most. "
             f"Try --set rollers.{spec.name}.bearing={two_digits(0.5 * most, np.floor):g}"
         )
 
@@ -1192,8 +1216,12 @@ def loose_fibres(preview: Preview) -> Iterator[str]:
     for roller in thread.rollers:
         radii = roller.radius_at((y - roller.centre[1]) / roller.unit_axis[1])
         shorter = float((np.polyval(np.polyfit(y, radii, 1), y) - radii).max() / radii.mean())
-        left = -np.expm1(-2.1 * turns[roller.name] * radii.mean() / strip.width)
-        if (least := strip.tensile_stiffness * left * shorter) > tension:
+        least, bending = 0.0, taken_by_bending(preview, roller)
+        for _ in range(8):  # the more tension, the longer is the arc
+            lifted = 2.0 * np.arccos(max(1.0 - bending / max(least, tension), -1.0))
+            arc = max(turns[roller.name] - lifted, 0.0) * radii.mean()
+            least = strip.tensile_stiffness * -np.expm1(-2.1 * arc / strip.width) * shorter
+        if least > tension:
             needed[roller.name] = least
     if needed:
         most = two_digits(max(needed.values()), np.ceil)

@@ -31,6 +31,7 @@ from anmstrip.simulation.defaults import (
     largest_force,
 )
 from anmstrip.simulation.meshing import (
+    BYTES_PER_UNKNOWN,
     LAYER_SHARE,
     MAX_ELEMENTS,
     contact_stands,
@@ -75,11 +76,9 @@ LOOSEST_TOLERANCE = 1e-2
 COARSE_RATIO = 1.2
 """Length of the shortest elements, over the one that is wanted, from which on a mesh is coarse."""
 
-EXPLAIN_COST = np.array([452e3, 18.0, 281.0])
-"""Unknowns of a shell, and gigabytes and seconds that it takes ``anmstrip explain``."""
-
-EXPLAIN_COST_EXPONENTS = np.array([1.0, 1.8])
-"""Exponents by which both grow: 94 000 unknowns take 2.5 GB and 17 s, others of 101 000 4.4 GB."""
+EXPLAIN_COST = 452e3, 281.0, 1.8
+"""Unknowns of a shell, seconds that ``anmstrip explain`` takes for it, and the power of unknowns by
+which they grow: 94 000 take 17 s."""
 
 BALANCED_TORQUE = 1e-3
 """Share of the torque of friction within which a drive is balanced: the default tolerance."""
@@ -246,8 +245,9 @@ def standing_idlers(state: State, scene: SceneSpec) -> Iterator[str]:
         contact = state.contacts.get(spec.name)
         if spec.drive != "idle" or contact is None or not slides(contact):
             continue
-        if abs(contact.surface_speed) < RUNNING_SLIP * contact.max_slip:
-            given = abs(contact.torque)
+        given = abs(contact.torque)
+        standing = abs(contact.surface_speed) < RUNNING_SLIP * contact.max_slip
+        if standing and given < (1.0 + BALANCED_TORQUE) * spec.bearing:
             yield (
                 f"idle roller {spec.name} stands still, and the strip slides over it at "
                 f"{contact.max_slip:.3g} m/s: friction turns it with {given:.3g} N m, and its "
@@ -320,21 +320,26 @@ def unresolved_waves(state: State, scene: SceneSpec) -> Iterator[str]:
         return
     from anmstrip.results.wrinkles import free_spans
 
-    size = float(strip.cell_sizes[1].max())
-    for span in free_spans(state):
-        if not span.near or size * ELEMENTS_PER_WAVE <= span.spacing:
-            continue
-        longest, width = span.spacing / ELEMENTS_PER_WAVE, strip.width
-        more = np.ceil(width / longest) / np.round(width / size)
-        finer = physics.two_digits(float(mesh_density(scene) * more), np.ceil)
-        cure = f"Try --set strip.finer={finer:g}"
-        if scene.strip.mesh is not None:
-            cure = f"Try elements of {longest:.2g} m in strip.mesh."
-        yield (
-            f"waves between {span.before} and {span.after} would be {span.spacing:.2g} m long "
-            f"across, and elements are {size:.2g} m wide: they hardly bend that way, and wrinkles "
-            f"come late or not at all. {cure}"
-        )
+    size, width = float(strip.cell_sizes[1].max()), strip.width
+    spans = [s for s in free_spans(state) if s.near and size * ELEMENTS_PER_WAVE > s.spacing]
+    if not spans:
+        return
+    span = min(spans, key=lambda each: each.spacing)
+    longest = span.spacing / ELEMENTS_PER_WAVE
+    more = np.ceil(width / longest) / np.round(width / size)
+    finer = physics.two_digits(float(mesh_density(scene) * more), np.ceil)
+    cure = f"Try --set strip.finer={finer:g}"
+    unknowns = int(strip.unknowns * (finer / mesh_density(scene)) ** 2)
+    if unknowns > MAX_HALVED_UNKNOWNS:
+        cure = f"--set strip.finer={finer:g} makes them so short, but with {priced(unknowns)}"
+    if scene.strip.mesh is not None:
+        cure = f"Try elements of {longest:.2g} m in strip.mesh."
+    others = f", the shortest of {len(spans)} spans," if len(spans) > 1 else ""
+    yield (
+        f"waves between {span.before} and {span.after}{others} would be {span.spacing:.2g} m long "
+        f"across, and elements are {size:.2g} m wide: they hardly bend that way, and wrinkles "
+        f"come late or not at all. {cure}"
+    )
 
 
 def buckled_section(state: State, scene: SceneSpec) -> Iterator[str]:
@@ -419,6 +424,8 @@ def slack_end(preview: Preview) -> Iterator[str]:
         force = end.get("exit.force")
         if force is None or "exit.tension" in end or largest < 10.0 * bearable:
             continue
+        if max(np.linalg.norm(end.get(f"entry.{key}", 0.0)) for key in ("force", "tension")) > 0.0:
+            continue  # pulled from the other end, the strip may run away
         weight, span = weight_of(preview, plan), string.span
         if stiff and 0.0 < weight * span**3 < 6.0 * RESTING_SLOPE * strip.bending_stiffness:
             continue
@@ -521,12 +528,17 @@ def shorter_elements(assembly: Assembly, longest: float) -> str:
     if found.unknowns <= MAX_HALVED_UNKNOWNS:
         less = " or less travel" * any(not stage.steady for stage in scene.stages)
         return f"Shorter ones need {count}. Try {key}{less}"
-    growth = (found.unknowns / EXPLAIN_COST[0]) ** EXPLAIN_COST_EXPONENTS
-    memory, seconds = EXPLAIN_COST[1:] * growth
+    return f"{key} makes them so short, but with {priced(found.unknowns)}"
+
+
+def priced(unknowns: int) -> str:
+    """Say what so many unknowns of a shell cost before anything is solved."""
+    known, seconds, power = EXPLAIN_COST
+    memory, seconds = BYTES_PER_UNKNOWN * unknowns / 1e9, seconds * (unknowns / known) ** power
     time = f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} minutes"
     return (
-        f"{key} makes them so short, but with {count}, for which `anmstrip explain` alone takes "
-        f"about {memory:.0f} GB and {time}."
+        f"{unknowns} unknowns, for which `anmstrip explain` alone takes about {memory:.0f} GB "
+        f"and {time}."
     )
 
 

@@ -493,18 +493,20 @@ class Run:
         if (watch := self.onsets) is None:
             return wrinkling.warnings
         told, borne = self._missed_wrinkles, watch.borne(state)
-        if borne < 1.0 and not self.wrinkles:
+        if (lowest := min(borne.values(), default=np.inf)) < 1.0 and not self.wrinkles:
             there = self.budget.bears
             half = f", and {there:.2g} times on elements of half the length"
             told = [
                 "the smooth strip is unstable here, and no onset was found on the way: by its "
-                f"modes it bears {borne:.2g} times its compression"
+                f"modes it bears {lowest:.2g} times its compression"
                 f"{half if there < np.inf else ''}. To see where wrinkles come, begin where it is "
                 "smooth, as under more tension"
             ]
-        more = f" Its modes on this mesh bear {borne:.2g} times this compression."
-        near = (words + more * (1.0 < borne < np.inf) for words in wrinkling.warnings)
-        return [*told, *near, *watch.warnings]
+        for span, words in zip(wrinkling.near, wrinkling.warnings, strict=True):
+            times = borne.get((span.before, span.after), 0.0)
+            more = f" Its modes on this mesh bear {times:.2g} times this compression."
+            told.append(words + more * (times > 1.0))
+        return [*told, *watch.warnings]
 
     def _readings(self, state: State, wrinkling: Wrinkling | None) -> dict[str, Any]:
         """Return entries of ``summary.json`` that are read off the last state alone."""
@@ -549,7 +551,8 @@ class Run:
         """Sentence about wrinkles that are there on the finer mesh alone."""
         if self.onsets is None or self.state is None or self.wrinkles:
             return []
-        return [] if self.onsets.borne(self.state) < 1.0 else self.budget.of_wrinkles
+        borne = self.onsets.borne(self.state).values()
+        return [] if min(borne, default=np.inf) < 1.0 else self.budget.of_wrinkles
 
     @property
     def _moved_onsets(self) -> list[str]:

@@ -231,9 +231,14 @@ class Wrinkling:
         return max((span.compression for span in self.spans), default=0.0)
 
     @property
+    def near(self) -> list[Span]:
+        """Spans that are near to wrinkling."""
+        return [span for span in self.spans if span.near]
+
+    @property
     def warnings(self) -> list[str]:
-        """Spans that are near to wrinkling, in words."""
-        return [f"The strip is {span}" for span in self.spans if span.near]
+        """The same in words."""
+        return [f"The strip is {span}" for span in self.near]
 
     def lines(self, sampler: FieldSampler | None = None) -> list[tuple[float, Array, Array]]:
         """Return x, y and w (m) of the lines x = const of points that a parabola may not fit.
@@ -530,20 +535,31 @@ class Onset:
         return along, across
 
     @property
+    def highest(self) -> int:
+        """Number of the node where the mode is highest."""
+        strip = self.state.plan.model.strip
+        return int(np.abs(strip.nodal(self.heights)[strip.node_values, 2]).argmax())
+
+    @cached_property
+    def span(self) -> tuple[str, str] | None:
+        """What is before and behind the free span in which the mode is highest."""
+        x = self.state.plan.model.strip.nodes[0, self.highest]
+        spans = (s for s in free_spans(self.state) if s.start <= x <= s.end)
+        return next(((s.before, s.after) for s in spans), None)
+
+    @property
     def facts(self) -> dict[str, Any]:
         """Entries of ``summary.json``."""
         along, across = self.wavelengths
         state, strip = self.state, self.state.plan.model.strip
-        highest = np.abs(strip.nodal(self.heights)[strip.node_values, 2]).argmax()
-        x, y = strip.nodes[:2, highest] + strip.flat_origin
-        spans = [s for s in free_spans(state) if s.start <= strip.nodes[0, highest] <= s.end]
+        x, y = strip.nodes[:2, self.highest] + strip.flat_origin
         return {
             "kind": self.kind,
             "stage": state.plan.name,
             **loads(state),
             "x": float(x),
             "y": float(y),
-            "span": [spans[0].before, spans[0].after] if spans else None,
+            "span": self.span and list(self.span),
             "wavelength_along": along,
             "wavelength": across,
         }
@@ -564,9 +580,9 @@ def dated(change: Callable[[float], float], length: float) -> float:
     return float(brentq(change, 0.0, length, xtol=ONSET_TOLERANCE * length, rtol=ONSET_TOLERANCE))
 
 
-def pressed_share(state: State) -> float:
-    """Return the largest compression of a free span over what it bears, 0 without one."""
-    return max((span.compression / span.bearable for span in free_spans(state)), default=0.0)
+def pressed_shares(state: State) -> dict[tuple[str, str], float]:
+    """Return the compression of every free span over what it bears, by what is at its ends."""
+    return {(s.before, s.after): s.compression / s.bearable for s in free_spans(state)}
 
 
 def waves_on(state: State, modes: Callable[[float], Array]) -> Iterator[tuple[float, Onset]]:
@@ -610,8 +626,10 @@ class WrinkleWatch:
     ----------
     factors : ndarray
         Of the last state, ascending, if it was looked at; those of nothing else are near 1.
-    last : float
-        Lowest factor times share of what is borne, where it was looked at last.
+    lowest : float
+        Lowest factor, where it was looked at last.
+    shares : dict
+        Compression of the spans over what they bear, there.
     missed : int
         States in which the modes were not found.
     """
@@ -619,17 +637,31 @@ class WrinkleWatch:
     def __init__(self, cost: Cost) -> None:
         self.cost, self.solver = cost, SparseSolver()
         self.plan: StageProblem | None = None
-        self.factors, self.last, self.missed = np.zeros(0), 0.0, 0
+        self.factors, self.lowest, self.missed = np.zeros(0), 0.0, 0
+        self.shares: dict[tuple[str, str], float] = {}
+        self.told: State | None = None
+        self.found: dict[tuple[str, str] | None, float] = {}
 
-    def borne(self, state: State) -> float:
-        """Return how many times its compression a state bears, by its modes; infinite if unknown.
+    def growth(self, shares: dict[tuple[str, str], float]) -> float:
+        """Return how many times what presses any span grew since it was looked at; 0 if none is."""
+        pressed = {span: share for span, share in shares.items() if share >= COLUMN_SHARE}
+        grown = (share / max(self.shares.get(span, 0.0), 1e-9) for span, share in pressed.items())
+        return max(grown, default=0.0)
 
-        Where it was not looked at, in proportion to compression.
+    def borne(self, state: State) -> dict[tuple[str, str] | None, float]:
+        """Return how many times its compression every span bears, by the modes that are known.
+
+        By what is before and behind the span in which a mode is highest; None for no free span.
         """
-        pressed = pressed_share(state)
-        if self.plan is not state.plan or not (pressed and self.last):
-            return np.inf
-        return self.last / pressed
+        if self.plan is not state.plan or not self.growth(pressed_shares(state)):
+            return {}
+        if self.told is not state:
+            self.told, self.found = state, {}
+            factors, modes = self._modes(state)
+            for factor, mode in zip(factors, modes.T, strict=True):
+                span = Onset(state, mode_heights(state, mode), WAVES).span
+                self.found.setdefault(span, float(factor))
+        return self.found
 
     def during(self, state: State) -> list[Onset]:
         """Return the onsets on the branch that ends in a state, in their order.
@@ -640,11 +672,12 @@ class WrinkleWatch:
         """
         if state.plasticity is not None and state.plasticity.operator.flows:
             return []
-        pressed = pressed_share(state)
+        shares = pressed_shares(state)
         if self.plan is not state.plan:
-            self.plan, self.factors, self.last = state.plan, np.zeros(0), 0.0
+            self.plan, self.factors, self.lowest, self.shares = state.plan, np.zeros(0), 0.0, {}
         near = bool((self.factors < FAR_FROM_BUCKLING).any())
-        far = pressed < COLUMN_SHARE or self.last > PROPORTION_MARGIN * FAR_FROM_BUCKLING * pressed
+        grown = self.growth(shares)
+        far = not grown or self.lowest > PROPORTION_MARGIN * FAR_FROM_BUCKLING * grown
         if state.branch is None or (far and not near):
             self.factors = np.zeros(0)
             return []
@@ -653,7 +686,7 @@ class WrinkleWatch:
         looked = len(self.factors) or not (ahead < FAR_FROM_BUCKLING).any()
         before = self.factors if looked else at(0.0)[0]
         self.factors = ahead
-        self.last = pressed * float(ahead.min(initial=np.inf))
+        self.lowest, self.shares = float(ahead.min(initial=np.inf)), shares
         found = []
         for level, kind in DATED_FACTORS.items():
             counts = [int((factors < level).sum()) for factors in (before, self.factors)]

@@ -328,6 +328,11 @@ def boundary_layer(scene: SceneSpec) -> float:
     return float(np.sqrt(bending_stiffness(scene) / tension)) if tension > 0.0 else np.inf
 
 
+def bent_curvature(scene: SceneSpec, radius: float, turn: float) -> float:
+    """Curvature (1/m) of strip on a roller: 1/r, or θ/2λ where it only touches along a line."""
+    return min(1.0 / radius, turn / (2.0 * boundary_layer(scene) or 1e-300))
+
+
 def first_yield(scene: SceneSpec) -> float | None:
     """κ_e (1/m), at which the faces of a strip that is held across begin to flow; None if none."""
     m = scene.material

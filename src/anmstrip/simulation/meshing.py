@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -32,6 +33,9 @@ from anmstrip.simulation.threading import Thread
 
 MAX_ELEMENTS = 250_000
 """Of a strip; the tangent of a shell of so many takes tens of gigabytes."""
+
+BYTES_PER_UNKNOWN = 4e4
+"""Of a shell whose tangent is described, not solved: 452 000 take 18 GB, 94 000 2.5 GB."""
 
 LAYER_SHARE = 0.25
 """Share of the boundary layer √(D/T) that an element over a roller may cover."""
@@ -135,7 +139,33 @@ def strip_mesh(
     if spec.finer is not None and count > MAX_ELEMENTS:
         expected = f"at most {MAX_ELEMENTS} elements; there would be {count}"
         raise scene.refused("strip.finer", spec.finer, expected, "finer = 1.0")
+    if spec.kinematics == "shell":
+        fits_into_memory(scene, unknowns_per_line(scene, len(across) - 1) * len(xs))
     return line(xs) if section else grid(xs, across * spec.width)
+
+
+def fits_into_memory(scene: SceneSpec, unknowns: int) -> None:
+    """Refuse a shell that this machine would give up while it is described."""
+    needed, there = BYTES_PER_UNKNOWN * unknowns, memory_of_machine()
+    if needed > there:
+        spec = scene.strip
+        finer = mesh_density(scene) * np.sqrt(0.5 * there / needed)
+        given = {"finer": spec.finer, "refined": spec.refined, "cells": spec.cells}
+        key = next((key for key, value in given.items() if value is not None), "finer")
+        expected = (
+            f"a mesh that fits into the {there / 1e9:.0f} GB of this machine: {unknowns} unknowns "
+            f"take {needed / 1e9:.0f} GB"
+        )
+        hint = f"finer = {finer:.2g}" if key == "finer" else f"finer = {finer:.2g}, and no {key}"
+        raise scene.refused(f"strip.{key}", given[key], expected, hint)
+
+
+def memory_of_machine() -> float:
+    """Bytes of memory; infinite where the system does not tell."""
+    try:
+        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    except (AttributeError, OSError, ValueError):
+        return np.inf
 
 
 @dataclass(frozen=True)
@@ -304,7 +334,8 @@ def lines_across(scene: SceneSpec) -> Array:
     usual = 8 if any(roller.profile for roller in scene.rollers) else 4
     count = usual if scene.strip.cells is None else scene.strip.cells[1]
     corners = [] if scene.strip.cells is not None else corners_across(scene)
-    middle = count % 2 == 0 and all(abs(at) > 0.25 / count for at in corners)
+    near = 0.0 if any(edge.centred for edge in scene.edges.values()) else 0.25 / count
+    middle = count % 2 == 0 and all(abs(at) > near for at in corners)
     marks = sorted([-0.5, *corners, *[0.0] * middle, 0.5])
     counts = np.diff(marks) * count * mesh_density(scene)
     counts = np.ceil(counts - 1e-9) if corners else np.maximum(np.round(counts), 1.0)

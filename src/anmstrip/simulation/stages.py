@@ -19,7 +19,12 @@ from anmstrip.mechanics.shell import eigenstrain, uneven_tension, uniaxial_stret
 from anmstrip.results.state import State
 from anmstrip.scene.schema import StageSpec
 from anmstrip.scene.tables import ENDS, THREADING
-from anmstrip.simulation.defaults import CREEP_SHARE, bending_stiffness, elastic_creep
+from anmstrip.simulation.defaults import (
+    CREEP_SHARE,
+    bending_stiffness,
+    bent_curvature,
+    elastic_creep,
+)
 from anmstrip.simulation.meshing import label_at, surface_speed
 from anmstrip.simulation.problem import Assembly, middle_node
 
@@ -331,14 +336,15 @@ class Course:
 
         From rest, bearings would begin to brake at about V_c: a line of forty rollers takes 14
         tangents, so 5.  Those that the strip does not touch rest.  A threaded strip under T with
-        the stretch λ sticks to rollers that run at c (λ − 3 D/(2R² E t)), with the membrane force
-        of strip that is bent (m/s).
+        the stretch λ sticks to rollers that run at c (λ − 3 D κ²/(2 E t)), with the membrane force
+        of strip that is bent to κ (m/s).
         """
         a, end = self.assembly, self._targets(stage, dict(self.values))
         assert a.thread is not None and a.friction is not None
-        bent, stiffness = 1.5 * bending_stiffness(a.scene), a.strip.tensile_stiffness
+        bent, turns = 1.5 * bending_stiffness(a.scene) / a.strip.tensile_stiffness, a.thread.turns
         sticking = {
-            r.name: a.thread.stretch(label_at(r, a.thread)) - bent / r.radius**2 / stiffness
+            r.name: a.thread.stretch(label_at(r, a.thread))
+            - bent * bent_curvature(a.scene, r.radius, turns.get(r.name, 0.0)) ** 2
             for r in a.rollers
         }
         driven = {r: f"rollers.{r}.surface_speed" for r in sticking if r not in a.turning}
