@@ -344,23 +344,12 @@ def test_one_fibre_without_tangent_is_enough():
     assert caught.value.index == 1
 
 
-@pytest.mark.parametrize(
-    ("radii", "senses", "message"),
-    [
-        ([[0.0]], [OVER], "positive"),
-        ([[1.0]], [0], "Senses"),
-        ([1.0], [OVER], "centres"),
-        ([[1.0]], [OVER, UNDER], "centres"),
-    ],
-)
-def test_faulty_circles_are_refused(radii, senses, message):
-    with pytest.raises(ValueError, match=message):
-        string_path(np.zeros((1, 2, 1)), radii, senses, StraightEnd(1.0), StraightEnd(1.0))
+def test_circles_without_a_radius_are_refused():
+    with pytest.raises(ValueError, match="positive"):
+        single([(0, 0)], [0.0], [OVER], StraightEnd(1.0), StraightEnd(1.0))
 
 
-def test_faulty_ends_are_refused():
-    with pytest.raises(ValueError, match="positive length"):
-        StraightEnd([1.0, 0.0])
+def test_ends_without_a_place_are_refused():
     with pytest.raises(ValueError, match="FixedEnd"):
         single([], [], [], StraightEnd(1.0), StraightEnd(1.0))
 

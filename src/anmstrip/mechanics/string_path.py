@@ -67,11 +67,6 @@ class StraightEnd:
     length: ArrayLike  # L > 0 (m), to the first or last circle, shape () or (fibres,)
     angle: float = 0.0  # heading t (rad); 0 along +x
 
-    def __post_init__(self) -> None:
-        length = np.asarray(self.length, dtype=float)
-        if not np.all(length > 0.0):
-            raise ValueError(f"The run at an end needs a positive length, not {length}.")
-
     def place(self, centre: Array, rho: Array, way: int) -> Array:
         """c + ρ n ± L u, shape (2, fibres): way −1 behind the circle, +1 ahead of it."""
         u, n = frame(np.array([self.angle]))
@@ -340,15 +335,8 @@ def string_path(
            [ 0.,  0.]])
     """
     c, r, s = (np.asarray(given, dtype=float) for given in (centres, radii, senses))
-    if c.ndim != 3 or c.shape[1] != 2 or r.ndim != 2 or not len(c) == len(r) == len(s):
-        raise ValueError(
-            "Circles need centres (circles, 2, fibres), radii (circles, fibres) and senses "
-            f"(circles,), not {c.shape}, {r.shape} and {s.shape}."
-        )
     if not np.all(r > 0.0):
         raise ValueError("Radii have to be positive; over and under are told by the senses.")
-    if not np.all(np.abs(s) == 1.0):
-        raise ValueError(f"Senses are +1 (over) or -1 (under), not {s}.")
     c, rho = c.swapaxes(0, 1), r * s[:, None]
 
     # the ends as circles of radius 0

@@ -113,11 +113,10 @@ def integrate(
     PathStopped
     """
     cost = Cost() if cost is None else cost
-    ways: dict[str, Any] = {"solver": solver, "settings": settings, "stepping": stepping}
+    integrator = _Integrator(equations, Remembering(solver), settings, stepping, cost)
     begin = memory.times[0]
     if not memory.settled:
-        memory = settle(equations, memory, **ways, cost=cost)
-    integrator = _Integrator(equations, Remembering(solver), settings, stepping, cost)
+        memory = integrator.settled(memory)
     for _ in range(settings.max_steps):
         step = replace(integrator.step(memory, end), start=begin)
         yield step
