@@ -178,11 +178,7 @@ class Model:
         return remember(self._forces[1], key, found)
 
     def tension_error(
-        self,
-        full: Array,
-        change: Array,
-        controls: Mapping[str, Any] | None = None,
-        moments: bool = True,
+        self, full: Array, change: Array, controls: Mapping[str, Any] = {}, moments: bool = True
     ) -> float:
         """Root mean square of the membrane forces of a change, over the tension scale.
 

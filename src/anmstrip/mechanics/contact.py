@@ -166,8 +166,7 @@ class Contact(PointEffect):
     @cached_property
     def numbers(self) -> list[Index]:
         """Numbers of the pairs of each roller."""
-        if (which := self.roller.which) is None:
-            return [np.arange(self.operator.points)]
+        which = self.roller.seen_by(self.operator.points)
         ends = np.bincount(which, minlength=len(self.roller.members)).cumsum()[:-1]
         return np.split(np.argsort(which, kind="stable"), ends)
 
