@@ -243,10 +243,8 @@ class CellOperator:
 
     def apply(self, full: Array) -> Array:
         """Derivatives of the unknown components, shape (count, components, points)."""
-        values = (
-            self.table @ full[: self.sum.shape[0] * self.count].reshape(-1, self.count)[self.dofs]
-        )
-        by_point = values.reshape(-1, self.components, self.count)
+        own = full[: self.sum.shape[0] * self.count].reshape(-1, self.count)
+        by_point = (self.table @ own[self.dofs]).reshape(-1, self.components, self.count)
         return np.ascontiguousarray(by_point.transpose(2, 1, 0))
 
     @property

@@ -531,12 +531,9 @@ class Friction(PointEffect):
         It is that of the slip over the width, times what this takes off in full slip.
         """
         found = self.acting(self.contact.pressure(place), scale_speeds(slip, controls))
-        growth = self.law_of_slip.growth
-        return (
-            found * np.exp(growth * controls[LAW_WIDTH])
-            if growth and LAW_WIDTH in controls
-            else found
-        )
+        if not (growth := self.law_of_slip.growth) or LAW_WIDTH not in controls:
+            return found
+        return found * np.exp(growth * controls[LAW_WIDTH])
 
     def on_strip(self, tangents: Any, traction: Any) -> Any:
         """Residual per area of a traction along the tangents, (components, points)."""

@@ -228,10 +228,8 @@ def uniaxial_stretches(
     strain = along + tension / tensile_stiffness
     for _ in range(30):
         stretch, elastic = np.sqrt(1.0 + 2.0 * strain), strain - along
-        change = (tensile_stiffness * elastic * stretch - tension) / (
-            tensile_stiffness * (stretch + elastic / stretch)
-        )
-        strain -= change
+        slope = tensile_stiffness * (stretch + elastic / stretch)
+        strain -= (tensile_stiffness * elastic * stretch - tension) / slope
     narrow = across - poisson * (strain - along)
     return np.sqrt(1.0 + 2.0 * strain), np.sqrt(1.0 + 2.0 * narrow)
 
@@ -360,9 +358,8 @@ class KirchhoffLove(LawEffect):
         derivatives = material_derivatives(x + self.reference, controls, self.powers)
         change = self.change(derivatives, controls)
         moments = np.einsum("kl,l...->k...", self.stiffness, change)
-        return label_forces(
-            self.work(derivatives, weaken(moments, controls)), controls, self.powers
-        )
+        forces = self.work(derivatives, weaken(moments, controls))
+        return label_forces(forces, controls, self.powers)
 
     def work(self, derivatives: Any, moments: Any) -> Any:
         """Forces of moments against δ(n · r,ab), (components, directions + pairs, points).

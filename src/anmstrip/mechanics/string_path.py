@@ -274,11 +274,8 @@ class StringPath:
                 left += signed[joint] * np.where(arc, lying, ahead)
             return left - 0.5 * arc * signed[piece], piece
 
-        steps = (
-            layer
-            * np.arange(-LENGTH_SAMPLES, 12 * LENGTH_SAMPLES + 1)[:, None, None]
-            / LENGTH_SAMPLES
-        )
+        numbers = np.arange(-LENGTH_SAMPLES, 12 * LENGTH_SAMPLES + 1)[:, None, None]
+        steps = layer * numbers / LENGTH_SAMPLES
         outward = np.where(np.arange(len(joints) - 2) % 2, 1.0, -1.0)[:, None]
         near = (self.starts[1:-1] + steps * outward).reshape(-1, count)
         nodes = np.sort(np.vstack([self.starts, np.clip(near, 0.0, self.length)]), axis=0)

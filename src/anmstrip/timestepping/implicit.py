@@ -499,10 +499,8 @@ class _Integrator:
         before = np.zeros((3, len(local))) if memory.errors is None else memory.errors.after.copy()
         before[0] += local
         with self.cost.timed("error in time"):
-            added = (
-                trial.path.residual(trial.increment, 1.0),
-                trial.path.sharpening(trial.increment, 1.0),
-            )
+            end = trial.increment, 1.0
+            added = trial.path.residual(*end), trial.path.sharpening(*end)
             carried = trial.resistance_in_tangent
             right = np.array([carried(trial.rate * error) for error in before])
             right[1:] += added
