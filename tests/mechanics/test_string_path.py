@@ -278,10 +278,10 @@ def test_one_fibre_serves_many():
         [[[0.0], [0.0]]], [[1.0]], [OVER], StraightEnd([1.0, 2.0, 4.0]), StraightEnd(1.0)
     )
     np.testing.assert_allclose(path.length, [2.0, 3.0, 5.0])
-    straight = string_path(
-        np.zeros((0, 2, 1)), np.zeros((0, 1)), [], StraightEnd([3.0, 4.0]), FixedEnd((1.0, 2.0))
-    )
+    ends = FixedEnd([[-2.0, -3.0], [2.0, 2.0]]), FixedEnd((1.0, 2.0))
+    straight = string_path(np.zeros((0, 2, 1)), np.zeros((0, 1)), [], *ends)
     np.testing.assert_allclose(straight.at(0.0, [0, 1])[0], [[-2.0, -3.0], [2.0, 2.0]])
+    np.testing.assert_allclose(straight.length, [3.0, 4.0])
 
 
 @pytest.mark.parametrize("lift", [0.05, 1.0, 8.0])
@@ -347,11 +347,6 @@ def test_one_fibre_without_tangent_is_enough():
 def test_circles_without_a_radius_are_refused():
     with pytest.raises(ValueError, match="positive"):
         single([(0, 0)], [0.0], [OVER], StraightEnd(1.0), StraightEnd(1.0))
-
-
-def test_ends_without_a_place_are_refused():
-    with pytest.raises(ValueError, match="FixedEnd"):
-        single([], [], [], StraightEnd(1.0), StraightEnd(1.0))
 
 
 @st.composite

@@ -310,7 +310,7 @@ def string_path(
     senses : array_like, shape (circles,)
         s: +1 over, −1 under.
     entry, exit : FixedEnd or StraightEnd
-        With no circles at least one has to be a FixedEnd.
+        With no circles both have to be a FixedEnd.
     crossing : array_like of bool, shape (circles,), optional
         Where the string may cross itself, so that all turns up to a full one are wraps.
 
@@ -340,14 +340,8 @@ def string_path(
     zero = np.zeros(1)
     if len(r):
         first, last = entry.place(c[:, 0], rho[0], -1), exit.place(c[:, -1], rho[-1], +1)
-    elif isinstance(entry, FixedEnd):
-        first = entry.place(zero, zero, -1)
-        last = exit.place(first, zero, +1)
-    elif isinstance(exit, FixedEnd):
-        last = exit.place(zero, zero, +1)
-        first = entry.place(last, zero, -1)
     else:
-        raise ValueError("A strip that passes no circle needs a FixedEnd at one of its ends.")
+        first, last = entry.place(zero, zero, -1), exit.place(zero, zero, +1)
     fibres = np.broadcast_shapes(*(x.shape[-1:] for x in (c, rho, first, last)))
     c, first, last = (np.broadcast_to(x, x.shape[:-1] + fibres) for x in (c, first, last))
     c = np.concatenate([first[:, None], c, last[:, None]], axis=1)
