@@ -472,10 +472,6 @@ class Friction(PointEffect):
     def _part(self, points: Index) -> Self:
         return replace(self, contact=self.contact.restricted(points))
 
-    def tangents(self, place: Projection) -> Any:
-        """Directions of slip in the frame, (components of slip, directions, points)."""
-        return self.roller.tangents(place, len(self.frame))
-
     def slip(self, place: Projection, tangents: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Tangential velocity relative to the surface (m/s), (components of slip, points)."""
         own = transform(self.frame, control_of(self.roller, controls, "velocity"))
@@ -495,7 +491,7 @@ class Friction(PointEffect):
     def sliding(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Projection, Any, Any]:
         """Return where the points are on the roller, its tangents there, and their slip."""
         place = self.contact.seen(x[: self.contact.kinematics.count], controls)
-        tangents = self.tangents(place)
+        tangents = self.roller.tangents(place, len(self.frame))
         return place, tangents, self.slip(place, tangents, v, controls)
 
     def reversed_friction(self, before: Moment, after: Moment) -> float:

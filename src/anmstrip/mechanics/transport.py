@@ -234,7 +234,7 @@ class AlignedFriction(TurningFriction):
         """
         count = self.contact.kinematics.count
         place = self.contact.seen(x[:count], controls)
-        tangents = self.tangents(place)
+        tangents = self.roller.tangents(place, len(self.frame))
         flat = self.contact.kinematics.pick([1.0, 0.0, 0.0])[:, None]
         along = transform(self.view, x[count : 2 * count] + flat)
         parts = np.einsum("ki...,i...->k...", tangents, along)
