@@ -281,8 +281,8 @@ def run_command(
                 raise
             running.interrupted()
             click.echo(f"Interrupted. Everything up to here is in {directory}.")
-            afresh = resuming_command(scene, directory, settings).removesuffix(" --resume")
-            click.echo(f"Next: {afresh}{'' if loaded.repeated else ' --resume'}")
+            next_one = next_command(scene, directory, settings, resume=not loaded.repeated)
+            click.echo(f"Next: {next_one}")
             sys.exit(EXIT_STOPPED)
     click.echo(running.message)
     if words := report(running, told):
@@ -320,10 +320,11 @@ def interruptions() -> Iterator[list[int]]:
             signal.signal(number, handler)
 
 
-def resuming_command(scene: Path, directory: Path | None, settings: Iterable[str]) -> str:
-    """Return what to type, as a shell takes it, to go on with an interrupted run."""
+def next_command(scene: Path, directory: Path, settings: Iterable[str], *, resume: bool) -> str:
+    """Return what to type, as a shell takes it, to go on with an interrupted run, or begin anew."""
     given = [part for text in settings for part in ("--set", text)]
-    return shlex.join(["anmstrip", "run", str(scene), "-o", str(directory), *given, "--resume"])
+    ways = ["--resume"] if resume else []
+    return shlex.join(["anmstrip", "run", str(scene), "-o", str(directory), *given, *ways])
 
 
 @main.command("new", short_help="Write a commented scene to start from.")

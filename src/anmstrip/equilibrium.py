@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -13,6 +12,7 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from anmstrip.arrays import Array, Index
+from anmstrip.continuation.equations import Timer
 from anmstrip.continuation.path import Branch
 from anmstrip.fem.constraints import Scales, Supports
 from anmstrip.fem.operators import Blocks, Chain, Chained, Eliminated, Pattern
@@ -100,6 +100,10 @@ class Model:
         self._joinings: dict[bytes, Joining] = {}
         self._forces: tuple[Controls | None, dict[bytes, Array]] = None, {}
 
+    def timed(self, effect: Effect) -> Timer:
+        """Add the seconds spent inside to those of an effect."""
+        return Timer(self.seconds, effect.name)
+
     @property
     def without_rates(self) -> Model:
         """The effects that do not look at the velocity."""
@@ -164,9 +168,8 @@ class Model:
             state, values = (full, velocity, control), controls.at(control)
             total = self.laws.begin(full, velocity)
             for effect in self.effects:
-                begin = time.perf_counter()
-                add_force(effect, state, values, controls, self.laws)
-                self.seconds[effect.name] += time.perf_counter() - begin
+                with self.timed(effect):
+                    add_force(effect, state, values, controls, self.laws)
             return self.closed(total).copy()
 
         if self._forces[0] is not controls:
@@ -175,11 +178,7 @@ class Model:
         return remember(self._forces[1], key, found)
 
     def tension_error(
-        self,
-        full: Array,
-        change: Array,
-        controls: Mapping[str, Any] | None = None,
-        moments: bool = True,
+        self, full: Array, change: Array, controls: Mapping[str, Any] = {}, moments: bool = True
     ) -> float:
         """Root mean square of the membrane forces of a change, over the tension scale.
 
@@ -412,11 +411,9 @@ class EquilibriumSeries:
     def _summed(self, contribution: Any) -> Array:
         total = np.zeros(self.model.unknowns)
         for part in self.parts:
-            begin = time.perf_counter()
-            found = contribution(part)
-            if found is not None:
-                total[: len(found)] += found
-            self.model.seconds[part.effect.name] += time.perf_counter() - begin
+            with self.model.timed(part.effect):
+                if (found := contribution(part)) is not None:
+                    total[: len(found)] += found
         return self.equations.supports.gathered(self.model.closed(total))
 
     def tangent(self) -> csc_matrix | Bordered | Condensed:
@@ -425,13 +422,10 @@ class EquilibriumSeries:
         Where laws overflow it is not finite, which the factorisation tells.
         """
         blocks = self.model.pattern.zeros(self.model.others)
-        velocity = self.equations.velocity
+        rate = 0.0 if (velocity := self.equations.velocity) is None else velocity.rate
         for part in self.parts:
-            begin = time.perf_counter()
-            with np.errstate(over="ignore", invalid="ignore"):
-                rate = 0.0 if velocity is None else velocity.rate
+            with self.model.timed(part.effect), np.errstate(over="ignore", invalid="ignore"):
                 part.add_tangent(self.model.pattern, blocks, rate)
-            self.model.seconds[part.effect.name] += time.perf_counter() - begin
         blocks = self.model.closed_rows(blocks)
         coupled = self.free[self.free < self.model.coupled]
         matrix = self.restricted(blocks, coupled)
@@ -496,9 +490,8 @@ class EquilibriumSeries:
         total = self.model.laws.total
         total.fill(0.0)
         for part in self.curved:
-            begin = time.perf_counter()
-            part.advance(k, total)
-            self.model.seconds[part.effect.name] += time.perf_counter() - begin
+            with self.model.timed(part.effect):
+                part.advance(k, total)
         return self.equations.supports.gathered(self.model.closed(total))
 
     def correct(self, k: int, u: Array, control: float) -> None:
@@ -506,9 +499,8 @@ class EquilibriumSeries:
         change, rate = self._changes(u, control)
         self.model.laws.set_motion(change, rate)
         for part in self.curved:
-            begin = time.perf_counter()
-            part.correct(k, change, rate, control)
-            self.model.seconds[part.effect.name] += time.perf_counter() - begin
+            with self.model.timed(part.effect):
+                part.correct(k, change, rate, control)
 
 
 @dataclass(frozen=True)
@@ -549,10 +541,6 @@ class Motion:
         moving = self.supports.rate(begin + share) / self.duration
         return Equilibrium(self.model, supports, controls, velocity, moving)
 
-    def of(self, model: Model) -> Motion:
-        """The same with another model."""
-        return replace(self, model=model)
-
     def dragged(self, t: float, u: Array, v: Array, time: float) -> Motion | None:
         """The same with a drag as large as tension/length at a speed of length/time."""
         if not v.any():
@@ -562,7 +550,7 @@ class Motion:
 
         model, size = self.model, self.model.scales
         drag = Drag(ContactOperator(model.strip), size.tension * time / size.length**2)
-        return self.of(model.with_effects([*model.effects, drag]))
+        return replace(self, model=model.with_effects([*model.effects, drag]))
 
     def error(self, u: Array, change: Array) -> float:
         """Largest error in position over the length scale: it is carried along."""
@@ -706,7 +694,7 @@ class StageProblem:
 
     def rate(self, name: str) -> Any:
         """Rate of a control (its unit per s), 0 if it stands still."""
-        return self.controls.slope.get(name, 0.0) / self.duration
+        return self.controls.rate(name) / self.duration
 
     def moving(self, control: float) -> Array:
         """Velocities of what is held (m/s), zero elsewhere, shape (unknowns,)."""

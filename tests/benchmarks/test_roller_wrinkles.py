@@ -94,7 +94,7 @@ def test_imperfect_strip_grows_by_what_its_compression_lacks():
     plan = perfect.state.plan
     mode = plan.supports.change(modes[:, 0], 0.0)  # of unit energy
     bending = next(effect for effect in plan.model.effects if effect.name == "bending")
-    share = mode @ bending.product(mode)
+    share = mode @ bending.force(mode, None, {})
     assert 0.4 < share < 0.5
     bent = ended(case.eased(tension, imperfection={"mode": 1, "amplitude": amplitude}))
     change = (bent.state.full - perfect.state.full).reshape(-1, 3)[plan.model.strip.node_values]

@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from anmstrip.cli import resuming_command
+from anmstrip.cli import next_command
 from anmstrip.driver import recorder
 from anmstrip.driver.scene import Scene
 from anmstrip.errors import InputError
@@ -213,7 +213,9 @@ def test_a_checkpoint_of_another_program_is_refused(
 
 def test_the_next_command_is_what_was_typed() -> None:
     settings = ("friction.coefficient=0.2", "strip.cells=[40, 4]", 'title="it\'s"')
-    words = shlex.split(resuming_command(Path("a b/scene.toml"), Path("my results"), settings))
+    given = Path("a b/scene.toml"), Path("my results"), settings
+    words = shlex.split(next_command(*given, resume=True))
+    assert shlex.split(next_command(*given, resume=False)) == words[:-1]
     assert words[:5] == ["anmstrip", "run", "a b/scene.toml", "-o", "my results"]
     assert words[-1] == "--resume"
     assert words[6:-1:2] == list(settings)

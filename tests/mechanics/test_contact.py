@@ -14,7 +14,7 @@ from anmstrip.mechanics.contact import Contact, Friction
 from anmstrip.mechanics.effects import Controls
 from anmstrip.mechanics.laws import NortonHoff, RepulsiveSignorini, Tanh
 from anmstrip.mechanics.loads import weight
-from anmstrip.mechanics.roller import RepeatedRollers, Roller, Sides, combine
+from anmstrip.mechanics.roller import Roller, Sides, combine
 from anmstrip.taylor.series import taylor_series
 from anmstrip.timestepping.formulas import AffineVelocity
 from orders import orders
@@ -343,17 +343,19 @@ def test_one_of_several_rollers_can_be_looked_at(strip, operator):
 
 def test_pairs_are_made_where_they_are_near(strip, operator):
     """Of every point with every roller; the numbers of all pairs only if somebody asks."""
-    rollers, pairs = RepeatedRollers(THREE, operator.points), RepeatedOperator(operator, 3)
+    rollers = combine(THREE, np.repeat(np.arange(3), operator.points))
+    pairs = RepeatedOperator(operator, 3)
     many = Contact(rollers, LAW, pairs, (0.02, 0.01, 0.03))
     every = operator.restricted(np.tile(np.arange(operator.points), 3))
-    made = Contact(combine(THREE, rollers.which), LAW, every, (0.02, 0.01, 0.03))
+    made = Contact(rollers, LAW, every, (0.02, 0.01, 0.03))
     full = 1e-3 * rng_unknowns(strip, 26)
     forces = [effect.force(full, None, SEVERAL) for effect in (many, made)]
     assert np.abs(forces[0]).max() > 0.0
     np.testing.assert_array_equal(*forces)
     assert not {"matrix", "weights"} & set(vars(pairs)) and "radius" not in vars(rollers)
     np.testing.assert_array_equal(pairs.weights, every.weights)
-    np.testing.assert_array_equal(rollers.centre, made.roller.centre)
+    centres = [roller.centre for roller in THREE]
+    np.testing.assert_array_equal(rollers.centre.T, np.repeat(centres, operator.points, axis=0))
     np.testing.assert_array_equal(pairs.apply(full), every.apply(full))
 
 

@@ -58,6 +58,7 @@ WRONG = [  # what is replaced, by what, key that is named, words that must be th
     ("refined = 0.025", 'mesh = "strip.msh"', "strip.mesh", "a file that exists"),
     ("refined = 0.025", 'mesh = "strip.msh"', "strip.length", "take one out"),
     ("poisson = 0.3", "poisson = 0.5", "material.poisson", "below 0.5"),
+    ("s = 1.0e-3", "s = 1e-3\nflatness.table = 3", "strip.flatness.table", "table = [[-0.5"),
     ("poisson = 0.3", "poisson = -1", "material.poisson", "above -1"),
     ("coefficient = 0.3", "coefficient = -0.1", "friction.coefficient", "at least 0"),
     ("coefficient = 0.3", "coefficient = nan", "friction.coefficient", "nan"),

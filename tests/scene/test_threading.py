@@ -61,6 +61,17 @@ def test_equilibrium_is_found(name: str) -> None:
         assert resultant == pytest.approx(2.0 * tension * np.sin(0.5 * turn), rel=0.02)
 
 
+def test_strip_is_laid_straight_over_a_roller_that_not_all_of_its_fibres_touch() -> None:
+    level = {"entry": (-2.0, 0.0, -0.001), "exit": (2.0, 0.0, -0.001)}
+    tilted = roller("a", 0.0, -0.5, 0.5, "over", axis=(0.0, 1.0, 0.005))
+    scene = scene_of({"threading": level, "rollers": [tilted]}, "shell")
+    path, heights = Assembly(scene).thread.touching(np.linspace(-0.25, 0.25, 3), np.zeros(1))
+    assert not len(heights)
+    np.testing.assert_allclose(path.length, 4.0)
+    _, state = ended(scene)
+    assert state.rollers["a"].normal_force > 0.0
+
+
 @pytest.mark.parametrize(("name", "refined"), [("one", 0.004), ("bridle", 0.005)])
 def test_tension_is_uniform_to_six_digits_on_a_fine_mesh(name: str, refined: float) -> None:
     tables = {**SCENES[name], "strip": {**SCENES[name].get("strip", {}), "refined": refined}}

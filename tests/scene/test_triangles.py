@@ -83,7 +83,7 @@ def forces(strip: Strip, full: Array) -> tuple[Array, Array]:
     """Of membrane and bending, each (scalars, 3), in units of values."""
     membrane = Membrane(strip)
     stress = membrane.law(membrane.operator.apply(full), None, {})
-    bending = isometric_bending(strip, Pattern(strip)).product(full)
+    bending = isometric_bending(strip, Pattern(strip)).force(full, None, {})
     units = strip.dof_lengths[:, None]
     own = membrane.operator.gather(stress).reshape(-1, 3)
     return own * units, bending.reshape(-1, 3) * units
@@ -123,7 +123,7 @@ def test_uniform_moments_balance_inside(strip: Strip) -> None:
         [up * a, up * b, up * c],
     )
     effect = isometric_bending(strip, Pattern(strip))
-    force = effect.product(full)
+    force = effect.force(full, None, {})
     d, nu = strip.bending_stiffness, strip.material.poisson
     density = d * ((1.0 - nu) * (a**2 + 2.0 * b**2 + c**2) + nu * (a + c) ** 2)
     assert full @ force == pytest.approx(6.0 * density, rel=1e-9)

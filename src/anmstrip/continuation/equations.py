@@ -98,7 +98,7 @@ def size(equations: Equations, u: Array) -> float:
 
 
 class Timer:
-    """Adds the seconds spent inside to a phase; 40 of them are part of one expansion."""
+    """Adds the seconds spent inside to a phase; hundreds of them are part of one expansion."""
 
     __slots__ = ("begin", "phase", "seconds")
 

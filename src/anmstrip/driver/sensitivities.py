@@ -304,7 +304,8 @@ class Partials:
             elif isinstance(effect, LoadEffect):
                 given = controls[effect.control]
                 if (size := float(np.linalg.norm(given))) > 0.0:
-                    yield effect.control, {name: effect.load_vector(given / size)}
+                    unit = {effect.control: given / size}
+                    yield effect.control, {name: effect.force(self.tangent.state.full, None, unit)}
             elif isinstance(effect, GrownWeight):
                 size = float(np.linalg.norm(controls["gravity"]))
                 yield "gravity", {name: self._of_law(name) / size}

@@ -243,10 +243,8 @@ class CellOperator:
 
     def apply(self, full: Array) -> Array:
         """Derivatives of the unknown components, shape (count, components, points)."""
-        values = (
-            self.table @ full[: self.sum.shape[0] * self.count].reshape(-1, self.count)[self.dofs]
-        )
-        by_point = values.reshape(-1, self.components, self.count)
+        own = full[: self.sum.shape[0] * self.count].reshape(-1, self.count)
+        by_point = (self.table @ own[self.dofs]).reshape(-1, self.components, self.count)
         return np.ascontiguousarray(by_point.transpose(2, 1, 0))
 
     @property
@@ -575,13 +573,6 @@ class Eliminated:
         return self.numbered(self.freed(full, solved))
 
 
-def by_unknowns(x: Array, functions: Array) -> Array:
-    """Return (points, ..., q) by derivatives of functions, shape (points, ..., count · local)."""
-    components = functions.shape[1]
-    found = x.reshape(len(x), -1, components) @ functions
-    return np.asarray(found.reshape(*x.shape[:-1], -1))
-
-
 def of_lines(x: Array, count: int) -> Array:
     """Return (points, k, ...), line by line, as (lines, points of a line · k, ...)."""
     each = x.reshape(count, -1, *x.shape[1:]).swapaxes(0, 1)
@@ -626,8 +617,9 @@ class Chained(Eliminated):
         carried = np.ascontiguousarray(self.carried.transpose(3, 4, 2, 0, 1))
         count, lines = self.lines
         rows = np.ascontiguousarray(self.felt.transpose(2, 0, 1))
-        self.strains = of_lines(by_unknowns(rows, cells.by_point[self.numbers]), count)
         k = rows.shape[1]
+        by_functions = rows.reshape(len(rows), -1, cells.components) @ cells.by_point[self.numbers]
+        self.strains = of_lines(by_functions.reshape(len(rows), k, -1), count)
         weights = np.broadcast_to(cells.weights[self.numbers, None, None], (count * lines, k, 1))
         self.weights = of_lines(weights, count)
         flown = self.flown.reshape(*carried.shape[:-1], k)

@@ -259,10 +259,10 @@ class RepeatedOperator(ContactOperator):
 
     def __getattr__(self, name: str) -> Any:
         """Make what there is of every point: ``chosen``, ``weights``, ``reference``, matrices."""
-        if name not in ("chosen", "weights", "reference", "matrix"):
+        kept = "chosen", "weights", "reference", "matrix"
+        if name not in kept:
             raise AttributeError(name)
         made = self.whole._part(np.tile(self.whole.chosen, self.times))
-        kept = "chosen", "weights", "reference", "matrix"
         vars(self).update({key: getattr(made, key) for key in kept})
         return vars(self)[name]
 

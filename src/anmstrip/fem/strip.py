@@ -349,15 +349,8 @@ def renumbered(mesh: Mesh) -> Mesh:
     order = np.lexsort((mesh.p[1], np.round(mesh.p[0] / scale) * scale))
     place = np.empty(len(order), dtype=np.int64)
     place[order] = np.arange(len(order))
-    middles = {
-        name: mesh.p[:, mesh.facets[:, np.asarray(facets)]].mean(axis=1)
-        for name, facets in (mesh.boundaries or {}).items()
-    }
     sorted_mesh = type(mesh)(np.ascontiguousarray(mesh.p[:, order]), place[mesh.t])
-    facets = sorted_mesh.boundary_facets()
-    found = sorted_mesh.p[:, sorted_mesh.facets[:, facets]].mean(axis=1)
-    nearest = {
-        name: np.abs(found[:, :, None] - points[:, None, :]).sum(axis=0).argmin(axis=0)
-        for name, points in middles.items()
-    }
-    return sorted_mesh.with_boundaries({n: facets[np.unique(k)] for n, k in nearest.items()})
+    nodes = np.sort(place[mesh.facets], axis=0)
+    number = np.lexsort(nodes[::-1]).argsort()  # facets are in the order of their nodes
+    named = (mesh.boundaries or {}).items()
+    return sorted_mesh.with_boundaries({n: np.sort(number[facets]) for n, facets in named})

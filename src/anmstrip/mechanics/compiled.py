@@ -52,11 +52,9 @@ class CompiledLaw:
         self.sizes = [variable.rows.size for variable in program.inputs]
         self.stops = np.cumsum(self.sizes)
         self.inputs, self.seeds = inputs, np.eye(self.sizes[0]) if seeds is None else seeds
-        ends, shapes = (
-            pairwise(self.stops[inputs - 1 :]),
-            [x.shape for x in program.inputs[inputs:]],
-        )
-        self.moving = [(slice(*rows), shape) for rows, shape in zip(ends, shapes, strict=True)]
+        rows = pairwise(self.stops[inputs - 1 :])
+        controls = zip(rows, program.inputs[inputs:], strict=True)
+        self.moving = [(slice(*own), variable.shape) for own, variable in controls]
         self.given, self.changes, nothing = np.zeros((3, self.stops[-1], self.lanes))
         self.found = np.empty((len(program.tables.outputs), self.lanes))
         self.kept: list[Any] = [motion, total, nothing]  # what is known by addresses alone
@@ -121,10 +119,10 @@ class CompiledLaw:
                 continue
             begin = min(part.first for part in own)
             size = max(part.first + part.matrix.shape[1] for part in own) - begin
-            moved = [
-                csr_matrix((m.data, m.indices + (part.first - begin), m.indptr), (m.shape[0], size))
-                for part, m in ((part, part.matrix) for part in own)
-            ]
+            moved = []
+            for part in own:
+                m, index = part.matrix, part.matrix.indices + (part.first - begin)
+                moved.append(csr_matrix((m.data, index, m.indptr), (m.shape[0], size)))
             weights = np.concatenate([part.weights for part in own])
             whole = replace(own[0], matrix=vstack(moved, "csr"), weights=weights, first=begin)
             yield whole, np.concatenate([self.places(part, first) for part in own])

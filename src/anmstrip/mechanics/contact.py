@@ -166,8 +166,7 @@ class Contact(PointEffect):
     @cached_property
     def numbers(self) -> list[Index]:
         """Numbers of the pairs of each roller."""
-        if (which := self.roller.which) is None:
-            return [np.arange(self.operator.points)]
+        which = self.roller.seen_by(self.operator.points)
         ends = np.bincount(which, minlength=len(self.roller.members)).cumsum()[:-1]
         return np.split(np.argsort(which, kind="stable"), ends)
 
@@ -473,10 +472,6 @@ class Friction(PointEffect):
     def _part(self, points: Index) -> Self:
         return replace(self, contact=self.contact.restricted(points))
 
-    def tangents(self, place: Projection) -> Any:
-        """Directions of slip in the frame, (components of slip, directions, points)."""
-        return self.roller.tangents(place, len(self.frame))
-
     def slip(self, place: Projection, tangents: Any, v: Any, controls: Mapping[str, Any]) -> Any:
         """Tangential velocity relative to the surface (m/s), (components of slip, points)."""
         own = transform(self.frame, control_of(self.roller, controls, "velocity"))
@@ -496,7 +491,7 @@ class Friction(PointEffect):
     def sliding(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Projection, Any, Any]:
         """Return where the points are on the roller, its tangents there, and their slip."""
         place = self.contact.seen(x[: self.contact.kinematics.count], controls)
-        tangents = self.tangents(place)
+        tangents = self.roller.tangents(place, len(self.frame))
         return place, tangents, self.slip(place, tangents, v, controls)
 
     def reversed_friction(self, before: Moment, after: Moment) -> float:
@@ -532,12 +527,9 @@ class Friction(PointEffect):
         It is that of the slip over the width, times what this takes off in full slip.
         """
         found = self.acting(self.contact.pressure(place), scale_speeds(slip, controls))
-        growth = self.law_of_slip.growth
-        return (
-            found * np.exp(growth * controls[LAW_WIDTH])
-            if growth and LAW_WIDTH in controls
-            else found
-        )
+        if not (growth := self.law_of_slip.growth) or LAW_WIDTH not in controls:
+            return found
+        return found * np.exp(growth * controls[LAW_WIDTH])
 
     def on_strip(self, tangents: Any, traction: Any) -> Any:
         """Residual per area of a traction along the tangents, (components, points)."""

@@ -188,18 +188,10 @@ class LinearEffect(Effect):
     block: Array
     pattern: Pattern
 
-    def product(self, full: Array) -> Array:
+    def force(self, full: Array, velocity: Array | None, controls: Values) -> Array:
         """Return K u, shape (unknowns of the strip,)."""
         own = full[: self.pattern.scalars * self.pattern.count]
         return (self.matrix @ own.reshape(-1, self.pattern.count)).ravel()
-
-    def force(self, full: Array, velocity: Array | None, controls: Values) -> Array:
-        """Return K u, shape (unknowns of the strip,)."""
-        return self.product(full)
-
-    def change(self, u: Array, control: float, controls: Controls) -> Array:
-        """Return what a change of the unknowns and of λ makes of it."""
-        return self.product(u)
 
     @cached_property
     def matrix(self) -> csr_matrix:
@@ -236,17 +228,9 @@ class LoadEffect(Effect):
     points = 0
 
     def force(self, full: Array, velocity: Array | None, controls: Values) -> Array:
-        """Return minus the load, shape (unknowns,)."""
-        return self.load_vector(controls[self.control])
-
-    def load_vector(self, control: Array) -> Array:
-        """Return the residual of a value of the control, shape (unknowns,)."""
-        return (self.load[:, None] * -self.kinematics.pick(control)).ravel()
-
-    def change(self, u: Array, control: float, controls: Controls) -> Array | None:
-        """Return what a change of the unknowns and of λ makes of it."""
-        slope = np.asarray(controls.rate(self.control))
-        return self.load_vector(control * slope) if slope.any() else None
+        """Return minus the load, shape (unknowns,); none without its control."""
+        given = controls.get(self.control, np.zeros(3))
+        return (self.load[:, None] * -self.kinematics.pick(given)).ravel()
 
     def add_tangent(self, blocks: Blocks) -> None:
         """Add nothing: it does not look at the unknowns."""
@@ -569,7 +553,7 @@ class CompiledSeries(EffectSeries):
 
 
 class StraightSeries(EffectSeries):
-    """An effect that is linear in the unknowns and in λ: a constant matrix, or a dead load."""
+    """An effect that is linear in unknowns and controls: a constant matrix, or a dead load."""
 
     effect: LinearEffect | LoadEffect
 
@@ -581,7 +565,8 @@ class StraightSeries(EffectSeries):
         return self.effect.force(full, velocity, self.controls.at(control))
 
     def derivative(self, u: Array, v: Array | None, control: float) -> Array | None:
-        return self.effect.change(u, control, self.controls)
+        moved = {name: control * slope for name, slope in self.controls.slope.items()}
+        return self.effect.force(u, v, moved)
 
     def add_tangent(self, pattern: Pattern, blocks: Blocks, rate: float) -> None:
         self.effect.add_tangent(blocks)

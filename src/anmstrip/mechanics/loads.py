@@ -83,7 +83,7 @@ class FollowerLoad(LawEffect):
 
     def unit_law(self, x: Any, controls: Mapping[str, Any]) -> Any:
         """Change of the stress with the control, shape as of :meth:`law`."""
-        return self.law(x, None, {self.control: 1.0})
+        return self.law(x, None, {**controls, self.control: 1.0})
 
 
 @dataclass(frozen=True)
@@ -156,10 +156,6 @@ class UnevenTension(FollowerLoad):
         for _ in range(SLACK_POWER):
             larger = np.sqrt(larger)
         return super().law(x, v, controls) * (mean / larger)
-
-    def unit_law(self, x: Any, controls: Mapping[str, Any]) -> Any:
-        """Change of the stress with an even control, shape as of :meth:`law`."""
-        return self.law(x, None, {**controls, self.control: 1.0})
 
 
 def on_value(force: Any, directions: int) -> Any:
@@ -246,10 +242,8 @@ class Onward(LawEffect):
     def __init__(self, strip: Strip, edge: str, tension: float) -> None:
         basis = strip.edge_basis(edge)
         self.name, self.control = f"strip beyond {edge}", f"{edge}.force"
-        self.operator, self.tangents = (
-            CellOperator(strip, (1,), basis),
-            strip.frames(basis).tangents,
-        )
+        self.operator = CellOperator(strip, (1,), basis)
+        self.tangents = strip.frames(basis).tangents
         turn = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]) / tension
         self.turn = strip.kinematics.chosen @ turn
         self.stiffness = strip.tensile_stiffness * strip.thickness

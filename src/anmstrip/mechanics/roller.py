@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from functools import cached_property
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -202,49 +203,36 @@ def combine(rollers: Sequence[Roller], which: Index) -> Roller:
     which : ndarray of int, shape (points,)
         Number of the roller that sees each point; one roller alone sees all of them.
     """
-    if len(rollers) == 1:
-        return rollers[0]
-    most = max(len(roller.crown) for roller in rollers)
-    crowns = [(*r.crown, *(most - len(r.crown)) * (0.0,)) for r in rollers]
-    sides = [astuple(roller.sides or NO_SIDES) for roller in rollers]
-    return Roller(
-        " and ".join(roller.name for roller in rollers),
-        at_points([roller.radius for roller in rollers], which),
-        at_points([roller.centre for roller in rollers], which),
-        at_points([roller.axis for roller in rollers], which),
-        tuple(at_points(c, which) for c in zip(*crowns, strict=True)),
-        Sides(*(at_points(values, which) for values in zip(*sides, strict=True)))
-        if any(roller.sides for roller in rollers)
-        else None,
-        at_points([roller.half for roller in rollers], which),
-        at_points([roller.sense for roller in rollers], which),
-        tuple(rollers),
-        which,
-    )
+    return rollers[0] if len(rollers) == 1 else SeveralRollers(rollers, which)
 
 
 def _of_all(field: str) -> Any:
     """Numbers of all points' rollers, made when they are first asked for."""
-    return cached_property(lambda self: getattr(combine(self.several, self.which), field))
+    return cached_property(lambda self: self.of([getattr(r, field) for r in self.several]))
 
 
-class RepeatedRollers(Roller):
-    """Several rollers, each of which sees all points, one after the other; made if asked for.
+class SeveralRollers(Roller):
+    """Several rollers as :func:`combine` makes them; numbers are made if asked for."""
 
-    Parameters
-    ----------
-    rollers : sequence of Roller
-    points : int
-        How many each of them sees.
-    """
-
-    def __init__(self, rollers: Sequence[Roller], points: int) -> None:
-        which = np.repeat(np.arange(len(rollers)), points)
+    def __init__(self, rollers: Sequence[Roller], which: Index) -> None:
         name = " and ".join(roller.name for roller in rollers)
         vars(self).update(name=name, several=tuple(rollers), which=which)
 
-    radius, centre, axis, crown = map(_of_all, ("radius", "centre", "axis", "crown"))
-    sides, half, sense = map(_of_all, ("sides", "half", "sense"))
+    radius, centre, axis, half, sense = map(_of_all, ("radius", "centre", "axis", "half", "sense"))
+
+    @cached_property
+    def crown(self) -> tuple[Any, ...]:
+        """c_1, c_2, … of all points' rollers, 0 where one has fewer."""
+        crowns = zip_longest(*(roller.crown for roller in self.several), fillvalue=0.0)
+        return tuple(self.of(each) for each in crowns)
+
+    @cached_property
+    def sides(self) -> Sides | None:
+        """Conical sides of all points' rollers, if any of them has some."""
+        if not any(roller.sides for roller in self.several):
+            return None
+        sides = (astuple(roller.sides or NO_SIDES) for roller in self.several)
+        return Sides(*map(self.of, zip(*sides, strict=True)))
 
 
 def at_points(values: Sequence[Any], which: Index) -> Any:

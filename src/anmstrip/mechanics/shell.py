@@ -187,15 +187,14 @@ class Membrane(LawEffect):
         strain = (np.einsum("ia...,ib...->ab...", tangents, tangents) - self.metric) * 0.5
         return strain if eigen is None else strain - eigen
 
-    def forces(self, tangents: Any, controls: Mapping[str, Any] | None = None) -> Any:
+    def forces(self, tangents: Any, controls: Mapping[str, Any] = {}) -> Any:
         """N (N/m), shape (d, d, points), from tangent vectors (components, d, points)."""
-        controls = controls or {}
         strain = self.strain(tangents, eigenstrain(self.strip, controls))
         return weaken(np.einsum("abcd,cd...->ab...", self.stiffness, strain), controls)
 
-    def at(self, full: Array, controls: Mapping[str, Any] | None = None) -> Array:
+    def at(self, full: Array, controls: Mapping[str, Any] = {}) -> Array:
         """N (N/m) of a state at the quadrature points, shape (d, d, points)."""
-        tangents = self.tangents(self.operator.apply(full), controls or {})
+        tangents = self.tangents(self.operator.apply(full), controls)
         return np.asarray(self.forces(tangents, controls))
 
     def tangents(self, x: Any, controls: Mapping[str, Any]) -> Any:
@@ -208,11 +207,8 @@ class Membrane(LawEffect):
         stress = np.einsum("ia...,ab...->ib...", tangents, self.forces(tangents, controls))
         return label_forces(stress, controls, self.powers)
 
-    def change(
-        self, full: Array, change: Array, controls: Mapping[str, Any] | None = None
-    ) -> Array:
+    def change(self, full: Array, change: Array, controls: Mapping[str, Any] = {}) -> Array:
         """Membrane forces that a small change of state makes, shape (d, d, points)."""
-        controls = controls or {}
         tangents = self.tangents(self.operator.apply(full), controls)
         moved = material_derivatives(self.operator.apply(change), controls, self.powers)
         product = np.einsum("ia...,ib...->ab...", tangents, moved)
@@ -232,10 +228,8 @@ def uniaxial_stretches(
     strain = along + tension / tensile_stiffness
     for _ in range(30):
         stretch, elastic = np.sqrt(1.0 + 2.0 * strain), strain - along
-        change = (tensile_stiffness * elastic * stretch - tension) / (
-            tensile_stiffness * (stretch + elastic / stretch)
-        )
-        strain -= change
+        slope = tensile_stiffness * (stretch + elastic / stretch)
+        strain -= (tensile_stiffness * elastic * stretch - tension) / slope
     narrow = across - poisson * (strain - along)
     return np.sqrt(1.0 + 2.0 * strain), np.sqrt(1.0 + 2.0 * narrow)
 
@@ -364,9 +358,8 @@ class KirchhoffLove(LawEffect):
         derivatives = material_derivatives(x + self.reference, controls, self.powers)
         change = self.change(derivatives, controls)
         moments = np.einsum("kl,l...->k...", self.stiffness, change)
-        return label_forces(
-            self.work(derivatives, weaken(moments, controls)), controls, self.powers
-        )
+        forces = self.work(derivatives, weaken(moments, controls))
+        return label_forces(forces, controls, self.powers)
 
     def work(self, derivatives: Any, moments: Any) -> Any:
         """Forces of moments against δ(n · r,ab), (components, directions + pairs, points).

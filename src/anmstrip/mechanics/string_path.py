@@ -67,11 +67,6 @@ class StraightEnd:
     length: ArrayLike  # L > 0 (m), to the first or last circle, shape () or (fibres,)
     angle: float = 0.0  # heading t (rad); 0 along +x
 
-    def __post_init__(self) -> None:
-        length = np.asarray(self.length, dtype=float)
-        if not np.all(length > 0.0):
-            raise ValueError(f"The run at an end needs a positive length, not {length}.")
-
     def place(self, centre: Array, rho: Array, way: int) -> Array:
         """c + ρ n ± L u, shape (2, fibres): way −1 behind the circle, +1 ahead of it."""
         u, n = frame(np.array([self.angle]))
@@ -279,11 +274,8 @@ class StringPath:
                 left += signed[joint] * np.where(arc, lying, ahead)
             return left - 0.5 * arc * signed[piece], piece
 
-        steps = (
-            layer
-            * np.arange(-LENGTH_SAMPLES, 12 * LENGTH_SAMPLES + 1)[:, None, None]
-            / LENGTH_SAMPLES
-        )
+        numbers = np.arange(-LENGTH_SAMPLES, 12 * LENGTH_SAMPLES + 1)[:, None, None]
+        steps = layer * numbers / LENGTH_SAMPLES
         outward = np.where(np.arange(len(joints) - 2) % 2, 1.0, -1.0)[:, None]
         near = (self.starts[1:-1] + steps * outward).reshape(-1, count)
         nodes = np.sort(np.vstack([self.starts, np.clip(near, 0.0, self.length)]), axis=0)
@@ -318,7 +310,7 @@ def string_path(
     senses : array_like, shape (circles,)
         s: +1 over, −1 under.
     entry, exit : FixedEnd or StraightEnd
-        With no circles at least one has to be a FixedEnd.
+        With no circles both have to be a FixedEnd.
     crossing : array_like of bool, shape (circles,), optional
         Where the string may cross itself, so that all turns up to a full one are wraps.
 
@@ -340,29 +332,16 @@ def string_path(
            [ 0.,  0.]])
     """
     c, r, s = (np.asarray(given, dtype=float) for given in (centres, radii, senses))
-    if c.ndim != 3 or c.shape[1] != 2 or r.ndim != 2 or not len(c) == len(r) == len(s):
-        raise ValueError(
-            "Circles need centres (circles, 2, fibres), radii (circles, fibres) and senses "
-            f"(circles,), not {c.shape}, {r.shape} and {s.shape}."
-        )
     if not np.all(r > 0.0):
         raise ValueError("Radii have to be positive; over and under are told by the senses.")
-    if not np.all(np.abs(s) == 1.0):
-        raise ValueError(f"Senses are +1 (over) or -1 (under), not {s}.")
     c, rho = c.swapaxes(0, 1), r * s[:, None]
 
     # the ends as circles of radius 0
     zero = np.zeros(1)
     if len(r):
         first, last = entry.place(c[:, 0], rho[0], -1), exit.place(c[:, -1], rho[-1], +1)
-    elif isinstance(entry, FixedEnd):
-        first = entry.place(zero, zero, -1)
-        last = exit.place(first, zero, +1)
-    elif isinstance(exit, FixedEnd):
-        last = exit.place(zero, zero, +1)
-        first = entry.place(last, zero, -1)
     else:
-        raise ValueError("A strip that passes no circle needs a FixedEnd at one of its ends.")
+        first, last = entry.place(zero, zero, -1), exit.place(zero, zero, +1)
     fibres = np.broadcast_shapes(*(x.shape[-1:] for x in (c, rho, first, last)))
     c, first, last = (np.broadcast_to(x, x.shape[:-1] + fibres) for x in (c, first, last))
     c = np.concatenate([first[:, None], c, last[:, None]], axis=1)

@@ -234,7 +234,7 @@ class AlignedFriction(TurningFriction):
         """
         count = self.contact.kinematics.count
         place = self.contact.seen(x[:count], controls)
-        tangents = self.tangents(place)
+        tangents = self.roller.tangents(place, len(self.frame))
         flat = self.contact.kinematics.pick([1.0, 0.0, 0.0])[:, None]
         along = transform(self.view, x[count : 2 * count] + flat)
         parts = np.einsum("ki...,i...->k...", tangents, along)
@@ -323,13 +323,7 @@ class CarriedFriction(AlignedFriction):
         if f"rollers.{self.roller.members[0].name}.drift" in controls:
             passing = passing + control_of(self.roller, controls, "drift")
             passing = passing - self.further(controls)
-        return change, v[-2], self.by_labels(passing, controls)
-
-    def by_labels(self, speed: Any, controls: Mapping[str, Any]) -> Any:
-        """Return the speed (m/s) along labels that hold g as much strip."""
-        if self.grown is None:
-            return speed
-        return speed / (self.growth(controls) + 1.0)
+        return change, v[-2], passing / (self.growth(controls) + 1.0)
 
     def growth(self, controls: Mapping[str, Any]) -> Any:
         """Return g − 1 at the points of the contact; 0 where labels stay."""
@@ -365,7 +359,8 @@ class SteadyFriction(CarriedFriction):
 
     def rates(self, x: Any, v: Any, controls: Mapping[str, Any]) -> tuple[Any, Any, Any]:
         """Return no change, speeds of free surfaces, and c/g (m/s)."""
-        return None, x[-2], self.by_labels(x[-1] + controls["strip.speed"], controls)
+        speed = x[-1] + controls["strip.speed"]
+        return None, x[-2], speed / (self.growth(controls) + 1.0)
 
 
 class Passage(LawEffect):

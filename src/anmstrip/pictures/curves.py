@@ -320,9 +320,7 @@ def draw_travel(axes: Axes, line: Array) -> None:
     """Draw arrows along a line of points, x and z (m), equally far apart."""
     s = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=1), axis=0)))
     for share in (np.arange(TRAVEL_ARROWS) + 0.5) / TRAVEL_ARROWS:
-        begin, end = (
-            (np.interp(at * s[-1], s, line[0]), np.interp(at * s[-1], s, line[1]))
-            for at in (share, share + 1e-3)
-        )
+        at = np.array([share, share + 1e-3]) * s[-1]
+        begin, end = zip(*(np.interp(at, s, along) for along in line), strict=True)
         style = {"arrowstyle": "-|>", "color": OUTLINE, "mutation_scale": 18}
         axes.annotate("", end, begin, arrowprops=style, zorder=6)

@@ -186,9 +186,8 @@ def plan_job(states: Sequence[State], field: str, size: tuple[int, int], scratch
     strips = [frame.read_strip(field) for frame in frames]
     values = np.concatenate([values for _, _, values in strips])
     if field == "normal_pressure":
-        values = np.minimum(
-            values, max(PRESSURE_SCALE * bearing_pressure(*strip) for strip in strips)
-        )
+        bearing = max(bearing_pressure(*strip) for strip in strips)
+        values = np.minimum(values, PRESSURE_SCALE * bearing)
     eye = Eye.seeing(points.min(axis=0), points.max(axis=0), size)
     low, high, labels = widen_scale(*scale_limits(values))
     return Job(frames, field, (low, high), eye, size, labels)
@@ -634,17 +633,14 @@ def cut_facets(quads: Array, values: Array, longest: float) -> tuple[Array, Arra
     """Cut facets (n, 4, 3) and values (n, 4) into pieces small enough to be sorted by distance."""
     corners = np.concatenate([quads, values[..., None]], axis=-1)
     edges = np.linalg.norm(np.roll(quads, -1, axis=1) - quads, axis=2).max(axis=0)
-    counts = (
-        np.ceil(np.maximum(edges[:2], edges[2:]) / longest).astype(int).clip(1, MAX_FACET_PIECES)
-    )
-    u, v = (np.linspace(0.0, 1.0, count + 1) for count in counts)
-    weights = np.stack(
-        [np.outer(a, b) for a, b in ((1 - u, 1 - v), (u, 1 - v), (u, v), (1 - u, v))]
-    )
+    pieces = np.ceil(np.maximum(edges[:2], edges[2:]) / longest).astype(int)
+    u, v = (np.linspace(0.0, 1.0, n + 1) for n in pieces.clip(1, MAX_FACET_PIECES))
+    at_corners = (1 - u, 1 - v), (u, 1 - v), (u, v), (1 - u, v)
+    weights = np.stack([np.outer(a, b) for a, b in at_corners])
     nodes = np.einsum("kuv,nkc->nuvc", weights, corners)
     turns = nodes[:, :-1, :-1], nodes[:, 1:, :-1], nodes[:, 1:, 1:], nodes[:, :-1, 1:]
-    pieces = np.stack(turns, axis=3).reshape(-1, 4, 4)
-    return pieces[..., :3], pieces[..., 3]
+    found = np.stack(turns, axis=3).reshape(-1, 4, 4)
+    return found[..., :3], found[..., 3]
 
 
 def project_facets(eye: Eye, quads: Array) -> tuple[Array, Array, Array]:

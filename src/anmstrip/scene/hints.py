@@ -188,9 +188,7 @@ def likely_value(kind: str, value: Any, meaning: str, field: FieldInfo) -> str |
 
 def field_accepts(field: FieldInfo, value: object) -> bool:
     """Return whether a field may have a value."""
-    kind: Any = field.annotation
-    for bound in field.metadata:
-        kind = Annotated[kind, bound]
+    kind: Any = Annotated[field.annotation, field]
     try:
         TypeAdapter(kind).validate_python(value)
     except ValidationError:

@@ -210,17 +210,13 @@ def named_mesh(raw: meshio.Mesh) -> Mesh:
         found = f"{', '.join(sorted(kinds))} were found" if kinds else "no cells were found"
         raise MeshError(f"quadrilaterals alone or triangles alone, of straight sides ({found})")
     (kind,) = kinds
-    blocks = [k for k, block in enumerate(raw.cells) if block.type == kind]
-    cells = np.concatenate([raw.cells[k].data for k in blocks]).astype(np.int64)
+    cells = raw.get_cells_type(kind).astype(np.int64)
     whole = cells.shape[1:] == (CELL_NODES[kind],)
     if not whole or cells.min() < 0 or cells.max() >= len(raw.points):
         raise MeshError("cells of nodes that exist (it is damaged)")
     check_flat(raw.points, cells)
-    saved = {
-        name: [np.concatenate([np.asarray(values[k]) for k in blocks])]
-        for name, values in raw.cell_data.items()
-        if name.startswith("skfem:")
-    }
+    own = [name for name in raw.cell_data if name.startswith("skfem:")]
+    saved = {name: [raw.get_cell_data(name, kind)] for name in own}
     mesh = from_meshio(meshio.Mesh(raw.points[:, :2], [(kind, cells)], cell_data=saved))
     boundary = mesh.boundary_facets()
     sides = mesh.facets[:, boundary].T

@@ -8,6 +8,8 @@ from __future__ import annotations
 import ast
 import inspect
 import math
+import os.path
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from itertools import combinations, pairwise
@@ -91,7 +93,7 @@ def meanings(model: type[BaseModel]) -> dict[str, str]:
 def example_of(key: str, field: FieldInfo) -> str:
     """Return what to type for a field: its first example, a value or whole tables in TOML."""
     example = str((field.examples or ["…"])[0])
-    return example if example.startswith("[[") or "]\n" in example else f"{key} = {example}"
+    return example if re.match(r"\[+[a-z]", example) else f"{key} = {example}"
 
 
 def missing(model: type[BaseModel], key: str) -> Mistake:
@@ -123,14 +125,6 @@ def check_refined(value: object) -> float | str:
     if value == "auto":
         return "auto"
     raise ValueError
-
-
-def is_file(path: Path) -> bool:
-    """Return whether there is a file, whatever keeps from looking."""
-    try:
-        return path.is_file()
-    except (OSError, ValueError):  # a name too long, a directory that may not be read
-        return False
 
 
 Refined = Annotated[
@@ -185,8 +179,7 @@ class FieldSpec(Table):
             ordered = all(a < b for a, b in pairwise(places))
             if pairs and (len(pairs) < 2 or not ordered):
                 expected = "at least two pairs, their first numbers increasing"
-                hint = f"{key} = [[-0.5, 40.0], [0.0, 20.0], [0.5, 40.0]]"
-                hint = hint if key == "table" else "along = [[0.0, 0.0], [2.0, 1.0]]"
+                hint = example_of(key, type(self).model_fields[key])
                 yield Mistake("", key, places, expected, hint)
         if places := [eta for eta, _ in self.table if abs(eta) > 0.5]:
             expected = "η = y / width from -0.5 at the right edge to 0.5 at the left one"
@@ -295,7 +288,8 @@ class StripSpec(NaturalShape):
             if (value := getattr(self, key)) is not None:
                 expected = "nothing, since the mesh file says it"
                 yield Mistake("", key, value, expected, f"either {key} or mesh; take one out")
-        if self.mesh is not None and not is_file(self.mesh):
+        # not Path.is_file, which raises if a name is too long or a directory may not be read
+        if self.mesh is not None and not os.path.isfile(self.mesh):  # noqa: PTH113
             hint = "the path of a file, relative to the scene's own file"
             yield Mistake("", "mesh", str(self.mesh), "a file that exists", hint)
         if self.imperfection is None:

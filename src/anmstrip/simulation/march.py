@@ -540,7 +540,8 @@ class March:
         ratio = friction.law_of_slip.speed / usual.speed
         wide = [effect.at_speed(usual.speed) for effect in plan.model.effects]
         brief = replace(memory, step=ratio * memory.step)
-        found = settle(motion.of(plan.model.with_effects(wide)), brief, **ways)
+        other = replace(motion, model=plan.model.with_effects(wide))
+        found = settle(other, brief, **ways)
         return replace(found, v=ratio * found.v, step=memory.step)
 
     def _step(self, plan: StageProblem, step: TimeStep, order: int, before: Array) -> Step:

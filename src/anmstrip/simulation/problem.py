@@ -39,7 +39,7 @@ from anmstrip.mechanics.loads import (
     weight,
 )
 from anmstrip.mechanics.plasticity import FlowLaw, Plasticity
-from anmstrip.mechanics.roller import RepeatedRollers, Roller, Sides
+from anmstrip.mechanics.roller import Roller, Sides, combine
 from anmstrip.mechanics.shell import KirchhoffLove, Membrane, isometric_bending
 from anmstrip.scene.schema import RollerSpec, SceneSpec, StageSpec
 from anmstrip.scene.tables import ENDS, I_UNIT, THREADING, FieldSpec, NaturalShape
@@ -702,12 +702,10 @@ class Assembly:
             return None
         from anmstrip.mechanics.contact import Contact
 
-        operator, count = self.contact_operator, len(self.rollers)
-        if count == 1:
-            seen: tuple[Roller, ContactOperator] = self.rollers[0], operator
-        else:
-            seen = RepeatedRollers(self.rollers, operator.points), RepeatedOperator(operator, count)
-        roller, pairs = seen
+        pairs, count = self.contact_operator, len(self.rollers)
+        roller = combine(self.rollers, np.repeat(np.arange(count), pairs.points))
+        if count > 1:
+            pairs = RepeatedOperator(pairs, count)
         return Contact(roller, self.signorini, pairs, tuple(reaches), self.kinematics)
 
     def effects(self, stage: StageSpec, controls: Iterable[str]) -> list[Effect]:

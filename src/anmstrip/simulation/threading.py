@@ -203,9 +203,9 @@ class Thread:
             point = np.asarray(roller.centre)[:, None] + roller.unit_axis[:, None] * s
             centres.append(point[[0, 2]])
             radii.append(roller.radius_at(s) + roller.half + depth)
-        circles = np.array(centres), np.array(radii), self.senses
+        c, r = np.reshape(centres, (-1, 2, len(y))), np.reshape(radii, (-1, len(y)))
         entry, exit = self.ends
-        return string_path(*circles, entry, exit, self.crossing)
+        return string_path(c, r, self.senses, entry, exit, self.crossing)
 
     def touching(self, y: Array, heights: Array) -> tuple[StringPath, Array]:
         """Paths of fibres at y around the rollers that they touch, larger by half of heights (m).

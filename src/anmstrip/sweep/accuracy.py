@@ -98,9 +98,8 @@ def list_trials(assembly: Assembly, scene: Scene) -> Iterator[Trial]:
     """
     own = scene.solver.tolerance
     chosen = sorted({own, *COMPARED_TOLERANCES}, reverse=True)
-    strict: Settings = {
-        "solver.tolerance": max(float(f"{0.1 * chosen[-1]:.6g}"), MIN_TRUE_TOLERANCE)
-    }
+    strictest = max(float(f"{0.1 * chosen[-1]:.6g}"), MIN_TRUE_TOLERANCE)
+    strict: Settings = {"solver.tolerance": strictest}
     for name, method in (("tolerance", "series"), ("newton", "newton")):
         for value in chosen:
             here = {"solver.tolerance": value, "solver.method": method}

@@ -160,9 +160,8 @@ def parse_variations(texts: Iterable[str]) -> dict[str, tuple[Any, ...]]:
     if not texts:
         mistakes += variation_error("", None, "at least one key that varies").mistakes
     if (count := math.prod(len(values) for values in varied.values())) > MAX_SCENES:
-        mistakes += variation_error(
-            "…", f"{count:g} scenes", f"at most {MAX_SCENES} scenes"
-        ).mistakes
+        told = f"{count:g} scenes", f"at most {MAX_SCENES} scenes"
+        mistakes += variation_error("…", *told).mistakes
     if mistakes:
         raise InputError(mistakes)
     return varied

@@ -19,7 +19,7 @@ from math import comb
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.polynomial.polynomial import polyval
 
 from anmstrip.arrays import Array, Index
 
@@ -79,10 +79,6 @@ class Roots:
 
     def __len__(self) -> int:
         return len(self.which)
-
-    def chosen(self, mask: NDArray[np.bool_]) -> Roots:
-        """Return the roots that a mask chooses."""
-        return Roots(self.which[mask], self.where[mask], self.sense[mask])
 
 
 @cache
@@ -300,12 +296,10 @@ def minima(coefficients: Array, length: float, below: Array | float) -> Roots:
     limits = np.broadcast_to(below, coefficients.shape[1:])
     near = np.flatnonzero(_bernstein(coefficients, length)[0].min(axis=0) <= limits)
     turning = roots(derivative_coefficients(coefficients[:, near]), length)
-    value = np.polynomial.polynomial.polyval(
-        turning.where, coefficients[:, near[turning.which]], tensor=False
-    )
-    wanted = (turning.sense > 0) & (np.abs(value) <= limits[near[turning.which]])
-    chosen = turning.chosen(wanted)
-    return Roots(near[chosen.which], chosen.where, chosen.sense)
+    which = near[turning.which]
+    value = polyval(turning.where, coefficients[:, which], tensor=False)
+    wanted = (turning.sense > 0) & (np.abs(value) <= limits[which])
+    return Roots(which[wanted], turning.where[wanted], turning.sense[wanted])
 
 
 def roots_within(coefficients: Array, length: float) -> list[float]:

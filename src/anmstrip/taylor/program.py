@@ -92,11 +92,11 @@ class Program:
         self.blocks = max(-(-self.points // block), 1)
         self.lanes = -(-self.points // self.blocks)
         code = np.array(tape.code, dtype=np.int64).reshape(-1, 5)
-        constants = np.stack([np.zeros(self.points), *tape.constants])
+        constants = np.stack(tape.constants or [np.zeros(self.points)])
         self.tables = Tables(
             code,
             np.array(tape.parameters),
-            self._in_blocks(constants)[1:] if tape.constants else self._in_blocks(constants),
+            self._in_blocks(constants),
             tape.kept(code),
             np.concatenate([x.rows.ravel() for x in self.inputs]),
             output.rows.ravel(),

@@ -217,14 +217,12 @@ def _wrapped(tape: Tape, x: Any) -> Series:
     return x if isinstance(x, Series) else _each(tape, tape.constant, x)
 
 
-def _instruction(kind: int, *, swapped: bool = False, s: float = 0.0) -> Callable[..., Series]:
+def _instruction(kind: int, s: float = 0.0) -> Callable[..., Series]:
     """An instruction for one or two operands, entry by entry."""
 
     def lower(tape: Tape, *operands: Any) -> Series:
-        ordered = operands[::-1] if swapped else operands
-        return _each(
-            tape, lambda *rows: tape.once(kind, *rows, s=s), *(_wrapped(tape, x) for x in ordered)
-        )
+        series = (_wrapped(tape, x) for x in operands)
+        return _each(tape, lambda *rows: tape.once(kind, *rows, s=s), *series)
 
     return lower
 
@@ -398,9 +396,7 @@ def _spelt(subscripts: str, left: int, right: int) -> tuple[str, str, str]:
         "".join(str(i) for i in reversed(range(ndim - len(x.replace(".", "")))))
         for x, ndim in ((a, left), (b, right))
     ]
-    longest = max(
-        (tail for x, tail in zip((a, b), tails, strict=True) if "." in x), key=len, default=""
-    )
+    longest = max(tails, key=len)
     return a.replace(".", tails[0]), b.replace(".", tails[1]), out.replace(".", longest)
 
 
@@ -449,8 +445,8 @@ UFUNCS: dict[Any, Callable[..., Any]] = {
     np.cos: _paired(kinds.SINE, 1),
     np.less: _instruction(kinds.LESS),
     np.less_equal: _instruction(kinds.LESS_EQUAL),
-    np.greater: _instruction(kinds.LESS, swapped=True),
-    np.greater_equal: _instruction(kinds.LESS_EQUAL, swapped=True),
+    np.greater: lambda tape, a, b: _instruction(kinds.LESS)(tape, b, a),
+    np.greater_equal: lambda tape, a, b: _instruction(kinds.LESS_EQUAL)(tape, b, a),
     np.equal: _instruction(kinds.EQUAL),
     np.not_equal: lambda tape, a, b: _negated(tape, _instruction(kinds.EQUAL)(tape, a, b)),
     np.isfinite: lambda tape, a: _instruction(kinds.EQUAL)(tape, a - a, 0.0),

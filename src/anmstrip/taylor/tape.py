@@ -21,9 +21,7 @@ Table = NDArray[Any]
 """Numbers of rows, or constants: floats and :class:`PerPoint`."""
 
 # Kinds of instructions: c is the row of the result, a, b, d the operands, s the parameter, f the
-# constant number b.  Up to EQUAL they need no lower orders of their operands.  The numbers are
-# compiled into the cached kernels, whose cache looks at the text of kernels.py alone: who changes
-# a number here changes that file too.
+# constant number b.  Up to EQUAL they need no lower orders of their operands.
 CONSTANT = 0  # c = f
 SHIFT = 1  # c = s a + f
 SCALE = 2  # c = s a

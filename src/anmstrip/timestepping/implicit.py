@@ -113,11 +113,10 @@ def integrate(
     PathStopped
     """
     cost = Cost() if cost is None else cost
-    ways: dict[str, Any] = {"solver": solver, "settings": settings, "stepping": stepping}
+    integrator = _Integrator(equations, Remembering(solver), settings, stepping, cost)
     begin = memory.times[0]
     if not memory.settled:
-        memory = settle(equations, memory, **ways, cost=cost)
-    integrator = _Integrator(equations, Remembering(solver), settings, stepping, cost)
+        memory = integrator.settled(memory)
     for _ in range(settings.max_steps):
         step = replace(integrator.step(memory, end), start=begin)
         yield step
@@ -500,10 +499,8 @@ class _Integrator:
         before = np.zeros((3, len(local))) if memory.errors is None else memory.errors.after.copy()
         before[0] += local
         with self.cost.timed("error in time"):
-            added = (
-                trial.path.residual(trial.increment, 1.0),
-                trial.path.sharpening(trial.increment, 1.0),
-            )
+            end = trial.increment, 1.0
+            added = trial.path.residual(*end), trial.path.sharpening(*end)
             carried = trial.resistance_in_tangent
             right = np.array([carried(trial.rate * error) for error in before])
             right[1:] += added
