@@ -1108,3 +1108,79 @@ def test_torque_that_friction_of_a_belt_refuses(torque: float, told: bool) -> No
     }  # fmt: skip
     found = warnings(preview_of(tables))
     assert any("the roller turns through" in words for words in found) == told
+
+
+def test_weight_turns_an_idler_that_the_taut_strip_hardly_wraps() -> None:
+    """Foil over 2 m to both sides: f r W (T θ + w l) = 0.01 N m, half of it by weight."""
+    roller = {"radius": 0.05, "wrap": "over"}
+    tables: dict[str, Any] = {
+        "strip": {"kinematics": "section", "width": 0.65, "thickness": 1.2e-5},
+        "material": {"young": 7e10, "poisson": 0.33, "density": 2700.0},
+        "friction": {"coefficient": 0.25},
+        "threading": {"tension": 120.0, "entry": [-2.0, 0.0, -0.4], "exit": [6.0, 0.0, -1.0]},
+        "rollers": [
+            {"name": "d0", "centre": [0.0, 0.0, 0.0], **roller},
+            {"name": "d1", "centre": [2.0, 0.0, 0.005], "drive": "idle", **roller},
+            {"name": "d2", "centre": [4.0, 0.0, 0.0], **roller},
+        ],
+        "stages": [{
+            "name": "run", "steady": True, "gravity": [0.0, 0.0, -9.81],
+            "entry": {"tension": 120.0}, "exit": {"tension": 120.0},
+            "rollers": {"d0": {"surface_speed": 0.5}, "d2": {"surface_speed": 0.5}}}],
+    }  # fmt: skip
+    by_hand = 0.25 * 0.05 * 0.65 * (120.0 * 0.005 + 2700.0 * 1.2e-5 * 9.81 * 2.0)
+    for bearing in (0.7 * by_hand, 2.0 * by_hand):
+        tables["rollers"][1]["bearing"] = bearing
+        found = [line for line in warnings(preview_of(tables)) if "stands still" in line]
+        assert len(found) == (bearing > by_hand)
+        assert all(f"turns it with {by_hand:.2g} N m at most" in line for line in found)
+        run = Scene.model_validate(tables).run()
+        for _ in run:
+            pass
+        assert run.outcome.done and run.state is not None
+        turning = run.state.rollers["d1"].surface_speed
+        assert turning == pytest.approx(0.5 if bearing < by_hand else 0.0, abs=1e-3)
+
+
+def test_a_line_that_runs_away_is_told_once_and_what_to_type_lies_between_both_pulls() -> None:
+    """Of three stages the first is never left; friction holds 12 kN/m e^0.05 there."""
+    tables = copy.deepcopy(BRIDLE)
+    tables["friction"]["coefficient"] = 0.05 / np.radians(222.0)
+    run = {**tables["stages"][1], "exit": {"tension": 1.35e4}, "entry": {"tension": 1.2e4}}
+    run["entry"]["release"] = True
+    tables["stages"] = [run, {"name": "on", "duration": 1.0}, {"name": "off", "duration": 1.0}]
+    (line,) = [words for words in warnings(preview_of(tables)) if "runs away" in words]
+    (below,) = re.findall(r"exit\.tension below (\S+) N/m", line)
+    assert 1.2e4 < float(below) < 1.2e4 * np.exp(0.05)
+    run["exit"]["tension"] = float(below)
+    assert not [words for words in warnings(preview_of(tables)) if "runs away" in words]
+
+
+def test_strip_that_breaks_behind_its_rollers_is_not_told_to_be_pulled_there() -> None:
+    """It runs away at the entry, which still pulls: a little tension at the exit is no cure."""
+    tables = copy.deepcopy(BRIDLE)
+    run = {**tables["stages"][1], "entry": {"tension": 1e4, "release": True}}
+    tables["stages"] = [run, {"name": "break", "duration": 0.2, "exit": {"tension": 0.0}}]
+    told = warnings(preview_of(tables))
+    assert any("which pulls at its entry" in words for words in told)
+    assert not any("leaves the strip without tension" in words for words in told)
+
+
+def test_a_narrow_band_bears_tension_all_over_its_crowned_pulley() -> None:
+    """Bending shortens the arc from 13.7° to 5.8°: by hand the edges need 9.1 kN/m of 15, not 18.
+
+    E t e (1 − e^(−2.1 a/W)) with that arc; the run has its least membrane force at 5.9 kN/m.
+    """
+    tables = crowned(n=2, crown=-0.5)
+    tables["strip"] |= {"width": 0.02, "thickness": 1.5e-4}
+    tables["material"]["young"] = 2e11
+    roller = {"radius": 0.03, "wrap": "over"}
+    tables["rollers"] = [
+        {"name": "flat", "centre": [0.0, 0.0, 0.0], **roller},
+        {"name": "crown", "centre": [0.3, 0.0, 0.0], "crown": [0.0, -0.5], **roller},
+    ]
+    ends = {"entry": [-0.25, 0.0, -0.03], "exit": [0.55, 0.0, -0.03]}
+    tables["threading"] = {"tension": 1.5e4, **ends}
+    assert not list(loose_fibres(preview_of(tables)))
+    tables["rollers"][1]["crown"] = [0.0, -0.9]
+    assert len(list(loose_fibres(preview_of(tables)))) == 1

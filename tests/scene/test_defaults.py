@@ -626,6 +626,35 @@ def test_what_many_unknowns_cost_is_told_instead_of_an_advice(
     assert re.search(r"Shorter ones would be \d+, more than a mesh may have\.$", words), words
 
 
+def test_a_shell_that_does_not_fit_into_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before it is made; what is proposed fits."""
+    memory = "anmstrip.simulation.meshing.memory_of_machine"
+    monkeypatch.setattr(memory, lambda: 1e9)
+    with pytest.raises(InputError, match=r"fits into the 1 GB of this machine") as refused:
+        _ = Assembly(Scene.from_tables(TOWER, "tower", ["strip.finer=8"])).strip
+    (mistake,) = refused.value.mistakes
+    assert mistake.key == "strip.finer" and mistake.value == 8.0
+    finer = float(mistake.hint.removeprefix("finer = "))
+    assert (
+        Assembly(Scene.from_tables(TOWER, "tower", [f"strip.finer={finer}"])).strip.unknowns
+        < 25_000
+    )
+    with pytest.raises(InputError, match=r"and no cells"):
+        _ = Assembly(Scene.from_tables(TOWER, "tower", ["strip.cells=[400, 40]"])).strip
+    monkeypatch.undo()
+    monkeypatch.delattr("os.sysconf")  # as on Windows
+    assert Assembly(Scene.from_tables(TOWER, "tower")).strip.unknowns > 0
+
+
+def test_the_middle_of_a_centred_edge_is_a_node_beside_corners_of_flatness() -> None:
+    """A strip slit in two, whose steep middle takes no room for a node between its corners."""
+    steps = [[-0.5, 0.0], [-0.01, 0.0], [0.01, 6.0], [0.5, 6.0]]
+    slit = {**TOWER, "strip": {**TOWER["strip"], "flatness": {"table": steps}}}
+    strip = Assembly(Scene.from_tables(slit, "tower", ["edges.entry.centred=true"])).strip
+    places = np.unique((strip.mesh.p[1] / strip.width).round(9))
+    assert {-0.01, 0.0, 0.01} <= set(places)
+
+
 def test_a_step_of_tension_at_a_standstill_leaves_what_friction_holds() -> None:
     """Two seconds later, 16 kN/m e^(−f π/2) within 1 %; with V_c five times as large 1.7 %."""
     tables = {
