@@ -57,8 +57,8 @@ class Mutant:
 STATE = (
     Mutant(
         "short arcs leave fibres as slack as long ones",
-        "-np.expm1(-2.1 * turns",
-        "-np.expm1(-21.0 * turns",
+        "-np.expm1(-2.1 * arc",
+        "-np.expm1(-21.0 * arc",
         "summary",
         "test_forewarnings.py",
     ),

@@ -501,7 +501,9 @@ def test_the_end_of_a_run_is_a_table_by_roller(shell: Results, tmp_path: Path) -
         four += [format(r[key], form) for key, form in zip(keys, whole, strict=True)]
         used = f"{100.0 * r['capacity_used']:.3g}", "%"
         # of elements of 0.12 m there are no line loads
-        read = f"{r['max_slip']:.3g}", *used, "–", "–", f"{round(1e3 * r['offset'], 3) + 0.0:.3f}"
+        arc = "–" if r["slip_arc"] is None else f"{np.degrees(r['slip_arc']):.3g}"
+        aside = f"{round(1e3 * r['offset'], 3) + 0.0:.3f}"
+        read = f"{r['max_slip']:.3g}", arc, *used, "–", "–", aside
         assert row == [name, *four, *read]
     told = " ".join(shell.printed.split())
     edges = shell.summary["edges"]
