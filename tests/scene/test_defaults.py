@@ -653,6 +653,10 @@ def test_the_middle_of_a_centred_edge_is_a_node_beside_corners_of_flatness() -> 
     strip = Assembly(Scene.from_tables(slit, "tower", ["edges.entry.centred=true"])).strip
     places = np.unique((strip.mesh.p[1] / strip.width).round(9))
     assert {-0.01, 0.0, 0.01} <= set(places)
+    with pytest.raises(InputError, match="an even number across") as refused:
+        odd = ["edges.entry.centred=true", "strip.cells=[16, 3]"]
+        _ = Assembly(Scene.from_tables(TOWER, "tower", odd)).strip
+    assert [m.hint for m in refused.value.mistakes] == ["cells = [16, 4]"]
 
 
 def test_a_step_of_tension_at_a_standstill_leaves_what_friction_holds() -> None:

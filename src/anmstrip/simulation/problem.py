@@ -930,8 +930,11 @@ def check_geometry(scene: SceneSpec, strip: Strip, rollers: Sequence[Roller]) ->
     for name, edge in scene.edges.items():
         if edge.centred and name in strip.edges and middle_node(strip, name) is None:
             expected = "a mesh node in the middle of the edge"
-            hint = "an even number of cells across, e.g. cells = [16, 2]"
-            mistakes.append(scene.mistake(f"edges.{name}.centred", True, expected, hint))
+            key, value, hint = f"edges.{name}.centred", True, "centred = false, or such a mesh"
+            if (cells := scene.strip.cells) is not None:
+                expected = f"an even number across: the middle of the {name} keeps its y ({key})"
+                key, value, hint = "strip.cells", cells, f"cells = [{cells[0]}, {cells[1] + 1}]"
+            mistakes.append(scene.mistake(key, value, expected, hint))
     if mistakes:
         raise InputError(mistakes)
 
