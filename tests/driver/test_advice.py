@@ -618,6 +618,7 @@ ELSEWHERE = {
     "tips_over": "told where nothing pulls, among what is told before a run",
     "lifted_off": "of an idler that bent strip does not touch",
     "standing_idlers": "test_steady.py",
+    "unbalanced_idlers": "test_forewarnings.py",
     "heavy_bearings": "test_forewarnings.py",
     "proposed_keys": "reads what others propose",
     "spinning_rollers": "of what a last state shows",

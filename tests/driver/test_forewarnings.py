@@ -1110,7 +1110,7 @@ def test_torque_that_friction_of_a_belt_refuses(torque: float, told: bool) -> No
     assert any("the roller turns through" in words for words in found) == told
 
 
-def test_weight_turns_an_idler_that_the_taut_strip_hardly_wraps() -> None:
+def test_weight_turns_an_idler_that_the_taut_strip_hardly_wraps(tmp_path: Path) -> None:
     """Foil over 2 m to both sides: f r W (T θ + w l) = 0.01 N m, half of it by weight."""
     roller = {"radius": 0.05, "wrap": "over"}
     tables: dict[str, Any] = {
@@ -1140,6 +1140,16 @@ def test_weight_turns_an_idler_that_the_taut_strip_hardly_wraps() -> None:
         assert run.outcome.done and run.state is not None
         turning = run.state.rollers["d1"].surface_speed
         assert turning == pytest.approx(0.5 if bearing < by_hand else 0.0, abs=1e-3)
+        assert not any("turns here" in line for line in run.warnings)
+    tables["rollers"][1]["bearing"] = 1.2 * by_hand  # a share of 5e-4 of the line's forces
+    run = Scene.model_validate(tables).run(tmp_path)
+    *_, last = run
+    (told,) = [line for line in run.warnings if "idle roller d1 turns here" in line]
+    assert last.state.rollers["d1"].surface_speed > 0.4
+    (typed,) = re.findall(r"--set (solver\.tolerance=\S+)", told)
+    run = Scene.from_tables(tables, "foil", [typed]).run()
+    *_, last = run
+    assert last.state.rollers["d1"].surface_speed == pytest.approx(0.0, abs=1e-3)
 
 
 def test_a_line_that_runs_away_is_told_once_and_what_to_type_lies_between_both_pulls() -> None:

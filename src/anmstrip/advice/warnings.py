@@ -257,16 +257,25 @@ def standing_idlers(state: State, scene: SceneSpec) -> Iterator[str]:
 
 
 def unbalanced_idlers(state: State, scene: SceneSpec) -> Iterator[str]:
-    """Idle rollers that friction turns with more than their bearings hold, on the way to balance.
+    """Idle rollers that friction turns with more than their bearings hold, or with less.
 
-    So it is in a steady stage that sets a line going, before its end.
+    More in a steady stage that sets a line going, before its end; less where a roller that hardly
+    bears anything turns within the tolerance of the whole line, though it would stand.
     """
     for spec in scene.rollers if state.plan.steady else ():
         contact = state.contacts.get(spec.name)
         if spec.drive != "idle" or contact is None:
             continue
-        taken, share = abs(contact.torque), UNBALANCED_SHARE * scene.solver.tolerance
-        if taken > spec.bearing + share * contact.normal_force * spec.radius:
+        taken, tolerance = abs(contact.torque), scene.solver.tolerance
+        share = UNBALANCED_SHARE * tolerance * contact.normal_force * spec.radius
+        turns = abs(contact.surface_speed) > 0.5 * abs(state.strip_speed or 0.0)
+        if turns and 0.0 < taken < spec.bearing - share:
+            yield (
+                f"idle roller {spec.name} turns here, but friction turns it with {taken:.3g} N m, "
+                f"and its bearings hold {spec.bearing:g} N m: within the tolerance it may stand as "
+                f"well. Try --set solver.tolerance={0.1 * tolerance:g}"
+            )
+        elif taken > spec.bearing + share:
             yield (
                 f"idle roller {spec.name} is not in balance yet: friction turns it with "
                 f"{taken:.3g} N m, and its bearings hold {spec.bearing:g} N m. Only the end of "
